@@ -14,7 +14,7 @@
 namespace echofuse::acquire {
 namespace {
 
-using Samples = Eigen::MatrixXcd;  // antennas x frames
+using AntennaSamples = Eigen::MatrixXcd;  // antennas x frames
 
 constexpr std::size_t least_frames = 8;
 constexpr double least_snr_db = 10;
@@ -45,11 +45,11 @@ std::vector<double> powers_of(const ArrayFrames& frames, std::size_t antennas) {
 double turn(double phase) { return std::remainder(phase, 2 * std::numbers::pi); }
 
 // Fits one wave to the samples x (antennas x frames), with errors.
-AntennaFit fit_wave(const Samples& x) {
+AntennaFit fit_wave(const AntennaSamples& x) {
   AntennaFit fit;
   const auto frames = static_cast<double>(x.cols()), antennas = static_cast<double>(x.rows());
-  const Samples covariance = x * x.adjoint() / frames;
-  const Eigen::SelfAdjointEigenSolver<Samples> solver(covariance);
+  const AntennaSamples covariance = x * x.adjoint() / frames;
+  const Eigen::SelfAdjointEigenSolver<AntennaSamples> solver(covariance);
   const double all = covariance.trace().real(), wave = solver.eigenvalues().maxCoeff();
   if (!(wave >= least_share * all)) {
     fit.refusal = format(
@@ -96,7 +96,7 @@ AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::si
         snr_db);
     return fit;
   }
-  Samples x(static_cast<Eigen::Index>(antennas), static_cast<Eigen::Index>(frames.size()));
+  AntennaSamples x(static_cast<Eigen::Index>(antennas), static_cast<Eigen::Index>(frames.size()));
   for (Eigen::Index f = 0; f < x.cols(); ++f)
     for (Eigen::Index m = 0; m < x.rows(); ++m)
       x(m, f) =

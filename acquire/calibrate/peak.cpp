@@ -51,7 +51,7 @@ std::string delay_advice(const Search& search, double range_m) {
 
 // ---- SPD
 
-struct Gaussian {
+struct PhotonPeak {
   double centre = 0, sigma = 1, photons = 0, floor = 0;  // bins, photons, counts per bin
 };
 
@@ -59,7 +59,7 @@ double normal(double u) { return 0.5 * std::erfc(-u / std::numbers::sqrt2); }
 double density(double u) { return std::exp(-u * u / 2) / std::sqrt(2 * pi); }
 
 // Returns the expected counts of bin i and their derivatives by centre, ln sigma, photons, floor.
-double expected(const Gaussian& g, double i, Eigen::Vector4d& slope) {
+double expected(const PhotonPeak& g, double i, Eigen::Vector4d& slope) {
   const double a = (i - g.centre) / g.sigma, b = (i + 1 - g.centre) / g.sigma;
   const double share = normal(b) - normal(a);
   slope = {g.photons * (density(a) - density(b)) / g.sigma,
@@ -68,13 +68,13 @@ double expected(const Gaussian& g, double i, Eigen::Vector4d& slope) {
 }
 
 // Bins [from, to) of a histogram.
-struct Span {
+struct BinRange {
   std::size_t from = 0, to = 0;
 };
 
 // Returns the moments of the excess around the maximum in `where`, after smoothing over `wide`
 // bins.
-Gaussian first_guess(std::span<const std::uint32_t> counts, std::size_t wide, Span where) {
+PhotonPeak first_guess(std::span<const std::uint32_t> counts, std::size_t wide, BinRange where) {
   std::vector<double> sums(counts.size() + 1);
   for (std::size_t i = 0; i < counts.size(); ++i) sums[i + 1] = sums[i] + counts[i];
   std::size_t best = where.from;
@@ -86,7 +86,7 @@ Gaussian first_guess(std::span<const std::uint32_t> counts, std::size_t wide, Sp
                     around_to = std::min(best + 9 * wide, counts.size());
   const std::vector<std::uint32_t> around(counts.begin() + static_cast<std::ptrdiff_t>(around_from),
                                           counts.begin() + static_cast<std::ptrdiff_t>(around_to));
-  Gaussian g;
+  PhotonPeak g;
   g.floor = std::max<double>(median(around), 1e-3);
   double sum = 0, first = 0, second = 0;
   for (std::size_t i = from; i < to; ++i) {
@@ -103,7 +103,7 @@ Gaussian first_guess(std::span<const std::uint32_t> counts, std::size_t wide, Sp
 
 // Makes one step of Fisher scoring over the bins [from, to); returns the information.
 Eigen::Matrix4d score(std::span<const std::uint32_t> counts, std::size_t from, std::size_t to,
-                      const Gaussian& g, Eigen::Vector4d& gradient) {
+                      const PhotonPeak& g, Eigen::Vector4d& gradient) {
   Eigen::Matrix4d information = Eigen::Matrix4d::Zero();
   gradient.setZero();
   Eigen::Vector4d slope;
@@ -115,15 +115,15 @@ Eigen::Matrix4d score(std::span<const std::uint32_t> counts, std::size_t from, s
   return information;
 }
 
-struct Fit {
-  Gaussian peak;
+struct PhotonPeakFit {
+  PhotonPeak peak;
   double centre_error = 0;  // bins
   double snr = 0;           // photons over their standard error; 0: no fit
 };
 
-Fit fit_around(std::span<const std::uint32_t> counts, std::size_t wide, Span where) {
-  Fit fit;
-  Gaussian& g = fit.peak;
+PhotonPeakFit fit_around(std::span<const std::uint32_t> counts, std::size_t wide, BinRange where) {
+  PhotonPeakFit fit;
+  PhotonPeak& g = fit.peak;
   g = first_guess(counts, wide, where);
   const double reach = std::max(3.0 * static_cast<double>(wide), 12 * g.sigma);
   const auto border = [&](double x) {
@@ -149,14 +149,14 @@ Fit fit_around(std::span<const std::uint32_t> counts, std::size_t wide, Span whe
   return fit;
 }
 
-struct Bump {
+struct SecondPeak {
   double photons = 0, bin = 0;
 };
 
 // Finds the strongest second peak of the fitted width within `where`.
-Bump other_bump(std::span<const std::uint32_t> counts, const Gaussian& g, Span where) {
+SecondPeak other_bump(std::span<const std::uint32_t> counts, const PhotonPeak& g, BinRange where) {
   const auto wide = static_cast<std::size_t>(std::max(1.0, 2 * g.sigma));
-  Bump best;
+  SecondPeak best;
   Eigen::Vector4d unused;
   for (std::size_t i = where.from; i + wide <= where.to; i += std::max<std::size_t>(1, wide / 2)) {
     if (std::abs(static_cast<double>(i + wide / 2) - g.centre) < 4 * g.sigma) continue;
@@ -320,19 +320,19 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
     return peak;
   }
   const auto wide = static_cast<std::size_t>(std::max(1.0, 200 / step_ps));
-  const Span all{0, counts.size()};
+  const BinRange all{0, counts.size()};
   // Extends the window by half a pulse on each side so that a pulse at its border is fitted whole.
-  Span window{bin_of(search.distance_m - search.window_m / 2),
-              bin_of(search.distance_m + search.window_m / 2)};
+  BinRange window{bin_of(search.distance_m - search.window_m / 2),
+                  bin_of(search.distance_m + search.window_m / 2)};
   window = {window.from - std::min(window.from, wide / 2),
             std::min(window.to + wide / 2, counts.size())};
-  const Fit fit = fit_around(counts, wide, window);
+  const PhotonPeakFit fit = fit_around(counts, wide, window);
   peak.range_m = range_of(fit.peak.centre);
   peak.standard_error_m = fit.centre_error * step_ps / ps_per_m;
   peak.snr_db = 20 * std::log10(std::max(fit.snr, 1e-3));
-  const Bump bump = other_bump(counts, fit.peak, window);
+  const SecondPeak bump = other_bump(counts, fit.peak, window);
   if (fit.snr < least_photon_snr) {
-    const Fit strongest = fit_around(counts, wide, all);
+    const PhotonPeakFit strongest = fit_around(counts, wide, all);
     const double range_m = range_of(strongest.peak.centre);
     if (strongest.snr < least_photon_snr)
       peak.refusal = at("SNR too low: the strongest peak is at %.3f m", range_m);

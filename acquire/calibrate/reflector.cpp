@@ -8,9 +8,9 @@
 namespace echofuse::acquire {
 namespace {
 
-using Place = std::array<double, 3>;
+using Position = std::array<double, 3>;
 
-Place place_of(const Reflector& r) {
+Position place_of(const Reflector& r) {
   return {r.mounting == Mounting::detector ? r.baseline_m : 0, 0, r.distance_m};
 }
 
@@ -19,9 +19,9 @@ double implausibility(double offset_m) {
   return offset_m < 0 ? -too_short * offset_m : offset_m;
 }
 
-Place middle_of(std::span<const radar::AntennaPair> antennas,
-                radar::AntennaPlace radar::AntennaPair::*end) {
-  Place sum{};
+Position middle_of(std::span<const radar::AntennaPair> antennas,
+                   radar::AntennaPlace radar::AntennaPair::*end) {
+  Position sum{};
   for (const auto& a : antennas) {
     sum[0] += (a.*end).x / static_cast<double>(antennas.size());
     sum[1] += (a.*end).y / static_cast<double>(antennas.size());
@@ -76,10 +76,10 @@ std::string other_mounting(const Reflector& reflector, double measured_m, double
 }
 
 std::vector<double> steering_phases(std::span<const radar::AntennaPair> antennas,
-                                    const Place& place, double wavelength_m) {
-  const Place tx = middle_of(antennas, &radar::AntennaPair::tx),
-              rx = middle_of(antennas, &radar::AntennaPair::rx);
-  const auto way_m = [&](const radar::AntennaPlace& from, const Place& middle) {
+                                    const Position& place, double wavelength_m) {
+  const Position tx = middle_of(antennas, &radar::AntennaPair::tx),
+                 rx = middle_of(antennas, &radar::AntennaPair::rx);
+  const auto way_m = [&](const radar::AntennaPlace& from, const Position& middle) {
     return std::hypot(place[0] - (from.x - middle[0]) * radar::half_wavelength_m,
                       place[1] - (from.y - middle[1]) * radar::half_wavelength_m, place[2]);
   };
@@ -92,17 +92,17 @@ std::vector<double> steering_phases(std::span<const radar::AntennaPair> antennas
 
 Steering steering_of(const Reflector& r, std::span<const radar::AntennaPair> antennas,
                      double wavelength_m) {
-  const Place place = place_of(r);
+  const Position place = place_of(r);
   Steering out;
   out.sine = place[0] / std::hypot(place[0], place[2]);
   out.phase_rad = steering_phases(antennas, place, wavelength_m);
   std::vector<double> variances(antennas.size());
-  const Place errors{r.mounting == Mounting::detector
-                         ? std::hypot(r.baseline_error_m, r.distance_error_m)
-                         : r.distance_error_m,
-                     r.distance_error_m, r.distance_error_m};
+  const Position errors{r.mounting == Mounting::detector
+                            ? std::hypot(r.baseline_error_m, r.distance_error_m)
+                            : r.distance_error_m,
+                        r.distance_error_m, r.distance_error_m};
   for (std::size_t axis = 0; axis < place.size(); ++axis) {
-    Place moved = place;
+    Position moved = place;
     moved[axis] += errors[axis];
     const auto phases = steering_phases(antennas, moved, wavelength_m);
     for (std::size_t m = 0; m < phases.size(); ++m)

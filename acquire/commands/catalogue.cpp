@@ -19,7 +19,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-struct Entry {
+struct ListedRun {
   record::RunEntry run;
   Json live;  // null: not a run
 };
@@ -46,11 +46,11 @@ std::string percent(std::int64_t part, std::int64_t whole) {
 }
 
 constexpr std::size_t columns = 10;
-using Row = std::array<std::string, columns>;
-const Row titles{"run",   "started (UTC)", "length",   "records", "valid %",
-                 "state", "labels",        "operator", "notes",   "verdict"};
+using TableRow = std::array<std::string, columns>;
+const TableRow titles{"run",   "started (UTC)", "length",   "records", "valid %",
+                      "state", "labels",        "operator", "notes",   "verdict"};
 
-Row row_of(const Entry& e) {
+TableRow row_of(const ListedRun& e) {
   constexpr std::size_t longest = 40;  // bytes of a text; --json prints all
   const auto short_text = [](const std::string& text) { return printable(text, longest); };
   std::string labels, notes;
@@ -72,12 +72,12 @@ Row row_of(const Entry& e) {
           printable(record::doubts_of(e.run.sum), 2 * longest)};
 }
 
-std::string table_of(const std::vector<Row>& rows) {
+std::string table_of(const std::vector<TableRow>& rows) {
   std::array<std::size_t, columns> widths{};
-  for (const Row& row : rows)
+  for (const TableRow& row : rows)
     for (std::size_t c = 0; c < columns; ++c) widths[c] = std::max(widths[c], row[c].size());
   std::string out;
-  for (const Row& row : rows) {
+  for (const TableRow& row : rows) {
     std::string line;
     for (std::size_t c = 0; c < columns; ++c)
       line += row[c] + std::string(widths[c] - row[c].size() + 2, ' ');
@@ -87,7 +87,7 @@ std::string table_of(const std::vector<Row>& rows) {
   return out;
 }
 
-std::string live_text(const Entry& e) {
+std::string live_text(const ListedRun& e) {
   std::string out = "\n";
   out += printable(e.run.path) + " is live";
   if (!e.live["age_s"].is_null())
@@ -106,23 +106,23 @@ std::string live_text(const Entry& e) {
 
 Catalogue list_runs(const std::string& folder, const Clock& clock, bool json) {
   Catalogue out;
-  std::vector<Entry> entries;
+  std::vector<ListedRun> entries;
   for (const std::string& path : record::run_files(folder)) {
     try {
       const record::RunReader run(path);
-      Entry e{record::entry_of(run), {}};
+      ListedRun e{record::entry_of(run), {}};
       if (e.run.info.status == "open") e.live = live_state(run, e.run.sum, clock);
       entries.push_back(std::move(e));
     } catch (const Error& e) {
       out.left_out.append(out.left_out.empty() ? "" : "\n") += e.what();
     }
   }
-  std::stable_sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
+  std::stable_sort(entries.begin(), entries.end(), [](const ListedRun& a, const ListedRun& b) {
     return a.run.info.started_utc < b.run.info.started_utc;
   });
   if (json) {
     Json all = Json::array();
-    for (const Entry& e : entries) {
+    for (const ListedRun& e : entries) {
       all.push_back(record::to_json(e.run));
       all.back()["live"] = e.live;
     }
@@ -131,10 +131,10 @@ Catalogue list_runs(const std::string& folder, const Clock& clock, bool json) {
         "\n";
     return out;
   }
-  std::vector<Row> rows{titles};
-  for (const Entry& e : entries) rows.push_back(row_of(e));
+  std::vector<TableRow> rows{titles};
+  for (const ListedRun& e : entries) rows.push_back(row_of(e));
   out.text = table_of(rows);
-  for (const Entry& e : entries) {
+  for (const ListedRun& e : entries) {
     if (!e.live.is_null()) out.text += live_text(e);
     for (const std::string& file : e.run.leftovers)
       out.text += printable(file) + ": not read, because the run is closed; move it away\n";

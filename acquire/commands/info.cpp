@@ -125,7 +125,7 @@ Json to_json(const record::RunReader& run) {
   const record::RunInfo info = run.info();
   const record::RunSummary sum = run.summary();
   Json counters = Json::object(), verdicts = Json::object(), meta = Json::object();
-  for (const record::Counted& c : run.counters()) counters[c.source][c.name] = c.value;
+  for (const record::CounterRow& c : run.counters()) counters[c.source][c.name] = c.value;
   for (const Sensor s : all_sensors) verdicts[name_of(s)] = sum.verdicts[s];
   for (const auto& [key, value] : info.meta) meta[key] = value;
   return {{"schema", 1},

@@ -26,14 +26,14 @@ class Priority final : public spdlog::custom_flag_formatter {
 };
 
 // %Q: the message, without characters that move the cursor.
-class Message final : public spdlog::custom_flag_formatter {
+class PrintableMessage final : public spdlog::custom_flag_formatter {
   void format(const spdlog::details::log_msg& message, const std::tm&,
               spdlog::memory_buf_t& out) override {
     const std::string text = printable_lines({message.payload.data(), message.payload.size()});
     out.append(text.data(), text.data() + text.size());
   }
   std::unique_ptr<custom_flag_formatter> clone() const override {
-    return std::make_unique<Message>();
+    return std::make_unique<PrintableMessage>();
   }
 };
 
@@ -44,7 +44,7 @@ std::unique_ptr<spdlog::formatter> log_format() {
                         : isatty(STDERR_FILENO) ? "\r\033[K%H:%M:%SZ %^%l%$ %Q"
                                                 : "%Y-%m-%dT%H:%M:%S.%eZ %l %Q";
   auto format = std::make_unique<spdlog::pattern_formatter>(spdlog::pattern_time_type::utc);
-  format->add_flag<Priority>('N').add_flag<Message>('Q').set_pattern(pattern);
+  format->add_flag<Priority>('N').add_flag<PrintableMessage>('Q').set_pattern(pattern);
   return format;
 }
 

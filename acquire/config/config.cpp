@@ -149,9 +149,9 @@ void take_numbers(Config& c, const Keys& k) {
 }
 
 // Checks beyond the type and range of a single key.
-class Judge {
+class ConfigChecker {
  public:
-  Judge(const Settings& settings, std::string name, std::vector<std::string>& faults)
+  ConfigChecker(const Settings& settings, std::string name, std::vector<std::string>& faults)
       : settings_(settings), name_(std::move(name)), faults_(faults) {}
 
   // Reports a fault at the first given of `keys`.
@@ -182,7 +182,7 @@ class Judge {
   std::vector<std::string>& faults_;
 };
 
-void judge_radar(Judge& judge, Config& c, const std::string& cfg,
+void judge_radar(ConfigChecker& judge, Config& c, const std::string& cfg,
                  const std::filesystem::path& folder) {
   RadarConfig& radar = c.radar;
   if (!radar.address.empty()) {
@@ -245,7 +245,7 @@ void refuse_other_baseline(const Config& c) {
   throw Error(ExitCode::config, text.str());
 }
 
-void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& folder,
+void judge(ConfigChecker judge, Config& c, const Keys& k, const std::filesystem::path& folder,
            bool with_calibration) {
   if (c.configured().empty())
     judge.complain({"tdc.address", "radar.cli", "radar.address", "depth.address"},
@@ -342,10 +342,10 @@ Config load_config(const std::string& path, const std::vector<std::string>& assi
   std::vector<std::string> faults = settings.read(config.text, path, assignments);
   take_numbers(config, keys);
   if (settings.whole())
-    judge(Judge(settings, path, faults), config, keys, std::filesystem::path(path).parent_path(),
-          with_calibration);
+    judge(ConfigChecker(settings, path, faults), config, keys,
+          std::filesystem::path(path).parent_path(), with_calibration);
   if (!faults.empty()) refuse(faults);
-  Judge unfinished(settings, path, config.unfinished);
+  ConfigChecker unfinished(settings, path, config.unfinished);
   for (const auto& [key, port] :
        {std::pair{"radar.cli", config.radar.cli}, {"radar.data", config.radar.data}})
     if (port.find("XXXXXXXX") != port.npos)

@@ -22,9 +22,9 @@ constexpr const char* grades[] = {"ok", "warning", "problem"};
 const char* name_of(Grade grade) { return grades[static_cast<std::size_t>(grade)]; }
 
 // Prints text after each check, or JSON at the end.
-class Report {
+class DoctorReport {
  public:
-  explicit Report(bool json) : json_(json) {}
+  explicit DoctorReport(bool json) : json_(json) {}
 
   void add(const Finding& finding) {
     if (finding.grade == Grade::problem && (code_ == ExitCode::ok || finding.failure < code_))
@@ -157,7 +157,7 @@ std::vector<Finding> judge(const Answer& answer, const Capture& capture, const C
 }
 
 // Receives data of the answering devices for 2 s. Returns the size of a record.
-double judge_devices(const Config& config, port::Loop& loop, Report& report) {
+double judge_devices(const Config& config, port::Loop& loop, DoctorReport& report) {
   Capture capture(config.histogram);
   Trial trial(capture, config);
   std::optional<record::FusedRecord> record;
@@ -180,7 +180,7 @@ double judge_devices(const Config& config, port::Loop& loop, Report& report) {
 
 ExitCode examine(const std::optional<Config>& config, const DoctorOptions& options,
                  port::Loop& loop) {
-  Report report(options.json);
+  DoctorReport report(options.json);
   report.add(check_permissions(config, options.roots));
   report.add(check_modem_manager(config, options.roots));
   report.add(check_usb_memory(config, options.roots));

@@ -83,8 +83,8 @@ record::FusedRecord fresh(std::size_t row, double window_s, UtcTime began) {
   return r;
 }
 
-Beginning beginning_of(const std::optional<UtcTime>& given, const record::RunReader* base,
-                       const ArrayFolder& arrays) {
+RunStart beginning_of(const std::optional<UtcTime>& given, const record::RunReader* base,
+                      const ArrayFolder& arrays) {
   if (base && given)
     throw Error(ExitCode::usage, "--began cannot be combined with `run`, which has the times");
   if (base) return {parse_utc(base->info().started_utc), {}};

@@ -128,7 +128,7 @@ std::string conclude(ImportedRun& import, const std::vector<std::unique_ptr<Reco
 
 // Imports recordings that may differ in length; records after the end of one lack its sensor.
 std::string import_streams(const Config& config, const ImportOptions& options,
-                           const Beginning& began,
+                           const RunStart& began,
                            const std::vector<std::unique_ptr<Recording>>& recordings) {
   std::string names;
   for (const auto& file : options.files)
@@ -149,7 +149,7 @@ std::string import_streams(const Config& config, const ImportOptions& options,
     slots.windows().announce(r->device());
   }
   import.put_axes(slots.windows().axes());
-  SignalCheck::Ends ends;
+  SignalCheck::RecordingEnds ends;
   const auto take = [&](record::FusedRecord record) {
     record.slot_utc = import.utc_of(record.slot_start);
     record.label = config.label;
@@ -259,7 +259,7 @@ std::string import_recordings(Config config, const ImportOptions& options) {
   config.radar.address = "";
   config.policy = {"optional", "optional", "optional"};
   std::vector<std::unique_ptr<Recording>> recordings;
-  Beginning began;
+  RunStart began;
   if (!options.began.empty()) began.utc = parse_utc(options.began);
   const auto begins = [&](std::optional<UtcTime> utc, const std::string& doubt) {
     if (options.began.empty() && began.doubt.empty() && utc) began = {*utc, doubt};

@@ -19,8 +19,8 @@ UtcTime modified(const std::string& path) {
          std::chrono::nanoseconds(found.st_mtim.tv_nsec);
 }
 
-ImportedRun::ImportedRun(const std::string& out, const Beginning& began, const SignalCheck& check,
-                         const Make& make)
+ImportedRun::ImportedRun(const std::string& out, const RunStart& began, const SignalCheck& check,
+                         const MakeWriter& make)
     : file_((refuse_bad_target(out), out), NewFile::Staged{}), check_(check) {
   refuse_late_clock(began.utc);
   clock_.began = clock_.utc_at = began.utc;
@@ -34,7 +34,7 @@ void ImportedRun::put_axes(const std::vector<Axis>& axes) {
   for (const Axis& axis : axes_) run_->put_axis(axis);
 }
 
-void ImportedRun::put(record::FusedRecord record, const SignalCheck::Ends& ends) {
+void ImportedRun::put(record::FusedRecord record, const SignalCheck::RecordingEnds& ends) {
   check_.judge(record, axes_, ends);
   clock_.at = std::max(clock_.at, record.slot_end);
   clock_.utc_at = std::max(clock_.utc_at, record.slot_utc + (record.slot_end - record.slot_start));

@@ -15,7 +15,7 @@
 namespace echofuse::acquire {
 
 // Time at which the first slot begins.
-struct Beginning {
+struct RunStart {
   UtcTime utc{};
   std::string doubt;  // reason for a doubtful time; empty if --began is given
 };
@@ -26,15 +26,15 @@ UtcTime modified(const std::string& path);
 // Threading: one thread at a time.
 class ImportedRun {
  public:
-  using Make =
+  using MakeWriter =
       std::function<std::unique_ptr<record::RunWriter>(const std::string& path, const Clock&)>;
   // Throws Error: `out` exists (failed) or cannot be written (disk).
-  ImportedRun(const std::string& out, const Beginning& began, const SignalCheck& check,
-              const Make& make);
+  ImportedRun(const std::string& out, const RunStart& began, const SignalCheck& check,
+              const MakeWriter& make);
 
   record::RunWriter& writer() { return *run_; }
   void put_axes(const std::vector<Axis>& axes);
-  void put(record::FusedRecord record, const SignalCheck::Ends& ends = {});
+  void put(record::FusedRecord record, const SignalCheck::RecordingEnds& ends = {});
   // Adds a warning to the run and to the lines of finish().
   void doubt(const std::string& text);
   void put_counters(Sensor sensor, const std::vector<Counter>& counters);
@@ -61,7 +61,7 @@ class ImportedRun {
   SignalCheck check_;
   std::unique_ptr<record::RunWriter> run_;
   std::vector<Axis> axes_;
-  std::vector<record::Counted> counted_;
+  std::vector<record::CounterRow> counted_;
   PerSensor<std::int64_t> valid_{};
   TagCounts tags_;
   PerSensor<std::string> verdict_{};

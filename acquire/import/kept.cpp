@@ -26,14 +26,14 @@ namespace fs = std::filesystem;
 constexpr std::int64_t most_bytes = 64 << 20;  // largest delivery of a port
 
 // Reads NAME.times of the folder line by line; ignores a truncated last line.
-class Times {
+class TimesFile {
  public:
   struct Line {
     HostTime at;
     std::string what;
     std::int64_t value;
   };
-  Times(const std::string& folder, const std::string& name)
+  TimesFile(const std::string& folder, const std::string& name)
       : path_(folder + "/" + name + ".times") {
     require_regular(path_, ExitCode::failed);
     in_.open(path_);
@@ -56,9 +56,9 @@ class Times {
 };
 
 // Bytes of all connections of one port.
-class Stream {
+class CapturedPort {
  public:
-  Stream(port::Loop& l, std::string folder, const std::string& name, std::string ending)
+  CapturedPort(port::Loop& l, std::string folder, const std::string& name, std::string ending)
       : loop(l),
         times_(folder, name),
         stem_(std::move(folder) + "/" + name),
@@ -70,7 +70,7 @@ class Stream {
     file_.reset();
   }
   // Empty at the end of a connection.
-  std::optional<Times::Line> next() {
+  std::optional<TimesFile::Line> next() {
     if (!line_ || line_->what == "open") return std::nullopt;
     return std::exchange(line_, times_.next());
   }
@@ -89,17 +89,17 @@ class Stream {
   port::Loop& loop;
 
  private:
-  Times times_;
+  TimesFile times_;
   std::string stem_, ending_;
-  std::optional<Times::Line> line_ = times_.next();
+  std::optional<TimesFile::Line> line_ = times_.next();
   std::optional<RegularFile> file_;  // file of the connection, once it has bytes
   int files_ = 0;
 };
 
 class KeptPort final : public port::BytePort {
  public:
-  explicit KeptPort(Stream& stream)
-      : link_(new Link{stream, port::Timer(stream.loop), {}, false}) {}
+  explicit KeptPort(CapturedPort& stream)
+      : link_(new PortState{stream, port::Timer(stream.loop), {}, false}) {}
   ~KeptPort() override {
     link_->closed = true;
     link_->timer.cancel();
@@ -115,13 +115,13 @@ class KeptPort final : public port::BytePort {
   void write(ByteView) override {}
 
  private:
-  struct Link {  // outlives the port while a handler runs
-    Stream& stream;
+  struct PortState {  // outlives the port while a handler runs
+    CapturedPort& stream;
     port::Timer timer;
     port::PortHandlers handlers;
     bool closed;
   };
-  static void wait(const std::shared_ptr<Link>& link) {
+  static void wait(const std::shared_ptr<PortState>& link) {
     const auto line = link->stream.next();
     if (!line) return;
     link->timer.at(line->at, [link, what = line->what, value = line->value] {
@@ -134,7 +134,7 @@ class KeptPort final : public port::BytePort {
       if (!held->closed) wait(held);
     });
   }
-  std::shared_ptr<Link> link_;
+  std::shared_ptr<PortState> link_;
 };
 
 // Times of the live run: start, first slot, clock offset.
@@ -145,7 +145,7 @@ struct LiveRun {
 };
 
 LiveRun read_live_run(const std::string& folder) {
-  Times times(folder, "run");
+  TimesFile times(folder, "run");
   LiveRun run;
   HostTime ended{};
   while (const auto line = times.next()) {
@@ -184,12 +184,12 @@ Config kept_config(const std::string& folder, const std::vector<std::string>& as
 std::string import_kept(Config config, const std::string& folder, const std::string& out) {
   const LiveRun live = read_live_run(folder);
   port::VirtualLoop loop(live.utc_offset, *live.started);
-  std::vector<std::unique_ptr<Stream>> streams;
+  std::vector<std::unique_ptr<CapturedPort>> streams;
   const auto attach = [&](std::string& address, const char* name, const char* ending) {
     if (!fs::exists(fs::path(folder) / (std::string(name) + ".times"))) address.clear();
     if (address.empty()) return;
-    Stream* stream =
-        streams.emplace_back(std::make_unique<Stream>(loop, folder, name, ending)).get();
+    CapturedPort* stream =
+        streams.emplace_back(std::make_unique<CapturedPort>(loop, folder, name, ending)).get();
     loop.ports[address] = [stream] { return std::make_unique<KeptPort>(*stream); };
   };
   // Frames of an OpenNI2 camera are stored in the format of a bridge.

@@ -36,19 +36,19 @@ DeviceInfo RadarRecording::device() const {
   return info;
 }
 
-void RadarRecording::Oddity::add(const std::string& place) {
+void RadarRecording::Irregularity::add(const std::string& place) {
   constexpr std::uint64_t most = 5;
   if (++count <= most + 1) places += (count == 1 ? "" : ", ") + (count <= most ? place : "...");
 }
 
-RadarRecording::Reading RadarRecording::read(const RadarFrame& frame) const {
+RadarRecording::FrameTime RadarRecording::read(const RadarFrame& frame) const {
   return {frame.frame_number * profile_.subframes + frame.subframe, frame.frame_number,
           frame.time_cpu_cycles};
 }
 
 // Dates a frame after a restart of the board one period later, because the counter does not measure
 // the gap. A frame number is damaged if the next one does not follow it.
-void RadarRecording::step(Reading now, const Reading* next) {
+void RadarRecording::step(FrameTime now, const FrameTime* next) {
   const std::uint32_t usual = 101 * profile_.subframes, most = profile_.subframes << 20;
   const std::uint32_t to_now = now.position - last_->position;
   const std::uint32_t to_next = next ? next->position - now.position : 0, both = to_now + to_next;
@@ -58,7 +58,7 @@ void RadarRecording::step(Reading now, const Reading* next) {
   const double more = damaged ? both - 1.0 : to_next <= usual ? to_next : 1;
 
   const double period_s = profile_.frame_period_s;
-  const auto passed_s = [&](const Reading& from, const Reading& to, double periods) {
+  const auto passed_s = [&](const FrameTime& from, const FrameTime& to, double periods) {
     const double expected = periods * period_s / tick_s;
     return tick_s * static_cast<double>(ticks_passed(from.cycles, to.cycles, expected, 32));
   };
@@ -100,7 +100,7 @@ void RadarRecording::step(Reading now, const Reading* next) {
 void RadarRecording::take(std::optional<RadarFrame> next, SampleSink& sink) {
   std::optional<RadarFrame> frame = std::exchange(held_, std::move(next));
   if (!frame) return;
-  const Reading now = read(*frame), following = held_ ? read(*held_) : now;
+  const FrameTime now = read(*frame), following = held_ ? read(*held_) : now;
   if (last_)
     step(now, held_ ? &following : nullptr);
   else
@@ -138,7 +138,8 @@ std::vector<Counter> RadarRecording::counters() const {
 std::vector<std::string> RadarRecording::doubts() const {
   std::vector<std::string> out;
   const radar::FrameCounts& c = parser_.counts();
-  const auto add = [&](const Oddity& oddity, const std::string& what, const std::string& then) {
+  const auto add = [&](const Irregularity& oddity, const std::string& what,
+                       const std::string& then) {
     if (oddity.count > 0)
       out.push_back(std::to_string(oddity.count) + what + " (" + oddity.places + ")" + then);
   };

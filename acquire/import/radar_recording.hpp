@@ -26,16 +26,16 @@ class RadarRecording final : public Recording {
   std::vector<std::string> doubts() const override;
 
  private:
-  struct Reading {
+  struct FrameTime {
     std::uint32_t position, frame_number, cycles;  // position: of the subframe, from frame 0 on
   };
-  struct Oddity {
+  struct Irregularity {
     std::uint64_t count = 0;
     std::string places;  // first five, as text
     void add(const std::string& place);
   };
-  Reading read(const RadarFrame& frame) const;
-  void step(Reading now, const Reading* next);
+  FrameTime read(const RadarFrame& frame) const;
+  void step(FrameTime now, const FrameTime* next);
   void take(std::optional<RadarFrame> next, SampleSink& sink);  // passes on the previous frame
   std::string path_;
   RegularFile file_;
@@ -44,9 +44,9 @@ class RadarRecording final : public Recording {
   bool ended_ = false;
   Bytes beginning_;                 // start of the file
   std::optional<RadarFrame> held_;  // until the next frame confirms its time
-  std::optional<Reading> last_;     // last frame with an accepted time
+  std::optional<FrameTime> last_;   // last frame with an accepted time
   HostTime last_at_{}, at_{};
-  Oddity restarts_, paused_, impossible_;
+  Irregularity restarts_, paused_, impossible_;
   bool confirmed_ = false;                // a step was accepted
   std::uint64_t stood_ = 0;               // frames with the time of the last accepted one
   std::uint64_t others_ = 0;              // frames with another number of bins

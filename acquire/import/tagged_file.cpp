@@ -13,13 +13,13 @@
 namespace echofuse::acquire {
 namespace {
 
-struct Tag {
+struct HeaderTag {
   char name[32];
   std::int32_t index;
   std::uint32_t type;
   std::int64_t value;
 };
-static_assert(sizeof(Tag) == 48);
+static_assert(sizeof(HeaderTag) == 48);
 
 constexpr const char* magic = "PQTTTR";
 constexpr std::uint32_t type_double = 0x20000008, type_time = 0x21000008, type_text = 0x4001ffff;
@@ -50,7 +50,7 @@ void TaggedFile::take(void* to, std::size_t bytes) {
 void TaggedFile::read_tags() {
   const std::size_t size = file_.size();
   for (std::size_t count = 0; count < most_tags; ++count) {
-    Tag tag;
+    HeaderTag tag;
     if (size - std::min(size, tag_bytes_) < sizeof tag) break;
     take(&tag, sizeof tag);
     const std::string name = until_nul(tag.name, sizeof tag.name);

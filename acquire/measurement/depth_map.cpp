@@ -16,11 +16,11 @@ Axis tangent_axis(const char* name, std::uint32_t size, double half_tangent, dou
 }
 
 // Source indices [first, last) with centres inside target cell i, otherwise the nearest one.
-struct Cell {
+struct PixelRange {
   std::uint32_t first, last;
 };
-std::vector<Cell> cells_of(const Axis& source, const Axis& target) {
-  std::vector<Cell> cells(target.count);
+std::vector<PixelRange> cells_of(const Axis& source, const Axis& target) {
+  std::vector<PixelRange> cells(target.count);
   for (std::uint32_t i = 0; i < target.count; ++i) {
     const double a = (target.at(i - 0.5) - source.start) / source.step;
     const double b = (target.at(i + 0.5) - source.start) / source.step;

@@ -10,15 +10,15 @@
 namespace echofuse::record {
 namespace {
 
-struct Range {
+struct ValidRange {
   double least, most;
 };
-constexpr Range widths_ps{0.1, 100'000}, tails_ps{0, 100'000}, shares{0, 1}, cells_m{1e-3, 10},
+constexpr ValidRange widths_ps{0.1, 100'000}, tails_ps{0, 100'000}, shares{0, 1}, cells_m{1e-3, 10},
     exponents{-2, 0}, powers{0, 1.05}, baselines_m{0, 10};
 
 // Reads numbers with an optional "+- ERROR". Returns an empty list if the text has another form or
 // a number exceeds its limits.
-std::vector<double> numbers_of(const std::string& text, const Range& range, double& error) {
+std::vector<double> numbers_of(const std::string& text, const ValidRange& range, double& error) {
   const auto plus = text.find("+-");
   const auto read = [](const std::string& part) {
     std::istringstream words(part);
@@ -38,7 +38,7 @@ std::vector<double> numbers_of(const std::string& text, const Range& range, doub
   return std::all_of(out.begin(), out.end(), possible) ? out : std::vector<double>{};
 }
 
-void take(const std::string& text, const Range& range, Measured& out) {
+void take(const std::string& text, const ValidRange& range, Measured& out) {
   double error = 0;
   if (const auto found = numbers_of(text, range, error); found.size() == 1) out = {found[0], error};
 }

@@ -11,7 +11,7 @@
 namespace echofuse::record {
 
 FileWatch::FileWatch(std::string path) : path_(std::move(path)) {
-  for (File& file : files_) {
+  for (WatchedFile& file : files_) {
     struct stat now {};
     if (::stat((path_ + file.suffix).c_str(), &now) != 0) continue;
     file.device = now.st_dev;
@@ -22,7 +22,7 @@ FileWatch::FileWatch(std::string path) : path_(std::move(path)) {
 }
 
 std::string FileWatch::lost() const {
-  for (const File& file : files_) {
+  for (const WatchedFile& file : files_) {
     const std::string what = *file.suffix ? std::string("its ") + file.suffix + " file " : "";
     const int fault = fault_of(file);
     if (fault == ENOENT || fault == ENOTDIR) return what + "was removed or renamed during the run";
@@ -33,7 +33,7 @@ std::string FileWatch::lost() const {
 }
 
 // Returns 0 if the path still is our inode, ESTALE if another, otherwise errno of stat().
-int FileWatch::fault_of(const File& file) const {
+int FileWatch::fault_of(const WatchedFile& file) const {
   struct stat now {};
   if (::stat((path_ + file.suffix).c_str(), &now) != 0) return errno;
   return now.st_dev == file.device && now.st_ino == file.inode ? 0 : ESTALE;
@@ -55,24 +55,24 @@ void FileWatch::note() {
 }
 
 void FileWatch::note_commit() {
-  for (File* file : {&files_[1], &files_[2]}) file->size = size_of(*file);
+  for (WatchedFile* file : {&files_[1], &files_[2]}) file->size = size_of(*file);
 }
 
 bool FileWatch::wal_shortened() const { return size_of(files_[1]) < files_[1].size; }
 
 void FileWatch::restore_index() const {
-  const File& index = files_[2];
+  const WatchedFile& index = files_[2];
   if (fault_of(index) == 0 && size_of(index) < index.size)
     static_cast<void>(::truncate((path_ + index.suffix).c_str(), index.size));
 }
 
-off_t FileWatch::size_of(const File& file) const {
+off_t FileWatch::size_of(const WatchedFile& file) const {
   struct stat now {};
   return ::stat((path_ + file.suffix).c_str(), &now) == 0 ? now.st_size : 0;
 }
 
 void FileWatch::remove_wal() const {
-  for (const File& file : files_)
+  for (const WatchedFile& file : files_)
     if (*file.suffix && fault_of(file) == 0) ::unlink((path_ + file.suffix).c_str());
 }
 

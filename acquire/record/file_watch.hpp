@@ -36,16 +36,16 @@ class FileWatch {
   void remove_wal() const;
 
  private:
-  struct File {
+  struct WatchedFile {
     const char* suffix;
     dev_t device = 0;
     ino_t inode = 0;
     off_t size = 0;  // sizes of WAL and index at note_commit()
   };
-  int fault_of(const File& file) const;
-  off_t size_of(const File& file) const;
+  int fault_of(const WatchedFile& file) const;
+  off_t size_of(const WatchedFile& file) const;
   std::string path_;
-  File files_[3] = {{""}, {"-wal"}, {"-shm"}};
+  WatchedFile files_[3] = {{""}, {"-wal"}, {"-shm"}};
   timespec written_{};
 };
 

@@ -134,7 +134,7 @@ void columns(Row& row, Anchor& anchor) {
   row("utc_ns", anchor.utc);
 }
 
-void columns(Row& row, Counted& counted) {
+void columns(Row& row, CounterRow& counted) {
   row.table("counter");
   row("source", counted.source);
   row("name", counted.name);
@@ -247,7 +247,7 @@ const std::vector<const Row*>& tables() {
   static const std::vector<const Row*> all{
       &table_of<RunInfo>(),     &table_of<DeviceRow>(), &table_of<CalibrationEntry>(),
       &table_of<Axis>(),        &table_of<Antenna>(),   &table_of<Anchor>(),
-      &table_of<Counted>(),     &table_of<Event>(),     &table_of<LateRow>(),
+      &table_of<CounterRow>(),  &table_of<Event>(),     &table_of<LateRow>(),
       &table_of<StoredRecord>()};
   return all;
 }

@@ -20,10 +20,10 @@ namespace echofuse::record {
 // from a SELECT. Changes values only when reading.
 class Row {
  public:
-  enum class Does : std::uint8_t { list, write, read };
+  enum class Purpose : std::uint8_t { list, write, read };
   Row() = default;
-  Row(Statement& statement, Does does) : statement_(&statement), does_(does) {}
-  bool reading() const { return does_ == Does::read; }
+  Row(Statement& statement, Purpose does) : statement_(&statement), does_(does) {}
+  bool reading() const { return does_ == Purpose::read; }
   void table(const char* name) { table_ = name; }
 
   void operator()(std::string_view name, std::int64_t& value) { visit(name, "INTEGER", value); }
@@ -74,9 +74,9 @@ class Row {
  private:
   template <class T>
   void visit(std::string_view name, const char* type, T& value) {
-    if (does_ == Does::list)
+    if (does_ == Purpose::list)
       list(name, type);
-    else if (does_ == Does::write)
+    else if (does_ == Purpose::write)
       absent_ ? statement_->skip() : static_cast<void>(statement_->bind(value));
     else if (statement_->next_is_null())
       statement_->skip_column();
@@ -86,7 +86,7 @@ class Row {
   void list(std::string_view name, const char* type);
 
   Statement* statement_ = nullptr;
-  Does does_ = Does::list;
+  Purpose does_ = Purpose::list;
   const char* key_ = "";
   bool absent_ = false, seen_ = false;  // group: has no value; has a non-NULL column
   std::string fault_, table_, names_, declared_, values_;
@@ -119,7 +119,7 @@ void columns(Row& row, Axis& axis);
 void columns(Row& row, Antenna& antenna);
 void columns(Row& row, Zone& zone);
 void columns(Row& row, Anchor& anchor);
-void columns(Row& row, Counted& counted);
+void columns(Row& row, CounterRow& counted);
 void columns(Row& row, Event& event);
 void columns(Row& row, LateRow& late);
 void columns(Row& row, FusedRecord& record);  // all columns except the data
@@ -144,7 +144,7 @@ const std::vector<const Row*>& tables();
 // Binds the columns of a row to an INSERT, in order, and runs it.
 template <class... T>
 void insert(Statement& statement, const T&... parts) {
-  Row row(statement, Row::Does::write);
+  Row row(statement, Row::Purpose::write);
   (columns(row, const_cast<T&>(parts)), ...);  // leaves them unchanged
   statement.run();
 }
@@ -158,7 +158,7 @@ void insert(sqlite3* db, const std::string& path, const T& row, const std::strin
 // Reads the row at which a SELECT of table_of<T>() is positioned; returns its fault, or nothing.
 template <class T>
 std::string take(Statement& statement, T& value) {
-  Row row(statement, Row::Does::read);
+  Row row(statement, Row::Purpose::read);
   columns(row, value);
   return row.fault();
 }

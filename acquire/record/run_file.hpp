@@ -33,7 +33,7 @@ inline constexpr int format_version = 3;
 // Largest index of a record, so that index + 1 cannot overflow.
 inline constexpr std::int64_t max_index = std::int64_t{1} << 53;
 
-struct Counted {
+struct CounterRow {
   std::string source, name;  // sensor, name of the counter
   std::uint64_t value = 0;
 };
@@ -71,7 +71,7 @@ class RunWriter {
   void put_policy(Sensor sensor, const std::string& policy);  // required or optional
   void put_anchor(HostTime mono, UtcTime utc);
   // Call at the end with all counters: one transaction.
-  void put_counters(std::span<const Counted> counters);
+  void put_counters(std::span<const CounterRow> counters);
   // Adds late samples to the counts of these records, in one transaction.
   void put_late(const LateCounts& late);
   void put_event(UtcTime utc, Severity severity, const std::string& source,
@@ -204,7 +204,7 @@ class RunReader {
   Zones zones() const;        // empty for a single pixel
   std::vector<Event> events() const;
   std::vector<Event> last_events(std::size_t most) const;  // oldest first
-  std::vector<Counted> counters() const;
+  std::vector<CounterRow> counters() const;
   std::vector<Axis> axes() const;
   std::optional<Axis> axis(const std::string& name) const;
   std::int64_t count() const;

@@ -53,8 +53,8 @@ std::string fault_of_slot(const FusedRecord& r) {
 }
 
 // Sizes of a record's data by the run's axes, looked up once per pass.
-struct Shapes {
-  Shapes(const std::vector<Axis>& axes, std::size_t histograms) {
+struct DataSizes {
+  DataSizes(const std::vector<Axis>& axes, std::size_t histograms) {
     for (const auto& a : axes) {
       if (a.name == "spd") spd = histograms * a.count;
       if (a.name == "radar") radar = a.count;
@@ -78,12 +78,12 @@ struct Shapes {
 
 // Reads a record in two steps: all columns, then the decoding of the depth image. Decoding takes
 // most of the time and may run on another thread.
-struct HalfRead {
+struct RecordDecoder {
   FusedRecord record;
   std::string fault;  // empty: none
   Bytes depth;
 
-  void read(Statement& row, const Shapes& shapes, SensorSet sensors) {
+  void read(Statement& row, const DataSizes& shapes, SensorSet sensors) {
     StoredRecord stored;
     fault = take(row, stored);
     record = std::move(stored.record);
@@ -91,8 +91,8 @@ struct HalfRead {
     if (fault.empty()) fault = fault_of_slot(record);
     if (fault.empty()) fault = decode(stored.blobs, shapes);
   }
-  std::string decode(const Blobs& blobs, const Shapes& shapes);
-  void decode_depth(const Shapes& shapes) {  // for a record without a fault
+  std::string decode(const Blobs& blobs, const DataSizes& shapes);
+  void decode_depth(const DataSizes& shapes) {  // for a record without a fault
     if (!fault.empty() || !record.has(Sensor::depth)) return;
     if (shapes.pixels() <= max_depth_pixels)
       record.depth_mm = inflated<std::uint16_t>(depth, shapes.pixels());
@@ -102,7 +102,7 @@ struct HalfRead {
   }
 };
 
-std::string HalfRead::decode(const Blobs& blobs, const Shapes& shapes) {
+std::string RecordDecoder::decode(const Blobs& blobs, const DataSizes& shapes) {
   FusedRecord& r = record;
   const auto sizes = [](const char* what, std::size_t got, std::size_t wanted) {
     return std::string(what) + " has " + std::to_string(got) + " bytes, but its axis requires " +
@@ -286,7 +286,7 @@ Zones RunReader::zones() const {
 }
 
 std::vector<Anchor> RunReader::anchors() const { return rows<Anchor>(); }
-std::vector<Counted> RunReader::counters() const { return rows<Counted>(); }
+std::vector<CounterRow> RunReader::counters() const { return rows<CounterRow>(); }
 std::vector<Event> RunReader::events() const { return rows<Event>(" ORDER BY id"); }
 
 std::vector<Event> RunReader::last_events(std::size_t most) const {
@@ -354,9 +354,9 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
                          SensorSet sensors, const InParallel& in_parallel) const {
   Statement row = ask(table_of<StoredRecord>().select() + " WHERE idx >= ? ORDER BY idx");
   row.bind(first);
-  std::optional<Shapes> known;
+  std::optional<DataSizes> known;
   std::optional<std::int64_t> before;
-  std::vector<HalfRead> some;
+  std::vector<RecordDecoder> some;
   // Returns true if more records are wanted.
   const auto hand_over = [&] {
     const auto decode_one = [&](std::size_t i) { some[i].decode_depth(*known); };
@@ -364,7 +364,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
       in_parallel(some.size(), decode_one);
     else
       for (std::size_t i = 0; i < some.size(); ++i) decode_one(i);
-    for (const HalfRead& one : std::exchange(some, {})) {
+    for (const RecordDecoder& one : std::exchange(some, {})) {
       const std::int64_t index = one.record.index;
       if (!one.fault.empty() && !on_bad)
         throw Error(ExitCode::failed,
@@ -386,7 +386,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
   while (step()) {
     // Read during the records, so that the first record finds a live run's new axis.
     if (!known) known.emplace(axes(), histograms_of(zones()));
-    HalfRead one;
+    RecordDecoder one;
     one.read(row, *known, sensors);
     const std::int64_t index = one.record.index;
     if (index < first || index > max_index || (before && index <= *before)) {

@@ -344,7 +344,7 @@ bool RunWriter::close(const std::string& status, std::int64_t unwritten) {
 }
 
 void RunWriter::put_unwritten(std::int64_t records) {
-  const Counted counted{"run", "unwritten", static_cast<std::uint64_t>(records)};
+  const CounterRow counted{"run", "unwritten", static_cast<std::uint64_t>(records)};
   try {
     put_counters({&counted, 1});
     put_event(clock_.utc(), Severity::error, "run",
@@ -440,9 +440,9 @@ void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
   in_transaction([&] { insert(db_, path_, Anchor{mono, utc}); });
 }
 
-void RunWriter::put_counters(std::span<const Counted> counters) {
+void RunWriter::put_counters(std::span<const CounterRow> counters) {
   in_transaction([&] {
-    for (const Counted& c : counters) insert(db_, path_, c);
+    for (const CounterRow& c : counters) insert(db_, path_, c);
   });
 }
 

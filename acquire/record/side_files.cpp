@@ -16,12 +16,12 @@
 namespace echofuse::record {
 namespace {
 
-using Header = std::array<std::uint8_t, 32>;
+using FileHead = std::array<std::uint8_t, 32>;
 constexpr std::size_t most_of_journal = 1 << 18;  // more than a sector and a page
 
 // Reads the first bytes of a file, padded with zeros.
-Header header_of(const RegularFile& file) {
-  Header out{};
+FileHead header_of(const RegularFile& file) {
+  FileHead out{};
   static_cast<void>(file.read(out));
   return out;
 }
@@ -32,9 +32,9 @@ std::uint32_t big_endian(const std::uint8_t* bytes) {
   return out;
 }
 
-Header wal_header(const std::string& path) {
+FileHead wal_header(const std::string& path) {
   const std::string name = path + "-wal";
-  return ::access(name.c_str(), F_OK) == 0 ? header_of({name, ExitCode::failed}) : Header{};
+  return ::access(name.c_str(), F_OK) == 0 ? header_of({name, ExitCode::failed}) : FileHead{};
 }
 
 std::string text_of(std::optional<std::uint32_t> key) {
@@ -67,14 +67,14 @@ void checkpoint(sqlite3* db, const std::string& path) {
     sqlite_fail(db, path, "cannot bind its -wal");
 }
 
-struct Stored {
+struct BoundKey {
   std::string key;       // empty: missing
   bool records = false;  // true if it has content
 };
 
 // Reads the database file alone, without side files. Returns nothing if it is not a run, or
 // damaged.
-std::optional<Stored> stored_in(const std::string& path) {
+std::optional<BoundKey> stored_in(const std::string& path) {
   std::error_code none;
   Budget budget = Budget::of_file(std::filesystem::file_size(path, none));
   sqlite3* db = nullptr;
@@ -86,7 +86,7 @@ std::optional<Stored> stored_in(const std::string& path) {
   limit(db, budget);
   try {
     Statement records(db, path, "SELECT EXISTS(SELECT 1 FROM record)");
-    return Stored{.key = key_in(db, path), .records = records.step() && records.integer() != 0};
+    return BoundKey{.key = key_in(db, path), .records = records.step() && records.integer() != 0};
   } catch (const Error&) {  // a reader reports why
     return std::nullopt;
   }
@@ -100,14 +100,14 @@ std::optional<Stored> stored_in(const std::string& path) {
 }  // namespace
 
 std::optional<std::uint32_t> wal_key(const std::string& path) {
-  const Header header = wal_header(path);
+  const FileHead header = wal_header(path);
   constexpr std::uint32_t magic = 0x377f0682;  // the last bit is the byte order of checksums
   if ((big_endian(header.data()) & ~1u) != magic) return std::nullopt;
   return big_endian(header.data() + 16) - big_endian(header.data() + 12);
 }
 
 bool lacks_wal(const std::string& path) {
-  if (wal_header(path) != Header{}) return false;
+  if (wal_header(path) != FileHead{}) return false;
   const auto stored = stored_in(path);
   const bool unbound =
       stored && (stored->key == "none" || (stored->key.empty() && !stored->records));
@@ -141,7 +141,7 @@ void rebind_wal(sqlite3* db, const std::string& path) {
 void require_own_wal(const std::string& path) {
   const auto found = wal_key(path);
   if (!found) return;
-  const std::string expected = stored_in(path).value_or(Stored{}).key;
+  const std::string expected = stored_in(path).value_or(BoundKey{}).key;
   if (!is_own(*found, expected))
     refuse(path, path + "-wal", "key " + text_of(found) + ", expected " + expected);
 }
@@ -151,7 +151,7 @@ void require_own_journal(const std::string& path) {
   if (::access(name.c_str(), F_OK) != 0) return;
   const auto bytes = RegularFile(name, ExitCode::failed).rest<Bytes>(most_of_journal);
   constexpr std::string_view magic = "\xd9\xd5\x05\xf9\x20\xa1\x63\xd7";
-  if (bytes.size() < sizeof(Header) ||
+  if (bytes.size() < sizeof(FileHead) ||
       std::string_view(reinterpret_cast<const char*>(bytes.data()), magic.size()) != magic)
     return;
   // Layout: a header of one sector, then page number, page and checksum.

@@ -60,8 +60,8 @@ class Daemon final : private SampleSink {
   ExitCode run();
 
  private:
-  struct Recording {  // exists after the first slot has begun
-    Recording(const SlotGrid& grid, const Config& config, const RunOptions& options,
+  struct ActiveRun {  // exists after the first slot has begun
+    ActiveRun(const SlotGrid& grid, const Config& config, const RunOptions& options,
               const SensorClocks& clocks, port::Loop& loop, std::unique_ptr<record::RunWriter> file)
         : scheduler(grid, options.count),
           windows(grid, config.histogram, clocks, config.configured(), config.required()),
@@ -130,7 +130,7 @@ class Daemon final : private SampleSink {
   DoubtHook on_doubt_{options_.on_doubt, config_.alert,
                       [this](const std::string& text) { log(Severity::warning, "run", text); }};
   SensorClocks clocks_;  // also observe samples before the first slot
-  std::optional<Recording> recording_;
+  std::optional<ActiveRun> recording_;
   RunTotals totals_;
   PerSensor<std::uint64_t> early_{};  // samples before the first slot
   std::int64_t first_slot_ = 0;       // slot of the run's record 0
@@ -305,7 +305,7 @@ void Daemon::arm() {
 }
 
 void Daemon::tick() {
-  Recording& r = *recording_;
+  ActiveRun& r = *recording_;
   const HostTime now = loop_.now();
   if (interrupted() && !std::exchange(ending_, true)) interrupt(now);
   close_due(now);
@@ -327,7 +327,7 @@ void Daemon::tick() {
 }
 
 void Daemon::close_due(HostTime now) {
-  Recording& r = *recording_;
+  ActiveRun& r = *recording_;
   r.due.put(r.scheduler.tick(now));
   while (const auto due = r.due.next(r.journal.crowded()))
     close_slot(*due, r.scheduler.lateness(due->index, now));
@@ -392,7 +392,7 @@ void Daemon::put_counters() {
 }
 
 void Daemon::end() {
-  Recording& r = *recording_;
+  ActiveRun& r = *recording_;
   notify_stopping();
   devices_.stop();
   tag_check_.flush([this](const TagBlock& rest) { take_tags(rest); });

@@ -101,20 +101,20 @@ std::string size_text(double bytes) {
 }
 
 DiskSpeed measure_disk(const std::string& folder, std::size_t commit_bytes) {
-  using Clock = std::chrono::steady_clock;
+  using SteadyClock = std::chrono::steady_clock;
   constexpr auto time_limit = std::chrono::seconds(1);
   constexpr std::size_t file_limit = 64u << 20, min_commits = 5;
   NamelessFile file(folder);
   const std::vector<char> block = incompressible(commit_bytes);
   const std::size_t places = std::max<std::size_t>(1, file_limit / commit_bytes);
   std::vector<double> times;
-  const auto start = Clock::now();
-  while (times.size() < min_commits || Clock::now() - start < time_limit) {
-    const auto before = Clock::now();
+  const auto start = SteadyClock::now();
+  while (times.size() < min_commits || SteadyClock::now() - start < time_limit) {
+    const auto before = SteadyClock::now();
     file.commit(block, static_cast<off_t>(times.size() % places * commit_bytes));
-    times.push_back(std::chrono::duration<double>(Clock::now() - before).count());
+    times.push_back(std::chrono::duration<double>(SteadyClock::now() - before).count());
   }
-  const double total = std::chrono::duration<double>(Clock::now() - start).count();
+  const double total = std::chrono::duration<double>(SteadyClock::now() - start).count();
   DiskSpeed speed{.bytes_per_s = static_cast<double>(times.size() * commit_bytes) / total,
                   .commit_bytes = commit_bytes};
   std::sort(times.begin(), times.end());

@@ -73,7 +73,7 @@ void DoubtHook::take_disk(std::optional<std::uint64_t> free_bytes, UtcTime now,
        .record = {}});
 }
 
-void DoubtHook::put(Change change) {
+void DoubtHook::put(AlertChange change) {
   if (words_.empty() || change.kind.empty()) return;
   std::string& before = kinds_.try_emplace(change.source, "ok").first->second;
   if (std::exchange(before, change.kind) == change.kind) return;
@@ -88,12 +88,12 @@ void DoubtHook::update(HostTime now) {
     ::kill(-*program_, SIGKILL);
   }
   if (!ended() || waiting_.empty()) return;
-  const Change change = std::move(waiting_.front());
+  const AlertChange change = std::move(waiting_.front());
   waiting_.pop_front();
   start(change, now);
 }
 
-void DoubtHook::start(const Change& change, HostTime now) {
+void DoubtHook::start(const AlertChange& change, HostTime now) {
   std::error_code none;
   const auto started = start_program(
       words_, {.background = true,

@@ -42,12 +42,12 @@ class DoubtHook {
   void finish(HostTime now);
 
  private:
-  struct Change {
+  struct AlertChange {
     std::string source, kind, text, run, utc;
     std::optional<std::int64_t> record;
   };
-  void put(Change change);
-  void start(const Change& change, HostTime now);
+  void put(AlertChange change);
+  void start(const AlertChange& change, HostTime now);
   bool ended();
 
   const std::vector<std::string> words_;
@@ -55,7 +55,7 @@ class DoubtHook {
   const Warn warn_;
   std::map<std::string, std::string> kinds_;  // by source; none: ok
   PerSensor<std::optional<HostTime>> last_valid_;
-  std::deque<Change> waiting_;
+  std::deque<AlertChange> waiting_;
   std::optional<pid_t> program_;
   HostTime started_{};
   bool killed_ = false;

@@ -78,7 +78,7 @@ void Journal::write(record::RunWriter& run, record::FusedRecord& record) {
   ++written_;
 }
 
-void Journal::put(Job job) {
+void Journal::put(WriteJob job) {
   if (failed() || !worker_) return;
   if (waiting_ >= hard_limit * capacity_) {
     overflow_ = why_late();
@@ -102,7 +102,7 @@ std::string Journal::why_late() const {
 
 // The next run is opened before this one is closed, so that records need not wait for the final
 // check.
-void Journal::begin_next(Make make) {
+void Journal::begin_next(MakeRun make) {
   axes_.clear(), identities_ = {};
   put([this, make = std::move(make)](record::RunWriter&) {
     std::shared_ptr<record::RunWriter> before;
@@ -194,7 +194,7 @@ void Journal::put_counters(PerSensor<std::vector<Counter>> counters,
     counters[s].push_back({"duplicate", unassigned.duplicate[s]});
     counters[s].push_back({"out_of_order", unassigned.out_of_order[s]});
   }
-  std::vector<record::Counted> rows;
+  std::vector<record::CounterRow> rows;
   for (const Sensor s : all_sensors)
     for (const Counter& c : counters[s]) rows.push_back({name_of(s), c.name, c.value});
   put([rows = std::move(rows)](record::RunWriter& run) { run.put_counters(rows); });
@@ -294,7 +294,7 @@ void report_unassigned(RunLog& log, const UnassignedSamples& unassigned) {
 
 void RunLog::put(Severity severity, const std::string& source, const std::string& text,
                  bool recovery) {
-  Source& of = sources_[source];
+  LogSource& of = sources_[source];
   if (const HostTime now = clock_.now(); of.lines == 0 || now - of.since >= stretch) {
     const unsigned left_out = of.left_out;
     of = {.since = now};
@@ -312,7 +312,7 @@ void RunLog::write(Severity severity, const std::string& source, const std::stri
                    bool kept) {
   spdlog::log(level_of(severity), "{}: {}", source, printable(text));
   if (!kept) return;
-  Journal::Job job = [=, utc = clock_.utc()](record::RunWriter& run) {
+  Journal::WriteJob job = [=, utc = clock_.utc()](record::RunWriter& run) {
     run.put_event(utc, severity, source, text);
   };
   if (journal_)

@@ -32,7 +32,7 @@ class RunLog;
 // reason. Jobs wait while another program holds a write transaction on the run file.
 class Journal {
  public:
-  using Job = std::function<void(record::RunWriter&)>;
+  using WriteJob = std::function<void(record::RunWriter&)>;
   static constexpr std::size_t default_capacity = 64;
 
   // `loop` must outlive this; it provides clock and workers. Writes an anchor.
@@ -46,12 +46,12 @@ class Journal {
   // data; the verdict states whether the disk or another program is the cause. With ten times that
   // number the journal fails: it rejects new jobs but completes the waiting ones.
   bool put(record::FusedRecord record);
-  void put(Job job);
+  void put(WriteJob job);
   // Closes the run as complete and directs later jobs to the next one, created by `make`. Writes an
   // anchor; the caller puts configuration, devices and axes as for the first run. If `make` throws,
   // the journal fails.
-  using Make = std::function<std::unique_ptr<record::RunWriter>()>;
-  void begin_next(Make make);
+  using MakeRun = std::function<std::unique_ptr<record::RunWriter>()>;
+  void begin_next(MakeRun make);
   void put_config(const Config& config);
   void put_device(const DeviceInfo& device);  // one row per device, not per reconnection
   // Writes axes that the file does not have yet; zones together with the axis spd.
@@ -137,16 +137,16 @@ class RunLog {
   void attach(Journal& journal);
 
  private:
-  struct Source {
+  struct LogSource {
     HostTime since{};
     unsigned lines = 0, left_out = 0;
   };
   void write(Severity severity, const std::string& source, const std::string& text, bool kept);
 
   const Clock& clock_;
-  std::map<std::string, Source> sources_;
+  std::map<std::string, LogSource> sources_;
   Journal* journal_ = nullptr;
-  std::vector<Journal::Job> waiting_;  // events before the file existed
+  std::vector<Journal::WriteJob> waiting_;  // events before the file existed
 };
 
 // Logs a warning for each kind of unassigned samples that occurred.

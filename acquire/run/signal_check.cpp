@@ -211,7 +211,8 @@ std::string SignalCheck::judge_losses(const record::FusedRecord& r, Sensor senso
                 spd ? "start pulses" : "frames");
 }
 
-void SignalCheck::judge(record::FusedRecord& record, std::span<const Axis> axes, const Ends& ends) {
+void SignalCheck::judge(record::FusedRecord& record, std::span<const Axis> axes,
+                        const RecordingEnds& ends) {
   const auto axis = [&](const char* name) {
     return std::find_if(axes.begin(), axes.end(), [&](const Axis& a) { return a.name == name; });
   };

@@ -29,8 +29,9 @@ class SignalCheck {
   // Fills record.signal, except clicks_a_pulse, and sets the verdicts of valid sensors. Call in
   // record order; `axes`: those of the run. `ends`: ends of the sensors' recordings. A slot that
   // such an end cuts is expected to contain the samples before it.
-  using Ends = PerSensor<std::optional<HostTime>>;
-  void judge(record::FusedRecord& record, std::span<const Axis> axes, const Ends& ends = {});
+  using RecordingEnds = PerSensor<std::optional<HostTime>>;
+  void judge(record::FusedRecord& record, std::span<const Axis> axes,
+             const RecordingEnds& ends = {});
 
  private:
   // A sensor's signal in the first minute; unknown before five records.

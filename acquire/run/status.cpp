@@ -185,7 +185,7 @@ std::string status_line(const std::vector<StatusField>& fields, std::optional<st
 }
 
 StatusLine::StatusLine(HostTime start, double window_s, std::optional<std::int64_t> total,
-                       bool quiet, Show show)
+                       bool quiet, ShowLine show)
     : show_(show ? std::move(show) : [](const std::string& text) {
         std::fputs(text.c_str(), stderr);
         std::fflush(stderr);

@@ -65,10 +65,10 @@ std::string status_line(const std::vector<StatusField>& fields, std::optional<st
 // nothing when quiet. Red unless NO_COLOR is set; rings the bell when a sensor becomes doubtful.
 class StatusLine {
  public:
-  using Show = std::function<void(std::string)>;
+  using ShowLine = std::function<void(std::string)>;
   // `show` receives each line with control characters; empty: print to stderr.
   StatusLine(HostTime start, double window_s, std::optional<std::int64_t> total, bool quiet,
-             Show show);
+             ShowLine show);
   ~StatusLine();  // ends the line
   StatusLine(const StatusLine&) = delete;
   StatusLine& operator=(const StatusLine&) = delete;
@@ -78,7 +78,7 @@ class StatusLine {
 
  private:
   void show(HostTime now, const RunTotals& totals, const char* before = "", const char* after = "");
-  Show show_;
+  ShowLine show_;
   std::optional<std::int64_t> total_;
   double window_s_;
   bool quiet_, terminal_, colours_, drawn_ = false;

@@ -27,7 +27,7 @@ Axis kept_axis(const Axis& axis) {
 
 }  // namespace
 
-void Windows::Times::add(HostTime from, HostTime to, HostTime centre, double tags) {
+void Windows::SampleTimes::add(HostTime from, HostTime to, HostTime centre, double tags) {
   if (count == 0 || from < first) first = from;
   if (count == 0 || to > last) last = to;
   from_centre_s += tags * (seconds(from - centre) + seconds(to - centre)) / 2;
@@ -35,13 +35,14 @@ void Windows::Times::add(HostTime from, HostTime to, HostTime centre, double tag
   ++count;
 }
 
-void Windows::Times::describe(record::SensorSync& sync) const {
+void Windows::SampleTimes::describe(record::SensorSync& sync) const {
   if (count == 0) return;
   sync.offset_s = from_centre_s / weight;
   sync.span_s = seconds(last - first);
 }
 
-Windows::Numbers::Order Windows::Numbers::put(std::uint32_t number, std::uint64_t device_time) {
+Windows::FrameNumbers::Order Windows::FrameNumbers::put(std::uint32_t number,
+                                                        std::uint64_t device_time) {
   const auto known = last_.begin() + static_cast<std::ptrdiff_t>(std::min(count_, last_.size()));
   if (std::find(last_.begin(), known, std::pair(number, device_time)) != known)
     return Order::repeated;
@@ -94,10 +95,10 @@ void Windows::add_lost(std::uint64_t Slot::*lost, HostTime taken, std::uint64_t 
   if (amount > 0 && k >= 0) open_[std::max(k, next_)].*lost += amount;
 }
 
-bool Windows::repeated(Sensor sensor, Numbers::Order order) {
-  unassigned_.duplicate[sensor] += order == Numbers::Order::repeated;
-  unassigned_.out_of_order[sensor] += order == Numbers::Order::back;
-  return order == Numbers::Order::repeated;
+bool Windows::repeated(Sensor sensor, FrameNumbers::Order order) {
+  unassigned_.duplicate[sensor] += order == FrameNumbers::Order::repeated;
+  unassigned_.out_of_order[sensor] += order == FrameNumbers::Order::back;
+  return order == FrameNumbers::Order::repeated;
 }
 
 void Windows::add(const TagBlock& block) {

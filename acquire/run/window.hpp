@@ -84,7 +84,7 @@ class Windows {
   record::LateCounts take_late() { return std::exchange(late_, {}); }
 
  private:
-  struct Times {  // times at which the samples in use were taken
+  struct SampleTimes {  // times at which the samples in use were taken
     HostTime first{}, last{};
     double from_centre_s = 0, weight = 0;
     std::int64_t count = 0;
@@ -96,13 +96,13 @@ class Windows {
     std::vector<std::uint32_t> summed;          // counts of a detector that sends histograms
     TagCounts summed_tags;
     std::uint64_t spd_lost = 0;
-    Times spd_times;
+    SampleTimes spd_times;
     TagCounts tags() const { return histogram ? histogram->tag_counts() : summed_tags; }
 
     std::vector<double> power;
     std::vector<std::uint16_t> first_codes;
     std::uint64_t radar_frames = 0, radar_lost = 0;
-    Times radar_times;
+    SampleTimes radar_times;
     std::optional<record::ArrayStatistics> array;
     std::uint32_t array_last = 0;  // number of its last frame
     std::string radar_fault;
@@ -117,7 +117,7 @@ class Windows {
   };
 
   // Numbers of the last frames, to detect repeated ones.
-  class Numbers {
+  class FrameNumbers {
    public:
     enum class Order { next, repeated, back };
     Order put(std::uint32_t number, std::uint64_t device_time);
@@ -129,7 +129,7 @@ class Windows {
 
   Slot* find(Sensor sensor, HostTime taken, std::uint64_t amount);
   void add_lost(std::uint64_t Slot::*lost, HostTime taken, std::uint64_t amount);
-  bool repeated(Sensor sensor, Numbers::Order order);
+  bool repeated(Sensor sensor, FrameNumbers::Order order);
   void add_part(std::span<const Tag> tags, HostTime from, HostTime to);
   void take_profile(Slot& slot, const RadarFrame& frame, HostTime taken);
   void take_array(Slot& slot, const RadarFrame& frame) const;
@@ -151,7 +151,7 @@ class Windows {
   PerSensor<bool> refused_{};
   std::map<std::int64_t, Slot> open_;
   std::int64_t next_ = 0;  // first open slot
-  Numbers radar_numbers_, depth_numbers_;
+  FrameNumbers radar_numbers_, depth_numbers_;
   UnassignedSamples unassigned_;
   record::LateCounts late_;
 };

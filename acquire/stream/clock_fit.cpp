@@ -53,7 +53,7 @@ std::int64_t ClockFit::advance(const Receipt& from, const Receipt& to) const {
                       spare_bits_);
 }
 
-ClockFit::Sample ClockFit::sample_of(const Receipt& receipt) const {
+ClockFit::ClockSample ClockFit::sample_of(const Receipt& receipt) const {
   const auto ticks =
       static_cast<std::uint64_t>(last_ticks_) + static_cast<std::uint64_t>(advance(last_, receipt));
   const double device_s = static_cast<double>(static_cast<std::int64_t>(ticks)) * tick_s_;
@@ -66,12 +66,12 @@ bool ClockFit::agree(const Receipt& first, const Receipt& second) const {
          std::abs(seconds(second.received - first.received) - device_s) < agreement_s;
 }
 
-bool ClockFit::jumps(const Sample& sample) const {
+bool ClockFit::jumps(const ClockSample& sample) const {
   return sample.excess_s - line(sample.device_s) < -early_limit_s ||
          sample.device_s < newest_s_ - back_limit_s;
 }
 
-bool ClockFit::steps(const Sample& sample, HostTime received) {
+bool ClockFit::steps(const ClockSample& sample, HostTime received) {
   if (sample.excess_s - line(sample.device_s) < late_limit_s) {
     late_.reset();
     return false;
@@ -83,7 +83,7 @@ bool ClockFit::steps(const Sample& sample, HostTime received) {
 void ClockFit::add(std::uint64_t ticks, HostTime received) {
   const Receipt receipt{ticks, received};
   if (history_.empty() || received - last_.received > longest_gap) return begin(receipt);
-  Sample sample = sample_of(receipt);
+  ClockSample sample = sample_of(receipt);
   if (jumps(sample)) {
     const auto before = std::exchange(suspect_, receipt);
     if (!before || !agree(*before, receipt)) return;
@@ -97,7 +97,7 @@ void ClockFit::add(std::uint64_t ticks, HostTime received) {
   take(sample);
 }
 
-void ClockFit::take(const Sample& sample) {
+void ClockFit::take(const ClockSample& sample) {
   newest_s_ = std::max(newest_s_, sample.device_s);
   const auto stretch = static_cast<std::int64_t>(std::floor(sample.device_s / stretch_s));
   ++samples_;
@@ -111,19 +111,19 @@ void ClockFit::take(const Sample& sample) {
   }
   Least& least = history_.back();
   ++least.samples;
-  const auto delay = [this](const Sample& s) { return s.excess_s - line(s.device_s); };
+  const auto delay = [this](const ClockSample& s) { return s.excess_s - line(s.device_s); };
   if (stretch < least.stretch || delay(sample) >= delay(least.sample)) return;
   least.sample = sample;
   fit();
 }
 
 void ClockFit::fit() {
-  std::vector<Sample> hull;  // lower hull, by Andrew's monotone chain
+  std::vector<ClockSample> hull;  // lower hull, by Andrew's monotone chain
   double middle_s = 0;
   for (const Least& least : history_) {
-    const Sample& p = least.sample;
+    const ClockSample& p = least.sample;
     const auto needless = [&] {
-      const Sample &a = hull[hull.size() - 2], &b = hull.back();
+      const ClockSample &a = hull[hull.size() - 2], &b = hull.back();
       return (b.excess_s - a.excess_s) * (p.device_s - a.device_s) >=
              (p.excess_s - a.excess_s) * (b.device_s - a.device_s);
     };
@@ -134,7 +134,7 @@ void ClockFit::fit() {
   slope_ = edge_slope_ = 0;
   if (hull.size() >= 2) {
     const auto right = std::find_if(hull.begin() + 1, hull.end() - 1,
-                                    [&](const Sample& p) { return p.device_s >= middle_s; });
+                                    [&](const ClockSample& p) { return p.device_s >= middle_s; });
     const auto left = right - 1;
     const double limit =
         steepest * std::min(1.0, (newest_s_ - hull.front().device_s) / steepest_after_s);
@@ -142,7 +142,7 @@ void ClockFit::fit() {
     slope_ = std::clamp(edge_slope_, -limit, limit);
   }
   intercept_s_ = std::numeric_limits<double>::max();
-  for (const Sample& p : hull)
+  for (const ClockSample& p : hull)
     intercept_s_ = std::min(intercept_s_, p.excess_s - slope_ * p.device_s);
   residual_s_ = 0;
   for (const Least& least : history_)

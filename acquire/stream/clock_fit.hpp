@@ -59,12 +59,12 @@ class ClockFit {
     std::uint64_t ticks = 0;
     HostTime received{};
   };
-  struct Sample {
+  struct ClockSample {
     double device_s;  // since the start of the history
     double excess_s;  // host time since the start, minus device_s
   };
   struct Least {  // least delayed sample of a stretch of the history
-    Sample sample;
+    ClockSample sample;
     std::int64_t stretch;
     std::uint64_t samples;
   };
@@ -75,12 +75,12 @@ class ClockFit {
 
   void begin(const Receipt& receipt);
   std::int64_t advance(const Receipt& from, const Receipt& to) const;
-  Sample sample_of(const Receipt& receipt) const;
+  ClockSample sample_of(const Receipt& receipt) const;
   bool agree(const Receipt& first, const Receipt& second) const;
   double line(double device_s) const { return intercept_s_ + slope_ * device_s; }
-  bool jumps(const Sample& sample) const;
-  bool steps(const Sample& sample, HostTime received);
-  void take(const Sample& sample);
+  bool jumps(const ClockSample& sample) const;
+  bool steps(const ClockSample& sample, HostTime received);
+  void take(const ClockSample& sample);
   void fit();
 
   double tick_s_;

@@ -71,10 +71,10 @@ std::string comb_text(long double step_ps, std::int64_t bin_width_ps) {
       step_ps, static_cast<long long>(bin_width_ps), std::max(1.0L, std::round(steps)) * step_ps);
 }
 
-TagCheck::TagCheck(const tdc::HistogramSettings& use, bool live, Report report)
+TagCheck::TagCheck(const tdc::HistogramSettings& use, bool live, ReportFault report)
     : use_(use), live_(live), report_(std::move(report)) {}
 
-void TagCheck::take(const TagBlock& block, const Take& out) {
+void TagCheck::take(const TagBlock& block, const Output& out) {
   if (block.lost_blocks > 0) {  // previous connection
     last_ps_.reset(), clock_from_.reset(), clock_ratio_.reset(), overflow_from_.reset();
     highest_ps_ = offset_ps_ = 0;
@@ -110,7 +110,7 @@ void TagCheck::take(const TagBlock& block, const Take& out) {
   if (block.received - *second_from_ >= 1s) judge_second(block.received);
 }
 
-void TagCheck::pass(const TagBlock& block, const Take& out, bool plain) {
+void TagCheck::pass(const TagBlock& block, const Output& out, bool plain) {
   auto rest = block.tags;
   for (; !rest.empty() && sample_.events < most_events; rest = rest.subspan(1))
     look_at(rest.front(), block.received);
@@ -148,7 +148,7 @@ std::size_t TagCheck::ready() const {
   return count;
 }
 
-void TagCheck::flush(const Take& out) {
+void TagCheck::flush(const Output& out) {
   repaired_ = std::exchange(held_, {});
   if (!repaired_.empty()) pass({.received = held_received_, .tags = repaired_}, out);
 }
@@ -258,7 +258,7 @@ void TagCheck::judge_second(HostTime received) {
 
 void TagCheck::judge_clock(HostTime received) {
   if (!last_ps_) return;
-  const Reading now{received, *last_ps_ + offset_ps_};
+  const ClockReading now{received, *last_ps_ + offset_ps_};
   if (stepped_back_ > 0 || !clock_from_) {
     clock_from_ = now, clock_ratio_.reset();
     return;
@@ -365,15 +365,15 @@ void TagCheck::judge_clicks() {
                    delay_ps / ps_per_m));
 }
 
-void TagCheck::found(Kind kind, std::uint64_t count, const std::string& cause) {
-  Fault& fault = faults_[kind];
+void TagCheck::found(FaultType kind, std::uint64_t count, const std::string& cause) {
+  TagFault& fault = faults_[kind];
   fault.count += count;
   fault.cause = cause;
   if (live_ && fault.reported == 0) report(kind);
 }
 
-void TagCheck::report(Kind kind) {
-  Fault& fault = faults_[kind];
+void TagCheck::report(FaultType kind) {
+  TagFault& fault = faults_[kind];
   report_(kind == steps ? fault.cause : std::to_string(fault.count) + " " + fault.cause);
   fault.reported = fault.count;
 }
@@ -382,7 +382,7 @@ void TagCheck::finish() {
   if (second_from_) judge_second(*second_from_);
   for (std::size_t kind = 0; kind < faults_.size(); ++kind)
     if (kind != steps || faults_[kind].reported == 0)
-      if (faults_[kind].count > faults_[kind].reported) report(static_cast<Kind>(kind));
+      if (faults_[kind].count > faults_[kind].reported) report(static_cast<FaultType>(kind));
 }
 
 }  // namespace echofuse::acquire

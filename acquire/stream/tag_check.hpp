@@ -31,26 +31,38 @@ std::string comb_text(long double step_ps, std::int64_t bin_width_ps);
 
 class TagCheck {
  public:
-  using Report = std::function<void(const std::string&)>;
+  using ReportFault = std::function<void(const std::string&)>;
   // `live`: reports each fault immediately, and tests the device's clock. For a recording, time is
   // that of its tags.
-  TagCheck(const tdc::HistogramSettings& use, bool live, Report report);
+  TagCheck(const tdc::HistogramSettings& use, bool live, ReportFault report);
 
-  using Take = std::function<void(const TagBlock&)>;
+  using Output = std::function<void(const TagBlock&)>;
   // Calls `out` with the waiting events, then with those of the block; times are repaired.
-  void take(const TagBlock& block, const Take& out);
+  void take(const TagBlock& block, const Output& out);
   // Calls `out` with the remaining events at the end of the stream.
-  void flush(const Take& out);
+  void flush(const Output& out);
   // Reports faults not reported yet, and the counts of repeated ones.
   void finish();
 
  private:
-  enum Kind { wrap, order, back, clock, overflow, missing, doubled, period, steps, second, kinds };
-  struct Fault {
+  enum FaultType {
+    wrap,
+    order,
+    back,
+    clock,
+    overflow,
+    missing,
+    doubled,
+    period,
+    steps,
+    second,
+    kinds
+  };
+  struct TagFault {
     std::uint64_t count = 0, reported = 0;
     std::string cause;
   };
-  struct Sample {  // counts of the current second
+  struct SecondCounts {  // counts of the current second
     std::size_t events = 0;
     std::uint64_t starts = 0, firsts = 0, seconds = 0;
     std::vector<std::uint64_t> gaps_ps, delays_ps;  // between starts; from first to second click
@@ -63,7 +75,7 @@ class TagCheck {
   void sort();
   std::size_t ready() const;
   // `plain`: the result of is_plain().
-  void pass(const TagBlock& block, const Take& out, bool plain = false);
+  void pass(const TagBlock& block, const Output& out, bool plain = false);
   void look_at(const Tag& tag, HostTime received);
   void take_marker(const Tag& tag, HostTime received);
   void judge_clock(HostTime received);
@@ -71,13 +83,13 @@ class TagCheck {
   void judge_starts();
   void judge_clicks();
   void judge_second(HostTime received);
-  void found(Kind kind, std::uint64_t count, const std::string& cause);
-  void report(Kind kind);
+  void found(FaultType kind, std::uint64_t count, const std::string& cause);
+  void report(FaultType kind);
 
   tdc::HistogramSettings use_;
   bool live_;
-  Report report_;
-  std::array<Fault, kinds> faults_;
+  ReportFault report_;
+  std::array<TagFault, kinds> faults_;
   std::vector<Tag> repaired_, held_;
   HostTime held_received_{};
   bool hold_ = true;
@@ -86,17 +98,17 @@ class TagCheck {
   // Counts of the current second.
   std::uint64_t wrapped_ = 0, stepped_back_ = 0, sorted_ = 0, farthest_back_ps_ = 0;
   unsigned wrap_bits_ = 0;
-  struct Reading {
+  struct ClockReading {
     HostTime received;
     std::uint64_t device_ps;
   };
-  std::optional<Reading> clock_from_;
+  std::optional<ClockReading> clock_from_;
   std::optional<double> clock_ratio_;
   std::optional<HostTime> second_from_, overflow_from_;
   bool overflow_told_ = false;
   std::optional<std::uint64_t> last_start_ps_, last_click_ps_;
   unsigned clicks_ = 0;  // since the last start
-  Sample sample_;
+  SecondCounts sample_;
   double period_ps_ = 0;   // start period; 0: unknown
   double next_share_ = 0;  // share of starts followed by the start of the next pulse
 };

@@ -90,7 +90,7 @@ TEST_CASE("counters of a run are written completely or not at all") {
   const Folder folder;
   record::RunWriter run(folder / "a.sqlite", {});
   sql(folder / "a.sqlite", "CREATE UNIQUE INDEX once ON counter (name)");
-  const std::vector<record::Counted> counted{{"spd", "a", 1}, {"radar", "a", 2}};
+  const std::vector<record::CounterRow> counted{{"spd", "a", 1}, {"radar", "a", 2}};
   CHECK(has(error_of([&] { run.put_counters(counted); }).second, "UNIQUE"));
   sql(folder / "a.sqlite", "DROP INDEX once");
   CHECK(record::RunReader(folder / "a.sqlite").counters().empty());

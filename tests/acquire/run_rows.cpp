@@ -213,7 +213,7 @@ TEST_CASE("run metadata are read as written") {
     run.put_late({{2, {1, 2, 3}}, {3, {4, 5, 6}}});
     run.put_late({{3, {1, 1, 1}}});
     run.put_event(UtcTime(0), Severity::error, "radar", "x");
-    const Counted counted{"spd", "tags", 9};
+    const CounterRow counted{"spd", "tags", 9};
     run.put_counters({&counted, 1});
     run.close("complete");
   }
