@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::array<std::uint8_t, 4> magic = {'E', 'F', 'B', 'R'};
 
-struct Header {
+struct BlockHeader {
   std::uint16_t version, kind;
   std::uint32_t sequence, payload_bytes;
   std::uint64_t dropped_items;
@@ -29,9 +29,9 @@ struct Header {
   }
 };
 
-Header read_header(ByteView bytes) {
+BlockHeader read_header(ByteView bytes) {
   ByteReader in(bytes.subspan(magic.size()));
-  Header h{};
+  BlockHeader h{};
   h.version = in.get<std::uint16_t>();
   h.kind = in.get<std::uint16_t>();
   h.sequence = in.get<std::uint32_t>();
@@ -81,7 +81,7 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
   // An incomplete magic is compared, too, so that foreign bytes are reported at once.
   if (bytes.size() < magic.size()) return {0, bytes.size() + 1};
   if (bytes.size() < header_bytes) return {0, header_bytes};
-  const Header header = read_header(bytes);
+  const BlockHeader header = read_header(bytes);
   if (!header.plausible()) {
     ++counts_.bad_headers;
     return refuse("block header is damaged or of another version", header_bytes);

@@ -100,10 +100,10 @@ struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
 };
 
 // Runs on the camera's thread.
-class OpenNiCamera::Worker {
+class OpenNiCamera::CaptureThread {
  public:
-  Worker(std::shared_ptr<Shared> shared, DeviceInfo info, std::string uri, const Clock& clock,
-         OpenNiOptions options, port::RawKeeper* raw)
+  CaptureThread(std::shared_ptr<Shared> shared, DeviceInfo info, std::string uri,
+                const Clock& clock, OpenNiOptions options, port::RawKeeper* raw)
       : shared_(std::move(shared)),
         uri_(std::move(uri)),
         clock_(clock),
@@ -247,7 +247,7 @@ void OpenNiCamera::start(SampleSink& sink) {
   DeviceInfo info;
   info.sensor = Sensor::depth;
   info.address = address_;
-  const auto worker = std::make_shared<Worker>(shared_, info, uri_, loop_, options_, raw_);
+  const auto worker = std::make_shared<CaptureThread>(shared_, info, uri_, loop_, options_, raw_);
   shared_->start(sink, info, [worker] { worker->run(); });
 }
 

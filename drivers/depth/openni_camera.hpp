@@ -49,7 +49,7 @@ class OpenNiCamera final : public Driver {
 
  private:
   struct Shared;
-  class Worker;
+  class CaptureThread;
   std::shared_ptr<Shared> shared_;
   std::string address_, uri_;
   port::Loop& loop_;

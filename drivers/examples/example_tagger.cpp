@@ -12,7 +12,7 @@ constexpr auto shortest_pause = 100ms, longest_pause = 2000ms, poll_pause = 5ms;
 
 }  // namespace
 
-ExampleTagger::ExampleTagger(port::Loop& loop, Board board, std::string address)
+ExampleTagger::ExampleTagger(port::Loop& loop, VendorBoard board, std::string address)
     : loop_(loop), board_(std::move(board)), timer_(loop) {
   info_ = {Sensor::spd, std::move(address), "Example tagger", "0001", "1.0", {}};
 }

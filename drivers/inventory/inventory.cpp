@@ -129,34 +129,34 @@ std::optional<NodeOwner> owner_of(const std::string& node, const std::string& sy
   return std::nullopt;
 }
 
-enum class Access { serial, hid, usb };
+enum class Transport { serial, hid, usb };
 
-struct Kind {
+struct KnownDevice {
   std::uint16_t vendor, product;  // product 0: any of this vendor
   const char* name;
-  Access access;
+  Transport access;
   unsigned data_interface;  // radar boards: interface of the data port; the command port is 00
   const char* advice;
   const char* model = "";  // part of the product's name; empty: any
 };
 
-constexpr Kind kinds[] = {
-    {0x0451, 0xbef3, "TI XDS110 (radar board)", Access::serial, 3, ""},
-    {0x0451, 0xbef4, "TI XDS110 (radar board)", Access::serial, 3, ""},
-    {0x10c4, 0xea70, "CP2105 (radar board)", Access::serial, 1, ""},
-    {0x10c4, 0xea80, "CP2110 HID serial bridge", Access::hid, 0, ""},
-    {0x151f, 0, "Opal Kelly FPGA (Swabian Time Tagger)", Access::usb, 0,
+constexpr KnownDevice kinds[] = {
+    {0x0451, 0xbef3, "TI XDS110 (radar board)", Transport::serial, 3, ""},
+    {0x0451, 0xbef4, "TI XDS110 (radar board)", Transport::serial, 3, ""},
+    {0x10c4, 0xea70, "CP2105 (radar board)", Transport::serial, 1, ""},
+    {0x10c4, 0xea80, "CP2110 HID serial bridge", Transport::hid, 0, ""},
+    {0x151f, 0, "Opal Kelly FPGA (Swabian Time Tagger)", Transport::usb, 0,
      "start echofuse-bridge-timetagger: tdc.address = \"bridge:tcp://127.0.0.1:41110\""},
-    {0x2bc5, 0, "Orbbec camera", Access::usb, 0,
+    {0x2bc5, 0, "Orbbec camera", Transport::usb, 0,
      "start echofuse-bridge-orbbec: depth.address = \"bridge:tcp://127.0.0.1:41111\"; cameras that "
      "OpenNI2 supports are listed below with their URI"},
-    {0x8086, 0, "RealSense camera", Access::usb, 0,
+    {0x8086, 0, "RealSense camera", Transport::usb, 0,
      "start echofuse-bridge-realsense: depth.address = \"bridge:tcp://127.0.0.1:41111\"",
      "RealSense"},
 };
 
 // Identified by its interface, for any vendor (drivers/README.md, "Over USB").
-constexpr Kind tag_stream{0, 0, "USB time tagger", Access::usb, 0, ""};
+constexpr KnownDevice tag_stream{0, 0, "USB time tagger", Transport::usb, 0, ""};
 
 bool streams_tags(const UsbDevice& d) {
   return std::any_of(d.interfaces.begin(), d.interfaces.end(), [](const UsbInterface& i) {
@@ -164,9 +164,9 @@ bool streams_tags(const UsbDevice& d) {
   });
 }
 
-const Kind* kind_of(const UsbDevice& d) {
+const KnownDevice* kind_of(const UsbDevice& d) {
   if (streams_tags(d)) return &tag_stream;
-  for (const Kind& k : kinds)
+  for (const KnownDevice& k : kinds)
     if (k.vendor == d.vendor && (k.product == 0 || k.product == d.product) &&
         d.model.find(k.model) != d.model.npos)
       return &k;
@@ -217,7 +217,7 @@ std::string by_serial(const char* scheme, const UsbDevice& d) {
          (d.serial.empty() ? "" : ':' + d.serial);
 }
 
-std::vector<Node> serial_nodes(const Kind& kind, const UsbDevice& d, const Roots& roots,
+std::vector<Node> serial_nodes(const KnownDevice& kind, const UsbDevice& d, const Roots& roots,
                                bool shared_serial) {
   std::vector<Node> out;
   for (const UsbInterface& interface : d.interfaces) {
@@ -252,15 +252,16 @@ std::vector<Node> usb_nodes(const UsbDevice& d, const Roots& roots) {
   return {node};
 }
 
-Attached describe(const Kind& kind, const UsbDevice& d, const Roots& roots, bool shared_serial) {
+Attached describe(const KnownDevice& kind, const UsbDevice& d, const Roots& roots,
+                  bool shared_serial) {
   Attached out{d.vendor,    d.product, kind.name, d.model, d.serial, firmware_of(d.release_bcd),
                kind.advice, {}};
-  if (kind.access == Access::serial) out.nodes = serial_nodes(kind, d, roots, shared_serial);
-  if (kind.access == Access::serial && shared_serial)
+  if (kind.access == Transport::serial) out.nodes = serial_nodes(kind, d, roots, shared_serial);
+  if (kind.access == Transport::serial && shared_serial)
     out.advice = "another board has the same serial number " + d.serial +
                  ", so these names identify the USB socket: keep each board in its socket";
-  if (kind.access == Access::hid) out.nodes = hid_nodes(d, roots);
-  if (kind.access == Access::usb) out.nodes = usb_nodes(d, roots);
+  if (kind.access == Transport::hid) out.nodes = hid_nodes(d, roots);
+  if (kind.access == Transport::usb) out.nodes = usb_nodes(d, roots);
   return out;
 }
 
@@ -279,7 +280,7 @@ std::vector<Attached> list_attached(const Roots& roots) {
     const auto same = std::count_if(tree.begin(), tree.end(), [&](const UsbDevice& d) {
       return d.vendor == device.vendor && d.product == device.product && d.serial == device.serial;
     });
-    if (const Kind* kind = kind_of(device))
+    if (const KnownDevice* kind = kind_of(device))
       out.push_back(describe(*kind, device, roots, same > 1 && !device.serial.empty()));
   }
   return out;
@@ -290,8 +291,8 @@ std::string two_boards(const std::string& command_path, const std::string& data_
   const auto board_of = [&](const std::string& path) -> std::string {
     std::error_code error;
     const auto owner = owner_of(fs::canonical(path, error).filename().string(), roots.sys);
-    const Kind* kind = owner ? kind_of(owner->device) : nullptr;
-    if (!kind || kind->access != Access::serial) return {};
+    const KnownDevice* kind = owner ? kind_of(owner->device) : nullptr;
+    if (!kind || kind->access != Transport::serial) return {};
     return std::string(kind->name) + ' ' + owner->device.serial + " at USB " + owner->device.place;
   };
   const std::string command = board_of(command_path), data = board_of(data_path);
@@ -314,8 +315,8 @@ std::optional<RadarPort> radar_port(const std::string& path, const Roots& roots)
     return role_in(data, number);
   }
   const auto owner = owner_of(name, roots.sys);
-  const Kind* kind = owner ? kind_of(owner->device) : nullptr;
-  if (!kind || kind->access != Access::serial) return std::nullopt;
+  const KnownDevice* kind = owner ? kind_of(owner->device) : nullptr;
+  if (!kind || kind->access != Transport::serial) return std::nullopt;
   return role_in(kind->data_interface, owner->interface_number);
 }
 

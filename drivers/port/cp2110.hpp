@@ -36,13 +36,13 @@ inline std::array<std::uint8_t, 9> config_report(std::uint32_t baud) {
   return {0x50, byte(24), byte(16), byte(8), byte(0), 0, 0, 3, 0};
 }
 
-struct Status {
+struct UartStatus {
   bool parity_error, overrun;
 };
 // Returns nullopt unless the bytes are a complete status report.
-inline std::optional<Status> parse_status(ByteView report) {
+inline std::optional<UartStatus> parse_status(ByteView report) {
   if (report.size() < status_bytes || report[0] != status_id) return std::nullopt;
-  return Status{(report[5] & 1) != 0, (report[5] & 2) != 0};
+  return UartStatus{(report[5] & 1) != 0, (report[5] & 2) != 0};
 }
 
 // Returns the payload of a data report from the bridge; empty for other reports. Limits the count

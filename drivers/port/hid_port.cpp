@@ -33,7 +33,7 @@ struct CloseDevice {
     ::close(lock);
   }
 };
-using Device = std::unique_ptr<hid_device, CloseDevice>;
+using HidDevice = std::unique_ptr<hid_device, CloseDevice>;
 
 std::string name_of(const HidAddress& address) {
   char ids[16];
@@ -71,7 +71,7 @@ Result<std::string> find_node(const HidAddress& address) {
   return failure(std::errc::no_such_device, name_of(address) + ": open" + others);
 }
 
-Result<Device> open_device(const HidAddress& address) {
+Result<HidDevice> open_device(const HidAddress& address) {
   static std::mutex hidapi_globals;
   const std::lock_guard lock(hidapi_globals);
   const Result<std::string> node = find_node(address);
@@ -82,7 +82,8 @@ Result<Device> open_device(const HidAddress& address) {
   if (error == 0 && ::flock(fd, LOCK_EX | LOCK_NB) != 0)
     error = errno == EWOULDBLOCK ? EBUSY : errno;
   if (error == 0) {
-    if (hid_device* device = hid_open_path(node->c_str())) return Device(device, CloseDevice{fd});
+    if (hid_device* device = hid_open_path(node->c_str()))
+      return HidDevice(device, CloseDevice{fd});
     error = EIO;  // hidapi does not return the reason
   }
   if (fd >= 0) ::close(fd);
@@ -92,22 +93,22 @@ Result<Device> open_device(const HidAddress& address) {
                                            : "")};
 }
 
-struct Link : ThreadLink {
+struct HidLink : ThreadLink {
   using ThreadLink::ThreadLink;
   std::mutex mutex;  // guards the members below
   Bytes in, out;
   bool posted = false;
   std::uint64_t dropped = 0;  // in either direction, not yet reported
 };
-using LinkPtr = std::shared_ptr<Link>;
+using HidLinkPtr = std::shared_ptr<HidLink>;
 
-void append(Link& link, Bytes& queue, ByteView bytes) {
+void append(HidLink& link, Bytes& queue, ByteView bytes) {
   const std::size_t fits = std::min(bytes.size(), max_waiting - queue.size());
   queue.insert(queue.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(fits));
   link.dropped += bytes.size() - fits;
 }
 
-void deliver(Link& link) {
+void deliver(HidLink& link) {
   Bytes bytes;
   {
     const std::lock_guard lock(link.mutex);
@@ -118,14 +119,14 @@ void deliver(Link& link) {
 }
 
 // Owns the device on its own thread.
-class Worker {
+class HidWorker {
  public:
-  Worker(LinkPtr link, HidAddress address, std::uint32_t baud)
+  HidWorker(HidLinkPtr link, HidAddress address, std::uint32_t baud)
       : link_(std::move(link)), address_(std::move(address)), baud_(baud) {}
 
   // Runs until the port is closed (returns nullopt) or the device fails (returns the failure).
   std::optional<Failure> serve() {
-    Result<Device> opened = open_device(address_);
+    Result<HidDevice> opened = open_device(address_);
     if (!opened) return opened.failure();
     device_ = std::move(*opened);
     if (!send_feature(cp2110::config_report(baud_)) || !send_feature(cp2110::enable_report) ||
@@ -167,7 +168,7 @@ class Worker {
   }
 
   void warn(const std::string& text, std::uint64_t losses) {
-    post(link_, [text = name_of(address_) + ": " + text, losses](Link& link) {
+    post(link_, [text = name_of(address_) + ": " + text, losses](HidLink& link) {
       if (link.handlers.warning) link.handlers.warning(text, losses);
     });
   }
@@ -218,13 +219,13 @@ class Worker {
     if (dropped > 0) warn("bytes dropped because the program did not read them in time", dropped);
   }
 
-  LinkPtr link_;
+  HidLinkPtr link_;
   HidAddress address_;
   std::uint32_t baud_;
-  Device device_;
+  HidDevice device_;
 };
 
-class HidPort final : public ThreadPort<Link, Worker> {
+class HidPort final : public ThreadPort<HidLink, HidWorker> {
  public:
   using ThreadPort::ThreadPort;
   void write(ByteView bytes) override {

@@ -97,7 +97,7 @@ class Thread final : public Worker {
 
 }  // namespace
 
-struct SystemLoop::Parts {
+struct SystemLoop::Impl {
   boost::asio::io_context io;
   boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work{
       io.get_executor()};  // keeps run_one() waiting without pending operations
@@ -105,7 +105,7 @@ struct SystemLoop::Parts {
   std::optional<HostTime> armed;  // expiry of the wait timer
 };
 
-SystemLoop::SystemLoop() : parts_(std::make_unique<Parts>()) {}
+SystemLoop::SystemLoop() : parts_(std::make_unique<Impl>()) {}
 SystemLoop::~SystemLoop() = default;
 
 namespace {
@@ -130,7 +130,7 @@ void SystemLoop::wait(HostTime until) {
   constexpr std::chrono::milliseconds longest{20};
   const HostTime end = std::min(until, now() + longest);
   // Not run_one_until(), which waits in whole milliseconds.
-  if (Parts& p = *parts_; !p.armed || end < *p.armed) {
+  if (Impl& p = *parts_; !p.armed || end < *p.armed) {
     p.armed = end;
     p.timer.expires_at(std::chrono::steady_clock::time_point(end));
     p.timer.async_wait([&p](const boost::system::error_code& error) {

@@ -88,8 +88,8 @@ class SystemLoop final : public Loop {
   void wait(HostTime until) override;
   bool poll() override;
 
-  struct Parts;
-  std::unique_ptr<Parts> parts_;
+  struct Impl;
+  std::unique_ptr<Impl> parts_;
 };
 
 }  // namespace echofuse::port

@@ -16,31 +16,31 @@ constexpr unsigned request_limit_ms = 500;
 constexpr auto cancel_limit = std::chrono::seconds(2);
 constexpr int turn_ms = 10;  // longest time that a closed port holds the device
 
-struct Link : ThreadLink {
+struct UsbLink : ThreadLink {
   using ThreadLink::ThreadLink;
   std::atomic<std::size_t> queued{0};  // bytes posted to the loop's thread, not yet delivered
 };
 
 // Owns the device on its own thread.
-class Worker {
+class UsbWorker {
  public:
-  Worker(std::shared_ptr<Link> link, std::string name, UsbAddress address)
+  UsbWorker(std::shared_ptr<UsbLink> link, std::string name, UsbAddress address)
       : link_(std::move(link)), name_(std::move(name)), address_(std::move(address)) {}
-  ~Worker() {
+  ~UsbWorker() {
     stopping_ = true;
     cancel();
     if (started_) request(usb_stop);
     if (any_busy()) {  // libusb still writes into these buffers: leak them
-      for (Slot& slot : slots_) new Bytes(std::move(slot.buffer));
+      for (Transfer& slot : slots_) new Bytes(std::move(slot.buffer));
       static_cast<void>(handle_.release());
       static_cast<void>(context_.release());
       return;
     }
-    for (Slot& slot : slots_) libusb_free_transfer(slot.transfer);
+    for (Transfer& slot : slots_) libusb_free_transfer(slot.transfer);
     if (claimed_) libusb_release_interface(handle_.get(), interface_);
   }
-  Worker(const Worker&) = delete;
-  Worker& operator=(const Worker&) = delete;
+  UsbWorker(const UsbWorker&) = delete;
+  UsbWorker& operator=(const UsbWorker&) = delete;
 
   std::optional<Failure> serve() {
     if (!open() || !start()) return failure_;
@@ -61,8 +61,8 @@ class Worker {
   struct Handle {
     void operator()(libusb_device_handle* h) const { libusb_close(h); }
   };
-  struct Slot {
-    Worker* worker = nullptr;
+  struct Transfer {
+    UsbWorker* worker = nullptr;
     libusb_transfer* transfer = nullptr;
     Bytes buffer;
     bool busy = false;
@@ -177,7 +177,7 @@ class Worker {
     libusb_clear_halt(handle_.get(), endpoint_);
     if (const int error = request(usb_start); error < 0) return fail("start", error);
     started_ = true;
-    for (Slot& slot : slots_) {
+    for (Transfer& slot : slots_) {
       slot.worker = this;
       slot.buffer.resize(transfer_bytes);
       slot.transfer = libusb_alloc_transfer(0);
@@ -193,7 +193,7 @@ class Worker {
   }
 
   void submit_idle() {
-    for (Slot& slot : slots_) {
+    for (Transfer& slot : slots_) {
       if (slot.busy || failure_ || stopping_ || link_->queued > most_queued) continue;
       libusb_fill_bulk_transfer(slot.transfer, handle_.get(), endpoint_, slot.buffer.data(),
                                 static_cast<int>(slot.buffer.size()), completed, &slot, 0);
@@ -204,7 +204,7 @@ class Worker {
   }
 
   static void LIBUSB_CALL completed(libusb_transfer* transfer) {
-    Slot& slot = *static_cast<Slot*>(transfer->user_data);
+    Transfer& slot = *static_cast<Transfer*>(transfer->user_data);
     slot.busy = false;
     slot.worker->on_completed(slot);
   }
@@ -212,7 +212,7 @@ class Worker {
   // Takes the transfer's bytes whatever its status, because the device sent them before it stalled
   // or disconnected. After a disconnect libusb completes the transfers in any order, and one may
   // contain bytes.
-  void on_completed(const Slot& slot) {
+  void on_completed(const Transfer& slot) {
     const libusb_transfer& t = *slot.transfer;
     const bool in_order = !failure_ || t.status == LIBUSB_TRANSFER_NO_DEVICE;
     if (t.actual_length > 0 && !stopping_ && in_order)
@@ -229,18 +229,18 @@ class Worker {
 
   void hand_over(Bytes bytes) {
     link_->queued += bytes.size();
-    post(link_, [bytes = std::move(bytes)](Link& link) {
+    post(link_, [bytes = std::move(bytes)](UsbLink& link) {
       link.queued -= bytes.size();
       link.handlers.bytes(bytes);
     });
   }
 
   bool any_busy() const {
-    return std::any_of(slots_.begin(), slots_.end(), [](const Slot& s) { return s.busy; });
+    return std::any_of(slots_.begin(), slots_.end(), [](const Transfer& s) { return s.busy; });
   }
 
   void cancel() {
-    for (Slot& slot : slots_)
+    for (Transfer& slot : slots_)
       if (slot.busy) libusb_cancel_transfer(slot.transfer);
     const auto give_up = std::chrono::steady_clock::now() + cancel_limit;
     while (any_busy() && std::chrono::steady_clock::now() < give_up) {
@@ -249,19 +249,19 @@ class Worker {
     }
   }
 
-  std::shared_ptr<Link> link_;
+  std::shared_ptr<UsbLink> link_;
   std::string name_;
   UsbAddress address_;
   std::unique_ptr<libusb_context, Context> context_;
   std::unique_ptr<libusb_device_handle, Handle> handle_;
-  std::array<Slot, transfer_count> slots_;
+  std::array<Transfer, transfer_count> slots_;
   std::optional<Failure> failure_;
   int interface_ = 0;
   std::uint8_t endpoint_ = 0;
   bool claimed_ = false, started_ = false, stopping_ = false;
 };
 
-class UsbPort final : public ThreadPort<Link, Worker> {
+class UsbPort final : public ThreadPort<UsbLink, UsbWorker> {
  public:
   using ThreadPort::ThreadPort;
   void write(ByteView) override {}

@@ -7,14 +7,14 @@
 namespace echofuse::radar {
 namespace {
 
-struct Layout {
+struct BoardLayout {
   Board board;
   const char* name;
   std::array<AntennaPlace, 3> tx;
   std::array<AntennaPlace, 4> rx;
 };
 
-constexpr Layout layouts[] = {
+constexpr BoardLayout layouts[] = {
     {Board::isk, "isk", {{{0, 0}, {2, -1}, {4, 0}}}, {{{0, 0}, {1, 0}, {2, 0}, {3, 0}}}},
     {Board::aop, "aop", {{{0, 0}, {2, 2}, {0, 2}}}, {{{1, 1}, {1, 0}, {0, 1}, {0, 0}}}},
     {Board::ods, "ods", {{{0, 0}, {2, 0}, {2, 2}}}, {{{0, 0}, {0, 1}, {1, 1}, {1, 0}}}},
@@ -24,19 +24,19 @@ constexpr Layout layouts[] = {
 
 std::vector<std::string> board_names() {
   std::vector<std::string> names;
-  for (const Layout& l : layouts) names.emplace_back(l.name);
+  for (const BoardLayout& l : layouts) names.emplace_back(l.name);
   return names;
 }
 
 std::optional<Board> board_named(std::string_view name) {
-  for (const Layout& l : layouts)
+  for (const BoardLayout& l : layouts)
     if (name == l.name) return l.board;
   return std::nullopt;
 }
 
 std::vector<AntennaPair> heat_map_pairs(Board board, std::span<const std::uint32_t> tx,
                                         std::uint32_t rx) {
-  const Layout& layout = layouts[static_cast<std::size_t>(board)];
+  const BoardLayout& layout = layouts[static_cast<std::size_t>(board)];
   if (!is_planar(board)) {
     constexpr std::uint32_t above = 1;  // transmitter 2 is in another row
     const auto elevated = static_cast<std::size_t>(std::count(tx.begin(), tx.end(), above));

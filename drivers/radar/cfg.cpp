@@ -29,7 +29,7 @@ std::optional<double> to_number(std::string_view word) {
   return whole && std::isfinite(value) ? std::optional(value) : std::nullopt;
 }
 
-std::string miscounted(const Command& c) {
+std::string miscounted(const CfgCommand& c) {
   const std::size_t expected = numbers_of(c.words[0]).value_or(0);
   return "has " + std::to_string(c.words.size() - 1) + " numbers; SDK 3.4 to 3.6 expect " +
          std::to_string(expected) + " (SDK 1 and 2 differ)";
@@ -87,33 +87,33 @@ void Cfg::refuse(const std::string& line) const {
     profile_.refusals.push_back(line);
 }
 
-std::string Cfg::complaint(const Command& c, const std::string& what) const {
+std::string Cfg::complaint(const CfgCommand& c, const std::string& what) const {
   return printable(where(c.line) + std::string(c.words.empty() ? "" : c.words[0]) + " " + what);
 }
 
-void Cfg::fail(const Command& c, const std::string& what) const {
+void Cfg::fail(const CfgCommand& c, const std::string& what) const {
   throw Error(ExitCode::config, complaint(c, what));
 }
 
-const std::vector<Command>& Cfg::all(const std::string& command) const {
+const std::vector<CfgCommand>& Cfg::all(const std::string& command) const {
   const auto it = commands_.find(command);
   if (it == commands_.end()) throw Error(ExitCode::config, name_ + ": has no " + command);
   return it->second;
 }
 
-double Cfg::number(const Command& c, std::size_t i) const {
+double Cfg::number(const CfgCommand& c, std::size_t i) const {
   if (i >= c.words.size()) fail(c, miscounted(c));
   if (const auto value = to_number(c.words[i])) return *value;
   fail(c, quoted(c.words[i]) + " is not a number");
 }
 
-double Cfg::positive(const Command& c, std::size_t i, const char* meaning) const {
+double Cfg::positive(const CfgCommand& c, std::size_t i, const char* meaning) const {
   const double value = number(c, i);
   if (value < 1e-6 || value > 1e9) fail(c, std::string(meaning) + " must be from 1e-6 to 1e9");
   return value;
 }
 
-std::uint32_t Cfg::integer(const Command& c, std::size_t i, double min, double max) const {
+std::uint32_t Cfg::integer(const CfgCommand& c, std::size_t i, double min, double max) const {
   const double value = number(c, i);
   if (value != std::floor(value) || value < min || value > max)
     fail(c, quoted(c.words[i]) + " should be a whole number from " +
@@ -124,7 +124,7 @@ std::uint32_t Cfg::integer(const Command& c, std::size_t i, double min, double m
 
 // The firmware splits words at spaces only. Other separators are reported and then read as spaces.
 void Cfg::add(const CfgLine& line) {
-  Command c{line.number, {}};
+  CfgCommand c{line.number, {}};
   const std::string_view text = line.text;
   const auto plain = [](char byte) { return byte > ' ' && byte <= '~'; };
   for (auto at = text.begin(); (at = std::find_if(at, text.end(), plain)) != text.end();) {
@@ -149,7 +149,7 @@ void Cfg::add(const CfgLine& line) {
   commands_[std::string(c.words[0])].push_back(c);
 }
 
-void Cfg::check_words(const Command& c) const {
+void Cfg::check_words(const CfgCommand& c) const {
   const std::string_view name = c.words[0];
   if (!std::isalpha(static_cast<unsigned char>(name[0])))
     return refuse(complaint(c, "is not a command; comments begin with %"));

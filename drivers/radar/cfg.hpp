@@ -14,7 +14,7 @@ namespace echofuse::radar {
 // Throws Error(config) for UTF-16, or a CR without LF.
 void require_plain_text(std::string_view text, const std::string& name);
 
-struct Command {
+struct CfgCommand {
   int line = 0;
   std::vector<std::string_view> words;  // command name first
 };
@@ -38,13 +38,13 @@ class Cfg {
   // If there is a fault, throws it together with the board's refusals.
   void stop_if_faulty() const;
   void refuse(const std::string& line) const;
-  std::string complaint(const Command& c, const std::string& what) const;
-  [[noreturn]] void fail(const Command& c, const std::string& what) const;
+  std::string complaint(const CfgCommand& c, const std::string& what) const;
+  [[noreturn]] void fail(const CfgCommand& c, const std::string& what) const;
 
   // Returns all commands of this name; an error if there are none.
-  const std::vector<Command>& all(const std::string& command) const;
+  const std::vector<CfgCommand>& all(const std::string& command) const;
   // Returns the last command of this name, which is the effective one in the firmware.
-  const Command& last(const std::string& command) const { return all(command).back(); }
+  const CfgCommand& last(const std::string& command) const { return all(command).back(); }
   bool has(const std::string& command) const { return commands_.count(command) != 0; }
   // Returns true for frames with subframes (advFrameCfg), from dfeDataOutputMode.
   bool advanced() const {
@@ -52,21 +52,21 @@ class Cfg {
   }
 
   // Returns the i-th argument, from 1.
-  double number(const Command& c, std::size_t i) const;
+  double number(const CfgCommand& c, std::size_t i) const;
   // Allows a wider range than any board, but keeps the range axis finite.
-  double positive(const Command& c, std::size_t i, const char* meaning) const;
-  std::uint32_t integer(const Command& c, std::size_t i, double min, double max) const;
+  double positive(const CfgCommand& c, std::size_t i, const char* meaning) const;
+  std::uint32_t integer(const CfgCommand& c, std::size_t i, double min, double max) const;
   const std::string& name() const { return name_; }
   std::string where(int line) const { return name_ + ":" + std::to_string(line) + ": "; }
 
  private:
   void add(const CfgLine& line);
-  void check_words(const Command& c) const;
+  void check_words(const CfgCommand& c) const;
 
   std::string name_;
   RadarProfile& profile_;
   mutable bool faulty_ = false;
-  std::map<std::string, std::vector<Command>> commands_;
+  std::map<std::string, std::vector<CfgCommand>> commands_;
 };
 
 }  // namespace echofuse::radar

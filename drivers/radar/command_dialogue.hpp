@@ -47,7 +47,7 @@ struct DialogueTimeouts {
 class CommandDialogue {
  public:
   enum class State { draining, commanding, done, failed };
-  struct Event {
+  struct LogLine {
     Severity severity;
     std::string text;
   };
@@ -72,7 +72,7 @@ class CommandDialogue {
   const std::string& failure() const { return failure_; }  // one line, names the cfg line
   // Returns the bytes to write and clears them.
   std::string take_output() { return std::exchange(output_, {}); }
-  std::vector<Event> take_events() { return std::exchange(events_, {}); }
+  std::vector<LogLine> take_events() { return std::exchange(events_, {}); }
   // Returns the results of the board's calibration and clears them.
   std::vector<FirmwareBias> take_biases() { return std::exchange(biases_, {}); }
   const std::string& remark() const { return remark_; }  // "Debug: ..." of a successful command
@@ -108,7 +108,7 @@ class CommandDialogue {
   std::string line_;                 // received since the last line end or prompt
   std::vector<std::string> answer_;  // lines received since the command was sent
   std::string failure_, remark_, output_, platform_, firmware_;
-  std::vector<Event> events_;
+  std::vector<LogLine> events_;
   std::vector<FirmwareBias> biases_;
 };
 

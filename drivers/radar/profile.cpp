@@ -14,7 +14,7 @@
 namespace echofuse::radar {
 namespace {
 
-struct Antennas {
+struct EnabledAntennas {
   std::uint32_t receivers = 0;              // mask of enabled receivers
   std::vector<std::uint32_t> transmitters;  // from 0, in the order of the frame's chirps
   std::uint32_t virtuals() const {
@@ -26,8 +26,8 @@ struct Antennas {
 // frameCfg <first chirp> <last chirp> <loops> <frames> <period, ms> ...
 // subFrameCfg <number> <forced profile> <first chirp> <chirps> <loops> <burst's period, ms>
 //   <chirps' offset> <bursts> <loops of bursts> <period, ms>
-struct Frame {
-  Command line;
+struct FrameCfg {
+  CfgCommand line;
   bool sub = false;
 
   std::uint32_t first_chirp(const Cfg& cfg) const { return cfg.integer(line, sub ? 3 : 1, 0, 511); }
@@ -45,11 +45,11 @@ struct Frame {
   }
 };
 
-std::vector<Frame> read_frames(const Cfg& cfg) {
+std::vector<FrameCfg> read_frames(const Cfg& cfg) {
   if (!cfg.advanced()) return {{cfg.last("frameCfg")}};
   const auto subframes = cfg.integer(cfg.last("advFrameCfg"), 1, 1, 4);
-  std::vector<Frame> frames(subframes);
-  for (const Command& c : cfg.all("subFrameCfg"))
+  std::vector<FrameCfg> frames(subframes);
+  for (const CfgCommand& c : cfg.all("subFrameCfg"))
     frames[cfg.integer(c, 1, 0, subframes - 1)] = {c, true};
   for (std::size_t k = 0; k < frames.size(); ++k)
     if (!frames[k].sub)
@@ -58,18 +58,18 @@ std::vector<Frame> read_frames(const Cfg& cfg) {
 }
 
 // Source: SDK, mmwdemo_rfparser.c.
-Antennas read_antennas(const Cfg& cfg, const Frame& of) {
-  const Command& channels = cfg.last("channelCfg");
-  const Command& frame = of.line;
+EnabledAntennas read_antennas(const Cfg& cfg, const FrameCfg& of) {
+  const CfgCommand& channels = cfg.last("channelCfg");
+  const CfgCommand& frame = of.line;
   const auto enabled = cfg.integer(channels, 2, 1, 7);
   const auto first = of.first_chirp(cfg), last = of.last_chirp(cfg);
   std::multimap<std::uint32_t, std::uint32_t> used;  // masks by first chirp
-  for (const Command& chirp : cfg.all("chirpCfg")) {
+  for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
     const auto begin = cfg.integer(chirp, 1, 0, 511), end = cfg.integer(chirp, 2, 0, 511);
     if (begin <= last && end >= first)
       used.emplace(std::max(begin, first), cfg.integer(chirp, 8, 0, 7) & enabled);
   }
-  Antennas out{cfg.integer(channels, 1, 1, 15), {}};
+  EnabledAntennas out{cfg.integer(channels, 1, 1, 15), {}};
   for (const auto& [chirp, mask] : used)
     for (std::uint32_t t = 0; t < 3; ++t)
       if (mask >> t & 1 && std::ranges::count(out.transmitters, t) == 0)
@@ -79,28 +79,28 @@ Antennas read_antennas(const Cfg& cfg, const Frame& of) {
 }
 
 // Parameters that define the range axis.
-struct Sampling {
+struct RampSampling {
   std::uint32_t samples = 0;
   double slope_mhz_us = 0, rate_ksps = 0;  // slope in the chip's steps
-  bool operator==(const Sampling&) const = default;
+  bool operator==(const RampSampling&) const = default;
 };
 
 // Returns the profile of the first subframe's first chirp, otherwise the last profile, as in the
 // firmware.
-const Command& profile_of(const Cfg& cfg, const Frame& frame) {
-  const Command* found = &cfg.last("profileCfg");
+const CfgCommand& profile_of(const Cfg& cfg, const FrameCfg& frame) {
+  const CfgCommand* found = &cfg.last("profileCfg");
   if (!cfg.advanced()) return *found;
   const std::uint32_t first = frame.first_chirp(cfg);
-  for (const Command& chirp : cfg.all("chirpCfg")) {
+  for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
     if (cfg.integer(chirp, 1, 0, 511) > first || cfg.integer(chirp, 2, 0, 511) < first) continue;
-    for (const Command& c : cfg.all("profileCfg"))
+    for (const CfgCommand& c : cfg.all("profileCfg"))
       if (cfg.number(c, 1) == cfg.number(chirp, 3)) found = &c;
   }
   return *found;
 }
 
-Sampling sampling_of(const Cfg& cfg, const Command& chirp) {
-  Sampling out;
+RampSampling sampling_of(const Cfg& cfg, const CfgCommand& chirp) {
+  RampSampling out;
   cfg.attempt([&] { out.samples = cfg.integer(chirp, 10, 2, 2048); });
   cfg.attempt([&] {
     const double slope_mhz_us = cfg.positive(chirp, 8, "the frequency slope");
@@ -113,28 +113,28 @@ Sampling sampling_of(const Cfg& cfg, const Command& chirp) {
 }
 
 // Returns the command that defines chirp `number`, or nullptr.
-const Command* chirp_cfg_of(const Cfg& cfg, std::uint32_t number) {
-  for (const Command& c : cfg.all("chirpCfg"))
+const CfgCommand* chirp_cfg_of(const Cfg& cfg, std::uint32_t number) {
+  for (const CfgCommand& c : cfg.all("chirpCfg"))
     if (cfg.integer(c, 1, 0, 511) <= number && number <= cfg.integer(c, 2, 0, 511)) return &c;
   return nullptr;
 }
 
 // Returns the last command that defines the chirp's profile, as in the firmware, or nullptr.
-const Command* profile_cfg_of(const Cfg& cfg, const Command& chirp) {
-  const Command* found = nullptr;
-  for (const Command& c : cfg.all("profileCfg"))
+const CfgCommand* profile_cfg_of(const Cfg& cfg, const CfgCommand& chirp) {
+  const CfgCommand* found = nullptr;
+  for (const CfgCommand& c : cfg.all("profileCfg"))
     if (cfg.number(c, 1) == cfg.number(chirp, 3)) found = &c;
   return found;
 }
 
-Ramp ramp_of(const Cfg& cfg, const Command& profile) {
+Ramp ramp_of(const Cfg& cfg, const CfgCommand& profile) {
   const auto n = [&](std::size_t i) { return cfg.number(profile, i); };
   return {n(2), n(3), n(4), n(5), n(8), n(10), n(11)};
 }
 
 // chirpCfg <first> <last> <profile> <start, Hz> <slope, kHz/us> <idle, us> <ADC start, us> <tx>:
 // the four middle values are added to the profile's.
-Ramp ramp_of(const Cfg& cfg, const Command& profile, const Command& chirp) {
+Ramp ramp_of(const Cfg& cfg, const CfgCommand& profile, const CfgCommand& chirp) {
   Ramp ramp = ramp_of(cfg, profile);
   ramp.start_ghz += 1e-9 * cfg.number(chirp, 4);
   ramp.slope_mhz_us += 1e-3 * cfg.number(chirp, 5);
@@ -144,11 +144,11 @@ Ramp ramp_of(const Cfg& cfg, const Command& profile, const Command& chirp) {
 }
 
 // Returns the sum of idle times and ramps of all chirps of a frame.
-double active_s(const Cfg& cfg, const Frame& frame) {
+double active_s(const Cfg& cfg, const FrameCfg& frame) {
   double sum_us = 0;
   for (std::uint32_t k = frame.first_chirp(cfg); k <= frame.last_chirp(cfg); ++k) {
-    const Command* chirp = chirp_cfg_of(cfg, k);
-    const Command* own = chirp ? profile_cfg_of(cfg, *chirp) : nullptr;
+    const CfgCommand* chirp = chirp_cfg_of(cfg, k);
+    const CfgCommand* own = chirp ? profile_cfg_of(cfg, *chirp) : nullptr;
     const Ramp ramp = own ? ramp_of(cfg, *own, *chirp) : ramp_of(cfg, profile_of(cfg, frame));
     sum_us += ramp.idle_us + ramp.end_us;
   }
@@ -157,11 +157,11 @@ double active_s(const Cfg& cfg, const Frame& frame) {
 
 // The front end checks all profiles and chirps, including unused ones.
 void check_ramps(const Cfg& cfg) {
-  for (const Command& profile : cfg.all("profileCfg"))
+  for (const CfgCommand& profile : cfg.all("profileCfg"))
     for (const auto& words : refusals_of(ramp_of(cfg, profile)))
       cfg.refuse(cfg.complaint(profile, words));
-  for (const Command& chirp : cfg.all("chirpCfg")) {
-    const Command* profile = profile_cfg_of(cfg, chirp);
+  for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
+    const CfgCommand* profile = profile_cfg_of(cfg, chirp);
     if (!profile) {
       cfg.refuse(cfg.complaint(
           chirp, "takes profile " + std::string(chirp.words[3]) + ", which no profileCfg defines"));
@@ -172,7 +172,7 @@ void check_ramps(const Cfg& cfg) {
   }
 }
 
-void check_frame(const Cfg& cfg, const Frame& frame) {
+void check_frame(const Cfg& cfg, const FrameCfg& frame) {
   for (std::uint32_t k = frame.first_chirp(cfg); k <= frame.last_chirp(cfg); ++k)
     if (!chirp_cfg_of(cfg, k))
       return cfg.refuse(cfg.complaint(
@@ -183,13 +183,13 @@ void check_frame(const Cfg& cfg, const Frame& frame) {
 }
 
 // The firmware uses one profile for the range axis, even if other chirps have another.
-void require_one_axis(const Cfg& cfg, const Frame& frame) {
-  const Command& used = profile_of(cfg, frame);
-  for (const Command& chirp : cfg.all("chirpCfg")) {
+void require_one_axis(const Cfg& cfg, const FrameCfg& frame) {
+  const CfgCommand& used = profile_of(cfg, frame);
+  for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
     if (cfg.integer(chirp, 1, 0, 511) > frame.last_chirp(cfg) ||
         cfg.integer(chirp, 2, 0, 511) < frame.first_chirp(cfg))
       continue;
-    for (const Command& c : cfg.all("profileCfg"))
+    for (const CfgCommand& c : cfg.all("profileCfg"))
       if (cfg.number(c, 1) == cfg.number(chirp, 3) && sampling_of(cfg, c) != sampling_of(cfg, used))
         cfg.fail(chirp, "takes profileCfg " + std::string(c.words[1]) +
                             ", but other chirps of the frame take " + std::string(used.words[1]) +
@@ -198,24 +198,24 @@ void require_one_axis(const Cfg& cfg, const Frame& frame) {
 }
 
 // Requires the same range axis and antennas in all subframes, because a record is their mean.
-void require_alike(const Cfg& cfg, const std::vector<Frame>& frames) {
-  const auto of = [&](const Frame& f) {
-    const Antennas antennas = read_antennas(cfg, f);
+void require_alike(const Cfg& cfg, const std::vector<FrameCfg>& frames) {
+  const auto of = [&](const FrameCfg& f) {
+    const EnabledAntennas antennas = read_antennas(cfg, f);
     return std::tuple(sampling_of(cfg, profile_of(cfg, f)), antennas.receivers,
                       antennas.transmitters);
   };
-  for (const Frame& f : frames)
+  for (const FrameCfg& f : frames)
     if (of(f) != of(frames.front()))
       cfg.fail(f.line,
                "has another range axis, or other antennas, than subframe 0; a record is "
                "the mean of all subframes");
-  const Command& gui = cfg.last("guiMonitor");
+  const CfgCommand& gui = cfg.last("guiMonitor");
   if (cfg.advanced() && cfg.number(gui, 1) != -1)
     cfg.fail(gui, "selects one subframe; expected -1 for all");
 }
 
 void read_gui_monitor(const Cfg& cfg, RadarProfile& profile) {
-  const Command& gui = cfg.last("guiMonitor");
+  const CfgCommand& gui = cfg.last("guiMonitor");
   profile.range_profile_on = cfg.number(gui, 3) != 0;
   if (!profile.range_profile_on)
     profile.warnings.push_back(
@@ -229,7 +229,8 @@ void read_gui_monitor(const Cfg& cfg, RadarProfile& profile) {
   }
 }
 
-void read_heat_map(const Cfg& cfg, const Antennas& antennas, Board board, RadarProfile& profile) {
+void read_heat_map(const Cfg& cfg, const EnabledAntennas& antennas, Board board,
+                   RadarProfile& profile) {
   if (cfg.number(cfg.last("guiMonitor"), 5) == 0) return;
   profile.planar = is_planar(board);
   profile.pairs = heat_map_pairs(board, antennas.transmitters, antennas.receivers);
@@ -251,7 +252,7 @@ void read_heat_map(const Cfg& cfg, const Antennas& antennas, Board board, RadarP
 std::uint32_t frame_bytes(const Cfg& cfg, const RadarProfile& profile, std::uint32_t loops) {
   const std::uint32_t bins = profile.bins;
   const auto samples = static_cast<std::uint32_t>(profile.array.size()) * bins;
-  const Command& gui = cfg.last("guiMonitor");
+  const CfgCommand& gui = cfg.last("guiMonitor");
   const std::uint32_t doppler_bins = std::bit_ceil(loops);
   const auto on = [&](std::size_t flag) { return cfg.number(gui, flag) != 0; };
   constexpr std::uint32_t header = 40, tlv = 8, unit = 32;
@@ -290,7 +291,7 @@ void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud)
                            " bytes takes " + milliseconds(transmit_s) + " at " +
                            std::to_string(baud) + " baud";
   // If the heat map is late, the demo stops sending completely.
-  const Command& gui = cfg.last("guiMonitor");
+  const CfgCommand& gui = cfg.last("guiMonitor");
   if (cfg.number(gui, 5) != 0 || cfg.number(gui, 6) != 0)
     cfg.fail(cfg.last(command), what +
                                     "; with a heat map the firmware then sends nothing: "
@@ -299,7 +300,7 @@ void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud)
 }
 
 void read_warnings(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud) {
-  const Command& frame = cfg.last(cfg.advanced() ? "advFrameCfg" : "frameCfg");
+  const CfgCommand& frame = cfg.last(cfg.advanced() ? "advFrameCfg" : "frameCfg");
   const std::size_t count = cfg.advanced() ? 3 : 4, trigger = cfg.advanced() ? 4 : 6;
   const std::string where = cfg.where(frame.line) + std::string(frame.words[0]);
   if (cfg.number(frame, count) != 0)
@@ -309,7 +310,7 @@ void read_warnings(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_bau
     profile.warnings.push_back(where + " trigger " + std::string(frame.words[trigger]) +
                                " waits for a pulse at the board's pin for each frame; 1 does not");
   if (cfg.has("clutterRemoval")) {
-    const Command& c = cfg.last("clutterRemoval");
+    const CfgCommand& c = cfg.last("clutterRemoval");
     if (cfg.number(c, 2) != 0)
       profile.warnings.push_back(cfg.where(c.line) + "clutterRemoval 1 removes all static echoes");
   }
@@ -333,23 +334,23 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
   if (cfg.advanced()) needed[1] = "advFrameCfg", needed.push_back("subFrameCfg");
   for (const char* command : needed) cfg.attempt([&] { cfg.all(command); });
   cfg.stop_if_faulty();
-  std::vector<Frame> frames;
-  Antennas antennas;
+  std::vector<FrameCfg> frames;
+  EnabledAntennas antennas;
   cfg.attempt([&] { frames = read_frames(cfg); });
   cfg.stop_if_faulty();
   cfg.attempt([&] { antennas = read_antennas(cfg, frames.front()); });
-  Sampling sampling;
+  RampSampling sampling;
   cfg.attempt([&] { sampling = sampling_of(cfg, profile_of(cfg, frames.front())); });
   cfg.attempt([&] {
     profile.frame_period_s = frames.front().period_s(cfg);
-    for (const Frame& f : frames)
+    for (const FrameCfg& f : frames)
       profile.frame_period_s = std::min(profile.frame_period_s, f.period_s(cfg));
   });
   cfg.attempt([&] { read_gui_monitor(cfg, profile); });
   cfg.stop_if_faulty();
   cfg.attempt([&] { require_alike(cfg, frames); });
   cfg.attempt([&] { check_ramps(cfg); });
-  for (const Frame& f : frames) {
+  for (const FrameCfg& f : frames) {
     cfg.attempt([&] { require_one_axis(cfg, f); });
     cfg.attempt([&] { check_frame(cfg, f); });
   }

@@ -228,7 +228,7 @@ void RadarDriver::check_array(RadarFrame& frame) {
 void RadarDriver::check_period(const RadarFrame& frame) {
   constexpr double clock_hz = 200e6;
   constexpr int enough = 3;
-  const Reading now{frame.frame_number, frame.time_cpu_cycles},
+  const FrameCount now{frame.frame_number, frame.time_cpu_cycles},
       last = std::exchange(last_frame_, now);
   if (profile_.subframes > 1 || now.number != last.number + 1 || odd_periods_ == enough) return;
   const double period_s = (now.cycles - last.cycles) / clock_hz,

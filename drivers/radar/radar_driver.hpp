@@ -114,16 +114,16 @@ class RadarDriver final : public Driver {
   std::set<std::string> reported_;     // warnings of the ports, each reported once
   std::optional<HostTime> unplugged_;  // time of an unplug with our cfg in the firmware
   std::uint64_t restarts_seen_ = 0, frames_before_ = 0, bytes_before_ = 0;
-  struct Reading {
+  struct FrameCount {
     std::uint32_t number = 0, cycles = 0;
   };
-  Reading last_frame_;
+  FrameCount last_frame_;
   int odd_periods_ = 0;  // successive ones; stays at the number that was reported
-  struct Fault {
+  struct DriverFault {
     std::string reason;
     DeviceState state = DeviceState::faulted;
   };
-  std::optional<Fault> fault_;
+  std::optional<DriverFault> fault_;
   std::optional<std::uint32_t> frame_after_stop_;  // number of the first frame after sensorStop
   int open_ports_ = 0;
   bool running_ = false, faulted_ = false, streaming_ = false, array_told_ = false;

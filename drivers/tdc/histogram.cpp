@@ -15,7 +15,7 @@ namespace {
 
 // Extra cells after the axis. out_of_range comes first, because its index equals the bin at a
 // distance of exactly `bins` bins.
-enum Cell : std::uint32_t { out_of_range, without_start, start, other, cells };
+enum ExtraCell : std::uint32_t { out_of_range, without_start, start, other, cells };
 
 constexpr std::uint32_t max_bins = 1u << 24;
 
@@ -142,7 +142,7 @@ void Histogram::add_marker(const Tag& tag) {
 
 // Moves the sums and the 32-bit extra cells to the totals after each block.
 void Histogram::settle(std::size_t tags) {
-  const auto take_cell = [this](Cell c) {
+  const auto take_cell = [this](ExtraCell c) {
     return std::exchange(bins_[std::size_t{settings_.bins} + c], 0u);
   };
   const std::uint64_t off_axis = take_cell(out_of_range), lonely = take_cell(without_start);

@@ -94,7 +94,7 @@ Progress::Progress(std::string title, std::size_t total, bool quiet)
       total_(total),
       quiet_(quiet),
       terminal_(isatty(STDERR_FILENO) != 0),
-      start_(Clock::now()),
+      start_(SteadyClock::now()),
       last_(start_) {}
 
 Progress::~Progress() {
@@ -162,7 +162,7 @@ std::size_t columns_of_terminal() {
 
 void Progress::update(std::size_t done, const std::string& note) {
   if (quiet_) return;
-  const auto now = Clock::now();
+  const auto now = SteadyClock::now();
   const bool last = done >= total_;
   const auto pause = terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(10'000);
   if (!last && now - last_ < pause) return;

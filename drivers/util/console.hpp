@@ -50,11 +50,11 @@ class Progress {
   void update(std::size_t done, const std::string& note = {});
 
  private:
-  using Clock = std::chrono::steady_clock;
+  using SteadyClock = std::chrono::steady_clock;
   std::string title_;
   std::size_t total_;
   bool quiet_, terminal_, drawn_ = false;
-  Clock::time_point start_, last_;
+  SteadyClock::time_point start_, last_;
 };
 
 // 75.3 -> "1 min 15 s"

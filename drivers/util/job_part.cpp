@@ -38,7 +38,7 @@ std::string JobPart::name() const {
   return "part-" + std::to_string(number_) + "-of-" + std::to_string(count_);
 }
 
-JobPart::Range JobPart::range(std::int64_t pieces) const {
+JobPart::IndexRange JobPart::range(std::int64_t pieces) const {
   return {pieces * (number_ - 1) / count_, pieces * number_ / count_};
 }
 

@@ -15,11 +15,11 @@ class JobPart {
   std::string name() const;  // "part-2-of-4", for file names
 
   // Consecutive pieces [begin, end).
-  struct Range {
+  struct IndexRange {
     std::int64_t begin, end;
     std::int64_t size() const { return end - begin; }
   };
-  Range range(std::int64_t pieces) const;
+  IndexRange range(std::int64_t pieces) const;
 
  private:
   JobPart(std::int64_t number, std::int64_t count) : number_(number), count_(count) {}

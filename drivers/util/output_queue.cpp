@@ -36,12 +36,12 @@ int write_all(int descriptor, std::string_view text) {
 }  // namespace
 
 struct OutputQueue::Shared {
-  struct Text {
+  struct QueuedText {
     std::string text;
     bool state;
   };
 
-  std::string pop(std::deque<Text>::iterator at) {
+  std::string pop(std::deque<QueuedText>::iterator at) {
     std::string text = std::move(at->text);
     texts.erase(at);
     bytes -= text.size();
@@ -70,7 +70,7 @@ struct OutputQueue::Shared {
   const Note note;
   std::mutex mutex{};
   std::condition_variable changed{};
-  std::deque<Text> texts{};
+  std::deque<QueuedText> texts{};
   std::size_t bytes = 0, left_out = 0, written = 0;
   bool ending = false, done = false;
   int error = 0;

@@ -117,12 +117,12 @@ std::string read_config_text(const std::string& path) {
 
 void Settings::add(std::string key, double& value, double min, double max, std::string doc) {
   check_new(key);
-  entries_.push_back({std::move(key), std::move(doc), Real{&value, min, max}});
+  entries_.push_back({std::move(key), std::move(doc), RealTarget{&value, min, max}});
 }
 void Settings::add(std::string key, std::int64_t& value, std::int64_t min, std::int64_t max,
                    std::string doc) {
   check_new(key);
-  entries_.push_back({std::move(key), std::move(doc), Integer{&value, min, max}});
+  entries_.push_back({std::move(key), std::move(doc), IntegerTarget{&value, min, max}});
 }
 void Settings::add(std::string key, bool& value, std::string doc) {
   check_new(key);
@@ -131,7 +131,7 @@ void Settings::add(std::string key, bool& value, std::string doc) {
 void Settings::add(std::string key, std::string& value, std::string doc,
                    std::vector<std::string> allowed) {
   check_new(key);
-  entries_.push_back({std::move(key), std::move(doc), Text{&value, std::move(allowed)}});
+  entries_.push_back({std::move(key), std::move(doc), TextTarget{&value, std::move(allowed)}});
 }
 
 void Settings::add(std::string key, std::vector<std::string>& value, std::string doc) {
@@ -140,13 +140,13 @@ void Settings::add(std::string key, std::vector<std::string>& value, std::string
 }
 
 void Settings::check_new([[maybe_unused]] const std::string& key) const {
-  assert(
-      std::none_of(entries_.begin(), entries_.end(), [&](const Entry& e) { return e.key == key; }));
+  assert(std::none_of(entries_.begin(), entries_.end(),
+                      [&](const Setting& e) { return e.key == key; }));
 }
 
-Settings::Entry* Settings::find(const std::string& key) {
-  const auto it =
-      std::find_if(entries_.begin(), entries_.end(), [&](const Entry& e) { return e.key == key; });
+Settings::Setting* Settings::find(const std::string& key) {
+  const auto it = std::find_if(entries_.begin(), entries_.end(),
+                               [&](const Setting& e) { return e.key == key; });
   return it == entries_.end() ? nullptr : &*it;
 }
 
@@ -162,7 +162,7 @@ bool Settings::refused(const std::string& key) const {
 
 bool Settings::is_section(const std::string& key) const {
   return std::any_of(entries_.begin(), entries_.end(),
-                     [&](const Entry& e) { return e.key.rfind(key + ".", 0) == 0; });
+                     [&](const Setting& e) { return e.key.rfind(key + ".", 0) == 0; });
 }
 
 std::vector<std::string> Settings::keys() const {
@@ -171,15 +171,15 @@ std::vector<std::string> Settings::keys() const {
   return out;
 }
 
-std::string Settings::expectation(const Entry& entry) {
-  if (const auto* r = std::get_if<Real>(&entry.target))
+std::string Settings::expectation(const Setting& entry) {
+  if (const auto* r = std::get_if<RealTarget>(&entry.target))
     return "a number from " + text_of(r->min) + " to " + text_of(r->max);
-  if (const auto* i = std::get_if<Integer>(&entry.target))
+  if (const auto* i = std::get_if<IntegerTarget>(&entry.target))
     return "a whole number from " + std::to_string(i->min) + " to " + std::to_string(i->max);
   if (std::holds_alternative<bool*>(entry.target)) return "true or false";
   if (std::holds_alternative<std::vector<std::string>*>(entry.target))
     return "a list of quoted strings";
-  const auto& allowed = std::get<Text>(entry.target).allowed;
+  const auto& allowed = std::get<TextTarget>(entry.target).allowed;
   if (allowed.empty()) return "a quoted string";
   std::string list = "one of";
   for (const auto& a : allowed) list += " \"" + a + "\"";
@@ -188,15 +188,15 @@ std::string Settings::expectation(const Entry& entry) {
 
 // Sets the entry from a TOML node. Returns the expected value if the node is invalid.
 template <class Node>
-std::string Settings::assign(Entry& entry, const Node& node, const std::string& origin) {
+std::string Settings::assign(Setting& entry, const Node& node, const std::string& origin) {
   bool fits = false;
-  if (auto* r = std::get_if<Real>(&entry.target)) {
+  if (auto* r = std::get_if<RealTarget>(&entry.target)) {
     if (node.is_number()) {
       const double v = *node.template value<double>();
       fits = std::isfinite(v) && v >= r->min && v <= r->max;
       if (fits) *r->value = v;
     }
-  } else if (auto* i = std::get_if<Integer>(&entry.target)) {
+  } else if (auto* i = std::get_if<IntegerTarget>(&entry.target)) {
     if (node.is_integer()) {
       const auto v = *node.template value<std::int64_t>();
       fits = v >= i->min && v <= i->max;
@@ -213,7 +213,7 @@ std::string Settings::assign(Entry& entry, const Node& node, const std::string& 
     fits = node.is_array() && texts.size() == node.as_array()->size();
     if (fits) **list = texts;
   } else {
-    auto& t = std::get<Text>(entry.target);
+    auto& t = std::get<TextTarget>(entry.target);
     if (node.is_string()) {
       const auto v = *node.template value<std::string>();
       fits =
@@ -240,7 +240,7 @@ std::string Settings::unknown(const std::string& key, const Node& node) const {
 
 template <class Table>
 void Settings::read_table(const Table& table, const std::string& prefix, const std::string& name,
-                          Faults& faults) {
+                          FaultList& faults) {
   std::vector<typename Table::const_iterator> order;  // the table is sorted by name
   for (auto it = table.cbegin(); it != table.cend(); ++it) order.push_back(it);
   std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) {
@@ -251,7 +251,7 @@ void Settings::read_table(const Table& table, const std::string& prefix, const s
     const auto& node = it->second;
     const std::string key = prefix + std::string(it->first.str());
     const std::string here = place(name, it->first.source().begin);
-    Entry* entry = find(key);
+    Setting* entry = find(key);
     if (!entry && node.is_table() && is_section(key)) {
       read_table(*node.as_table(), key + ".", name, faults);
     } else if (!entry) {
@@ -267,7 +267,7 @@ void Settings::read_table(const Table& table, const std::string& prefix, const s
   }
 }
 
-void Settings::parse(std::string text, const std::string& name, Faults& faults) {
+void Settings::parse(std::string text, const std::string& name, FaultList& faults) {
   std::size_t last = 0;
   for (std::size_t rounds = 0; rounds < max_faults; ++rounds) {
     try {
@@ -285,19 +285,19 @@ void Settings::parse(std::string text, const std::string& name, Faults& faults) 
   }
 }
 
-void Settings::take(const std::string& assignment, Faults& faults) {
+void Settings::take(const std::string& assignment, FaultList& faults) {
   const std::string origin = "--set " + assignment;
   const auto complain = [&](const std::string& what) { faults.push_back(origin + ": " + what); };
   const auto equals = assignment.find('=');
   if (equals == std::string::npos) return complain("expected key=value");
   const std::string key = assignment.substr(0, equals);
-  Entry* entry = find(key);
+  Setting* entry = find(key);
   if (!entry) return complain("unknown key" + or_nearest(keys(), key));
   try {
     const std::string value = assignment.substr(equals + 1);
     toml::table table = parse_value(value);
     // Accepts a text without quotes even if it looks like a number.
-    if (std::holds_alternative<Text>(entry->target) && table.get("v")->is_value() &&
+    if (std::holds_alternative<TextTarget>(entry->target) && table.get("v")->is_value() &&
         !table.get("v")->is_string())
       table.insert_or_assign("v", value);
     const std::string expected =
@@ -313,48 +313,48 @@ void Settings::take(const std::string& assignment, Faults& faults) {
 
 std::vector<std::string> Settings::read(const std::string& text, const std::string& name,
                                         const std::vector<std::string>& assignments) {
-  Faults faults;
+  FaultList faults;
   parse(text, name, faults);
   for (const auto& assignment : assignments) take(assignment, faults);
   return faults;
 }
 
 void Settings::read_text(const std::string& text, const std::string& name) {
-  if (const Faults faults = read(text, name, {}); !faults.empty()) refuse(faults);
+  if (const FaultList faults = read(text, name, {}); !faults.empty()) refuse(faults);
 }
 
 void Settings::read_file(const std::string& path) { read_text(read_config_text(path), path); }
 
 void Settings::set(const std::string& assignment) {
-  Faults faults;
+  FaultList faults;
   take(assignment, faults);
   if (!faults.empty()) refuse(faults);
 }
 
-std::string Settings::value_of(const Entry& entry) {
-  if (const auto* r = std::get_if<Real>(&entry.target)) return literal(*r->value);
-  if (const auto* i = std::get_if<Integer>(&entry.target)) return std::to_string(*i->value);
+std::string Settings::value_of(const Setting& entry) {
+  if (const auto* r = std::get_if<RealTarget>(&entry.target)) return literal(*r->value);
+  if (const auto* i = std::get_if<IntegerTarget>(&entry.target)) return std::to_string(*i->value);
   if (const auto* b = std::get_if<bool*>(&entry.target)) return **b ? "true" : "false";
   if (const auto* list = std::get_if<std::vector<std::string>*>(&entry.target)) {
     std::string out;
     for (const auto& text : **list) out += (out.empty() ? "[" : ", ") + in_quotes(text);
     return out.empty() ? "[]" : out + "]";
   }
-  return in_quotes(*std::get<Text>(entry.target).value);
+  return in_quotes(*std::get<TextTarget>(entry.target).value);
 }
 
 // Returns keys without a section first, then each section once in binding order, because TOML
 // rejects repeated sections.
-std::vector<const Settings::Entry*> Settings::by_section() const {
+std::vector<const Settings::Setting*> Settings::by_section() const {
   std::vector<std::string> sections{""};
-  std::vector<const Entry*> out;
+  std::vector<const Setting*> out;
   for (const auto& e : entries_) {
     out.push_back(&e);
     const std::string section = section_of(e.key);
     if (std::find(sections.begin(), sections.end(), section) == sections.end())
       sections.push_back(section);
   }
-  const auto rank = [&](const Entry* e) {
+  const auto rank = [&](const Setting* e) {
     return std::find(sections.begin(), sections.end(), section_of(e->key));
   };
   std::stable_sort(out.begin(), out.end(), [&](auto* a, auto* b) { return rank(a) < rank(b); });
@@ -380,15 +380,15 @@ std::string Settings::with_origins() const { return print(true, true); }
 // Our numbers, strings and booleans have the same syntax in TOML and JSON.
 std::string Settings::json() const {
   std::string out;
-  for (const Entry& e : entries_) {
+  for (const Setting& e : entries_) {
     out += (out.empty() ? "  " : ",\n  ") + in_quotes(e.key) + ": {\"value\": " + value_of(e);
     const auto bounds = [&](const auto& target, const auto& text) {
       out += ", \"min\": " + text(target.min) + ", \"max\": " + text(target.max);
     };
-    if (const auto* r = std::get_if<Real>(&e.target)) bounds(*r, text_of);
-    if (const auto* i = std::get_if<Integer>(&e.target))
+    if (const auto* r = std::get_if<RealTarget>(&e.target)) bounds(*r, text_of);
+    if (const auto* i = std::get_if<IntegerTarget>(&e.target))
       bounds(*i, [](std::int64_t v) { return std::to_string(v); });
-    if (const auto* t = std::get_if<Text>(&e.target); t && !t->allowed.empty()) {
+    if (const auto* t = std::get_if<TextTarget>(&e.target); t && !t->allowed.empty()) {
       out += ", \"allowed\": ";
       for (const auto& a : t->allowed) out += (&a == t->allowed.data() ? "[" : ", ") + in_quotes(a);
       out += "]";

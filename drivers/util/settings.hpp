@@ -66,44 +66,44 @@ class Settings {
   std::string json() const;
 
  private:
-  struct Real {
+  struct RealTarget {
     double* value;
     double min, max;
   };
-  struct Integer {
+  struct IntegerTarget {
     std::int64_t* value;
     std::int64_t min, max;
   };
-  struct Text {
+  struct TextTarget {
     std::string* value;
     std::vector<std::string> allowed;
   };
-  struct Entry {
+  struct Setting {
     std::string key, doc;
-    std::variant<Real, Integer, bool*, Text, std::vector<std::string>*> target;
+    std::variant<RealTarget, IntegerTarget, bool*, TextTarget, std::vector<std::string>*> target;
     std::string origin{};
     bool refused = false;
   };
-  using Faults = std::vector<std::string>;
+  using FaultList = std::vector<std::string>;
   template <class Node>
-  static std::string assign(Entry& entry, const Node& node, const std::string& origin);
+  static std::string assign(Setting& entry, const Node& node, const std::string& origin);
   template <class Table>
   void read_table(const Table& table, const std::string& prefix, const std::string& name,
-                  Faults& faults);
+                  FaultList& faults);
   template <class Node>
   std::string unknown(const std::string& key, const Node& node) const;
-  void parse(std::string text, const std::string& name, Faults& faults);
-  void take(const std::string& assignment, Faults& faults);
+  void parse(std::string text, const std::string& name, FaultList& faults);
+  void take(const std::string& assignment, FaultList& faults);
   void check_new(const std::string& key) const;
-  Entry* find(const std::string& key);
+  Setting* find(const std::string& key);
   bool is_section(const std::string& key) const;
   std::vector<std::string> keys() const;
-  static std::string expectation(const Entry& entry);
-  static std::string value_of(const Entry& entry);
-  std::vector<const Entry*> by_section() const;
+  static std::string expectation(const Setting& entry);
+  static std::string value_of(const Setting& entry);
+  std::vector<const Setting*> by_section() const;
   std::string print(bool with_docs, bool with_origin) const;
 
-  std::vector<Entry> entries_;
+  std::vector<Setting> entries_;
   bool whole_ = true;
 };
 

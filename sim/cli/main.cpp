@@ -140,13 +140,13 @@ sim::Plan make_plan(DatasetArguments& a) {
 }
 
 ExitCode run_dataset(DatasetArguments& a) {
-  using Clock = std::chrono::steady_clock;
+  using SteadyClock = std::chrono::steady_clock;
   catch_interrupts();
   const sim::Plan plan = make_plan(a);
-  const auto start = Clock::now();
+  const auto start = SteadyClock::now();
   if (!a.part.empty()) a.options.part = JobPart::of(a.part);
   const std::int64_t written = sim::write_dataset(plan, a.options);
-  const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
+  const double seconds = std::chrono::duration<double>(SteadyClock::now() - start).count();
   if (!a.options.quiet)
     std::cout << printable(a.options.out) << ": " << written << " records in "
               << human_duration(seconds) << "\n";

@@ -30,12 +30,20 @@ namespace {
 constexpr std::int64_t batch_records = 128;
 
 // Independent random streams of one seed.
-enum class Stream : std::uint64_t { scenes, order, noise, antennas = 4, room, array, depth = 8 };
-std::uint64_t seed_of(const Plan& plan, Stream stream) {
+enum class SeedStream : std::uint64_t {
+  scenes,
+  order,
+  noise,
+  antennas = 4,
+  room,
+  array,
+  depth = 8
+};
+std::uint64_t seed_of(const Plan& plan, SeedStream stream) {
   return mix(static_cast<std::uint64_t>(plan.seed) + mix(static_cast<std::uint64_t>(stream)));
 }
 
-Rng rng_of(const Plan& plan, Stream stream, std::int64_t index) {
+Rng rng_of(const Plan& plan, SeedStream stream, std::int64_t index) {
   return make_rng(seed_of(plan, stream), static_cast<std::uint64_t>(index));
 }
 
@@ -150,7 +158,7 @@ std::string part_uuid(const record::RunInfo& info, const JobPart& part, const st
 }
 
 // Returns true if a run already contains these records, for example because a job was queued twice.
-bool is_there(const std::string& path, const record::RunInfo& info, JobPart::Range records) {
+bool is_there(const std::string& path, const record::RunInfo& info, JobPart::IndexRange records) {
   if (!std::filesystem::exists(path)) return false;
   const record::RunReader run(path);
   const record::RunInfo found = run.info();
@@ -182,7 +190,7 @@ std::vector<SceneSpec> scenes_of(const Plan& plan) {
   add(plan.empty, SceneKind::empty);
   add(plan.objects, SceneKind::object);
   check_object(scenes, plan.conditions);
-  Rng rng = make_rng(seed_of(plan, Stream::order), 0);
+  Rng rng = make_rng(seed_of(plan, SeedStream::order), 0);
   for (std::size_t i = scenes.size(); i > 1; --i) std::swap(scenes[i - 1], scenes[rng() % i]);
   return scenes;
 }
@@ -211,7 +219,7 @@ Generator::Generator(Plan plan)
       laboratories_(laboratories_of(plan_)),
       scenes_(scenes_of(plan_)),
       mean_peak_(mean_peak_power(radar_response(plan_.conditions), plan_.conditions)),
-      antennas_(simulated_antennas(conditions(0), seed_of(plan_, Stream::antennas))) {
+      antennas_(simulated_antennas(conditions(0), seed_of(plan_, SeedStream::antennas))) {
   keeps_array_ = !antennas_.empty();
   if (antennas_.empty()) antennas_ = antennas_in_layout(1);
   if (laboratories_.size() == 1 && plan_.conditions.background != "none")
@@ -219,19 +227,19 @@ Generator::Generator(Plan plan)
 }
 
 AntennaRadar Generator::radar_of(const Conditions& c) const {
-  return {radar_response(c), antennas_, seed_of(plan_, Stream::room)};
+  return {radar_response(c), antennas_, seed_of(plan_, SeedStream::room)};
 }
 
 Scene Generator::scene(std::int64_t index) const {
   const auto i = static_cast<std::size_t>(index);
-  return make_scene(conditions(index), scenes_.at(i), seed_of(plan_, Stream::scenes), i);
+  return make_scene(conditions(index), scenes_.at(i), seed_of(plan_, SeedStream::scenes), i);
 }
 
 record::FusedRecord Generator::make(std::int64_t index) const {
   const Conditions& c = conditions(index);
   const Scene world = scene(index);
-  Rng rng = rng_of(plan_, Stream::noise, index);
-  Rng depth_rng = rng_of(plan_, Stream::depth, index);
+  Rng rng = rng_of(plan_, SeedStream::noise, index);
+  Rng depth_rng = rng_of(plan_, SeedStream::depth, index);
   record::FusedRecord r = blank_record(index, world.label, c.window_s);
   r.spd = count_photons(world, c, rng);
   count_clicks(r, c.pulses_per_window);
@@ -247,7 +255,7 @@ std::vector<std::uint32_t> Generator::count_photons(const Scene& scene, const Co
                                                     Rng& rng) const {
   const RoomAlone* room = room_behind(scene);
   thread_local Returns returns;
-  spd_returns(scene, c, returns, room ? RoomIs::subtracted : RoomIs::seen);
+  spd_returns(scene, c, returns, room ? RoomReturns::subtracted : RoomReturns::included);
   auto rate = zone_rates(returns, c);
   if (room) add_room(room->light, rate);
   return draw_zone_counts(rate, c, rng);
@@ -261,7 +269,7 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
   // The root of the covariance needs all patches.
   const RoomAlone* room = coherent || !keeps_array_ ? room_behind(scene) : nullptr;
   thread_local Returns returns;
-  radar_returns(scene, c, returns, room ? RoomIs::subtracted : RoomIs::seen);
+  radar_returns(scene, c, returns, room ? RoomReturns::subtracted : RoomReturns::included);
   if (room) radar.room = room->echo;
   if (coherent || keeps_array_) {
     auto seen = profile_of_antennas(index, returns, radar, r);
@@ -281,7 +289,7 @@ std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Ret
                                                    const AntennaRadar& radar,
                                                    record::FusedRecord& r) const {
   const Conditions& c = conditions(index);
-  Rng rng = rng_of(plan_, Stream::array, index);
+  Rng rng = rng_of(plan_, SeedStream::array, index);
   const auto kept = record::array_axis(radar_axis(c), antennas_.size()).count;
   AntennaRecord seen =
       antenna_record(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng);
@@ -295,7 +303,7 @@ std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Ret
 namespace {
 
 // Returns the number of records written.
-std::int64_t write_records(const Generator& generator, JobPart::Range range,
+std::int64_t write_records(const Generator& generator, JobPart::IndexRange range,
                            record::RunWriter& writer, const DatasetOptions& options) {
   Progress progress("records", static_cast<std::size_t>(range.size()), options.quiet);
   const auto start_batch = [&](std::int64_t first) {
@@ -319,7 +327,7 @@ std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
   validate(plan.conditions);
   const Generator generator(plan);
   record::RunInfo info = run_info(plan, options);
-  JobPart::Range range{0, generator.records()};
+  JobPart::IndexRange range{0, generator.records()};
   std::optional<NewFile> staged;
   if (options.part) {
     range = options.part->range(generator.records());

@@ -41,7 +41,7 @@ std::vector<Conditions> laboratories_of(const Plan& plan);
 std::vector<SceneSpec> scenes_of(const Plan& plan);
 
 // Returns and echoes of the room alone. The room stands still: in a scene before it, only the part
-// that people and objects change has to be looked at (RoomIs::subtracted).
+// that people and objects change has to be looked at (RoomReturns::subtracted).
 struct RoomAlone {
   std::vector<double> light;  // spd_rate, without background counts
   std::vector<double> power;  // radar_power, if incoherent

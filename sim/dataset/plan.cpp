@@ -35,9 +35,10 @@ void resolve_twin(const Settings& settings, Plan& plan) {
   if (plan.laboratories > 0 && plan.laboratory > 0)
     throw Error(ExitCode::config, "laboratory and laboratories exclude each other; remove one");
   Twin twin = twin_named(plan.twin);
-  twin.ranges.erase(std::remove_if(twin.ranges.begin(), twin.ranges.end(),
-                                   [&](const Range& range) { return settings.given(range.key); }),
-                    twin.ranges.end());
+  twin.ranges.erase(
+      std::remove_if(twin.ranges.begin(), twin.ranges.end(),
+                     [&](const KeyRange& range) { return settings.given(range.key); }),
+      twin.ranges.end());
   plan.twin = to_text(twin);
 }
 

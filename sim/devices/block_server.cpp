@@ -61,7 +61,7 @@ void BlockServer::disconnect(const char* why) {
 
 // Called only after the last write of the former client has ended: its buffers are in the queue.
 void BlockServer::next_client() {
-  for (const Block& block : queue_) log(block, block.begun == HostTime{} ? "unsent" : "cut");
+  for (const QueuedBlock& block : queue_) log(block, block.begun == HostTime{} ? "unsent" : "cut");
   queue_.clear();
   queued_bytes_ = 0;
   if (!stopping_) listener_.accept();
@@ -77,7 +77,7 @@ void BlockServer::poll() {
   if (!queue_.empty() && !writing_ && connected_) write();
 }
 
-bool BlockServer::put(Block block) {
+bool BlockServer::put(QueuedBlock block) {
   if (queued_bytes_ + block.bytes.size() > queue_bytes_) return false;
   block.sequence = sequence_++;
   block.due = injector_.due();
@@ -101,13 +101,13 @@ bool BlockServer::put(Block block) {
   return true;
 }
 
-void BlockServer::log(const Block& block, const char* what) {
+void BlockServer::log(const QueuedBlock& block, const char* what) {
   handlers_.log(block.begun == HostTime{} ? injector_.now() : block.begun, what, &block);
 }
 
 // Writes the next block unless the line is stalled or the block is not yet due; poll() retries.
 void BlockServer::write() {
-  Block& next = queue_.front();
+  QueuedBlock& next = queue_.front();
   if (injector_.active(FaultKind::stall) || injector_.now() < next.due) return;
   next.begun = injector_.now();
   writing_ = true;
@@ -119,7 +119,7 @@ void BlockServer::write() {
 
 void BlockServer::written(bool whole) {
   if (whole) {  // complete, even if the connection has been closed since
-    const Block& block = queue_.front();
+    const QueuedBlock& block = queue_.front();
     log(block, block.what);
     ++blocks_;
     items_ += block.items;

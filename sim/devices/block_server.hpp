@@ -17,7 +17,7 @@ namespace echofuse::sim {
 // forwards the injector's polls to poll().
 class BlockServer {
  public:
-  struct Block {
+  struct QueuedBlock {
     BlockKind kind{};
     Bytes bytes;               // payload; write() adds the header
     std::uint64_t items = 0;   // number of tags, or frame number
@@ -31,7 +31,7 @@ class BlockServer {
   struct Handlers {
     port::Action connected;  // before the client is greeted
     // Logs the fate of a block (with its numbers) or of a connection (without).
-    std::function<void(HostTime time, const char* what, const Block* block)> log;
+    std::function<void(HostTime time, const char* what, const QueuedBlock* block)> log;
   };
 
   BlockServer(Listener& listener, FaultInjector& injector, std::string hello,
@@ -41,7 +41,7 @@ class BlockServer {
   // Greets the client again if the last block of this kind is 0.9 s old.
   void greet_again();
   // Returns false if the queue is full and the block is lost.
-  bool put(Block block);
+  bool put(QueuedBlock block);
   // Counts items lost before the next block.
   void lose(std::uint64_t items) { lost_ += items; }
   void poll();
@@ -59,14 +59,14 @@ class BlockServer {
   void next_client();
   void write();
   void written(bool whole);
-  void log(const Block& block, const char* what);
+  void log(const QueuedBlock& block, const char* what);
 
   Listener& listener_;
   FaultInjector& injector_;
   std::string hello_;
   std::size_t queue_bytes_, queued_bytes_ = 0;
   Handlers handlers_;
-  std::deque<Block> queue_;
+  std::deque<QueuedBlock> queue_;
   bool connected_ = false, writing_ = false, stopping_ = false;
   std::uint32_t sequence_ = 0;
   HostTime next_hello_{};

@@ -47,15 +47,15 @@ class DepthFeed final : public Device {
 
  private:
   // Each process that uses OpenNI2 loads its own module, so several may connect.
-  struct Viewer {
-    explicit Viewer(Local::socket s) : socket(std::move(s)) {}
+  struct FeedClient {
+    explicit FeedClient(Local::socket s) : socket(std::move(s)) {}
     Local::socket socket;
     Bytes out;  // bytes being written; empty: ready for the next frame
     std::array<std::uint8_t, 16> unread{};
     bool gone = false;
   };
-  using Place = std::list<Viewer>::iterator;
-  struct Frame {
+  using ViewerIterator = std::list<FeedClient>::iterator;
+  struct DepthFrameOut {
     DepthHeader header;
     std::vector<std::uint16_t> pixels;
     const char* what;  // result of sending
@@ -66,7 +66,7 @@ class DepthFeed final : public Device {
     acceptor_.async_accept([this](const ErrorCode& error, Local::socket socket) {
       if (stopping_ || !acceptor_.is_open()) return;
       if (!error) {
-        const Place viewer = viewers_.emplace(viewers_.end(), std::move(socket));
+        const ViewerIterator viewer = viewers_.emplace(viewers_.end(), std::move(socket));
         ++all_viewers_;
         watch(viewer);
         put(viewer->out, header());
@@ -76,7 +76,7 @@ class DepthFeed final : public Device {
     });
   }
 
-  void watch(Place viewer) {
+  void watch(ViewerIterator viewer) {
     viewer->socket.async_read_some(boost::asio::buffer(viewer->unread),
                                    [this, viewer](const ErrorCode& error, std::size_t) {
                                      if (!error) return watch(viewer);
@@ -86,7 +86,7 @@ class DepthFeed final : public Device {
                                    });
   }
 
-  void write(Place viewer, const DepthHeader& frame, const char* what) {
+  void write(ViewerIterator viewer, const DepthHeader& frame, const char* what) {
     const auto written = [this, viewer, begun = injector_.now(), index = frame.frame_index, what](
                              const ErrorCode& error, std::size_t) {
       viewer->out.clear();
@@ -146,7 +146,7 @@ class DepthFeed final : public Device {
         static_cast<std::uint64_t>(std::max(0.0, 1e6 * (now_s + injector_.clock_error_s(now_s))));
     h.truncated = injector_.triggers(FaultKind::corrupt);
     if (last_.empty() || !injector_.active(FaultKind::freeze)) last_ = disturbed(picture(now_s));
-    Frame frame{h, last_, h.truncated ? "corrupt" : "sent", injector_.due()};
+    DepthFrameOut frame{h, last_, h.truncated ? "corrupt" : "sent", injector_.due()};
     if (injector_.triggers(FaultKind::garbage)) {
       for (auto& mm : frame.pixels) mm = static_cast<std::uint16_t>(injector_.noise());
       frame.what = "garbage";
@@ -162,8 +162,8 @@ class DepthFeed final : public Device {
       send(held_.front());
   }
 
-  void send(const Frame& frame) {
-    for (Place viewer = viewers_.begin(); viewer != viewers_.end(); ++viewer) {
+  void send(const DepthFrameOut& frame) {
+    for (ViewerIterator viewer = viewers_.begin(); viewer != viewers_.end(); ++viewer) {
       if (viewer->gone) continue;
       if (!viewer->out.empty()) {  // still busy with an older frame
         ++skipped_;
@@ -197,13 +197,13 @@ class DepthFeed final : public Device {
   Local::acceptor acceptor_;
   port::Timer timer_;
   HostTime next_;
-  std::list<Viewer> viewers_;
+  std::list<FeedClient> viewers_;
   std::vector<std::uint16_t> pixels_, last_;  // exact frame; last frame sent
   std::int64_t pictured_ = -1;
   bool stopping_ = false;
   std::uint32_t frame_index_ = 0;
   std::uint64_t all_viewers_ = 0, frames_ = 0, skipped_ = 0;
-  std::deque<Frame> held_;                // frames waiting for their due time
+  std::deque<DepthFrameOut> held_;        // frames waiting for their due time
   Rng rng_ = make_rng(options_.seed, 1);  // for range noise and dropouts
   ErrorCode ignored_;
   FaultInjector injector_;

@@ -55,9 +55,9 @@ const std::string socket_path = find_socket();
 // A URI per laboratory keeps their cameras apart.
 const std::string uri = "echofuse-sim://" + socket_path;
 
-class Stream final : public oni::driver::StreamBase {
+class DepthStream final : public oni::driver::StreamBase {
  public:
-  explicit Stream(const DepthHeader& camera) : camera_(camera) {}
+  explicit DepthStream(const DepthHeader& camera) : camera_(camera) {}
 
   int getRequiredFrameSize() override {
     return static_cast<int>(camera_.width * camera_.height) * 2;
@@ -175,22 +175,22 @@ class Stream final : public oni::driver::StreamBase {
 // Open streams, shared with the reader thread.
 class Streams {
  public:
-  void add(Stream* stream) {
+  void add(DepthStream* stream) {
     const std::lock_guard lock(mutex_);
     open_.push_back(stream);
   }
-  void remove(Stream* stream) {
+  void remove(DepthStream* stream) {
     const std::lock_guard lock(mutex_);
     open_.erase(std::remove(open_.begin(), open_.end(), stream), open_.end());
   }
   void deliver(const DepthHeader& header, const Pixels& pixels) {
     const std::lock_guard lock(mutex_);
-    for (Stream* stream : open_) stream->deliver(header, pixels);
+    for (DepthStream* stream : open_) stream->deliver(header, pixels);
   }
 
  private:
   std::mutex mutex_;
-  std::vector<Stream*> open_;
+  std::vector<DepthStream*> open_;
 };
 
 class Camera final : public oni::driver::DeviceBase {
@@ -207,12 +207,12 @@ class Camera final : public oni::driver::DeviceBase {
   }
   oni::driver::StreamBase* createStream(OniSensorType type) override {
     if (type != ONI_SENSOR_DEPTH) return nullptr;
-    auto* stream = new Stream(camera_);
+    auto* stream = new DepthStream(camera_);
     streams_.add(stream);
     return stream;
   }
   void destroyStream(oni::driver::StreamBase* stream) override {
-    streams_.remove(static_cast<Stream*>(stream));
+    streams_.remove(static_cast<DepthStream*>(stream));
     delete stream;
   }
   OniBool isPropertySupported(int property) override {
@@ -233,9 +233,9 @@ class Camera final : public oni::driver::DeviceBase {
   OniSensorInfo info_{};
 };
 
-class Driver final : public oni::driver::DriverBase {
+class DepthDriver final : public oni::driver::DriverBase {
  public:
-  explicit Driver(OniDriverServices* services) : DriverBase(services) {
+  explicit DepthDriver(OniDriverServices* services) : DriverBase(services) {
     std::strncpy(info_.uri, uri.c_str(), sizeof info_.uri - 1);
     std::strcpy(info_.vendor, "Simulated");
     std::strcpy(info_.name, "Laboratory depth camera");
@@ -345,4 +345,4 @@ class Driver final : public oni::driver::DriverBase {
 
 }  // namespace
 
-ONI_EXPORT_DRIVER(Driver)
+ONI_EXPORT_DRIVER(DepthDriver)

@@ -11,21 +11,21 @@
 namespace echofuse::sim {
 namespace {
 
-struct Kind {
+struct FaultRule {
   const char* name;
   double usual, min, max;  // range and default of the amount
 };
-constexpr std::array<Kind, 10> kinds = {{{"drop", 1, 0, 1},
-                                         {"corrupt", 1, 0, 1},
-                                         {"stall", 0, 0, 0},
-                                         {"late", 0.05, 0, 10},
-                                         {"unplug", 0, 0, 0},
-                                         {"garbage", 64, 1, 65536},
-                                         {"clock_drift", 200, -1e5, 1e5},
-                                         {"clock_offset", 0.5, -1e4, 1e4},
-                                         {"gain", 0.5, 0, 100},
-                                         {"freeze", 0, 0, 0}}};
-constexpr Kind noisy_frames = {"garbage", 1, 0, 1};
+constexpr std::array<FaultRule, 10> kinds = {{{"drop", 1, 0, 1},
+                                              {"corrupt", 1, 0, 1},
+                                              {"stall", 0, 0, 0},
+                                              {"late", 0.05, 0, 10},
+                                              {"unplug", 0, 0, 0},
+                                              {"garbage", 64, 1, 65536},
+                                              {"clock_drift", 200, -1e5, 1e5},
+                                              {"clock_offset", 0.5, -1e4, 1e4},
+                                              {"gain", 0.5, 0, 100},
+                                              {"freeze", 0, 0, 0}}};
+constexpr FaultRule noisy_frames = {"garbage", 1, 0, 1};
 const char* const devices[] = {"tdc", "radar", "depth"};
 const char* const keys[] = {"device", "at_s", "for_s", "every_s", "kind", "amount"};
 constexpr double longest_s = 1e7;
@@ -46,7 +46,7 @@ std::string shown(double value) {
   return text.str();
 }
 
-class Reader : TableReader {
+class FaultReader : TableReader {
  public:
   using TableReader::TableReader;
 
@@ -65,7 +65,7 @@ class Reader : TableReader {
     Fault fault;
     fault.device = text(table, "device", {devices[0], devices[1], devices[2]});
     std::vector<std::string> names;
-    for (const Kind& k : kinds) names.emplace_back(k.name);
+    for (const FaultRule& k : kinds) names.emplace_back(k.name);
     const std::string kind = text(table, "kind", names);
     const auto found = std::find(names.begin(), names.end(), kind);
     if (found == names.end()) return fault;
@@ -80,9 +80,9 @@ class Reader : TableReader {
       say(table, "a depth camera has no gain; expected another kind or device");
     if (fault.device == "tdc" && fault.kind == FaultKind::freeze)
       say(table, "a time tagger has no frame to freeze; expected radar or depth");
-    const Kind& limits = camera && fault.kind == FaultKind::garbage
-                             ? noisy_frames
-                             : kinds[static_cast<std::size_t>(fault.kind)];
+    const FaultRule& limits = camera && fault.kind == FaultKind::garbage
+                                  ? noisy_frames
+                                  : kinds[static_cast<std::size_t>(fault.kind)];
     if (limits.max > limits.min)
       fault.amount = number(table, "amount", limits.usual, limits.min, limits.max);
     else if (const auto* given = table.get("amount"))
@@ -128,7 +128,7 @@ std::optional<std::pair<double, double>> progress(const Fault& f, double time_s)
 const char* name_of(FaultKind kind) { return kinds[static_cast<std::size_t>(kind)].name; }
 
 std::vector<Fault> read_faults(const std::string& text, const std::string& name) {
-  return Reader(name).read(text);
+  return FaultReader(name).read(text);
 }
 
 Faults::Faults(const std::vector<Fault>& all, const std::string& device) {
@@ -188,8 +188,8 @@ Faults::Segment Faults::segment_at(double time_s) const {
   return out;
 }
 
-std::vector<Faults::Change> Faults::changes(double from_s, double to_s) const {
-  std::vector<Change> all;
+std::vector<Faults::FaultChange> Faults::changes(double from_s, double to_s) const {
+  std::vector<FaultChange> all;
   const auto add = [&](double time_s, const Fault& f, bool begins) {
     if (time_s > from_s && time_s <= to_s) all.push_back({time_s, &f, begins});
   };
@@ -203,7 +203,7 @@ std::vector<Faults::Change> Faults::changes(double from_s, double to_s) const {
     }
   }
   std::stable_sort(all.begin(), all.end(),
-                   [](const Change& a, const Change& b) { return a.time_s < b.time_s; });
+                   [](const FaultChange& a, const FaultChange& b) { return a.time_s < b.time_s; });
   return all;
 }
 

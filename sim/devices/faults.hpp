@@ -52,13 +52,13 @@ class Faults {
   // Returns how far the device's clock is ahead, s. The drift gained stays after the fault.
   double clock_error_s(double time_s) const;
 
-  struct Change {
+  struct FaultChange {
     double time_s;
     const Fault* fault;
     bool begins;
   };
   // Returns the changes in (from_s, to_s], sorted by time.
-  std::vector<Change> changes(double from_s, double to_s) const;
+  std::vector<FaultChange> changes(double from_s, double to_s) const;
 
  private:
   // State between two changes, cached because each tag needs it.

@@ -18,8 +18,8 @@ constexpr unsigned above = 1;  // the ISK's transmitter in another row
 
 constexpr double layout_hz = 62e9;  // unit of antenna places: half a wavelength of this
 
-std::vector<AntennaRadar::Pair> about_their_middle(std::vector<AntennaRadar::Pair> pairs) {
-  AntennaRadar::Pair middle;
+std::vector<AntennaRadar::TxRxPair> about_their_middle(std::vector<AntennaRadar::TxRxPair> pairs) {
+  AntennaRadar::TxRxPair middle;
   const auto n = static_cast<double>(pairs.size());
   for (const auto& p : pairs) {
     middle.tx_x += p.tx_x / n, middle.tx_y += p.tx_y / n;

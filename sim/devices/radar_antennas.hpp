@@ -39,9 +39,9 @@ class RadarAntennas {
   const Conditions& conditions_;
   std::uint64_t seed_;
   bool planar_;
-  record::Antennas channels_;              // one per pair of transmitter and receiver
-  std::vector<AntennaRadar::Pair> pairs_;  // transmitters and receivers of channels_
-  std::vector<AntennaRadar::Pair> used_pairs_;
+  record::Antennas channels_;                  // one per pair of transmitter and receiver
+  std::vector<AntennaRadar::TxRxPair> pairs_;  // transmitters and receivers of channels_
+  std::vector<AntennaRadar::TxRxPair> used_pairs_;
   double wavelength_m_ = 0;
   record::Antennas used_;  // antennas of the chirp, in transmitter order
   std::size_t sent_ = 0;   // number of sent antennas, from the first

@@ -150,8 +150,8 @@ class RadarBoard final : public Device {
   }
 
   void put_on_line(Bytes wire) {
-    Sent what{frame_number_, crc32c(wire)};
-    Frame frame{std::move(wire), what, injector_.due()};
+    FrameIdentity what{frame_number_, crc32c(wire)};
+    QueuedFrame frame{std::move(wire), what, injector_.due()};
     if (injector_.triggers(FaultKind::drop)) return log(injector_.now(), "dropped", what);
     if (injector_.triggers(FaultKind::corrupt))
       frame.what.damage = static_cast<std::int64_t>(injector_.corrupt(frame.wire));
@@ -162,7 +162,7 @@ class RadarBoard final : public Device {
 
   void send_due() {
     for (; !line_.empty() && line_.front().due <= injector_.now(); line_.pop_front()) {
-      const Frame& frame = line_.front();
+      const QueuedFrame& frame = line_.front();
       data_->send(frame.wire, [this, begun = injector_.now(), what = frame.what](bool arrived) {
         log(begun, !arrived ? "lost" : what.damage < 0 ? "sent" : "corrupt", what);
       });
@@ -177,11 +177,11 @@ class RadarBoard final : public Device {
     send_due();
   }
 
-  struct Sent {
+  struct FrameIdentity {
     std::uint32_t number = 0, crc = 0;
     std::int64_t damage = -1;  // index of the damaged byte of the frame; -1: none
   };
-  void log(HostTime begun, const char* done, const Sent& what) {
+  void log(HostTime begun, const char* done, const FrameIdentity& what) {
     injector_.log(begun, done,
                   {{"frame", what.number}, {"damage", what.damage}, {"crc", what.crc}});
   }
@@ -216,9 +216,9 @@ class RadarBoard final : public Device {
                   antennas_.coefficients() + "\n");
   }
 
-  struct Frame {
+  struct QueuedFrame {
     Bytes wire;
-    Sent what;
+    FrameIdentity what;
     HostTime due;
     Bytes junk{};  // garbage after the frame
   };
@@ -238,7 +238,7 @@ class RadarBoard final : public Device {
   std::uint32_t frame_number_ = 0;
   std::size_t subframe_ = 0, seen_subframe_ = 0;  // next frame to begin; next frame to send
   std::uint64_t frames_of_start_ = 0, frames_ = 0, skipped_ = 0;
-  std::deque<Frame> line_;  // frames waiting for their due time
+  std::deque<QueuedFrame> line_;  // frames waiting for their due time
   std::function<void(bool in)> plug_;
   FaultInjector injector_;
 };

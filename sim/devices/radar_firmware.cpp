@@ -17,12 +17,12 @@ constexpr unsigned last_chirp = 511;
 constexpr char banner_line[] = "******************************************\n";
 constexpr char prompt_text[] = "mmwDemo:/>";
 
-struct Command {
+struct CommandRule {
   bool needed;        // required before a start
   bool when_started;  // allowed while the sensor runs
   bool by_direction;  // its third word selects one of two settings: 0 range, 1 Doppler
 };
-const std::map<std::string, Command> configuring = {
+const std::map<std::string, CommandRule> configuring = {
     {"flushCfg", {false, true, false}},
     {"dfeDataOutputMode", {false, true, false}},
     {"channelCfg", {false, true, false}},
@@ -142,7 +142,7 @@ void RadarFirmware::run_line() {
     say("Skipped\n");
     return prompt();
   }
-  const Arguments words = split(line);
+  const CommandWords words = split(line);
   if (words.empty()) return prompt();
   if (const auto status = execute(words)) answer(*status);
 }
@@ -152,7 +152,7 @@ void RadarFirmware::answer(int status) {
   prompt();
 }
 
-std::optional<int> RadarFirmware::execute(const Arguments& words) {
+std::optional<int> RadarFirmware::execute(const CommandWords& words) {
   const std::string& name = words[0];
   if (name == "sensorStart") return sensor_start(words);
   if (name == "sensorStop") return sensor_stop();
@@ -164,8 +164,8 @@ std::optional<int> RadarFirmware::execute(const Arguments& words) {
     prompt();
     return {};
   }
-  const Command& command = configuring.at(name);
-  if (!command.when_started && state_ == State::started) {
+  const CommandRule& command = configuring.at(name);
+  if (!command.when_started && state_ == DemoState::started) {
     say("Ignored: This command is not allowed after sensor has started\n");
     return 0;
   }
@@ -179,7 +179,7 @@ std::optional<int> RadarFirmware::execute(const Arguments& words) {
   return status;
 }
 
-int RadarFirmware::configure(const Arguments& words, const std::string& key) {
+int RadarFirmware::configure(const CommandWords& words, const std::string& key) {
   const std::string& name = words[0];
   if (name == "adcbufCfg" && whole(words, 5) != 1) {
     say("Error: chirpThreshold must be 1, multi-chirp is not allowed\n");
@@ -202,15 +202,15 @@ int RadarFirmware::configure(const Arguments& words, const std::string& key) {
   return name == "guiMonitor" ? gui_monitor(words) : 0;
 }
 
-int RadarFirmware::gui_monitor(const Arguments& words) {
+int RadarFirmware::gui_monitor(const CommandWords& words) {
   if (whole(words, 4) != 0 || whole(words, 6) != 0)
     say("Ignored: noise profile and Doppler heat map are not simulated\n");
   return 0;
 }
 
-int RadarFirmware::config_data_port(const Arguments& words) {
+int RadarFirmware::config_data_port(const CommandWords& words) {
   constexpr unsigned fastest = 3125000;
-  if (state_ == State::started) {
+  if (state_ == DemoState::started) {
     say("Ignored: This command is not allowed after sensor has started\n");
     return 0;
   }
@@ -252,7 +252,7 @@ bool RadarFirmware::all_pending() const {
 
 // Three contradictions between configuration and command.
 bool RadarFirmware::refuse_start(bool reconfigure) {
-  const bool first = state_ == State::init || state_ == State::opened;
+  const bool first = state_ == DemoState::init || state_ == DemoState::opened;
   if (reconfigure && all_pending()) return false;
   if (!reconfigure && !first && pending_.empty()) return false;
   if (first)
@@ -272,7 +272,7 @@ bool RadarFirmware::refuse_start(bool reconfigure) {
 // the demo fails an assertion and its command line hangs.
 bool RadarFirmware::changed_latched() {
   for (const char* name : latched_commands) {
-    if (state_ == State::init) latched_[name] = config_[name];
+    if (state_ == DemoState::init) latched_[name] = config_[name];
     if (config_[name] == latched_[name]) continue;
     say("Exception: mmw_cli.c, line 263.\n");
     dead_ = true;
@@ -281,35 +281,35 @@ bool RadarFirmware::changed_latched() {
   return false;
 }
 
-std::optional<int> RadarFirmware::sensor_start(const Arguments& words) {
+std::optional<int> RadarFirmware::sensor_start(const CommandWords& words) {
   const bool reconfigure = words.size() != 2;
   if (!reconfigure && whole(words, 1) != 0) {
     say("Error: Reconfig is not supported, only argument of 0 is\n"
         "(do not reconfig, just re-start the sensor) valid\n");
     return -1;
   }
-  if (state_ == State::started) {
+  if (state_ == DemoState::started) {
     say("Ignored: Sensor is already started\n");
     return 0;
   }
   if (refuse_start(reconfigure)) return -1;
   if (changed_latched()) return {};
   const auto configured = subframes_configured();
-  if (state_ == State::init) state_ = State::opened;
+  if (state_ == DemoState::init) state_ = DemoState::opened;
   if (configured.empty()) return -1;
   pending_.clear();
-  const Arguments& gui = config_["guiMonitor"];
-  const Arguments& bias = config_["measureRangeBiasAndRxChanPhase"];
+  const CommandWords& gui = config_["guiMonitor"];
+  const CommandWords& bias = config_["measureRangeBiasAndRxChanPhase"];
   outputs_ = {whole(gui, 2) != 0,  whole(gui, 3) != 0, whole(gui, 5) != 0, whole(gui, 7) != 0,
               whole(bias, 1) != 0, number(bias, 2),    number(bias, 3)};
   subframes_ = configured;
   running_ = configured.front();
-  state_ = State::started;
+  state_ = DemoState::started;
   return 0;
 }
 
 std::optional<int> RadarFirmware::sensor_stop() {
-  if (state_ != State::started) {
+  if (state_ != DemoState::started) {
     say("Ignored: Sensor is already stopped\n");
     return 0;
   }
@@ -321,7 +321,7 @@ void RadarFirmware::between_frames() {
   if (!stopping_) return;
   stopping_ = false;
   running_.reset();
-  state_ = State::stopped;
+  state_ = DemoState::stopped;
   answer(0);
 }
 
@@ -331,14 +331,14 @@ void RadarFirmware::between_frames() {
 std::vector<Chirp> RadarFirmware::subframes_configured() {
   constexpr unsigned advanced = 3, most = 4;
   if (whole(config_["dfeDataOutputMode"], 1) != advanced) {
-    const Arguments& f = config_["frameCfg"];
+    const CommandWords& f = config_["frameCfg"];
     const auto one = chirp({whole(f, 1), whole(f, 2), whole(f, 3), whole(f, 4), number(f, 5)}, {});
     return one ? std::vector{*one} : std::vector<Chirp>{};
   }
   std::vector<Chirp> out;
-  const Arguments& frame = config_["advFrameCfg"];
+  const CommandWords& frame = config_["advFrameCfg"];
   for (unsigned k = 0; k < std::min(whole(frame, 1), most); ++k) {
-    const Arguments& s = subframe_cfgs_[k];
+    const CommandWords& s = subframe_cfgs_[k];
     const unsigned first = whole(s, 3);
     const auto one = chirp(
         {first, first + std::max(1u, whole(s, 4)) - 1, whole(s, 5), whole(frame, 3), number(s, 10)},
@@ -358,13 +358,13 @@ std::vector<Chirp> RadarFirmware::subframes_configured() {
 // The front end checks every profile, and every chirp with its offsets.
 bool RadarFirmware::ramps_possible() {
   Chirp ramp;
-  const auto refused = [&](const Arguments& profile, const Arguments& added) {
+  const auto refused = [&](const CommandWords& profile, const CommandWords& added) {
     set_ramp(profile, added, ramp);
     return !ramp.ramp_possible();
   };
   return std::none_of(profiles_.begin(), profiles_.end(),
                       [&](const auto& profile) { return refused(profile.second, {}); }) &&
-         std::none_of(chirps_.begin(), chirps_.end(), [&](const Arguments& chirp) {
+         std::none_of(chirps_.begin(), chirps_.end(), [&](const CommandWords& chirp) {
            return refused(profiles_[whole(chirp, 3)], chirp);
          });
 }
@@ -372,12 +372,12 @@ bool RadarFirmware::ramps_possible() {
 // Returns the profile of this chirp, or of the last chirp.
 std::optional<Chirp> RadarFirmware::chirp(const FramePart& frame,
                                           std::optional<unsigned> of_chirp) {
-  const Arguments channel = config_["channelCfg"];
-  Arguments profile = last_profile_;
+  const CommandWords channel = config_["channelCfg"];
+  CommandWords profile = last_profile_;
   Chirp chirp;
   unsigned chirps = 0;
   for (unsigned i = frame.first; i <= std::min(frame.last, last_chirp); ++i)
-    for (const Arguments& c : chirps_)
+    for (const CommandWords& c : chirps_)
       if (whole(c, 1) <= i && i <= whole(c, 2)) {
         if (of_chirp == i) profile = profiles_[whole(c, 3)];
         add_transmitters(whole(c, 8) & whole(channel, 2), chirp.transmitters);

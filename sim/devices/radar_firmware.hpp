@@ -54,8 +54,8 @@ class RadarFirmware {
   void between_frames();
 
  private:
-  using Arguments = std::vector<std::string>;
-  enum class State {
+  using CommandWords = std::vector<std::string>;
+  enum class DemoState {
     init = 0,
     opened = 1,
     started = 2,
@@ -66,12 +66,12 @@ class RadarFirmware {
   void run_line();
   void prompt();
   void answer(int status);
-  std::optional<int> execute(const Arguments& words);  // empty: the answer follows later
-  int configure(const Arguments& words, const std::string& key);
-  std::optional<int> sensor_start(const Arguments& words);
+  std::optional<int> execute(const CommandWords& words);  // empty: the answer follows later
+  int configure(const CommandWords& words, const std::string& key);
+  std::optional<int> sensor_start(const CommandWords& words);
   std::optional<int> sensor_stop();
-  int config_data_port(const Arguments& words);
-  int gui_monitor(const Arguments& words);
+  int config_data_port(const CommandWords& words);
+  int gui_monitor(const CommandWords& words);
   int print_version();
   int print_status();
   std::string version() const;
@@ -91,14 +91,14 @@ class RadarFirmware {
   unsigned sdk_;
   RadarDemo demo_;
   std::string line_;
-  State state_ = State::init;
+  DemoState state_ = DemoState::init;
   bool stopping_ = false, dead_ = false;
   unsigned data_baud_ = 921600;
-  std::map<std::string, Arguments> config_;   // last accepted words of each command
-  std::map<std::string, Arguments> latched_;  // words at the first start
-  std::vector<Arguments> chirps_;
-  std::map<unsigned, Arguments> profiles_, subframe_cfgs_;  // by profile or chirp number
-  Arguments last_profile_;
+  std::map<std::string, CommandWords> config_;   // last accepted words of each command
+  std::map<std::string, CommandWords> latched_;  // words at the first start
+  std::vector<CommandWords> chirps_;
+  std::map<unsigned, CommandWords> profiles_, subframe_cfgs_;  // by profile or chirp number
+  CommandWords last_profile_;
   std::set<std::string> pending_;  // commands since the last start
   std::optional<Chirp> running_;
   std::vector<Chirp> subframes_;

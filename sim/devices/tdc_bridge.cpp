@@ -82,7 +82,7 @@ class Bridge final : public Device {
     injector_.log(injector_.now(), "overrun", {{"tags", static_cast<std::int64_t>(tags)}});
   }
 
-  void log(HostTime time, const char* what, const BlockServer::Block* block) {
+  void log(HostTime time, const char* what, const BlockServer::QueuedBlock* block) {
     if (!block) return injector_.log(time, what, {});
     injector_.log(time, what,
                   {{"seq", block->sequence},

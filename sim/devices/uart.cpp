@@ -5,7 +5,7 @@
 
 namespace echofuse::sim {
 
-void Uart::send(ByteView bytes, Sent sent) {
+void Uart::send(ByteView bytes, OnSent sent) {
   const std::uint64_t first = sent_ + lost_ + queue_.size();
   queue_.insert(queue_.end(), bytes.begin(), bytes.end());
   if (sent) waiting_.push_back({first, first + bytes.size(), std::move(sent)});

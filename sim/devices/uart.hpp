@@ -24,10 +24,10 @@ class Uart {
   Uart(const Uart&) = delete;
   Uart& operator=(const Uart&) = delete;
 
-  using Sent = std::function<void(bool arrived)>;
+  using OnSent = std::function<void(bool arrived)>;
 
   // Queues the bytes; `sent` is called after the last byte.
-  void send(ByteView bytes, Sent sent = {});
+  void send(ByteView bytes, OnSent sent = {});
   // Stops or restarts the line; queued bytes are kept.
   void hold(bool still);
   bool idle() const { return queue_.empty(); }
@@ -54,7 +54,7 @@ class Uart {
   bool pacing_ = false, still_ = false;
   struct Waiting {
     std::uint64_t begin, end;  // byte positions since the start
-    Sent sent;
+    OnSent sent;
     bool whole = true;
   };
   std::deque<Waiting> waiting_;

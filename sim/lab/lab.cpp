@@ -168,8 +168,8 @@ LabTagger bridged_tagger(port::SystemLoop& loop, ScenePlayer& player, const TdcO
 
 }  // namespace
 
-struct Lab::Parts {
-  Parts(port::SystemLoop& l, const LabOptions& o)
+struct Lab::Impl {
+  Impl(port::SystemLoop& l, const LabOptions& o)
       : options(o),
         dir(make_directory(o.dir)),
         lock(dir / lock_name, 0600),
@@ -181,7 +181,7 @@ struct Lab::Parts {
     if (!o.log.empty()) plan.sent_log = &sent_log.emplace(o.log);
   }
 
-  ~Parts() {
+  ~Impl() {
     remove(std::begin(transient), std::end(transient));
     lock.remove();
   }
@@ -227,7 +227,7 @@ struct Lab::Parts {
 };
 
 Lab::Lab(port::SystemLoop& loop, const LabOptions& options)
-    : parts_(std::make_unique<Parts>(loop, options)) {
+    : parts_(std::make_unique<Impl>(loop, options)) {
   parts_->start();
 }
 

@@ -72,8 +72,8 @@ class Lab {
   std::string sent() const;
 
  private:
-  struct Parts;
-  std::unique_ptr<Parts> parts_;
+  struct Impl;
+  std::unique_ptr<Impl> parts_;
 };
 
 // Serves while the command runs. The command has the laboratory's devices in its environment and

@@ -20,9 +20,9 @@ constexpr std::size_t most_triangles = 1'000'000;
 constexpr double farthest = 1e6;  // largest valid coordinate
 
 // Splits a text into words, line by line.
-class Text {
+class WordReader {
  public:
-  Text(std::string_view text, const std::string& name) : text_(text), name_(name) {}
+  WordReader(std::string_view text, const std::string& name) : text_(text), name_(name) {}
 
   bool next_line() {
     if (at_ >= text_.size()) return false;
@@ -85,7 +85,7 @@ void check_size(const Mesh& mesh, const std::string& name) {
 }
 
 // Indices count from 1, or backwards from -1.
-std::uint32_t obj_corner(const Text& text, std::string_view word, std::size_t points) {
+std::uint32_t obj_corner(const WordReader& text, std::string_view word, std::size_t points) {
   const auto index = text.number<std::int64_t>(word.substr(0, word.find('/')), "a vertex index");
   const auto count = static_cast<std::int64_t>(points);
   if (index == 0 || index > count || index < -count)
@@ -95,7 +95,7 @@ std::uint32_t obj_corner(const Text& text, std::string_view word, std::size_t po
 
 Mesh read_obj(std::string_view content, const std::string& name) {
   Mesh mesh;
-  Text text(content, name);
+  WordReader text(content, name);
   std::vector<std::uint32_t> corners;
   while (text.next_line()) {
     const std::string_view key = text.word();

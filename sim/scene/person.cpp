@@ -78,9 +78,9 @@ Clothes random_clothes(const Conditions& c, double albedo, Rng& rng) {
 
 // Builds one body. Local coordinates are in body heights: x to the image's right if it faces -z, y
 // up from the floor, z to its front.
-class Body {
+class BodyBuilder {
  public:
-  Body(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng)
+  BodyBuilder(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng)
       : scene_(scene),
         conditions_(conditions),
         height_m_(conditions.target_scale *
@@ -156,7 +156,7 @@ class Body {
 };
 
 // The plate has separate axes, because it leans forward or back.
-Plate held_plate(const Conditions& c, const Body& body, Rng& rng) {
+Plate held_plate(const Conditions& c, const BodyBuilder& body, Rng& rng) {
   const double most_deg = c.letter_tilt_deg;
   const double lean = most_deg > 0 ? radians(uniform(rng, -most_deg, most_deg)) : 0;
   Plate plate;
@@ -170,7 +170,7 @@ Plate held_plate(const Conditions& c, const Body& body, Rng& rng) {
 }  // namespace
 
 void add_person(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng) {
-  Body body(scene, conditions, stand, rng);
+  BodyBuilder body(scene, conditions, stand, rng);
   for (const double side : {-1.0, 1.0}) {
     const double swing = pose(-25, 80, conditions, rng);
     const double spread = pose(5, 70, conditions, rng);
@@ -185,7 +185,7 @@ char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& 
   const char letter = record::letters[rng() % record::letters.size()];
   const record::LetterSize size = record::letter_sizes[rng() % record::letter_sizes.size()].scaled(
       conditions.target_scale * conditions.letter_scale);
-  Body body(scene, conditions, stand, rng);
+  BodyBuilder body(scene, conditions, stand, rng);
   const Vec3 chest = 0.5 * (body.shoulder(-1) + body.shoulder(1));
   const double lift = uniform(rng, -0.12, 0.02) + conditions.letter_lift_m / body.height_m();
   const Vec3 held = chest + Vec3{0, lift, conditions.letter_reach * uniform(rng, 0.33, 0.37)};

@@ -42,23 +42,24 @@ void add_box(std::vector<Plate>& plates, double x, double front_z, double width,
   plates.push_back(rectangle(middle + (height / 2) * up, right, away, width, depth, albedo));
 }
 
-struct Box {
+struct RoomBox {
   double x, front_z, width, height, depth, albedo;
 };
 
-Room make_room(std::string name, std::vector<Plate> walls, const std::vector<Box>& boxes) {
+Room make_room(std::string name, std::vector<Plate> walls, const std::vector<RoomBox>& boxes) {
   const std::size_t count = walls.size();
-  for (const Box& b : boxes) add_box(walls, b.x, b.front_z, b.width, b.height, b.depth, b.albedo);
+  for (const RoomBox& b : boxes)
+    add_box(walls, b.x, b.front_z, b.width, b.height, b.depth, b.albedo);
   return {std::move(name), std::move(walls), count};
 }
 
 std::vector<Room> build() {
   const Plate left = wall(-3.0, 4.654, 0.1, 5.01, 0.5), right = wall(-0.3, 5.225, 3.4, 5.531, 0.7);
-  const std::vector<Box> boxes{{-1.6, 4.62, 0.45, 1.7, 0.10, 0.8},
-                               {-0.45, 4.64, 0.40, 1.3, 0.15, 0.4},
-                               {0.85, 4.80, 0.40, 1.6, 0.25, 0.7},
-                               {1.9, 5.02, 0.50, 1.4, 0.20, 0.9}};
-  std::vector<Box> moved = boxes, with_somebody = boxes;
+  const std::vector<RoomBox> boxes{{-1.6, 4.62, 0.45, 1.7, 0.10, 0.8},
+                                   {-0.45, 4.64, 0.40, 1.3, 0.15, 0.4},
+                                   {0.85, 4.80, 0.40, 1.6, 0.25, 0.7},
+                                   {1.9, 5.02, 0.50, 1.4, 0.20, 0.9}};
+  std::vector<RoomBox> moved = boxes, with_somebody = boxes;
   moved[0].x = -0.9, moved[1].x = -1.9, moved[2].x = 1.35, moved[3].x = 0.45;
   moved[3].front_z = 4.85;
   with_somebody.push_back({-2.15, 4.3, 0.45, 1.75, 0.25, 0.45});

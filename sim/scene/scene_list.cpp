@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::int64_t most_scenes = 10'000'000;
 
-class Reader : TableReader {
+class SceneListReader : TableReader {
  public:
   using TableReader::TableReader;
 
@@ -72,7 +72,7 @@ class Reader : TableReader {
 }  // namespace
 
 std::vector<SceneSpec> read_scene_list(const std::string& text, const std::string& name) {
-  return Reader(name).read(text);
+  return SceneListReader(name).read(text);
 }
 
 }  // namespace echofuse::sim

@@ -200,9 +200,9 @@ void CapsuleShape::cosines(const double* x, const double* y, const double* z, do
                            std::size_t count) const {
   shade_capsule(*this, x, y, z, cosine, count);
 }
-std::array<CapsuleShape::Box, 2> CapsuleShape::ends() const {
+std::array<CapsuleShape::BoundingBox, 2> CapsuleShape::ends() const {
   const auto box = [&](Vec3 end) {
-    return Box{disc_tangents(end.x, end.z, radius), disc_tangents(end.y, end.z, radius)};
+    return BoundingBox{disc_tangents(end.x, end.z, radius), disc_tangents(end.y, end.z, radius)};
   };
   return {box(a), box(b)};
 }

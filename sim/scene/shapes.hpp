@@ -41,10 +41,10 @@ struct CapsuleShape {
   Interval tangents_x() const;
   Interval tangents_y() const;
   // Bounding box of the spheres at its ends; the part between them is inside their convex hull.
-  struct Box {
+  struct BoundingBox {
     Interval x, y;
   };
-  std::array<Box, 2> ends() const;
+  std::array<BoundingBox, 2> ends() const;
 };
 
 struct PlateShape {

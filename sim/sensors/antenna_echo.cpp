@@ -23,7 +23,7 @@ using Eigen::ArrayXXf;
 using Eigen::Index;
 using Eigen::MatrixXcf;
 using Eigen::MatrixXf;
-using Samples = Eigen::Map<MatrixXcf>;  // column: point; row: antenna
+using EchoSamples = Eigen::Map<MatrixXcf>;  // column: point; row: antenna
 
 constexpr double pi = std::numbers::pi;
 constexpr double slots_per_cell = 8;
@@ -45,7 +45,7 @@ MatrixXf responses(const RadarAxis& axis, const std::vector<double>& slots) {
 }
 
 // Adds the echoes of slots (columns) with the response of each point.
-void add_echoes(const MatrixXcf& slots, const MatrixXf& response, Samples& samples) {
+void add_echoes(const MatrixXcf& slots, const MatrixXf& response, EchoSamples& samples) {
   const Eigen::Map<const MatrixXf> from(reinterpret_cast<const float*>(slots.data()),
                                         2 * slots.rows(), slots.cols());
   Eigen::Map<MatrixXf>(reinterpret_cast<float*>(samples.data()), 2 * samples.rows(), samples.cols())
@@ -104,7 +104,7 @@ MatrixXcf near_wave(const AntennaRadar& radar, const EchoCell& point) {
 }
 
 // Reflector and leakage are points.
-void add_points(const Returns& returns, const AntennaRadar& radar, Samples& samples) {
+void add_points(const Returns& returns, const AntennaRadar& radar, EchoSamples& samples) {
   const RangeResponse response(radar.axis);
   std::vector<double> psf;
   for (const auto kind : {Returns::reflector, Returns::leakage}) {
@@ -121,7 +121,7 @@ void add_points(const Returns& returns, const AntennaRadar& radar, Samples& samp
 }
 
 // Room and objects are coherent. Their hidden parts have negative weights, which subtracts them.
-void add_still(const Returns& returns, const AntennaRadar& radar, Samples& samples) {
+void add_still(const Returns& returns, const AntennaRadar& radar, EchoSamples& samples) {
   std::vector<std::size_t> patches;
   double first = INFINITY, last = 0;
   for (std::size_t k = 0; k < returns.place.size(); ++k) {
@@ -156,7 +156,7 @@ void add_still(const Returns& returns, const AntennaRadar& radar, Samples& sampl
 class AntennaEcho::Moving {
  public:
   virtual ~Moving() = default;
-  virtual void add(double later_s, Rng& rng, Samples& samples) = 0;
+  virtual void add(double later_s, Rng& rng, EchoSamples& samples) = 0;
 };
 
 // Coherent echoes of people.
@@ -191,7 +191,7 @@ class AntennaEcho::Speckle : public Moving {
     waves_ = waves(radar.antennas, u, v, amplitude, ahead);
   }
 
-  void add(double later_s, Rng& rng, Samples& samples) override {
+  void add(double later_s, Rng& rng, EchoSamples& samples) override {
     motion_.advance(later_s, rng);
     if (cells_.cells.empty()) return;
     const auto by_modes = [&](const std::vector<BodyMotion::Modes>& modes) -> ArrayXf {
@@ -300,7 +300,7 @@ class AntennaEcho::Expectation : public Moving {
     }
   }
 
-  void add(double, Rng&, Samples& samples) override {
+  void add(double, Rng&, EchoSamples& samples) override {
     // Quadratic phases make successive frames, and their mean, behave as independent looks (Chu,
     // IEEE Trans. Inf. Theory 18, 531, 1972).
     const std::int64_t f = frame_ % frames_, apart = frames_ / roots_.cols();
@@ -340,7 +340,7 @@ AntennaEcho::AntennaEcho(const Returns& returns, const AntennaRadar& radar, cons
       still_(radar.room.begin(), radar.room.end()) {
   const bool coherent = c.radar_sum == "coherent";
   still_.resize(samples());
-  Samples still(still_.data(), static_cast<Index>(antennas_), static_cast<Index>(points_));
+  EchoSamples still(still_.data(), static_cast<Index>(antennas_), static_cast<Index>(points_));
   add_points(returns, radar, still);
   if (coherent) add_still(returns, radar, still);
   if (coherent)
@@ -354,15 +354,15 @@ AntennaEcho& AntennaEcho::operator=(AntennaEcho&&) noexcept = default;
 
 void AntennaEcho::frame(double later_s, Rng& rng, std::span<std::complex<float>> samples) {
   std::copy(still_.begin(), still_.end(), samples.begin());
-  Samples all(samples.data(), static_cast<Index>(antennas_), static_cast<Index>(points_));
+  EchoSamples all(samples.data(), static_cast<Index>(antennas_), static_cast<Index>(points_));
   moving_->add(later_s, rng, all);
 }
 
 std::vector<std::complex<float>> room_echo(const AntennaRadar& radar, const Conditions& c) {
   std::vector<std::complex<float>> all(radar.antennas.size() * radar.axis.count);
   const Returns room = radar_returns(empty_room(*room_named(c.background)), c);
-  Samples samples(all.data(), static_cast<Index>(radar.antennas.size()),
-                  static_cast<Index>(radar.axis.count));
+  EchoSamples samples(all.data(), static_cast<Index>(radar.antennas.size()),
+                      static_cast<Index>(radar.axis.count));
   add_still(room, radar, samples);
   return all;
 }

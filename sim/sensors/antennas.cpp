@@ -119,7 +119,7 @@ using Eigen::MatrixXcf;
 using Eigen::MatrixXf;
 
 void add_patch(EchoCell& cell, const Returns& returns, std::size_t k) {
-  const Returns::Place& p = returns.place[k];
+  const Returns::PatchOrigin& p = returns.place[k];
   const double w = returns.weight[k];
   cell.weight += w;
   cell.range_m += w * returns.range_m[k];
@@ -159,7 +159,7 @@ EchoCells echo_cells(const Returns& returns, double slot_m, bool with_room) {
   Eigen::Array4Xi keys(4, static_cast<Index>(patches.size()));
   for (Index i = 0; i < keys.cols(); ++i) {
     const std::size_t k = patches[static_cast<std::size_t>(i)];
-    const Returns::Place& p = returns.place[k];
+    const Returns::PatchOrigin& p = returns.place[k];
     keys.col(i) << static_cast<int>(std::floor(returns.range_m[k] / slot_m)), p.person,
         static_cast<int>(std::floor(p.height_m / height_m)),
         static_cast<int>(std::floor(p.x / cosine));

@@ -110,10 +110,10 @@ struct AntennaRadar {
   std::span<const std::complex<float>> room{};
   // Transmitter and receiver of each antenna, m from the centre of either group, and the
   // wavelength; empty: the reflector's wave is plane.
-  struct Pair {
+  struct TxRxPair {
     double tx_x = 0, tx_y = 0, rx_x = 0, rx_y = 0;
   };
-  std::vector<Pair> pairs{};
+  std::vector<TxRxPair> pairs{};
   double wavelength_m = 0;
 };
 

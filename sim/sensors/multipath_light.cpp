@@ -134,13 +134,13 @@ class Walls {
 
 }  // namespace
 
-void add_light_by_walls(const Scene& scene, const Gaze& gaze, std::int64_t order, RoomIs room,
+void add_light_by_walls(const Scene& scene, const Gaze& gaze, std::int64_t order, RoomReturns room,
                         Returns& returns, const PatchRays& rays) {
   if (!scene.room || order == 0) return;
   const Grid wall(gaze, rays.wall), body(gaze, rays.body);
   const Patches bodies = patches_of(scene, gaze.sensor_x_m, body.x, body.y);
   if (!bodies.empty()) Walls(lit_walls(scene, gaze, wall), gaze, order).light(bodies, 2, returns);
-  if (room == RoomIs::subtracted) return;
+  if (room == RoomReturns::subtracted) return;
   const Patches walls = patches_of(*scene.room, gaze.sensor_x_m, wall.x, wall.y);
   Walls(walls, gaze, order).light(walls, 1, returns);
 }

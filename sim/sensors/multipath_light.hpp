@@ -22,10 +22,10 @@ struct PatchRays {
 // sum_q albedo_q F_kq sum_p albedo_p F_qp e_p by two, and returns
 //   1: w = 2 albedo_k dOmega_k E_k           range (R_p + |p - k| + R_k) / 2
 //   2: w = 2 albedo_k dOmega_k E'_k + albedo_k dA_k E_k^2, path lengths in steps of 5 cm
-// Bodies shade the walls behind them. RoomIs::seen includes light between walls, as in the empty
-// room. Left out: obstacles between p and k, light between bodies, and light from bodies to walls
-// that another wall lights.
-void add_light_by_walls(const Scene& scene, const Gaze& gaze, std::int64_t order, RoomIs room,
+// Bodies shade the walls behind them. RoomReturns::included includes light between walls, as in the
+// empty room. Left out: obstacles between p and k, light between bodies, and light from bodies to
+// walls that another wall lights.
+void add_light_by_walls(const Scene& scene, const Gaze& gaze, std::int64_t order, RoomReturns room,
                         Returns& returns, const PatchRays& rays = {});
 
 }  // namespace echofuse::sim

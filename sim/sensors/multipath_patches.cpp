@@ -13,8 +13,8 @@ std::vector<Patch> patches_of(const Scene& scene, double sensor_x_m, const Axis&
   constexpr double least_cosine = 0.02;
   const double pixel = std::abs(x.step * y.step);
   std::vector<Patch> out;
-  Scanner scanner(scene, sensor_x_m, x, y, Sampling::staggered, RoomIs::subtracted);
-  scanner.scan(Shading::on, [&](const Row& row) {
+  Scanner scanner(scene, sensor_x_m, x, y, Sampling::staggered, RoomReturns::subtracted);
+  scanner.scan(Shading::on, [&](const ScanRow& row) {
     for (std::size_t i = row.from; i < row.to; ++i) {
       if (!(row.z[i] < INFINITY) || row.cosine[i] < least_cosine) continue;
       const Vec3 ray{row.x[i], row.y[i], 1};

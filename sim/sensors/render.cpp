@@ -18,17 +18,18 @@ namespace echofuse::sim {
 namespace {
 
 // Returns the place where ray i of the row meets a surface at this range.
-Returns::Place place_of(const Scene& scene, const Row& row, std::size_t i, double range_m,
-                        double sensor_height_m) {
+Returns::PatchOrigin place_of(const Scene& scene, const ScanRow& row, std::size_t i, double range_m,
+                              double sensor_height_m) {
   const double z = row.z[i];
   return {static_cast<float>(row.x[i] * z / range_m), static_cast<float>(row.y[i] * z / range_m),
           static_cast<float>(row.y[i] * z + sensor_height_m), person_of(scene, row.shape[i])};
 }
 
 // Patches hit by the rays of a row, in ray order.
-class Patches {
+class PatchCollector {
  public:
-  Patches(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Returns& returns)
+  PatchCollector(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y,
+                 Returns& returns)
       : scene_(scene),
         gaze_(gaze),
         // dOmega = dtx dty / |(tx, ty, 1)|^3
@@ -38,7 +39,7 @@ class Patches {
   }
 
   // Adds rays first to last - 1 of the row, with weights times `sign`.
-  void add(const Row& row, double sign, std::size_t first, std::size_t last) {
+  void add(const ScanRow& row, double sign, std::size_t first, std::size_t last) {
     const std::size_t count = last - first, most = seen_ + count + spare_rays;
     if (returns_.range_m.size() < most) {
       returns_.range_m.resize(2 * most);
@@ -73,23 +74,23 @@ class Patches {
   std::size_t seen_ = 0;
 };
 
-void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, RoomIs room,
+void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, RoomReturns room,
           Returns& returns) {
   constexpr Sampling sampling = Sampling::staggered;
-  Patches patches(scene, gaze, x, y, returns);
+  PatchCollector patches(scene, gaze, x, y, returns);
   std::shared_ptr<const Image> behind;
   std::vector<std::int32_t> no_shape;
-  if (scene.room && room == RoomIs::subtracted) {
+  if (scene.room && room == RoomReturns::subtracted) {
     behind = Scanner::room_image(*scene.room, gaze.sensor_x_m, x, y, sampling);
     no_shape.assign(x.count + spare_rays, nothing);
   }
-  Scanner(scene, gaze.sensor_x_m, x, y, sampling, room).scan(Shading::on, [&](const Row& row) {
+  Scanner(scene, gaze.sensor_x_m, x, y, sampling, room).scan(Shading::on, [&](const ScanRow& row) {
     if (!behind) {
       for (const auto& [first, last] : row.met) patches.add(row, 1, first, last);
       return;
     }
     const std::size_t at = std::size_t{row.iy} * x.count;
-    Row wall = row;
+    ScanRow wall = row;
     wall.z = &behind->z[at], wall.cosine = &behind->cosine[at], wall.albedo = &behind->albedo[at];
     wall.shape = no_shape.data();
     const auto in_front = [&](std::size_t i) { return row.z[i] < wall.z[i]; };
@@ -114,7 +115,7 @@ Axis moved(Axis axis, double by) {
 }
 
 void see_with_radar(const Scene& scene, const Conditions& c, const Gaze& gaze, const Axis& x,
-                    const Axis& y, RoomIs room, Returns& out) {
+                    const Axis& y, RoomReturns room, Returns& out) {
   look(scene, gaze, x, y, room, out);
   add_echoes_by_walls(scene, c, gaze, x, y, out);
 }
@@ -132,7 +133,7 @@ std::int32_t person_of(const Scene& scene, std::int32_t number) {
 std::vector<Hit> cast(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y,
                       Sampling sampling) {
   std::vector<Hit> hits(std::size_t{x.count} * y.count);
-  Scanner(scene, sensor_x_m, x, y, sampling).scan(Shading::on, [&](const Row& row) {
+  Scanner(scene, sensor_x_m, x, y, sampling).scan(Shading::on, [&](const ScanRow& row) {
     for (std::size_t ix = row.from; ix < row.to; ++ix) {
       const double z = row.z[ix];
       if (!(z < INFINITY)) continue;
@@ -148,7 +149,7 @@ std::vector<Hit> cast(const Scene& scene, double sensor_x_m, const Axis& x, cons
 std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, const Axis& y) {
   constexpr double most_m = 65.535;
   std::vector<std::uint16_t> depth(std::size_t{x.count} * y.count);
-  Scanner(scene, 0, x, y, Sampling::centres).scan(Shading::off, [&](const Row& row) {
+  Scanner(scene, 0, x, y, Sampling::centres).scan(Shading::off, [&](const ScanRow& row) {
     for (std::size_t ix = row.from; ix < row.to; ++ix)
       if (row.z[ix] < most_m)
         depth[std::size_t{row.iy} * x.count + ix] =
@@ -157,7 +158,7 @@ std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, co
   return depth;
 }
 
-void spd_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs room) {
+void spd_returns(const Scene& scene, const Conditions& c, Returns& out, RoomReturns room) {
   const std::int64_t rays = rays_of(c);
   const Gaze gaze = spd_gaze(c);
   look(scene, gaze, moved(x_rays(rays, gaze.half_tangent), gaze.middle_x),
@@ -165,7 +166,7 @@ void spd_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs r
   add_light_by_walls(scene, gaze, c.multipath_order, room, out);
 }
 
-void radar_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs room) {
+void radar_returns(const Scene& scene, const Conditions& c, Returns& out, RoomReturns room) {
   const bool places = c.radar_antennas > 0 || c.radar_sum == "coherent";
   Gaze gaze = radar_gaze(c);
   if (places) gaze.height_m = c.camera_height_m;

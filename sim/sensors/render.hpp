@@ -40,13 +40,13 @@ struct Returns {
   // The radar's returns have places if it has antennas (radar_antennas > 0) or its echoes
   // interfere. A place has the direction cosines x/R and y/R, the height above the floor, and the
   // owner of the patch: person 0, 1..., or something that stands still.
-  struct Place {
+  struct PatchOrigin {
     float x = 0, y = 0, height_m = 0;
     std::int32_t person = still;
   };
   static constexpr std::int32_t still = -1;  // the room, an object
   static constexpr std::int32_t reflector = -2, leakage = -3;
-  std::vector<Place> place{};
+  std::vector<PatchOrigin> place{};
 };
 
 // Returns the index of the person that shape `number` of a scene (scanner.hpp) belongs to. Person i
@@ -60,16 +60,16 @@ inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
 
 // Returns the patches visible from the origin and from the radar's place, each with its own
 // occlusion. Ranges include spd_delay_ps and radar_bias_m. Returns by walls follow
-// (multipath_order; range: half of the path), then the radar's leakage. RoomIs::subtracted leaves
-// out the room, except patches hidden by others, which get negative weights. Any quantity linear in
-// the weights is then the change relative to the empty room.
-enum class RoomIs : std::uint8_t { seen, subtracted };
+// (multipath_order; range: half of the path), then the radar's leakage. RoomReturns::subtracted
+// leaves out the room, except patches hidden by others, which get negative weights. Any quantity
+// linear in the weights is then the change relative to the empty room.
+enum class RoomReturns : std::uint8_t { included, subtracted };
 Returns spd_returns(const Scene& scene, const Conditions& conditions);
 Returns radar_returns(const Scene& scene, const Conditions& conditions);
 // Same, reusing the memory of an earlier scene, because allocation takes as long as rendering.
 void spd_returns(const Scene& scene, const Conditions& conditions, Returns& out,
-                 RoomIs room = RoomIs::seen);
+                 RoomReturns room = RoomReturns::included);
 void radar_returns(const Scene& scene, const Conditions& conditions, Returns& out,
-                   RoomIs room = RoomIs::seen);
+                   RoomReturns room = RoomReturns::included);
 
 }  // namespace echofuse::sim

@@ -43,7 +43,7 @@ std::shared_ptr<const Image> Scanner::room_image(const Room& room, double sensor
   const std::size_t size = std::size_t{x.count} * y.count + spare_rays;
   auto image = std::make_shared<Image>(Image{std::vector<double>(size, INFINITY),
                                              std::vector<double>(size), std::vector<double>(size)});
-  Scanner(alone, sensor_x_m, x, y, sampling).scan(Shading::on, [&](const Row& row) {
+  Scanner(alone, sensor_x_m, x, y, sampling).scan(Shading::on, [&](const ScanRow& row) {
     const auto put = [&](const double* from, std::vector<double>& to) {
       std::copy(from + row.from, from + row.to, &to[std::size_t{row.iy} * x.count + row.from]);
     };

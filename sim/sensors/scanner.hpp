@@ -16,7 +16,7 @@
 
 namespace echofuse::sim {
 
-using Points = std::pair<std::uint32_t, std::uint32_t>;  // [first, last) of an axis
+using PointRange = std::pair<std::uint32_t, std::uint32_t>;  // [first, last) of an axis
 
 // Interval in points, widened by half a step for staggered rays.
 inline Interval in_points(const Axis& axis, Interval t) {
@@ -25,7 +25,7 @@ inline Interval in_points(const Axis& axis, Interval t) {
 }
 
 // Returns the points of the axis inside the interval; rounding may add a neighbour.
-inline Points points_within(const Axis& axis, Interval t) {
+inline PointRange points_within(const Axis& axis, Interval t) {
   const auto [low, high] = in_points(axis, t);
   const double n = axis.count;
   return {static_cast<std::uint32_t>(std::clamp(std::floor(low), 0.0, n)),
@@ -73,7 +73,7 @@ struct Placed {
     std::tie(y0, y1) = points_within(y, shape.tangents_y());
   }
   // Returns the columns of row iy that can hit the shape.
-  Points columns(std::uint32_t) const { return {x0, x1}; }
+  PointRange columns(std::uint32_t) const { return {x0, x1}; }
 };
 
 // A tilted limb fills little of its box. Its bounds are interpolated between both ends, (1 - t) a +
@@ -92,9 +92,9 @@ struct Placed<CapsuleShape> {
     const Interval ay = in_points(y, a.y), by = in_points(y, b.y);
     left_ = {ax.low - more, bx.low - more}, right_ = {ax.high + more, bx.high + more};
     top_ = {ay.low - more, by.low - more}, bottom_ = {-ay.high - more, -by.high - more};
-    for (const Ends& e : {left_, right_, top_, bottom_}) bounded_ &= std::isfinite(e.a + e.by);
+    for (const Bound& e : {left_, right_, top_, bottom_}) bounded_ &= std::isfinite(e.a + e.by);
   }
-  Points columns(std::uint32_t iy) const {
+  PointRange columns(std::uint32_t iy) const {
     if (!bounded_ || x1 - x0 < worth_it) return {x0, x1};
     double from = 0, to = 1;
     const auto y = static_cast<double>(iy);
@@ -110,8 +110,8 @@ struct Placed<CapsuleShape> {
 
  private:
   // Bounds at both ends.
-  struct Ends {
-    Ends(double of_a, double of_b) : a(of_a), by(of_b - of_a), per(by == 0 ? 0 : 1 / by) {}
+  struct Bound {
+    Bound(double of_a, double of_b) : a(of_a), by(of_b - of_a), per(by == 0 ? 0 : 1 / by) {}
     double at(double t) const { return a + t * by; }
     // Restricts [from, to] to those t with a bound of at most y.
     void keep_below(double y, double& from, double& to) const {
@@ -122,8 +122,8 @@ struct Placed<CapsuleShape> {
     }
     double a, by, per;
   };
-  Ends left_{0, 0}, right_{0, 0}, top_{0, 0}, bottom_{0, 0};  // bottom_ is negated
-  static constexpr std::uint32_t worth_it = 16;               // points
+  Bound left_{0, 0}, right_{0, 0}, top_{0, 0}, bottom_{0, 0};  // bottom_ is negated
+  static constexpr std::uint32_t worth_it = 16;                // points
   bool bounded_ = true;
 };
 
@@ -135,12 +135,12 @@ struct Image {
 
 // Depth buffer of rays [from, to) of a row with directions (x, y, 1); z is infinite where nothing
 // is hit. Arrays are padded to a SIMD width.
-struct Row {
+struct ScanRow {
   std::uint32_t iy, from, to;
   const double *x, *y, *z;
-  const double *cosine, *albedo;   // only for Shading::on
-  const std::int32_t* shape;       // nothing: the room
-  const std::vector<Points>& met;  // groups of neighbours with a hit; only for Shading::on
+  const double *cosine, *albedo;       // only for Shading::on
+  const std::int32_t* shape;           // nothing: the room
+  const std::vector<PointRange>& met;  // groups of neighbours with a hit; only for Shading::on
 };
 // Calls use(first, last) for each run of neighbours in [from, to) that all satisfy keep(i).
 template <class Keep, class Use>
@@ -158,7 +158,7 @@ enum class Shading : std::uint8_t { off, on };
 class Scanner {
  public:
   Scanner(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y, Sampling sampling,
-          RoomIs room = RoomIs::seen)
+          RoomReturns room = RoomReturns::included)
       : x_(x),
         y_(y),
         offsets_(x, y, sampling),
@@ -175,7 +175,7 @@ class Scanner {
     for (const auto& t : scene.triangles) triangles_.emplace_back(TriangleShape(t, sensor), x, y);
     std::sort(triangles_.begin(), triangles_.end(),
               [](const auto& a, const auto& b) { return a.y0 < b.y0; });
-    if (scene.room && room == RoomIs::seen)
+    if (scene.room && room == RoomReturns::included)
       background_ = room_image(*scene.room, sensor_x_m, x, y, sampling);
   }
 
@@ -191,8 +191,8 @@ class Scanner {
       to_ = std::min(to_, x_.count);  // without padding
       if (shading == Shading::on) shade_row();
       if (background_) add_background(iy);
-      visit(Row{iy, from_, to_, ray_x_.data(), ray_y_.data(), z_.data(), cosine_.data(),
-                albedo_.data(), shape_.data(), runs_});
+      visit(ScanRow{iy, from_, to_, ray_x_.data(), ray_y_.data(), z_.data(), cosine_.data(),
+                    albedo_.data(), shape_.data(), runs_});
     }
   }
 
@@ -204,9 +204,9 @@ class Scanner {
 
  private:
   // Returns the rows that may contain a hit.
-  Points rows() const {
+  PointRange rows() const {
     if (background_) return {0, y_.count};
-    Points out{y_.count, 0};
+    PointRange out{y_.count, 0};
     const auto add = [&](const auto& shapes) {
       for (const auto& s : shapes) out = {std::min(out.first, s.y0), std::max(out.second, s.y1)};
     };
@@ -305,7 +305,7 @@ class Scanner {
   std::vector<double> ray_x_, ray_y_, met_, z_, cosine_, albedo_;
   std::vector<std::int32_t> shape_;
   std::vector<InRow> in_row_;
-  std::vector<Points> runs_;
+  std::vector<PointRange> runs_;
   std::uint32_t from_ = 0, to_ = 0;  // range of the row that may contain a hit
   std::vector<Placed<CapsuleShape>> capsules_;
   std::vector<Placed<PlateShape>> plates_;

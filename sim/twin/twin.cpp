@@ -39,7 +39,7 @@ std::optional<std::string> fault_of(const std::string& key, double value) {
   return place == std::string::npos ? faults.front() : faults.front().substr(place + 2);
 }
 
-class Reader : TableReader {
+class TwinReader : TableReader {
  public:
   using TableReader::TableReader;
 
@@ -58,10 +58,10 @@ class Reader : TableReader {
   }
 
  private:
-  std::optional<Range> range_of(const std::string& key, const toml::node& node) {
+  std::optional<KeyRange> range_of(const std::string& key, const toml::node& node) {
     const auto say = [&](const std::string& what) {
       TableReader::say(node, what);
-      return std::optional<Range>{};
+      return std::optional<KeyRange>{};
     };
     const toml::array* list = node.as_array();
     const auto number = [&](std::size_t i) {
@@ -70,7 +70,7 @@ class Reader : TableReader {
     if (list == nullptr || list->size() < 2 || list->size() > 3)
       return say(key + (key == "seed" ? ": expected a whole number of at least 0"
                                       : ": expected [low, high] or [low, high, \"log\"]"));
-    Range range{key, number(0), number(1), list->size() == 3};
+    KeyRange range{key, number(0), number(1), list->size() == 3};
     if (range.logarithmic && list->get(2)->value<std::string>() != "log")
       return say(key + ": expected nothing or \"log\" after low and high");
     if (!(range.low <= range.high)) return say(key + ": expected low and high in ascending order");
@@ -93,7 +93,7 @@ std::uint64_t hash(std::string_view text) {
   return h;
 }
 
-double draw(const Range& range, std::int64_t seed, std::int64_t laboratory) {
+double draw(const KeyRange& range, std::int64_t seed, std::int64_t laboratory) {
   Rng rng = make_rng(mix(static_cast<std::uint64_t>(seed)) ^ hash(range.key),
                      static_cast<std::uint64_t>(laboratory));
   if (!range.logarithmic) return uniform(rng, range.low, range.high);
@@ -103,11 +103,13 @@ double draw(const Range& range, std::int64_t seed, std::int64_t laboratory) {
 
 }  // namespace
 
-Twin read_twin(const std::string& text, const std::string& name) { return Reader(name).read(text); }
+Twin read_twin(const std::string& text, const std::string& name) {
+  return TwinReader(name).read(text);
+}
 
 std::string to_text(const Twin& twin) {
   std::string out = "seed = " + std::to_string(twin.seed) + "\n";
-  for (const Range& r : twin.ranges)
+  for (const KeyRange& r : twin.ranges)
     out += r.key + " = [" + number_text(r.low) + ", " + number_text(r.high) +
            (r.logarithmic ? ", \"log\"]\n" : "]\n");
   return out;
@@ -123,7 +125,7 @@ Twin twin_named(const std::string& name) {
 
 std::string draws_of(const Twin& twin, std::int64_t laboratory) {
   std::string out;
-  for (const Range& r : twin.ranges)
+  for (const KeyRange& r : twin.ranges)
     out += r.key + " = " + number_text(draw(r, twin.seed, laboratory)) + "\n";
   return out;
 }

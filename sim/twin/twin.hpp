@@ -10,7 +10,7 @@
 namespace echofuse::sim {
 
 // Range of a key of Conditions: uniform in [low, high], or uniform in the logarithm.
-struct Range {
+struct KeyRange {
   std::string key;
   double low = 0, high = 0;
   bool logarithmic = false;
@@ -18,7 +18,7 @@ struct Range {
 
 struct Twin {
   std::int64_t seed = 1;  // changes all laboratories
-  std::vector<Range> ranges;
+  std::vector<KeyRange> ranges;
 };
 
 // Parses TOML: `key = [low, high]`, `key = [low, high, "log"]` and `seed = 1`. Throws Error(config)

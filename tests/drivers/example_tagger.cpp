@@ -9,7 +9,7 @@ using namespace echofuse;
 
 TEST_CASE("the example tagger driver delivers tags, counts losses and reconnects") {
   int opened = 0, reads = 0;
-  const examples::Board board{
+  const examples::VendorBoard board{
       .open = [&] { return ++opened > 1; },  // attached at the second attempt
       .read =
           [&](std::vector<Tag>& tags, std::uint64_t& lost) {

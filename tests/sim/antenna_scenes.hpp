@@ -25,8 +25,8 @@ inline Conditions of_sum(const char* sum) {
   return c;
 }
 
-inline Returns points(std::initializer_list<Returns::Place> places, std::vector<double> ranges,
-                      std::vector<double> weights) {
+inline Returns points(std::initializer_list<Returns::PatchOrigin> places,
+                      std::vector<double> ranges, std::vector<double> weights) {
   return {.range_m = std::move(ranges), .weight = std::move(weights), .place = places};
 }
 

@@ -277,8 +277,8 @@ TEST_CASE("a cached room is not rendered again") {
   for (const auto kind : {SceneKind::letter, SceneKind::empty}) {
     const Scene scene = make_scene(c, kind, 5, 1);
     Returns light, echoes;
-    spd_returns(scene, c, light, RoomIs::subtracted);
-    radar_returns(scene, c, echoes, RoomIs::subtracted);
+    spd_returns(scene, c, light, RoomReturns::subtracted);
+    radar_returns(scene, c, echoes, RoomReturns::subtracted);
     CHECK(light.range_m.size() < 40'000);
     auto rate = spd_rate(light, c), profile = radar_power(echoes, radar.axis);
     add_room(room.light, rate);
@@ -305,7 +305,7 @@ TEST_CASE("patches are assigned to persons only if needed") {
   REQUIRE(two.place.size() == two.range_m.size());
   for (const std::int32_t person : {Returns::still, 0, 1})
     CHECK(std::any_of(two.place.begin(), two.place.end(),
-                      [&](const Returns::Place& p) { return p.person == person; }));
+                      [&](const Returns::PatchOrigin& p) { return p.person == person; }));
   const Returns target = radar_returns(make_scene(c, SceneKind::reflector, 3, 0), c);
   CHECK(target.place.at(0).person == Returns::reflector);
   c = of_sum("incoherent");

@@ -223,8 +223,8 @@ TEST_CASE("light via a wall equals the integral over the wall, in both direction
   Conditions c;
   const Gaze gaze = spd_gaze(c);
   Returns by_wall, fine;
-  add_light_by_walls(scene, gaze, 1, RoomIs::subtracted, by_wall, {24, 512});
-  add_light_by_walls(scene, gaze, 1, RoomIs::subtracted, fine, {160, 512});
+  add_light_by_walls(scene, gaze, 1, RoomReturns::subtracted, by_wall, {24, 512});
+  add_light_by_walls(scene, gaze, 1, RoomReturns::subtracted, fine, {160, 512});
   const Vec3 facing{0, 0, -1};
   double integral = 0;
   for (const Patch& p : tiles(room.plates[0], 400, at)) {
@@ -251,7 +251,8 @@ TEST_CASE("light after two reflections equals the sum over all pairs of patches"
   const Gaze gaze = spd_gaze({});
   const auto light = [&](const Room& room, std::int64_t order) {
     Returns out;
-    add_light_by_walls(plate_before(room, at), gaze, order, RoomIs::subtracted, out, {40, 512});
+    add_light_by_walls(plate_before(room, at), gaze, order, RoomReturns::subtracted, out,
+                       {40, 512});
     return out;
   };
   const double r2 = dot(at, at), area = 0.01, cosine = at.z / std::sqrt(r2);
@@ -310,7 +311,7 @@ TEST_CASE("different walls break the mirror symmetry for light and radar") {
   scene.room = &bright;
   const auto by_walls = [&](const Scene& s) {
     Returns out;
-    add_light_by_walls(s, spd_gaze(c), 1, RoomIs::subtracted, out);
+    add_light_by_walls(s, spd_gaze(c), 1, RoomReturns::subtracted, out);
     return spd_rate(out, c);
   };
   const auto seen = by_walls(scene);
@@ -322,13 +323,14 @@ TEST_CASE("wall echoes add to the empty room and scale with the scattered share"
   Conditions c;
   c.background = "closed", c.multipath_order = 2, c.spd_rays = 64;
   const Scene scene = make_scene(c, {SceneKind::person}, 3, 0);
-  const auto rate = [&](const Scene& of, RoomIs room) {
+  const auto rate = [&](const Scene& of, RoomReturns room) {
     Returns out;
     spd_returns(of, c, out, room);
     return spd_rate(out, c);
   };
-  const auto whole = rate(scene, RoomIs::seen), empty = rate(empty_room(*scene.room), RoomIs::seen);
-  const auto change = rate(scene, RoomIs::subtracted);
+  const auto whole = rate(scene, RoomReturns::included),
+             empty = rate(empty_room(*scene.room), RoomReturns::included);
+  const auto change = rate(scene, RoomReturns::subtracted);
   for (std::size_t i = 0; i < whole.size(); ++i)
     CHECK(whole[i] == Approx(empty[i] + change[i]).epsilon(1e-6).margin(1e-3));
 
@@ -340,8 +342,8 @@ TEST_CASE("wall echoes add to the empty room and scale with the scattered share"
   CHECK(total(radar_returns(nobody, smooth).weight) ==
         Approx(0.25 * total(radar_returns(nobody, c).weight)));
   Returns all, quarter;
-  radar_returns(scene, c, all, RoomIs::subtracted);
-  radar_returns(scene, smooth, quarter, RoomIs::subtracted);
+  radar_returns(scene, c, all, RoomReturns::subtracted);
+  radar_returns(scene, smooth, quarter, RoomReturns::subtracted);
   for (std::size_t k = 0; k < all.weight.size(); ++k)
     if (all.weight[k] < 0 && quarter.weight[k] != Approx(0.25 * all.weight[k])) FAIL(k);
 }

@@ -29,7 +29,7 @@ TEST_CASE("the base condition is inside each range of the default twin") {
   const auto base = nlohmann::json::parse(settings.json())["settings"];
   const Twin twin = twin_named("default");
   CHECK(twin.ranges.size() > 40);
-  for (const Range& r : twin.ranges) {
+  for (const KeyRange& r : twin.ranges) {
     INFO(r.key);
     const double value = base.at(r.key).at("value");
     CHECK(r.low <= value);
