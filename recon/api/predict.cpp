@@ -13,9 +13,9 @@ namespace {
 
 // Without recon::Model, which is another class.
 using recon::Dataset, recon::Features, recon::MappedRecord, recon::Matrix, recon::RecordStatus,
-    recon::Scene, recon::TrainedModel, recon::formatted;
+    recon::SceneModel, recon::TrainedModel, recon::formatted;
 
-DepthMap public_map(MappedRecord made, const Scene& scene) {
+DepthMap public_map(MappedRecord made, const SceneModel& scene) {
   RecordStatus& status = made.status;
   DepthMap out;
   out.fault = std::move(status.fault), out.note = std::move(status.note);

@@ -37,7 +37,7 @@ struct Arguments {
 };
 
 // Scores of one method on these rows of the data; `stated` is for models with an uncertainty.
-struct HeldOut {
+struct MethodScores {
   std::string name;
   Rows rows;
   std::vector<MapScores> scores;
@@ -50,7 +50,7 @@ void put(nlohmann::json json) {
 }
 
 // Returns range and x (m) of the foreground in a true map.
-std::string place_of(std::span<const float> truth, const Scene& scene) {
+std::string place_of(std::span<const float> truth, const SceneModel& scene) {
   const Axis x = scene.grid.x();
   double range_m = 0, side_m = 0, pixels = 0;
   for (std::size_t p = 0; p < truth.size(); ++p) {
@@ -62,12 +62,12 @@ std::string place_of(std::span<const float> truth, const Scene& scene) {
 }
 
 // Writes one line per method and record.
-void write_records(const std::string& path, const Dataset& data, const Scene& scene,
-                   const std::vector<HeldOut>& all) {
+void write_records(const std::string& path, const Dataset& data, const SceneModel& scene,
+                   const std::vector<MethodScores>& all) {
   std::string out = "record,label,name";
   for (const char* metric : metric_names) out += std::string(",") + metric;
   out += ",range_m,side_m,lateral_interval_90_m,out_of_distribution\n";
-  for (const HeldOut& one : all)
+  for (const MethodScores& one : all)
     for (std::size_t i = 0; i < one.rows.size(); ++i) {
       const std::size_t row = one.rows[i];
       out += formatted("%lld,", static_cast<long long>(data.index[row])) +
@@ -86,13 +86,13 @@ void write_records(const std::string& path, const Dataset& data, const Scene& sc
 }
 
 // Compares method k with the first one; returns nothing if their records differ.
-std::vector<PairedDifference> differences_of(const std::vector<HeldOut>& all, std::size_t k) {
+std::vector<PairedDifference> differences_of(const std::vector<MethodScores>& all, std::size_t k) {
   if (all[k].rows != all[0].rows) return {};
   return paired_differences(all[0].scores, all[k].scores);
 }
 
 // Prints differences of the other rows to the first, with intervals of 95 %.
-std::string paired_text(const std::vector<HeldOut>& all) {
+std::string paired_text(const std::vector<MethodScores>& all) {
   std::string out;
   for (std::size_t k = 1; k < all.size(); ++k)
     for (const PairedDifference& d : differences_of(all, k))
@@ -105,7 +105,7 @@ std::string paired_text(const std::vector<HeldOut>& all) {
   return out;
 }
 
-nlohmann::json paired_json(const std::vector<HeldOut>& all) {
+nlohmann::json paired_json(const std::vector<MethodScores>& all) {
   auto out = nlohmann::json::array();
   for (std::size_t k = 1; k < all.size(); ++k)
     out.push_back({{"model", all[k].name}, {"metrics", to_json(differences_of(all, k))}});
@@ -139,7 +139,7 @@ std::vector<TrainedModel> models_for_room(const Arguments& a) {
   return out;
 }
 
-void print_evaluations(const std::vector<Evaluation>& all, const std::vector<HeldOut>& judged,
+void print_evaluations(const std::vector<Evaluation>& all, const std::vector<MethodScores>& judged,
                        const Dataset& data, bool json) {
   if (json) {
     nlohmann::json out = to_json(all[0]), rows = nlohmann::json::array();
@@ -176,7 +176,7 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
   for (const TrainedModel& model : models)
     if (!judge && model.knows(data)) judge = scoring_scene(model, data);
   std::vector<Evaluation> all;
-  std::vector<HeldOut> judged;
+  std::vector<MethodScores> judged;
   for (std::size_t k = 0; k < count; ++k) {
     const TrainedModel& model = models[k];
     const Records records =
@@ -194,7 +194,7 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
       e.left_out += lacking, e.faults["a sensor of another model missing"] += lacking;
     if (k == 0)
       e.baselines = score_baselines(data, rows, judge->scene, trained_on,
-                                    a.train.empty() ? model.rows_of(trained_on, Part::train)
+                                    a.train.empty() ? model.rows_of(trained_on, Subset::train)
                                                     : trained_on.usable(model->features.inputs),
                                     title("scoring baselines"));
     set_threads(1);
@@ -258,13 +258,13 @@ std::vector<std::string> reasons_left_out(const Arguments& a,
 
 // The maps of folders and models on the same rows, folders first.
 struct ScoredMaps {
-  std::vector<HeldOut> all;
+  std::vector<MethodScores> all;
   std::vector<std::size_t> answered;  // records with a map, by folder
   std::string unanswered;             // lines about folders without all maps
 };
 
 void add_folder(ScoredMaps& out, const WrittenMaps& maps, const Dataset& data, const Rows& rows,
-                const Scene& scene) {
+                const SceneModel& scene) {
   out.answered.push_back(count_maps(maps, data, rows));
   if (out.answered.back() < rows.size())
     out.unanswered +=
@@ -325,7 +325,7 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
       a.train.empty() ? Rows{} : other.usable(Inputs::fused), title("scoring baselines"));
   if (!a.per_record.empty()) write_records(a.per_record, data, judge.scene, maps.all);
   std::vector<ScoredRow> scored;
-  for (const HeldOut& one : maps.all) scored.push_back({one.name, summarise(one.scores)});
+  for (const MethodScores& one : maps.all) scored.push_back({one.name, summarise(one.scores)});
   std::string note = a.train.empty() && models.empty()
                          ? "foreground and background come from this run's maps; "
                            "--train RUN overrides them"

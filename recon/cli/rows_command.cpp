@@ -22,7 +22,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::array parts{"train", "validation", "test"};  // indices of Part
+constexpr std::array parts{"train", "validation", "test"};  // indices of Subset
 
 struct Arguments : TrainOptions {
   std::vector<std::string> runs, assignments;
@@ -44,9 +44,9 @@ std::vector<ListedRow> rows_of_training(const Dataset& data, const Arguments& a)
   for (std::size_t row = 0; row < data.size(); ++row)
     out.push_back(
         {data.sources[data.source_of(row)].path, data.index[row], "", usable.reasons[row]});
-  for (const auto& [part, rows] : {std::pair{Part::train, &split.train},
-                                   {Part::validation, &split.validation},
-                                   {Part::test, &split.test}})
+  for (const auto& [part, rows] : {std::pair{Subset::train, &split.train},
+                                   {Subset::validation, &split.validation},
+                                   {Subset::test, &split.test}})
     for (const std::size_t row : *rows) out[row].part = parts[static_cast<std::size_t>(part)];
   for (ListedRow& row : out)
     if (row.part.empty() && row.left_out.empty()) row.left_out = "in the gap of the split";
@@ -62,7 +62,7 @@ std::vector<ListedRow> rows_of_model(const std::string& path, const Dataset& rec
   for (std::size_t row = 0; row < data.size(); ++row)
     out.push_back({data.sources[data.source_of(row)].path, data.index[row],
                    left_out[row].empty() ? "test" : "", left_out[row]});
-  for (const Part part : {Part::train, Part::validation})
+  for (const Subset part : {Subset::train, Subset::validation})
     for (const std::size_t row : model.rows_of(data, part))
       out[row].part = parts[static_cast<std::size_t>(part)], out[row].left_out.clear();
   return out;

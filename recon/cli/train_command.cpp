@@ -133,7 +133,8 @@ ExitCode train_and_save(Arguments& a, const CLI::App& app, const Common& common)
   const TrainedModel model = tuning ? tune_model(a, settings.test_share_given)
                                     : train(load_to_train(a, settings.radar_bin_m), a);
   save_model(model, a.out, [&](const TrainedModel& written) { predict_one(written, a.runs); });
-  const auto trained = std::ranges::count(model.seen.part, static_cast<std::uint8_t>(Part::train));
+  const auto trained =
+      std::ranges::count(model.seen.part, static_cast<std::uint8_t>(Subset::train));
   if (!tuning && trained < least_records)
     std::fprintf(stderr, "%s: trained on only %td records; expected about a thousand\n",
                  a.out.c_str(), trained);

@@ -46,11 +46,11 @@ void add_picture(Json& told, const record::RunReader& run, std::int64_t first) {
 }  // namespace
 
 // Describes a run; with `more` also its picture, or why it cannot be read.
-struct Chooser::Told {
+struct Chooser::RunDescription {
   std::optional<record::RunEntry> entry;
   Json more = Json::object();
 
-  explicit Told(const std::string& path) {
+  explicit RunDescription(const std::string& path) {
     try {
       const record::RunReader run(path);
       entry = record::entry_of(run);
@@ -70,16 +70,16 @@ std::string Chooser::path_of(const std::string& name) const {
 
 std::string Chooser::runs() {
   const HostTime begun = clock_.now();
-  std::map<std::string, Known> known;
+  std::map<std::string, CachedRun> known;
   std::vector<Json> all;
   for (const std::string& path : record::run_files(folder_)) {
     const FileStamp stamp = stamp_of(path);
     const HostTime now = clock_.now();
-    Known& run = known[path] = known_[path];
+    CachedRun& run = known[path] = known_[path];
     const bool fresh = run.stamp == stamp || (stamp.written && run.stamp.written &&
                                               seconds(now - run.read) < live_pause_s);
     if ((!run.told || !fresh) && seconds(now - begun) < longest_look_s)
-      run = {stamp, now, std::make_shared<Told>(path)};
+      run = {stamp, now, std::make_shared<RunDescription>(path)};
     const bool entered = run.told && run.told->entry;
     Json& shown = all.emplace_back(entered ? record::to_json(*run.told->entry)
                                            : Json{{"name", name_of_run(path)}});

@@ -27,15 +27,15 @@ class Chooser {
   std::string runs();
 
  private:
-  struct Told;
-  struct Known {
+  struct RunDescription;
+  struct CachedRun {
     FileStamp stamp;
     HostTime read{};
-    std::shared_ptr<Told> told;
+    std::shared_ptr<RunDescription> told;
   };
   std::string folder_;
   const Clock& clock_;
-  std::map<std::string, Known> known_;  // by path
+  std::map<std::string, CachedRun> known_;  // by path
 };
 
 inline constexpr std::size_t chooser_side = 32;

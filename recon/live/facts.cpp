@@ -9,7 +9,7 @@
 
 namespace echofuse::view {
 
-std::string Show::trigger_levels() const {
+std::string RunMessages::trigger_levels() const {
   constexpr std::string_view words = "; trigger levels ";
   std::string out;
   try {
@@ -36,7 +36,7 @@ void for_each_setting(const std::string& resolved,
 }
 
 // Settings and devices of the run as pairs [name, text].
-nlohmann::json Show::facts() const {
+nlohmann::json RunMessages::facts() const {
   const record::RunInfo& info = run_.info();
   nlohmann::json out = nlohmann::json::array();
   const auto add = [&](const std::string& name, const std::string& text) {

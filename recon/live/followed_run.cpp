@@ -55,13 +55,13 @@ FileStamp stamp_of(const std::string& path) {
 // only if it changed, and a live run's file once.
 std::string FollowedRun::newest_file() {
   std::error_code none;
-  std::map<std::string, Begun> begun;
+  std::map<std::string, FolderEntry> begun;
   std::pair<std::string, std::string> newest;  // start time and path
   for (fs::directory_iterator it(target_, none), end; it != end; it.increment(none)) {
     const std::string path = it->path().string();
     if (it->path().extension() != ".sqlite" || !it->is_regular_file(none)) continue;
     const FileStamp stamp = stamp_of(path);
-    Begun& file = begun[path] = begun_[path];
+    FolderEntry& file = begun[path] = begun_[path];
     const bool live = file.stamp.written && stamp.written && file.stamp.inode == stamp.inode;
     if (file.stamp != stamp && (file.utc.empty() || !live)) file = {stamp, start_of(path)};
     if (!file.utc.empty()) newest = std::max(newest, std::pair(file.utc, path));
@@ -167,7 +167,7 @@ std::optional<std::uint64_t> FollowedRun::free_bytes() const {
   return space.available;
 }
 
-void FollowedRun::with_reader(const Look& look) const {
+void FollowedRun::with_reader(const ReadAction& look) const {
   if (!trouble_.empty() || path_.empty()) throw Error(ExitCode::failed, trouble_);
   look(record::RunReader(path_));
 }

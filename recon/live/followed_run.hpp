@@ -73,11 +73,11 @@ class FollowedRun {
   std::optional<std::uint64_t> free_bytes() const;      // on the disk of the run
 
   // Opens the run for one read. Throws Error.
-  using Look = std::function<void(const record::RunReader&)>;
-  void with_reader(const Look& look) const;
+  using ReadAction = std::function<void(const record::RunReader&)>;
+  void with_reader(const ReadAction& look) const;
 
  private:
-  struct Begun {  // a file of the folder
+  struct FolderEntry {  // a file of the folder
     FileStamp stamp;
     std::string utc;  // start time; empty if it is not a run
   };
@@ -88,7 +88,7 @@ class FollowedRun {
   void take(const record::FusedRecord& outline);
 
   std::string target_, path_, trouble_, label_;
-  std::map<std::string, Begun> begun_;  // by path
+  std::map<std::string, FolderEntry> begun_;  // by path
   FileStamp stamp_;
   int edition_ = 0;
   record::RunInfo info_;

@@ -55,7 +55,7 @@ bool LiveModel::saw(const std::string& run_uuid, std::int64_t index) const {
   const TrainingRecords& seen = model_.seen;
   for (std::size_t i = 0; i < seen.index.size(); ++i)
     if (seen.index[i] == index && seen.runs[seen.run[i]] == run_uuid)
-      return static_cast<Part>(seen.part[i]) != Part::test;
+      return static_cast<Subset>(seen.part[i]) != Subset::test;
   return false;
 }
 

@@ -53,12 +53,12 @@ tcp::endpoint endpoint_of(const std::string& text) {
 }
 
 // A run with connected browsers.
-struct Shown {
-  Shown(const std::string& target, const LiveModel* model, std::optional<std::int64_t> planned,
-        const Clock& clock)
+struct ServedRun {
+  ServedRun(const std::string& target, const LiveModel* model, std::optional<std::int64_t> planned,
+            const Clock& clock)
       : run(target), show(run, model, planned, clock) {}
   FollowedRun run;
-  Show show;
+  RunMessages show;
   std::set<std::shared_ptr<Session>> sessions;
   bool has_reference = false;
   int edition = 0;
@@ -67,9 +67,9 @@ struct Shown {
 
 }  // namespace
 
-class Server::Loop final : public SessionOwner {
+class Server::Impl final : public SessionOwner {
  public:
-  Loop(const ServerOptions& options, const LiveModel* model, const Clock& clock)
+  Impl(const ServerOptions& options, const LiveModel* model, const Clock& clock)
       : options_(options),
         model_(model),
         clock_(clock),
@@ -118,27 +118,27 @@ class Server::Loop final : public SessionOwner {
   void closed(const std::shared_ptr<Session>& session) override;
   Message answer_to(Session& session, const Request& request) override;
   Message mark(const Session& session, const Mark& mark);
-  Message sum(Shown& shown, const Session& session);
+  Message sum(ServedRun& shown, const Session& session);
 
   void listen();
   void accept();
   void pulse();
   bool over();
   void arm();
-  void look(Shown& shown);
-  void tell_all(Shown& shown, bool news);
+  void look(ServedRun& shown);
+  void tell_all(ServedRun& shown, bool news);
   // True once in `pause_s`.
   bool is_due(HostTime& last, double pause_s) const {
     const HostTime now = clock_.now();
     return seconds(now - last) >= pause_s && (last = now, true);
   }
-  void greet(Shown& shown, Session& session);
-  Message newest(Shown& shown);
-  void send_record(Shown& shown, Session& session, const Message& record);
-  Shown& shown_to(const Session& session);
+  void greet(ServedRun& shown, Session& session);
+  Message newest(ServedRun& shown);
+  void send_record(ServedRun& shown, Session& session, const Message& record);
+  ServedRun& shown_to(const Session& session);
   // Calls look(shown) for each run with connected browsers.
-  template <class Look>
-  void each(Look look);
+  template <class Action>
+  void each(Action look);
   template <class Make>
   Message attempt(Make make);
 
@@ -150,15 +150,15 @@ class Server::Loop final : public SessionOwner {
   const LiveModel* model_;
   const Clock& clock_;
   Access access_;
-  Shown home_;  // the only run, or the folder's newest
+  ServedRun home_;  // the only run, or the folder's newest
   Chooser chooser_;
-  std::map<std::string, Shown> chosen_;  // by name
+  std::map<std::string, ServedRun> chosen_;  // by name
   bool armed_ = false;
   HostTime begun_{}, seen_live_{};
 };
 
 // Takes --listen if given, otherwise the first free port of ten, otherwise any.
-void Server::Loop::listen() {
+void Server::Impl::listen() {
   const bool said = !options_.listen.empty();
   tcp::endpoint at = said ? endpoint_of(options_.listen)
                           : tcp::endpoint(net::ip::address_v4::loopback(), usual_port);
@@ -178,7 +178,7 @@ void Server::Loop::listen() {
 }
 
 // Closes a connection above the limit at once. Waits after an error such as too many open files.
-void Server::Loop::accept() {
+void Server::Impl::accept() {
   acceptor_.async_accept([this](Error_code error, tcp::socket socket) {
     if (error == net::error::operation_aborted) return;
     if (!error && open_ < most_connections)
@@ -194,7 +194,7 @@ void Server::Loop::accept() {
   });
 }
 
-void Server::Loop::pulse() {
+void Server::Impl::pulse() {
   bool ends = interrupted();
   guarded([&] { ends = ends || over(); });
   if (ends) return io_.stop();
@@ -202,22 +202,22 @@ void Server::Loop::pulse() {
   pulse_.async_wait([this](Error_code) { pulse(); });
 }
 
-bool Server::Loop::over() {
+bool Server::Impl::over() {
   if (!options_.until_closed) return false;
   const HostTime now = clock_.now();
   if (home_.sessions.empty()) home_.run.refresh();
   if (home_.run.live() && home_.run.trouble().empty()) seen_live_ = now;
   bool looked_at = false;
-  each([&](Shown&) { looked_at = true; });
+  each([&](ServedRun&) { looked_at = true; });
   if (looked_at) return false;
   return seen_live_.count() == 0 ? seconds(now - begun_) > first_look_s
                                  : seconds(now - seen_live_) > last_look_s;
 }
 
-void Server::Loop::opened(const std::shared_ptr<Session>& session) {
+void Server::Impl::opened(const std::shared_ptr<Session>& session) {
   if (const std::string& name = session->run(); !name.empty() && !chosen_.contains(name))
     chosen_.try_emplace(name, chooser_.path_of(name), model_, std::nullopt, clock_);
-  Shown& shown = shown_to(*session);
+  ServedRun& shown = shown_to(*session);
   shown.sessions.insert(session);
   shown.run.refresh();
   if (shown.sessions.size() == 1) shown.edition = shown.run.edition();
@@ -226,25 +226,25 @@ void Server::Loop::opened(const std::shared_ptr<Session>& session) {
 }
 
 // Frees the state of a run when its last browser disconnects.
-void Server::Loop::closed(const std::shared_ptr<Session>& session) {
+void Server::Impl::closed(const std::shared_ptr<Session>& session) {
   if (!session->run().empty() && !chosen_.contains(session->run())) return;
-  Shown& shown = shown_to(*session);
+  ServedRun& shown = shown_to(*session);
   shown.sessions.erase(session);
   if (shown.sessions.empty()) chosen_.erase(session->run());
 }
 
-Shown& Server::Loop::shown_to(const Session& session) {
+ServedRun& Server::Impl::shown_to(const Session& session) {
   return session.run().empty() ? home_ : chosen_.at(session.run());
 }
 
-template <class Look>
-void Server::Loop::each(Look look) {
+template <class Action>
+void Server::Impl::each(Action look) {
   if (!home_.sessions.empty()) look(home_);
   for (auto& [name, shown] : chosen_) look(shown);
 }
 
 template <class Make>
-Message Server::Loop::attempt(Make make) {
+Message Server::Impl::attempt(Make make) {
   try {
     return make();
   } catch (const std::exception& e) {
@@ -252,42 +252,45 @@ Message Server::Loop::attempt(Make make) {
   }
 }
 
-Message Server::Loop::newest(Shown& shown) {
+Message Server::Impl::newest(ServedRun& shown) {
   const auto last = shown.run.last();
   return last ? attempt([&] { return shown.show.record(*last, true); }) : nullptr;
 }
 
-void Server::Loop::greet(Shown& shown, Session& session) {
+void Server::Impl::greet(ServedRun& shown, Session& session) {
   if (const std::string& why = shown.run.trouble(); !why.empty())
-    return session.send(Kind::trouble, trouble(why));
-  session.send(Kind::run, attempt([&] { return shown.show.about_run(session.may_write()); }));
-  session.send(Kind::state, attempt([&] { return shown.show.state(); }));
-  session.send(Kind::reference, attempt([&] { return shown.show.reference(); }));
-  session.send(Kind::strip, attempt([&] { return shown.show.strip(); }));
+    return session.send(MessageKind::trouble, trouble(why));
+  session.send(MessageKind::run,
+               attempt([&] { return shown.show.about_run(session.may_write()); }));
+  session.send(MessageKind::state, attempt([&] { return shown.show.state(); }));
+  session.send(MessageKind::reference, attempt([&] { return shown.show.reference(); }));
+  session.send(MessageKind::strip, attempt([&] { return shown.show.strip(); }));
   if (session.live) send_record(shown, session, newest(shown));
 }
 
 // Sends a record, and the sum that ends with it if the session wants one.
-void Server::Loop::send_record(Shown& shown, Session& session, const Message& record) {
-  session.send(Kind::record, record);
-  if (session.summed) session.send(Kind::sum, sum(shown, session));
+void Server::Impl::send_record(ServedRun& shown, Session& session, const Message& record) {
+  session.send(MessageKind::record, record);
+  if (session.summed) session.send(MessageKind::sum, sum(shown, session));
 }
 
-Message Server::Loop::sum(Shown& shown, const Session& session) {
+Message Server::Impl::sum(ServedRun& shown, const Session& session) {
   const auto index = session.live ? shown.run.last() : session.held;
   if (!session.summed || !index) return nullptr;
   return attempt([&] { return shown.show.sum(*index, *session.summed); });
 }
 
-void Server::Loop::arm() {
+void Server::Impl::arm() {
   armed_ = true;
   std::chrono::nanoseconds pause = longest_pause;
-  each([&](Shown& shown) { pause = std::min(pause, from_seconds(shown.run.info().window_s / 4)); });
+  each([&](ServedRun& shown) {
+    pause = std::min(pause, from_seconds(shown.run.info().window_s / 4));
+  });
   look_.expires_after(std::max<std::chrono::nanoseconds>(pause, shortest_pause));
   look_.async_wait([this](Error_code) {
     armed_ = false;
     bool looked_at = false;
-    each([&](Shown& shown) {
+    each([&](ServedRun& shown) {
       looked_at = true;
       guarded([&] { look(shown); });
     });
@@ -295,12 +298,12 @@ void Server::Loop::arm() {
   });
 }
 
-void Server::Loop::look(Shown& shown) {
+void Server::Impl::look(ServedRun& shown) {
   const bool news = shown.run.refresh();
   const std::string& why = shown.run.trouble();
   if (!why.empty()) {
     if (is_due(shown.state, state_pause_s) || news)
-      for (const auto& s : shown.sessions) s->send(Kind::trouble, trouble(why));
+      for (const auto& s : shown.sessions) s->send(MessageKind::trouble, trouble(why));
     return;
   }
   if (std::exchange(shown.edition, shown.run.edition()) != shown.run.edition()) {
@@ -311,10 +314,10 @@ void Server::Loop::look(Shown& shown) {
   tell_all(shown, news);
 }
 
-void Server::Loop::tell_all(Shown& shown, bool news) {
+void Server::Impl::tell_all(ServedRun& shown, bool news) {
   if (is_due(shown.state, state_pause_s) || news) {
     const Message state = attempt([&] { return shown.show.state(); });
-    for (const auto& s : shown.sessions) s->send(Kind::state, state);
+    for (const auto& s : shown.sessions) s->send(MessageKind::state, state);
   }
   if (!news) return;
   const bool wanted =
@@ -324,17 +327,17 @@ void Server::Loop::tell_all(Shown& shown, bool news) {
       if (s->live) send_record(shown, *s, record);
   if (!is_due(shown.strip, strip_pause_s)) return;
   const Message strip = attempt([&] { return shown.show.strip(); });
-  for (const auto& s : shown.sessions) s->send(Kind::strip, strip);
+  for (const auto& s : shown.sessions) s->send(MessageKind::strip, strip);
   if (shown.has_reference) return;
   const Message reference = attempt([&] { return shown.show.reference(); });
   shown.has_reference = reference != nullptr;
-  for (const auto& s : shown.sessions) s->send(Kind::reference, reference);
+  for (const auto& s : shown.sessions) s->send(MessageKind::reference, reference);
 }
 
-Message Server::Loop::answer_to(Session& session, const Request& request) {
+Message Server::Impl::answer_to(Session& session, const Request& request) {
   if (const auto* bad = std::get_if<BadRequest>(&request)) return answer(false, bad->why);
   if (const auto* m = std::get_if<Mark>(&request)) return mark(session, *m);
-  Shown& shown = shown_to(session);
+  ServedRun& shown = shown_to(session);
   return attempt([&]() -> Message {
     if (const auto* asked = std::get_if<ShowSheet>(&request))
       return shown.show.sheet(asked->first, asked->last);
@@ -346,15 +349,15 @@ Message Server::Loop::answer_to(Session& session, const Request& request) {
     session.live = !asked;
     if (asked) session.held = asked->index;
     const Message record = asked ? shown.show.record(asked->index, false) : newest(shown);
-    if (session.summed) session.send(Kind::sum, sum(shown, session));
+    if (session.summed) session.send(MessageKind::sum, sum(shown, session));
     return record;
   });
 }
 
-Message Server::Loop::mark(const Session& session, const Mark& mark) {
+Message Server::Impl::mark(const Session& session, const Mark& mark) {
   if (!session.may_write())
     return answer(false, "marking needs the token: open the full address printed by the program");
-  Shown& shown = shown_to(session);
+  ServedRun& shown = shown_to(session);
   const std::string& run = shown.run.path();
   try {
     if (mark.label) {
@@ -371,10 +374,10 @@ Message Server::Loop::mark(const Session& session, const Mark& mark) {
 }
 
 Server::Server(const ServerOptions& options, const LiveModel* model, const Clock& clock)
-    : loop_(std::make_unique<Loop>(options, model, clock)) {}
+    : impl_(std::make_unique<Impl>(options, model, clock)) {}
 Server::~Server() = default;
-std::string Server::address() const { return loop_->address(); }
-std::string Server::missing() { return loop_->missing(); }
-void Server::run() { loop_->run(); }
+std::string Server::address() const { return impl_->address(); }
+std::string Server::missing() { return impl_->missing(); }
+void Server::run() { impl_->run(); }
 
 }  // namespace echofuse::view

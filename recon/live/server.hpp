@@ -39,8 +39,8 @@ class Server {
   void run();  // until interrupted()
 
  private:
-  class Loop;
-  std::unique_ptr<Loop> loop_;
+  class Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace echofuse::view

@@ -106,19 +106,20 @@ void Session::on_message() {
 // Works only if nothing waits to be sent, so a client that does not read causes no work.
 void Session::serve() {
   if (writing_ || over_) return;
-  for (auto [asked, kind] :
-       {std::pair{&record_, Kind::record}, {&sum_, Kind::sum}, {&sheet_, Kind::sheet}})
+  for (auto [asked, kind] : {std::pair{&record_, MessageKind::record},
+                             {&sum_, MessageKind::sum},
+                             {&sheet_, MessageKind::sheet}})
     if (*asked && !waiting_[static_cast<std::size_t>(kind)]) {
       const Request request = *std::exchange(*asked, std::nullopt);
       send(kind, owner_.answer_to(*this, request));
     }
-  if (marks_.empty() || waiting_[static_cast<std::size_t>(Kind::answer)]) return;
+  if (marks_.empty() || waiting_[static_cast<std::size_t>(MessageKind::answer)]) return;
   const Request mark = std::move(marks_.front());
   marks_.pop_front();
-  send(Kind::answer, owner_.answer_to(*this, mark));
+  send(MessageKind::answer, owner_.answer_to(*this, mark));
 }
 
-void Session::send(Kind kind, Message message) {
+void Session::send(MessageKind kind, Message message) {
   if (!message || over_) return;
   waiting_[static_cast<std::size_t>(kind)] = std::move(message);
   if (!writing_) write_next();

@@ -16,7 +16,7 @@
 
 namespace echofuse::view {
 
-enum class Kind : std::uint8_t {
+enum class MessageKind : std::uint8_t {
   run,
   trouble,
   state,
@@ -60,7 +60,7 @@ class Session : public std::enable_shared_from_this<Session> {
 
   void start();
   // Sends a message. It replaces a queued one of the same kind.
-  void send(Kind kind, Message message);
+  void send(MessageKind kind, Message message);
   bool may_write() const { return caller_.may_write; }
   const std::string& run() const { return caller_.run; }
 

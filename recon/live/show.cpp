@@ -54,7 +54,7 @@ Message trouble(const std::string& text) {
 }
 
 // Parsed once a run.
-const Show::Settings& Show::settings() {
+const RunMessages::RunSettings& RunMessages::settings() {
   if (std::exchange(settings_edition_, run_.edition()) == run_.edition()) return settings_;
   settings_ = {};
   const std::map<std::string, double*> wanted{
@@ -70,7 +70,7 @@ const Show::Settings& Show::settings() {
   return settings_;
 }
 
-Message Show::about_run(bool may_write) {
+Message RunMessages::about_run(bool may_write) {
   const record::RunInfo& info = run_.info();
   Json axes = Json::object();
   for (const Axis& a : run_.axes()) axes[a.name] = axis_json(a);
@@ -97,7 +97,7 @@ Message Show::about_run(bool may_write) {
   return MessageWriter().finish(std::move(out));
 }
 
-Json Show::sensors() const {
+Json RunMessages::sensors() const {
   const UtcTime now = clock_.utc();
   Json out = Json::object();
   for (const Sensor s : all_sensors) {
@@ -119,7 +119,7 @@ Json Show::sensors() const {
 }
 
 // Free disk space, and how long it lasts at the run's mean rate.
-Json Show::disk() const {
+Json RunMessages::disk() const {
   const auto free = run_.free_bytes();
   if (!free) return nullptr;
   const auto records = static_cast<double>(run_.outlines().size());
@@ -131,7 +131,7 @@ Json Show::disk() const {
 }
 
 // Alerts by the limits alert.* of the run's configuration.
-Json Show::alerts() {
+Json RunMessages::alerts() {
   Json out = Json::array();
   const std::string& status = run_.info().status;
   if (!run_.live() && status != "complete") out.push_back({{"source", "run"}, {"kind", status}});
@@ -153,7 +153,7 @@ Json Show::alerts() {
   return out;
 }
 
-Message Show::state() {
+Message RunMessages::state() {
   Json events = Json::array();
   for (const record::Event& e : run_.events())
     events.push_back({{"utc", e.utc},
@@ -192,7 +192,7 @@ Message Show::state() {
   return MessageWriter().finish(std::move(out));
 }
 
-Message Show::record(std::int64_t index, bool live) {
+Message RunMessages::record(std::int64_t index, bool live) {
   if (last_ && index == last_index_ && live == last_live_ && last_edition_ == run_.edition())
     return last_;
   last_ = make_record(index, live);
@@ -200,7 +200,7 @@ Message Show::record(std::int64_t index, bool live) {
   return last_;
 }
 
-Message Show::make_record(std::int64_t index, bool live) {
+Message RunMessages::make_record(std::int64_t index, bool live) {
   MessageWriter out;
   Json head{{"kind", "record"}, {"index", index}, {"live", live}};
   run_.with_reader([&](const record::RunReader& run) {
@@ -228,7 +228,7 @@ Message Show::make_record(std::int64_t index, bool live) {
 }
 
 // Tested at intervals, because the result changes slowly and the test takes some milliseconds.
-void Show::judge_maps() {
+void RunMessages::judge_maps() {
   const auto last = run_.last();
   if (!model_ || !last || *last == judged_last_) return;
   const HostTime now = clock_.now();
@@ -245,7 +245,7 @@ void Show::judge_maps() {
 }
 
 // First record that began after the newest mark before the end of record `index`.
-std::optional<std::int64_t> Show::first_since_mark(std::int64_t index) const {
+std::optional<std::int64_t> RunMessages::first_since_mark(std::int64_t index) const {
   const auto& all = run_.outlines();
   const auto shown = std::ranges::find(all, index, &Outline::index);
   if (shown == all.end()) return std::nullopt;
@@ -260,7 +260,7 @@ std::optional<std::int64_t> Show::first_since_mark(std::int64_t index) const {
   return first == all.end() || first->index > index ? index : first->index;
 }
 
-Message Show::sum(std::int64_t index, const ShowSum& asked) {
+Message RunMessages::sum(std::int64_t index, const ShowSum& asked) {
   const std::int64_t oldest = run_.outlines().empty() ? index : run_.outlines().front().index;
   const auto first = asked.records > 0 ? std::optional(std::max(oldest, index - asked.records + 1))
                                        : first_since_mark(index);
@@ -300,7 +300,7 @@ Message Show::sum(std::int64_t index, const ShowSum& asked) {
   return out.finish(std::move(head));
 }
 
-Message Show::strip() const {
+Message RunMessages::strip() const {
   const auto& all = run_.outlines();
   const std::size_t step = all.size() / strip_columns + 1;
   std::vector<double> first, time_s;
@@ -340,7 +340,7 @@ Message Show::strip() const {
   return out.finish({{"kind", "strip"}, {"records_a_column", step}});
 }
 
-Message Show::sheet(std::int64_t first, std::int64_t last) const {
+Message RunMessages::sheet(std::int64_t first, std::int64_t last) const {
   std::vector<std::int64_t> within;
   for (const Outline& o : run_.outlines())
     if (o.index >= first && o.index <= last) within.push_back(o.index);
@@ -393,7 +393,7 @@ Message Show::sheet(std::int64_t first, std::int64_t last) const {
   return out.finish({{"kind", "sheet"}, {"index", indices}, {"label", labels}, {"lacks", lacks}});
 }
 
-Message Show::reference() {
+Message RunMessages::reference() {
   if (reference_edition_ == run_.edition() && reference_) return reference_;
   const auto& all = run_.outlines();
   if (all.empty()) return nullptr;

@@ -19,11 +19,11 @@
 namespace echofuse::view {
 
 // Threading: one thread. Messages about a record throw Error if it cannot be read.
-class Show {
+class RunMessages {
  public:
   // `model` may be null; `run` and `model` outlive this. `planned`: planned number of records.
-  Show(FollowedRun& run, const LiveModel* model, std::optional<std::int64_t> planned,
-       const Clock& clock)
+  RunMessages(FollowedRun& run, const LiveModel* model, std::optional<std::int64_t> planned,
+              const Clock& clock)
       : run_(run), model_(model), planned_(planned), clock_(clock) {}
 
   FollowedRun& run() { return run_; }
@@ -37,11 +37,11 @@ class Show {
   Message reference();
 
  private:
-  struct Settings {  // stored configuration of the run
+  struct RunSettings {  // stored configuration of the run
     double laser_hz = 0, most_clicks_a_pulse = record::most_clicks_a_pulse;
     record::AlertLimits alert;
   };
-  const Settings& settings();
+  const RunSettings& settings();
   nlohmann::json sensors() const;
   nlohmann::json disk() const;
   nlohmann::json alerts();
@@ -65,12 +65,12 @@ class Show {
     int edition = -1;
   };
   std::map<std::int64_t, Summed> sums_;  // by the number asked for
-  struct Place {                         // body; NaN if unknown
+  struct TrackPoint {                    // body; NaN if unknown
     float x_m, z_m, interval_90_m;
   };
-  static Place place_of(const Reconstruction& made);
-  std::map<std::int64_t, Place> places_;  // by record
-  Settings settings_;
+  static TrackPoint place_of(const Reconstruction& made);
+  std::map<std::int64_t, TrackPoint> places_;  // by record
+  RunSettings settings_;
   int last_edition_ = -1, places_edition_ = -1, reference_edition_ = -1, settings_edition_ = -1;
   bool last_live_ = false;
   // Why the newest records' maps are unreliable as a group.

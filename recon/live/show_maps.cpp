@@ -18,8 +18,8 @@ constexpr std::size_t most_places_kept = 1000;
 }  // namespace
 
 // Camera picture, its map, and the model's map with the track of the body.
-void Show::add_maps(MessageWriter& out, Json& head, const record::FusedRecord& r,
-                    const record::RunReader& run) {
+void RunMessages::add_maps(MessageWriter& out, Json& head, const record::FusedRecord& r,
+                           const record::RunReader& run) {
   const std::vector<Axis> axes = run.axes();
   const Axis *x = find(axes, "depth_x"), *y = find(axes, "depth_y");
   const bool camera = r.has(Sensor::depth) && x && y;
@@ -58,7 +58,7 @@ void Show::add_maps(MessageWriter& out, Json& head, const record::FusedRecord& r
   out.add<float>("track", places, {places.size() / 4, 4});
 }
 
-Show::Place Show::place_of(const Reconstruction& made) {
+RunMessages::TrackPoint RunMessages::place_of(const Reconstruction& made) {
   const auto given = [](const std::optional<double>& v) {
     return v ? static_cast<float>(*v) : std::nanf("");
   };
@@ -66,7 +66,7 @@ Show::Place Show::place_of(const Reconstruction& made) {
 }
 
 // Places of the body in the minute before a record: age in s, x, z, 90 % interval of x; m.
-std::vector<float> Show::track(const record::RunReader& run, std::int64_t index) {
+std::vector<float> RunMessages::track(const record::RunReader& run, std::int64_t index) {
   std::vector<const Outline*> minute;
   const auto& all = run_.outlines();
   for (auto o = all.rbegin(); o != all.rend(); ++o) {

@@ -19,7 +19,7 @@ namespace {
 constexpr int picture_zoom = 4;
 
 // Returns the depths of the training maps with a margin.
-DepthSpan span_of(const Scene& scene) {
+DepthSpan span_of(const SceneModel& scene) {
   const double body = double{scene.foreground_depth_m};
   const double wall = double{*std::max_element(scene.background.begin(), scene.background.end())};
   const double near = std::max(0.0, std::floor(2 * (body - 1)) / 2);
@@ -135,7 +135,8 @@ std::string map_format_help() {
   return out;
 }
 
-MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene)
+MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats,
+                   const SceneModel& scene)
     : folder_(std::move(folder)), formats_(formats), scene_(scene), span_(span_of(scene)) {
   const std::string camera = camera_json(scene.grid);
   write_file(folder_ + "/camera.json", Bytes(camera.begin(), camera.end()));
@@ -180,7 +181,7 @@ MapFiles::Ready MapFiles::prepare(std::int64_t index, std::span<const float> pre
 }
 
 void MapFiles::write(const Ready& ready) {
-  for (const File& file : ready.pictures) write_file(file.path, file.contents);
+  for (const MapFile& file : ready.pictures) write_file(file.path, file.contents);
   for (auto& [name, file] : arrays_) file.append(ready.rows.at(name));
 }
 

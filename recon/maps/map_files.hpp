@@ -37,16 +37,16 @@ std::string map_format_help();  // one line per format
 // Writes into an existing folder; every member throws Error(disk).
 class MapFiles {
  public:
-  MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene);
+  MapFiles(std::string folder, const std::vector<std::string>& formats, const SceneModel& scene);
   // Files of one map, in memory. `deviation`: standard deviation of each pixel, m; may be empty
   // unless the format uncertainty is requested. Threading: any thread may call prepare().
-  struct File {
+  struct MapFile {
     std::string path;
     Bytes contents;
   };
   struct Ready {
     std::int64_t index;
-    std::vector<File> pictures;
+    std::vector<MapFile> pictures;
     std::map<std::string, std::vector<float>> rows;  // rows appended to NAME.npy
   };
   Ready prepare(std::int64_t index, std::span<const float> prediction,
@@ -58,7 +58,7 @@ class MapFiles {
   bool wants(const char* format) const;
   std::string folder_;
   std::vector<std::string> formats_;
-  const Scene& scene_;
+  const SceneModel& scene_;
   DepthSpan span_;
   std::map<std::string, NpyWriter> arrays_;  // by name
 };

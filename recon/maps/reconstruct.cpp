@@ -59,7 +59,7 @@ std::set<std::int64_t> trained_on(const TrainedModel& model, const std::string& 
   std::set<std::int64_t> out;
   for (std::size_t i = 0; i < model.seen.index.size(); ++i)
     if (model.seen.runs[model.seen.run[i]] == uuid &&
-        model.seen.part[i] != static_cast<std::uint8_t>(Part::test))
+        model.seen.part[i] != static_cast<std::uint8_t>(Subset::test))
       out.insert(model.seen.index[i]);
   return out;
 }
@@ -120,9 +120,9 @@ class StatusTable {
 };
 
 // Reconstruction of one run: reads records, predicts maps, writes files and records.csv.
-class Reconstruction {
+class RunReconstructor {
  public:
-  Reconstruction(const TrainedModel& model, const ReconstructOptions& options)
+  RunReconstructor(const TrainedModel& model, const ReconstructOptions& options)
       : model_(model),
         options_(options),
         files_(options.out, options.formats, model->scene),
@@ -141,9 +141,9 @@ class Reconstruction {
   Rows take_rows_asked(const Dataset& data);
   Records prepare_new(Dataset data);
   // Files and statuses of consecutive records; files only for records with maps.
-  using Made = std::vector<std::pair<RecordStatus, std::optional<MapFiles::Ready>>>;
-  Made make(const Records& records, std::span<const std::size_t> rows) const;
-  void write(const Records& records, std::span<const std::size_t> rows, Made made);
+  using PreparedMaps = std::vector<std::pair<RecordStatus, std::optional<MapFiles::Ready>>>;
+  PreparedMaps make(const Records& records, std::span<const std::size_t> rows) const;
+  void write(const Records& records, std::span<const std::size_t> rows, PreparedMaps made);
   void tell_run(const std::string& text) const;
   void tell(const RecordStatus& status);
   void tell_bad(std::int64_t before);
@@ -161,7 +161,7 @@ class Reconstruction {
 };
 
 // Reads records without depth images, which maps do not need.
-Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) {
+Dataset RunReconstructor::read(const record::RunReader& run, std::size_t at_most) {
   Dataset out = load_part(run, next_, at_most, sensors_of(model_->features.inputs),
                           [&](std::int64_t index, const std::string& fault) {
                             bad_.push_back({index, fault, {}, {}});
@@ -171,10 +171,10 @@ Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) 
 }
 
 // Returns the rows of a complete run requested by options.rows, and drops other unusable records.
-Rows Reconstruction::take_rows_asked(const Dataset& data) {
+Rows RunReconstructor::take_rows_asked(const Dataset& data) {
   if (options_.rows.empty()) return all_rows(data.size());
   if (options_.rows == "test") {
-    Rows rows = model_.rows_of(data, Part::test);
+    Rows rows = model_.rows_of(data, Subset::test);
     if (rows.empty())
       throw Error(ExitCode::failed,
                   "--rows test: the model was not trained on this run, or without "
@@ -194,7 +194,7 @@ Rows Reconstruction::take_rows_asked(const Dataset& data) {
   return rows;
 }
 
-void Reconstruction::take_all(const record::RunReader& run) {
+void RunReconstructor::take_all(const record::RunReader& run) {
   const auto count = static_cast<std::size_t>(run.count());
   Progress progress("reconstructing", count, options_.quiet);
   const Records records = prepare_records(model_, read(run, count), options_.range_offset_m);
@@ -207,7 +207,7 @@ void Reconstruction::take_all(const record::RunReader& run) {
   // Threading: this thread tests the run, then writes one part while others predict and encode the
   // next.
   const std::size_t ahead = std::max(2u, usable_cores());
-  std::deque<std::future<Made>> next;
+  std::deque<std::future<PreparedMaps>> next;
   auto start = [&, left = std::span(rows)]() mutable {
     if (left.empty()) return;
     const auto some = left.first(std::min(part_records, left.size()));
@@ -220,7 +220,7 @@ void Reconstruction::take_all(const record::RunReader& run) {
   const DomainShift shift = domain_shift_of(model_, records.data);
   if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());
   for (std::size_t done = 0; !next.empty() && !interrupted(); next.pop_front()) {
-    Made made = next.front().get();
+    PreparedMaps made = next.front().get();
     start();
     const std::size_t more = made.size();
     write(records, std::span(rows).subspan(done, more), std::move(made));
@@ -230,7 +230,7 @@ void Reconstruction::take_all(const record::RunReader& run) {
   table_.flush();
 }
 
-bool Reconstruction::take_new(const record::RunReader& run) {
+bool RunReconstructor::take_new(const record::RunReader& run) {
   const std::int64_t before = next_;
   const Records records = prepare_new(read(run, part_records));
   const Rows rows = all_rows(records.data.size());
@@ -240,7 +240,7 @@ bool Reconstruction::take_new(const record::RunReader& run) {
   return next_ != before;
 }
 
-Records Reconstruction::prepare_new(Dataset data) {
+Records RunReconstructor::prepare_new(Dataset data) {
   const Rows all = all_rows(data.size());
   // A sensor's axis may appear after the first records of a run in progress.
   if (std::none_of(all.begin(), all.end(),
@@ -252,16 +252,16 @@ Records Reconstruction::prepare_new(Dataset data) {
   return out;
 }
 
-void Reconstruction::tell_run(const std::string& text) const {
+void RunReconstructor::tell_run(const std::string& text) const {
   if (!text.empty() && options_.on_run) options_.on_run(text);
 }
 
-Reconstruction::Made Reconstruction::make(const Records& records,
-                                          std::span<const std::size_t> rows) const {
+RunReconstructor::PreparedMaps RunReconstructor::make(const Records& records,
+                                                      std::span<const std::size_t> rows) const {
   const bool deviations = wants_uncertainty(options_);
   std::vector<MappedRecord> maps = map_records(
       model_, records, rows, deviations ? PredictionDetail::pixels : PredictionDetail::uncertainty);
-  Made out;
+  PreparedMaps out;
   for (MappedRecord& made : maps) {
     auto& [status, files] = out.emplace_back(std::move(made.status), std::nullopt);
     if (status.fault.empty()) files = files_.prepare(status.index, made.map_m, made.deviation_m);
@@ -269,24 +269,25 @@ Reconstruction::Made Reconstruction::make(const Records& records,
   return out;
 }
 
-void Reconstruction::write(const Records& records, std::span<const std::size_t> rows, Made made) {
+void RunReconstructor::write(const Records& records, std::span<const std::size_t> rows,
+                             PreparedMaps made) {
   for (std::size_t i = 0; i < made.size(); ++i)
     if (auto& [status, files] = made[i]; files)
       files_.write(*files), time(status, records.data.slot_end[rows[i]]);
   for (const auto& [status, files] : made) tell_bad(status.index), tell(status);
 }
 
-void Reconstruction::tell(const RecordStatus& status) {
+void RunReconstructor::tell(const RecordStatus& status) {
   table_.add(status);
   if (options_.on_record) options_.on_record(status);
   next_ = status.index + 1;
 }
 
-void Reconstruction::tell_bad(std::int64_t before) {
+void RunReconstructor::tell_bad(std::int64_t before) {
   for (; !bad_.empty() && bad_.front().index < before; bad_.pop_front()) tell(bad_.front());
 }
 
-void Reconstruction::time(RecordStatus& status, HostTime slot_end) const {
+void RunReconstructor::time(RecordStatus& status, HostTime slot_end) const {
   if (!options_.follow || slot_end < started_) return;
   status.after_slot_s = seconds(clock_.now() - slot_end);
   status.after_reading_s = seconds(clock_.now() - read_);
@@ -322,7 +323,7 @@ void reconstruct(const TrainedModel& model, const std::string& path,
     make_folder(options.out);
     mark(options, model, run, trained_on(model, uuid));
   }
-  Reconstruction work(model, options);
+  RunReconstructor work(model, options);
   if (!options.follow) work.take_all(record::RunReader(file));
   if (options.follow)
     record::follow(

@@ -17,14 +17,15 @@ constexpr std::size_t most_side = record::most_map_size, most_cells = most_side 
 
 // Positions of points of one grid in another, along one side. Point i is between low[i] and low[i]
 // + 1, at the fraction part[i].
-struct Along {
+struct CellInterpolation {
   std::array<std::int32_t, most_cells> low;
   std::array<float, most_cells> part;
 };
 
 // Point i is at first + i * step. Positions that are not finite or too far away become outside: low
 // < 0.
-ECHOFUSE_CLONES void place_along(double first, double step, std::size_t count, Along& out) {
+ECHOFUSE_CLONES void place_along(double first, double step, std::size_t count,
+                                 CellInterpolation& out) {
   for (std::size_t i = 0; i < count; ++i) {
     const double at = first + static_cast<double>(static_cast<std::int32_t>(i)) * step;
     const double near = std::abs(at) < 1e9 ? at : -2, low = std::floor(near);
@@ -95,7 +96,7 @@ void BodyFrame::cut(std::span<const float> map, std::span<const float> backgroun
                ? std::span<const float>(image).subspan(static_cast<std::size_t>(r) * side, side)
                : std::span<const float>{};
   };
-  Along across, down;
+  CellInterpolation across, down;
   place_along((double{place.tangent} + left_m_ / z - x.start) / x.step, pitch_m_ / z / x.step,
               columns_, across);
   place_along((top_m_ / z - y.start) / y.step, pitch_m_ / z / y.step, rows_, down);
@@ -120,7 +121,7 @@ struct Span {
 };
 
 // Returns the range of points between two cells of `cells`.
-Span within(const Along& along, std::size_t points, std::size_t cells) {
+Span within(const CellInterpolation& along, std::size_t points, std::size_t cells) {
   Span out{points, 0};
   for (std::size_t i = 0; i < points; ++i)
     if (along.low[i] >= 0 && std::cmp_less(along.low[i] + 1, cells))
@@ -131,7 +132,7 @@ Span within(const Along& along, std::size_t points, std::size_t cells) {
 struct Drawing {
   const float *mask, *relief;  // values per cell
   std::size_t columns, side;   // columns of cells; side of the map in pixels
-  Along across, down;
+  CellInterpolation across, down;
   Span map_columns, map_rows;
   float depth_m, least;
 };

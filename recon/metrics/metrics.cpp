@@ -26,7 +26,7 @@ struct Mean {
   }
 };
 
-Mask true_mask(std::span<const float> truth, const Scene& scene) {
+Mask true_mask(std::span<const float> truth, const SceneModel& scene) {
   Mask mask(truth.size());
   for (std::size_t p = 0; p < mask.size(); ++p)
     mask[p] = scene.has_body() && true_foreground(truth[p], scene.background[p]);
@@ -73,7 +73,7 @@ double ssim_near(const std::vector<double>& map, const Mask& mask, std::size_t s
 }
 
 void score_similarity(MapScores& out, std::span<const float> raw, std::span<const float> truth,
-                      const Scene& scene, const Mask& mask) {
+                      const SceneModel& scene, const Mask& mask) {
   const std::size_t size = scene.grid.size;
   if (size <= 2 * ssim_border) return;
   const auto map = ssim_map(raw, truth, size, scene.grid.far_m);
@@ -126,7 +126,7 @@ void score_position(MapScores& out, std::span<const float> truth, const Mask& ma
 }  // namespace
 
 MapScores score(std::span<const float> prediction, std::span<const float> truth,
-                const Scene& scene) {
+                const SceneModel& scene) {
   MapScores out;
   out.fill(undefined);
   const Mask mask = true_mask(truth, scene);
@@ -139,12 +139,12 @@ MapScores score(std::span<const float> prediction, std::span<const float> truth,
   return out;
 }
 
-double foreground_tangent(std::span<const float> prediction, const Scene& scene) {
+double foreground_tangent(std::span<const float> prediction, const SceneModel& scene) {
   return centroid_tangent(found_mask(foreground_share(within_span(prediction, scene), scene)),
                           scene.grid);
 }
 
-BodyPlace body_place(std::span<const float> prediction, const Scene& scene) {
+BodyPlace body_place(std::span<const float> prediction, const SceneModel& scene) {
   const auto map = within_span(prediction, scene);
   const Mask found = found_mask(foreground_share(map, scene));
   Mean z;
@@ -155,7 +155,7 @@ BodyPlace body_place(std::span<const float> prediction, const Scene& scene) {
 }
 
 double lateral_error(std::span<const float> prediction, std::span<const float> truth,
-                     const Scene& scene) {
+                     const SceneModel& scene) {
   MapScores out;
   const auto share = foreground_share(within_span(prediction, scene), scene);
   score_position(out, truth, true_mask(truth, scene), share, found_mask(share), scene.grid);

@@ -51,20 +51,20 @@ using MapScores = std::array<double, metric_count>;
 
 // Both maps are row-major on the scene's grid, in metres.
 MapScores score(std::span<const float> prediction, std::span<const float> truth,
-                const Scene& scene);
+                const SceneModel& scene);
 
 // Centroid of the predicted foreground as x/z; NaN without foreground.
-double foreground_tangent(std::span<const float> prediction, const Scene& scene);
+double foreground_tangent(std::span<const float> prediction, const SceneModel& scene);
 
 // Body position in a prediction, m: x to the right, z away. NaN if it shows no body.
 struct BodyPlace {
   double x_m, z_m;
 };
-BodyPlace body_place(std::span<const float> prediction, const Scene& scene);
+BodyPlace body_place(std::span<const float> prediction, const SceneModel& scene);
 
 // Computes metric_lateral_m alone.
 double lateral_error(std::span<const float> prediction, std::span<const float> truth,
-                     const Scene& scene);
+                     const SceneModel& scene);
 
 struct Summary {
   double mean = 0;       // NaN if no map defines the metric

@@ -50,8 +50,8 @@ bool true_foreground(float depth_m, float background_m) {
   return depth_m > 0 && (background_m <= 0 || std::abs(depth_m - background_m) > foreground_step_m);
 }
 
-Scene learn_scene(const Matrix& depth, const Rows& rows, const record::MapGrid& grid) {
-  Scene scene{median_map(depth, rows), std::vector<float>(depth.cols), 0, grid};
+SceneModel learn_scene(const Matrix& depth, const Rows& rows, const record::MapGrid& grid) {
+  SceneModel scene{median_map(depth, rows), std::vector<float>(depth.cols), 0, grid};
   clear_behind_bodies(scene.background, depth, rows);
   std::vector<double> sum(depth.cols);
   double foreground_sum = 0, off_m = 0, behind_m = 0;
@@ -76,7 +76,7 @@ Scene learn_scene(const Matrix& depth, const Rows& rows, const record::MapGrid& 
   return scene;
 }
 
-void archive(Archive archive, Scene& scene) {
+void archive(Archive archive, SceneModel& scene) {
   constexpr float farthest_m = 100;
   archive.count("map_size", scene.grid.size, record::least_map_size, record::most_map_size);
   archive.number("map_half_tangent", scene.grid.half_tangent, record::least_map_half_tangent,
@@ -95,13 +95,13 @@ void archive(Archive archive, Scene& scene) {
 
 namespace {
 
-struct Returns {
+struct ReturnCounts {
   std::uint32_t count = 0, nearer = 0;
 };
 
-ECHOFUSE_CLONES Returns returns_of(const float* map, const float* background, float nearest_m,
-                                   std::size_t count) {
-  Returns out;
+ECHOFUSE_CLONES ReturnCounts returns_of(const float* map, const float* background, float nearest_m,
+                                        std::size_t count) {
+  ReturnCounts out;
   for (std::size_t p = 0; p < count; ++p) {
     const std::uint32_t here = (background[p] <= 0) & (map[p] > 0);
     out.count += here, out.nearer += here & static_cast<std::uint32_t>(map[p] < nearest_m);
@@ -129,13 +129,13 @@ ECHOFUSE_CLONES void mark_returns(const float* prediction, const float* backgrou
 
 }  // namespace
 
-bool holds_returns(std::span<const float> map, const Scene& scene) {
-  const Returns found = returns_of(map.data(), scene.background.data(),
-                                   nearest_share * scene.foreground_depth_m, map.size());
+bool holds_returns(std::span<const float> map, const SceneModel& scene) {
+  const ReturnCounts found = returns_of(map.data(), scene.background.data(),
+                                        nearest_share * scene.foreground_depth_m, map.size());
   return double(found.nearer) <= most_nearer * double(found.count);
 }
 
-std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene) {
+std::vector<float> foreground_share(std::span<const float> prediction, const SceneModel& scene) {
   std::vector<float> out(prediction.size());
   if (!scene.has_body()) return out;
   const float *map = prediction.data(), *background = scene.background.data();
@@ -144,13 +144,13 @@ std::vector<float> foreground_share(std::span<const float> prediction, const Sce
   return out;
 }
 
-std::vector<float> within_span(std::span<const float> prediction, const Scene& scene) {
+std::vector<float> within_span(std::span<const float> prediction, const SceneModel& scene) {
   std::vector<float> out(prediction.size());
   clamp(prediction.data(), static_cast<float>(scene.grid.far_m), out.data(), out.size());
   return out;
 }
 
-std::vector<float> thresholded_map(std::span<const float> prediction, const Scene& scene) {
+std::vector<float> thresholded_map(std::span<const float> prediction, const SceneModel& scene) {
   if (!scene.has_body()) return {prediction.begin(), prediction.end()};
   std::vector<float> out = scene.background;
   const auto share = foreground_share(prediction, scene);

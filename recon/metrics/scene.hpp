@@ -19,7 +19,7 @@
 
 namespace echofuse::recon {
 
-struct Scene {
+struct SceneModel {
   std::vector<float> background;  // b: per-pixel median of the training maps, metres
   std::vector<float> mean_map;    // metres
   float foreground_depth_m = 0;   // m; 0: no foreground
@@ -37,29 +37,29 @@ struct SoftMaps {
   Matrix foreground_probability, depth;
 };
 
-void archive(Archive archive, Scene& scene);
+void archive(Archive archive, SceneModel& scene);
 
 // The mask of a map has one byte per pixel.
 using Mask = std::vector<std::uint8_t>;
 
 // Learns from these rows (at least one) of the depth table; the maps are on this grid.
-Scene learn_scene(const Matrix& depth, const Rows& rows, const record::MapGrid& grid);
+SceneModel learn_scene(const Matrix& depth, const Rows& rows, const record::MapGrid& grid);
 
 bool true_foreground(float depth_m, float background_m);
 
 // True if at most a tenth of the map's values without a background are below m / 8. Expected depths
 // have many such values at the edges of a body and in their ripple; returns have none.
-bool holds_returns(std::span<const float> map, const Scene& scene);
+bool holds_returns(std::span<const float> map, const SceneModel& scene);
 
 // Position of each predicted pixel between background (0) and mean foreground depth (1); foreground
 // above 0.5. For a least-squares prediction in an open room it estimates the probability of
 // foreground, but may leave 0..1. For returns in an open room it is 0 or 1.
-std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene);
+std::vector<float> foreground_share(std::span<const float> prediction, const SceneModel& scene);
 
 // Returns the prediction as it is shown, stored and compared: clipped to 0..far_m of the grid.
-std::vector<float> within_span(std::span<const float> prediction, const Scene& scene);
+std::vector<float> within_span(std::span<const float> prediction, const SceneModel& scene);
 
 // The thresholded map: the prediction where it is foreground, the background elsewhere.
-std::vector<float> thresholded_map(std::span<const float> prediction, const Scene& scene);
+std::vector<float> thresholded_map(std::span<const float> prediction, const SceneModel& scene);
 
 }  // namespace echofuse::recon

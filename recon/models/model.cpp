@@ -54,7 +54,7 @@ FitOptions with_basis(std::size_t basis, FitOptions options = {}) {
   return options;
 }
 
-bool takes(const std::string& name, ModelKind::Takes what) {
+bool takes(const std::string& name, ModelKind::InputKind what) {
   const auto& kinds = model_kinds();
   return std::any_of(kinds.begin(), kinds.end(),
                      [&](const ModelKind& k) { return k.name == name && k.takes == what; });
@@ -68,7 +68,7 @@ void fill(std::optional<T>& option, const std::optional<T>& own) {
 }  // namespace
 
 const std::vector<ModelKind>& model_kinds() {
-  using enum ModelKind::Takes;
+  using enum ModelKind::InputKind;
   using enum ModelKind::Size;
   static const std::vector<ModelKind> kinds{
       {"empty", make_empty_room, nothing, fixed, {}},
@@ -141,8 +141,8 @@ Candidate candidate_of(const std::string& name, const FitOptions& base, std::siz
   return out;
 }
 
-bool ignores_inputs(const std::string& name) { return takes(name, ModelKind::Takes::nothing); }
+bool ignores_inputs(const std::string& name) { return takes(name, ModelKind::InputKind::nothing); }
 
-bool wants_alignment(const std::string& name) { return takes(name, ModelKind::Takes::aligned); }
+bool wants_alignment(const std::string& name) { return takes(name, ModelKind::InputKind::aligned); }
 
 }  // namespace echofuse::recon

@@ -24,7 +24,7 @@ struct Samples {
   const Matrix& inputs;
   const Matrix& maps;  // metres
   Rows rows;
-  const Scene* scene = nullptr;  // learnt from the training rows; null if not needed
+  const SceneModel* scene = nullptr;  // learnt from the training rows; null if not needed
   // Alignment that made the inputs, for models with aligned inputs; radar power and lags as
   // recorded.
   const Alignment* alignment = nullptr;
@@ -58,11 +58,15 @@ class Model {
 
 // Kind of model: all that the rest of the program needs to know about it.
 struct ModelKind {
-  enum class Takes : std::uint8_t { nothing, inputs, aligned };  // aligned: method/alignment.hpp
-  enum class Size : std::uint8_t { fixed, hidden, basis };       // meaning of the numbers in a name
+  enum class InputKind : std::uint8_t {
+    nothing,
+    inputs,
+    aligned
+  };                                                        // aligned: method/alignment.hpp
+  enum class Size : std::uint8_t { fixed, hidden, basis };  // meaning of the numbers in a name
   std::string name;
   std::unique_ptr<Model> (*make)();
-  Takes takes;
+  InputKind takes;
   Size size;
   FitOptions own;                  // best options on validation records at the base condition
   const char* scaling = "record";  // scaling of the inputs (data/features.hpp)

@@ -36,22 +36,22 @@ const bool one_thread = [] {
 
 // Part of the product that one call computes: `rows` x `cols` of C from row `row` and column `col`
 // on.
-struct Part {
+struct Strip {
   std::size_t row, col, rows, cols;
 };
 
 // The parts are strips across the longer side of C. Each strip packs the other factor again, so a
 // small product gets few strips, for two threads at most.
-std::vector<Part> parts_of(std::size_t m, std::size_t n, std::size_t k) {
+std::vector<Strip> parts_of(std::size_t m, std::size_t n, std::size_t k) {
   constexpr std::size_t small = 4'000'000, narrowest = 128, few = 2, most = 8;
   const std::size_t work = m * n * k;
   if (work < small) return {{0, 0, m, n}};
   const std::size_t side = std::max(m, n), strips = work < 8 * small ? few : most;
   const std::size_t width = std::max(narrowest, ((side + strips - 1) / strips + 63) / 64 * 64);
-  std::vector<Part> out;
+  std::vector<Strip> out;
   for (std::size_t first = 0; first < side; first += width) {
     const std::size_t count = std::min(width, side - first);
-    out.push_back(n >= m ? Part{0, first, m, count} : Part{first, 0, count, n});
+    out.push_back(n >= m ? Strip{0, first, m, count} : Strip{first, 0, count, n});
   }
   return out;
 }
@@ -114,7 +114,7 @@ void multiply_parts(const Product<T>& p, const T* a, const T* b, T* c) {
   const std::size_t lda = ta ? p.m : p.k, ldb = tb ? p.k : p.n;
   const auto parts = parts_of(p.m, p.n, p.k);
   for_each_part(parts.size(), [&](std::size_t i) {
-    const Part& part = parts[i];
+    const Strip& part = parts[i];
     gemm(ta ? CblasTrans : CblasNoTrans, tb ? CblasTrans : CblasNoTrans,
          static_cast<int>(part.rows), static_cast<int>(part.cols), static_cast<int>(p.k), p.alpha,
          a + part.row * (ta ? 1 : lda), static_cast<int>(lda), b + part.col * (tb ? ldb : 1),

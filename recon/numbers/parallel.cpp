@@ -13,8 +13,8 @@ namespace echofuse::recon {
 namespace {
 
 // A late thread finds no part left in its job, even if the next job has begun.
-struct Job {
-  Job(std::size_t part_count, const std::function<void(std::size_t)>& what)
+struct ParallelJob {
+  ParallelJob(std::size_t part_count, const std::function<void(std::size_t)>& what)
       : parts(part_count), work(what) {}
   const std::size_t parts;
   const std::function<void(std::size_t)>& work;
@@ -56,7 +56,7 @@ void for_each_part(std::size_t parts, const std::function<void(std::size_t)>& wo
     for (std::size_t i = 0; i < parts; ++i) work(i);
     return;
   }
-  const auto job = std::make_shared<Job>(parts, work);
+  const auto job = std::make_shared<ParallelJob>(parts, work);
   for (std::size_t i = 0; i < std::min(others.count, parts - 1); ++i)
     boost::asio::post(others.pool, [job] { job->help(); });
   job->help();

@@ -130,8 +130,8 @@ void Estimator::archive(Archive archive) {
   }
 }
 
-Preprocessing::Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene of_rows,
-                             bool wanted)
+Preprocessing::Preprocessing(const Dataset& data, const Rows& train, Inputs inputs,
+                             SceneModel of_rows, bool wanted)
     : scene(std::move(of_rows)) {
   const auto started = std::chrono::steady_clock::now();
   views.rows = data.size();

@@ -19,7 +19,7 @@ namespace echofuse::recon {
 struct Estimator {
   std::string name;  // name of its kind (model_kinds)
   Features features;
-  Scene scene;
+  SceneModel scene;
   Alignment alignment;  // unused: empty
   std::unique_ptr<Model> model;
   std::optional<UncertaintyModel> uncertainty;  // empty: states no uncertainty
@@ -46,11 +46,12 @@ struct Estimator {
 
 // Shared by all models with the same training rows and inputs.
 struct Preprocessing {
-  Scene scene;
+  SceneModel scene;
   Alignment alignment;   // empty unless wanted; also empty without a detector
   Matrix views;          // views of all records of the data set
   double elapsed_s = 0;  // counted in the time of each training
-  Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene scene, bool wanted);
+  Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, SceneModel scene,
+                bool wanted);
 };
 
 // Fits scaling and model to the training rows. scaling "record" selects the default of the model's

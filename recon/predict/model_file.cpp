@@ -30,7 +30,7 @@ void archive_seen(Archive archive, TrainingRecords& seen) {
   for (const std::uint32_t run : seen.run)
     archive.require(run < runs, "run", "expected indices of its runs");
   for (const std::uint8_t part : seen.part)
-    archive.require(part <= static_cast<std::uint8_t>(Part::test), "part", "expected 0, 1 or 2");
+    archive.require(part <= static_cast<std::uint8_t>(Subset::test), "part", "expected 0, 1 or 2");
 }
 
 void archive_split(Archive archive, SplitOptions& split) {

@@ -114,7 +114,7 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, double rang
 namespace {
 
 Rows unseen_rows(const TrainedModel& model, const Dataset& data) {
-  if (model.knows(data)) return model.rows_of(data, Part::test);
+  if (model.knows(data)) return model.rows_of(data, Subset::test);
   Rows out;
   std::ranges::set_difference(all_rows(data.size()), model.rows_trained_on(data),
                               std::back_inserter(out));

@@ -25,7 +25,7 @@ std::vector<std::int64_t> known_runs(const TrainingRecords& seen, const Dataset&
 TrainingRecords training_records(const Dataset& data, const Split& split) {
   TrainingRecords seen;
   for (const auto& source : data.sources) seen.runs.push_back(source.uuid);
-  const auto add = [&](const Rows& rows, Part part) {
+  const auto add = [&](const Rows& rows, Subset part) {
     for (const std::size_t row : rows) {
       seen.run.push_back(static_cast<std::uint32_t>(data.source_of(row)));
       seen.index.push_back(data.index[row]);
@@ -33,9 +33,9 @@ TrainingRecords training_records(const Dataset& data, const Split& split) {
       seen.hash.push_back(data.content.empty() ? 0 : data.content[row]);
     }
   };
-  add(split.train, Part::train);
-  add(split.validation, Part::validation);
-  add(split.test, Part::test);
+  add(split.train, Subset::train);
+  add(split.validation, Subset::validation);
+  add(split.test, Subset::test);
   return seen;
 }
 
@@ -101,17 +101,17 @@ bool TrainedModel::knows(const Dataset& data) const {
 Rows TrainedModel::rows_trained_on(const Dataset& data) const {
   std::set<std::int64_t> known;
   for (std::size_t i = 0; i < seen.hash.size(); ++i)
-    if (seen.part[i] != static_cast<std::uint8_t>(Part::test)) known.insert(seen.hash[i]);
+    if (seen.part[i] != static_cast<std::uint8_t>(Subset::test)) known.insert(seen.hash[i]);
   known.erase(0);
   std::set<std::size_t> rows;
   for (std::size_t row = 0; row < data.content.size(); ++row)
     if (known.contains(data.content[row])) rows.insert(row);
-  for (const Part part : {Part::train, Part::validation})
+  for (const Subset part : {Subset::train, Subset::validation})
     for (const std::size_t row : rows_of(data, part)) rows.insert(row);
   return {rows.begin(), rows.end()};
 }
 
-Rows TrainedModel::rows_of(const Dataset& data, Part part) const {
+Rows TrainedModel::rows_of(const Dataset& data, Subset part) const {
   const auto runs = known_runs(seen, data);
   std::map<std::pair<std::int64_t, std::int64_t>, std::size_t> row_of;
   for (std::size_t s = 0; s < runs.size(); ++s)

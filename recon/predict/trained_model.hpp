@@ -23,13 +23,13 @@
 
 namespace echofuse::recon {
 
-enum class Part : std::uint8_t { train, validation, test };
+enum class Subset : std::uint8_t { train, validation, test };
 
 struct TrainingRecords {
   std::vector<std::string> runs;    // uuids
   std::vector<std::uint32_t> run;   // per record: index into runs
   std::vector<std::int64_t> index;  // per record: number in the run
-  std::vector<std::uint8_t> part;   // per record: Part
+  std::vector<std::uint8_t> part;   // per record: Subset
   std::vector<std::int64_t> hash;   // per record: Dataset::content
 };
 
@@ -70,7 +70,7 @@ struct TrainedModel {
   // Returns the rows used for training or validation, even if their run has another uuid.
   Rows rows_trained_on(const Dataset& data) const;
   // Returns the rows of the data set in this part of the model's training.
-  Rows rows_of(const Dataset& data, Part part) const;
+  Rows rows_of(const Dataset& data, Subset part) const;
 };
 
 // Name for files and displays: whether the model states its errors.

@@ -79,7 +79,7 @@ struct StatedUncertainty {
   double within = 0, stated = 0, known = 0, flagged = 0, squares = 0, variance = 0, pixels = 0,
          records = 0;
 
-  void add(const Prediction& own, const Dataset& data, const Rows& rows, const Scene& scene) {
+  void add(const Prediction& own, const Dataset& data, const Rows& rows, const SceneModel& scene) {
     for (std::size_t i = 0; i < rows.size(); ++i) {
       const auto truth = data.depth.row(rows[i]);
       if (!own.uncertainties[i].stated) continue;
@@ -103,7 +103,7 @@ struct StatedUncertainty {
 // Computes metrics and calibration in chunks, which bounds the memory.
 void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
                        const std::string& title, Evaluation& out) {
-  const Scene& judge = out.judge.scene;
+  const SceneModel& judge = out.judge.scene;
   Progress progress(title, rows.size(), title.empty());
   constexpr std::size_t at_once = 512;
   const PredictionDetail detail =
@@ -139,9 +139,9 @@ std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const
   for (std::size_t row = 0; row < data.size(); ++row)
     out[row] = held_out ? "in no part of the training" : fault(row);
   if (held_out)
-    for (const Part part : {Part::train, Part::validation, Part::test})
+    for (const Subset part : {Subset::train, Subset::validation, Subset::test})
       for (const std::size_t row : model.rows_of(data, part))
-        out[row] = part == Part::test ? fault(row) : trained_on_record;
+        out[row] = part == Subset::test ? fault(row) : trained_on_record;
   else if (!all)
     for (const std::size_t row : model.rows_trained_on(data))
       if (out[row].empty()) out[row] = trained_on_record;
@@ -194,7 +194,7 @@ ScoringScene scoring_scene(const Dataset& training) {
 ScoringScene scoring_scene(const TrainedModel& model, const Dataset& data) {
   const Rows seen = with_sound_depth(data);
   if (model.knows(data) || seen.size() < least_of_room) return {model->scene, {}};
-  Scene own = learn_scene(data.depth, seen, data.map);
+  SceneModel own = learn_scene(data.depth, seen, data.map);
   std::size_t moved = 0;
   for (std::size_t p = 0; p < own.background.size(); ++p)
     moved += std::abs(own.background[p] - model->scene.background[p]) > 0.1f;
@@ -205,7 +205,7 @@ ScoringScene scoring_scene(const TrainedModel& model, const Dataset& data) {
 }
 
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
-                                  const Scene& scene) {
+                                  const SceneModel& scene) {
   std::vector<MapScores> out(rows.size());
   for_each_part(rows.size(), [&](std::size_t i) {
     out[i] = score(maps.row(i), data.depth.row(rows[i]), scene);
@@ -226,7 +226,7 @@ void add_doubtful(const TrainedModel& model, const Records& records, Evaluation&
       doubtful.push_back(row), ++out.doubtful[doubt];
   if (doubtful.empty()) return;
   const Matrix maps = predict(model, data, doubtful, PredictionDetail::maps).maps;
-  const Scene& scene = out.judge.scene;
+  const SceneModel& scene = out.judge.scene;
   std::vector<MapScores> all = score_maps(maps, data, doubtful, scene);
   all.insert(all.end(), out.scores.begin(), out.scores.end());
   out.with_doubtful = summarise(all);
@@ -276,9 +276,9 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   return out;
 }
 
-std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, const Scene& scene,
-                                       const Dataset& neighbours_data, Rows neighbours,
-                                       const std::string& title) {
+std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows,
+                                       const SceneModel& scene, const Dataset& neighbours_data,
+                                       Rows neighbours, const std::string& title) {
   const auto inputs = common_inputs(data, neighbours_data);
   std::set<std::int64_t> judged;
   for (const std::size_t row : rows)
@@ -305,12 +305,12 @@ std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, co
 RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
                          const std::string& model_path) {
   const Estimator& by = model.for_run(data);
-  using Clock = std::chrono::steady_clock;
+  using SteadyClock = std::chrono::steady_clock;
   constexpr std::size_t warm_up = 20, repeats = 400, most_at_once = 1000;
   const auto us_of = [&](const Rows& some) {
-    const auto started = Clock::now();
+    const auto started = SteadyClock::now();
     by.maps(data, some);
-    return std::chrono::duration<double, std::micro>(Clock::now() - started).count();
+    return std::chrono::duration<double, std::micro>(SteadyClock::now() - started).count();
   };
   std::vector<double> us;
   for (std::size_t i = 0; i < warm_up + repeats; ++i)

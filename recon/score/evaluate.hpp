@@ -44,7 +44,7 @@ struct TwoPeopleCounts {
 // Foreground and background for the scores. They belong to the run, so that all rows of a table are
 // scored equally.
 struct ScoringScene {
-  Scene scene;
+  SceneModel scene;
   std::string note;  // origin of the scene unless it is the training's
 };
 // Learns the scene from all depth maps of these training runs (at least one).
@@ -97,7 +97,7 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
 
 // Scores one map per row against the depth table.
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
-                                  const Scene& scene);
+                                  const SceneModel& scene);
 
 // Scores the rows, without baselines and cost. A non-empty `title` shows a progress line on stderr.
 // Default of `judge`: scoring_scene(model, run).
@@ -108,9 +108,9 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
 // nearest neighbour is found in the scaling "record", by the sensors with equal axes in both data
 // sets. Copies of scored records are not used as neighbours. Without neighbours their row is left
 // out. `title` as above.
-std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, const Scene& scene,
-                                       const Dataset& neighbours_data, Rows neighbours,
-                                       const std::string& title = {});
+std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows,
+                                       const SceneModel& scene, const Dataset& neighbours_data,
+                                       Rows neighbours, const std::string& title = {});
 
 RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
                          const std::string& model_path);

@@ -18,14 +18,14 @@ constexpr std::uint64_t fold_stream = 0x74756e65;  // "tune"
 
 }  // namespace
 
-Choice::Choice(const Scene& judged_by, const Split& split, const SplitOptions& options)
+Choice::Choice(const SceneModel& judged_by, const Split& split, const SplitOptions& options)
     : judged_by_(judged_by),
       split_(split),
       sequence_(options.kind == "blocked"),
       folds_(make_folds(split.train, folds, options, fold_stream)) {}
 
 void Choice::add(const std::string& name, const Dataset& data, Fit fit) {
-  Entry& entry = entries_.emplace_back(Entry{{{name, {}}, {}, 0, {}}, std::move(fit)});
+  Alternative& entry = entries_.emplace_back(Alternative{{{name, {}}, {}, 0, {}}, std::move(fit)});
   Folds scores;
   const auto started = std::chrono::steady_clock::now();
   for (const Split& fold : folds_) {
@@ -55,7 +55,7 @@ void Choice::choose(double errors) {
 
 std::vector<CrossvalidatedRow> Choice::table() const {
   std::vector<CrossvalidatedRow> out;
-  for (const Entry& e : entries_) out.push_back(e.row);
+  for (const Alternative& e : entries_) out.push_back(e.row);
   return out;
 }
 
@@ -67,7 +67,8 @@ std::vector<HeldOut> Choice::judged() const {
 }
 
 // Paired differences: both models were tested on the same records in the same folds.
-std::pair<double, double> Choice::gain_and_error_of(const Entry& entry, const Entry& than) {
+std::pair<double, double> Choice::gain_and_error_of(const Alternative& entry,
+                                                    const Alternative& than) {
   std::vector<double> gains;
   for (std::size_t i = 0; i < entry.score.size(); ++i)
     if (const double gain = entry.score[i] - than.score[i]; !std::isnan(gain))
@@ -78,7 +79,7 @@ std::pair<double, double> Choice::gain_and_error_of(const Entry& entry, const En
 }
 
 // A gain below this many standard errors counts as 0.
-double Choice::gain_of(const Entry& entry, const Entry& than, double errors) {
+double Choice::gain_of(const Alternative& entry, const Alternative& than, double errors) {
   const auto [gain, error] = gain_and_error_of(entry, than);
   return gain > errors * error ? gain : 0;
 }

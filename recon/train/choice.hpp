@@ -15,7 +15,7 @@ namespace echofuse::recon {
 // records.
 class Choice {
  public:
-  Choice(const Scene& judged_by, const Split& split, const SplitOptions& options);
+  Choice(const SceneModel& judged_by, const Split& split, const SplitOptions& options);
 
   using Fit = std::function<Estimator(const Rows& rows)>;
   // Fits one model per fold and scores it on the held-out records. Throws Error(interrupted).
@@ -41,20 +41,21 @@ class Choice {
   std::vector<HeldOut> judged() const;
 
  private:
-  struct Entry {
+  struct Alternative {
     CrossvalidatedRow row;
     Fit fit;
     std::vector<Estimator> models = {};
     std::vector<double> score = {};  // combined IoU and lateral error of each record
   };
-  static std::pair<double, double> gain_and_error_of(const Entry& entry, const Entry& than);
-  static double gain_of(const Entry& entry, const Entry& than, double errors);
+  static std::pair<double, double> gain_and_error_of(const Alternative& entry,
+                                                     const Alternative& than);
+  static double gain_of(const Alternative& entry, const Alternative& than, double errors);
 
-  const Scene& judged_by_;
+  const SceneModel& judged_by_;
   const Split& split_;
   bool sequence_;
   std::vector<Split> folds_;
-  std::vector<Entry> entries_;
+  std::vector<Alternative> entries_;
   std::size_t chosen_ = 0;
 };
 

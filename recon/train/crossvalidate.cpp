@@ -54,7 +54,7 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
   std::vector<CrossvalidatedRow> out;
   for (const auto& name : names) out.push_back({{name, {}}, {}, 0, {}});
   std::vector<Folds> scores(names.size());
-  const Scene judge = learn_scene(data.depth, rows, data.map);
+  const SceneModel judge = learn_scene(data.depth, rows, data.map);
   Progress progress("cross-validation", folds * names.size(), options.fit.quiet);
   for (std::size_t fold = 0; fold < folds; ++fold) {
     const Split split = make_fold(rows, fold, folds, sequence ? options.split.gap : 0);

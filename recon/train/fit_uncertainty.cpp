@@ -21,7 +21,8 @@ constexpr double fewest_photons_log10 = -2.5;  // log10 share of photons kept in
 constexpr double least_noise_log10 = -2,
                  most_noise_log10 = -0.3;  // radar noise, relative to its peak
 
-std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth, const Scene& scene) {
+std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth,
+                                   const SceneModel& scene) {
   std::vector<double> out;
   for (std::size_t i = 0; i < maps.rows; ++i)
     out.push_back(lateral_error(maps.row(i), truth.row(i), scene));

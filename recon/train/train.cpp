@@ -38,7 +38,7 @@ void say(const TrainOptions& options, const std::string& text) {
 }
 
 // One of the estimators of a model.
-struct Wanted {
+struct TrainingPlan {
   std::string name;  // candidate
   Inputs inputs;
   std::string scaling;
@@ -49,12 +49,12 @@ struct Wanted {
 // Returns the estimators to train, in order of use: the named one; if it uses the radar's antennas,
 // the same with the range profile only; if it uses both sensors, a network for the SPD alone, for
 // records without radar.
-std::vector<Wanted> wanted_of(const Dataset& data, const std::string& name,
-                              const TrainOptions& options) {
+std::vector<TrainingPlan> wanted_of(const Dataset& data, const std::string& name,
+                                    const TrainOptions& options) {
   constexpr std::size_t enough = 500, enough_of_spd = 150;  // the SPD's model is rarely used
   const Inputs inputs = inputs_of(options.inputs);
   const bool aligned = looks_at_body(name, options);
-  std::vector<Wanted> out{{name, inputs, options.scaling, options.fit, enough}};
+  std::vector<TrainingPlan> out{{name, inputs, options.scaling, options.fit, enough}};
   if (!options.fallback || !both_sensors(inputs) ||
       ignores_inputs(candidate_of(name, options.fit).model))
     return out;
@@ -68,8 +68,8 @@ std::vector<Wanted> wanted_of(const Dataset& data, const std::string& name,
   return out;
 }
 
-Estimator train_one(const Wanted& wanted, const Dataset& data, const Split& split,
-                    const Scene& scene, const TrainOptions& options) {
+Estimator train_one(const TrainingPlan& wanted, const Dataset& data, const Split& split,
+                    const SceneModel& scene, const TrainOptions& options) {
   const auto& [name, inputs, scaling, fit, enough_validation] = wanted;
   const bool aligned = wants_alignment(candidate_of(name, fit).model);
   const bool uncertainties = options.uncertainty && has_enough_records(split) &&
@@ -99,7 +99,7 @@ Estimator train_one(const Wanted& wanted, const Dataset& data, const Split& spli
   return out;
 }
 
-TrainedModel train_split(const Dataset& data, const Split& split, const Scene& scene,
+TrainedModel train_split(const Dataset& data, const Split& split, const SceneModel& scene,
                          const std::string& name, const TrainOptions& options) {
   if (!scene.has_body() && !options.fit.quiet) std::fprintf(stderr, "%s\n", no_body);
   TrainedModel model;
@@ -108,7 +108,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const Scene& s
   model.data_hash = data.hash;
   model.radar_response = widest_response(data);
   model.any_response = options.any_response;
-  for (const Wanted& wanted : wanted_of(data, name, options)) {
+  for (const TrainingPlan& wanted : wanted_of(data, name, options)) {
     if (!model.estimators.empty() && interrupted()) break;
     Estimator one = train_one(wanted, data, split, scene, options);
     if (!model.estimators.empty() && interrupted()) break;  // training was interrupted
@@ -128,8 +128,8 @@ Rows usable_rows(const Dataset& data, const TrainOptions& options) {
 }
 
 // Reports a split by which the scores would be optimistic.
-void warn_of_split(const Dataset& data, const Rows& rows, const Split& split, const Scene& scene,
-                   const SplitOptions& options) {
+void warn_of_split(const Dataset& data, const Rows& rows, const Split& split,
+                   const SceneModel& scene, const SplitOptions& options) {
   const bool random = options.kind == "random" && !split.test.empty();
   std::string text = random ? alike_neighbours(data, rows) : "";
   if (text.empty()) text = recurring_scenes(data, split, scene);
@@ -150,7 +150,7 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   const Rows rows = usable_rows(data, options);
   if (const std::string text = loud ? late_truth(data) : ""; !text.empty()) say(options, text);
   const Split split = make_split(rows, options.split);
-  const Scene scene = learn_scene(data.depth, split.train, data.map);
+  const SceneModel scene = learn_scene(data.depth, split.train, data.map);
   if (loud) warn_of_split(data, rows, split, scene, options.split);
   const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
   return train_split(data, split, scene, name, options);

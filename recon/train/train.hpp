@@ -49,7 +49,7 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows);
 // Returns a warning if scenes recur in training and test without being neighbours, otherwise
 // nothing. Criterion: for most held-out maps with a body, a few training maps are much nearer than
 // all others.
-std::string recurring_scenes(const Dataset& data, const Split& split, const Scene& scene);
+std::string recurring_scenes(const Dataset& data, const Split& split, const SceneModel& scene);
 
 // Splits the usable records, fits, and returns the model with the list of its records. Throws
 // Error(failed) if there are too few records.

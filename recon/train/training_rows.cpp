@@ -20,16 +20,16 @@ std::string path_of(const Dataset& data, std::size_t row = 0) {
 }
 
 void require_sensors(const Dataset& data, Inputs inputs) {
-  struct Needed {
+  struct RequiredSensor {
     Sensor sensor;
     const char *name, *cure;
   };
   for (const auto& [sensor, name, cure] :
-       {Needed{Sensor::spd, "spd", "--inputs radar"},
-        Needed{Sensor::radar, "radar", "--inputs spd"},
-        Needed{Sensor::depth, "a depth map",
-               "training needs the depth camera; record with depth.address, or reconstruct "
-               "this run with a model of another run"}}) {
+       {RequiredSensor{Sensor::spd, "spd", "--inputs radar"},
+        RequiredSensor{Sensor::radar, "radar", "--inputs spd"},
+        RequiredSensor{Sensor::depth, "a depth map",
+                       "training needs the depth camera; record with depth.address, or reconstruct "
+                       "this run with a model of another run"}}) {
     if (sensor != Sensor::depth && !sensors_of(inputs).contains(sensor)) continue;
     bool found = false;
     for (std::size_t row = 0; row < data.size(); ++row) found |= data.has(row, sensor);
@@ -115,7 +115,7 @@ double distance(std::span<const float> a, std::span<const float> b) {
   return std::accumulate(sums.begin(), sums.end(), 0.0);
 }
 
-bool shows_body(std::span<const float> map, const Scene& scene) {
+bool shows_body(std::span<const float> map, const SceneModel& scene) {
   constexpr double least_share = 0.005;
   double pixels = 0;
   for (std::size_t p = 0; p < map.size(); ++p)
@@ -159,7 +159,7 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows) {
       alike, judged, others);
 }
 
-std::string recurring_scenes(const Dataset& data, const Split& split, const Scene& scene) {
+std::string recurring_scenes(const Dataset& data, const Split& split, const SceneModel& scene) {
   constexpr std::size_t sample = 100, least = 5;
   constexpr double least_gap = 3, most_share = 0.5;
   Rows judged;

@@ -34,8 +34,8 @@ bool can_be_tuned(const std::string& kind) {
 
 // Returns the background learnt from `rows` if more than 20 % of its pixels changed, otherwise the
 // model's.
-Scene scene_for(const Estimator& from, const Dataset& data, const Rows& rows) {
-  Scene scene = learn_scene(data.depth, rows, data.map);
+SceneModel scene_for(const Estimator& from, const Dataset& data, const Rows& rows) {
+  SceneModel scene = learn_scene(data.depth, rows, data.map);
   std::size_t changed = 0;
   for (std::size_t p = 0; p < scene.background.size(); ++p)
     changed += std::abs(scene.background[p] - from.scene.background[p]) > 0.1f;
@@ -45,17 +45,17 @@ Scene scene_for(const Estimator& from, const Dataset& data, const Rows& rows) {
 }
 
 // Background in the sensors' data: kept from the model, or learnt from the new records.
-enum class Room : bool { kept, learnt };
+enum class BackgroundSource : bool { kept, learnt };
 
-Estimator adapt(const Estimator& from, const Dataset& data, const Rows& rows, Room room,
+Estimator adapt(const Estimator& from, const Dataset& data, const Rows& rows, BackgroundSource room,
                 const Tuning& tuning, bool with_scene = true) {
   Estimator out;
   out.name = from.name;
   out.features = from.features;
-  out.knows_empty_room = from.knows_empty_room && room == Room::kept;
+  out.knows_empty_room = from.knows_empty_room && room == BackgroundSource::kept;
   out.scene = with_scene ? scene_for(from, data, rows) : from.scene;
   const Rows all = all_rows(data.size());
-  out.alignment = wants_alignment(from.name) && room == Room::learnt
+  out.alignment = wants_alignment(from.name) && room == BackgroundSource::learnt
                       ? Alignment(out.features.layout(), observe(data, all, out.features), rows)
                       : from.alignment;
   const Matrix views = out.views(data, all, false);
@@ -93,23 +93,23 @@ Tuning without_training(Tuning tuning) {
 
 // Returns the background that gives the unchanged networks the better score: the learnt one if it
 // is better by a standard error.
-Room better_room(const Start& start, const Scene& judged_by, const Split& split,
-                 const TuneOptions& options) {
-  if (!wants_alignment(start.model->name) || !options.only.empty()) return Room::kept;
+BackgroundSource better_room(const Start& start, const SceneModel& judged_by, const Split& split,
+                             const TuneOptions& options) {
+  if (!wants_alignment(start.model->name) || !options.only.empty()) return BackgroundSource::kept;
   Choice choice(judged_by, split, options.split);
-  for (const Room room : {Room::kept, Room::learnt})
+  for (const BackgroundSource room : {BackgroundSource::kept, BackgroundSource::learnt})
     choice.add("background", start.data, [&, room](const Rows& rows) {
       return adapt(start.model.first(), start.data, rows, room, without_training(options.tuning),
-                   room == Room::learnt);
+                   room == BackgroundSource::learnt);
     });
   choice.choose(1);
-  return choice.chosen() == 0 ? Room::kept : Room::learnt;
+  return choice.chosen() == 0 ? BackgroundSource::kept : BackgroundSource::learnt;
 }
 
 // Tries `alone` for one start only, because a model of these records alone does not depend on the
 // start.
 void try_all(Choice& choice, const Start& start, const Split& split, const TuneOptions& options,
-             Room room, bool with_alone) {
+             BackgroundSource room, bool with_alone) {
   const Estimator& from = start.model.first();
   const Dataset& data = start.data;
   const bool aligned = wants_alignment(from.name);
@@ -119,8 +119,9 @@ void try_all(Choice& choice, const Start& start, const Split& split, const TuneO
     choice.add(name, name == alone ? start.own : data, std::move(fit));
   };
   Tuning tuning = without_training(options.tuning);
-  add(unchanged,
-      [&, tuning](const Rows& rows) { return adapt(from, data, rows, Room::kept, tuning, false); });
+  add(unchanged, [&, tuning](const Rows& rows) {
+    return adapt(from, data, rows, BackgroundSource::kept, tuning, false);
+  });
   tuning.correct = true;
   if (aligned)
     add(corrected,
@@ -191,7 +192,7 @@ Estimator tune_other(const Estimator& from, const Dataset& data, const Split& sp
   tuning.l2_penalty = few ? INFINITY : usual_penalty, tuning.correct = few && learns;
   const auto fit = [&](const Rows& rows) {
     return by_alone ? fit_alone(from, data, rows, options)
-                    : adapt(from, data, rows, Room::kept, tuning);
+                    : adapt(from, data, rows, BackgroundSource::kept, tuning);
   };
   Estimator out = fit(split.train);
   if (!by_alone && tuning.networks_stay() && !tuning.correct) {
@@ -261,7 +262,8 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
     throw Error(ExitCode::failed,
                 std::to_string(rows.size()) + " usable records; tuning needs at least 10");
   const Split split = make_split(rows, options.split);
-  const Scene judged_by = scene_for(starts.front().model.first(), starts.front().data, split.train);
+  const SceneModel judged_by =
+      scene_for(starts.front().model.first(), starts.front().data, split.train);
   std::vector<Choice> choices;
   choices.reserve(starts.size());  // the candidates hold references into it
   for (const Start& start : starts) {

@@ -98,7 +98,7 @@ Matrix OutOfDistributionDetector::describe_all(const Dataset& data, const Featur
 OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
                                                      const Dataset& data, const Matrix& views,
                                                      const Rows& rows, Inputs inputs,
-                                                     const Scene& scene, std::uint64_t seed) {
+                                                     const SceneModel& scene, std::uint64_t seed) {
   const Features sensors = fit_features(
       data, rows, alignment.array_features() > 0 ? inputs : without_antennas(inputs), raw_scaling);
   use(sensors, alignment);
@@ -124,13 +124,13 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   // With few records none are reserved for the limits: each is tested by a fit to the others.
   const bool few = rows.size() < few_records;
   const std::size_t parts = rows.size() < many_records ? folds_of_few : folds_of_many;
-  std::vector<Found> held;
+  std::vector<StatisticValues> held;
   std::vector<bool> held_two;
   const record::RadarResponse own =
       inputs == Inputs::spd ? record::RadarResponse{} : widest_response(data);
   const auto wider = wider_responses(own);
   const RadarNoise noise(data, rows);
-  std::vector<std::vector<Found>> held_brought(wider.size());
+  std::vector<std::vector<StatisticValues>> held_brought(wider.size());
   // Returns the descriptions of records as if they were converted from this response.
   const auto describe_brought = [&](const Rows& some, const record::RadarResponse& from) {
     Rows taken;
@@ -184,7 +184,7 @@ void OutOfDistributionDetector::learn_components(const Matrix& descriptions, std
   for (float& d : components_.deviation) d = std::max(d, 1e-6f);
 }
 
-OutOfDistributionDetector::Found OutOfDistributionDetector::find(
+OutOfDistributionDetector::StatisticValues OutOfDistributionDetector::find(
     std::span<const float> description) const {
   constexpr double tiny = 1e-12;
   using Eigen::Map, Eigen::VectorXf, Eigen::Index;
@@ -201,7 +201,7 @@ OutOfDistributionDetector::Found OutOfDistributionDetector::find(
   // T^2 = sum (amount / deviation)^2; each value's share of it finds the group.
   const auto variance = vector(components_.deviation).array().square();
   const VectorXf weights = basis.transpose() * (amounts.array() / variance).matrix();
-  Found out{{}, histogram};
+  StatisticValues out{{}, histogram};
   double sum = 0, most = -INFINITY;
   for (std::size_t g = 0; g < groups; ++g) {
     const auto first = Index(first_[g]), count = Index(first_[g + 1]) - first;
@@ -218,7 +218,7 @@ OutOfDistributionDetector::Found OutOfDistributionDetector::find(
 }
 
 OutOfDistributionDetector::Limits OutOfDistributionDetector::limits_of(
-    const std::vector<Found>& held, const std::vector<bool>& shows_two) {
+    const std::vector<StatisticValues>& held, const std::vector<bool>& shows_two) {
   Limits out;
   for (std::size_t s = 0; s < statistics; ++s) {
     std::vector<float> values;
@@ -235,7 +235,7 @@ OutOfDistributionDetector::Limits OutOfDistributionDetector::limits_of(
 OutOfDistributionDetector::Limits OutOfDistributionDetector::limits_for(double times_wider) const {
   Limits out = limits_;
   double from = 1;
-  for (const BroughtLimits& next : brought_) {
+  for (const LimitsAtWidth& next : brought_) {
     const double t = std::clamp((times_wider - from) / (next.times_wider - from), 0., 1.);
     for (std::size_t s = 0; s < statistics; ++s)
       out[s] = {std::lerp(out[s].usual, next.limits[s].usual, t),
@@ -252,7 +252,7 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
   std::vector<OutOfDistributionScore> out;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto description = describe(views.row(i), data, rows[i]);
-    const Found found = find(description);
+    const StatisticValues found = find(description);
     const Limits limits = limits_for(data.times_wider(rows[i]));
     OutOfDistributionScore s{limits[t2].share(found.values[t2]),
                              two_bodies_.known() ? limits[two].share(found.values[two]) : NAN,

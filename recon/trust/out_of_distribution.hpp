@@ -38,7 +38,7 @@ inline constexpr std::string_view two_people_label = "two_people";
 // maps give its position. The classifier takes a view without its correlation. Fewer than two
 // bodies cannot be learnt from.
 Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
-                            const Dataset& data, const Rows& rows, const Scene& scene,
+                            const Dataset& data, const Rows& rows, const SceneModel& scene,
                             std::uint64_t seed);
 
 struct OutOfDistributionScore {
@@ -56,7 +56,7 @@ class OutOfDistributionDetector {
   // Learns from these rows, at least least_records. Row i of the views belongs to record i of the
   // data; without a detector the views are empty. The scene finds the bodies in the maps.
   OutOfDistributionDetector(const Alignment& alignment, const Dataset& data, const Matrix& views,
-                            const Rows& rows, Inputs inputs, const Scene& scene,
+                            const Rows& rows, Inputs inputs, const SceneModel& scene,
                             std::uint64_t seed);
   // Row i of the views belongs to rows[i] of the data.
   std::vector<OutOfDistributionScore> judge(const Matrix& views, const Dataset& data,
@@ -69,7 +69,7 @@ class OutOfDistributionDetector {
   enum Group : std::size_t { histogram, radar, direction, spread, range, profile, groups };
   // One Q per group, then T^2 and two bodies.
   enum Statistic : std::size_t { t2 = groups, two, statistics };
-  struct Found {
+  struct StatisticValues {
     std::array<double, statistics> values;  // logarithms of Q and T^2; log odds of two bodies
     Group along;                            // group with the greatest share of T^2
   };
@@ -80,12 +80,13 @@ class OutOfDistributionDetector {
   };
   void use(const Features& sensors, const Alignment& alignment);
   using Limits = std::array<Limit, statistics>;
-  struct BroughtLimits {
+  struct LimitsAtWidth {
     double times_wider;  // width of the measured response over the model's
     Limits limits;
   };
   void learn_components(const Matrix& descriptions, std::uint64_t seed);
-  static Limits limits_of(const std::vector<Found>& held, const std::vector<bool>& shows_two);
+  static Limits limits_of(const std::vector<StatisticValues>& held,
+                          const std::vector<bool>& shows_two);
   Limits limits_for(double times_wider) const;
   static void archive(Archive archive, Limits& limits);
   // A view without its correlation, and the normalised profile.
@@ -97,14 +98,14 @@ class OutOfDistributionDetector {
   // Descriptions of all records.
   Matrix describe_all(const Dataset& data, const Features& sensors,
                       const Alignment& alignment) const;
-  Found find(std::span<const float> description) const;
+  StatisticValues find(std::span<const float> description) const;
 
   std::array<std::size_t, groups + 1> first_{};  // start of each group, and the end
   std::vector<float> scale_;                     // factor of each value of a description
   Components components_;                        // components of scaled descriptions
   Classifier two_bodies_;
   Limits limits_;
-  std::vector<BroughtLimits> brought_;  // narrowest first
+  std::vector<LimitsAtWidth> brought_;  // narrowest first
   double nearest_m_ = 0, farthest_m_ = 0, most_clicks_per_start_ = 0, share_with_body_ = 0;
 };
 

@@ -10,19 +10,19 @@
 namespace echofuse::recon {
 namespace {
 
-struct Between {
+struct CurvePosition {
   std::size_t low;
   double part;
 };
 
 // Returns the position of a share among the nodes of a curve.
-Between node_of(double share, std::size_t nodes) {
+CurvePosition node_of(double share, std::size_t nodes) {
   const double at = std::clamp(share, 0.0, 1.0) * static_cast<double>(nodes - 1);
   const auto low = std::min(static_cast<std::size_t>(at), nodes - 2);
   return {low, at - static_cast<double>(low)};
 }
 
-SoftMaps probabilities_of(const Matrix& maps, const Scene& scene) {
+SoftMaps probabilities_of(const Matrix& maps, const SceneModel& scene) {
   SoftMaps out{Matrix(0, maps.cols), Matrix(maps.rows, maps.cols)};
   for (std::size_t i = 0; i < maps.rows; ++i)
     out.foreground_probability.add_row(foreground_share(maps.row(i), scene));
@@ -50,7 +50,7 @@ void blur(SoftMaps& maps, const record::MapGrid& grid, const std::vector<double>
 
 }  // namespace
 
-SoftMaps soft_of(SoftMaps own, const Matrix& maps, const Scene& scene,
+SoftMaps soft_of(SoftMaps own, const Matrix& maps, const SceneModel& scene,
                  const std::vector<double>& lateral_interval_90_m) {
   constexpr double deviations_90 = 1.645;
   if (own.foreground_probability.rows == 0 || !scene.has_body())
@@ -61,14 +61,14 @@ SoftMaps soft_of(SoftMaps own, const Matrix& maps, const Scene& scene,
   return own;
 }
 
-void PixelError::fit(const SoftMaps& soft, const Matrix& truth, const Scene& scene) {
+void PixelError::fit(const SoftMaps& soft, const Matrix& truth, const SceneModel& scene) {
   std::array<double, 11> weight{}, body{};
   double squares = 0, count = 0;
   for (std::size_t i = 0; i < truth.rows; ++i) {
     const auto share = soft.foreground_probability.row(i), depth = soft.depth.row(i),
                map = truth.row(i);
     for (std::size_t p = 0; p < map.size(); ++p) {
-      const Between at = node_of(double{share[p]}, curve_.size());
+      const CurvePosition at = node_of(double{share[p]}, curve_.size());
       const bool is_body = !scene.has_body() || true_foreground(map[p], scene.background[p]);
       weight[at.low] += 1 - at.part, weight[at.low + 1] += at.part;
       body[at.low] += is_body * (1 - at.part), body[at.low + 1] += is_body * at.part;
@@ -82,13 +82,15 @@ void PixelError::fit(const SoftMaps& soft, const Matrix& truth, const Scene& sce
   depth_deviation_m_ = count > 0 ? std::sqrt(squares / count) : 0;
 }
 
-std::pair<Matrix, Matrix> PixelError::operator()(const SoftMaps& soft, const Scene& scene) const {
+std::pair<Matrix, Matrix> PixelError::operator()(const SoftMaps& soft,
+                                                 const SceneModel& scene) const {
   const std::size_t rows = soft.foreground_probability.rows,
                     cols = soft.foreground_probability.cols;
   Matrix mean(rows, cols), deviation(rows, cols);
   for (std::size_t i = 0; i < rows; ++i)
     for (std::size_t p = 0; p < cols; ++p) {
-      const Between at = node_of(double{soft.foreground_probability.row(i)[p]}, curve_.size());
+      const CurvePosition at =
+          node_of(double{soft.foreground_probability.row(i)[p]}, curve_.size());
       const double body = curve_[at.low] + at.part * (curve_[at.low + 1] - curve_[at.low]);
       const double b = double{scene.background[p]}, z = double{soft.depth.row(i)[p]};
       mean.row(i)[p] = static_cast<float>(body * z + (1 - body) * b);

@@ -17,16 +17,16 @@ namespace echofuse::recon {
 // Returns a model's soft maps, each blurred horizontally by the (normal) uncertainty of its body's
 // position; a map is not blurred if its uncertainty is NaN. For a model without soft maps (no rows)
 // it returns the mean maps as probabilities; these are blurred already.
-SoftMaps soft_of(SoftMaps own, const Matrix& maps, const Scene& scene,
+SoftMaps soft_of(SoftMaps own, const Matrix& maps, const SceneModel& scene,
                  const std::vector<double>& lateral_interval_90_m);
 
 class PixelError {
  public:
   // `truth`: the true maps, one per row.
-  void fit(const SoftMaps& soft, const Matrix& truth, const Scene& scene);
+  void fit(const SoftMaps& soft, const Matrix& truth, const SceneModel& scene);
   // Returns two tables in metres: the mean p z + (1 - p) B, and the standard deviation sqrt(p (1 -
   // p) (z - B)^2 + p s^2), where s is the spread of depths of the body.
-  std::pair<Matrix, Matrix> operator()(const SoftMaps& soft, const Scene& scene) const;
+  std::pair<Matrix, Matrix> operator()(const SoftMaps& soft, const SceneModel& scene) const;
 
   void archive(Archive archive);
 

@@ -30,7 +30,7 @@ struct KnownBodies {
 };
 
 KnownBodies known_bodies(const Alignment& alignment, const Features& sensors, const Dataset& data,
-                         const Rows& rows, const Scene& scene) {
+                         const Rows& rows, const SceneModel& scene) {
   const Layout layout = sensors.layout();
   KnownBodies out{
       Matrix(0, layout.inputs()), Matrix(0, alignment.size()), Matrix(0, layout.radar.count), {}};
@@ -46,11 +46,12 @@ KnownBodies known_bodies(const Alignment& alignment, const Features& sensors, co
   return out;
 }
 
-struct Body {
+struct BodySource {
   std::size_t k, as;  // which record, and the record of its azimuth
 };
+using BodySum = std::vector<BodySource>;  // bodies added up to one record
 
-double side_m(const KnownBodies& known, const Body& body) {
+double side_m(const KnownBodies& known, const BodySource& body) {
   const auto tangent = double{known.places[body.as].tangent};
   return double{known.views.row(body.k).back()} * tangent / std::hypot(1.0, tangent);
 }
@@ -62,7 +63,7 @@ std::size_t any_row(std::size_t rows, Rng& rng) {
 }  // namespace
 
 Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
-                            const Dataset& data, const Rows& rows, const Scene& scene,
+                            const Dataset& data, const Rows& rows, const SceneModel& scene,
                             std::uint64_t seed) {
   Classifier out;
   const KnownBodies known = known_bodies(alignment, sensors, data, rows, scene);
@@ -80,10 +81,10 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
   const auto any = [&](Rng& rng) { return any_row(bodies.size(), rng); };
   // Subtracts one background, because a record contains it only once.
   const std::vector<float> background = alignment.background();
-  const auto add_up = [&](std::span<const Body> some, std::span<float> view) {
+  const auto add_up = [&](std::span<const BodySource> some, std::span<float> view) {
     const auto first = observations.row(some[0].k);
     std::vector<float> sum(first.begin(), first.end());
-    for (const Body& body : some.subspan(1))
+    for (const BodySource& body : some.subspan(1))
       for (std::size_t c = 0; c < sum.size(); ++c)
         sum[c] = sum[c] + observations.row(body.k)[c] - background[c];
     align(sum, alignment, view);
@@ -92,14 +93,14 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
     for (const auto& [k, as] : some) moved.push_back({radar.row(k), rotated->farther_m(k, as)});
     alignment.add_profiles(moved, view);
   };
-  const auto views_of = [&](const std::vector<std::vector<Body>>& records) {
+  const auto views_of = [&](const std::vector<BodySum>& records) {
     Matrix made(records.size(), views.cols);
     for_each_part(made.rows, [&](std::size_t i) { add_up(records[i], made.row(i)); });
     return made;
   };
 
   Rng pair_rng = make_rng(seed, pair_stream), rotation_rng = make_rng(seed, rotation_stream);
-  std::vector<std::vector<Body>> pairs(std::min(most_pairs, pairs_a_record * views.rows)), singles;
+  std::vector<BodySum> pairs(std::min(most_pairs, pairs_a_record * views.rows)), singles;
   for (auto& pair : pairs) {
     int tries = 0;
     do {

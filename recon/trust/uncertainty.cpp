@@ -41,7 +41,7 @@ double factor_of(std::vector<double> ratios) {
 // Returns the lateral error of this body in 90 % of calibrations with the run's stated error; 0 if
 // the run states none, or if the side does not follow from the two ranges alone.
 double calibration_error_m(const Dataset& data, std::size_t row, Inputs inputs,
-                           std::span<const float> map, const Scene& scene) {
+                           std::span<const float> map, const SceneModel& scene) {
   constexpr double deviations_90 = 1.645;
   if (data.sources.empty() || !side_by_ranges(data, inputs)) return 0;
   const Source& run = data.sources[data.source_of(row)];
@@ -58,8 +58,8 @@ bool side_by_ranges(const Dataset& data, Inputs inputs) {
   return inputs == Inputs::fused_profile || (inputs == Inputs::fused && data.array_axis.count == 0);
 }
 
-Matrix predictors_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
-                     Inputs inputs) {
+Matrix predictors_of(const Matrix& maps, const SceneModel& scene, const Dataset& data,
+                     const Rows& rows, Inputs inputs) {
   Matrix out(rows.size(), predictor_count(inputs));
   for_each_part(rows.size(), [&](std::size_t i) {
     const auto row = out.row(i);
@@ -166,8 +166,9 @@ void LateralError::archive(Archive archive, std::size_t predictors) {
 }
 
 std::vector<PredictionUncertainty> UncertaintyModel::trust(const Matrix& views, const Matrix& maps,
-                                                           const Scene& scene, const Dataset& data,
-                                                           const Rows& rows, Inputs inputs) const {
+                                                           const SceneModel& scene,
+                                                           const Dataset& data, const Rows& rows,
+                                                           Inputs inputs) const {
   const Matrix predictors = predictors_of(maps, scene, data, rows, inputs);
   std::vector<PredictionUncertainty> out;
   for (OutOfDistributionScore& score : detector.judge(views, data, rows)) {

@@ -32,8 +32,8 @@ bool side_by_ranges(const Dataset& data, Inputs inputs);
 // |x/z| of the map's foreground (NaN without one); of the SPD log(1 + clicks above the
 // background, in standard deviations of all clicks); of the radar log(peak over the standard
 // deviation of the weaker half of the profile), corrected for a filter that smooths the noise.
-Matrix predictors_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
-                     Inputs inputs);
+Matrix predictors_of(const Matrix& maps, const SceneModel& scene, const Dataset& data,
+                     const Rows& rows, Inputs inputs);
 
 // Interval of the lateral error, which grows with |x/z| and with noise. A regression on the
 // predictors gives the logarithm of the typical error. A factor widens it to contain 90 % of the
@@ -86,7 +86,7 @@ struct UncertaintyModel {
   // Step 6 of the method (method/method.hpp): returns the error to expect of each map, and whether
   // its record is in distribution. Row i of views and maps belongs to rows[i].
   std::vector<PredictionUncertainty> trust(const Matrix& views, const Matrix& maps,
-                                           const Scene& scene, const Dataset& data,
+                                           const SceneModel& scene, const Dataset& data,
                                            const Rows& rows, Inputs inputs) const;
   void archive(Archive archive, const Features& of_model, const Alignment& alignment);
 };

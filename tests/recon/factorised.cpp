@@ -135,7 +135,7 @@ TEST_CASE("a body extracted from a map is drawn at the same position") {
 }
 
 TEST_CASE("the factorised model places bodies on the correct side for any gain") {
-  const Rows rows = trained().rows_of(plates(), Part::test);
+  const Rows rows = trained().rows_of(plates(), Subset::test);
   const auto scores = [&](const Dataset& data) {
     std::vector<MapScores> out;
     const Matrix maps = trained().predict(data, rows);

@@ -39,7 +39,7 @@ Map with_ripple(Map map) {
   for (std::size_t p = 0; p < size * 20; ++p) map[p] = 0.05f;
   return map;
 }
-Scene room(float background_m = 0, float foreground_m = 3.5f) {
+SceneModel room(float background_m = 0, float foreground_m = 3.5f) {
   return {Map(size * size, background_m), Map(size * size, background_m), foreground_m, {}};
 }
 
@@ -82,7 +82,7 @@ TEST_CASE("body position is the centroid of the written map's foreground") {
   CHECK(s[metric_ghost] == 0);
   CHECK(lateral_error(ripple, truth, room()) == s[metric_lateral_m]);
   // A pixel beyond the map's depths counts as the nearest valid depth.
-  Scene far = room();
+  SceneModel far = room();
   far.grid.far_m = 10;
   CHECK(score(plate(6, 30), truth, far)[metric_depth_mae_m] == Approx(6.5));
   CHECK(score(plate(6, 30), truth, room())[metric_depth_mae_m] == Approx(2.5));
@@ -129,7 +129,7 @@ TEST_CASE("in an open room every true return is foreground, also of a near body"
 }
 
 TEST_CASE("a fixed background is not foreground") {
-  const Scene scene = room(5.5f, 3.5f);
+  const SceneModel scene = room(5.5f, 3.5f);
   const Map truth = plate(10, 3.5f, 5.5f), empty(size * size, 5.5f);
   CHECK(score(truth, truth, scene)[metric_iou] == 1);
   CHECK(score(empty, truth, scene)[metric_iou] == 0);
@@ -150,7 +150,7 @@ TEST_CASE("an empty prediction has no position") {
 TEST_CASE("foreground and background are learnt from the maps") {
   Matrix maps(0, size * size);
   for (const std::size_t left : {2u, 20u, 50u}) maps.add_row(plate(left, 3.2f, 5.0f));
-  const Scene scene = learn_scene(maps, {0, 1, 2}, {});
+  const SceneModel scene = learn_scene(maps, {0, 1, 2}, {});
   CHECK(scene.background == Map(size * size, 5.0f));
   CHECK(scene.foreground_depth_m == Approx(3.2f));
   CHECK(scene.mean_map[30 * size + 2] == Approx((3.2 + 5 + 5) / 3));
@@ -174,7 +174,7 @@ TEST_CASE("with a moving surface only raw maps are scored") {
     Matrix walls(0, size * size);
     std::uniform_real_distribution<float> z(nearest, 3);
     for (int i = 0; i < 160; ++i) walls.add_row(Map(size * size, i % 3 ? z(rng) : 2.9f));
-    const Scene scene = learn_scene(walls, all_rows(160), {});
+    const SceneModel scene = learn_scene(walls, all_rows(160), {});
     CHECK_FALSE(scene.has_body());
     const Map truth(size * size, 1.5f), off(size * size, 1.62f);
     const MapScores s = score(off, truth, scene);
@@ -208,7 +208,7 @@ TEST_CASE("mean and standard error exclude undefined scores") {
 }
 
 TEST_CASE("body edges are blurred by the uncertainty of its position") {
-  const Scene scene = room(5.5f, 3.5f);
+  const SceneModel scene = room(5.5f, 3.5f);
   const std::size_t side = scene.grid.size, middle = side / 2;
   SoftMaps own{Matrix(3, side * side), Matrix(3, side * side)};
   std::fill(own.depth.values.begin(), own.depth.values.end(), 3.f);

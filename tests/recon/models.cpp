@@ -132,8 +132,8 @@ TEST_CASE("every kind of model predicts the same after saving and loading") {
     CHECK(after.predict(plates(), rows).values == before.predict(plates(), rows).values);
     CHECK(after->name == name);
     CHECK(after.split.kind == "blocked");
-    CHECK(after.rows_of(plates(), Part::test) == before.rows_of(plates(), Part::test));
-    CHECK(after.rows_of(plates(), Part::test).size() == 60);
+    CHECK(after.rows_of(plates(), Subset::test) == before.rows_of(plates(), Subset::test));
+    CHECK(after.rows_of(plates(), Subset::test).size() == 60);
     CHECK(after.data_hash == plates().hash);
     CHECK(after->log.loss == before->log.loss);
     CHECK(after->model->cost().parameters == before->model->cost().parameters);
@@ -205,7 +205,7 @@ TEST_CASE("evaluation reports baselines and held-out records") {
   const Rows rows = rows_to_evaluate(model, plates(), false);
   CHECK(rows.size() == 60);
   CHECK(rows_to_evaluate(model, plates(), true).size() == 600);
-  const Rows seen = model.rows_of(plates(), Part::train);
+  const Rows seen = model.rows_of(plates(), Subset::train);
   const auto baselines = score_baselines(plates(), rows, model->scene, plates(), seen);
   REQUIRE(baselines.size() == 3);
   CHECK(baselines[0].name == "empty");

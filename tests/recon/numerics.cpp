@@ -67,7 +67,7 @@ double iou_of(const TrainOptions& options) {
   REQUIRE(!weights.empty());
   REQUIRE(all_finite(weights));
   REQUIRE(all_finite(model.predict(plates(), all_rows(plates().size())).values));
-  const Rows rows = model.rows_of(plates(), Part::test);
+  const Rows rows = model.rows_of(plates(), Subset::test);
   return summarise(
              score_maps(model.predict(plates(), rows), plates(), rows, model->scene))[metric_iou]
       .mean;

@@ -114,7 +114,7 @@ TEST_CASE("degenerate data sets give finite maps or a one-line error") {
           const Records records = prepare_records(model, *judged);
           const Evaluation e = evaluate(model, records, rows);
           if (name == "ridge") {  // same code for all models
-            const Rows seen = model.rows_of(data, Part::train);
+            const Rows seen = model.rows_of(data, Subset::train);
             // No neighbour is left where all judged records are copies of training records.
             const auto baselines = score_baselines(*judged, rows, model->scene, data, seen).size();
             CHECK((baselines == 3 || (judged == &data && baselines == 2)));

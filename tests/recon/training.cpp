@@ -57,12 +57,12 @@ TEST_CASE("training weights the records of all runs equally") {
   options.split.validation_share = 0.25;
   const Dataset both = load({dir / "a", dir / "b"});
   const TrainedModel model = train(both, options);
-  const Rows held = model.rows_of(both, Part::validation);
+  const Rows held = model.rows_of(both, Subset::validation);
   CHECK(held.size() == 20);
   CHECK(held.front() < 60);
   CHECK(held.back() >= 60);
   double sum = 0;
-  const Rows trained = model.rows_of(both, Part::train);
+  const Rows trained = model.rows_of(both, Subset::train);
   for (const std::size_t row : trained) sum += double{both.depth.row(row)[0]};
   CHECK(model.predict(both, {0}).values[0] ==
         Approx(sum / static_cast<double>(trained.size())).epsilon(1e-4));

@@ -106,7 +106,7 @@ namespace {
 Dataset plates_in_zones(std::size_t records, bool by_side) {
   Dataset data = load_plates(records);
   const Rows rows = all_rows(data.size());
-  const Scene scene = learn_scene(data.depth, rows, data.map);
+  const SceneModel scene = learn_scene(data.depth, rows, data.map);
   data.zones = Zones(2), data.zone_spd = Matrix(rows.size(), 2 * data.spd.cols);
   for (const std::size_t row : rows) {
     const float tangent =

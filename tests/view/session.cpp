@@ -34,7 +34,7 @@ struct Owner final : SessionOwner {
   std::string runs() override { throw std::out_of_range("runs"); }
   void opened(const std::shared_ptr<Session>& session) override {
     ++openings;
-    if (greeting) session->send(Kind::sheet, greeting);
+    if (greeting) session->send(MessageKind::sheet, greeting);
   }
   void closed(const std::shared_ptr<Session>&) override { ++closings; }
   Message answer_to(Session&, const Request& request) override {

@@ -173,7 +173,7 @@ TEST_CASE("the state contains the time until the disk is full") {
   writer.close("complete");
   FollowedRun run(folder / "run.sqlite");
   run.refresh();
-  const Message message = Show(run, nullptr, {}, system_clock).state();
+  const Message message = RunMessages(run, nullptr, {}, system_clock).state();
   ByteReader reader(*message);
   const auto size = reader.get<std::uint32_t>();
   const ByteView text = reader.take(size);
