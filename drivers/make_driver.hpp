@@ -31,7 +31,7 @@ struct RadarConfig {
   std::string cfg_name;                              // for messages: usually the file name
   static constexpr std::uint32_t cli_baud = 115200;  // TI's out-of-box demo
   std::uint32_t data_baud = 921600;
-  std::string board = "isk";  // name in drivers/radar/antennas.hpp
+  std::string board = "isk";  // name in drivers/radar/board_antennas.hpp
   bool keep_running = false;  // do not stop the sensor at the end
   std::string address = {};   // bridge of another radar; the fields above are then unused
 };

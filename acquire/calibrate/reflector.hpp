@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "drivers/core/sample.hpp"
-#include "drivers/radar/antennas.hpp"
+#include "drivers/radar/board_antennas.hpp"
 
 namespace echofuse::acquire {
 

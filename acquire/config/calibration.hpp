@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "acquire/measurement/response.hpp"
-#include "acquire/record/record.hpp"
+#include "acquire/record/fused_record.hpp"
 #include "drivers/core/axis.hpp"
 
 namespace echofuse::acquire {

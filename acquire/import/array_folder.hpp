@@ -17,7 +17,7 @@
 
 #include "acquire/config/config.hpp"
 #include "acquire/measurement/depth_map.hpp"
-#include "acquire/record/record.hpp"
+#include "acquire/record/fused_record.hpp"
 #include "drivers/core/zone.hpp"
 #include "drivers/util/npy.hpp"
 #include "drivers/util/settings.hpp"

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "acquire/measurement/radar_array.hpp"
-#include "acquire/record/record.hpp"
+#include "acquire/record/fused_record.hpp"
 #include "drivers/core/zone.hpp"
 
 struct sqlite3;

@@ -11,7 +11,7 @@
 
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/deflate.hpp"
-#include "acquire/record/network.hpp"
+#include "acquire/record/network_file_system.hpp"
 #include "acquire/record/rows.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_guard.hpp"

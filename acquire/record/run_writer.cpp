@@ -10,7 +10,7 @@
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/deflate.hpp"
 #include "acquire/record/file_watch.hpp"
-#include "acquire/record/network.hpp"
+#include "acquire/record/network_file_system.hpp"
 #include "acquire/record/rescue.hpp"
 #include "acquire/record/rows.hpp"
 #include "acquire/record/run_file.hpp"

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "acquire/record/alerts.hpp"
-#include "acquire/record/record.hpp"
+#include "acquire/record/fused_record.hpp"
 
 namespace echofuse::acquire {
 

@@ -16,7 +16,7 @@
 
 #include "acquire/config/config.hpp"
 #include "acquire/measurement/depth_map.hpp"
-#include "acquire/record/record.hpp"
+#include "acquire/record/fused_record.hpp"
 
 namespace echofuse::acquire {
 

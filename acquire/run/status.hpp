@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "acquire/record/record.hpp"
+#include "acquire/record/fused_record.hpp"
 #include "drivers/core/clock.hpp"
 
 namespace echofuse::acquire {

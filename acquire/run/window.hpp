@@ -41,7 +41,7 @@
 #include <vector>
 
 #include "acquire/measurement/radar_array.hpp"
-#include "acquire/record/record.hpp"
+#include "acquire/record/fused_record.hpp"
 #include "acquire/run/scheduler.hpp"
 #include "acquire/stream/clock_fit.hpp"
 #include "drivers/tdc/histogram.hpp"

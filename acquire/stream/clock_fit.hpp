@@ -27,7 +27,7 @@
 #include <deque>
 #include <optional>
 
-#include "acquire/record/record.hpp"
+#include "acquire/record/fused_record.hpp"
 #include "drivers/core/sample.hpp"
 
 namespace echofuse::acquire {

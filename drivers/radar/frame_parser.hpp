@@ -19,10 +19,10 @@
 //   TLV 9 temperature    i32, u32, i16[10]
 //   TLV 4 heat map of a linear array, TLV 8 of a planar one (AOP, ODS): for each range bin and
 //         virtual antenna { i16 imaginary, i16 real }, bins from 0, antennas in the order of
-//         heat_map_antennas() (antennas.hpp). A sample is the mean over the frame's chirps (Doppler
-//         bin 0), times the coefficients of compRangeBiasAndRxChanPhase (SDK 3.4, aoaprocdsp.c,
-//         AoAProcDSP_computeHeatMapVal), which are 1 in our cfgs. Amplitudes are in ADC units.
-//         A frame contains TLV 4 or 8, not both.
+//         heat_map_antennas() (board_antennas.hpp). A sample is the mean over the frame's chirps
+//         (Doppler bin 0), times the coefficients of compRangeBiasAndRxChanPhase (SDK 3.4,
+//         aoaprocdsp.c, AoAProcDSP_computeHeatMapVal), which are 1 in our cfgs. Amplitudes are in
+//         ADC units. A frame contains TLV 4 or 8, not both.
 // Other types, other lengths of these types, and a repeated 2, 4 or 8 are skipped and counted.
 // Other TI demos use the same magic with longer headers (48 and 52 bytes). These are rejected
 // because of the header, or because their TLVs do not fill the packet.

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "drivers/core/axis.hpp"
-#include "drivers/radar/antennas.hpp"
+#include "drivers/radar/board_antennas.hpp"
 
 namespace echofuse::radar {
 

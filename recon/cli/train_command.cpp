@@ -12,7 +12,7 @@
 #include "drivers/util/settings.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/cli/train_settings.hpp"
-#include "recon/data/response.hpp"
+#include "recon/data/response_conversion.hpp"
 #include "recon/predict/empty_room.hpp"
 #include "recon/predict/predict.hpp"
 #include "recon/train/crossvalidate.hpp"

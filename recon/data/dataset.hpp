@@ -33,7 +33,7 @@ struct Source {
   std::string path, uuid;
   std::size_t first = 0, count = 0;
   double radar_offset_m = 0;  // offset not yet subtracted from its profiles (subtract_range_offset)
-  record::RadarResponse radar_response = {};  // as stated, or after conversion (data/response.hpp)
+  record::RadarResponse radar_response = {};  // as stated, or converted (response_conversion.hpp)
   // Effect of the conversion: width of the stated response over the new one, and gain of white
   // noise.
   double times_wider = 1, noise_factor = 1;

@@ -4,7 +4,7 @@
 
 #include "drivers/util/exit_code.hpp"
 #include "drivers/util/printable.hpp"
-#include "recon/live/show.hpp"
+#include "recon/live/run_messages.hpp"
 #include "recon/numbers/text.hpp"
 
 namespace echofuse::view {

@@ -9,7 +9,7 @@
 
 #include "drivers/core/clock.hpp"
 #include "recon/live/access.hpp"
-#include "recon/live/show.hpp"
+#include "recon/live/run_messages.hpp"
 
 namespace echofuse::view {
 

@@ -9,7 +9,7 @@
 
 #include "drivers/core/bytes.hpp"
 #include "recon/maps/written_maps.hpp"
-#include "recon/metrics/scene.hpp"
+#include "recon/metrics/scene_model.hpp"
 
 namespace echofuse::recon {
 
@@ -22,11 +22,11 @@ struct DepthSpan {
 //   colour  NNNNNN.png: picture of the foreground
 //   mm      NNNNNN_mm.png: 16-bit grey, z in millimetres, 0 = no return
 //   ply     NNNNNN.ply: points x (right), y (down), z (away) in metres, the right-handed frame of
-//           camera.json, in the picture's colours; from the thresholded map (scene.hpp), because
-//           the ripple of a least-squares map would give scattered points
+//           camera.json, in the picture's colours; from the thresholded map (scene_model.hpp),
+//           because the ripple of a least-squares map would give scattered points
 //   npy     maps.npy with all maps: float32 [n, N, N], metres, NaN: no return; records.csv lists
 //           their records. `evaluate --maps` reads both.
-//   foreground  thresholded.npy, like maps.npy, and share.npy: foreground_share (scene.hpp)
+//   foreground  thresholded.npy, like maps.npy, and share.npy: foreground_share (scene_model.hpp)
 //   uncertainty  NNNNNN_sd.png: 16-bit grey, standard deviation of z in millimetres, 0 if the
 //           estimator states none; together with npy also deviation.npy with NaN for 0
 // In addition camera.json: pinhole camera of the images, in pixels, and the number of steps per

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "drivers/core/clones.hpp"
-#include "recon/metrics/scene.hpp"
+#include "recon/metrics/scene_model.hpp"
 
 namespace echofuse::recon {
 namespace {

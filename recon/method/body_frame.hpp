@@ -18,7 +18,7 @@ struct Place {
   float depth_m = 0;  // its mean z
 };
 
-// Returns the place of a true map's foreground (metrics/scene.hpp), or nothing without a
+// Returns the place of a true map's foreground (metrics/scene_model.hpp), or nothing without a
 // foreground.
 std::optional<Place> place_of(std::span<const float> map, std::span<const float> background,
                               const record::MapGrid& grid);

@@ -18,7 +18,7 @@
 #include "recon/data/features.hpp"
 #include "recon/method/alignment.hpp"
 #include "recon/method/body_frame.hpp"
-#include "recon/metrics/scene.hpp"
+#include "recon/metrics/scene_model.hpp"
 #include "recon/network/ensemble.hpp"
 #include "recon/numbers/components.hpp"
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "recon/metrics/scene.hpp"
+#include "recon/metrics/scene_model.hpp"
 
 namespace echofuse::recon {
 
@@ -22,9 +22,8 @@ std::vector<double> ssim_map(std::span<const float> a, std::span<const float> b,
                              double data_range);
 
 // "raw": the prediction clipped to the grid's depths, as it is written. "hard": the thresholded map
-// (scene.hpp). A metric that is undefined for a map (e.g. the depth error of an empty mask) is NaN
-// and left out of the mean. Without a foreground only the metrics of raw maps are
-// defined.
+// (scene_model.hpp). A metric that is undefined for a map (e.g. the depth error of an empty mask)
+// is NaN and left out of the mean. Without a foreground only the metrics of raw maps are defined.
 enum Metric : std::size_t {
   metric_iou,          // foreground masks; undefined if both are empty
   metric_ssim,         // raw, whole map, data range of the grid

@@ -2,7 +2,7 @@
 // The two simplest baselines: maps that do not depend on the input.
 #include <algorithm>
 
-#include "recon/metrics/scene.hpp"
+#include "recon/metrics/scene_model.hpp"
 #include "recon/models/model.hpp"
 
 namespace echofuse::recon {

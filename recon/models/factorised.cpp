@@ -7,7 +7,7 @@
 
 #include "drivers/util/exit_code.hpp"
 #include "recon/method/alignment.hpp"
-#include "recon/metrics/scene.hpp"
+#include "recon/metrics/scene_model.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"
 

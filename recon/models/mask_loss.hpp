@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "recon/metrics/scene.hpp"
+#include "recon/metrics/scene_model.hpp"
 
 namespace echofuse::recon {
 

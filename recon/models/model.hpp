@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "recon/metrics/scene.hpp"
+#include "recon/metrics/scene_model.hpp"
 #include "recon/network/training.hpp"
 #include "recon/numbers/matrix.hpp"
 #include "recon/numbers/tensor_file.hpp"

@@ -8,7 +8,7 @@
 #include <numeric>
 
 #include "drivers/util/printable.hpp"
-#include "recon/data/response.hpp"
+#include "recon/data/response_conversion.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {

@@ -9,7 +9,7 @@
 #include "recon/data/features.hpp"
 #include "recon/data/split.hpp"
 #include "recon/method/method.hpp"
-#include "recon/metrics/scene.hpp"
+#include "recon/metrics/scene_model.hpp"
 #include "recon/models/model.hpp"
 #include "recon/trust/domain_shift.hpp"
 #include "recon/trust/uncertainty.hpp"

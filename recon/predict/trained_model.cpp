@@ -5,7 +5,7 @@
 #include <map>
 #include <set>
 
-#include "recon/data/response.hpp"
+#include "recon/data/response_conversion.hpp"
 
 namespace echofuse::recon {
 namespace {

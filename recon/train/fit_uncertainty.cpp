@@ -6,7 +6,7 @@
 #include <random>
 
 #include "drivers/util/console.hpp"
-#include "recon/data/response.hpp"
+#include "recon/data/response_conversion.hpp"
 #include "recon/metrics/metrics.hpp"
 
 namespace echofuse::recon {

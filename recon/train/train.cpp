@@ -7,7 +7,7 @@
 
 #include "drivers/util/console.hpp"
 #include "recon/data/late_truth.hpp"
-#include "recon/data/response.hpp"
+#include "recon/data/response_conversion.hpp"
 #include "recon/train/crossvalidate.hpp"
 #include "recon/train/fit_uncertainty.hpp"
 

@@ -10,7 +10,7 @@
 
 #include "drivers/util/console.hpp"
 #include "drivers/util/printable.hpp"
-#include "recon/data/response.hpp"
+#include "recon/data/response_conversion.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/train/choice.hpp"
 #include "recon/train/fit_uncertainty.hpp"

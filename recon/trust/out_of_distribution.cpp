@@ -8,7 +8,7 @@
 #include <random>
 
 #include "drivers/core/random.hpp"
-#include "recon/data/response.hpp"
+#include "recon/data/response_conversion.hpp"
 #include "recon/data/split.hpp"
 #include "recon/method/method.hpp"
 #include "recon/numbers/statistics.hpp"

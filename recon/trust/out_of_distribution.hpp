@@ -8,10 +8,10 @@
 //               Technometrics 21, 341, 1979)
 //   two bodies  learn_two_bodies(); needs a detector
 // Each is a ratio to its limit, so a value above 1 is unusual. About one in 140 records like the
-// training exceeds a limit. Records converted from a wider radar response (data/response.hpp) have
-// limits of their own, learnt from imitations, because the filter amplifies their noise. Limits are
-// interpolated between two widths. Further named checks: no body, a body outside the training
-// ranges, a saturated detector.
+// training exceeds a limit. Records converted from a wider radar response
+// (data/response_conversion.hpp) have limits of their own, learnt from imitations, because the
+// filter amplifies their noise. Limits are interpolated between two widths. Further named checks:
+// no body, a body outside the training ranges, a saturated detector.
 #pragma once
 #include <array>
 #include <string>
@@ -20,7 +20,7 @@
 
 #include "recon/data/features.hpp"
 #include "recon/method/alignment.hpp"
-#include "recon/metrics/scene.hpp"
+#include "recon/metrics/scene_model.hpp"
 #include "recon/network/classifier.hpp"
 #include "recon/numbers/components.hpp"
 

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "recon/metrics/scene.hpp"
+#include "recon/metrics/scene_model.hpp"
 
 namespace echofuse::recon {
 

@@ -16,7 +16,7 @@
 #include "drivers/util/console.hpp"
 #include "drivers/util/printable.hpp"
 #include "drivers/util/program.hpp"
-#include "sim/dataset/dataset.hpp"
+#include "sim/dataset/generator.hpp"
 #include "sim/lab/lab.hpp"
 #include "sim/twin/twin.hpp"
 

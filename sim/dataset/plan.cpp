@@ -2,7 +2,7 @@
 // Binds the settings of a plan, and resolves its twin.
 #include <algorithm>
 
-#include "sim/dataset/dataset.hpp"
+#include "sim/dataset/generator.hpp"
 #include "sim/twin/twin.hpp"
 
 namespace echofuse::sim {

@@ -9,7 +9,7 @@
 #include <limits>
 #include <memory>
 
-#include "acquire/record/network.hpp"
+#include "acquire/record/network_file_system.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;

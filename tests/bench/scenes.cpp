@@ -7,7 +7,7 @@
 
 #include "acquire/measurement/depth_map.hpp"
 #include "limits.hpp"
-#include "sim/dataset/dataset.hpp"
+#include "sim/dataset/generator.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
 

@@ -6,7 +6,7 @@
 #include "drivers/util/exit_code.hpp"
 #include "drivers/util/settings.hpp"
 #include "fuzz.hpp"
-#include "sim/dataset/dataset.hpp"
+#include "sim/dataset/generator.hpp"
 #include "sim/devices/faults.hpp"
 #include "sim/scene/scene_list.hpp"
 

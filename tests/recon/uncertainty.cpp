@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "recon/data/response.hpp"
+#include "recon/data/response_conversion.hpp"
 #include "recon/maps/png.hpp"
 #include "recon/predict/predict.hpp"
 #include "recon/score/evaluate.hpp"

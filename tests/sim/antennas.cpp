@@ -7,7 +7,7 @@
 
 #include "antenna_scenes.hpp"
 #include "drivers/core/axis.hpp"
-#include "sim/dataset/dataset.hpp"
+#include "sim/dataset/generator.hpp"
 #include "sim/sensors/gaussian.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"

@@ -7,7 +7,7 @@
 
 #include "acquire/record/run_file.hpp"
 #include "drivers/util/exit_code.hpp"
-#include "sim/dataset/dataset.hpp"
+#include "sim/dataset/generator.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;

@@ -8,7 +8,7 @@
 #include <numeric>
 
 #include "scenes.hpp"
-#include "sim/dataset/dataset.hpp"
+#include "sim/dataset/generator.hpp"
 #include "sim/sensors/depth_camera.hpp"
 #include "sim/sensors/radar_echo.hpp"
 #include "sim/sensors/render.hpp"

@@ -5,7 +5,7 @@
 #include "../folder.hpp"
 #include "acquire/record/run_file.hpp"
 #include "scenes.hpp"
-#include "sim/dataset/dataset.hpp"
+#include "sim/dataset/generator.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/zone_fields.hpp"
 

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "drivers/core/log2_codes.hpp"
-#include "sim/dataset/dataset.hpp"
+#include "sim/dataset/generator.hpp"
 #include "sim/devices/radar_chirp.hpp"
 
 using namespace echofuse;

@@ -9,7 +9,7 @@
 #include "recon/live/access.hpp"
 #include "recon/live/followed_run.hpp"
 #include "recon/live/message.hpp"
-#include "recon/live/show.hpp"
+#include "recon/live/run_messages.hpp"
 
 using namespace echofuse;
 using namespace echofuse::view;

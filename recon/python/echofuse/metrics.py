@@ -44,7 +44,7 @@ def ratio(above: NDArray[Any], below: NDArray[Any], least: float = 0) -> Scores:
 
 @dataclass(frozen=True)
 class Scene:
-    """Background and foreground of the training maps (recon/metrics/scene.hpp)."""
+    """Background and foreground of the training maps (recon/metrics/scene_model.hpp)."""
 
     background_m: NDArray[np.float32]  #: z [N, N], 0: no return
     foreground_m: float  #: mean z of the foreground; 0: no body stands out
@@ -53,7 +53,7 @@ class Scene:
 
     @classmethod
     def of_maps(cls, maps: ArrayLike, half_tangent: float = 0.55, far_m: float = 6.0) -> Scene:
-        """Scene of training maps [n, N, N], n >= 1 (learn_scene in recon/metrics/scene.cpp)."""
+        """Scene of training maps [n, N, N], n >= 1 (learn_scene in scene_model.cpp)."""
         table = pixels(maps)
         some = table[::max(1, len(table) // 1000)]
         background = np.partition(some, len(some) // 2, axis=0)[len(some) // 2]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A run is brought to the radar's response of the model's training, as recon/data/response.cpp does
+"""A run is brought to the radar's response of the model's training, as response_conversion.cpp does
 it."""
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 TAPS_A_CELL = 4  # acquire/measurement/response.hpp
-# recon/data/response.cpp
+# recon/data/response_conversion.cpp
 REACH_CELLS, MOST_REACH, PARTS, NOISE_TO_SIGNAL, MUCH_NARROWER = 3, 48, 8, 1e-3, .75
 
 

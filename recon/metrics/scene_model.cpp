@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Compiled with -fno-trapping-math, because a division next to a condition is not vectorised
 // otherwise.
-#include "recon/metrics/scene.hpp"
+#include "recon/metrics/scene_model.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "acquire/record/record.hpp"
+#include "acquire/record/fused_record.hpp"
 #include "drivers/util/job_part.hpp"
 #include "sim/scene/conditions.hpp"
 #include "sim/scene/scene.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/record/network.hpp"
+#include "acquire/record/network_file_system.hpp"
 
 #include <linux/magic.h>
 #include <sys/stat.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/data/response.hpp"
+#include "recon/data/response_conversion.hpp"
 
 #include <Eigen/Dense>
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/radar/antennas.hpp"
+#include "drivers/radar/board_antennas.hpp"
 
 #include <algorithm>
 #include <array>

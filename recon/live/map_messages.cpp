@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "recon/live/pictures.hpp"
-#include "recon/live/show.hpp"
+#include "recon/live/run_messages.hpp"
 
 namespace echofuse::view {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "sim/dataset/dataset.hpp"
+#include "sim/dataset/generator.hpp"
 
 #include <sqlite3.h>
 

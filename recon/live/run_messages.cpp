@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/live/show.hpp"
+#include "recon/live/run_messages.hpp"
 
 #include <algorithm>
 #include <cmath>
