@@ -94,7 +94,7 @@ void Capture::on_tags(const TagBlock& block) {
 void Capture::on_histogram(HistogramFrame frame) {
   if (!running_) return;
   ++histograms;
-  lost_blocks += frame.lost;
+  lost_blocks += frame.lost_before;
   histogram_counts = frame.counts.size();
   zone_clicks.resize(frame.zones);
   for (std::size_t i = 0; i < histogram_counts; ++i)

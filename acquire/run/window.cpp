@@ -144,7 +144,7 @@ void Windows::add(const HistogramFrame& frame) {
   const HostTime end = clocks_[Sensor::spd].taken(device_clock_of(frame), frame.received);
   const HostTime begin = end - std::chrono::microseconds(frame.exposure_us);
   const HostTime middle = begin + (end - begin) / 2;
-  add_lost(&Slot::spd_lost, middle, frame.lost);
+  add_lost(&Slot::spd_lost, middle, frame.lost_before);
   const std::uint64_t clicks = frame.clicks();
   Slot* slot = find(Sensor::spd, middle, frame.pulses + clicks);
   if (!slot || refused_[Sensor::spd]) return;
@@ -208,11 +208,11 @@ void Windows::take_array(Slot& slot, const RadarFrame& frame) const {
 void Windows::add(DepthFrame frame) {
   const HostTime taken = clocks_[Sensor::depth].taken(frame.device_time_us, frame.received);
   add_lost(&Slot::depth_lost, taken, frame.lost_before);
-  if (repeated(Sensor::depth, depth_numbers_.put(frame.frame_index, frame.device_time_us))) return;
+  if (repeated(Sensor::depth, depth_numbers_.put(frame.frame_number, frame.device_time_us))) return;
   Slot* slot = find(Sensor::depth, taken, 1);
   if (!slot) return;
   ++slot->depth_frames;
-  slot->depth_last = frame.frame_index;
+  slot->depth_last = frame.frame_number;
   const auto x = axes_.find("depth_x"), y = axes_.find("depth_y");
   if (refused_[Sensor::depth]) {
     slot->depth_fault = axis_changed;

@@ -141,7 +141,7 @@ std::optional<DepthPayload> read_depth(ByteView payload) {
   frame.width = in.get<std::uint32_t>();
   frame.height = in.get<std::uint32_t>();
   frame.device_time_us = in.get<std::uint64_t>();
-  frame.frame_index = in.get<std::uint32_t>();
+  frame.frame_number = in.get<std::uint32_t>();
   std::array<float, 4> axes{};
   for (float& value : axes) value = in.get<float>();
   const std::uint64_t pixels = std::uint64_t{frame.width} * frame.height;

@@ -35,7 +35,7 @@ Bytes depth_payload(const DepthFrame& frame, const Axis& x, const Axis& y) {
   put(payload, frame.width);
   put(payload, frame.height);
   put(payload, frame.device_time_us);
-  put(payload, frame.frame_index);
+  put(payload, frame.frame_number);
   for (const double value : {x.start, x.step, y.start, y.step})
     put(payload, static_cast<float>(value));
   const ByteView pixels = as_bytes(frame.depth_mm);

@@ -22,9 +22,9 @@ inline constexpr double ps_per_m = 2e12 / speed_of_light_m_s;  // two-way
 //                                   (acquire/measurement/radar_array.hpp)
 //   depth_x   tangent                 1     x/z of a pixel column, x to the right
 //   depth_y   tangent                 1     y/z of a pixel row, y up (step is negative)
-//   map_x     tangent                 1     x/z of the map grid onto which depth images are
-//   projected map_y     tangent                 1     y/z (acquire/measurement/depth_map.hpp) map_z
-//   depth                   m     range of the map grid: one bin, starting at 0
+//   map_x     tangent                 1     x/z of the map grid (acquire/measurement/depth_map.hpp)
+//   map_y     tangent                 1     y/z of the map grid
+//   map_z     depth                   m     range of the map grid: one bin, starting at 0
 struct Axis {
   std::string name;
   std::string quantity;

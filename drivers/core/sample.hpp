@@ -51,7 +51,7 @@ struct HistogramFrame {
   std::uint64_t pulses = 0;           // laser pulses; 0: unknown
   std::uint32_t zones = 1;            // parts of the field of view
   std::vector<std::uint32_t> counts;  // all bins of zone 0, then of zone 1, ...
-  std::uint64_t lost = 0;             // histograms missing before this one
+  std::uint64_t lost_before = 0;      // histograms missing before this one
 
   std::uint64_t clicks() const {
     return std::accumulate(counts.begin(), counts.end(), std::uint64_t{0});
@@ -102,7 +102,7 @@ inline constexpr std::uint32_t max_depth_side = 8192;
 struct DepthFrame {
   HostTime received{};
   std::uint64_t device_time_us = 0;
-  std::uint32_t frame_index = 0;
+  std::uint32_t frame_number = 0;
   std::uint32_t lost_before = 0;
   std::uint32_t width = 0, height = 0;
   std::vector<std::uint16_t> depth_mm;  // z, row-major, 0 = no measurement

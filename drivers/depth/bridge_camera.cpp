@@ -20,7 +20,7 @@ void BridgeCamera::on_block(const bridge::Block& block, HostTime received) {
   DepthFrame& frame = depth->frame;
   frame.received = received;
   std::ranges::replace(frame.depth_mm, invalid_mm, std::uint16_t{0});
-  frame.lost_before = lost_before(frame.frame_index, block);
+  frame.lost_before = lost_before(frame.frame_number, block);
   ++items_;
   sink_->on_depth(std::move(frame));
 }

@@ -153,8 +153,8 @@ class OpenNiCamera::CaptureThread {
   void deliver(DepthFrame frame, bool recording) {
     if (recording && !hold_back(frame.device_time_us)) return;
     frame.received = clock_.now();
-    frame.lost_before = lost_before(frame.frame_index);
-    last_index_ = frame.frame_index;
+    frame.lost_before = lost_before(frame.frame_number);
+    last_index_ = frame.frame_number;
     shared_->lost_frames += frame.lost_before;
     keep(frame);
     if (shared_->queued >= max_queued) {

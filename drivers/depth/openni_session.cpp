@@ -227,7 +227,7 @@ bool OpenNiSession::convert(const openni::VideoFrameRef& raw, DepthFrame& frame)
       size < stride * (height - 1) + row_bytes)
     return false;
   frame.device_time_us = raw.getTimestamp();
-  frame.frame_index = static_cast<std::uint32_t>(raw.getFrameIndex());
+  frame.frame_number = static_cast<std::uint32_t>(raw.getFrameIndex());
   frame.width = width;
   frame.height = height;
   frame.depth_mm.resize(std::size_t{width} * height);

@@ -35,9 +35,9 @@ void BridgeTdc::on_histogram(const bridge::Block& block, HostTime received) {
   const bool unknown = stated_zones_.empty() && frame.zones > 1;
   announce({read->axis}, unknown ? Zones(frame.zones) : stated_zones_);
   frame.received = received;
-  frame.lost = block.lost_blocks + block.dropped_items;
+  frame.lost_before = block.lost_blocks + block.dropped_items;
   ++items_;
-  lost_ += frame.lost;
+  lost_ += frame.lost_before;
   sink_->on_histogram(std::move(frame));
 }
 

@@ -154,13 +154,13 @@ struct Laboratory {
   void put_depth(const Device& device, std::uint32_t lost_before) {
     DepthFrame frame;
     frame.received = device.received();
-    frame.frame_index = static_cast<std::uint32_t>(shots.size());
+    frame.frame_number = static_cast<std::uint32_t>(shots.size());
     frame.device_time_us = device.ticks();
     frame.lost_before = lost_before;
     frame.width = 2;
     frame.height = 1;
-    frame.depth_mm = {static_cast<std::uint16_t>(frame.frame_index),
-                      static_cast<std::uint16_t>(frame.frame_index >> 16)};
+    frame.depth_mm = {static_cast<std::uint16_t>(frame.frame_number),
+                      static_cast<std::uint16_t>(frame.frame_number >> 16)};
     shots.push_back({device.taken(), device.settled()});
     clocks.observe(frame);
     windows.add(std::move(frame));

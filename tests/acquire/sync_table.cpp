@@ -166,7 +166,7 @@ class Bench {
     DepthFrame frame;
     frame.received = host(read);
     frame.device_time_us = camera.at(taken);
-    frame.frame_index = number;
+    frame.frame_number = number;
     frame.width = frame.height = 1;
     frame.depth_mm = {static_cast<std::uint16_t>(number)};
     return frame;

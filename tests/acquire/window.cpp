@@ -60,7 +60,7 @@ DepthFrame depth_frame(HostTime received, std::uint32_t index, std::vector<std::
                        std::uint32_t width = 2) {
   DepthFrame frame;
   frame.received = received;
-  frame.frame_index = index;
+  frame.frame_number = index;
   frame.width = width;
   frame.height = 1;
   frame.depth_mm = std::move(mm);
@@ -334,7 +334,7 @@ HistogramFrame histogram(HostTime received, std::vector<std::uint32_t> counts,
           .exposure_us = 200'000,
           .pulses = 1000,
           .counts = std::move(counts),
-          .lost = lost};
+          .lost_before = lost};
 }
 
 }  // namespace

@@ -239,8 +239,8 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
     CHECK(b.sink.info.serial == "B7");
     REQUIRE(b.sink.info.axes.size() == 1);
     CHECK(b.sink.info.axes[0].step == 92.5);
-    CHECK(b.sink.histograms[0].lost == 0);
-    CHECK(b.sink.histograms[1].lost == 5);  // 3 dropped, blocks 2 and 3 missing
+    CHECK(b.sink.histograms[0].lost_before == 0);
+    CHECK(b.sink.histograms[1].lost_before == 5);  // 3 dropped, blocks 2 and 3 missing
     CHECK(test::counter(*driver, "histograms") == 2);
   }
   Bytes zones(counts.begin(), counts.end());

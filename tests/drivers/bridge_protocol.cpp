@@ -120,7 +120,7 @@ TEST_CASE("payloads of golden bridge blocks are decoded") {
   CHECK(depth->frame.width == 3);
   CHECK(depth->frame.height == 2);
   CHECK(depth->frame.device_time_us == 123'456'789'012);
-  CHECK(depth->frame.frame_index == 42);
+  CHECK(depth->frame.frame_number == 42);
   CHECK(depth->frame.depth_mm == std::vector<std::uint16_t>{0, 1000, 2000, 3000, 4000, 65535});
   CHECK(same_axis(depth->x, Axis{"depth_x", "tangent", "1", 3, -0.5, 0.5}));
   CHECK(same_axis(depth->y, Axis{"depth_y", "tangent", "1", 2, 0.25, -0.5}));

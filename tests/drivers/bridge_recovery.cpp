@@ -53,7 +53,7 @@ struct Pair {
   std::vector<std::uint64_t> delivered() const {
     std::vector<std::uint64_t> numbers;
     for (const Tag& tag : sink.tags) numbers.push_back(static_cast<std::uint64_t>(tag.time_ps));
-    for (const DepthFrame& frame : sink.depth) numbers.push_back(frame.frame_index);
+    for (const DepthFrame& frame : sink.depth) numbers.push_back(frame.frame_number);
     return numbers;
   }
   std::uint64_t lost() const {

@@ -52,7 +52,7 @@ struct Bench {
     for (const DepthFrame& f : sink.depth) {
       REQUIRE(f.depth_mm.size() == 48);
       for (std::uint32_t i = 0; i < 48; ++i) {
-        const std::uint32_t raw = 1000 + 100 * (i / 8) + 10 * (i % 8) + f.frame_index % 10;
+        const std::uint32_t raw = 1000 + 100 * (i / 8) + 10 * (i % 8) + f.frame_number % 10;
         REQUIRE(f.depth_mm[i] == (raw + per_mm / 2) / per_mm);
       }
     }
@@ -114,7 +114,7 @@ TEST_CASE("an OpenNI camera delivers frames, axes and its name") {
   CHECK(b.sink.info.address == "openni:");
   b.check_pixels();
   for (const DepthFrame& f : b.sink.depth) {
-    CHECK(f.device_time_us == f.frame_index * 10'000);
+    CHECK(f.device_time_us == f.frame_number * 10'000);
     CHECK(f.received > begin);
     CHECK(f.received <= b.loop.now());
   }
@@ -195,7 +195,7 @@ TEST_CASE("a camera mode can be selected, an unsupported mode is refused with a 
     const DepthFrame& f = b.sink.depth[4];
     CHECK(f.width == 16);
     REQUIRE(f.depth_mm.size() == 192);
-    CHECK(f.depth_mm[191] == 1000 + 1100 + 150 + f.frame_index % 10);
+    CHECK(f.depth_mm[191] == 1000 + 1100 + 150 + f.frame_number % 10);
   }
   SECTION("by frame rate") {
     Bench b("", {.fps = 50});
@@ -246,12 +246,12 @@ TEST_CASE("damaged depth frames are dropped, and lost frames are counted") {
     const DepthFrame& f = b.sink.depth[i];
     ++seen;
     lost += f.lost_before;
-    twice += i > 0 && f.frame_index == b.sink.depth[i - 1].frame_index;
-    damaged += f.frame_index % 4 == 0;
+    twice += i > 0 && f.frame_number == b.sink.depth[i - 1].frame_number;
+    damaged += f.frame_number % 4 == 0;
   }
   CAPTURE(name, seen, lost, twice, counter(b.driver, "bad_frames"));
   b.check_pixels();
-  const auto first = b.sink.depth.front().frame_index, last = b.sink.depth.back().frame_index;
+  const auto first = b.sink.depth.front().frame_number, last = b.sink.depth.back().frame_number;
   CHECK(seen + lost - twice == last - first + 1);
   if (bad) CHECK(counter(b.driver, "bad_frames") >= 9);
   if (comes_twice)
@@ -305,8 +305,8 @@ TEST_CASE("depth frames dropped by a busy event loop are counted") {
   REQUIRE(b.frames(before + 10));
   CHECK(counter(b.driver, "dropped_frames") > 0);
   for (std::size_t i = 1; i < b.sink.depth.size(); ++i)
-    CHECK(b.sink.depth[i].frame_index ==
-          b.sink.depth[i - 1].frame_index + 1 + b.sink.depth[i].lost_before);
+    CHECK(b.sink.depth[i].frame_number ==
+          b.sink.depth[i - 1].frame_number + 1 + b.sink.depth[i].lost_before);
 }
 
 TEST_CASE("stop() ends the camera thread within a second, and no event follows") {
@@ -333,7 +333,7 @@ TEST_CASE("an OpenNI recording delivers each frame once, then ends") {
     REQUIRE(b.reaches(DeviceState::ended));
     const auto took = std::chrono::steady_clock::now() - begin;
     REQUIRE(b.sink.depth.size() == recording.frames);
-    for (std::size_t i = 0; i < recording.frames; ++i) CHECK(b.sink.depth[i].frame_index == i + 1);
+    for (std::size_t i = 0; i < recording.frames; ++i) CHECK(b.sink.depth[i].frame_number == i + 1);
     CHECK(counter(b.driver, "dropped_frames") == 0);
     const auto span = b.sink.depth.back().device_time_us - b.sink.depth.front().device_time_us;
     if (paced) CHECK(took >= std::chrono::microseconds(span));

@@ -59,7 +59,7 @@ void depth(ByteView payload) {
   if (!read) return;
   const DepthFrame& frame = read->frame;
   require(frame.width == width && frame.height == height && frame.device_time_us == time &&
-              frame.frame_index == index && read->x.count == width && read->y.count == height,
+              frame.frame_number == index && read->x.count == width && read->y.count == height,
           "the frame has the header's values");
   require(std::ranges::equal(as_bytes(frame.depth_mm), in.take(in.left())),
           "the frame has the payload's pixels");

@@ -67,7 +67,7 @@ class Run {
 
 /// Calls `visit` with each record of a run that is being recorded, from number `first` on, as they
 /// come. Returns when the run is closed, `visit` returns false, or `go_on`, called at least every
-/// 20 ms between records, returns false. The run is opened again for each look, so that the
+/// 20 ms between records, returns false. The run is opened again for each poll, so that the
 /// recorder can close it; a Run must not be kept after `visit`. `on_damaged`: as in Run::for_each.
 /// Throws as Run does.
 void follow(const std::string& path, const std::function<bool(const Run&, const Record&)>& visit,
