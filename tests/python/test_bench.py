@@ -169,10 +169,10 @@ def test_bench_refuses_invalid_values_in_the_table(run, tmp_path):
         bench.method("no.such:Thing")
     table.add({"axis": "model", "value": "1", "model": "mean", "inputs": "-", "seed": 1, "source": "-", "iou": 0.5})
     assert bench.Table(table.path, "this").rows.keys() == table.rows.keys()
-    with pytest.raises(bench.UsageError, match="is of this; expected that"):
+    with pytest.raises(bench.UsageError, match="contains results of this .expected that"):
         bench.Table(table.path, "that")
     (tmp_path / "c.csv").write_text("mine\n")
-    with pytest.raises(bench.UsageError, match="no table of a bench"):
+    with pytest.raises(bench.UsageError, match="not a bench table"):
         bench.Table(tmp_path / "c.csv")
 
 
@@ -202,7 +202,7 @@ def test_full_disk_or_missing_file_ends_the_bench_without_a_row(run, tmp_path, m
 @pytest.mark.parametrize("text", ["a note without an end", "# a note\nof two lines", "axis,value\nmine", "# this\n", "\xff\n"])
 def test_bench_does_not_overwrite_a_file_that_is_not_a_table(tmp_path, text):
     (tmp_path / "notes.txt").write_text(text, encoding="latin-1")
-    with pytest.raises(bench.UsageError, match="no table of a bench|is of a note"):
+    with pytest.raises(bench.UsageError, match="not a bench table|contains results of a note"):
         bench.Table(tmp_path / "notes.txt", "this")
     assert (tmp_path / "notes.txt").read_text(encoding="latin-1") == text
 
@@ -216,7 +216,7 @@ def test_parts_of_a_study_equal_the_whole_without_repeated_work(run, tmp_path):
             def make(folder):
                 made.append(name)
                 return run.path
-            return bench.Source(name, make)
+            return bench.RunSource(name, make)
 
         fits = bench.Method("mine", "-", lambda train, folder, seed, fallback: made.append(f"fit {seed}") or (
             lambda test, scratch: (["--maps", str(maps)], {})))

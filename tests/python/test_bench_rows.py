@@ -92,7 +92,7 @@ def test_bench_accepts_regenerated_data_and_refuses_other_data(runs, tmp_path):
                                             ("Unmade", "TypeError: object of type 'int' has no len()")])
 def test_failed_method_has_a_row_and_a_traceback_and_exits_with_1(runs, tmp_path, name, said):
     done, rows = pareto(tmp_path, runs, f"mine:{name}", "mean", more=["--markdown"])
-    assert done.returncode == 1 and "b.log has the tracebacks" in done.stderr and "| `mean` |" in done.stdout
+    assert done.returncode == 1 and "see the tracebacks in b.log" in done.stderr and "| `mean` |" in done.stdout
     assert rows[f"mine:{name}"]["iou"] == "nan" and float(rows["mean"]["iou"]) >= 0
     log = (tmp_path / "b.log").read_text()
     assert said in log and "mine.py\", line" in log
@@ -124,9 +124,9 @@ def test_missing_matplotlib_is_reported_before_the_first_measurement(runs, tmp_p
 
 def test_second_process_does_not_duplicate_rows(runs, tmp_path):
     table = bench.Table(tmp_path / "b.csv")
-    with table.held():
+    with table.exclusive():
         done, rows = pareto(tmp_path, runs, "mean")
-        assert done.returncode == 1 and "another process writes this table" in done.stderr and not rows
+        assert done.returncode == 1 and "table in use by another process" in done.stderr and not rows
     late = bench.Table(tmp_path / "b.csv")
     cells = bench.pareto_cells(*runs, [bench.method("mean")], seeds=1)
     bench.fill(table, cells, quiet=True)
@@ -141,7 +141,7 @@ def test_stability_always_measures_the_baselines(tmp_path, monkeypatch):
     monkeypatch.setattr("sys.argv", ["echofuse-bench", "stability", "--axes", "shifted-snr", "--quick", "--methods", "mlp-4", "--out",
                                      str(tmp_path / "b.csv")])
     bench.main()
-    assert list(dict.fromkeys(cell.how.model for cell in cells)) == ["empty", "mean", "nearest", "mlp-4"]
+    assert list(dict.fromkeys(cell.method.model for cell in cells)) == ["empty", "mean", "nearest", "mlp-4"]
 
 
 def test_numerical_libraries_get_one_thread(runs, tmp_path, monkeypatch):
@@ -178,7 +178,7 @@ def test_bench_row_contains_the_number_of_answered_records(runs, tmp_path, capsy
     mine, mean = table.rows.values()
     assert (mine["answered"], mine["records"], mine["depth_maps"]) == (2, 20, 2) and mine["iou"] == pytest.approx(0.1)
     assert (mean["answered"], mean["records"]) == (20, 20)
-    assert "2 of 20 records answered; the others count as an empty map" in capsys.readouterr().err
+    assert "2 of 20 records have a map; the others count as an empty map" in capsys.readouterr().err
     row, = (line.split(" | ") for line in bench.markdown(bench.means(bench.Table(table.path))).splitlines() if str(command) in line)
     assert row[2:4] == ["2 of 20", "0.100"] and "0.0 cm (2)" in row
 
@@ -231,4 +231,4 @@ class Several(Slow):
     assert several["infer_us_median"] == "nan" and float(several["iou"]) >= 0
     assert 0 < float(ridge["infer_us_batch"]) and float(ridge["infer_us_median"]) > 0
     assert {row["threads"] for row in rows.values()} == {"1"}
-    assert "| time of a map, one at a time | in a batch | threads |" in done.stdout
+    assert "| time per map, single | in a batch | threads |" in done.stdout

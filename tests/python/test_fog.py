@@ -23,7 +23,7 @@ def test_fog_extinction_matches_kim_at_short_visibility(visibility_m):
 
 def mean_counts(visibility_m, photons=0, records=400, **settings):
     clear = np.full((records, 336), photons, np.uint32)
-    return fog.seen(clear, visibility_m, SETTINGS | settings, 1).mean(axis=0)
+    return fog.add_fog(clear, visibility_m, SETTINGS | settings, 1).mean(axis=0)
 
 
 def test_fog_attenuates_photons_and_scatters_back_with_inverse_square():
@@ -69,5 +69,5 @@ def test_bench_simulates_the_same_scenes_in_fog(tmp_path):
 
 def test_fog_with_a_dead_time_is_refused(tmp_path):
     source = stability.Simulated(["pulses_per_window=200000", "spd_dead_time_ps=5000"], 12, 12)
-    with pytest.raises(stability.BenchError, match="fog: not with a dead time"):
+    with pytest.raises(stability.BenchError, match="fog: not supported with a detector dead time"):
         source.test(stability.World(fog_m=20), 1, tmp_path)

@@ -33,7 +33,7 @@ def captures(count, seed):
     """Returns counts [n, zones, 128] and poses [n, 4, 4] in front of the block."""
     rng, zones, counts, poses = np.random.default_rng(seed), chip(), [], []
     for _ in range(count):
-        pose = tmf8820.any_pose(rng, 0.1)
+        pose = tmf8820.random_pose(rng, 0.1)
         depth, cosine, height = tmf8820.cast(pose, np.concatenate([TABLE, BLOCK]), zone_fit.G, zone_fit.FIELD_TANGENT)
         bare = tmf8820.histograms(depth, cosine * np.where(height > 0.003, 1, zones.albedo), zones, zones.zero_bin,
                                   zone_fit.response_of(REFERENCE, zones.exponent))
@@ -67,23 +67,23 @@ def test_rays_onto_a_block_hit_its_top(data):
 
 def test_zone_fit_recovers_fields_time_zeros_and_response(data, tmp_path):
     zones = chip()
-    found = tmf8820.fitted(data / "block_random.json.gz", data / "block.stl", range(16))
+    found = tmf8820.fit_to_poses(data / "block_random.json.gz", data / "block.stl", range(16))
     assert (found.fields >= 0).all() and (found.explained > 0.97).all()
     assert np.abs(found.zero_bin - zones.zero_bin).max() < 0.25 and found.exponent == zones.exponent
     assert np.abs(found.centres()[:, :2] - zones.centres()[:, :2]).max() < 0.05
     counts, poses = captures(8, 5)  # poses that were not fitted
     counts = counts - np.median(counts[:, :, -30:], axis=2, keepdims=True)
-    scenes = tmf8820.seen_by(poses, data / "block.stl")
+    scenes = tmf8820.hits_from(poses, data / "block.stl")
     for k in range(4):
         unit = scenes.unit_counts(zone_fit.response_of(REFERENCE, found.exponent), found.zero_bin[k], found.albedo)
         assert zone_fit.explained(unit, found.fields[k], counts[:, k]) > 0.9
     found.save(tmp_path / "fit.json")
     assert np.array_equal(zone_fit.load(tmp_path / "fit.json").fields, found.fields)
     (tmp_path / "fit.json").write_text("{}")
-    with pytest.raises(ValueError, match="no fit of zones"):
+    with pytest.raises(ValueError, match="invalid zone fit"):
         zone_fit.load(tmp_path / "fit.json")
-    with pytest.raises(ValueError, match="expected some of 0 to 23"):
-        tmf8820.fitted(data / "block.json.gz", data / "block.stl", [24])
+    with pytest.raises(ValueError, match="expected numbers from 0 to 23"):
+        tmf8820.fit_to_poses(data / "block.json.gz", data / "block.stl", [24])
 
 
 def test_rendered_photons_are_in_the_zone_and_bin_of_the_object():
@@ -93,9 +93,9 @@ def test_rendered_photons_are_in_the_zone_and_bin_of_the_object():
     depth[(np.abs(x - 0.12) < 0.05) & (np.abs(y - 0.12) < 0.05)] = 0.276  # 20 bins
     counts = tmf8820.histograms(depth, np.ones_like(depth), zones, zones.zero_bin, zone_fit.response_of(REFERENCE, 1.7))
     assert counts.sum(1).argmax() == 1 and counts[1].argmax() == 32  # 20 bins behind the time zero
-    counts, maps = tmf8820.rendered(zones, REFERENCE, 3, 1)
+    counts, maps = tmf8820.render_records(zones, REFERENCE, 3, 1)
     assert counts.shape == (3, 4, 128) and maps.shape == (3, 32, 32)
-    assert np.array_equal(tmf8820.rendered(zones, REFERENCE, 3, 1)[0], counts)
+    assert np.array_equal(tmf8820.render_records(zones, REFERENCE, 3, 1)[0], counts)
 
 
 def test_first_return_is_in_front_of_the_table():
@@ -122,7 +122,7 @@ sum = ["nearest:spd"]
 """)
     program("echofuse-bench", "run", "-q", "--recipe", recipe, "--data", data, "--runs", tmp_path / "runs", "--out",
             tmp_path / "photons.csv", "--markdown")
-    said = "left out: method not_installed:Network: No module named 'not_installed'"
+    said = "skipped: method not_installed:Network: No module named 'not_installed'"
     assert capfd.readouterr().err.count(said) == 1
     lines = (tmp_path / "photons.csv").read_text().splitlines()
     rows = {(row["axis"], row["value"], row["model"]): row for row in csv.DictReader(lines[1:])}
@@ -135,7 +135,7 @@ sum = ["nearest:spd"]
     with pytest.raises(subprocess.CalledProcessError):
         program("echofuse-bench", "run", "-q", "--recipe", recipe, "--data", data, "--runs", tmp_path / "runs", "--out",
                 tmp_path / "other.csv")
-    assert "its records are not those of the recipe" in capfd.readouterr().err
+    assert "records differ from the recipe" in capfd.readouterr().err
     test = tmp_path / "runs/photons-zones-block.sqlite"
     program("echofuse-recon", "-q", "train", tmp_path / "runs/photons-zones-train.sqlite", "--model", "mlp-mask-16", "--inputs",
             "spd", "--epochs", 3, "--out", tmp_path / "model")

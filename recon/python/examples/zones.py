@@ -13,7 +13,7 @@ import tempfile
 
 import echofuse
 import numpy as np
-from echofuse.bench import call, judge, letters, method
+from echofuse.bench import call, evaluate, letters, method
 
 COLUMNS = ("iou", "lateral_m", "depth_mae_m", "multiply_adds", "train_s")
 LETTERS = ("letters_40x30", "letters_30x20")
@@ -36,7 +36,7 @@ def shares(maps: np.ndarray, run: echofuse.Run) -> list[float]:
 def measured(text: str, train: pathlib.Path, test: pathlib.Path) -> list[float]:
     with tempfile.TemporaryDirectory() as name, echofuse.open(test) as run:
         folder = pathlib.Path(name)
-        row, _ = judge(method(text).fit(train, folder, 1, False), train, test, test)
+        row, _ = evaluate(method(text).fit(train, folder, 1, False), train, test, test)
         call("echofuse-recon", "-q", "reconstruct", folder / "model.safetensors", test, "--format",
              "npy", "--out", folder / "maps")
         maps, _ = echofuse.load_maps(folder / "maps")

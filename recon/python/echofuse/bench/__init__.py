@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: MIT
-"""Methods side by side: accuracy against cost, stability, and the recipe of three tracks
-(`echofuse-bench --help`; method() has the kinds of methods).
+"""Compares methods: accuracy against cost, stability, and the benchmark of three tracks
+(`echofuse-bench --help` lists the kinds of methods).
 
 >>> from echofuse import bench
 >>> bench.measure(bench.method("nearest"), "train.sqlite", "test.sqlite")["iou"]
 """
 from ..runs.programs import BenchError, UsageError, call
 from .command import main
-from .methods import Method, judge, measure, method, python_method
-from .table import Cell, Source, Table, fill, markdown, means, pareto_cells, there
+from .methods import Method, evaluate, measure, method, python_method
+from .table import Cell, RunSource, Table, existing_run, fill, markdown, means, pareto_cells
 
-__all__ = ["BenchError", "Cell", "Method", "Source", "Table", "UsageError", "call", "fill",
-           "judge", "main", "markdown", "means", "measure", "method", "pareto_cells",
-           "python_method", "there"]
+__all__ = ["BenchError", "Cell", "Method", "RunSource", "Table", "UsageError", "call", "evaluate",
+           "existing_run", "fill", "main", "markdown", "means", "measure", "method",
+           "pareto_cells", "python_method"]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Conditions of the stability study and their axes: settings of `echofuse-sim dataset`, and changes
-of recorded runs (derive.py)."""
+"""Conditions of the stability study, ordered along axes. A condition is a set of `echofuse-sim
+dataset` settings, or of changes to a recorded run (derive.py)."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
@@ -15,17 +15,15 @@ from . import derive
 
 @dataclass(frozen=True)
 class World:
-    """Differences from the base condition: settings, kind of scene, standing at |x|, a way through
-    each record, visibility in fog (0: clear), a factor of the training records, changes of the
-    finished run."""
+    """A condition: differences from the base condition."""
 
-    set: tuple[str, ...] = ()
-    scenes: str = "records"
-    at_x_m: float | None = None
-    walk_m: float = 0
-    fog_m: float = 0
-    records: float = 1
-    changes: tuple[derive.Change, ...] = ()
+    set: tuple[str, ...] = ()  #: simulator settings KEY=VALUE
+    scenes: str = "records"  #: option of `echofuse-sim dataset` that selects the kind of scene
+    at_x_m: float | None = None  #: |x| of the body
+    walk_m: float = 0  #: path length during a record
+    fog_m: float = 0  #: visibility; 0 = clear air
+    records: float = 1  #: factor of the number of training records
+    changes: tuple[derive.Change, ...] = ()  #: applied to the finished run
 
 
 BASE = World()
@@ -33,13 +31,13 @@ BASE = World()
 
 @dataclass(frozen=True)
 class Axis:
-    """Values in order from one end to the other; the world of one of them is BASE."""
+    """Ordered conditions by label; one of them is BASE."""
 
-    kind: str  # matched, shifted
+    kind: str  # "matched" or "shifted"
     name: str
-    title: str  # with its unit
+    title: str  # includes the unit
     values: dict[str, World] = field(default_factory=dict)
-    quick: tuple[str, ...] = ()  # values of the quick study, beside the base
+    quick: tuple[str, ...] = ()  # labels of the quick study, in addition to the base
 
     @property
     def id(self) -> str:
@@ -50,12 +48,12 @@ class Axis:
         return next(label for label, world in self.values.items() if world == BASE)
 
 
-KINDS = {"people and letters": BASE, "people": World(scenes="people"),
+SCENES = {"people and letters": BASE, "people": World(scenes="people"),
          "letters": World(scenes="letters"), "two people": World(scenes="two-people")}
 
 
 class _Axes:
-    """Collects the axes of simulated records. `base`: the simulator's settings, {key: value}."""
+    """Collects the axes of simulated records. `base`: settings of the simulator, {key: value}."""
 
     def __init__(self, base: dict[str, Any]) -> None:
         self.base = base
@@ -65,26 +63,26 @@ class _Axes:
         self.coherent_cm = f"coherent {100 * self.resolution_m:g} cm"
         self.echoes = {"incoherent": World(("radar_sum=incoherent",)) if self.coherent else BASE,
                        self.coherent_cm: BASE if self.coherent else World(("radar_sum=coherent",))}
-        self.found: list[Axis] = []
+        self.axes: list[Axis] = []
 
-    def numbers(self, kind: str, name: str, title: str, values: Iterable[float],
+    def numeric(self, kind: str, name: str, title: str, values: Iterable[float],
                 quick: Iterable[float], world: Callable[[float], World], at: float) -> None:
         worlds = {f"{v:g}": BASE if np.isclose(v, at, rtol=1e-9, atol=0) else world(v)
                   for v in values}
         if BASE not in worlds.values():
-            raise UsageError(f"axis {kind}-{name} has no value for the simulator's base: {at:g}")
-        self.found.append(Axis(kind, name, title, worlds, tuple(f"{v:g}" for v in quick)))
+            raise UsageError(f"axis {kind}-{name} does not contain the base value {at:g}")
+        self.axes.append(Axis(kind, name, title, worlds, tuple(f"{v:g}" for v in quick)))
 
     def setting(self, kind: str, name: str, title: str, key: str, values: Iterable[float],
                 quick: Iterable[float], unit: float = 1) -> None:
-        self.numbers(kind, name, title, values, quick, lambda v: World((f"{key}={v * unit:.9g}",)),
+        self.numeric(kind, name, title, values, quick, lambda v: World((f"{key}={v * unit:.9g}",)),
                      self.base[key] / unit)
 
-    def words(self, kind: str, name: str, title: str, values: dict[str, World],
+    def labelled(self, kind: str, name: str, title: str, values: dict[str, World],
               quick: Sequence[str]) -> None:
-        self.found.append(Axis(kind, name, title, values, tuple(quick)))
+        self.axes.append(Axis(kind, name, title, values, tuple(quick)))
 
-    def at_resolution(self, m: float) -> tuple[str, ...]:  # sampled as densely, over the same span
+    def at_resolution(self, m: float) -> tuple[str, ...]:  # same span and samples per cell
         step, span = (m * self.base["radar_step_m"] / self.resolution_m,
                       self.base["radar_step_m"] * (self.base["radar_bins"] - 1))
         return (f"radar_resolution_m={m:.9g}", f"radar_step_m={step:.9g}",
@@ -100,143 +98,143 @@ class _Axes:
 
 
 def _matched_sensors(axes: _Axes) -> None:
-    """Adds settings of the sensors, in training and test alike."""
+    """Adds sensor settings that apply to training and test."""
     base = axes.base
-    axes.setting("matched", "irf", "SPD's impulse response, FWHM (ps)", "irf_fwhm_ps",
+    axes.setting("matched", "irf", "SPD impulse response, FWHM (ps)", "irf_fwhm_ps",
                  (2, 50, 200, 500, 1000, 2000), (2, 2000))
-    axes.numbers("matched", "bin_width", "SPD's bin width (ps)", (10, 50, 100, 200, 400, 800),
+    axes.numeric("matched", "bin_width", "SPD bin width (ps)", (10, 50, 100, 200, 400, 800),
                  (800,), axes.at_bin_width, base["bin_width_ps"])
-    axes.numbers("matched", "radar_resolution", "radar's resolution (m)",
+    axes.numeric("matched", "radar_resolution", "radar resolution (m)",
                  (0.044, 0.1, 0.25, 0.5, 1), (0.044, 1),
                  lambda m: World(axes.at_resolution(m)), axes.resolution_m)
     axes.setting("matched", "baseline", "baseline (m)", "baseline_m", (2, 1, 0.5, 0.2, 0.1, 0),
                  (2, 0.1, 0))
-    axes.setting("matched", "snr", "radar's SNR (dB)", "radar_snr_db", (30, 20, 10, 5, 0), (10, 0))
-    axes.setting("matched", "photons", "photons a record", "signal_photons",
+    axes.setting("matched", "snr", "radar SNR (dB)", "radar_snr_db", (30, 20, 10, 5, 0), (10, 0))
+    axes.setting("matched", "photons", "photons per record", "signal_photons",
                  (1e6, 1e5, 1e4, 1e3, 1e2), (1e3, 1e2))
-    axes.setting("matched", "background", "SPD's background (counts to a signal photon)",
+    axes.setting("matched", "background", "SPD background (counts per signal photon)",
                  "background_counts", (0, 0.1, 1, 10, 100), (1, 10), axes.photons)
     pulses = base["pulses_per_window"]
-    axes.numbers("matched", "pile_up", "pile-up (photons to a laser pulse, the first is seen)",
+    axes.numeric("matched", "pile_up", "pile-up (photons per laser pulse)",
                  (0, 0.01, 0.1, 0.5, 1, 2), (0.1, 2),
                  axes.pile_up, axes.photons / pulses if pulses > 0 else 0)
-    axes.words("matched", "speckle", "radar's sum of echoes",
+    axes.labelled("matched", "speckle", "sum of radar echoes",
                {"incoherent": axes.echoes["incoherent"],
                 "coherent 4.4 cm": World((*axes.at_resolution(0.044), "radar_sum=coherent")),
                 **axes.echoes},
                ("incoherent", axes.coherent_cm))
     counts = sorted({1, 2, 4, 8} | ({axes.antennas} if axes.antennas > 8 else set()))
-    axes.numbers("matched", "antennas", "radar's antennas", counts, (1, 2, 8),
+    axes.numeric("matched", "antennas", "radar antennas", counts, (1, 2, 8),
                  lambda n: World((f"radar_antennas={n:g}",)), axes.antennas)
     if axes.antennas > 1 or axes.coherent:
-        axes.setting("matched", "looks", "radar's frames a record", "radar_frames", (15, 60, 240),
+        axes.setting("matched", "looks", "radar frames per record", "radar_frames", (15, 60, 240),
                      (15,))
 
 
 def _matched_scenes(axes: _Axes) -> None:
-    """Adds scenes, slots and rooms, in training and test alike."""
+    """Adds scenes, slots and rooms that apply to training and test."""
     base = axes.base
-    axes.numbers("matched", "records", "training records (factor)", (6.67, 3, 1, 0.28, 0.07),
+    axes.numeric("matched", "records", "training records (factor)", (6.67, 3, 1, 0.28, 0.07),
                  (0.28,), lambda v: World(records=v), 1)
     axes.setting("matched", "size", "size of the body (factor)", "target_scale",
                  (1.5, 1, 0.7, 0.5, 0.3), (0.5,))
     axes.setting("matched", "side", "bodies within |x| (m)", "target_x_m", (1, 0.5, 0.25, 0.1),
                  (0.1,))
-    axes.words("matched", "scenes", "scenes", KINDS, ("people", "two people"))
+    axes.labelled("matched", "scenes", "scenes", SCENES, ("people", "two people"))
     slot_s, frames = base["window_s"], base["radar_frames"]
     slots = sorted({slot_s} | {s for s in (3, 2, 1, 0.5, 0.25, 0.1, 0.05)
                                if axes.antennas == 1 or frames * s / slot_s > axes.antennas},
                    reverse=True)
-    axes.numbers("matched", "slot", "length of a record (s)", slots, (0.5, 1), lambda s: World((
+    axes.numeric("matched", "slot", "length of a record (s)", slots, (0.5, 1), lambda s: World((
              f"window_s={s:.9g}", *(f"{key}={base[key] * s / slot_s:.9g}"
                                     for key in ("signal_photons", "background_counts")),
              f"radar_frames={max(1, round(frames * s / slot_s))}")), slot_s)
-    axes.numbers("shifted", "walk", "people who walk (m/s)", (0, 0.25, 0.5, 1), (0.5,),
+    axes.numeric("shifted", "walk", "walking people (m/s)", (0, 0.25, 0.5, 1), (0.5,),
                  lambda v: World(walk_m=v * slot_s), 0)
-    axes.words("matched", "rooms", "rooms, and echoes by their walls", _rooms(axes.at_resolution),
+    axes.labelled("matched", "rooms", "rooms and wall echoes", _rooms(axes.at_resolution),
                ("corridor", "corridor echoes", "closed", "closed echoes"))
 
 
 def _shifted_instrument(axes: _Axes) -> None:
-    """Adds changes of the instrument after the training."""
+    """Adds instrument changes after training."""
     base = axes.base
     gains = (0.25, 0.5, 1, 2, 4)
-    axes.setting("shifted", "spd_delay", "SPD's delay after calibration (ps)", "spd_delay_ps",
+    axes.setting("shifted", "spd_delay", "SPD delay after calibration (ps)", "spd_delay_ps",
                  (0, 10, 50, 100, 200, 500), (50, 200, 500))
-    axes.setting("shifted", "radar_offset", "radar's offset after calibration (m)", "radar_bias_m",
+    axes.setting("shifted", "radar_offset", "radar offset after calibration (m)", "radar_bias_m",
                  (0, 0.01, 0.02, 0.05, 0.1, 0.2), (0.02, 0.05, 0.2))
     axes.setting("shifted", "spd_gain", "light (factor)", "signal_photons", gains, (0.25, 4),
                  axes.photons)
-    axes.numbers("shifted", "radar_gain", "radar's gain (factor)", gains, (0.25, 4),
+    axes.numeric("shifted", "radar_gain", "radar gain (factor)", gains, (0.25, 4),
                  lambda v: World(changes=(derive.gain(v),)), 1)
-    axes.setting("shifted", "irf", "SPD's impulse response, FWHM (ps)", "irf_fwhm_ps",
+    axes.setting("shifted", "irf", "SPD impulse response, FWHM (ps)", "irf_fwhm_ps",
                  (100, 200, 300), (100, 300))
-    axes.setting("shifted", "snr", "radar's SNR (dB)", "radar_snr_db", (30, 20, 10, 5, 0), (10, 0))
+    axes.setting("shifted", "snr", "radar SNR (dB)", "radar_snr_db", (30, 20, 10, 5, 0), (10, 0))
     axes.setting("shifted", "baseline", "baseline (m)", "baseline_m", (0.4, 0.45, 0.5, 0.55, 0.6),
                  (0.4, 0.6))
-    axes.setting("shifted", "background", "SPD's background (counts to a signal photon)",
+    axes.setting("shifted", "background", "SPD background (counts per signal photon)",
                  "background_counts", (0, 0.1, 1, 10), (0.1, 1, 10), axes.photons)
     if base["pulses_per_window"] == 0:
         piled = {"none": BASE} | {
             f"{v:g}{'' if stated else ' uncorrected'}": axes.pile_up(v, stated)
             for v in (0.1, 0.5, 2) for stated in (True, False)}
-        axes.words("shifted", "pile_up", "pile-up (photons to a laser pulse), corrected or not",
+        axes.labelled("shifted", "pile_up", "pile-up (photons per laser pulse), corrected or not",
                    piled,
                    ("2", "2 uncorrected"))
-    axes.words("shifted", "speckle", "radar's sum of echoes", axes.echoes,
+    axes.labelled("shifted", "speckle", "sum of radar echoes", axes.echoes,
                ("incoherent", axes.coherent_cm))
     if axes.coherent:
         moving = ("radar_sway_m", "radar_twist_deg", "radar_breath_m")
-        axes.numbers("shifted", "motion", "people's motion (factor)", (1, 0.5, 0.2, 0), (0,),
+        axes.numeric("shifted", "motion", "motion of the people (factor)", (1, 0.5, 0.2, 0), (0,),
                      lambda share: World(tuple(f"{key}={share * base[key]:.9g}"
                                                for key in moving)), 1)
     if axes.antennas > 1:
-        axes.words("shifted", "antennas", "radar's antennas",
+        axes.labelled("shifted", "antennas", "radar antennas",
                    {f"{axes.antennas:g}": BASE, "lost": World(("radar_antennas=1",))}, ("lost",))
-        axes.numbers("shifted", "phase", "error of the antennas' phases (degrees, rms)",
+        axes.numeric("shifted", "phase", "phase error of the antennas (degrees, rms)",
                      (0, 5, 15, 30, 60), (15, 30),
                      lambda deg: World((f"radar_phase_error_rad={np.radians(deg):.9g}",
                                         "radar_array_calibrated=false")), 0)
 
 
 def _fog(axes: _Axes) -> None:
-    """Adds fog: in training and test, and in the test only."""
+    """Adds fog: in training and test, and in the test alone."""
     for kind in ("matched", "shifted"):
-        axes.numbers(kind, "fog", "visibility in fog (m), 0: clear",
+        axes.numeric(kind, "fog", "visibility in fog (m), 0 = clear",
                      (0, 1000, 300, 100, 50, 20, 10, 5), (100, 20), lambda m: World(fog_m=m), 0)
 
 
 def _surprises(axes: _Axes) -> None:
-    """Adds conditions that the training did not contain."""
+    """Adds conditions that are missing in the training."""
     base = axes.base
     for sensor in ("radar", "spd"):
-        axes.words("shifted", f"lost_{sensor}", "radar" if sensor == "radar" else "SPD",
+        axes.labelled("shifted", f"lost_{sensor}", "radar" if sensor == "radar" else "SPD",
                    {"there": BASE, "missing": World(changes=(derive.lost(sensor),))}, ("missing",))
-    axes.words("shifted", "scenes", "scenes", KINDS
+    axes.labelled("shifted", "scenes", "scenes", SCENES
                | {"nobody": World(("background_counts=10000",), scenes="empty")},
                ("two people", "nobody"))
     aside = {f"{x:g}": World(at_x_m=x) for x in (1.1, 1.25, 1.5)}
-    axes.words("shifted", "side", "bodies at |x| (m)",
+    axes.labelled("shifted", "side", "bodies at |x| (m)",
                {f"within {base['target_x_m']:g}": BASE} | aside, ("1.25", "1.5"))
     near, far = base["target_z_min_m"], base["target_z_max_m"]
-    standing = {"2.5 to 3": (2.5, 3), f"{near:g} to {far:g}": None, "4 to 4.5": (4, 4.5),
+    distances = {"2.5 to 3": (2.5, 3), f"{near:g} to {far:g}": None, "4 to 4.5": (4, 4.5),
                 "4.5 to 5": (4.5, 5), "5 to 6": (5, 6)}
-    axes.words("shifted", "distance", "bodies at z (m)",
+    axes.labelled("shifted", "distance", "bodies at z (m)",
                {label: World((f"target_z_min_m={z[0]:g}", f"target_z_max_m={z[1]:g}"))
-              if z else BASE for label, z in standing.items()}, ("4 to 4.5", "5 to 6"))
+              if z else BASE for label, z in distances.items()}, ("4 to 4.5", "5 to 6"))
 
 
 def simulated_axes(base: dict[str, Any]) -> list[Axis]:
-    """Returns all axes of simulated records. `base`: the simulator's settings, {key: value}."""
+    """Returns all axes of simulated records. `base`: settings of the simulator, {key: value}."""
     axes = _Axes(base)
     for add in (_matched_sensors, _matched_scenes, _shifted_instrument, _fog, _surprises):
         add(axes)
-    return axes.found
+    return axes.axes
 
 
 def _rooms(at_resolution: Callable[[float], tuple[str, ...]]) -> dict[str, World]:
-    """People before walls, and with echoes by these. RF and sound: one sensor as in Turpin et al.,
-    PRL 126, 174301."""
+    """Returns rooms with and without wall echoes. RF and sound: single sensors as in Turpin et
+    al., PRL 126, 174301."""
     echoes = ("multipath_order=2",)
     direct = (*at_resolution(0.044), "radar_wall_scatter=0.1")
     sound = (*at_resolution(0.02), *echoes, "radar_wall_reflectivity=0.97",
@@ -257,23 +255,22 @@ def _rooms(at_resolution: Callable[[float], tuple[str, ...]]) -> dict[str, World
 
 
 def recorded_axes() -> list[Axis]:
-    """Axes that can be made from the records of any run: the test is changed, or training and test
-    alike."""
+    """Returns the axes that can be derived from any recorded run."""
     def both(name: str, title: str, base: str, values: dict[str, derive.Change]) -> list[Axis]:
         worlds = {base: BASE} | {label: World(changes=(change,))
                                  for label, change in values.items()}
         return [Axis(kind, name, title, worlds, tuple(values)) for kind in ("matched", "shifted")]
 
-    shifted = [Axis("shifted", "radar_offset", "radar's offset (m)", {"0": BASE} | {
+    shifted = [Axis("shifted", "radar_offset", "radar offset (m)", {"0": BASE} | {
         f"{m:g}": World(changes=(derive.range_offset(m),)) for m in (0.01, 0.02, 0.05, 0.1, 0.2)})]
     for sensor in ("radar", "spd"):
         shifted.append(Axis("shifted", f"lost_{sensor}", sensor,
                             {"there": BASE, "missing": World(changes=(derive.lost(sensor),))}))
     return [*both("photons", "share of the photons", "1",
                   {f"{s:g}": derive.thinned(s, 1) for s in (0.5, 0.1, 0.01, 0.001)}),
-            *both("background", "counts of room light a record", "0",
+            *both("background", "room light (counts per record)", "0",
                   {f"{n:g}": derive.background(n, 1) for n in (1e3, 1e4, 1e5)}),
-            *both("snr", "radar's noise (dB below its peak)", "none",
+            *both("snr", "radar noise (dB below the peak)", "none",
                   {f"{db:g}": derive.noise(db, 1) for db in (20, 10, 5, 0)}),
             Axis("matched", "records", "training records (factor)",
                  {"1": BASE} | {f"{v:g}": World(records=v) for v in (0.5, 0.28, 0.07)}),

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Copies of a run with changed records: fewer photons or records, background light, noise, lost
-sensors. The copy is a run of its own (another uuid), so that no program takes it for the first one.
+"""Copies a run with changed records: fewer photons or records, background light, noise, missing
+sensors. The copy has its own uuid.
 
 >>> from echofuse import derive
 >>> derive.copy("monday.sqlite", "dim.sqlite", derive.thinned(0.1, seed=1))
@@ -21,15 +21,13 @@ from ..runs.acquire import import_arrays
 
 @dataclass
 class Records:
-    """Parts of a run that may change: rows that stay, counts [n, bins] or [n, zones,
-    bins], linear or coded profiles
-    [n, points] as stored, valid bits [n]."""
+    """Parts of a run that a change may edit in place."""
 
     run: runs.Run
-    keep: NDArray[np.bool_] = field(init=False)
-    spd: NDArray[np.uint32] = field(init=False)
-    radar: NDArray[np.float32] = field(init=False)
-    lost: dict[str, NDArray[np.bool_]] = field(init=False)
+    keep: NDArray[np.bool_] = field(init=False)  #: records to copy [n]
+    spd: NDArray[np.uint32] = field(init=False)  #: counts [n, bins] or [n, zones, bins]
+    radar: NDArray[np.float32] = field(init=False)  #: profiles as stored [n, points]
+    lost: dict[str, NDArray[np.bool_]] = field(init=False)  #: missing samples by sensor [n]
     range_offset_m: float = 0
 
     def __post_init__(self) -> None:
@@ -42,9 +40,9 @@ Change = Callable[[Records], None]
 
 
 def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) -> pathlib.Path:
-    """Writes the run `out` with these changes, one after the other, by `echofuse-acquire import`:
-    what no change names is as in the run. No sensor is called weak, because the change makes it so.
-    Raises FileExistsError, RuntimeError."""
+    """Applies the changes in order and writes the run `out` with `echofuse-acquire import`. The
+    signal checks are disabled, because a change may weaken a sensor on purpose. Raises
+    FileExistsError, RuntimeError."""
     out = pathlib.Path(out)
     if out.exists():
         raise FileExistsError(f"{out}: exists already")
@@ -67,7 +65,7 @@ def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) ->
 
 
 def thinned(share: float, seed: int) -> Change:
-    """A shorter exposure: each photon stays with this chance (binomial)."""
+    """Keeps each photon with probability `share` (binomial), like a shorter exposure."""
     def change(records: Records) -> None:
         records.spd = np.random.default_rng(seed).binomial(
             records.spd.astype(np.int64), share).astype(np.uint32)
@@ -75,7 +73,7 @@ def thinned(share: float, seed: int) -> Change:
 
 
 def background(counts: float, seed: int) -> Change:
-    """Room light: adds this number of counts per record, spread over all bins (Poisson)."""
+    """Adds room light: a mean of `counts` per record, uniform over all bins (Poisson)."""
     def change(records: Records) -> None:
         rate = counts / max(int(np.prod(records.spd.shape[1:])), 1)
         more = np.random.default_rng(seed).poisson(rate, records.spd.shape)
@@ -84,7 +82,7 @@ def background(counts: float, seed: int) -> Change:
 
 
 def fewer(share: float, seed: int) -> Change:
-    """A share of the records, drawn at random; at least one."""
+    """Keeps a random share of the records, at least one."""
     def change(records: Records) -> None:
         kept = np.random.default_rng(seed).permutation(len(records.keep))[:max(
             1, int(np.ceil(share * len(records.keep))))]
@@ -93,8 +91,7 @@ def fewer(share: float, seed: int) -> Change:
 
 
 def noise(snr_db: float, seed: int) -> Change:
-    """White noise of power on each profile, so that its highest point is so many dB above the noise
-    (linear axes)."""
+    """Adds Gaussian noise to each profile of linear power, `snr_db` below its peak."""
     def change(records: Records) -> None:
         require_linear(records)
         peak = np.nanmax(records.radar, axis=1, keepdims=True)
@@ -104,21 +101,21 @@ def noise(snr_db: float, seed: int) -> Change:
 
 
 def range_offset(metres: float) -> Change:
-    """A radar with distances too large by this number of metres (after its calibration)."""
+    """Adds a range bias to the calibrated radar, m."""
     def change(records: Records) -> None:
         records.range_offset_m += metres
     return change
 
 
 def lost(sensor: str) -> Change:
-    """No record of this sensor: "spd", "radar", "depth"."""
+    """Removes all samples of a sensor: "spd", "radar" or "depth"."""
     def change(records: Records) -> None:
         records.lost[sensor] = np.ones(len(records.keep), bool)
     return change
 
 
 def gain(factor: float) -> Change:
-    """The radar's power times a factor (linear axes)."""
+    """Multiplies the radar's linear power by a factor."""
     def change(records: Records) -> None:
         require_linear(records)
         records.radar = (records.radar * np.float32(factor)).astype(np.float32)
@@ -126,16 +123,16 @@ def gain(factor: float) -> Change:
 
 
 def require_linear(records: Records) -> None:
-    """Raises ValueError unless the radar's profile is linear power, and nothing else holds it."""
+    """Raises ValueError unless the radar data are one profile of linear power."""
     axis = records.run.axes.get("radar")
     if axis is None or axis.quantity not in ("power",
                                              "binned_power") or "array" in records.run.axes:
         raise ValueError(
-            f"{records.run.path}: only a profile of linear power can be changed, without antennas "
-            "beside it")
+            f"{records.run.path}: expected a radar profile of linear power, without samples of "
+            "antennas")
 
 
 def read(path: str | pathlib.Path) -> Records:
-    """The records of a run as changes see them."""
+    """Reads the records of a run, as passed to a change."""
     with runs.open(path) as run:
         return Records(run)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Fog before simulated people: it attenuates the detector's light and scatters some of it back.
+"""Adds fog to simulated histograms: attenuation of the signal, and backscatter.
 
-Drops have a gamma distribution of radii, n(r) ~ r^alpha exp(-b r), of the class that is usual at a
-visibility (Shettle and Fenn, AFGL-TR-79-0214, 1979). Extinction at 550 nm is 3.912 / visibility
-(Koschmieder, contrast 2 %). The efficiency of a drop is by van de Hulst (1957), section 11.22, the
-lidar ratio by O'Connor et al., J. Atmos. Oceanic Technol. 21, 777 (2004). Left out: multiple
-scattering, shadows in the fog, the detector's impulse response on the backscatter, the radar (1 %).
-"""
+Droplet radii have a gamma distribution, n(r) ~ r^alpha exp(-b r), with the usual parameters for
+the visibility (Shettle and Fenn, AFGL-TR-79-0214, 1979). The extinction at 550 nm is
+3.912 / visibility (Koschmieder, contrast 2 %). The extinction efficiency is that of van de Hulst
+(1957), section 11.22; the lidar ratio that of O'Connor et al., J. Atmos. Oceanic Technol. 21, 777
+(2004). Not modelled: multiple scattering, shadows in the fog, the impulse response of the
+backscatter, and the attenuation of the radar (1 %)."""
 from __future__ import annotations
 
 from typing import Any
@@ -19,13 +19,13 @@ from ..runs.run import PS_PER_M
 LASER_UM, VISIBLE_UM = 1.55, 0.55
 REFRACTIVE_INDEX = {LASER_UM: 1.318, VISIBLE_UM: 1.333}
 LIDAR_RATIO_SR = 18.8
-MEAN_SCENE_WEIGHT = 0.24 / 3.5**4  # what signal_photons refers to (sim/sensors/render.hpp)
+MEAN_SCENE_WEIGHT = 0.24 / 3.5**4  # scene with signal_photons counts (sim/sensors/render.hpp)
 
 
 def extinction_per_m(visibility_m: float) -> float:
-    """Extinction of the laser's light."""
+    """Returns the extinction at the laser wavelength, 1/m."""
     classes = ((180, 3, 0.3), (235, 3, 0.375), (350, 6, 1.5), (np.inf, 6, 3))
-    alpha, b = next((alpha, b) for below, alpha, b in classes if visibility_m < below)
+    alpha, b = next((alpha, b) for limit_m, alpha, b in classes if visibility_m < limit_m)
     radius_um = (alpha + 3) / b * np.arange(1, 4000) / 400
     weight = radius_um ** (alpha + 2) * np.exp(-b * radius_um)
 
@@ -37,32 +37,33 @@ def extinction_per_m(visibility_m: float) -> float:
     return 3.912 / visibility_m * mean_efficiency(LASER_UM) / mean_efficiency(VISIBLE_UM)
 
 
-def seen(clear: NDArray[np.uint32], visibility_m: float, settings: dict[str, Any],
-         seed: int) -> NDArray[np.uint32]:
-    """Counts [n, bins] in fog, of counts of clear air without background and pile-up. `settings`:
-    the simulator's, {key: value}; its background and pile-up are added behind the fog."""
+def add_fog(clear: NDArray[np.uint32], visibility_m: float, settings: dict[str, Any],
+            seed: int) -> NDArray[np.uint32]:
+    """Returns the counts [n, bins] in fog. `clear` are counts in clear air without background and
+    pile-up, which are added after the fog. `settings` are those of the simulator, {key: value}."""
     rng, bins, step_ps = np.random.default_rng(seed), clear.shape[1], settings["bin_width_ps"]
     start_ps = settings["first_bin_ps"] - settings["spd_delay_ps"]
     range_m = (start_ps + (np.arange(bins) + 0.5) * step_ps) / PS_PER_M
     extinction = extinction_per_m(visibility_m)
-    left = np.exp(-2 * extinction * np.maximum(range_m, 0))
+    transmission = np.exp(-2 * extinction * np.maximum(range_m, 0))
     edge, cells = settings["half_tangent"] * settings["spd_field"], 32
     tangent2 = np.add.outer(*2 * [(edge * (np.arange(cells) + 0.5) / cells) ** 2])
     falloff = np.exp(-settings["spd_falloff"] * tangent2 / edge**2)
     solid_angle_sr = 4 * (edge / cells) ** 2 * np.sum((1 + tangent2) ** -1.5 * falloff)
-    # Per solid angle a Lambertian patch sends albedo cos / (pi R^2), a slice of air beta dR / R^2.
+    # Received power per solid angle: albedo cos / (pi R^2) from a Lambertian surface,
+    # beta dR / R^2 from a layer of air.
     back = np.pi * extinction / LIDAR_RATIO_SR * solid_angle_sr / MEAN_SCENE_WEIGHT
     near = (range_m > 1) & (range_m < 15)
-    rate = np.where(near, back * left / range_m**2, 0) * step_ps / PS_PER_M
+    rate = np.where(near, back * transmission / range_m**2, 0) * step_ps / PS_PER_M
     rate = settings["signal_photons"] * rate + settings["background_counts"] / bins
-    counts = rng.binomial(clear, left) + rng.poisson(rate, clear.shape)
+    counts = rng.binomial(clear, transmission) + rng.poisson(rate, clear.shape)
     if (pulses := settings["pulses_per_window"]) > 0:
         counts = np.array([first_photons(row, pulses, rng) for row in counts])
     return counts.astype(np.uint32)
 
 
 def first_photons(counts: NDArray[Any], pulses: int, rng: np.random.Generator) -> NDArray[Any]:
-    """Counts of a detector that sees the first photon of each pulse."""
+    """Returns counts [bins] of a detector that registers only the first photon of each pulse."""
     bins = np.repeat(np.arange(counts.size), counts)
     first = np.unique(rng.integers(pulses, size=bins.size), return_index=True)[1]
     return np.bincount(bins[first], minlength=counts.size)

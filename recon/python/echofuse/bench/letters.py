@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Which of the paper's ten letters a map shows. The near layer of a map is what lies up to 20 cm
-behind the plate's middle or before it. In cells of 2 cm it is correlated with templates of the
-letters. Size and place of the plate are where the true map is most like the true letter; from there
-up to 8 cm both ways each letter's best normalised correlation counts."""
+"""Recognises ten letters in maps. Pixels in front of the letter plate or up to 20 cm behind it are
+resampled to 2 cm cells and correlated with templates of the letters. The true map determines size
+and position of the plate. The score of a letter is its best normalised correlation within 8 cm of
+this position."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 def strokes(letter: str, width: float, height: float,
             stroke: float) -> list[tuple[float, float, float, float]]:
-    """Middle lines (u0, v0, u1, v1) of the bands, u to the right, v up, metres."""
+    """Returns the centre lines (u0, v0, u1, v1) of the strokes; u right, v up, m."""
     right, top = width / 2, height / 2
     a, b = right - stroke / 2, top - stroke / 2
     foot = -top / 3
@@ -38,8 +38,8 @@ def strokes(letter: str, width: float, height: float,
 
 
 def template(letter: str, size: tuple[float, float, float], step: float) -> Floats:
-    """The letter on its plate and one cell about it [rows, columns], drawn four times as fine.
-    step: tangent of a pixel."""
+    """Returns the letter with a margin of one cell [rows, columns], from four-fold oversampling.
+    `step` is the pixel size, tangent."""
     fine, (width, height, stroke) = 4, size
     shape = [round(length / CELL_M) + 2 for length in (height, width)]
     v, u = ((np.arange(fine * n) + 0.5 - fine * n / 2) * CELL_M / fine for n in shape)
@@ -58,8 +58,8 @@ def template(letter: str, size: tuple[float, float, float], step: float) -> Floa
 
 def near_layer(depth_m: NDArray[np.float32], half_tangent: float, plate: tuple[float, float, float],
                shape: tuple[int, int]) -> Floats:
-    """Cells about a place (tangents x, y; depth): 1 where the map shows something there or before
-    it."""
+    """Returns cells around a plate (tangents x, y; depth, m): 1 where the map is at most NEAR_M
+    behind it, interpolated."""
     x, y, at_m = plate
     side = len(depth_m)
     near = np.pad(np.nan_to_num(depth_m, nan=np.inf) < at_m + NEAR_M, 1).astype(float)
@@ -75,19 +75,19 @@ def near_layer(depth_m: NDArray[np.float32], half_tangent: float, plate: tuple[f
     return np.asarray(upper * (1 - down) + lower * down)
 
 
-def match(patch: Floats, wanted: Floats) -> tuple[float, float, float]:
-    """Greatest normalised correlation, and how far right and down of the patch's middle it is, in
-    cells."""
-    rows, columns = (n - k + 1 for n, k in zip(patch.shape, wanted.shape))
+def match(patch: Floats, pattern: Floats) -> tuple[float, float, float]:
+    """Returns the highest normalised correlation, and its position right and down of the patch
+    centre, cells."""
+    rows, columns = (n - k + 1 for n, k in zip(patch.shape, pattern.shape))
 
     def correlated(values: Floats, kernel: Floats) -> Floats:
         product = np.fft.rfft2(values) * np.fft.rfft2(kernel, values.shape).conj()
         return np.asarray(np.fft.irfft2(product, values.shape)[:rows, :columns])
 
-    wanted, ones = wanted - wanted.mean(), np.ones(wanted.shape)
-    spread = correlated(patch ** 2, ones) - correlated(patch, ones) ** 2 / wanted.size
-    norm = np.sqrt(np.maximum(spread, 0) * (wanted ** 2).sum())
-    found = np.where(norm > 1e-5, correlated(patch, wanted) / np.maximum(norm, 1e-5), 0)
+    pattern, ones = pattern - pattern.mean(), np.ones(pattern.shape)
+    spread = correlated(patch ** 2, ones) - correlated(patch, ones) ** 2 / pattern.size
+    norm = np.sqrt(np.maximum(spread, 0) * (pattern ** 2).sum())
+    found = np.where(norm > 1e-5, correlated(patch, pattern) / np.maximum(norm, 1e-5), 0)
     row, column = np.unravel_index(found.argmax(), found.shape)
     return float(found.max()), float(column - (found.shape[1] - 1)
                                      / 2), float(row - (found.shape[0] - 1) / 2)
@@ -95,35 +95,35 @@ def match(patch: Floats, wanted: Floats) -> tuple[float, float, float]:
 
 def read(maps: NDArray[np.float32], truth: NDArray[np.float32], labels: Sequence[str],
          half_tangent: float) -> tuple[Floats, NDArray[np.int64]]:
-    """[n]: 1 if the letter of the label "letter:A" is read off the map [n, N, N] (metres, NaN: no
-    return), its share in a tie, else 0; NaN of other labels. Chance is 0.1. For people before
-    nothing nearer than 20 cm behind the plate. [n]: the size in SIZES that is most like the true
-    map; -1 of other labels."""
+    """Recognises the letters in maps [n, N, N] (m, NaN: no return). Returns [n] scores: 1 if the
+    labelled letter ("letter:A") fits best, 1 / k in a tie of k letters, otherwise 0 (chance level
+    0.1); and [n] indices into SIZES. Other labels give NaN and -1. Requires that no background is
+    closer than 20 cm behind the plate."""
     step, out = 2 * half_tangent / truth.shape[1], np.full(len(maps), np.nan)
     sizes = np.full(len(maps), -1)
     known = [{letter: template(letter, size, step) for letter in LETTERS} for size in SIZES]
     for row, label in enumerate(labels):
         letter = label.removeprefix("letter:")
-        is_one = letter != label and len(letter) == 1 and letter in LETTERS
-        if not (is_one and (truth[row] > 0).any()):
+        is_letter = letter != label and len(letter) == 1 and letter in LETTERS
+        if not (is_letter and (truth[row] > 0).any()):
             continue
         at_m = float(np.nanmin(truth[row])) + 0.1
         side = round(2 * half_tangent * at_m / CELL_M)
         layer = near_layer(truth[row], half_tangent, (0, 0, at_m), (side, side))
-        (_, x, y), size = max(((match(layer, one[letter]), k) for k, one in enumerate(known)),
+        (_, x, y), size = max(((match(layer, drawn[letter]), k) for k, drawn in enumerate(known)),
                               key=lambda found: found[0][0])
         drawn, sizes[row] = known[size], size
         shape = [n + 2 * round(MOST_SHIFT_M / CELL_M) for n in drawn[letter].shape]
         patch = near_layer(maps[row], half_tangent, (x * CELL_M / at_m, -y * CELL_M / at_m, at_m),
                            (shape[0], shape[1]))
-        alike = [match(patch, drawn[one])[0] for one in LETTERS]
-        own = alike[LETTERS.index(letter)]
-        out[row] = 0 if max(alike) > own else 1 / alike.count(own)
+        scores = [match(patch, drawn[name])[0] for name in LETTERS]
+        own = scores[LETTERS.index(letter)]
+        out[row] = 0 if max(scores) > own else 1 / scores.count(own)
     return out, sizes
 
 
 def text(share: Floats, sizes: NDArray[np.int64]) -> str:
-    """A line for all letters, and one for each of both sizes."""
+    """Returns a summary: one line for all letters, and one per size."""
     lines = []
     for name, rows in [("letters", sizes >= 0),
                        *((f"{100 * high:.0f} x {100 * wide:.0f} cm", sizes == k)
@@ -131,5 +131,5 @@ def text(share: Floats, sizes: NDArray[np.int64]) -> str:
         part = share[rows & np.isfinite(share)]
         error = part.std(ddof=1) / np.sqrt(len(part)) if len(part) > 1 else float("nan")
         if len(part):
-            lines.append(f"{len(part)} {name}: {part.mean():.3f} +- {error:.3f} are read")
-    return "\n".join(lines) + "; chance is 0.1"
+            lines.append(f"{len(part)} {name}: {part.mean():.3f} +- {error:.3f} recognised")
+    return "\n".join(lines) + "; chance level 0.1"

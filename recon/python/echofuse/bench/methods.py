@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Methods of the bench: candidates of `echofuse-recon train`, Python classes, commands; and their
-one judge."""
+"""Methods of the bench: models of `echofuse-recon train`, Python classes and commands, and their
+common evaluation."""
 from __future__ import annotations
 
 import contextlib
@@ -34,16 +34,16 @@ METRICS = ("iou", "ssim", "ssim_hard", "ssim_fg", "rmse_m", "rmse_fg_m", "depth_
            "delta_125", "lateral_m",
            "ghost", "left_right")
 COSTS = ("multiply_adds", "infer_us_median", "infer_us_p99", "infer_us_batch", "train_s")
-RECORDED = ("iou", "lateral_m", "depth_mae_m", "ssim_fg")  # scores kept of each record
+RECORDED = ("iou", "lateral_m", "depth_mae_m", "ssim_fg")  # scores stored per record
 COUNTS = ("answered", "records", "depth_maps", "threads")
-CONSTANT = ("empty", "mean")  # look at no sensor
+CONSTANT = ("empty", "mean")  # use no sensor data
 Path = str | pathlib.Path
 Row = dict[str, Any]
 
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Makes of an OSError a BenchError of exit code 6 that names the path."""
+    """Converts an OSError into a BenchError with the path and exit code 6."""
     try:
         yield
     except OSError as error:
@@ -51,54 +51,55 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def version() -> str:
-    """As "echofuse-recon 0.1.0 (8e0b8d8)"."""
+    """Returns the program version, e.g. "echofuse-recon 0.1.0 (8e0b8d8)"."""
     return call("echofuse-recon", "--version").stdout.split(",")[0].strip()
 
 
 class Fitted(Protocol):
-    """The interface of a method in Python. `rows` are indices into the run's records to learn
-    from."""
+    """Interface of a method in Python."""
 
-    def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None: ...
+    def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None:
+        """Learns from the records `rows` of a run."""
 
-    def predict(self, run: runs.Run) -> NDArray[np.float32]: ...
+    def predict(self, run: runs.Run) -> NDArray[np.float32]:
+        """Returns maps [n, N, N], m; NaN: no return."""
 
 
-Answer = Callable[[pathlib.Path, pathlib.Path], tuple[list[str], Row]]
+# predict(test, folder) returns arguments for `echofuse-recon evaluate`, and costs by name
+Predict = Callable[[pathlib.Path, pathlib.Path], tuple[list[str], Row]]
 
 
 @dataclass(frozen=True)
 class Method:
-    """A name, and how to learn from a run: fit(train, folder, seed, fallback) gives answer(test,
-    folder), and this the words that `evaluate` takes, and costs. fallback: a candidate of both
-    sensors answers for records of one, too. source: hash of the code of a method of one's own.
-    oracle: predict() gets the truth, too (class attribute `oracle`)."""
+    """A method that the bench can train and test."""
 
-    model: str  #: name of the candidate, class or command
-    inputs: str  #: sensors that it takes; "-": its own choice
-    fit: Callable[[pathlib.Path, pathlib.Path, int, bool], Answer]  #: learns from a run
-    source: str = "-"  #: hash of the code of a method of one's own
-    oracle: bool = False  #: predict() gets the truth, too
+    model: str  #: name of the model, class or command
+    inputs: str  #: sensors used; "-" = chosen by the method
+    #: fit(train, folder, seed, fallback) trains the method; with `fallback` a model of both sensors
+    #: also predicts records with one sensor
+    fit: Callable[[pathlib.Path, pathlib.Path, int, bool], Predict]
+    source: str = "-"  #: hash of the code of a user method
+    oracle: bool = False  #: predict() also gets the truth (class attribute `oracle`)
 
     @property
     def name(self) -> str:
-        """Its model, and its inputs if they are not the usual ones."""
+        """MODEL, or MODEL:INPUTS if the inputs are not the default."""
         return self.model if self.inputs in ("fused", "-") else f"{self.model}:{self.inputs}"
 
     @property
-    def own(self) -> bool:
-        """Whether it is a class or a command of the user."""
+    def is_user_method(self) -> bool:
+        """Whether the method is a class or a command of the user."""
         return self.inputs == "-" and self.model not in CONSTANT
 
-    def shown(self, test: pathlib.Path, folder: pathlib.Path) -> pathlib.Path:
-        """The test run as this method gets it: a method of one's own gets a copy without truth."""
-        if not self.own or self.oracle:
+    def test_input(self, test: pathlib.Path, folder: pathlib.Path) -> pathlib.Path:
+        """Returns the test run to predict; for a user method a copy without the truth."""
+        if not self.is_user_method or self.oracle:
             return test
         return derive.copy(test, folder / "test.sqlite", derive.lost("depth"))
 
 
 def source_of(*paths: str | None) -> str:
-    """Hash of these files, without those that are missing."""
+    """Returns a hash of these files; missing ones are skipped."""
     total = hashlib.sha256()
     for path in paths:
         if path and os.path.isfile(path):
@@ -107,8 +108,8 @@ def source_of(*paths: str | None) -> str:
 
 
 def method(text: str) -> Method:
-    """Returns the method of this name (kinds: echofuse-bench --help). Raises UsageError for a
-    class that is missing."""
+    """Returns the method of this name (`echofuse-bench --help` lists the kinds). Raises UsageError
+    if the class is missing."""
     if "/" in text:
         words = shlex.split(text)
         return Method(text, "-", lambda train, folder, seed,
@@ -117,17 +118,17 @@ def method(text: str) -> Method:
     module, _, name = text.partition(":")
     if "." in module or name[:1].isupper():
         try:
-            made = getattr(importlib.import_module(module), name)
+            make = getattr(importlib.import_module(module), name)
         except (ImportError, AttributeError) as error:
             raise UsageError(f"method {text}: {error}") from error
-        return python_method(text, made)
+        return python_method(text, make)
     inputs = "-" if module in CONSTANT and not name else name or "fused"
     return Method(module, inputs, lambda train, folder, seed,
                   fallback: _by_candidate(module, inputs, train, folder, seed, fallback))
 
 
 def python_method(name: str, make: Callable[..., Fitted]) -> Method:
-    """A method of this name: make() or make(seed=...) gives an object with fit and predict."""
+    """Returns a method with this name; make() or make(seed=...) returns a Fitted object."""
     module = sys.modules.get(getattr(make, "__module__", ""))
     return Method(name, "-", lambda train, folder, seed, fallback: _by_object(make, train, seed),
                   source_of(getattr(module, "__file__", None)),
@@ -135,7 +136,7 @@ def python_method(name: str, make: Callable[..., Fitted]) -> Method:
 
 
 def _by_candidate(model: str, inputs: str, train: pathlib.Path, folder: pathlib.Path, seed: int,
-                  fallback: bool) -> Answer:
+                  fallback: bool) -> Predict:
     out = folder / "model.safetensors"
     words = ["--inputs", inputs] if inputs not in ("fused", "-") else []
     call("echofuse-recon", "-q", "train", train, "--model", model, *words, "--seed", seed, "--set",
@@ -144,56 +145,56 @@ def _by_candidate(model: str, inputs: str, train: pathlib.Path, folder: pathlib.
     return lambda test, scratch: ([str(out)], {})
 
 
-def _by_object(make: Callable[..., Fitted], train: pathlib.Path, seed: int) -> Answer:
+def _by_object(make: Callable[..., Fitted], train: pathlib.Path, seed: int) -> Predict:
     try:
         inspect.signature(make).bind(seed=seed)
-    except (TypeError, ValueError):  # it takes no seed, or states no parameters
-        one = make()
+    except (TypeError, ValueError):  # no parameter `seed`, or no signature
+        fitted = make()
     else:
-        one = make(seed=seed)
-    with runs.open(train) as known:
+        fitted = make(seed=seed)
+    with runs.open(train) as train_run:
         started = time.perf_counter()
-        inputs = usual_inputs(known).replace("fused", "fused-profile")  # also without antennas
-        one.fit(known, split(known, inputs=inputs, test_share=0, validation_share=0).train)
+        inputs = usual_inputs(train_run).replace("fused", "fused-profile")  # also without antennas
+        rows = split(train_run, inputs=inputs, test_share=0, validation_share=0).train
+        fitted.fit(train_run, rows)
         train_s = time.perf_counter() - started
 
-    def answer(test: pathlib.Path, folder: pathlib.Path) -> tuple[list[str], Row]:
-        with runs.open(test) as fresh:
-            maps, us = timed(one, fresh)
-            if maps.ndim != 3 or len(maps) != len(fresh) or maps.shape[1] != maps.shape[2]:
-                raise BenchError(
-                    f"{type(one).__name__}.predict gave {maps.shape}; expected [{len(fresh)}, N, "
-                    "N]")
-            save_maps(folder / "maps", maps, fresh.index)
-            costs = {"train_s": train_s, "infer_us_batch": us / max(len(fresh), 1)}
-            return ["--maps", str(folder / "maps")], costs | alone(one, fresh)
+    def predict(test: pathlib.Path, folder: pathlib.Path) -> tuple[list[str], Row]:
+        with runs.open(test) as test_run:
+            maps, us = timed_predict(fitted, test_run)
+            if maps.ndim != 3 or len(maps) != len(test_run) or maps.shape[1] != maps.shape[2]:
+                raise BenchError(f"{type(fitted).__name__}.predict returned shape {maps.shape} "
+                                 f"(expected [{len(test_run)}, N, N])")
+            save_maps(folder / "maps", maps, test_run.index)
+            costs = {"train_s": train_s, "infer_us_batch": us / max(len(test_run), 1)}
+            return ["--maps", str(folder / "maps")], costs | single_record_times(fitted, test_run)
 
-    return answer
+    return predict
 
 
-def timed(one: Fitted, run: runs.Run) -> tuple[NDArray[np.float32], float]:
-    """Maps [n, N, N] of a run in memory, and the time of the prediction, microseconds."""
+def timed_predict(fitted: Fitted, run: runs.Run) -> tuple[NDArray[np.float32], float]:
+    """Returns maps [n, N, N] and the time of the prediction, us. The run is in memory."""
     for sensor, valid in run.valid.items():
         if valid.any():
-            getattr(run, sensor)  # stays in memory
+            getattr(run, sensor)  # loads the sensor data
     started = time.perf_counter()
-    maps = np.asarray(one.predict(run), np.float32)
+    maps = np.asarray(fitted.predict(run), np.float32)
     return maps, 1e6 * (time.perf_counter() - started)
 
 
-def alone(one: Fitted, run: runs.Run, most: int = 30) -> Row:
-    """Times of a map if the records come one at a time; none of a method that takes several
-    only."""
-    rows = np.unique(np.linspace(0, len(run) - 1, min(len(run), most)).astype(int)).tolist()
+def single_record_times(fitted: Fitted, run: runs.Run, max_records: int = 30) -> Row:
+    """Returns median and p99 of the time of a single prediction; nothing if the method does not
+    accept single records."""
+    rows = np.unique(np.linspace(0, len(run) - 1, min(len(run), max_records)).astype(int)).tolist()
     try:
-        us = [timed(one, run[row:row + 1])[1] for row in rows]
-    except Exception:  # noqa: BLE001 (a method of anybody's)
+        us = [timed_predict(fitted, run[row:row + 1])[1] for row in rows]
+    except Exception:  # noqa: BLE001 (user code)
         us = []
     return {"infer_us_median": np.median(us), "infer_us_p99": np.quantile(us, 0.99)} if us else {}
 
 
-def _by_command(text: str, train: pathlib.Path, seed: int) -> Answer:
-    def answer(test: pathlib.Path, folder: pathlib.Path) -> tuple[list[str], Row]:
+def _by_command(text: str, train: pathlib.Path, seed: int) -> Predict:
+    def predict(test: pathlib.Path, folder: pathlib.Path) -> tuple[list[str], Row]:
         started = time.perf_counter()
         done = subprocess.run([*shlex.split(text), train, test, folder / "maps"],
                               capture_output=True, text=True,
@@ -203,44 +204,45 @@ def _by_command(text: str, train: pathlib.Path, seed: int) -> Answer:
                 f"{text}: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
             error.add_note(done.stderr.strip())
             raise error
-        named = folder / "maps/run.txt"  # names the copy without truth that the method got
+        named = folder / "maps/run.txt"  # may contain the uuid of the copy without truth
         if named.exists() and named.read_text().startswith(runs.open(test).info["uuid"]):
             named.unlink()
         return ["--maps", str(folder / "maps")], {"train_s": time.perf_counter() - started}
 
-    return answer
+    return predict
 
 
-def judge(answer: Answer, train: pathlib.Path, test: pathlib.Path,
-          shown: pathlib.Path) -> tuple[Row, list[Row]]:
-    """Metrics (means over the records) and costs; and the scores of each record. shown:
-    Method.shown(test). Multiply-adds and times of a map are the program's own for its candidates.
-    Time of a class is that of predict() with the run in memory."""
+def evaluate(predict: Predict, train: pathlib.Path, test: pathlib.Path,
+             test_input: pathlib.Path) -> tuple[Row, list[Row]]:
+    """Returns mean metrics and costs, and the scores of each record. `test_input` is
+    Method.test_input(test). The costs of a model are those that `echofuse-recon` reports; the time
+    of a class is that of predict() with the run in memory."""
     with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
-        words, costs = answer(shown, pathlib.Path(scratch))
-        listed = pathlib.Path(scratch, "records.csv")
-        told = json.loads(call("echofuse-recon", "-q", "evaluate", *words, test, "--train", train,
-                               "--json", "--per-record", listed).stdout)
-        with open(listed, newline="", encoding="utf-8") as lines:
+        words, costs = predict(test_input, pathlib.Path(scratch))
+        scores = pathlib.Path(scratch, "records.csv")
+        report = json.loads(call("echofuse-recon", "-q", "evaluate", *words, test, "--train", train,
+                               "--json", "--per-record", scores).stdout)
+        with open(scores, newline="", encoding="utf-8") as lines:
             records = [{name: line[name] for name in ("record", *RECORDED)}
                        for line in csv.DictReader(lines)]
-    row: Row = {name: nan_if_none(told["metrics"].get(name, {}).get("mean")) for name in METRICS}
-    counts = {"answered": told.get("answered", told["records"]), "records": told["records"],
-              "depth_maps": told["metrics"]["depth_mae_m"]["maps"],
-              "threads": 1 if told.get("cost")  # the program's own times are those of one thread
+    row: Row = {name: nan_if_none(report["metrics"].get(name, {}).get("mean")) for name in METRICS}
+    counts = {"answered": report.get("answered", report["records"]), "records": report["records"],
+              "depth_maps": report["metrics"]["depth_mae_m"]["maps"],
+              "threads": 1 if report.get("cost")  # echofuse-recon measures with one thread
               else int(os.environ.get("OMP_NUM_THREADS") or os.cpu_count() or 1)}
-    if "answered" not in told:  # of a model only the records with a map are judged
-        counts["records"] += told["left_out"]
-    cost = costs | (told.get("cost") or {})
+    if "answered" not in report:  # records without a map are excluded for a model
+        counts["records"] += report["left_out"]
+    cost = costs | (report.get("cost") or {})
     return row | counts | {name: nan_if_none(cost.get(name)) for name in COSTS}, records
 
 
-def measure(how: Method, train: Path, test: Path, seed: int = 1) -> Row:
-    """Scores of the method, trained on one run and judged on another."""
+def measure(method: Method, train: Path, test: Path, seed: int = 1) -> Row:
+    """Trains the method on one run and returns its scores on another."""
     train, test = pathlib.Path(train).resolve(), pathlib.Path(test).resolve()
     with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
         folder = pathlib.Path(scratch)
-        return judge(how.fit(train, folder, seed, True), train, test, how.shown(test, folder))[0]
+        return evaluate(method.fit(train, folder, seed, True), train, test,
+                        method.test_input(test, folder))[0]
 
 
 def nan_if_none(value: float | None) -> float:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The bench's track of real photons: from the public files of a TMF8820 to runs of its nine zones
-and of their sum. Each NAME.json.gz with a mesh is a test set. Training records are rendered by
-zones that are fitted to a few poses. No test set contains these poses."""
+"""Benchmark track of real photons: converts public TMF8820 files into runs of nine zones and of
+their sum. Each NAME.json.gz with a mesh is a test set. Training records are rendered with zones
+fitted to a few poses; these poses are excluded from the test sets."""
 from __future__ import annotations
 
 import pathlib
@@ -11,30 +11,31 @@ from typing import Any, NamedTuple
 from . import tmf8820, zone_fit
 
 
-class Part(NamedTuple):
-    """A training run and a test run: all zones, or their sum."""
+class RunPair(NamedTuple):
+    """A training run and a test run."""
 
     shape: str
-    zones: str  # "zones" or "sum"
+    zones: str  # "zones", or "sum" of the zones
     train: pathlib.Path
     test: pathlib.Path
 
 
 def mesh_of(data: pathlib.Path, shape: str) -> pathlib.Path | None:
-    """NAME.stl or NAME.obj; NAME_random is the same object."""
+    """Returns the path of NAME.stl or NAME.obj; NAME_random has the same mesh."""
     names = [name + end for name in (shape, shape.removesuffix("_random"))
              for end in (".stl", ".obj")]
     return next((path for name in names if (path := data / name).exists()), None)
 
 
 def shapes_in(data: pathlib.Path) -> list[str]:
-    """Shapes with records of a detector with zones, and a mesh."""
+    """Returns the names of the shapes that have records and a mesh."""
     names = (path.name.removesuffix(".json.gz") for path in sorted(data.glob("*.json.gz")))
     return [name for name in names if mesh_of(data, name)]
 
 
-def made(track: dict[str, Any], folder: pathlib.Path, data: pathlib.Path) -> Iterator[Part]:
-    """The runs of the track, made unless they are there."""
+def make_runs(track: dict[str, Any], folder: pathlib.Path,
+              data: pathlib.Path) -> Iterator[RunPair]:
+    """Yields the runs of the track; generates missing ones."""
     fit, source = track["fit"], data / f"{track['fit']['shape']}.json.gz"
     name, plan = track["name"], track["train"]
     trains = {value: folder / f"{name}-{value}-train.sqlite" for value in ("zones", "sum")}
@@ -42,8 +43,8 @@ def made(track: dict[str, Any], folder: pathlib.Path, data: pathlib.Path) -> Ite
     if not path.exists():
         mesh = mesh_of(data, fit["shape"])
         if mesh is None:
-            raise ValueError(f"{data}: no mesh of {fit['shape']}")
-        tmf8820.fitted(source, mesh, fit["poses"]).save(path)
+            raise ValueError(f"{data}: mesh of {fit['shape']} is missing")
+        tmf8820.fit_to_poses(source, mesh, fit["poses"]).save(path)
     zones = zone_fit.load(path)
 
     def write(runs: dict[str, pathlib.Path], make: Any, label: str, notes: str) -> None:
@@ -55,14 +56,14 @@ def made(track: dict[str, Any], folder: pathlib.Path, data: pathlib.Path) -> Ite
                 tmf8820.write(run, counts, maps, zones if value == "zones" else None, label, notes)
 
     reference = tmf8820.read_measured(source)[1].mean(0)
-    write(trains, lambda: tmf8820.rendered(zones, reference, plan["records"], plan["seed"]),
+    write(trains, lambda: tmf8820.render_records(zones, reference, plan["records"], plan["seed"]),
           "solid", "rendered")
     for shape in shapes_in(data):
         tests = {value: folder / f"{name}-{value}-{shape}.sqlite" for value in trains}
-        without = fit["poses"] if shape == fit["shape"] else ()
+        excluded = fit["poses"] if shape == fit["shape"] else ()
         mesh = mesh_of(data, shape)
-        assert mesh is not None  # shapes_in
-        write(tests, lambda shape=shape, mesh=mesh, without=without: tmf8820.measured(
-            data / f"{shape}.json.gz", mesh, without), shape, "measured")
+        assert mesh is not None  # guaranteed by shapes_in()
+        write(tests, lambda shape=shape, mesh=mesh, excluded=excluded: tmf8820.measured_records(
+            data / f"{shape}.json.gz", mesh, excluded), shape, "measured")
         for value in trains:
-            yield Part(shape, value, trains[value], tests[value])
+            yield RunPair(shape, value, trains[value], tests[value])

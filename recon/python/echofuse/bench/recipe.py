@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""A bench as a recipe: tracks of a training and a test run that anybody can make again, with
-checksums of their records."""
+"""Runs a benchmark from a recipe: tracks with a training run and test runs, which are generated
+locally and verified by checksums."""
 from __future__ import annotations
 
 import argparse
@@ -17,46 +17,47 @@ from .methods import Method, method, version
 from .table import checksum
 
 
-def made(track: dict[str, Any], part: str, folder: pathlib.Path) -> pathlib.Path:
-    """The run `part` ("train", "test") of a track, made unless it is there. Raises BenchError."""
+def make_run(track: dict[str, Any], part: str, folder: pathlib.Path) -> pathlib.Path:
+    """Returns the run `part` ("train" or "test") of a track; generates it if it is missing. Raises
+    BenchError."""
     out = folder / f"{track['name']}-{part}.sqlite"
     if not out.exists():
         plan = track[part]
-        words = [word for setting in track["settings"] for word in ("--set", setting)]
+        settings = [word for setting in track["settings"] for word in ("--set", setting)]
         call("echofuse-sim", "dataset", "-q", "--out", out, "--records", plan["records"],
-             "--seed", plan["seed"], *words)
-    require(out, track.get(f"{part}_sha256"))
+             "--seed", plan["seed"], *settings)
+    require_checksum(out, track.get(f"{part}_sha256"))
     return out
 
 
-def require(path: pathlib.Path, wanted: str | None) -> None:
-    """Raises BenchError for records of another checksum."""
-    if wanted and checksum(path) != wanted:
+def require_checksum(path: pathlib.Path, expected: str | None) -> None:
+    """Raises BenchError if the records have another checksum."""
+    if expected and checksum(path) != expected:
         raise BenchError(
-            f"{path}: its records are not those of the recipe (sha256 {checksum(path)}; expected "
-            f"{wanted})")
+            f"{path}: records differ from the recipe: sha256 {checksum(path)} (expected "
+            f"{expected})")
 
 
-def parts_of(track: dict[str, Any], folder: pathlib.Path,
-             data: pathlib.Path | None) -> list[photon_track.Part]:
-    """Training and test runs of a track; none if its data are not there."""
+def run_pairs(track: dict[str, Any], folder: pathlib.Path,
+              data: pathlib.Path | None) -> list[photon_track.RunPair]:
+    """Returns the training and test runs of a track; an empty list if its data are missing."""
     if "fit" not in track:
-        return [photon_track.Part("", "1", *(made(track, part, folder)
-                                             for part in ("train", "test")))]
+        return [photon_track.RunPair("", "1", *(make_run(track, part, folder)
+                                                for part in ("train", "test")))]
     if data is None or not (data / f"{track['fit']['shape']}.json.gz").exists():
         return []
-    parts = list(photon_track.made(track, folder, data))
-    for part in parts:
+    pairs = list(photon_track.make_runs(track, folder, data))
+    for pair in pairs:
         sums = track.get("sha256", {})
-        require(part.train, sums.get(f"{part.zones}-train"))
-        require(part.test, sums.get(f"{part.zones}-{part.shape}"))
-    return parts
+        require_checksum(pair.train, sums.get(f"{pair.zones}-train"))
+        require_checksum(pair.test, sums.get(f"{pair.zones}-{pair.shape}"))
+    return pairs
 
 
 @functools.cache
-def known(*names: str) -> list[Method]:
-    """Methods of the recipe, without the ones that need a missing library (PyTorch, scikit-learn).
-    Their examples are next to the package, or in it if it is installed."""
+def available_methods(*names: str) -> list[Method]:
+    """Returns the named methods, except those that need a missing library (PyTorch,
+    scikit-learn). The examples are next to the package, or inside the installed package."""
     package = pathlib.Path(__file__).resolve().parents[1]
     sys.path += [str(package / "examples"), str(package.parent / "examples")]
     out = []
@@ -66,24 +67,24 @@ def known(*names: str) -> list[Method]:
         except UsageError as error:
             if not isinstance(error.__cause__, ModuleNotFoundError):
                 raise
-            print(f"echofuse-bench: left out: {error}", file=sys.stderr)
+            print(f"echofuse-bench: skipped: {error}", file=sys.stderr)
     return out
 
 
 def add_command(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--recipe", type=pathlib.Path,
                         default=pathlib.Path(__file__).with_name("echofuse-bench-2.toml"),
-                        help="TOML file (default: echofuse-bench-2)")
+                        help="recipe, a TOML file (default: echofuse-bench-2)")
     parser.add_argument("--runs", type=pathlib.Path, default=pathlib.Path("bench-runs"),
-                        help="folder of the runs, made unless there (default: bench-runs)")
+                        help="folder of the runs; missing runs are generated (default: bench-runs)")
     parser.add_argument("--data", type=pathlib.Path, default=os.environ.get("ECHOFUSE_DATA"),
-                        help="folder of the public data of real photons; without it that track is "
-                             "left out (default: $ECHOFUSE_DATA)")
+                        help="folder of the public data of real photons (default: $ECHOFUSE_DATA); "
+                             "without it that track is skipped")
     parser.add_argument("--methods", nargs="*", default=[], metavar="METHOD",
-                        help="methods of your own, beside the recipe's")
-    parser.add_argument("--tracks", nargs="+", help="some of them (default: all)")
+                        help="methods to add to those of the recipe")
+    parser.add_argument("--tracks", nargs="+", help="tracks to run (default: all)")
     parser.add_argument("--checksums", action="store_true",
-                        help="print those of the runs, and measure nothing")
+                        help="print the checksums of the runs and exit")
 
 
 def run(args: argparse.Namespace) -> tables.Table:
@@ -99,21 +100,21 @@ def run(args: argparse.Namespace) -> tables.Table:
     for track in recipe["track"]:
         if args.tracks and track["name"] not in args.tracks:
             continue
-        parts = parts_of(track, args.runs, data)
-        if not parts:
-            print(f"echofuse-bench: track {track['name']} left out: --data has no "
+        pairs = run_pairs(track, args.runs, data)
+        if not pairs:
+            print(f"echofuse-bench: track {track['name']} skipped: --data has no "
                   f"{track['fit']['shape']}.json.gz", file=sys.stderr)
-        for part in parts:
+        for pair in pairs:
             if args.checksums:
-                for path in (part.train, part.test):
+                for path in (pair.train, pair.test):
                     print(f'{path.stem} = "{checksum(path)}"')
                 continue
-            axis = " ".join(filter(None, (track["name"], part.shape)))
-            titles[axis] = ": ".join(filter(None, (track["title"], part.shape)))
-            names = track.get(part.zones) or track.get("methods") or recipe["methods"]
-            cells += [tables.Cell(axis, part.zones, how, seed, tables.there(part.train),
-                                  tables.there(part.test))
-                      for how in (*known(*names), *own)
+            axis = " ".join(filter(None, (track["name"], pair.shape)))
+            titles[axis] = ": ".join(filter(None, (track["title"], pair.shape)))
+            names = track.get(pair.zones) or track.get("methods") or recipe["methods"]
+            train, test = tables.existing_run(pair.train), tables.existing_run(pair.test)
+            cells += [tables.Cell(axis, pair.zones, estimator, seed, train, test)
+                      for estimator in (*available_methods(*names), *own)
                       for seed in range(1, (args.seeds or recipe["seeds"]) + 1)]
     tables.fill(table, cells, jobs=args.jobs, part=args.part, quiet=args.quiet)
     if args.markdown:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Limits of methods: each of a list under conditions from easy to broken, trained there as well
-(matched) or at the base condition alone (shifted). The conditions are in conditions.py."""
+"""Stability study: measures methods under conditions (conditions.py) from easy to broken. A matched
+axis trains under the test condition, a shifted axis under the base condition."""
 from __future__ import annotations
 
 import argparse
@@ -16,22 +16,22 @@ from . import derive, fog, table as tables
 from .conditions import BASE, Axis, World, recorded_axes, simulated_axes
 from .methods import CONSTANT, Method, Row, method, version
 
-TEST_SEEDS = 1000  # the test records' seed, after that of the training records
+TEST_SEEDS = 1000  # offset between the seeds of training and test records
 
 
 class Simulated:
-    """Runs of simulated records of any world."""
+    """Generates runs of simulated records under any condition."""
 
     def __init__(self, settings: Sequence[str], records: int, test_records: int) -> None:
         self.settings = [word for setting in settings for word in ("--set", setting)]
         self.records, self.test_records = records, test_records
-        told = json.loads(call("echofuse-sim", "config", "--json",
-                               *self.settings).stdout)["settings"]
-        self.base = {key: one["value"] for key, one in told.items()}
+        settings_of_base = json.loads(call("echofuse-sim", "config", "--json",
+                                           *self.settings).stdout)["settings"]
+        self.base = {key: setting["value"] for key, setting in settings_of_base.items()}
 
     @property
-    def of(self) -> str:
-        """Source line of a table of such runs."""
+    def source_line(self) -> str:
+        """First line of a table of these runs."""
         settings = " ".join(word for word in self.settings if word != "--set")
         return (f"{version()}: {self.records} simulated records, {self.test_records} to judge "
                 f"by{'; ' * bool(settings)}{settings}")
@@ -66,16 +66,16 @@ class Simulated:
         return changed
 
     def _in_fog(self, world: World, records: int, seed: int, out: pathlib.Path) -> derive.Change:
-        """The counts of the same scenes in fog; background and pile-up come behind it."""
+        """Returns a change to the counts of the same scenes in fog."""
         if self.base["spd_dead_time_ps"] > 0:
-            raise BenchError("fog: not with a dead time of the detector")
+            raise BenchError("fog: not supported with a detector dead time")
         if self.base["spd_zones"] > 1:
-            raise BenchError("fog: not with zones of the detector")
+            raise BenchError("fog: not supported with detector zones")
         clear = out.with_name("clear-" + out.name)
         call("echofuse-sim", "dataset", "-q", "--out", clear, "--seed", seed, f"--{world.scenes}",
              records, *self.settings, "--set", "background_counts=0",
              "--set", "pulses_per_window=0")
-        counts = fog.seen(derive.read(clear).spd, world.fog_m, self.base, seed)
+        counts = fog.add_fog(derive.read(clear).spd, world.fog_m, self.base, seed)
         clear.unlink()
 
         def change(target: derive.Records) -> None:
@@ -85,20 +85,20 @@ class Simulated:
 
     def _dataset(self, out: pathlib.Path, seed: int, words: Sequence[str],
                  scenes: Sequence[tuple[str, float, float | None]]) -> None:
-        listed = out.with_suffix(".toml")
-        listed.write_text("".join(f'[[scene]]\nkind = "{kind}"\nx_m = {x:.9g}\n'
-                                  + (f"z_m = {z:.9g}\n" if z is not None else "")
-                                  for kind, x, z in scenes))
+        scene_list = out.with_suffix(".toml")
+        scene_list.write_text("".join(f'[[scene]]\nkind = "{kind}"\nx_m = {x:.9g}\n'
+                                      + (f"z_m = {z:.9g}\n" if z is not None else "")
+                                      for kind, x, z in scenes))
         call("echofuse-sim", "dataset", "-q", "--out", out, "--seed", seed, *words, "--set",
-             f"scenes={listed}")
-        listed.unlink()
+             f"scenes={scene_list}")
+        scene_list.unlink()
 
     def _walkers(self, world: World, records: int, seed: int, out: pathlib.Path,
                  words: Sequence[str]) -> None:
-        """A walk is a sum of five short records in which the same people stand, a step further in
-        each: photons add up, power is the mean. The true map is that of the middle."""
+        """Generates records of walking people: sums of five short records along the path. Photon
+        counts are added and radar power is averaged; the true map is that of the midpoint."""
         if self.base["radar_antennas"] > 1:
-            raise BenchError("people who walk: not with several antennas")
+            raise BenchError("walking people: not supported with several antennas")
         steps, rng = 5, np.random.default_rng(seed)
         x = rng.uniform(-self.base["target_x_m"], self.base["target_x_m"], records)
         z = rng.uniform(self.base["target_z_min_m"], self.base["target_z_max_m"], records)
@@ -106,32 +106,32 @@ class Simulated:
         shares = [word for key in ("signal_photons", "background_counts", "radar_frames")
                   if self.base[key] > 0
                   for word in ("--set", f"{key}={max(1, round(self.base[key] / steps))}")]
-        sums: list[derive.Records] = []
+        parts: list[derive.Records] = []
         with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
             for k, step in enumerate((0, -2, -1, 1, 2)):
                 way = world.walk_m * step / steps
-                one = pathlib.Path(scratch, f"{k}.sqlite")
-                self._dataset(one, seed, [*words, *shares],
+                path = pathlib.Path(scratch, f"{k}.sqlite")
+                self._dataset(path, seed, [*words, *shares],
                               [(("letter" if i % 4 else "person"), x[i] + way * np.cos(turn[i]),
                                 z[i] + way * np.sin(turn[i])) for i in range(records)])
-                sums.append(derive.read(one))
+                parts.append(derive.read(path))
 
             def add_up(target: derive.Records) -> None:
-                target.spd = np.sum([one.spd for one in sums], axis=0, dtype=np.uint32)
-                target.radar = np.mean([one.radar for one in sums], axis=0, dtype=np.float32)
+                target.spd = np.sum([part.spd for part in parts], axis=0, dtype=np.uint32)
+                target.radar = np.mean([part.radar for part in parts], axis=0, dtype=np.float32)
 
             derive.copy(pathlib.Path(scratch, "0.sqlite"), out, add_up)
 
 
 class Recorded:
-    """Worlds of two recorded runs, one to train on and one to judge by."""
+    """Derives the runs of any condition from a recorded training run and test run."""
 
     def __init__(self, train: str, test: str) -> None:
         self.runs = pathlib.Path(train), pathlib.Path(test)
 
     @property
-    def of(self) -> str:
-        return tables.of_runs(*self.runs)
+    def source_line(self) -> str:
+        return tables.source_line(*self.runs)
 
     def axes(self) -> list[Axis]:
         return recorded_axes()
@@ -150,33 +150,33 @@ class Recorded:
 def cells(source: Simulated | Recorded, axes: Sequence[Axis], methods: Sequence[Method], *,
           seeds: int,
           quick: bool) -> list[tables.Cell]:
-    """Every method with every seed at the base and at all values of the axes."""
+    """Returns one cell per method, seed and condition: the base and all values of the axes."""
     places = [("base", "base", BASE, BASE)]
     for axis in axes:
         for label, world in axis.values.items():
             if world != BASE and (not quick or not axis.quick or label in axis.quick):
                 places.append((axis.id, label, world if axis.kind == "matched" else BASE, world))
 
-    def cell(axis: str, label: str, known: World, world: World, how: Method,
+    def cell(axis: str, label: str, train: World, test: World, estimator: Method,
              seed: int) -> tables.Cell:
-        return tables.Cell(axis, label, how, seed,
-                           tables.Source(f"train {key(known, axis, label)} {seed}",
-                                         lambda folder: source.train(known, seed, folder)),
-                           tables.Source(f"test {key(world, axis, label)} {seed}",
-                                         lambda folder: source.test(world, seed, folder)),
-                           fallback=known == BASE)
+        return tables.Cell(axis, label, estimator, seed,
+                           tables.RunSource(f"train {key(train, axis, label)} {seed}",
+                                            lambda folder: source.train(train, seed, folder)),
+                           tables.RunSource(f"test {key(test, axis, label)} {seed}",
+                                            lambda folder: source.test(test, seed, folder)),
+                           fallback=train == BASE)
 
     def key(world: World, axis: str, label: str) -> str:
         return "base" if world == BASE else f"{axis} {label}"
 
-    return [cell(*place, how, seed) for seed in range(1, seeds
-                                                      + 1) for place in places for how in methods]
+    return [cell(*place, estimator, seed) for seed in range(1, seeds + 1) for place in places
+            for estimator in methods]
 
 
-def falls_below(rows: Sequence[Row], axis: Axis) -> dict[str, list[str]]:
-    """By method, the first values on the ways from the base to both ends at which its IoU is not
-    above that of the best baseline that draws a body (empty room, mean map, nearest record) by more
-    than the spread over the seeds; NaN is below."""
+def first_failures(rows: Sequence[Row], axis: Axis) -> dict[str, list[str]]:
+    """Returns, by method, the values closest to the base, in both directions, at which the method
+    fails: its IoU does not exceed that of the best baseline (empty room, mean map, nearest record)
+    by more than the spread over the seeds. NaN fails."""
     def iou(model: str, inputs: str | None, label: str) -> dict[str, float]:
         at = ("base", "base") if axis.values[label] == BASE else (axis.id, label)
         return {row["seed"]: float(row["iou"]) for row in rows
@@ -187,9 +187,9 @@ def falls_below(rows: Sequence[Row], axis: Axis) -> dict[str, list[str]]:
         mine, best = iou(model, inputs, label), [iou(name, None, label)
                                                  for name in (*CONSTANT, "nearest")
                                                  if name != model]
-        ahead = [value - np.nanmax([0.0, *(one[seed] for one in best if seed in one)])
-                 for seed, value in mine.items()]
-        return bool(ahead) and not np.mean(ahead) > (np.std(ahead, ddof=1) if len(ahead) > 1 else 0)
+        gain = [value - np.nanmax([0.0, *(scores[seed] for scores in best if seed in scores)])
+                for seed, value in mine.items()]
+        return bool(gain) and not np.mean(gain) > (np.std(gain, ddof=1) if len(gain) > 1 else 0)
 
     labels = list(axis.values)
     base = labels.index(axis.base)
@@ -209,19 +209,21 @@ def falls_below(rows: Sequence[Row], axis: Axis) -> dict[str, list[str]]:
 
 
 def add_command(parser: argparse.ArgumentParser) -> None:
-    usual = ["nearest", "mean-shape", "factorised-16", "mlp-128-64"]
-    parser.add_argument("--methods", nargs="+", metavar="METHOD", default=usual,
-                        help=f"default: {' '.join(usual)}")
+    default = ["nearest", "mean-shape", "factorised-16", "mlp-128-64"]
+    parser.add_argument("--methods", nargs="+", metavar="METHOD", default=default,
+                        help=f"methods to test (default: {' '.join(default)})")
     parser.add_argument("--axes", nargs="+",
-                        help="some of them, as shifted-snr; a wrong one lists all; default: all")
+                        help="axes to measure, e.g. shifted-snr; an unknown name prints the list "
+                             "(default: all)")
     parser.add_argument("--quick", action="store_true",
-                        help="fewer values of each axis; 1000 training and 300 test records")
+                        help="measure fewer values per axis, with 1000 training and 300 test "
+                             "records")
     parser.add_argument("--records", type=int, help="training records (default 3600)")
     parser.add_argument("--test-records", type=int, help="test records (default 1000)")
     parser.add_argument("--set", nargs="*", default=[], metavar="KEY=VALUE",
-                        help="settings of the simulator at the base")
+                        help="simulator settings of the base condition")
     parser.add_argument("--runs", nargs=2, metavar=("TRAIN", "TEST"),
-                        help="recorded runs in place of the simulator")
+                        help="use recorded runs instead of the simulator")
 
 
 def run(args: argparse.Namespace) -> tables.Table:
@@ -231,22 +233,22 @@ def run(args: argparse.Namespace) -> tables.Table:
     known = {axis.id: axis for axis in source.axes()}
     unknown = [name for name in args.axes or [] if name not in known]
     if unknown:
-        raise UsageError(f"axis {unknown[0]}: expected some of {', '.join(known)}")
+        raise UsageError(f"unknown axis {unknown[0]} (expected: {', '.join(known)})")
     axes = [known[name] for name in args.axes or known]
-    names = dict.fromkeys((*CONSTANT, "nearest", *args.methods))  # the baselines always
+    names = dict.fromkeys((*CONSTANT, "nearest", *args.methods))  # always includes the baselines
     methods = [method(name) for name in names]
-    table = tables.Table(args.out, source.of, args.part)
+    table = tables.Table(args.out, source.source_line, args.part)
     tables.fill(table, cells(source, axes, methods, seeds=args.seeds or 3, quick=args.quick),
                jobs=args.jobs, part=args.part, quiet=args.quiet)
     rows = list(table.rows.values())
     if args.markdown:
-        columns = list(falls_below(rows, axes[0]))
+        columns = list(first_failures(rows, axes[0]))
         print("| axis | " + " | ".join(f"`{name}`" for name in columns) + " |\n|---" + "|---"
               * len(columns) + "|")
         for axis in axes:
-            told = falls_below(rows, axis)
+            failures = first_failures(rows, axis)
             print(f"| {axis.title} ({axis.kind}) | "
-                  + " | ".join(", ".join(told.get(name, [])) or "-" for name in columns) + " |")
+                  + " | ".join(", ".join(failures.get(name, [])) or "-" for name in columns) + " |")
     if args.figure:
         from .. import plot
 

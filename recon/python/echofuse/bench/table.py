@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The table of a bench, and the cells that fill it."""
+"""Result table of the bench, and the cells that fill its rows."""
 from __future__ import annotations
 
 import argparse
@@ -28,7 +28,8 @@ from .. import runs
 from ..runs.programs import BenchError, UsageError, call
 from ..runs.staged import locked, sync
 from . import derive
-from .methods import COSTS, COUNTS, METRICS, RECORDED, Method, Path, Row, judge, version, writing
+from .methods import (COSTS, COUNTS, METRICS, RECORDED, Method, Path, Row, evaluate, version,
+                      writing)
 
 HEAD = ("axis", "value", "model", "inputs", "seed", "source")
 COLUMNS = (*HEAD, *METRICS, *COSTS, *COUNTS)
@@ -36,18 +37,20 @@ COLUMNS_OF_RECORDS = (*HEAD, "record", *RECORDED)
 
 
 class Table:
-    """Rows of a CSV file, by axis, value, model, inputs and seed; the last one of several counts. A
-    row with the method's source is not measured again; each new one is on the disk before the next.
-    failed: rows of one's own methods that failed, with a traceback in the log. `of`: the first
-    line, which names the data; another one is refused (BenchError). A part (k, n) is a file beside
-    it, NAME-part-k-of-n.csv; the whole takes the rows of all parts that are there. Files one behind
-    the other (cat) are one, too. NAME.records.csv has the scores of each record."""
+    """Rows of a CSV file with the key axis, value, model, inputs, seed; the last row of a key is
+    valid. An existing row is not measured again unless the source of the method changed. Each new
+    row is synced to disk before the next. Concatenated files (cat) are valid, too.
 
-    def __init__(self, path: Path, of: str = "", part: tuple[int, int] = (1, 1)) -> None:
+    `source` is the first line, which names the data; a file with another one is refused
+    (UsageError). The rows of a part (k, n) are in NAME-part-k-of-n.csv; the whole table includes
+    all existing parts. NAME.records.csv contains the scores of each record. `failed` counts the
+    failed rows of user methods; the tracebacks are in NAME.log."""
+
+    def __init__(self, path: Path, source: str = "", part: tuple[int, int] = (1, 1)) -> None:
         whole = pathlib.Path(path)
         self.path = whole if part[1] == 1 else whole.with_name(
             f"{whole.stem}-part-{part[0]}-of-{part[1]}{whole.suffix}")
-        self.of, self.log, self.failed = of, self.path.with_suffix(".log"), 0
+        self.source, self.log, self.failed = source, self.path.with_suffix(".log"), 0
         self.records = self.path.with_suffix(".records.csv")
         self.rows: dict[tuple[str, ...], Row] = {}
         here = self._read(self.path)
@@ -55,7 +58,7 @@ class Table:
             for other in sorted(whole.parent.glob(f"{whole.stem}-part-*-of-*{whole.suffix}")):
                 if other.name.endswith(".records.csv"):
                     continue
-                scores = scores_in(other.with_suffix(".records.csv"))
+                scores = read_scores(other.with_suffix(".records.csv"))
                 newer = self.path.exists() and (other.stat().st_mtime_ns
                                                 > self.path.stat().st_mtime_ns)
                 for key, row in self._read(other).items():
@@ -74,51 +77,52 @@ class Table:
         whole = data[:data.rfind(b"\n") + 1]
         lines = whole.decode(errors="replace").splitlines()
         for line in lines:
-            if self.of and line.startswith("# ") and line[2:] != self.of:
-                raise UsageError(
-                    f"{path}: is of {line[2:]}; expected {self.of}; name another --out")
+            if self.source and line.startswith("# ") and line[2:] != self.source:
+                raise UsageError(f"{path}: contains results of {line[2:]} (expected "
+                                 f"{self.source}); name another --out")
         rows = csv.DictReader(line for line in lines if not line.startswith("#"))
         if data and tuple(rows.fieldnames or ()) != COLUMNS:
-            raise UsageError(f"{path}: is no table of a bench; name another --out")
-        if path == self.path and whole != data:  # a killed process was writing
+            raise UsageError(f"{path}: not a bench table; name another --out")
+        if path == self.path and whole != data:  # partial line of a killed process
             with writing(path), open(path, "r+b") as file:
                 file.truncate(len(whole))
         return {self.key(row): row for row in rows if row["axis"] != "axis"}
 
     @staticmethod
     def key(row: Row) -> tuple[str, ...]:
-        """Identity of a row: axis, value, model, inputs, seed."""
+        """Returns the key of a row: axis, value, model, inputs, seed."""
         return tuple(str(row[name]) for name in COLUMNS[:5])
 
     def has(self, cell: Cell) -> bool:
-        """Whether the row is there. A failed method of one's own is tried again."""
+        """Returns whether the row exists. A failed row of a user method does not count."""
         row = self.rows.get(self.key(cell.head))
-        return (row is not None and row["source"] == cell.how.source
-                and not (cell.how.own and np.isnan(float(row["iou"]))))
+        return (row is not None and row["source"] == cell.method.source
+                and not (cell.method.is_user_method and np.isnan(float(row["iou"]))))
 
     def add(self, row: Row, records: Sequence[Row] = ()) -> None:
-        """Writes the row into the file, in place of one with its key, and its records' scores."""
-        before = self.rows.get(self.key(row), {"source": ""})
+        """Appends a row and the scores of its records; replaces a row with the same key."""
+        previous = self.rows.get(self.key(row), {"source": ""})
         self.rows[self.key(row)] = row
-        if before["source"] == row["source"] and np.isnan(float(row["iou"])):
-            return  # it failed again
+        if previous["source"] == row["source"] and np.isnan(float(row["iou"])):
+            return  # repeated failure
         head = {name: row[name] for name in HEAD}
-        with writing(self.path):  # the records first: a row that is there has them
+        with writing(self.path):  # records first: an existing row always has them
             if records:
                 self._append(self.records, COLUMNS_OF_RECORDS, [head | one for one in records])
             self._append(self.path, COLUMNS, [row])
 
     @contextlib.contextmanager
-    def held(self) -> Iterator[None]:
-        """Reads what other processes wrote, and keeps them from measuring the same rows."""
+    def exclusive(self) -> Iterator[None]:
+        """Locks the table for writing, and reads rows that other processes wrote. Raises BenchError
+        if another process holds the lock."""
         lock = self.path.with_name(f".{self.path.name}.lock")
         with writing(self.path):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             try:
                 descriptor = locked(lock)
             except BlockingIOError:
-                raise BenchError(f"{self.path}: another process writes this table; wait for its "
-                                 "end, or share the work with --part K/N") from None
+                raise BenchError(f"{self.path}: table in use by another process; wait until it "
+                                 "ends, or split the work with --part K/N") from None
         try:
             self.rows |= self._read(self.path)
             yield
@@ -126,7 +130,7 @@ class Table:
             lock.unlink()
             os.close(descriptor)
 
-    def note(self, row: Row, error: BaseException) -> None:
+    def log_failure(self, row: Row, error: BaseException) -> None:
         """Appends the traceback of a failed method to the log."""
         with writing(self.log), open(self.log, "a", encoding="utf-8") as file:
             file.write(" ".join(self.key(row)) + "\n"
@@ -134,12 +138,12 @@ class Table:
 
     def _append(self, path: pathlib.Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        half = ends_within_a_line(path)  # by a kill
+        truncated = ends_without_newline(path)  # after a kill
         with open(path, "a", newline="") as file:
-            file.write("\n" * half)
+            file.write("\n" * truncated)
             out = csv.DictWriter(file, columns, restval="nan", lineterminator="\n")
             if new := file.tell() == 0:
-                file.write(f"# {self.of}\n" if self.of else "")
+                file.write(f"# {self.source}\n" if self.source else "")
                 out.writeheader()
             out.writerows({name: f"{value:.9g}" if isinstance(value, float) else value
                            for name, value in row.items()} for row in rows)
@@ -151,8 +155,8 @@ class Table:
 Key = tuple[str, ...]
 
 
-def ends_within_a_line(path: pathlib.Path) -> bool:
-    """Whether a file lacks its last line feed; False for an empty or missing file."""
+def ends_without_newline(path: pathlib.Path) -> bool:
+    """Returns whether a non-empty file ends without a line feed."""
     if not path.exists() or not path.stat().st_size:
         return False
     with open(path, "rb") as file:
@@ -160,42 +164,41 @@ def ends_within_a_line(path: pathlib.Path) -> bool:
         return file.read() != b"\n"
 
 
-def scores_in(path: pathlib.Path) -> dict[Key, list[Row]]:
-    """Scores of each record, by the columns HEAD of their row; the last line of a record counts.
-    Half a line, of a killed process, does not."""
+def read_scores(path: pathlib.Path) -> dict[Key, list[Row]]:
+    """Reads the scores of each record, grouped by the columns HEAD. The last line of a record is
+    valid; partial lines are skipped."""
     found: dict[Key, dict[str, Row]] = {}
     if path.exists():
         with open(path, newline="", encoding="utf-8") as file:
-            for line in csv.DictReader(one for one in file if not one.startswith("#")):
+            for line in csv.DictReader(text for text in file if not text.startswith("#")):
                 if line["record"] != "record" and None not in line.values():
                     found.setdefault(tuple(line[name] for name in HEAD), {})[line["record"]] = {
                         name: line[name] for name in ("record", *RECORDED)}
     return {key: list(lines.values()) for key, lines in found.items()}
 
 
-def compared(table: Table, axis: str, best_first: Sequence[Key]) -> dict[Key, Row]:
-    """Intervals of 95 % over the records, and differences to the first, of these methods (value,
-    model, inputs) by `echofuse-recon compare`; the scores of a record are the mean of the
-    seeds."""
-    scores = scores_in(table.records)
+def compare(table: Table, axis: str, best_first: Sequence[Key]) -> dict[Key, Row]:
+    """Returns the results of `echofuse-recon compare` by method (value, model, inputs): 95 %
+    intervals over the records and differences to the first method. The score of a record is the
+    mean over the seeds."""
+    scores = read_scores(table.records)
     rows = [row for key, row in table.rows.items() if key[0] == axis]
-    lines = [(one["record"], k, *(one[name] for name in RECORDED))
-             for k, wanted in enumerate(best_first) for row in rows
-             if Table.key(row)[1:4] == wanted
-             for one in scores.get((*Table.key(row), str(row["source"])), ())]
+    lines = [(record["record"], k, *(record[name] for name in RECORDED))
+             for k, method in enumerate(best_first) for row in rows
+             if Table.key(row)[1:4] == method
+             for record in scores.get((*Table.key(row), str(row["source"])), ())]
     if not lines:
         return {}
     with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
-        listed = pathlib.Path(scratch, "records.csv")
-        with open(listed, "w", newline="") as file:
+        path = pathlib.Path(scratch, "records.csv")
+        with open(path, "w", newline="") as file:
             csv.writer(file).writerows([("record", "name", *RECORDED), *lines])
-        methods = json.loads(call("echofuse-recon", "compare", listed, "--json").stdout)["methods"]
-    return {best_first[int(one["name"])]: one for one in methods}
+        methods = json.loads(call("echofuse-recon", "compare", path, "--json").stdout)["methods"]
+    return {best_first[int(method["name"])]: method for method in methods}
 
 
 def checksum(path: Path) -> str:
-    """SHA-256 of what the sensors of a run hold, record by record: counts, profiles as stored,
-    depths in millimetres."""
+    """Returns the SHA-256 of the sensor data of a run: counts, profiles as stored, depths in mm."""
     total = hashlib.sha256()
     with runs.open(path) as run:
         total.update(run.spd.astype("<u4").tobytes())
@@ -205,9 +208,9 @@ def checksum(path: Path) -> str:
     return total.hexdigest()
 
 
-def content(path: Path) -> str:
-    """Hash of a run's records with their axes, offsets and verdicts. The same data made again have
-    the same one."""
+def content_hash(path: Path) -> str:
+    """Returns a hash of the records of a run with axes, offsets and verdicts, without times and
+    uuid."""
     with runs.open(path) as run:
         facts = (sorted(map(repr, run.axes.values())), sorted(run.offset_m.items()),
                  run.index.tolist(), {name: column.tolist() for name, column in run.told().items()
@@ -215,66 +218,65 @@ def content(path: Path) -> str:
     return hashlib.sha256((repr(facts) + checksum(path)).encode()).hexdigest()[:16]
 
 
-def of_runs(train: Path, test: Path) -> str:
-    """Source line of a table of these runs: version and content."""
-    return f"{version()}: runs {content(train)} {content(test)}"
+def source_line(train: Path, test: Path) -> str:
+    """Returns the first line of a table of these runs: version and content hashes."""
+    return f"{version()}: runs {content_hash(train)} {content_hash(test)}"
 
 
 @dataclass(frozen=True)
-class Source:
-    """A run to come: make(folder) writes it there, and returns its path. Equal keys are the same
-    run."""
+class RunSource:
+    """A run that is generated on demand."""
 
     key: str  #: identity of the run
-    make: Callable[[pathlib.Path], pathlib.Path]  #: writes it into a folder, returns its path
+    make: Callable[[pathlib.Path], pathlib.Path]  #: writes the run into a folder, returns its path
 
 
-def there(path: Path) -> Source:
-    """A run that is there."""
-    found = pathlib.Path(path).resolve()
-    return Source(str(found), lambda folder: found)
+def existing_run(path: Path) -> RunSource:
+    """Returns the source of an existing run."""
+    resolved = pathlib.Path(path).resolve()
+    return RunSource(str(resolved), lambda folder: resolved)
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One row to come."""
+    """A row to measure."""
 
-    axis: str  #: condition that changes
-    value: str  #: its value
-    how: Method  #: to be measured
-    seed: int  #: of the training
-    train: Source  #: run to learn from
-    test: Source  #: run to judge by
-    fallback: bool = False  #: records of one sensor are answered, too
+    axis: str  #: varied condition
+    value: str  #: value on this axis
+    method: Method  #: method to measure
+    seed: int  #: seed of the training
+    train: RunSource  #: training run
+    test: RunSource  #: test run
+    fallback: bool = False  #: whether records with one sensor are predicted, too
 
     @property
     def head(self) -> Row:
-        """Columns of its row that are known before it is measured."""
-        return {"axis": self.axis, "value": self.value, "model": self.how.model,
-                "inputs": self.how.inputs, "seed": self.seed, "source": self.how.source}
+        """Columns that are known before the measurement."""
+        return {"axis": self.axis, "value": self.value, "model": self.method.model,
+                "inputs": self.method.inputs, "seed": self.seed, "source": self.method.source}
 
     @property
-    def fitted(self) -> str:
-        """Key of what it needs fitted."""
-        return f"{self.how.name} {self.seed} {self.fallback} {self.train.key}"
+    def fit_key(self) -> str:
+        """Key of the trained method."""
+        return f"{self.method.name} {self.seed} {self.fallback} {self.train.key}"
 
     @property
-    def shown(self) -> str:
-        """Key of the test run as the method gets it."""
+    def test_input_key(self) -> str:
+        """Key of the test run that the method reads."""
         return f"{self.test.key} without truth"
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Names of the runs and fitted methods that it uses."""
-        return self.train.key, self.test.key, self.shown, self.fitted
+        """Keys of the runs and trained methods that the cell uses."""
+        return self.train.key, self.test.key, self.test_input_key, self.fit_key
 
 
 class Shared:
-    """Runs and fitted methods of the cells: made at the first use, removed after the last one."""
+    """Runs and trained methods of the cells: created at first use, removed after the last use."""
 
     def __init__(self, cells: Sequence[Cell], folder: pathlib.Path) -> None:
         self.folder, self.lock = folder, threading.Lock()
-        self.left = collections.Counter(key for cell in cells
+        self.pending = collections.Counter(key for cell in cells
                                         for key in cell.needs)
         self.made: dict[str, tuple[pathlib.Path, concurrent.futures.Future[Any]]] = {}
 
@@ -288,62 +290,64 @@ class Shared:
         if first:
             try:
                 made.set_result(make(folder))
-            except Exception as error:  # noqa: BLE001 (of all that wait for it)
+            except Exception as error:  # noqa: BLE001 (raised in all waiting threads)
                 made.set_exception(error)
         return made.result()
 
     def row(self, cell: Cell) -> tuple[Row, list[Row]]:
         try:
             train = self.get(cell.train.key, cell.train.make)
-            answer = self.get(cell.fitted,
-                              lambda folder: cell.how.fit(train, folder, cell.seed, cell.fallback))
+            method = cell.method
+            predict = self.get(cell.fit_key, lambda folder: method.fit(train, folder, cell.seed,
+                                                                       cell.fallback))
             test = self.get(cell.test.key, cell.test.make)
-            shown = (self.get(cell.shown, lambda folder: cell.how.shown(test, folder))
-                     if cell.how.own and not cell.how.oracle else test)
-            return judge(answer, train, test, shown)
+            test_input = (self.get(cell.test_input_key,
+                                   lambda folder: method.test_input(test, folder))
+                          if method.is_user_method and not method.oracle else test)
+            return evaluate(predict, train, test, test_input)
         finally:
             with self.lock:
                 for key in cell.needs:
-                    self.left[key] -= 1
-                    if self.left[key] == 0 and key in self.made:
+                    self.pending[key] -= 1
+                    if self.pending[key] == 0 and key in self.made:
                         shutil.rmtree(self.made.pop(key)[0])
 
 
 def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int, int] = (1, 1),
          quiet: bool = False) -> None:
-    """Measures what the table lacks, or this part of it. Cells with the same fitted method are in
-    one part. A method that fails has a row of NaN; reasons are said once, tracebacks are in the
-    log. Raises OSError, sqlite3.Error: a missing file and a full disk say nothing of a method."""
-    pieces = {key: k for k, key in enumerate(dict.fromkeys(cell.fitted for cell in cells))}
-    said: set[str] = set()
+    """Measures the missing rows of the table, or of this part. Cells with the same trained method
+    are in one part. A failed method gets a row of NaN; each reason is printed once, and the
+    traceback is written to the log. Raises OSError and sqlite3.Error (missing file, full disk)."""
+    pieces = {key: k for k, key in enumerate(dict.fromkeys(cell.fit_key for cell in cells))}
+    printed: set[str] = set()
 
-    def one(cell: Cell) -> tuple[Row, list[Row], Exception | None]:
+    def measure(cell: Cell) -> tuple[Row, list[Row], Exception | None]:
         try:
             row, records = shared.row(cell)
             return cell.head | row, records, None
-        except (UsageError, OSError, sqlite3.Error):  # no fault of the method
+        except (UsageError, OSError, sqlite3.Error):  # not caused by the method
             raise
-        except Exception as error:  # noqa: BLE001 (a method of anybody's)
+        except Exception as error:  # noqa: BLE001 (user code)
             return cell.head | dict.fromkeys(METRICS + COSTS + COUNTS, float("nan")), [], error
 
-    with (table.held(), tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch,
+    with (table.exclusive(), tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch,
           concurrent.futures.ThreadPoolExecutor(jobs) as pool):
-        mine = [cell for cell in cells if pieces[cell.fitted] % part[1] == part[0] - 1
+        mine = [cell for cell in cells if pieces[cell.fit_key] % part[1] == part[0] - 1
                 and not table.has(cell)]
         shared = Shared(mine, pathlib.Path(scratch))
         started = time.monotonic()
-        for done, (cell, (row, records, fault)) in enumerate(zip(mine, pool.map(one, mine)), 1):
+        for done, (cell, (row, records, fault)) in enumerate(zip(mine, pool.map(measure, mine)), 1):
             table.add(row, records)
             if not fault and row["answered"] < row["records"]:
                 print(f"echofuse-bench: {row['model']}: {row['answered']} of {row['records']} "
-                      "records answered; the others "
-                      + ("count as an empty map" if cell.how.own else "are left out"),
+                      "records have a map; the others "
+                      + ("count as an empty map" if cell.method.is_user_method else "are excluded"),
                       file=sys.stderr)
             if fault:
-                table.failed += cell.how.own
-                table.note(row, fault)
-                if (reason := str(fault) or type(fault).__name__) not in said:
-                    said.add(reason)
+                table.failed += cell.method.is_user_method
+                table.log_failure(row, fault)
+                if (reason := str(fault) or type(fault).__name__) not in printed:
+                    printed.add(reason)
                     print(f"echofuse-bench: {row['model']}: {reason}", file=sys.stderr)
             if not quiet:
                 left_s = (time.monotonic() - started) / done * (len(mine) - done)
@@ -356,70 +360,67 @@ def pareto_cells(train: Path, test: Path, methods: Iterable[Method], *, seeds: i
                  photons: Sequence[float] = (0.1, 0.01, 0.001),
                  records: Sequence[float] = (0.05, 0.2, 0.5), sweep: Iterable[Method] = (),
                  axis: str = "model") -> list[Cell]:
-    """Every method with every seed; then those of `sweep` with shares of the photons and of the
-    training records."""
-    known, fresh = there(train), there(test)
-    cells = [Cell(axis, "1", how, seed, known, fresh) for how in methods
+    """Returns one cell per method and seed, and for the methods of `sweep` also cells with shares
+    of the photons and of the training records."""
+    train_run, test_run = existing_run(train), existing_run(test)
+    cells = [Cell(axis, "1", method, seed, train_run, test_run) for method in methods
              for seed in range(1, seeds + 1)]
 
-    def derived(source: Source, what: str, *changes: derive.Change) -> Source:
-        return Source(f"{source.key} {what}",
-                      lambda folder: derive.copy(source.make(folder), folder / "run.sqlite",
-                                                 *changes))
+    def derived(source: RunSource, name: str, *changes: derive.Change) -> RunSource:
+        return RunSource(f"{source.key} {name}",
+                         lambda folder: derive.copy(source.make(folder), folder / "run.sqlite",
+                                                    *changes))
 
-    for how in sweep:
+    for method in sweep:
         for seed in range(1, seeds + 1):
-            cells += [Cell("photons", f"{share:g}", how, seed,
-                           derived(known, f"thinned {share} {seed}", derive.thinned(share, seed)),
-                           derived(fresh, f"thinned {share} {seed}",
+            cells += [Cell("photons", f"{share:g}", method, seed,
+                           derived(train_run, f"thinned {share} {seed}",
+                                   derive.thinned(share, seed)),
+                           derived(test_run, f"thinned {share} {seed}",
                                    derive.thinned(share, 1000 + seed))) for share in photons]
-            cells += [Cell("records", f"{share:g}", how, seed,
-                           derived(known, f"fewer {share} {seed}", derive.fewer(share, seed)),
-                           fresh) for share in records]
+            cells += [Cell("records", f"{share:g}", method, seed,
+                           derived(train_run, f"fewer {share} {seed}", derive.fewer(share, seed)),
+                           test_run) for share in records]
     return cells
 
 
-# Words and pictures
-
-
 def means(table: Table, axis: str = "model") -> list[Row]:
-    """Mean and spread (standard deviation over the seeds) of each metric and cost, a row a method
-    and value; and as "compared" what `echofuse-recon compare` states of its records, against the
-    method of the highest IoU."""
+    """Returns one row per method and value with mean and spread (standard deviation over the seeds)
+    of each metric and cost. "compared" contains the result of `echofuse-recon compare` against the
+    method with the highest IoU."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for key, row in table.rows.items():
         if row["axis"] == axis:
             groups.setdefault(key[1:4], []).append(row)
     out = []
     for (value, model, inputs), rows in groups.items():
-        one: Row = {"value": value, "model": model, "inputs": inputs, "seeds": len(rows)}
+        mean: Row = {"value": value, "model": model, "inputs": inputs, "seeds": len(rows)}
         for name in METRICS + COSTS + COUNTS:
             values = np.array([float(row[name]) for row in rows])
-            one[name] = float(values.mean())
-            one[name + "_spread"] = float(values.std(ddof=1)) if len(values) > 1 else float("nan")
-        out.append(one)
-    by_iou = sorted(out, key=lambda one: -float(np.nan_to_num(one["iou"], nan=-1)))
-    found = compared(table, axis, [(one["value"], one["model"], one["inputs"]) for one in by_iou])
-    for one in out:
-        one["compared"] = found.get((one["value"], one["model"], one["inputs"]), {})
+            mean[name] = float(values.mean())
+            mean[name + "_spread"] = float(values.std(ddof=1)) if len(values) > 1 else float("nan")
+        out.append(mean)
+    by_iou = sorted(out, key=lambda row: -float(np.nan_to_num(row["iou"], nan=-1)))
+    compared = compare(table, axis, [(row["value"], row["model"], row["inputs"]) for row in by_iou])
+    for row in out:
+        row["compared"] = compared.get((row["value"], row["model"], row["inputs"]), {})
     return out
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """A table for a README: rows of equal inputs together."""
+    """Returns a Markdown table; rows with equal inputs are adjacent."""
     head = ("inputs", "method", "answered", "IoU", "95 % over records", "IoU against the best",
             "depth error on the overlap (maps)", "SSIM on the foreground", "lateral error",
-            "mirror fraction",
-            "multiply-adds", "time of a map, one at a time", "in a batch", "threads")
+            "mirror fraction", "multiply-adds", "time per map, single", "in a batch", "threads")
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     order = {"-": 0, "fused": 1, "fused-profile": 2, "spd": 3, "radar": 4}
 
-    def number(row: Row, name: str, digits: int, unit: float = 1, behind: str = "") -> str:
+    def number(row: Row, name: str, digits: int, unit: float = 1, suffix: str = "") -> str:
         mean, spread = unit * row[name], unit * row[name + "_spread"]
         if np.isnan(mean):
             return ""
         return f"{mean:.{digits}f}" + ("" if np.isnan(spread)
-                                       else f" ± {spread:.{digits}f}") + behind
+                                       else f" ± {spread:.{digits}f}") + suffix
 
     def time_of(us: float) -> str:
         return "" if np.isnan(us) else f"{us:.0f} µs"
@@ -453,7 +454,7 @@ def markdown(rows: Sequence[Row]) -> str:
 
 def finish(table: Table, args: argparse.Namespace, draw: Callable[[Any], Any],
            axis: str = "model") -> None:
-    """Ends each command: prints the table for a README, draws the figure."""
+    """Prints the table as Markdown and draws the figure, if requested."""
     if args.markdown:
         print(markdown(means(table, axis)))
     if args.figure:

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Real photons: histograms of a TMF8820 (ams OSRAM) before a known object, as runs of echofuse.
+"""Converts TMF8820 (ams OSRAM) histograms of a known object into runs.
 
 The data set is public (Mu et al., "Towards 3D Vision with Low-Cost Single-Photon Cameras", CVPR
-2024; the file NAME.json.gz of a shape has 128 poses, `hists` 9 zones x 128 bins, `reference_hist`,
-`pose` 4 x 4; NAME.stl or NAME.obj has the shape on its table). The truth is cast from mesh and
-pose; the table is no return. `fit` finds the fields, time zeros and response of the zones from a
-few poses (zone_fit.py); `rendered` are random boxes, wedges and cylinders on a table, seen by these
-zones.
+2024). NAME.json.gz contains 128 poses of a shape with `hists` (9 zones x 128 bins),
+`reference_hist` and `pose` (4 x 4); NAME.stl or NAME.obj contains the shape on its table.
+`measured` computes the true map from mesh and pose; the table counts as no return. `fit` fits the
+fields, time zeros and response of the zones to a few poses (zone_fit.py). `rendered` simulates
+random boxes, wedges and cylinders on a table with these zones.
 
     python3 -m echofuse.tmf8820 measured tall_block.json.gz tall_block.stl --out test
     python3 -m echofuse.tmf8820 fit block.json.gz block.stl --poses 0,11,22,33,44,55 --out fit.json
@@ -29,34 +29,35 @@ from ..runs.acquire import write_run
 from . import zone_fit
 
 Array = NDArray[np.float64]
-# metres of range a bin; bin of range 0: fitted once to a block at known poses
+# bins, range per bin, bin of range 0; fitted to a block at known poses
 BINS, BIN_M, ZERO_BIN = 128, zone_fit.BIN_M, 12.0
-OBJECT_M = 0.003  # height above the table from which a hit belongs to the object
-SIZE, HALF_TANGENT = 32, 0.3  # rays and pixels both ways; half of the chip's 33 degrees
+OBJECT_M = 0.003  # minimum height of the object above the table
+SIZE, HALF_TANGENT = 32, 0.3  # pixels per side; half of the field of 33 degrees
 PS_PER_M = 2e12 / 299_792_458.0
-COUNTS, BACKGROUND = 3e6, 600.0  # usual record: photons of all zones, counts a bin
+COUNTS, BACKGROUND = 3e6, 600.0  # typical record: photons of all zones, counts per bin
 
 
 def read_measured(path: str | pathlib.Path) -> tuple[Array, Array, Array]:
-    """Counts [n, zones, 128], references [n, 128], poses [n, 4, 4] of a shape's file. Raises
+    """Reads counts [n, zones, 128], references [n, 128] and poses [n, 4, 4] of a shape. Raises
     ValueError."""
     try:
         with gzip.open(path) as file:
             records: list[dict[str, Any]] = json.load(file)
-        hists, reference, pose = (np.array([one[key] for one in records], float)
+        hists, reference, pose = (np.array([record[key] for record in records], float)
                                   for key in ("hists", "reference_hist", "pose"))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ValueError(
             f"{path}: expected records with hists, reference_hist and pose: {error}") from None
     if hists.ndim != 3 or hists.shape[2] != BINS or pose.shape[1:] != (4, 4):
         raise ValueError(
-            f"{path}: hists {hists.shape}, pose {pose.shape}; expected [n, zones, {BINS}] and [n, "
-            "4, 4]")
+            f"{path}: shape of hists {hists.shape} (expected [n, zones, {BINS}]), of pose "
+            f"{pose.shape} (expected [n, 4, 4])")
     return hists, reference, pose
 
 
 def read_mesh(path: str | pathlib.Path) -> Array:
-    """Triangles [k, 3 corners, xyz] of a binary .stl or an .obj file, metres. Raises ValueError."""
+    """Reads triangles [k, 3 corners, xyz], m, from a binary .stl or an .obj file. Raises
+    ValueError."""
     contents = pathlib.Path(path).read_bytes()
     if pathlib.Path(path).suffix == ".obj":
         lines = [line.split() for line in contents.decode().splitlines()]
@@ -74,7 +75,7 @@ def read_mesh(path: str | pathlib.Path) -> Array:
 
 
 def table_height(triangles: Array) -> float:
-    """z of the table: the highest horizontal plane of at least half of the largest one's area."""
+    """Returns z of the table: the highest horizontal plane with at least half the maximum area."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     flat = np.abs(normals[:, 2]) > 0.999 * np.linalg.norm(normals, axis=1)
     areas: dict[float, float] = {}
@@ -85,25 +86,25 @@ def table_height(triangles: Array) -> float:
 
 def cast(pose: Array, triangles: Array, size: int = SIZE,
          half_tangent: float = HALF_TANGENT) -> tuple[Array, Array, Array]:
-    """From a pose (columns: x, y, view, place) through size x size pixels, row-major from the top
-    left: z along the view (inf: nothing), cosine at the surface, height of the hit. Moeller and
-    Trumbore's test."""
+    """Casts rays from a pose (columns: x, y, view, position) through size x size pixels, row-major
+    from the top left. Returns depth along the view (inf: no hit), cosine at the surface and height
+    of the hit. Moeller-Trumbore intersection."""
     x, y = zone_fit.tangents(size, half_tangent)
     rays = np.stack([x, y, np.ones_like(x)], -1).reshape(-1, 3) @ pose[:3, :3].T
-    first, one, two = (triangles[:, 0], triangles[:, 1] - triangles[:, 0],
-                       triangles[:, 2] - triangles[:, 0])
-    p = np.cross(rays[:, None], two)  # [rays, triangles, 3]
+    first, edge_1, edge_2 = (triangles[:, 0], triangles[:, 1] - triangles[:, 0],
+                             triangles[:, 2] - triangles[:, 0])
+    p = np.cross(rays[:, None], edge_2)  # [rays, triangles, 3]
     with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = 1 / (p * one).sum(-1)
+        inverse = 1 / (p * edge_1).sum(-1)
         from_first = pose[:3, 3] - first
         u = (p * from_first).sum(-1) * inverse
-        q = np.cross(from_first, one)
+        q = np.cross(from_first, edge_1)
         v = rays @ q.T * inverse
-        z = (q * two).sum(-1) * inverse
+        z = (q * edge_2).sum(-1) * inverse
     z = np.where((u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (z > 1e-6), z, np.inf)
     hit = z.argmin(1)
     depth = z[np.arange(len(rays)), hit]
-    normals = np.cross(one, two)[hit]
+    normals = np.cross(edge_1, edge_2)[hit]
     lengths = np.linalg.norm(normals, axis=1) * np.linalg.norm(rays, axis=1)
     cosine = np.abs((normals * rays).sum(1)) / np.maximum(lengths, 1e-12)
     height = pose[2, 3] + np.where(np.isfinite(depth), depth, 0) * rays[:, 2]
@@ -111,26 +112,27 @@ def cast(pose: Array, triangles: Array, size: int = SIZE,
 
 
 def truth_of(depth: Array, height: Array, table_m: float) -> NDArray[np.float32]:
-    """Map [SIZE, SIZE] in metres: the object's pixels, NaN for the table and beyond."""
+    """Returns the map [SIZE, SIZE] of the object, m; NaN elsewhere."""
     return np.where(np.isfinite(depth) & (height > table_m + OBJECT_M), depth,
                     np.nan).astype(np.float32).reshape(SIZE, SIZE)
 
 
 def box(x: float, y: float, z: float) -> Array:
-    """Triangles of a box on the plane z = 0 about the origin."""
+    """Returns the triangles of a box centred on the plane z = 0."""
     corners = np.array([(sx * x / 2, sy * y / 2, sz * z) for sz in (0, 1)
                         for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
     return _hull(corners, 4)
 
 
 def wedge(x: float, y: float, z: float) -> Array:
-    """A box with a ridge as its top."""
+    """Returns the triangles of a box that narrows to a ridge."""
     out = box(x, y, z)
     out[..., 0] *= np.where(out[..., 2] > 0, 0.05, 1)
     return out
 
 
 def cylinder(radius: float, z: float, sides: int = 16) -> Array:
+    """Returns the triangles of a cylinder centred on the plane z = 0."""
     angle = 2 * np.pi * np.arange(sides) / sides
     ring = radius * np.stack([np.cos(angle), np.sin(angle)], 1)
     return _hull(np.concatenate([np.c_[ring, np.zeros(sides)], np.c_[ring, np.full(sides, z)]]),
@@ -138,14 +140,14 @@ def cylinder(radius: float, z: float, sides: int = 16) -> Array:
 
 
 def _hull(corners: Array, n: int) -> Array:
-    """Side and top faces between a lower and an upper ring of n corners."""
+    """Returns side and top faces between a lower and an upper ring of n corners."""
     faces = [(k, (k + 1) % n, n + k)
              for k in range(n)] + [((k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
     return np.asarray(corners[np.array(faces + [(n, n + k, n + k + 1) for k in range(1, n - 1)])])
 
 
-def any_object(rng: np.random.Generator) -> tuple[Array, float]:
-    """A random solid on the plane z = 0, turned about z, and its height."""
+def random_solid(rng: np.random.Generator) -> tuple[Array, float]:
+    """Returns a random solid on the plane z = 0, rotated about z, and its height, m."""
     wide, deep, high = rng.uniform(0.03, 0.12), rng.uniform(0.03, 0.12), rng.uniform(0.04, 0.25)
     solid = (box(wide, deep, high), wedge(wide, deep, high),
              cylinder(wide / 2, high))[rng.integers(3)]
@@ -153,8 +155,8 @@ def any_object(rng: np.random.Generator) -> tuple[Array, float]:
     return solid @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), high
 
 
-def any_pose(rng: np.random.Generator, high: float) -> Array:
-    """A sensor above the table that looks towards the object, rolled at random."""
+def random_pose(rng: np.random.Generator, high: float) -> Array:
+    """Returns a random pose above the table that points at the object, with random roll."""
     around = rng.uniform(0, 2 * np.pi)
     place = np.append(rng.uniform(0, 0.18) * np.array([np.cos(around), np.sin(around)]),
                       rng.uniform(max(0.1, high * 0.6), 0.34))
@@ -171,8 +173,8 @@ def any_pose(rng: np.random.Generator, high: float) -> Array:
 
 def histograms(depth: Array, gain: Array, fit: zone_fit.ZoneFit, zero_bin: Array,
                response: tuple[Array, int]) -> Array:
-    """Relative counts [zones, 128] of a scene of G * G rays: field x gain / r^2 of each ray at its
-    range, blurred by the response."""
+    """Returns relative counts [zones, 128] of G * G rays: field x gain / r^2 at the range of each
+    ray, convolved with the response."""
     met = np.isfinite(depth)
     range_m = np.where(met, depth, 1) * zone_fit.slant()
     weights = fit.fields * np.where(met, gain / range_m**2, 0)
@@ -187,17 +189,17 @@ def histograms(depth: Array, gain: Array, fit: zone_fit.ZoneFit, zero_bin: Array
     return out
 
 
-def rendered(fit: zone_fit.ZoneFit, reference: Array, records: int,
-             seed: int) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-    """Counts [n, zones, 128] and maps [n, SIZE, SIZE] of random objects. reference [128]: the
-    chip's own. Albedo, response, time zeros and gains vary by more than the fit's errors."""
+def render_records(fit: zone_fit.ZoneFit, reference: Array, records: int,
+                   seed: int) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+    """Renders counts [n, zones, 128] and maps [n, SIZE, SIZE] of random objects. `reference` [128]
+    is that of the chip. Albedo, response, time zeros and gains vary by more than the fit errors."""
     rng = np.random.default_rng(seed)
     table = np.array([[(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [(-1, -1, 0), (1, 1, 0), (-1, 1, 0)]],
                      float)
     counts, maps, zones = [], [], len(fit.fields)
     for _ in range(records):
-        solid, high = any_object(rng)
-        pose, scene = any_pose(rng, high), np.concatenate([table, solid])
+        solid, high = random_solid(rng)
+        pose, scene = random_pose(rng, high), np.concatenate([table, solid])
         maps.append(truth_of(*cast(pose, scene)[::2], 0))
         depth, cosine, height = cast(pose, scene, zone_fit.G, zone_fit.FIELD_TANGENT)
         gain = cosine * np.where(height > OBJECT_M, 1.0, np.exp(rng.uniform(-1.2, 1.2)))
@@ -210,27 +212,27 @@ def rendered(fit: zone_fit.ZoneFit, reference: Array, records: int,
     return np.array(counts, np.uint32), np.array(maps)
 
 
-def seen_by(poses: Array, mesh: str | pathlib.Path) -> zone_fit.Scenes:
-    """Hits of the rays of a zone's field from these poses."""
+def hits_from(poses: Array, mesh: str | pathlib.Path) -> zone_fit.Scenes:
+    """Casts the rays of a zone's field from these poses."""
     triangles = read_mesh(mesh)
     found = [cast(pose, triangles, zone_fit.G, zone_fit.FIELD_TANGENT) for pose in poses]
     depth, cosine, height = (np.array(part) for part in zip(*found))
     return zone_fit.Scenes(depth, cosine, height > table_height(triangles) + OBJECT_M)
 
 
-def fitted(data: str | pathlib.Path, mesh: str | pathlib.Path,
-           poses: Sequence[int]) -> zone_fit.ZoneFit:
-    """The zones of the chip, from these poses of a shape."""
+def fit_to_poses(data: str | pathlib.Path, mesh: str | pathlib.Path,
+                 poses: Sequence[int]) -> zone_fit.ZoneFit:
+    """Fits the zones of the chip to these poses of a shape. Raises ValueError."""
     counts, references, places = read_measured(data)
     rows = list(poses)
     if not rows or not all(0 <= row < len(counts) for row in rows):
-        raise ValueError(f"poses {rows}: expected some of 0 to {len(counts) - 1}")
-    return zone_fit.fit_zones(counts[rows], references.mean(0), seen_by(places[rows], mesh))
+        raise ValueError(f"poses {rows} (expected numbers from 0 to {len(counts) - 1})")
+    return zone_fit.fit_zones(counts[rows], references.mean(0), hits_from(places[rows], mesh))
 
 
 def write(out: str | pathlib.Path, counts: NDArray[Any], maps: NDArray[np.float32],
           fit: zone_fit.ZoneFit | None, label: str, notes: str) -> None:
-    """Makes a run of counts [n, zones, 128] and maps. Without a fit: of the sum of the zones."""
+    """Writes a run of counts [n, zones, 128] and maps. Without a fit the zones are summed."""
     zones = []
     if fit is None:
         counts = counts.sum(1)
@@ -243,13 +245,14 @@ def write(out: str | pathlib.Path, counts: NDArray[Any], maps: NDArray[np.float3
               depth_m=maps, half_tangent=HALF_TANGENT, label=label, notes=f"TMF8820: {notes}")
 
 
-def measured(data: str | pathlib.Path, mesh: str | pathlib.Path,
-             without: Sequence[int] = ()) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-    """Counts [n, zones, 128] and true maps of a shape's poses, but for some."""
+def measured_records(
+        data: str | pathlib.Path, mesh: str | pathlib.Path,
+        excluded: Sequence[int] = ()) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+    """Returns measured counts [n, zones, 128] and true maps, without the excluded poses."""
     counts, _, poses = read_measured(data)
     triangles = read_mesh(mesh)
     table_m = table_height(triangles)
-    rows = np.setdiff1d(np.arange(len(poses)), without)
+    rows = np.setdiff1d(np.arange(len(poses)), excluded)
     maps = [truth_of(*cast(poses[row], triangles)[::2], table_m) for row in rows]
     return counts[rows].astype(np.uint32), np.array(maps)
 
@@ -257,14 +260,18 @@ def measured(data: str | pathlib.Path, mesh: str | pathlib.Path,
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python3 -m echofuse.tmf8820",
                                      description=__doc__.split("\n\n")[0])
-    parser.add_argument("what", choices=("measured", "fit", "rendered"))
-    parser.add_argument("data", help="NAME.json.gz of a shape; rendered: whose reference is used")
-    parser.add_argument("mesh", nargs="?", help="NAME.stl or NAME.obj, of measured records")
-    parser.add_argument("--poses", help="fit: numbers of the poses, as 0,8,16 (default: all)")
-    parser.add_argument("--fit", help="what `fit` wrote; without it the zones are added up")
-    parser.add_argument("--records", type=int, default=3000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--out", required=True, help="run to make, or the fit's JSON file")
+    parser.add_argument("what", choices=("measured", "fit", "rendered"),
+                        help="convert measured records, fit the zones, or render records")
+    parser.add_argument("data", help="NAME.json.gz of a shape; `rendered` uses only its reference")
+    parser.add_argument("mesh", nargs="?",
+                        help="NAME.stl or NAME.obj of the shape; not used by `rendered`")
+    parser.add_argument("--poses", help="numbers of the poses to fit, e.g. 0,8,16 (default: all)")
+    parser.add_argument("--fit", help="file written by `fit`; without it measured zones are summed")
+    parser.add_argument("--records", type=int, default=3000,
+                        help="records to render (default 3000)")
+    parser.add_argument("--seed", type=int, default=1,
+                        help="seed of the rendered records (default 1)")
+    parser.add_argument("--out", required=True, help="run to write, or JSON file of the fit")
     args = parser.parse_args()
     try:
         _make(args)
@@ -275,21 +282,21 @@ def main() -> None:
 def _make(args: argparse.Namespace) -> None:
     fit = zone_fit.load(args.fit) if args.fit else None
     if args.what != "rendered" and args.mesh is None:
-        raise ValueError("expected the mesh of the shape")
+        raise ValueError("mesh of the shape is missing")
     if args.what == "fit":
         poses = ([int(word) for word in args.poses.split(",")] if args.poses
                  else range(len(read_measured(args.data)[0])))
-        found = fitted(args.data, args.mesh, poses)
-        found.save(args.out)
-        print(found.text())
+        result = fit_to_poses(args.data, args.mesh, poses)
+        result.save(args.out)
+        print(result.text())
     elif args.what == "measured":
         label = pathlib.Path(args.data).name.split(".")[0]
-        write(args.out, *measured(args.data, args.mesh), fit, label, "measured")
+        write(args.out, *measured_records(args.data, args.mesh), fit, label, "measured")
     elif fit is None:
-        raise ValueError("rendered records need --fit")
+        raise ValueError("rendered needs --fit")
     else:
         reference = read_measured(args.data)[1].mean(0)
-        records = rendered(fit, reference, args.records, args.seed)
+        records = render_records(fit, reference, args.records, args.seed)
         write(args.out, *records, fit, "solid", "rendered")
 
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Fits the zones of a detector to captures of one known object: the field and the time zero of each
-zone, and the exponent of the response.
+"""Fits the field and the time zero of each detector zone, and the exponent of the response, to
+captures of a known object.
 
-A zone k counts in bin b
+Model of the counts of zone k in bin b:
     r_kb = sum over rays i of  w_ki a_i cos_i / R_i^2  h^g(b - zero_k - R_i / bin)
-with weights w_ki of the field on G x G tangents, the albedo a_i (1 on the object), and the power g
-of the chip's reference histogram h. The weights are the non-negative least squares solution, with
-Poisson weights of the bins (Beck and Teboulle's accelerated projected gradient)."""
+where w_ki is the field on G x G tangents, a_i the albedo (1 on the object), h the chip's reference
+histogram and g its exponent. w is the non-negative least squares solution with Poisson weights
+(accelerated projected gradient of Beck and Teboulle)."""
 from __future__ import annotations
 
 import json
@@ -18,36 +18,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.floating[Any]]
-G, FIELD_TANGENT = 30, 0.46  # grid of a field: 14 % of the weight lies outside +-0.3
-KNOTS = 8  # a field is a sum of KNOTS x KNOTS hats, because few poses do not determine every ray
+G, FIELD_TANGENT = 30, 0.46  # grid of a field; 14 % of the weight is outside +-0.3
+KNOTS = 8  # a field is a sum of KNOTS x KNOTS hat functions: few poses do not constrain each ray
 BIN_M = 0.0138
-FIRST, LAST = 11, 60  # bins that are fitted
+FIRST, LAST = 11, 60  # range of fitted bins
 FINE = 0.05  # step of the tabulated response, bins
 EXPONENTS, ALBEDOS = (1.0, 1.35, 1.7, 2.0), (0.8, 1.2, 1.8)
 
 
 def tangents(size: int, half: float) -> tuple[Array, Array]:
-    """x and y of size x size pixels, from the top left."""
+    """Returns x and y [size, size] of the pixel centres, row 0 at the top."""
     at = half * ((2 * np.arange(size) + 1) / size - 1)
     x, y = np.meshgrid(at, -at)
     return x, y
 
 
 def slant() -> Array:
-    """Range over depth of each ray of a field [G * G]."""
+    """Returns range / depth of each ray of a field [G * G]."""
     x, y = tangents(G, FIELD_TANGENT)
     return np.asarray(np.sqrt(1 + x**2 + y**2).ravel())
 
 
 def response_of(reference: Array, exponent: float) -> tuple[Array, int]:
-    """Response of unit sum [bins] and its peak, of a mean reference histogram."""
+    """Returns the response [bins], normalised to sum 1, and its peak bin from a mean reference
+    histogram."""
     above = np.clip(reference - np.median(reference[-20:]), 0, None)
     response = (above / above.sum()) ** exponent
     return response / response.sum(), int(response.argmax())
 
 
 def hats() -> Array:
-    """[G * G, KNOTS * KNOTS]: hats of linear interpolation between knots."""
+    """Returns the hat functions of linear interpolation between knots [G * G, KNOTS * KNOTS]."""
     at = (np.arange(G) + 0.5) / G * KNOTS - 0.5
     one = np.clip(1 - np.abs(at[:, None] - np.arange(KNOTS)), 0, None)
     return np.asarray(np.einsum("ik,jl->ijkl", one, one).reshape(G * G, KNOTS * KNOTS))
@@ -55,15 +56,15 @@ def hats() -> Array:
 
 @dataclass(frozen=True)
 class Scenes:
-    """Hits of the rays of a field [poses, G * G]: depth (m, inf: nothing), cosine, object."""
+    """Ray hits [poses, G * G]: depth (m, inf: no hit), cosine, whether it is on the object."""
 
     depth_m: Array
     cosine: Array
     is_object: NDArray[np.bool_]
 
     def unit_counts(self, response: tuple[Array, int], zero_bin: float, albedo: float) -> Array:
-        """[poses * bins, G * G]: counts in the fitted bins by a ray of weight 1. albedo: of the
-        table, relative to the object's."""
+        """Returns the counts of a ray with weight 1 in the fitted bins [poses * bins, G * G].
+        `albedo` is that of the table relative to the object."""
         taps, peak = response
         fine = np.interp(np.arange(-20, 100, FINE) + peak, np.arange(len(taps)), taps)
         met = np.isfinite(self.depth_m)
@@ -78,9 +79,9 @@ class Scenes:
 
 
 def non_negative(a: Array, y: Array, steps: int) -> Array:
-    """x >= 0 with the least |a x - y|."""
+    """Minimises |a x - y| for x >= 0."""
     squares, to = a.T @ a, a.T @ y
-    # power iterations give the largest eigenvalue
+    # power iteration for the largest eigenvalue
     v = np.ones(len(to), squares.dtype)
     for _ in range(30):
         v = squares @ v
@@ -97,8 +98,8 @@ def non_negative(a: Array, y: Array, steps: int) -> Array:
 
 
 def fitted_field(a: Array, counts: Array, steps: int) -> tuple[Array, float]:
-    """Field of one zone, and the share of the weighted power that it explains; counts [poses,
-    bins]."""
+    """Returns the field of one zone and the explained share of the weighted variance, from
+    counts [poses, bins]."""
     y = counts[:, FIRST:LAST].ravel()
     weight = 1 / np.sqrt(np.maximum(y, 0) + 0.02 * y.max())
     basis = hats()
@@ -107,6 +108,7 @@ def fitted_field(a: Array, counts: Array, steps: int) -> tuple[Array, float]:
 
 
 def explained(a: Array, field: Array, counts: Array) -> float:
+    """Returns the share of the weighted variance of the counts that a field explains."""
     y = counts[:, FIRST:LAST].ravel()
     weight = 1 / np.sqrt(np.maximum(y, 0) + 0.02 * y.max())
     return float(1 - (((a @ field - y) * weight)**2).sum() / (((y - y.mean()) * weight)**2).sum())
@@ -114,30 +116,29 @@ def explained(a: Array, field: Array, counts: Array) -> float:
 
 @dataclass(frozen=True)
 class ZoneFit:
-    """Fields [zones, G * G], time zeros (bins), the response's exponent, the table's albedo
-    relative to the object's, and the share of the power that each zone's fit explains."""
+    """Fitted parameters of all zones."""
 
-    fields: Array
-    zero_bin: Array
-    exponent: float
-    albedo: float
-    explained: Array
+    fields: Array  #: [zones, G * G]
+    zero_bin: Array  #: time zeros [zones], bins
+    exponent: float  #: of the response
+    albedo: float  #: of the table relative to the object
+    explained: Array  #: explained share of the variance [zones]
 
     def centres(self) -> Array:
-        """[zones, 3]: mean x, mean y and standard deviation of each field, as tangents."""
+        """Returns mean x, mean y and standard deviation of each field [zones, 3], tangents."""
         x, y = (part.ravel() for part in tangents(G, FIELD_TANGENT))
         w = self.fields / self.fields.sum(1, keepdims=True)
         cx, cy = w @ x, w @ y
         return np.stack([cx, cy, np.sqrt((w @ (x**2 + y**2) - cx**2 - cy**2) / 2)], 1)
 
     def text(self) -> str:
-        """A line for each zone."""
-        lines = [f"response to the power of {self.exponent:g}, albedo of the table "
-                 f"{self.albedo:g} times the object's"]
+        """Returns a summary with one line per zone."""
+        lines = [f"response exponent {self.exponent:g}, table albedo {self.albedo:g} times that of "
+                 "the object"]
         for k, (x, y, deviation) in enumerate(self.centres()):
-            lines.append(f"zone {k}: centre {x:.3f}, {y:.3f}, deviation {deviation:.3f}, zero at "
-                         f"bin {self.zero_bin[k]:.1f}, {self.explained[k]:.3f} of the power "
-                         "explained")
+            lines.append(f"zone {k}: centre {x:.3f}, {y:.3f}, standard deviation {deviation:.3f}, "
+                         f"time zero at bin {self.zero_bin[k]:.1f}, "
+                         f"{self.explained[k]:.3f} of the variance explained")
         return "\n".join(lines)
 
     def save(self, path: str | pathlib.Path) -> None:
@@ -146,40 +147,40 @@ class ZoneFit:
 
 
 def load(path: str | pathlib.Path) -> ZoneFit:
-    """The fit that save() wrote. Raises ValueError."""
+    """Reads a fit that save() wrote. Raises ValueError."""
     try:
         facts: dict[str, Any] = json.loads(pathlib.Path(path).read_text())
         fit = ZoneFit(np.array(facts["fields"], float), np.array(facts["zero_bin"], float),
                       float(facts["exponent"]), float(facts["albedo"]),
                       np.array(facts["explained"], float))
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path}: no fit of zones: {error}") from None
+        raise ValueError(f"{path}: invalid zone fit: {error}") from None
     if fit.fields.shape != (len(fit.zero_bin), G * G):
-        raise ValueError(f"{path}: fields {fit.fields.shape}; expected [zones, {G * G}]")
+        raise ValueError(f"{path}: shape of fields {fit.fields.shape} (expected [zones, {G * G}])")
     return fit
 
 
 def fit_zones(counts: Array, reference: Array, scenes: Scenes) -> ZoneFit:
-    """Fits counts [poses, zones, bins] of a known object. First a common time zero, exponent and
-    albedo by every fourth pose, which is left out of the fit; then each zone's own time zero."""
+    """Fits counts [poses, zones, bins] of a known object: first a common time zero, exponent and
+    albedo by four-fold cross-validation over the poses, then the time zero of each zone."""
     counts = counts - np.median(counts[:, :, -30:], axis=2, keepdims=True)
     zones = counts.shape[1]
 
-    def left_out(exponent: float, albedo: float, zero: float) -> float:
+    def held_out_share(exponent: float, albedo: float, zero: float) -> float:
         a = scenes.unit_counts(response_of(reference, exponent), zero, albedo)
         by_pose = a.reshape(len(counts), LAST - FIRST, -1)
         shares = []
         for fold in range(4):
             held = np.arange(len(counts)) % 4 == fold
-            known, rest = (by_pose[part].reshape(-1, G * G) for part in (~held, held))
+            train, test = (by_pose[rows].reshape(-1, G * G) for rows in (~held, held))
             for k in range(0, zones, max(1, zones // 3)):
-                field = fitted_field(known, counts[~held, k], 100)[0]
-                shares.append(explained(rest, field, counts[held, k]))
+                field = fitted_field(train, counts[~held, k], 100)[0]
+                shares.append(explained(test, field, counts[held, k]))
         return float(np.mean(shares))
 
-    zero = max(np.arange(11, 13.6, 0.5), key=lambda zero: left_out(1.7, 1.2, zero))
+    zero = max(np.arange(11, 13.6, 0.5), key=lambda zero: held_out_share(1.7, 1.2, zero))
     exponent, albedo = max(((e, a) for e in EXPONENTS for a in ALBEDOS),
-                           key=lambda one: left_out(one[0], one[1], zero))
+                           key=lambda pair: held_out_share(pair[0], pair[1], zero))
     response = response_of(reference, exponent)
     best: list[tuple[float, float, Array]] = [(-np.inf, 0.0, np.zeros(0))] * zones
     for own in zero + np.arange(-1.2, 1.3, 0.1):
@@ -190,6 +191,6 @@ def fit_zones(counts: Array, reference: Array, scenes: Scenes) -> ZoneFit:
                 best[k] = (share, float(own), field)
     fields = np.array([one[2] for one in best])
     digits = 5 - int(np.floor(np.log10(max(fields.max(), 1e-30))))
-    # rounded, so that every machine renders the same records
+    # Rounding makes rendered records equal on all machines.
     return ZoneFit(np.round(fields, digits), np.array([one[1] for one in best]), exponent, albedo,
                    np.array([one[0] for one in best]))
