@@ -107,14 +107,14 @@ def scene(n=12):
 
 
 def verdicts(run, sensor):
-    return [verdict.split(":")[0] for verdict in run.told()[f"{sensor}_verdict"]]
+    return [verdict.split(":")[0] for verdict in run.quality()[f"{sensor}_verdict"]]
 
 
 def test_imported_records_get_the_verdicts_of_a_live_run(tmp_path):
     arrays = scene()
     good = write(tmp_path / "good", **arrays)
     assert verdicts(good, "spd") == verdicts(good, "radar") == ["ok"] * 12
-    assert good.told()["depth_verdict"][0] == "not configured"
+    assert good.quality()["depth_verdict"][0] == "not configured"
     frozen = write(tmp_path / "frozen", spd=np.repeat(arrays["spd"][:1], 12, 0), radar=np.repeat(arrays["radar"][:1], 12, 0))
     assert verdicts(frozen, "spd") == verdicts(frozen, "radar") == ["ok"] + ["stands still"] * 11
     dead = write(tmp_path / "dead", spd=np.zeros((3, 90)), radar=np.zeros((3, 20)))
@@ -159,7 +159,7 @@ def test_implausible_depth_map_is_excluded(tmp_path):
     depth[5, :2] = 65535
     run = write(tmp_path / "own", depth_m=depth, began="2024-02-07", **scene())
     assert np.flatnonzero(~run.valid["depth"]).tolist() == [3]
-    assert run.told()["depth_verdict"][3].startswith("odd: its median is 7 mm")
+    assert run.quality()["depth_verdict"][3].startswith("odd: its median is 7 mm")
     assert "1 of 12 maps are implausible and omitted" in events(run)[0]
     assert np.isnan(run.depth[5, :2]).all() and not np.isnan(run.depth[5, 2:]).any()
 

@@ -40,7 +40,7 @@ def mutated(data, rng):
 def read_all(path):
     with echofuse.open(path) as run:
         for read in (lambda: run.spd, lambda: run.radar, lambda: run.depth, run.photons, run.power,
-                     run.lags, run.told, run.events, lambda: run.maps([0]), lambda: repr(run),
+                     run.lags, run.quality, run.events, lambda: run.maps([0]), lambda: repr(run),
                      lambda: [run.table(name) for name in run.tables]):
             read()
 

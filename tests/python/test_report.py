@@ -78,7 +78,7 @@ def test_report_numbers_equal_those_of_evaluate(here, tmp_path):
     first = page["first"][1]["rows"][0]
     assert [cell["text"] for cell in first[1:]] == [tables.METRICS[m].text(alone["metrics"][m]["mean"]) for m in tables.FIRST]
     assert first[1]["small"] == f"±{alone['metrics']['iou']['se']:.2f}"
-    stated = next(one for one in page["of"]["failures"] if one.get("caption", "").startswith("How sure"))["rows"][0]
+    stated = next(one for one in page["of"]["failures"] if one.get("caption", "").startswith("Stated uncertainty"))["rows"][0]
     assert stated[1] == f"{100 * alone['calibration']['lateral_interval_90_m']:.1f}"
     share = alone["calibration"]["within_lateral_interval_90"]
     count, of = map(int, stated[2]["text"].split(" of "))
@@ -112,7 +112,7 @@ def test_report_is_one_page_without_external_resources(here, tmp_path):
         "failures", "gallery", "errors", "labels", "metrics", "cost", "records", "space", "live", "made", "terms"]
     # Person and letter with three models; one live record, and the worst, median and best record with the first model.
     assert [len(record["maps"]) for record in page["records"]][:6] == [3, 3, 1, 1, 1, 1]
-    assert of_kind(page["of"]["metrics"], "note")["text"].startswith("Do not read the SSIM row alone")
+    assert of_kind(page["of"]["metrics"], "note")["text"].startswith("Do not use SSIM alone")
     assert ["command", f"echofuse-report {tmp_path}"] == [page["of"]["made"][0]["rows"][3][0], page["of"]["made"][0]["rows"][3][1][:16 + len(str(tmp_path))]]
     # The paper's values are shown only next to its networks.
     assert not [value for value in ("0.6576", "0.6389", "0.5266") if value in json.dumps(page)]
@@ -130,7 +130,7 @@ def test_report_groups_models_with_equal_inputs(here, tmp_path):
         "paper (the paper's network, SPD alone)", "mean (no sensor)"]
     assert page["of"]["metrics"][3]["rows"][0][2] == "0.6389"  # next to the value of the paper
     code, said = report(tmp_path / "no", "--run", here / "run.sqlite", "--model", f"a={here / 'spd'}", f"a={here / 'radar'}")
-    assert code == 1 and f"takes radar alone, and {here / 'spd'} of the same name SPD alone; expected --model NAME=" in said
+    assert code == 1 and f"inputs radar alone, but {here / 'spd'} with the same name has SPD alone; give --model NAME=" in said
 
 
 def test_models_are_scored_on_records_with_all_their_sensors(here, tmp_path):
@@ -170,7 +170,7 @@ def test_report_of_a_run_alone_and_paired_comparison(here, tmp_path):
     assert rows["IoU"][6]["text"] == "second" and rows["RMSE (m)"][4][0] == "+"  # plus means better, also for errors
     assert page["first"][0]["show"] == ["truth", "map 0", "map 1", "error 0", "error 1"]
     code, said = compare("body", "body")
-    assert code == 0 and "cannot be told apart" in said and "difference +0.000 (95 %: +0.000 to +0.000)" in said
+    assert code == 0 and "do not differ significantly" in said and "difference +0.000 (95 %: +0.000 to +0.000)" in said
 
 
 def test_report_shows_when_a_sensor_was_lost(here, tmp_path):
@@ -182,7 +182,7 @@ def test_report_shows_when_a_sensor_was_lost(here, tmp_path):
         db.execute("UPDATE record SET radar_verdict = 'no frames: 0 of 60' WHERE NOT valid & 2")
     db.close()
     code, said = report(tmp_path, "--live", lost)
-    assert code == 0 and "of which 40 have all three sensors; 20 of 60 doubtful: radar no frames 20." in said
+    assert code == 0 and "40 with all three sensors; 20 of 60 doubtful: radar no frames 20." in said
     assert "no data of radar from 120 s to the end." in said
     assert of_kind(page_of(tmp_path)["of"]["live"], "strips")["gaps"]["radar"] == [[120.0, 180.0]]
 
@@ -263,13 +263,13 @@ def test_failed_report_leaves_no_files(here, tmp_path):
 
 @pytest.mark.parametrize(("words", "code", "text"), [
     (["--run", "fresh.sqlite"], 2, "--run needs --model, --compare or --maps"),
-    (["--model", "body"], 2, "models need --run, or --live"),
+    (["--model", "body"], 2, "--model needs --run or --live"),
     (["--live", "fresh.sqlite", "--compare", "body", "spd"], 2, "--compare needs --run"),
     (["--live", "fresh.sqlite", "--maps", "m"], 2, "--maps needs --run"),
-    (["--run", "fresh.sqlite", "--maps", "m", "other/m"], 2, "the name m is there; give NAME=FOLDER"),
+    (["--run", "fresh.sqlite", "--maps", "m", "other/m"], 2, "duplicate name m; give NAME=FOLDER"),
     ([], 2, "nothing to report on: give --run with models, or --live"),
-    (["--run", "fresh.sqlite", "--model", "body", "--compare", "body", "spd"], 2, "--compare takes the place of the other models"),
-    (["--live", "fresh.sqlite", "--empty", "run.sqlite"], 2, "--empty is for the models of --run"),
+    (["--run", "fresh.sqlite", "--model", "body", "--compare", "body", "spd"], 2, "--compare and --model exclude each other"),
+    (["--live", "fresh.sqlite", "--empty", "run.sqlite"], 2, "--empty needs --run"),
     (["--lvie", "fresh.sqlite"], 2, "--lvie"),
     (["--live", "nofile"], 1, "nofile.sqlite: No such file or directory; expected a run file"),
     (["--run", "fresh.sqlite", "--model", "nomodel"], 1, "nomodel: No such file or directory; expected a model file"),
@@ -287,7 +287,7 @@ def test_report_of_another_run_is_kept_without_force(here, tmp_path):
     assert report(tmp_path, "--live", here / "fresh.sqlite")[0] == 0
     assert report(tmp_path, "--live", here / "fresh.sqlite")[0] == 0
     code, said = report(tmp_path, "--live", here / "run.sqlite")
-    assert code == 2 and f"{tmp_path}: holds a report of another run; give another folder, or --force to write over it" in said
+    assert code == 2 and f"{tmp_path}: contains a report of another run; give another folder, or --force to overwrite it" in said
     assert report(tmp_path, "--live", here / "run.sqlite", "--force")[0] == 0
     assert page_of(tmp_path)["of"]["live"][0]["text"].endswith("160 records, all with all three sensors.")
 
@@ -308,10 +308,10 @@ def mode_of(name, kind, iou, rmse_m, **columns):
 
 
 def judged_of(**baselines):
-    from echofuse.report.scores import Judged
+    from echofuse.report.scores import Evaluation
 
     trivial = {name: {"iou": {"mean": iou, "se": 0.0, "maps": 20}} for name, iou in baselines.items()}
-    return Judged([], {"trivial": trivial, "foreground_depth_m": 3.0}, "")
+    return Evaluation([], {"trivial": trivial, "foreground_depth_m": 3.0}, "")
 
 
 def test_report_verdict_names_the_competing_model_and_worse_metrics():
@@ -319,24 +319,24 @@ def test_report_verdict_names_the_competing_model_and_worse_metrics():
     theirs.differences = {"rmse_m": {"records": 20, "first": 0.46, "second": 0.42, "mean": 0.04, "low": 0.03, "high": 0.05},
                           "iou": {"records": 20, "first": 0.6, "second": 0.5, "mean": -0.1, "low": -0.1, "high": -0.1}}
     said = tables.models_verdict([ours, theirs], judged_of(empty=0), "simulated", True)
-    assert "20 simulated records of a new run: IoU 0.60 ± 0.00 (theirs, of the same inputs: 0.50" in said
-    assert "none of the baselines scored here draws a body), lateral error 3.1 ± 0.0 cm" in said
+    assert "20 simulated records of a new run: IoU 0.60 ± 0.00 (theirs with the same inputs: 0.50" in said
+    assert "all baselines have IoU 0), lateral error 3.1 ± 0.0 cm" in said
     assert said.endswith("Worse than theirs (pca, SPD alone) in RMSE (0.46 against 0.42 m).")
     theirs.takes = "SPD + 8 antennas"
     said = tables.models_verdict([ours, theirs], judged_of(empty=0, nearest=0.3), "recorded", False)
-    assert "same inputs" not in said and "nearest training record: 0.30" in said and "20 recorded records that training held out" in said
+    assert "same inputs" not in said and "nearest training record: 0.30" in said and "20 recorded records held out in the training" in said
 
 
 def test_report_lists_failures_first():
     fused = mode_of("fused", "factorised", 0.6, 0.46).first
     assert tables.problems_of_run(fused) == []
     fused = mode_of("fused", "factorised", 0.6, 0.46, lateral_interval_90_m=np.full(20, 0.01)).first
-    fused.told["domain_shift"] = {"found": True, "text": "this run differs from the training data: range +30.0 +- 2.0 cm", "p": 1e-4}
-    fused.told["notes"] = "3 records: radar lost: SPD alone\n"
+    fused.result["domain_shift"] = {"found": True, "text": "this run differs from the training data: range +30.0 +- 2.0 cm", "p": 1e-4}
+    fused.result["notes"] = "3 records: radar lost: SPD alone\n"
     assert tables.problems_of_run(fused, "Recorded run: ") == [
         "Recorded run: this run differs from the training data: range +30.0 +- 2.0 cm.",
-        "Recorded run: 20 of 20 bodies are outside the stated 90 % interval, 2 expected; worst: record 2, 3 cm off to the side, "
-        "stated within 1 cm.",
+        "Recorded run: 20 of 20 bodies are outside the stated 90 % interval, 2 expected; worst: record 2, lateral error 3 cm, "
+        "stated ±1 cm.",
         "Recorded run: 3 records: radar lost: SPD alone."]
     one = mode_of("fused", "factorised", 0.6, 0.46, lateral_interval_90_m=np.where(np.arange(20) == 7, 0.02, 0.1)).first
     assert tables.problems_of_run(one) == [] and one.outside.startswith("1 of 20 bodies are outside the stated 90 % interval, 2 expected; "
@@ -390,7 +390,7 @@ def test_report_compares_maps_of_other_programs_with_the_first_model(here, tmp_p
     assert code == 0, said
     page, told = page_of(tmp_path / "page"), evaluated("--maps", tmp_path / "truth", "--maps", tmp_path / "few", here / "body", run.path)
     scores, gains = (block for block in page["of"]["maps"] if block["kind"] == "table")
-    assert [row[0] for row in scores["rows"]][:3] == ["theirs", "few (57 not answered)", "body (mean-shape, SPD + radar profile)"]
+    assert [row[0] for row in scores["rows"]][:3] == ["theirs", "few (57 maps missing)", "body (mean-shape, SPD + radar profile)"]
     assert [row[1]["text"] for row in scores["rows"]][:3] == [f"{row['metrics']['iou']['mean']:.2f}" for row in told["rows"]]
     assert [row[3]["small"].split("(")[-1] for row in scores["rows"]][:2] == ["60)", "3)"]  # number of maps with a depth error
     assert [row[1]["text"] for row in gains["rows"]] == [f"{one['metrics']['iou']['mean']:+.3f}" for one in told["paired"]]
@@ -429,5 +429,5 @@ def test_report_compares_many_models_in_a_table(here, tmp_path):
     assert code == 0, said
     page = page_of(tmp_path)
     assert "Worse than" not in page["verdict"] and len(page["verdict"]) < 300
-    against = next(block for block in page["of"]["metrics"] if block.get("caption", "").startswith("Against body"))
+    against = next(block for block in page["of"]["metrics"] if block.get("caption", "").startswith("Differences to body"))
     assert len(against["rows"]) == 4 and against["rows"][0][1]["text"][0] in "+-"

@@ -98,7 +98,7 @@ def of_view(run):
 
 def of_python(run):
     with echofuse.open(run) as opened:
-        told, info = opened.told(), opened.info
+        told, info = opened.quality(), opened.info
         verdicts = {s: told[f"{s}_verdict"].tolist() for s in SENSORS}
         counters = opened.table("counter")
         record = opened.table("record")
@@ -147,7 +147,7 @@ def of_report(run, folder):
     page = (folder / "page/report.html").read_text(encoding="utf-8")
     status, n = re.search(r'\.sqlite: ([^"]*?): (\d+) records?\b', page).groups()
     doubts = re.search(r'; (\d+ of \d+ doubtful: [^"]*?)\."', page)
-    lack = re.search(r"(\d+) lack a sensor that the run requires", page)
+    lack = re.search(r"(\d+) without a required sensor", page)
     return {"records": int(n), "status": status, "doubts": doubts[1] if doubts else "", "incomplete": int(lack[1]) if lack else 0}
 
 

@@ -50,7 +50,7 @@ recon reconstruct seen.sqlite seen.sqlite --out maps | 1 | seen.sqlite: is a run
 recon reconstruct nomodel seen.sqlite --out maps --format gif | 2 | --format: gif not in {colour,mm,ply,npy,foreground,uncertainty}
 recon evaluate nomodel seen.sqlite --rows test | 2 | --rows requires --maps
 report page | 2 | nothing to report on: give --run with models, or --live
-report page --model x | 2 | models need --run
+report page --model x | 2 | --model needs --run
 recon --threads many train x --out m | 2 | --threads
 sim dataset --out seen.sqlite --records 4 | 1 | seen.sqlite: exists
 sim dataset --out x --records 4 --people 1 | 2 | --records 4 differs from the 1 records requested by kind

@@ -213,8 +213,9 @@ def content_hash(path: Path) -> str:
     uuid."""
     with runs.open(path) as run:
         facts = (sorted(map(repr, run.axes.values())), sorted(run.offset_m.items()),
-                 run.index.tolist(), {name: column.tolist() for name, column in run.told().items()
-                                      if name.startswith("verdict")})
+                 run.index.tolist(),
+                 {name: column.tolist() for name, column in run.quality().items()
+                  if name.startswith("verdict")})
     return hashlib.sha256((repr(facts) + checksum(path)).encode()).hexdigest()[:16]
 
 

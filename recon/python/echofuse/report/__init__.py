@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Reports of models and runs, each one page of HTML."""
+"""HTML reports of models and runs."""
 from .command import main
 
 __all__ = ["main"]

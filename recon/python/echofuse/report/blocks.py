@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""The page of a report as JSON, which the scripts of the live page (recon/web) draw:
+"""Contents of a report as JSON, drawn by the scripts of the live page (recon/web):
     {"title", "verdict", "fails": [text], "more": text, "origin": text, "span": [near_m, far_m],
     "records": [record],
      "first": [block], "sections": [{"id", "heading", "blocks": [block]}]}
-A block has a "kind"; recon/web/report.js has a function for each. Depths of records are whole
-millimetres (16 bits, base64), deviations centimetres and shares 1/200 (8 bits)."""
+A block has a "kind"; recon/web/report.js has one function per kind. Units of packed values
+(base64): depths 1 mm (16 bits), deviations 1 cm, shares 1/200 (8 bits)."""
 from __future__ import annotations
 
 import base64
@@ -27,14 +27,14 @@ NONE = "\N{EN DASH}"
 
 def table(caption: str, head: Sequence[Any], rows: Sequence[Sequence[Any]],
           baselines: int = 0) -> Block:
-    """The first cell of a row is its head; so many rows at the end are quiet. A head may be
-    {"text", "words": True}: of a column of words, which stands at the left."""
+    """Returns a table. The first cell of each row is its title; the last `baselines` rows are
+    dimmed. The head {"text", "words": True} left-aligns a column."""
     return {"kind": "table", "caption": caption, "head": list(head),
             "rows": [list(row) for row in rows], "baselines": baselines}
 
 
 def cell(text: str, small: str = "", mark: str = "") -> Block:
-    """A text, something small behind it, and a mark: "best", "good", "bad"."""
+    """Returns a cell: text, small print, and a mark "best", "good" or "bad"."""
     return {"text": text} | ({"small": small} if small else {}) | ({"mark": mark} if mark else {})
 
 
@@ -55,8 +55,8 @@ def details(summary: str, *blocks: Block) -> Block:
 
 
 def pictures(record: int, show: Sequence[str], caption: str, **more: Any) -> Block:
-    """Pictures of a record of the page's list: each "truth", "spd", "radar", or "map", "error",
-    "deviation", "share" and the number of its model."""
+    """Returns pictures of page["records"][record]: "truth", "spd", "radar", or "map", "error",
+    "deviation", "share" followed by the number of the model."""
     return {"kind": "pictures", "record": record, "show": list(show), "caption": caption} | more
 
 
@@ -64,20 +64,21 @@ def chart(title: str, x: str, y: str, **more: Any) -> Block:
     return {"kind": "chart", "title": title, "x": x, "y": y, "series": [], "rules": []} | more
 
 
-def add_series(one: Block, name: str, colour: str, look: str, x: Iterable[float],
+def add_series(block: Block, name: str, colour: str, look: str, x: Iterable[float],
                y: Iterable[float]) -> None:
-    """look: "dots", "points", "line", "marked" (a line with its points) or "steps"."""
-    one["series"].append({"name": name, "colour": colour, "look": look, "x": [*map(short, x)],
+    """Adds a curve to a chart; `look` is "dots", "points", "line", "marked" (line with points) or
+    "steps"."""
+    block["series"].append({"name": name, "colour": colour, "look": look, "x": [*map(short, x)],
                           "y": [*map(short, y)]})
 
 
 def short(value: float) -> float | None:
-    """Five digits; None of what is no number."""
+    """Rounds to five digits; returns None for NaN and infinity."""
     return float(f"{value:.5g}") if np.isfinite(value) else None
 
 
 def three_digits(value: float) -> str:
-    """103 k"""
+    """Formats three digits with a decimal prefix, e.g. "103 k"."""
     value = float(f"{value:.3g}")
     size, ending = ((1e6, " M") if abs(value) >= 1e6 else (1e3, " k") if abs(value) >= 1e4
                     else (1, ""))
@@ -85,13 +86,13 @@ def three_digits(value: float) -> str:
 
 
 def packed(values: NDArray[Any], unit: float, kind: str) -> str:
-    """Base64 of whole units, "<u2" or "u1", taken to their ends; 0 of what is no number."""
+    """Returns base64 of multiples of `unit` in dtype `kind`, clipped to its range; NaN gives 0."""
     steps = np.clip(np.nan_to_num(values.astype(float) / unit), 0, np.iinfo(kind).max)
     return base64.b64encode(np.floor(steps + 0.5).astype(kind).tobytes()).decode()
 
 
 def printable(value: Any) -> Any:
-    """Texts that came from outside, in one line each, without what reorders them."""
+    """Makes all strings single-line and removes control characters that reorder text."""
     if isinstance(value, str):
         return run_files.printable(value)
     if isinstance(value, dict):
@@ -100,22 +101,22 @@ def printable(value: Any) -> Any:
 
 
 def html_of(page: Block) -> str:
-    """The page: recon/web/report.html with its styles, scripts and what it says."""
+    """Returns the HTML page: recon/web/report.html with styles, scripts and data inserted."""
     def read(name: str) -> str:
         return (PAGE / name).read_text(encoding="utf-8")
 
-    # all are one script there
+    # concatenates the modules into one script
     scripts = "".join(re.sub(r"(?m)^export ", "", re.sub(r"import [^\n]*\n", "", read(name)))
                       for name in ("charts.js", "maps.js", "cloud.js", "report.js"))
     parts = {"styles": "\n" + "".join(read(name) + "\n"
                                       for name in ("uPlot.min.css", "view.css", "report.css")),
              "uplot": f"\n/*\n{read('uPlot.LICENSE')}*/\n{read('uPlot.iife.min.js')}\n",
              "scripts": "\n" + scripts}
-    # The page's policy: the browser obeys nothing of another hash.
+    # Content security policy: the browser runs only scripts and styles with these hashes.
     style, uplot, script = (
         f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
         for text in parts.values())
-    # A "<" could end the script, or begin a comment that hides its end.
+    # Escapes "<", which could end the script element or begin a comment.
     data = json.dumps(printable(page), ensure_ascii=False, separators=(",", ":"),
                       allow_nan=False).replace("<", "\\u003c")
     parts |= {"data": data, "style_hash": style, "script_hashes": f"{uplot} {script}"}

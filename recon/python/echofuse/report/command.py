@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""echofuse-report: one page of HTML for people who look before they read, and which needs nothing
-but itself: models beside one another on the records that training held out, two models record by
-record, or a run as it was recorded.
+"""echofuse-report: write a self-contained HTML page about models on held-out records, about two
+models record by record, or about a recorded run.
 
     echofuse-report page --run scenes.sqlite --model fused.safetensors --live monday.sqlite
     echofuse-report page --run scenes.sqlite --compare a.safetensors b.safetensors
     echofuse-report page --live monday.sqlite
 
-The numbers are those of `echofuse-recon evaluate --json --per-record`, the maps those of
+The scores come from `echofuse-recon evaluate --json --per-record`, the maps from
 `reconstruct`."""
 from __future__ import annotations
 
@@ -34,37 +33,36 @@ from ..runs.zones import summed
 from . import tables
 from .blocks import (Block, details, fails, html_of, listed, paragraph, pictures, printable,
                      three_digits)
-from .other_maps import OtherMaps, named
-from .records import chosen, half_tangent, said_of, shown
-from .scores import Judged, Mode, ReportError, Scores, evaluated, means_of, modes_of
+from .other_maps import OtherMaps, named_folders
+from .records import half_tangent, map_remarks, record_blocks, select_records
+from .scores import Evaluation, Mode, ReportError, Scores, evaluate, means_of, modes_of
 from .story import Story, info_of
 
 TERMS = (
-    ("SPD", "single-photon detector of one pixel; its clicks are counted by time of flight."),
-    ("record",
-     "what the sensors saw in one time slot, with the map of the depth camera: the truth."),
-    ("IoU", "intersection over union of the pixels of the body, in map and truth; 1 is perfect."),
-    ("lateral error", "distance of the body's middle in the map from the true one, sideways."),
-    ("depth error", "mean, over the pixels that are body in both maps."),
+    ("SPD", "single-pixel single-photon detector; its clicks are counted by time of flight."),
+    ("record", "sensor data of one time slot; the map of its depth camera is the truth."),
+    ("IoU", "intersection over union of the body's pixels in map and truth; 1 is perfect."),
+    ("lateral error", "sideways distance between the body's centres in map and truth."),
+    ("depth error", "mean over the pixels that belong to the body in both maps."),
     ("mirror fraction",
-     "of the body that is drawn, beside the truth and beside its mirror image about the SPD's "
-     "axis, how much is at the mirror image: "
-              "0 none, 0.5 as much; a little below 0 by chance."),
-    ("on the true side", "of the bodies more than 0.3 m off the axis."),
+     "share of the drawn body at the left-right mirrored position: 0 = none, 0.5 = side unknown; "
+     "slightly negative by chance."),
+    ("on the true side",
+     "share of the bodies on the correct side, of those more than 0.3 m off the axis."),
     ("thresholded map",
-     "what is nearer to the background than to the mean body is set to the background."),
-    ("p", "of a run as a whole: how probably a run like the training is as far from it; below "
-          "0.001 the run is unlike the training."),
-    ("flagged", "a single record that is unlike the training records."),
-    ("SSIM, RMSE", "similarity of structure; root of the mean squared depth error, over the map."))
+     "map with the background in place of pixels that are closer to it than to the mean body."),
+    ("p",
+     "probability that a run from the conditions of the training differs at least as much; below "
+     "0.001 the run differs from the training data."),
+    ("flagged", "record that differs from the training records."),
+    ("SSIM, RMSE", "structural similarity and root mean square depth error of the whole map."))
 
 
 MOST_FAILING = 6  # records with pictures
 
 
 class Report:
-    """Content of the page: scores of models by `evaluate`, the story of a live run, and records
-    with maps."""
+    """Contents of the page: scores of models, the course of a recorded run, records with maps."""
 
     def __init__(self, args: argparse.Namespace) -> None:
         self.args, self.run = args, args.run or args.live
@@ -74,52 +72,51 @@ class Report:
         if (not args.force and self.page.exists()
             and self.info["uuid"] not in self.page.read_text(encoding="utf-8")):
             raise ReportError(
-                f"{args.dir}: holds a report of another run; give another folder, or --force to "
-                "write over it", 2)
+                f"{args.dir}: contains a report of another run; give another folder, or --force "
+                "to overwrite it", 2)
         self.simulated = self.info["notes"].startswith("simulated")
-        self.modes: list[Mode] = []  # the subject first; those of equal inputs together
+        self.modes: list[Mode] = []  # the report is about the first; equal inputs are adjacent
         self.main: list[Block] = []
         self.gallery: list[Block] = []
         self.failing: list[Block] = []
         self.others: OtherMaps | None = None
         self.other_record: Block | None = None
-        self.live: Judged | None = None
+        self.live: Evaluation | None = None
         self.story: Story | None = None
         self.span: Sequence[float] = (2.5, 5)
         if args.model or args.compare:
             self.add_models()
         if args.maps:
-            self.others = OtherMaps(named(args.maps), self.run, self.modes, self.room)
+            self.others = OtherMaps(named_folders(args.maps), self.run, self.modes, self.room)
             self.other_record = self.others.record()
             if not self.modes:
                 self.span = self.others.span
         if args.live:
             self.add_live()
-        self.made = self.how_made()
+        self.provenance = self.read_provenance()
 
     def add_models(self) -> None:
         compared = bool(self.args.compare)
         self.modes = modes_of(self.args.compare or self.args.model, compared)
-        self.judged = evaluated([path for mode in self.modes for path in mode.files], self.run,
-                                self.room)
-        scores, paired = iter(self.judged.scores), iter(
-            [{}, *(one["metrics"] for one in self.judged.told.get("paired", []))])
+        self.evaluation = evaluate([path for mode in self.modes for path in mode.files], self.run,
+                                   self.room)
+        scores, paired = iter(self.evaluation.scores), iter(
+            [{}, *(pair["metrics"] for pair in self.evaluation.result.get("paired", []))])
         for mode in self.modes:
             mode.scores = [next(scores) for _ in mode.files]
             mode.differences, *_ = [next(paired) for _ in mode.files]
         if compared and not self.modes[1].differences:
             raise ReportError(
-                "the two models hold other records out; give a run that neither was trained on")
+                "the models have different held-out records; give a run that is new to both")
         first = self.modes[0]
-        self.span = self.judged.span(float(first.tensors["0/scene/background_m"].max()),
-                                     float(first.facts[0]["0/scene/map_z_max_m"]))
+        self.span = self.evaluation.span(float(first.tensors["0/scene/background_m"].max()),
+                                         float(first.facts[0]["0/scene/map_z_max_m"]))
         worst = [index for _, _, which in tables.failing(first.first) for index in which[:2]]
-        self.main, self.gallery, self.failing = chosen(self.run, self.modes, self.room,
-                                                       list(dict.fromkeys(worst))[:MOST_FAILING])
+        self.main, self.gallery, self.failing = select_records(
+            self.run, self.modes, self.room, list(dict.fromkeys(worst))[:MOST_FAILING])
         order = [colour for colour in ("both", "papers", "depth", "grey", "spd", "radar")
                  if colour not in {mode.inputs for mode in self.modes}]
-        #: of each mode's series: modes of both sensors, and further ones of equal inputs, take
-        #: turns
+        #: colour of each mode: fixed by the inputs of the first mode with one sensor, else by order
         self.colours = ["grey", "both"]
         for at, mode in enumerate([] if compared else self.modes):
             before = sum(other.inputs == mode.inputs or other.both and mode.both
@@ -128,20 +125,19 @@ class Report:
                                  or before else mode.inputs]
 
     def add_live(self) -> None:
-        """The record of median quality or, without a model, one with the most sensors."""
+        """Adds the record of median IoU or, without a model, a record with the most sensors."""
         self.story = Story(self.args.live)
         if self.modes and self.args.live != self.run:
-            self.live = evaluated(self.modes[0].files[:1], self.args.live, self.room)
+            self.live = evaluate(self.modes[0].files[:1], self.args.live, self.room)
             order = self.live.scores[0].order
-            found = shown(self.args.live, [order[len(order) // 2]], self.modes[:1],
-                          self.live.scores, self.room)
-            caption = ("Of the records that the daemon recorded, the one whose map has the median "
-                       "IoU.")
+            found = record_blocks(self.args.live, [order[len(order) // 2]], self.modes[:1],
+                                  self.live.scores, self.room)
+            caption = "The recorded record with the median IoU."
         else:
-            found = shown(self.args.live, self.story.typical())
-            caption = "The record in the middle of those with the most sensors."
-        index = {} if self.args.live == self.run else {"index": None}  # that of another run
-        self.main += [one | {"caption": caption} | index for one in found.values()]
+            found = record_blocks(self.args.live, self.story.typical())
+            caption = "The middle one of the records with the most sensors."
+        index = {} if self.args.live == self.run else {"index": None}  # index in another run
+        self.main += [block | {"caption": caption} | index for block in found.values()]
         self.span = self.span if self.modes or self.others or not self.main else span_of(
             np.frombuffer(base64.b64decode(self.main[0]["truth"]), "<u2") / 1000)
 
@@ -161,27 +157,27 @@ class Report:
         if self.args.compare:
             return tables.comparison_verdict(self.modes[1], simulated)
         facts = self.modes[0].facts[0]
-        known = [facts[f"split/run/{k}"] for k in range(facts["split/runs"])]
-        return tables.models_verdict(self.modes, self.judged, simulated,
-                                     self.info["uuid"] not in known)
+        training = [facts[f"split/run/{k}"] for k in range(facts["split/runs"])]
+        return tables.models_verdict(self.modes, self.evaluation, simulated,
+                                     self.info["uuid"] not in training)
 
     @property
     def live_problems(self) -> list[str]:
         out = tables.problems_of_run(self.live.scores[0], "Recorded run: ") if self.live else []
-        out += [f"Recorded run: {text}" for text in self.story.gone] if self.story else []
+        out += [f"Recorded run: {text}" for text in self.story.losses] if self.story else []
         own_s, scored_s = (self.story or self).info["window_s"], self.info["window_s"]
         if self.live and own_s != scored_s > 0:
-            out.append(f"Recorded run: its records are {own_s:g} s long, those of the scored run "
+            out.append(f"Recorded run: slots of {own_s:g} s, but those of the scored run are "
                        f"{scored_s:g} s.")
         return out
 
     @property
     def problems(self) -> list[str]:
-        """Problems as sentences, the gravest first."""
+        """Problems as sentences, the most serious first."""
         return self.live_problems + (tables.problems_of_run(self.first) if self.modes else [])
 
-    def how_made(self) -> dict[str, str]:
-        """Program, host, run and models."""
+    def read_provenance(self) -> dict[str, str]:
+        """Returns program, host, run and models, by title."""
         info, host, started = self.info, os.uname(), self.info["started_utc"]
         recorded = f"{started[:10]} {started[11:16]} UTC" if started[10:11] == "T" else started
         recorded += (f", echofuse {info['version']}" if info["version"]
@@ -194,7 +190,7 @@ class Report:
                "command": " ".join(["echofuse-report", *sys.argv[1:]]),
                "run": f"{self.run}, {info['records']} records", "run's uuid": info["uuid"],
                "recorded": recorded + "; simulated" * self.simulated,
-               "length of a record": f"{info['window_s']:g} s" if info["window_s"] > 0 else "",
+               "slot length": f"{info['window_s']:g} s" if info["window_s"] > 0 else "",
                "operator": info["operator"],
                "notes": info["notes"]} | info["meta"]
         if self.modes:
@@ -206,60 +202,61 @@ class Report:
                               run.axes["map_x"].count if "map_x" in run.axes else 64)
             low, middle, high = (three_digits(counts[int(share * len(counts))]) if len(counts)
                                  else "" for share in (0.05, 0.5, 0.95))
-            out |= {"clicks a record": f"{middle} (median; 90 % of the records: {low} to {high})"
+            out |= {"clicks per record": f"{middle} (median; 90 % of the records: {low} to {high})"
                     if middle else "no detector",
                     "maps": f"{size} x {size} pixels over ±{np.degrees(np.arctan(half)):.1f}°",
-                    "data CRC-32C": f"{self.judged.told['data_crc32c']:08x}",
-                    "empty room": self.args.empty or "", "another room": self.judged.said}
+                    "data CRC-32C": f"{self.evaluation.result['data_crc32c']:08x}",
+                    "empty room": self.args.empty or "", "another room": self.evaluation.room_note}
         for path, facts in ((path, facts) for mode in self.modes
                             for path, facts in zip(mode.files, mode.facts)):
             parts = np.bincount(read_safetensors(path)[0]["split/part"].ravel(), minlength=3)
             out[f"model {path}"] = (
-                f"{facts['0/model']}; seed {facts['split/seed']}; its training: {parts[0]} "
-                f"records, {parts[1]} of validation, "
-                                    f"{parts[2]} held out (data CRC-32C "
-                                    f"{facts['data_crc32c']:08x})")
+                f"{facts['0/model']}; seed {facts['split/seed']}; {parts[0]} training, "
+                f"{parts[1]} validation and {parts[2]} held-out records (data CRC-32C "
+                f"{facts['data_crc32c']:08x})")
         return out
 
     @property
     def origin(self) -> str:
-        """When, where and by what, in one line."""
-        made, name = self.made, os.path.basename
+        """Date, host, program, run and command, in one line."""
+        facts, name = self.provenance, os.path.basename
         live = (f" Recorded run {name(self.story.path)}." if self.story
                 and self.story.path != self.run else "")
-        command = " ".join(map(name, made["command"].split()))
-        return (f"{made['date']}, {made['host'].split()[0]}, {made['program']}. Run "
+        command = " ".join(map(name, facts["command"].split()))
+        return (f"{facts['date']}, {facts['host'].split()[0]}, {facts['program']}. Run "
                 f"{name(self.run)}{' (simulated)' * self.simulated} of "
-                f"{made['recorded'][:20]}.{live} Command: "
+                f"{facts['recorded'][:20]}.{live} Command: "
                 f"{command if len(command) <= 160 else command[:160] + ' ...'}")
 
     def first_pictures(self) -> Block:
-        """The subject's map of the first record, or both of a comparison, beside the truth."""
+        """Returns the first record with the truth and the maps of the first model, or of both
+        compared models."""
         record, models = self.main[0], 2 if self.args.compare else 1
-        said = record["caption"] + " " + "".join(said_of(made, models > 1)
-                                                 for made in record["maps"][:models])
-        said += (f"All maps of this page are over the same depths, {self.span[0]:g} to "
+        text = record["caption"] + " " + "".join(map_remarks(block, models > 1)
+                                                 for block in record["maps"][:models])
+        text += (f"All maps of this page show the same depths, {self.span[0]:g} to "
                  f"{self.span[1]:g} m. ")
         return pictures(0, ["truth", *(f"{what} {m}" for what in ("map", "error")
                                        for m in range(models))],
-                        said + "Of an error hatched is what is missed, dotted what is invented.",
+                        text + "Errors: missed pixels are hatched, false pixels are dotted.",
                         title=record["title"], compare=models > 1)
 
     def record_blocks(self) -> list[Block]:
-        blur = ("How far each pixel has come from the room (0) to a body (1); above a half it is "
-                "shown as one.")
+        blur = ("Depth of each pixel between the background (0) and the mean body (1); a pixel "
+                "above 0.5 belongs to the body.")
         if any(mode.takes.endswith("alone") for mode in self.modes):
-            blur += " A sensor alone leaves open on which side the body is: a blur."
+            blur += " A single sensor does not determine the side of the body: a blur."
         out = []
         for i, record in enumerate(self.main):
             show, maps = measured(record), record["maps"]
-            for m, made in enumerate(maps):
+            for m, block in enumerate(maps):
                 show += [f"map {m}", f"error {m}",
-                         *([f"deviation {m}"] if "deviation" in made else [])]
-            said = record["caption"] + " " + "".join(said_of(made, len(maps) > 1) for made in maps)
-            said += ("The uncertainty is the standard deviation of the depth; most of it is "
-                     "whether there is body or wall.")
-            out.append(details(record["title"], pictures(i, show, said),
+                         *([f"deviation {m}"] if "deviation" in block else [])]
+            text = record["caption"] + " " + "".join(map_remarks(block, len(maps) > 1)
+                                                     for block in maps)
+            text += ("The uncertainty is the standard deviation of the depth; it is largest where "
+                     "body or background are uncertain.")
+            out.append(details(record["title"], pictures(i, show, text),
                                pictures(i, ["truth", *(f"share {m}" for m in range(len(maps)))],
                                         blur, whole=True)))
         return out
@@ -273,9 +270,9 @@ class Report:
         return [*fails(self.problems), tables.failures_table(self.modes[0]),
                 *([details("Maps of failing records", {"kind": "columns", "blocks": [
                     pictures(first + i, ["truth", "map 0", "error 0"],
-                             said_of(record["maps"][0], False), title=record["title"])
+                             map_remarks(record["maps"][0], False), title=record["title"])
                     for i, record in enumerate(self.failing)]})] if self.failing else []),
-                tables.stated_table(rows),
+                tables.uncertainty_table(rows),
                 *([paragraph(f"{self.first.outside}.")] if self.first.outside else []),
                 *(paragraph(f"Scored run: {text}.") for text in self.first.remarks),
                 *(paragraph(f"Recorded run: {text}.") for scores in live
@@ -284,18 +281,19 @@ class Report:
     def live_blocks(self, story: Story) -> list[Block]:
         between, last = [], len(self.main) - 1
         if self.live:
-            rows = [tables.Row(self.modes[0].title, means_of(self.live.told["metrics"]),
-                               self.live.scores[0]), *tables.rows_of([], self.live.told)]
-            caption = (f"{self.live.told['records']} records of the recorded run against its depth "
-                       "camera")
+            rows = [tables.Row(self.modes[0].title, means_of(self.live.result["metrics"]),
+                               self.live.scores[0]), *tables.rows_of([], self.live.result)]
+            caption = (f"{self.live.result['records']} records of the recorded run, compared with "
+                       "its depth camera")
             between = [*fails(self.live_problems), tables.metrics_table(rows, caption)]
-        of = [pictures(last, [*measured(one), *(["map 0", "error 0"] if one["maps"] else [])],
-                       one["caption"], title=one["title"])
-              for one in self.main[last:]]
-        return story.blocks(between, of)
+        shown = [pictures(last, [*measured(record),
+                                 *(["map 0", "error 0"] if record["maps"] else [])],
+                          record["caption"], title=record["title"])
+                 for record in self.main[last:]]
+        return story.blocks(between, shown)
 
     def to_json(self) -> Block:
-        """The page (blocks.py)."""
+        """Returns the page (blocks.py)."""
         problems, most, modes, compared = self.problems, 4, self.modes, bool(self.args.compare)
         records = [*self.main, *self.gallery, *self.failing,
                    *([self.other_record] if self.other_record else [])]
@@ -306,35 +304,36 @@ class Report:
                        "span": list(self.span), "records": records, "first": [],
                        "sections": []}
         if modes:
-            page["more"] = ((f"{len(problems) - most} more, and" if len(problems) > most
-                             else "Numbers, and") + " which records") * bool(problems)
+            page["more"] = (f"{len(problems) - most} more, and details" if len(problems) > most
+                            else "Details") * bool(problems)
             page["first"] = [self.first_pictures()] * bool(self.main) + [
-                tables.first_table(modes, self.judged.told)]
+                tables.first_table(modes, self.evaluation.result)]
         elif self.others:
             page["first"] = self.others.table()[:1]
         columns = [pictures(len(self.main) + i, ["truth", "map 0", "error 0"],
-                            said_of(record["maps"][0], False), title=record["title"])
+                            map_remarks(record["maps"][0], False), title=record["title"])
                    for i, record in enumerate(self.gallery)]
-        sections = (("failures", "What fails", self.failures),
-                    ("difference", "The difference",
+        sections = (("failures", "Failures", self.failures),
+                    ("difference", "Difference",
                      lambda: tables.comparison(*modes) if compared else []),
                     ("gallery", "Worst, median, best",
                      lambda: [{"kind": "columns", "blocks": columns}]),
-                    ("errors", "Where the errors are",
+                    ("errors", "Error distributions",
                      lambda: [tables.errors(modes, self.colours)]),
                     ("labels", "By label", lambda: tables.labels_table(modes[0])),
-                    ("metrics", "All metrics", lambda: tables.all_table(modes, self.judged.told)),
+                    ("metrics", "All metrics", 
+                     lambda: tables.all_table(modes, self.evaluation.result)),
                     ("maps", "Maps of other programs",
                      lambda: self.others.blocks(len(records) - 1, self.other_record)
                      if self.others else []),
                     ("cost", "Cost", lambda: [tables.cost_table(modes)]),
-                    ("records", "Records and their maps", self.record_blocks),
-                    ("space", "In space", lambda: [{"kind": "cloud", "record": 0}] if self.main
+                    ("records", "Records and maps", self.record_blocks),
+                    ("space", "3D view", lambda: [{"kind": "cloud", "record": 0}] if self.main
                      else []),
-                    ("live", "The recorded run",
+                    ("live", "Recorded run",
                      lambda: self.live_blocks(self.story) if self.story else []),
                     ("training", "Training", lambda: tables.losses(modes)),
-                    ("made", "How this was made", lambda: listed(self.made.items())),
+                    ("made", "Provenance", lambda: listed(self.provenance.items())),
                     ("terms", "Terms", lambda: listed(TERMS)))
         for name, heading, blocks in sections:
             if (modes or name in ("maps", "live", "made")) and (found := blocks()):
@@ -343,18 +342,19 @@ class Report:
 
 
 def measured(record: Block) -> list[str]:
+    """Returns the kinds of pictures that a record has without any model."""
     return ["truth", *(sensor for sensor in ("spd", "radar") if record[sensor]["count"] > 0)]
 
 
 def require(args: argparse.Namespace) -> None:
-    """Raises ReportError (2) for options that do not fit each other."""
-    for wrong, text in ((args.empty and not args.run, "--empty is for the models of --run"),
+    """Raises ReportError with exit code 2 for options that exclude or need each other."""
+    for wrong, text in ((args.empty and not args.run, "--empty needs --run"),
                         (args.model and args.compare,
-                         "--compare takes the place of the other models"),
+                         "--compare and --model exclude each other"),
                         (not args.run and args.compare, "--compare needs --run"),
                         (not args.run and args.maps, "--maps needs --run"),
                         (not args.run and args.model and not args.live,
-                         "models need --run, or --live"),
+                         "--model needs --run or --live"),
                         (args.run and not args.model and not args.compare and not args.maps,
                          "--run needs --model, --compare or --maps"),
                         (not args.run and not args.live,
@@ -376,7 +376,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def main() -> None:
-    """Runs the program echofuse-report."""
+    """Runs echofuse-report with the arguments in sys.argv."""
     head, examples, *_ = (__doc__ or "").split("\n\n")
     parser = Parser(prog="echofuse-report", description=head.partition(": ")[2],
                     epilog=f"Examples:\n{examples}\n\n{EXIT_CODES}6 disk, 130 interrupted",
@@ -385,21 +385,20 @@ def main() -> None:
                         version=f"echofuse-report {__version__}",
                         help="print the version and exit")
     parser.add_argument("dir", metavar="FOLDER", help="folder for report.html")
-    parser.add_argument("--run", metavar="RUN", help="run file; its held-out records are scored")
+    parser.add_argument("--run", metavar="RUN",
+                        help="run to score the models on (held-out records only)")
     parser.add_argument("--model", metavar="MODEL", nargs="+", action="extend", default=[],
-                        help="model files, FILE or NAME=FILE; the first is the "
-                        "one that the report is about, several of a name are seeds of one")
+                        help="model files, FILE or NAME=FILE; the report describes the first "
+                             "one; files with equal names are trainings of one model")
     parser.add_argument("--compare", metavar="MODEL", nargs=2,
-                        help="two model files: their differences record by record")
+                        help="compare two model files record by record")
     parser.add_argument("--maps", metavar="FOLDER", nargs="+", action="extend", default=[],
-                        help="maps of other programs, as evaluate --maps: FOLDER or NAME=FOLDER")
+                        help="maps of other programs, FOLDER or NAME=FOLDER (see `evaluate`)")
     parser.add_argument("--live", metavar="RUN",
-                        help="a recorded run: its story, also without any model; with --model also "
-                             "its maps")
+                        help="recorded run: report missing data and events; with --model also maps")
     parser.add_argument("--empty", metavar="RUN",
-                        help="a run of nobody in the room of this run, if it is another one than "
-                             "in training")
-    parser.add_argument("--force", action="store_true", help="write over a report of another run")
+                        help="run of the empty room, if it differs from the training room")
+    parser.add_argument("--force", action="store_true", help="overwrite a report of another run")
     stopped = stop_by_signal()
     try:
         args = parser.parse_args()

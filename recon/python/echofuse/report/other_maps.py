@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Maps of other programs in a report: judged by `echofuse-recon evaluate --maps`, on the same
-records as the first model."""
+"""Maps of other programs in a report, scored by `echofuse-recon evaluate --maps` on the records of
+the first model."""
 from __future__ import annotations
 
 import pathlib
@@ -13,82 +13,82 @@ from .. import metrics, runs
 from ..models.maps import load_maps
 from . import tables
 from .blocks import Block, packed, paragraph, pictures
-from .records import measured, shown, words_of
-from .scores import Judged, Mode, ReportError, evaluated, means_of
+from .records import measured, record_blocks, score_text
+from .scores import Evaluation, Mode, ReportError, evaluate, means_of
 
 
-def named(given: Sequence[str]) -> dict[str, str]:
-    """NAME=FOLDER or FOLDER each, as {name: folder}. Raises ReportError for a name given twice."""
+def named_folders(arguments: Sequence[str]) -> dict[str, str]:
+    """Parses NAME=FOLDER or FOLDER into {name: folder}. Raises ReportError for a duplicate name."""
     out: dict[str, str] = {}
-    for one in given:
-        name, equals, folder = one.partition("=")
+    for argument in arguments:
+        name, equals, folder = argument.partition("=")
         if not equals or "/" in name:
-            name, folder = pathlib.Path(one).resolve().name, one
+            name, folder = pathlib.Path(argument).resolve().name, argument
         if name in out:
-            raise ReportError(f"--maps {one}: the name {name} is there; give NAME=FOLDER", 2)
+            raise ReportError(f"--maps {argument}: duplicate name {name}; give NAME=FOLDER", 2)
         out[name] = folder
     return out
 
 
 class OtherMaps:
-    """Maps of these folders, and of the first model if there is one."""
+    """Scores and maps of folders, and of the first model if one is given."""
 
     def __init__(self, folders: dict[str, str], run: str, modes: Sequence[Mode],
                  room: Sequence[str]) -> None:
         self.folders, self.run, self.modes, self.room = folders, run, modes[:1], room
-        self.judged: Judged = evaluated([mode.files[0] for mode in self.modes], run, room,
-                                        list(folders.values()))
+        self.evaluation: Evaluation = evaluate([mode.files[0] for mode in self.modes], run, room,
+                                               list(folders.values()))
         with runs.open(run) as opened:
             self.scene = self._scene(opened)
         self.names = [*folders, *(mode.title for mode in self.modes)]
 
     @property
     def span(self) -> tuple[float, float]:
-        """Depths of the page's maps."""
-        return self.judged.span(float(self.scene.background_m.max()), self.scene.far_m)
+        """Depth scale of the maps, m."""
+        return self.evaluation.span(float(self.scene.background_m.max()), self.scene.far_m)
 
     @property
     def verdict(self) -> str:
-        means = [means_of(one.told["metrics"]) for one in self.judged.scores]
-        parts = [f"{name}: IoU {tables.plus_minus(one, 'iou')}"
-                 for name, one in zip(self.names, means)]
-        return f"On {len(self.judged.scores[0].index)} records: {'; '.join(parts)}."
+        parts = [f"{name}: IoU {tables.plus_minus(means_of(scores.result['metrics']), 'iou')}"
+                 for name, scores in zip(self.names, self.evaluation.scores)]
+        return f"On {len(self.evaluation.scores[0].index)} records: {'; '.join(parts)}."
 
     def table(self) -> list[Block]:
-        records, rows, gains = self.judged.told["records"], [], []
-        paired = [{}, *(one["metrics"] for one in self.judged.told["paired"])]
-        for name, one, gain in zip(self.names, self.judged.scores, paired):
-            lacking = records - one.told["answered"]
-            rows.append(tables.Row(name + f" ({lacking} not answered)" * bool(lacking),
-                                   means_of(one.told["metrics"]), one))
+        result = self.evaluation.result
+        records, rows, gains = result["records"], [], []
+        paired = [{}, *(pair["metrics"] for pair in result["paired"])]
+        for name, scores, gain in zip(self.names, self.evaluation.scores, paired):
+            missing = records - scores.result["answered"]
+            rows.append(tables.Row(name + f" ({missing} maps missing)" * bool(missing),
+                                   means_of(scores.result["metrics"]), scores))
             gains.append((name, gain))
-        rows += tables.rows_of([], self.judged.told)
+        rows += tables.rows_of([], result)
         return [tables.metrics_table(rows, f"{records} records; mean ± standard error over maps; a "
-                                           "record that is not answered counts as an empty map"),
+                                           "missing map counts as an empty map"),
                 *tables.differences_table(self.names[0], gains[1:]),
-                *([paragraph(self.judged.told["note"] + ".")] if self.judged.told["note"] else [])]
+                *([paragraph(result["note"] + ".")] if result["note"] else [])]
 
     def record(self) -> Block | None:
-        """The record of median IoU of the first folder, with the maps of all; none of folders of
-        PNGs."""
-        order = self.judged.scores[0].order
+        """Returns the record with the median IoU of the first folder and all its maps; None if all
+        folders contain PNGs."""
+        order = self.evaluation.scores[0].order
         index = order[len(order) // 2]
         with runs.open(self.run) as run:
             out = measured(run[np.flatnonzero(run.index == index)])
         if self.modes:
-            model = self.judged.scores[len(self.folders)]
-            out = shown(self.run, [index], self.modes, [model], self.room)[index]
-        own = out["maps"]
+            model = self.evaluation.scores[len(self.folders)]
+            out = record_blocks(self.run, [index], self.modes, [model], self.room)[index]
+        model_maps = out["maps"]
         out["maps"] = []
-        for (name, folder), one in zip(self.folders.items(), self.judged.scores):
+        for (name, folder), scores in zip(self.folders.items(), self.evaluation.scores):
             if (pathlib.Path(folder) / "maps.npy").exists():
-                maps, of = load_maps(folder)
-                found = maps[of == index]
-                made = found if len(found) else np.zeros((1, *maps.shape[1:]), np.float32)
-                at = int(np.flatnonzero(one.index == index)[0])
-                out["maps"].append(block_of(name, made, self.scene, words_of(one, at)))
-        out["maps"] += own
-        out["caption"] = f"Of {len(order)} records the one of median IoU by {self.names[0]}."
+                maps, indices = load_maps(folder)
+                found = maps[indices == index]
+                drawn = found if len(found) else np.zeros((1, *maps.shape[1:]), np.float32)
+                at = int(np.flatnonzero(scores.index == index)[0])
+                out["maps"].append(map_block(name, drawn, self.scene, score_text(scores, at)))
+        out["maps"] += model_maps
+        out["caption"] = f"Of {len(order)} records, the one with the median IoU of {self.names[0]}."
         return out if out["maps"] else None
 
     def _scene(self, run: runs.Run) -> metrics.Scene:
@@ -102,7 +102,7 @@ class OtherMaps:
         return metrics.Scene.of_maps(run.maps(run.valid["depth"]))
 
     def blocks(self, at: int, record: Block | None) -> list[Block]:
-        """at: place of the record in the page's list."""
+        """Returns tables and pictures. `at`: index of `record` in the page's list."""
         if record is None:
             return self.table()
         show = ["truth", *(f"{what} {k}" for k in range(len(record["maps"]))
@@ -110,9 +110,10 @@ class OtherMaps:
         return [*self.table(), pictures(at, show, record["caption"], title=record["title"])]
 
 
-def block_of(name: str, one: NDArray[np.float32], scene: metrics.Scene, scores: str) -> Block:
-    """A map [1, N, N] as the judge thresholds it."""
-    share = scene.share(one)[0]
-    drawn = np.where(share > 0.5, scene.clipped(one)[0], scene.background_m)
+def map_block(name: str, depth_m: NDArray[np.float32], scene: metrics.Scene,
+              scores: str) -> Block:
+    """Returns the block of a map [1, N, N], thresholded as by `evaluate`."""
+    share = scene.share(depth_m)[0]
+    drawn = np.where(share > 0.5, scene.clipped(depth_m)[0], scene.background_m)
     return {"name": name, "map": packed(drawn, 1e-3, "<u2"), "share": packed(share, 0.005, "u1"),
             "scores": scores, "stated": "no uncertainty"}

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Records as a report shows them: what was measured, the truth, and the maps that `echofuse-recon
-reconstruct` makes."""
+"""Records of a report: sensor data, truth, and the maps of `echofuse-recon reconstruct`."""
 from __future__ import annotations
 
 import csv
@@ -20,32 +19,30 @@ from .blocks import Block, packed, short
 from .scores import Mode, Scores
 
 UNCALIBRATED = (
-    "no uncertainty: needs a model with sensor inputs and an uninterrupted training on at least 50 "
-    "records")
-# [N, N] each: thresholded (metres, 0: no return), share, and deviation if stated
+    "no uncertainty (requires sensor inputs and an uninterrupted training with 50 records or more)")
+# maps [N, N] by name: "thresholded" (m, 0: no return), "share", and "deviation" if calibrated
 Map = dict[str, NDArray[np.float32]]
 
 
-def shown(run: str, wanted: Sequence[int], modes: Sequence[Mode] = (),
-          scores: Sequence[Scores] = (),
-          room: Sequence[str] = ()) -> dict[int, Block]:
-    """Records of these indices by their index, with the map of each mode's first model, whose
-    scores are given."""
+def record_blocks(run: str, indices: Sequence[int], modes: Sequence[Mode] = (),
+                  scores: Sequence[Scores] = (), room: Sequence[str] = ()) -> dict[int, Block]:
+    """Returns the blocks of records by their index, with the map of each mode's first model.
+    `scores` are those of the first models."""
     with runs.open(run) as whole:
-        rows = np.flatnonzero(np.isin(whole.index, wanted)).tolist()
+        rows = np.flatnonzero(np.isin(whole.index, indices)).tolist()
         out = {int(whole.index[row]): measured(whole[row:row + 1]) for row in rows}
     for mode, scored in zip(modes if out else (), scores):
-        for index, (status, one) in reconstructed(mode, run, list(out), room).items():
+        for index, (status, maps) in reconstruct(mode, run, list(out), room).items():
             at = int(np.flatnonzero(scored.index == index)[0])
             out[index]["body_m"] = short(scored["range_m"][at])
-            out[index]["maps"].append(map_of(mode, scored, at, status, one))
+            out[index]["maps"].append(map_block(mode, scored, at, status, maps))
     return out
 
 
-def measured(one: runs.Run) -> Block:
-    """Block of one record: title, truth, clicks [bins] and power [points], at true ranges; "body_m"
-    and "maps" are to come. One that cannot be read has none of them, and says so."""
-    (_, run, faults), = blocks(one)
+def measured(record: runs.Run) -> Block:
+    """Returns the block of one record: title, truth, clicks [bins] and power [points, dB] at true
+    ranges; "body_m" and "maps" are empty. The title of a damaged record contains the fault."""
+    (_, run, faults), = blocks(record)
     truth = run.maps()[0] if "depth_x" in run.axes else np.zeros((64, 64))
     title = ", ".join([run.labels[0] or "no label", f"record {run.index[0]}", *faults.values()])
     out: Block = {"index": int(run.index[0]), "title": title, "half_tangent": half_tangent(run),
@@ -61,8 +58,7 @@ def measured(one: runs.Run) -> Block:
 
 
 def decibels(power: NDArray[np.float32]) -> NDArray[np.float64]:
-    """[..., points], at least 60 dB below the highest: what is less is noise that was taken off, or
-    none."""
+    """Converts power [..., points] to dB, limited to 60 dB below the maximum."""
     power = power.astype(float)
     floor = np.maximum(1e-6 * power.max(-1, keepdims=True), 1e-30)
     return np.asarray(10 * np.log10(np.maximum(power, floor)))
@@ -73,14 +69,14 @@ def half_tangent(run: runs.Run) -> float:
     return round(axis.step * axis.count / 2, 9) if axis else 0.55
 
 
-def reconstructed(mode: Mode, run: str, wanted: Sequence[int],
-                  room: Sequence[str]) -> dict[int, tuple[str, Map]]:
-    """Status and map by the record's index, of the mode's first model."""
+def reconstruct(mode: Mode, run: str, indices: Sequence[int],
+                room: Sequence[str]) -> dict[int, tuple[str, Map]]:
+    """Returns status and maps of the mode's first model, by record index."""
     calibrated = bool(mode.facts[0]["0/calibrated"])
     with tempfile.TemporaryDirectory(prefix="echofuse-report-") as scratch:
         folder = pathlib.Path(scratch)
         call("echofuse-recon", "-q", "reconstruct", mode.files[0], run, "--rows",
-             ",".join(map(str, wanted)), "--out", folder,
+             ",".join(map(str, indices)), "--out", folder,
              "--format", "npy,foreground" + ",uncertainty" * calibrated, *room, ok=(0, 5))
         index = load_maps(folder)[1].tolist()
         with open(folder / "records.csv", newline="", encoding="utf-8") as file:
@@ -91,70 +87,68 @@ def reconstructed(mode: Mode, run: str, wanted: Sequence[int],
             for k, i in enumerate(index)}
 
 
-def map_of(mode: Mode, scored: Scores, at: int, status: str, made: Map) -> Block:
-    """Block of a record's thresholded map, with the statements of the model and of `reconstruct`
-    about it."""
-    within = scored["lateral_interval_90_m"][at]
-    stated = (UNCALIBRATED if "deviation" not in made else "the place is not known"
-              if np.isnan(within) else f"within {100 * within:.0f} cm sideways (90 %)")
-    out = {"name": mode.title, "map": packed(made["thresholded"], 1e-3, "<u2"),
-           "share": packed(made["share"], 0.005, "u1"),
-           "scores": words_of(scored, at), "stated": stated}
-    warnings = [*([f"unlike the training: {scored.warnings[at]}"] if scored.warnings[at] else []),
-                *([status] if status != "ok" else [])]
+def map_block(mode: Mode, scored: Scores, at: int, status: str, maps: Map) -> Block:
+    """Returns the block of a thresholded map, with the model's interval and warnings. `at` is the
+    row in `scored`."""
+    interval_m = scored["lateral_interval_90_m"][at]
+    stated = (UNCALIBRATED if "deviation" not in maps else "no lateral interval"
+              if np.isnan(interval_m) else f"lateral interval ±{100 * interval_m:.0f} cm (90 %)")
+    out = {"name": mode.title, "map": packed(maps["thresholded"], 1e-3, "<u2"),
+           "share": packed(maps["share"], 0.005, "u1"),
+           "scores": score_text(scored, at), "stated": stated}
+    warnings = [*([f"differs from the training: {scored.warnings[at]}"] if scored.warnings[at]
+                  else []), *([status] if status != "ok" else [])]
     out |= {"warning": "; ".join(warnings)} if warnings else {}
-    return out | ({"deviation": packed(made["deviation"], 0.01, "u1")} if "deviation" in made
+    return out | ({"deviation": packed(maps["deviation"], 0.01, "u1")} if "deviation" in maps
                   else {})
 
 
-def words_of(scored: Scores, at: int) -> str:
-    """Scores of a record's map."""
-    words = [f"IoU {scored['iou'][at]:.2f}"]
-    words += [f"{name} {100 * scored[metric][at]:.1f} cm"
+def score_text(scored: Scores, at: int) -> str:
+    """Returns IoU and errors of a map as text."""
+    parts = [f"IoU {scored['iou'][at]:.2f}"]
+    parts += [f"{name} {100 * scored[metric][at]:.1f} cm"
               for name, metric in (("lateral error", "lateral_m"), ("depth error", "depth_mae_m"))
               if not np.isnan(scored[metric][at])]
-    return ", ".join(words) + "."
+    return ", ".join(parts) + "."
 
 
-def said_of(made: Block, named: bool) -> str:
-    """Sentences of the model about its map; named: one of several models."""
-    who = made["name"] if named else "The model"
-    return f"{who} states: {made['stated']}. " + (f"{who} warns: {made['warning']}. "
-                                                  if "warning" in made else "")
+def map_remarks(block: Block, named: bool) -> str:
+    """Returns the stated uncertainty and the warnings of a map; `named` starts with the model."""
+    model = block["name"] if named else "Model"
+    return f"{model}: {block['stated']}. " + (f"{model}: warning: {block['warning']}. "
+                                              if "warning" in block else "")
 
 
-def middle_record(modes: Sequence[Mode], wanted: set[int]) -> int | None:
-    """The record nearest to the middle of the order of each model with the first one's inputs: no
-    picked cherries."""
-    off: dict[int, int] = {}
+def median_record(modes: Sequence[Mode], indices: set[int]) -> int | None:
+    """Returns the record closest to the median IoU of all models with the first model's inputs."""
+    distance: dict[int, int] = {}
     for mode in modes:
         order = [index for index in mode.first.order
-                 if index in wanted] if mode.takes == modes[0].takes else []
+                 if index in indices] if mode.takes == modes[0].takes else []
         for place, index in enumerate(order):
-            off[index] = max(off.get(index, 0), abs(place - len(order) // 2))
-    return min(sorted(off), key=lambda index: off[index]) if off else None
+            distance[index] = max(distance.get(index, 0), abs(place - len(order) // 2))
+    return min(sorted(distance), key=lambda index: distance[index]) if distance else None
 
 
-def chosen(run: str, modes: Sequence[Mode], room: Sequence[str],
-           failing: Sequence[int]) -> tuple[list[Block], list[Block], list[Block]]:
-    """Record of median quality of person and letters, by all modes; then of the first one the
-    worst, median and best; and those that fail."""
+def select_records(run: str, modes: Sequence[Mode], room: Sequence[str],
+                   failing: Sequence[int]) -> tuple[list[Block], list[Block], list[Block]]:
+    """Returns the median record with and without a letter, with the maps of all modes; the worst,
+    median and best record of the first mode; and its failing records."""
     first, main, captions = modes[0].first, [], []
     common = set.intersection(*(set(mode.first.index.tolist()) for mode in modes))
     for person in (True, False):
-        wanted = {index for index, label in zip(first.index.tolist(), first.labels)
-                  if (label == "person") == person and index in common}
-        if (index := middle_record(modes, wanted)) is not None:
+        indices = {index for index, label in zip(first.index.tolist(), first.labels)
+                   if (label == "person") == person and index in common}
+        if (index := median_record(modes, indices)) is not None:
             main.append(index)
-            captions.append(
-                f"Of all {len(wanted)} records of this kind the one nearest to the median IoU of "
-                "each model with these inputs.")
+            captions.append(f"Of {len(indices)} records of this kind, the one closest to the "
+                            "median IoU of the models with the first model's inputs.")
     order = first.order
-    ends = {what: order[int(share * (len(order) - 1))]
-            for what, share in (("Worst", 0), ("Median", 0.5), ("Best", 1))}
-    by_all = shown(run, main, modes, [mode.first for mode in modes], room)
-    by_first = shown(run, [*ends.values(), *failing], modes[:1], [first], room)
+    ends = {title: order[int(share * (len(order) - 1))]
+            for title, share in (("Worst", 0), ("Median", 0.5), ("Best", 1))}
+    by_all = record_blocks(run, main, modes, [mode.first for mode in modes], room)
+    by_first = record_blocks(run, [*ends.values(), *failing], modes[:1], [first], room)
     return ([by_all[index] | {"caption": caption} for index, caption in zip(main, captions)],
-            [by_first[index] | {"title": f"{what}: {by_first[index]['title']}"}
-             for what, index in ends.items()],
+            [by_first[index] | {"title": f"{title}: {by_first[index]['title']}"}
+             for title, index in ends.items()],
             [by_first[index] for index in failing if index not in [*main, *ends.values()]])

@@ -21,13 +21,15 @@ Values = NDArray[np.float64]
 
 
 class ReportError(BenchError):
-    """One line that says what was wrong, and the exit code."""
+    """Error of a report: one line, and the exit code."""
 
 
 class Mean(NamedTuple):
+    """Mean of a metric over maps."""
+
     mean: float = np.nan
-    se: float = np.nan  # standard error; NaN of fewer than two
-    maps: int = 0  # that define it
+    se: float = np.nan  # standard error; NaN for fewer than two maps
+    maps: int = 0  # maps for which the metric is defined
 
     @classmethod
     def of(cls, values: Values) -> Mean:
@@ -37,150 +39,152 @@ class Mean(NamedTuple):
 
 
 class Means(dict[str, Mean]):
-    """By metric; NaN of what is not defined."""
+    """Means by metric; NaN for an undefined metric."""
 
     def __missing__(self, metric: str) -> Mean:
         return Mean()
 
 
-def means_of(told: dict[str, Any]) -> Means:
+def means_of(metrics: dict[str, Any]) -> Means:
+    """Converts "metrics" of `evaluate`."""
     return Means({name: Mean(nan_if_none(m["mean"]), nan_if_none(m["se"]), m["maps"])
-                  for name, m in told.items()})
+                  for name, m in metrics.items()})
 
 
 @dataclass(frozen=True)
 class Count:
+    """A number of records out of a total."""
+
     count: int
-    of: int
+    total: int
 
     def __str__(self) -> str:
-        return f"{self.count} of {self.of}"
+        return f"{self.count} of {self.total}"
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % (Wilson 1927)."""
-        if self.of == 0:
+        """95 % interval of the share (Wilson 1927)."""
+        if self.total == 0:
             return 0, 1
-        z, n, p = 1.96, self.of, self.count / self.of
+        z, n, p = 1.96, self.total, self.count / self.total
         middle, half = p + z * z / (2 * n), z * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
         return max(0, (middle - half) / (1 + z * z / n)), min(1, (middle + half) / (1 + z * z / n))
 
     @classmethod
     def where(cls, holds: NDArray[np.bool_], *known: Values) -> Count:
-        """Counts the records of which all these values are known."""
-        there = ~np.isnan(np.array(known)).any(0)
-        return cls(int(holds[there].sum()), int(there.sum()))
+        """Counts records, of those for which all values of `known` are not NaN."""
+        valid = ~np.isnan(np.array(known)).any(0)
+        return cls(int(holds[valid].sum()), int(valid.sum()))
 
 
 @dataclass
 class Scores:
-    """One model on the records of a run: the JSON of `evaluate`, and columns [n] of its table of
-    records."""
+    """Scores of one model on the records of a run."""
 
-    told: dict[str, Any]
-    index: NDArray[np.int64]
+    result: dict[str, Any]  # JSON of `evaluate`
+    index: NDArray[np.int64]  # record indices [n]
     labels: list[str]
-    warnings: list[str]  # warnings of the model: out of distribution
-    columns: dict[str, Values]
+    warnings: list[str]  # reason for flagging the record; empty if it is not flagged
+    columns: dict[str, Values]  # per-record scores [n] by name
 
     def __getitem__(self, name: str) -> Values:
         return self.columns[name] if name in self.columns else np.full(len(self.index), np.nan)
 
     @property
     def shift(self) -> dict[str, Any]:
-        """Test of the run as a whole: p, records, found, text; empty if it was not tested."""
-        return self.told.get("domain_shift") or {}
+        """Test of the whole run: p, records, found, text; empty if it was not tested."""
+        return self.result.get("domain_shift") or {}
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences of `evaluate` that are no failure: a run like the training, assumptions."""
-        found = [*(self.told.get(key) for key in ("note", "antennas", "response", "ranges")),
-                 self.told.get("two_people", {}).get("text")]
+        """Messages of `evaluate` that are not failures, such as assumptions."""
+        texts = [*(self.result.get(key) for key in ("note", "antennas", "response", "ranges")),
+                 self.result.get("two_people", {}).get("text")]
         return [text for text in ("" if self.shift.get("found") else self.shift.get("text"),
-                                  *found) if text]
+                                  *texts) if text]
 
     @property
     def notes(self) -> list[str]:
-        """All other sentences of `evaluate`: records left out, a truth that contradicts the
+        """Other messages of `evaluate`, e.g. excluded records or a truth that contradicts the
         sensors."""
-        told = [self.shift.get("text"), *self.remarks]
-        return [line for line in self.told["notes"].splitlines() if line not in told]
+        known = [self.shift.get("text"), *self.remarks]
+        return [line for line in self.result["notes"].splitlines() if line not in known]
 
     @property
-    def kept(self) -> Count:
-        """Bodies within what was stated."""
-        off, stated = self["lateral_m"], self["lateral_interval_90_m"]
-        return Count.where(off <= stated, off, stated)
+    def inside(self) -> Count:
+        """Bodies inside their stated 90 % interval."""
+        error, stated = self["lateral_m"], self["lateral_interval_90_m"]
+        return Count.where(error <= stated, error, stated)
 
     @property
     def outside(self) -> str:
-        """Bodies outside the stated interval, against 10 % expected; empty if none is stated."""
-        kept, off, stated = self.kept, self["lateral_m"], self["lateral_interval_90_m"]
-        if not kept.of:
+        """Text about bodies outside their stated interval; empty if no interval is stated."""
+        inside, error, stated = self.inside, self["lateral_m"], self["lateral_interval_90_m"]
+        if not inside.total:
             return ""
-        worst = int(np.nanargmax(off / stated))
-        return (f"{kept.of - kept.count} of {kept.of} bodies are outside the stated 90 % interval, "
-                f"{0.1 * kept.of:.0f} expected; worst: record {self.index[worst]}, "
-                f"{100 * off[worst]:.0f} cm off to the side, stated within "
-                f"{100 * stated[worst]:.0f} cm")
+        worst = int(np.nanargmax(error / stated))
+        return (f"{inside.total - inside.count} of {inside.total} bodies are outside the stated "
+                f"90 % interval, {0.1 * inside.total:.0f} expected; worst: record "
+                f"{self.index[worst]}, lateral error {100 * error[worst]:.0f} cm, stated "
+                f"±{100 * stated[worst]:.0f} cm")
 
     @property
     def order(self) -> list[int]:
-        """Indices of the records, the worst IoU first."""
+        """Record indices, worst IoU first."""
         return list(self.index[np.argsort(np.nan_to_num(self["iou"]), kind="stable")].tolist())
 
 
-class Judged(NamedTuple):
-    """Scores of models on a run, by `evaluate`."""
+class Evaluation(NamedTuple):
+    """Scores of models on a run, from `evaluate`."""
 
     scores: list[Scores]
-    told: dict[str, Any]
-    said: str  # about another room
+    result: dict[str, Any]  # JSON of `evaluate`
+    room_note: str  # messages about another room
 
     def span(self, wall: float, far_m: float) -> tuple[float, float]:
-        """Depths of the maps with a margin: one scale for all. wall: the background's farthest
-        depth."""
-        body = float(self.told["foreground_depth_m"])
+        """Returns the common depth scale of all maps, with a margin, m. `wall` is the maximum depth
+        of the background."""
+        body = float(self.result["foreground_depth_m"])
         near = max(0.0, float(np.floor(2 * (body - 1)) / 2))
         return near, float(np.clip(np.ceil(2 * max(body + 1, wall)) / 2, near + 1,
                                    max(near + 1, far_m)))
 
 
-def evaluated(models: Sequence[str], run: str, room: Sequence[str],
-              folders: Sequence[str] = ()) -> Judged:
-    """Models judged together, on the records with every sensor that one of them asks for; with
-    folders of maps these first. room: [] or ["--empty", RUN]."""
+def evaluate(models: Sequence[str], run: str, room: Sequence[str],
+             folders: Sequence[str] = ()) -> Evaluation:
+    """Scores folders of maps and then models on the records that have all their sensors. `room` is
+    [] or ["--empty", RUN]."""
     words = [*models, run, *room, *(word for folder in folders for word in ("--maps", folder))]
     with tempfile.TemporaryDirectory(prefix="echofuse-report-") as folder:
         out = pathlib.Path(folder) / "records.csv"
         done = call("echofuse-recon", "-q", "evaluate", *words, "--json", "--per-record", out,
                     ok=(0, 5))
-        told = json.loads(done.stdout)
+        result = json.loads(done.stdout)
         with open(out, newline="", encoding="utf-8") as file:
             lines = list(csv.DictReader(file))
     scores, first, texts = [], 0, ("record", "label", "name", "out_of_distribution")
-    for row in told.get("rows", [told]):
-        some = lines[first:first + row.get("records", told["records"])]
-        first += len(some)
-        scores.append(Scores(row, np.array([line["record"] for line in some], np.int64),
-                             [line["label"] for line in some],
-                             [line["out_of_distribution"] for line in some],
-                             {name: np.array([line[name] or "nan" for line in some], float)
+    for row in result.get("rows", [result]):
+        part = lines[first:first + row.get("records", result["records"])]
+        first += len(part)
+        scores.append(Scores(row, np.array([line["record"] for line in part], np.int64),
+                             [line["label"] for line in part],
+                             [line["out_of_distribution"] for line in part],
+                             {name: np.array([line[name] or "nan" for line in part], float)
                               for name in lines[0] if name not in texts}))
-    return Judged(scores, told, " ".join(done.stderr.split("\n")).strip())
+    return Evaluation(scores, result, " ".join(done.stderr.split("\n")).strip())
 
 
 @dataclass
 class Mode:
-    """A model of the report, perhaps of several trainings; the first one is shown."""
+    """A model of the report, with one or several trainings; maps are those of the first one."""
 
     name: str
     files: list[str]
     facts: list[dict[str, Any]]  # facts of each file
     tensors: dict[str, NDArray[Any]]  # tensors of the first file
-    takes: str  # "SPD + 8 antennas", "SPD alone"; "no sensor" of a constant map
+    takes: str  # e.g. "SPD + 8 antennas", "SPD alone"; "no sensor" for a constant map
     scores: list[Scores] = field(default_factory=list)
-    # to the report's first, by metric
+    # paired differences to the first mode of the report, by metric
     differences: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -202,33 +206,33 @@ class Mode:
 
     @property
     def means(self) -> Means:
-        """As evaluated; of several trainings mean and standard error over these: the spread is the
-        honest error."""
-        all_means = [means_of(s.told["metrics"]) for s in self.scores]
+        """Means over the maps; with several trainings mean and standard error over these."""
+        all_means = [means_of(s.result["metrics"]) for s in self.scores]
         return all_means[0] if len(all_means) == 1 else Means(
-            {m: Mean.of(np.array([one[m].mean for one in all_means])) for m in all_means[0]})
+            {m: Mean.of(np.array([means[m].mean for means in all_means])) for m in all_means[0]})
 
 
 def takes_of(facts: dict[str, Any]) -> str:
+    """Returns the inputs of a model as text."""
     if facts["0/model"] in ("mean", "empty"):
         return "no sensor"
     if not facts["0/inputs"].startswith("fused"):
         return {"spd": "SPD alone", "radar": "radar alone"}[facts["0/inputs"]]
     if not facts["0/takes_antennas"]:
         return "SPD + radar profile"
-    # A row without gaps tells the number of antennas.
+    # The number of antennas is known only for a row without gaps.
     return (f"SPD + {facts['0/axes/array/scale'] + 1:.0f} antennas"
             if facts["0/axes/array/quantity"] == "lags" else "SPD + antennas")
 
 
 def modes_of(models: Sequence[str], compared: bool) -> list[Mode]:
-    """FILE or NAME=FILE each: a seed of the mode of that name, or a mode behind the last of equal
-    inputs. Compared models stay as they are given."""
+    """Reads models given as FILE or NAME=FILE. Files with equal names are trainings of one mode;
+    modes with equal inputs are adjacent. Compared models keep their order and names."""
     modes: list[Mode] = []
-    for given in models:
-        name, equals, path = given.partition("=")
+    for argument in models:
+        name, equals, path = argument.partition("=")
         if compared or not equals or "/" in name:
-            name, path = (given if compared else pathlib.Path(given).stem), given
+            name, path = (argument if compared else pathlib.Path(argument).stem), argument
         try:
             tensors, facts = read_safetensors(path)
         except OSError as error:
@@ -241,8 +245,8 @@ def modes_of(models: Sequence[str], compared: bool) -> list[Mode]:
                          Mode(name, [path], [facts], tensors, takes))
         elif known.takes != takes:
             raise ReportError(
-                f"{path}: takes {takes}, and {known.files[0]} of the same name {known.takes}; "
-                f"expected --model NAME={path}")
+                f"{path}: inputs {takes}, but {known.files[0]} with the same name has "
+                f"{known.takes}; give --model NAME={path}")
         else:
             known.files.append(path)
             known.facts.append(facts)

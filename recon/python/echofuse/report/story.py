@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A run as it was recorded, whatever a model makes of it: what was there when, and what was
-lost."""
+"""Recorded run: sensor data over time, losses and events, without any model."""
 from __future__ import annotations
 
 import json
@@ -19,41 +18,41 @@ from .records import decibels
 from .scores import Values
 
 SENSORS = {"spd": "SPD", "radar": "radar", "depth": "depth camera"}
-MOST_POINTS = 400  # points of a curve: more cannot be seen
+MOST_POINTS = 400  # points per curve; more are not visible
 
 
 def info_of(path: str) -> dict[str, Any]:
+    """Returns the JSON of `echofuse-acquire info`."""
     return dict(json.loads(call("echofuse-acquire", "info", "--json", path, ok=(0, 5)).stdout))
 
 
 class Story:
-    """Story of the run at this path; times are in `unit` since its first slot."""
+    """Course of a run. Times are in `unit` since the first slot."""
 
     def __init__(self, path: str) -> None:
         self.path, self.info, self.run = path, info_of(path), runs.open(path)
-        self.told = self.run.told()
-        self.unreadable: list[str] = []  # a line a record, once waterfalls() has read them
+        self.quality = self.run.quality()
+        self.unreadable: list[str] = []  # one line per record, filled by waterfalls()
         seconds = (self.run.time - self.run.time[:1]) / np.timedelta64(1, "s")
         whole = seconds[-1] if len(seconds) else 0
         self.unit, by = ("h", 3600) if whole > 7200 else ("min", 60) if whole > 180 else ("s", 1)
         self.at, self.end = seconds / by, (
-            whole + self.told["length_s"][-1]) / by if len(seconds) else 1
+            whole + self.quality["length_s"][-1]) / by if len(seconds) else 1
 
     @property
     def verdict(self) -> str:
-        """complete: 20 records, of which 19 have all three sensors."""
+        """Returns e.g. "complete: 20 records, 19 with all three sensors"."""
         n, whole = self.info["records"], self.info["all_valid"]
         out = f"{self.info['status']}: {n} record{'' if n == 1 else 's'}"
         if n == 0:
             return out
-        out += (", all with all three sensors" if whole == n
-                else f", of which {whole} have all three sensors")
-        out += (f"; {self.info['incomplete']} lack a sensor that the run requires"
+        out += f", {'all' if whole == n else whole} with all three sensors"
+        out += (f"; {self.info['incomplete']} without a required sensor"
                 if self.info["incomplete"] else "")
         return out + (f"; {self.info['doubts']}." if self.info["doubts"] else ".")
 
     def gaps(self, sensor: str) -> list[list[float]]:
-        """Beginnings and ends of the records without the sensor; of very many the longest."""
+        """Returns start and end of each gap of a sensor; at most MOST_POINTS, the longest."""
         lacks = np.concatenate([[False], ~self.run.valid[sensor], [False]]).astype(int)
         times, steps = np.append(self.at, self.end), np.diff(lacks)
         found = np.column_stack([times[steps > 0], times[steps < 0]])
@@ -61,9 +60,9 @@ class Story:
                                        kind="stable")][:MOST_POINTS].tolist())
 
     @property
-    def gone(self) -> list[str]:
-        """Sensors that are missing for good, or in many records: a sentence each. One that never
-        was is not of this run."""
+    def losses(self) -> list[str]:
+        """One sentence per sensor that is missing to the end or in more than 5 % of the records,
+        except for sensors without any data."""
         by_time: dict[str, list[str]] = {}
         out, n = [], self.info["records"]
         for sensor, name in SENSORS.items():
@@ -73,45 +72,46 @@ class Story:
             if end == self.end:
                 by_time.setdefault(f"{begin:.4g} {self.unit}", []).append(name)
             elif lacking * 20 > n:
-                out.append(f"{lacking} of {n} records lack the {name}.")
+                out.append(f"{lacking} of {n} records have no data of the {name}.")
         return out + [f"no data of {', '.join(names)} from {time} to the end."
                       for time, names in sorted(by_time.items())]
 
     def curve(self, values: Values, gather: Callable[..., Any] = np.mean) -> list[float | None]:
-        """Neighbours as one point, so that no curve has more than can be seen; None without any, or
-        a sum of 0."""
+        """Combines neighbours into at most MOST_POINTS points; None where all values are NaN,
+        except for sums."""
         step = len(values) // MOST_POINTS + 1
         parts = (part[~np.isnan(part)] for part in (values[i:i + step]
                                                     for i in range(0, len(values), step)))
         return [short(gather(part)) if len(part) or gather is np.sum else None for part in parts]
 
     def strips(self) -> Block:
-        """Arrays for the strips of the live page (recon/web/charts.js), and where a sensor is
-        missing."""
+        """Returns the arrays for the strips of the live page (recon/web/charts.js) and the gaps of
+        the sensors."""
         arrays = {"first": self.curve(self.at)}
         for s, valid in self.run.valid.items():
-            arrays |= {f"{name}_{s}": self.curve(np.where(valid, self.told[f"{s}_{key}"], np.nan))
+            quality = self.quality
+            arrays |= {f"{name}_{s}": self.curve(np.where(valid, quality[f"{s}_{key}"], np.nan))
                        for name, key in (("used", "used"), ("residual_s", "clock_residual_s"))}
-            arrays[f"lost_{s}"] = self.curve(self.told[f"{s}_lost"], np.sum)
+            arrays[f"lost_{s}"] = self.curve(self.quality[f"{s}_lost"], np.sum)
         gaps = {s: [[short(begin), short(end)] for begin, end in self.gaps(s)] for s in SENSORS}
         return {"kind": "strips", "unit": self.unit, "end": short(self.end), "arrays": arrays,
                 "gaps": gaps, "window_s": self.info["window_s"]}
 
     def waterfalls(self) -> list[Block]:
-        """Counts and power over the run, as the live page shows them: clicks as their logarithm,
-        the radar in dB over its median; a column some records, of bins from the nearest on. 8 bits,
-        254: `most`, 255: no data."""
+        """Returns counts and power over the run as images [columns, bins], as on the live page:
+        log(1 + clicks), and radar power in dB above its median. Each column is the mean over
+        neighbouring records. 8 bits: 254 = `most`, 255 = no data."""
         def over_median(values: NDArray[np.float64]) -> NDArray[np.float64]:
             return np.maximum(values - np.sort(values, 1)[:, [values.shape[1] // 2]], 0)
 
-        seen, step = self.run[0:len(self.run)], len(self.run) // MOST_POINTS + 1
-        seen.valid["depth"][:] = False  # not shown here
+        run, step = self.run[0:len(self.run)], len(self.run) // MOST_POINTS + 1
+        run.valid["depth"][:] = False  # not read
         axes = {sensor: self.run.axes[sensor]
                 for sensor in ("spd", "radar") if sensor in self.run.axes}
-        sums = {sensor: np.zeros(((len(seen) - 1) // step + 1, axis.count))
+        sums = {sensor: np.zeros(((len(run) - 1) // step + 1, axis.count))
                 for sensor, axis in axes.items()}
         records = {sensor: np.zeros((len(table), 1)) for sensor, table in sums.items()}
-        for first, part, faults in in_blocks(seen):
+        for first, part, faults in in_blocks(run):
             self.unreadable += [f"record {part.index[row]}: {fault}"
                                 for row, fault in faults.items()]
             for sensor in axes:
@@ -139,27 +139,27 @@ class Story:
                  "tables": out}] if out else []
 
     def typical(self) -> list[int]:
-        """The index of the record in the middle of those with the most sensors."""
+        """Returns the index of the middle one of the records with the most sensors, in a list."""
         count = np.sum(list(self.run.valid.values()), 0)
         best: list[int] = self.run.index[count == count.max(initial=0)].tolist()
         return best[len(best) // 2:len(best) // 2 + 1]
 
     def blocks(self, between: Sequence[Block], pictures: Sequence[Block]) -> list[Block]:
-        """Tables and strips over the run; `between`: blocks after the verdict."""
+        """Returns tables and strips of the run. `between` follows the verdict."""
         rows = []
         for s, name in SENSORS.items():
-            why = "; ".join(f"{count} {kind}"
-                            for kind, count in sorted(self.info["verdicts"][s].items())
-                            if kind != "ok")
-            there, lost = self.info["valid"][s], self.info["lost"][s]
-            rows.append([name, str(there), str(self.info["records"] - there),
-                         f"{lost} {'tags' if s == 'spd' else 'frames'}", why or NONE])
-        reason = {"text": "why a record is without", "words": True}
+            verdicts = "; ".join(f"{count} {kind}"
+                                 for kind, count in sorted(self.info["verdicts"][s].items())
+                                 if kind != "ok")
+            valid, lost = self.info["valid"][s], self.info["lost"][s]
+            rows.append([name, str(valid), str(self.info["records"] - valid),
+                         f"{lost} {'tags' if s == 'spd' else 'frames'}", verdicts or NONE])
+        reason = {"text": "verdicts other than ok", "words": True}
         out = [paragraph(f"{self.path}: {self.verdict}"), *between,
-               table("", ["sensor", "records with it", "records without", "lost in records",
+               table("", ["sensor", "records with data", "without data", "lost within records",
                           reason], rows)]
         if self.info["zones"]:
-            out.append(table("clicks of the zones", ["zone", "clicks", "x", "y"], [
+            out.append(table("Clicks of the zones", ["zone", "clicks", "x", "y"], [
                 [str(k), f"{zone['clicks']:.0f}", *(f"{zone[at]:+.3f}" if at in zone else NONE
                                                     for at in "xy")]
                 for k, zone in enumerate(self.info["zones"])]))
@@ -172,6 +172,6 @@ class Story:
         out += [details("Labels", table("", ["label", "records"],
                                         labels))] if len(labels) > 1 else []
         events, heads = self.run.events(), ["UTC", "level", {"text": "source", "words": True},
-                                            {"text": "what", "words": True}]
+                                            {"text": "event", "words": True}]
         return out + ([details(f"Events ({len(events)})", table("", heads, events[:200]))] if events
                       else [])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Sentences, tables and charts of the models of a report. The subject is the first of the modes."""
+"""Sentences, tables and charts about the models of a report. The report describes the first."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -8,17 +8,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .blocks import NONE, Block, add_series, cell, chart, paragraph, table, three_digits
-from .scores import Count, Judged, Mean, Means, Mode, Scores, Values, means_of
+from .scores import Count, Evaluation, Mean, Means, Mode, Scores, Values, means_of
 
 
-class Words(NamedTuple):
-    """How the page names a metric, in what unit, and what is better."""
+class MetricFormat(NamedTuple):
+    """Name, unit and number format of a metric."""
 
     name: str
     unit: str
     scale: float
     decimals: int
-    best: str  # "more", "less", "0"
+    best: str  # "more", "less" or "0"
 
     def text(self, value: float, more: int = 0) -> str:
         return f"{self.scale * value:.{self.decimals + more}f}"
@@ -29,46 +29,49 @@ class Words(NamedTuple):
 
     @property
     def head(self) -> Block:
-        return cell(self.title, "0 is best" if self.best == "0" else f"{self.best} is better")
+        return cell(self.title, {"0": "0 is best", "more": "higher is better",
+                                 "less": "lower is better"}[self.best])
 
 
-METRICS = {"iou": Words("IoU", "", 1, 2, "more"),
-           "lateral_m": Words("lateral error", " cm", 100, 1, "less"),
-           "depth_mae_m": Words("depth error", " cm", 100, 1, "less"),
-           "ghost": Words("mirror fraction", "", 1, 2, "0"),
-           "left_right": Words("on the true side", "", 1, 2, "more"),
-           "rmse_m": Words("RMSE", " m", 1, 2, "less"),
-           "ssim": Words("SSIM", "", 1, 2, "more"),
-           "ssim_hard": Words("SSIM, thresholded map", "", 1, 2, "more"),
-           "ssim_fg": Words("SSIM near the body", "", 1, 2, "more")}
+METRICS = {"iou": MetricFormat("IoU", "", 1, 2, "more"),
+           "lateral_m": MetricFormat("lateral error", " cm", 100, 1, "less"),
+           "depth_mae_m": MetricFormat("depth error", " cm", 100, 1, "less"),
+           "ghost": MetricFormat("mirror fraction", "", 1, 2, "0"),
+           "left_right": MetricFormat("on the true side", "", 1, 2, "more"),
+           "rmse_m": MetricFormat("RMSE", " m", 1, 2, "less"),
+           "ssim": MetricFormat("SSIM", "", 1, 2, "more"),
+           "ssim_hard": MetricFormat("SSIM, thresholded map", "", 1, 2, "more"),
+           "ssim_fg": MetricFormat("SSIM near the body", "", 1, 2, "more")}
 FIRST = ("iou", "lateral_m", "depth_mae_m")  # metrics of the first screen
 PAIRED = ("iou", "lateral_m", "depth_mae_m", "ssim_fg", "ssim_hard", "rmse_m", "ghost")
 BASELINES = {"empty": "empty room", "mean": "mean of the training maps",
              "nearest": "nearest training record"}
-# SSIM that Lai et al., Chin. Opt. Lett. 22, 022701 (2024), state of their network.
+# SSIM of the network of Lai et al., Chin. Opt. Lett. 22, 022701 (2024).
 PAPER_SSIM = {"spd": 0.6389, "radar": 0.5266}
 
 
 def plus_minus(means: Means, metric: str) -> str:
-    m, word = means[metric], METRICS[metric]
-    return word.text(m.mean) + (f" ± {word.text(m.se)}" if m.maps > 4
-                                and not np.isnan(m.se) else "") + word.unit
+    """Formats mean ± standard error (with more than four maps) and unit."""
+    m, form = means[metric], METRICS[metric]
+    return form.text(m.mean) + (f" ± {form.text(m.se)}" if m.maps > 4
+                                and not np.isnan(m.se) else "") + form.unit
 
 
-def baselines_of(told: dict[str, Any]) -> list[tuple[str, Means]]:
-    return [(title, means_of(told["trivial"][name]))
-            for name, title in BASELINES.items() if name in told["trivial"]]
+def baselines_of(result: dict[str, Any]) -> list[tuple[str, Means]]:
+    """Returns titles and means of the baselines in the JSON of `evaluate`."""
+    return [(title, means_of(result["trivial"][name]))
+            for name, title in BASELINES.items() if name in result["trivial"]]
 
 
 def better_of(d: dict[str, Any]) -> str:
-    """first, second, or nothing where the interval of the gain has 0, or is not known of so few
-    records."""
+    """Returns "first", "second", or "" if the interval of the difference contains 0 or is unknown
+    (few records)."""
     return ("" if d["low"] is None or d["low"] <= 0 <= d["high"] else "second" if d["mean"] > 0
             else "first")
 
 
-def interval(d: dict[str, Any], word: Words) -> str:
-    return NONE if d["low"] is None else " to ".join(f"{word.scale * d[key]:+.{word.decimals + 1}f}"
+def interval(d: dict[str, Any], form: MetricFormat) -> str:
+    return NONE if d["low"] is None else " to ".join(f"{form.scale * d[key]:+.{form.decimals + 1}f}"
                                                      for key in ("low", "high"))
 
 
@@ -78,42 +81,43 @@ def interval(d: dict[str, Any], word: Words) -> str:
 def comparison_verdict(second: Mode, simulated: str) -> str:
     d = second.differences["iou"]
     which = (f"the {better_of(d)} model is better" if better_of(d)
-             else "the two models cannot be told apart")
+             else "the two models do not differ significantly")
     gain = ("too few records for an interval" if d["low"] is None
             else "95 %: " + interval(d, METRICS["iou"]))
     return (f"On {d['records']} {simulated} records {which}: IoU {d['first']:.3f} and "
             f"{d['second']:.3f}, difference {d['mean']:+.3f} ({gain}).")
 
 
-def models_verdict(modes: Sequence[Mode], judged: Judged, simulated: str, new_run: bool) -> str:
-    """How good, against what, and in what it is worse. A baseline with IoU 0 draws nobody: no
-    opponent."""
+def models_verdict(modes: Sequence[Mode], evaluation: Evaluation, simulated: str,
+                   new_run: bool) -> str:
+    """Returns the scores of the first model, those of the best baseline, and the metrics in which a
+    second model is better. Baselines with IoU 0 do not count."""
     own = modes[0]
-    like = "".join(f"{mode.short}, of the same inputs: {plus_minus(mode.means, 'iou')}; "
-                   for mode in modes[1:] if len(modes) == 2 and mode.takes == own.takes)
-    drawing = [(title, means) for title, means in baselines_of(judged.told)
-               if means["iou"].mean > 0.01]
-    best, means = max(drawing, key=lambda one: one[1]["iou"].mean, default=("", Means()))
-    against = (f"the best baseline that draws a body, {best}: {plus_minus(means, 'iou')}" if best
-               else "none of the baselines scored here draws a body")
+    second = "".join(f"{mode.short} with the same inputs: {plus_minus(mode.means, 'iou')}; "
+                     for mode in modes[1:] if len(modes) == 2 and mode.takes == own.takes)
+    baselines = [(title, means) for title, means in baselines_of(evaluation.result)
+                 if means["iou"].mean > 0.01]
+    best, means = max(baselines, key=lambda pair: pair[1]["iou"].mean, default=("", Means()))
+    baseline = (f"best baseline, {best}: {plus_minus(means, 'iou')}" if best
+                else "all baselines have IoU 0")
     out = (f"{own.title}, on {len(own.first.index)} {simulated} "
-           f"records{' of a new run' if new_run else ' that training held out'}: "
-           f"IoU {plus_minus(own.means, 'iou')} ({like}{against})")
+           f"records{' of a new run' if new_run else ' held out in the training'}: "
+           f"IoU {plus_minus(own.means, 'iou')} ({second}{baseline})")
     out += "".join(f", {METRICS[m].name} {plus_minus(own.means, m)}"
                    for m in FIRST[1:] if own.means[m].maps) + "."
-    for mode in modes[1:] if len(modes) == 2 else []:  # of more models: differences_table
+    for mode in modes[1:] if len(modes) == 2 else []:  # more models: differences_table
         found = [(METRICS[m], mode.differences[m])
                  for m in PAIRED if m not in ("ssim_fg", "ghost") and m in mode.differences]
-        worse = [f"{word.name} ({word.text(d['first'])} against "
-                 f"{word.text(d['second'])}{word.unit})"
-                 for word, d in found if better_of(d) == "second"]
+        worse = [f"{form.name} ({form.text(d['first'])} against "
+                 f"{form.text(d['second'])}{form.unit})"
+                 for form, d in found if better_of(d) == "second"]
         out += f" Worse than {mode.title} in {', '.join(worse)}." if worse else ""
     return out
 
 
 def problems_of_run(scores: Scores, where: str = "") -> list[str]:
     out = [f"{where}{scores.shift['text']}."] if scores.shift.get("found") else []
-    if scores.kept.of and scores.kept.interval[1] < 0.9:
+    if scores.inside.total and scores.inside.interval[1] < 0.9:
         out.append(f"{where}{scores.outside}.")
     return out + [f"{where}{note}." for note in scores.notes]
 
@@ -122,7 +126,7 @@ def problems_of_run(scores: Scores, where: str = "") -> list[str]:
 
 
 class Row(NamedTuple):
-    """Row of a table of metrics; scores of a single model can be paired."""
+    """Row of a metrics table. `scores` of a single training allow paired comparisons."""
 
     name: str
     means: Means
@@ -130,46 +134,49 @@ class Row(NamedTuple):
     baseline: bool = False
 
 
-def rows_of(modes: Sequence[Mode], told: dict[str, Any]) -> list[Row]:
+def rows_of(modes: Sequence[Mode], result: dict[str, Any]) -> list[Row]:
     return [*(Row(mode.title, mode.means, mode.first if len(mode.files) == 1 else None)
               for mode in modes),
-            *(Row(title, means, None, True) for title, means in baselines_of(told))]
+            *(Row(title, means, None, True) for title, means in baselines_of(result))]
 
 
 def loss(metric: str, value: float) -> float:
+    """Returns a value that is lower for a better score."""
     return {"more": -value, "less": value, "0": abs(value)}[METRICS[metric].best]
 
 
-def same(a: Row, b: Row, metric: str) -> bool:
-    """Whether they cannot be told apart; record by record where that can be."""
+def equal_within_errors(a: Row, b: Row, metric: str) -> bool:
+    """Returns whether the difference is not significant (95 %); paired by record if possible."""
     x, y = a.means[metric], b.means[metric]
-    apart, error = abs(loss(metric, x.mean)
-                       - loss(metric, y.mean)), np.hypot(np.nan_to_num(x.se), np.nan_to_num(y.se))
+    difference = abs(loss(metric, x.mean) - loss(metric, y.mean))
+    error = np.hypot(np.nan_to_num(x.se), np.nan_to_num(y.se))
     if a.scores and b.scores and np.array_equal(a.scores.index, b.scores.index):
         d = a.scores[metric] - b.scores[metric]
         d = d[~np.isnan(d)]
         error = d.std() / np.sqrt(len(d) - 1) if len(d) > 4 else error
-    return bool(apart <= 1.96 * error)
+    return bool(difference <= 1.96 * error)
 
 
 def best_of(rows: Sequence[Row], metric: str) -> list[bool]:
-    """The best and all that cannot be told apart from it."""
-    known = [row.means[metric].maps > 0 for row in rows]
-    best = min((row for row, one in zip(rows, known) if one),
+    """Marks the best row and all rows that do not differ significantly from it."""
+    defined = [row.means[metric].maps > 0 for row in rows]
+    best = min((row for row, is_defined in zip(rows, defined) if is_defined),
                key=lambda row: loss(metric, row.means[metric].mean), default=None)
-    return [one and best is not None and same(row, best, metric) for row, one in zip(rows, known)]
+    return [is_defined and best is not None and equal_within_errors(row, best, metric)
+            for row, is_defined in zip(rows, defined)]
 
 
 def value(row: Row, metric: str, best: bool) -> Block:
-    m, word, mark = row.means[metric], METRICS[metric], "best" if best else ""
+    """Returns the cell of a metric; for `depth_mae_m` with the number of maps in brackets."""
+    m, form, mark = row.means[metric], METRICS[metric], "best" if best else ""
     if np.isnan(m.mean):
         return cell("", "no body found" if metric in FIRST[1:] else "not defined")
     if metric == "left_right" and (row.baseline or row.scores):
         return cell(f"{m.mean * m.maps:.0f} of {m.maps}", "", mark)
-    small = f"±{word.text(m.se)}" if m.maps > 2 and m.se > 0 else ""
+    small = f"±{form.text(m.se)}" if m.maps > 2 and m.se > 0 else ""
     if metric == "depth_mae_m" and (row.baseline or row.scores):
         small += f" ({m.maps})"
-    return cell("0" if abs(m.mean) < 1e-14 else word.text(m.mean), small.strip(), mark)
+    return cell("0" if abs(m.mean) < 1e-14 else form.text(m.mean), small.strip(), mark)
 
 
 def metrics_table(rows: Sequence[Row], caption: str) -> Block:
@@ -180,145 +187,145 @@ def metrics_table(rows: Sequence[Row], caption: str) -> Block:
                  sum(row.baseline for row in rows))
 
 
-def first_table(modes: Sequence[Mode], told: dict[str, Any]) -> Block:
-    rows, seeds = rows_of(modes, told), len(modes[0].files) > 1
+def first_table(modes: Sequence[Mode], result: dict[str, Any]) -> Block:
+    rows, seeds = rows_of(modes, result), len(modes[0].files) > 1
     return metrics_table(
         rows, f"{len(modes[0].first.index)} records; mean ± standard error over "
-              f"{'trainings' if seeds else 'maps'}; depth error in brackets: over this number of "
-              "maps, in which body meets body; best: and all that cannot be told apart from it")
+              f"{'trainings' if seeds else 'maps'}. In brackets: maps in which the drawn and the "
+              "true body overlap. Marked: the best value, and values that do not differ from it "
+              "significantly.")
 
 
 def differences_table(first: str, gains: Sequence[tuple[str, dict[str, Any]]]) -> list[Block]:
-    """Gains of each over the first one, record by record, with intervals of 95 %."""
-    def gain(d: dict[str, Any] | None, word: Words) -> str | Block:
+    """Returns paired gains over the first model with 95 % intervals."""
+    def gain(d: dict[str, Any] | None, form: MetricFormat) -> str | Block:
         if d is None:
             return NONE
         mark = {"first": "bad", "second": "good"}.get(better_of(d), "")
-        return cell(f"{word.scale * d['mean']:+.{word.decimals + 1}f}", interval(d, word), mark)
+        return cell(f"{form.scale * d['mean']:+.{form.decimals + 1}f}", interval(d, form), mark)
 
-    rows = [[name, *(gain(told.get(m), METRICS[m]) for m in FIRST)] for name, told in gains if told]
-    return [table(f"Against {first}, record by record; plus is better; 95 % interval",
+    rows = [[name, *(gain(differences.get(m), METRICS[m]) for m in FIRST)]
+            for name, differences in gains if differences]
+    return [table(f"Differences to {first}, paired by record; positive = better; 95 % interval",
                   ["", *(METRICS[m].title for m in FIRST)], rows)] if rows else []
 
 
-def all_table(modes: Sequence[Mode], told: dict[str, Any]) -> list[Block]:
-    """Metrics down, models across: it fits beside seven."""
-    rows, own = rows_of(modes, told), modes[0].means
+def all_table(modes: Sequence[Mode], result: dict[str, Any]) -> list[Block]:
+    """Returns the table of all metrics (rows) and models (columns), and notes on SSIM."""
+    rows, own = rows_of(modes, result), modes[0].means
     lines = [[METRICS[m].head, *(value(row, m, best) for row, best in zip(rows, best_of(rows, m)))]
              for m in METRICS]
     raw, hard, empty = (own["ssim"].mean, own["ssim_hard"].mean,
-                        means_of(told["trivial"]["empty"])["ssim"].mean)
+                        means_of(result["trivial"]["empty"])["ssim"].mean)
     scores = f"{raw:.3f}" + (f" raw and {hard:.3f} as a thresholded map" if abs(raw - hard) >= 5e-4
                              else "")
-    out = [table("Best: and all that cannot be told apart from it",
+    out = [table("Marked: the best value, and values that do not differ from it significantly",
                  ["metric", *(row.name for row in rows)], lines),
            *differences_table(modes[0].title, [(mode.title, mode.differences)
                                                for mode in modes[1:]]),
-           paragraph("Do not read the SSIM row alone. Most of a depth map is empty room, and SSIM "
-                     "over the whole map mostly rewards leaving it empty: the empty room, as the "
-                     f"answer to every record, scores {empty:.3f}; the first model scores "
-                     f"{scores}. IoU, lateral error and mirror fraction say whether the body is "
-                     "found, and on its side.", "note")]
+           paragraph("Do not use SSIM alone. Most of a depth map is background, so an empty room "
+                     f"has SSIM {empty:.3f}; the first model has {scores}. IoU, lateral error and "
+                     "mirror fraction show whether the body is found, and on which side.", "note")]
     papers = [[mode.title, summary(mode.means, "ssim", 1),
                f"{PAPER_SSIM.get(mode.inputs, 0.6576):.4f}"] for mode in modes if mode.papers]
     if papers:
-        gap = ("; what can be compared is the gap between both sensors and either one alone."
-               if len(papers) > 1 else ".")
+        gap = (" The difference between both sensors and a single one is comparable."
+               if len(papers) > 1 else "")
         out += [table(
-            "Beside the paper: its networks only (Lai et al., Chin. Opt. Lett. 22, 022701, 2024)",
+            "Networks of the paper (Lai et al., Chin. Opt. Lett. 22, 022701, 2024)",
             ["", "SSIM here", "SSIM in the paper"], papers),
-                paragraph("The paper states neither window nor data range of its SSIM, so its "
-                          "values cannot be met as absolutes" + gap)]
+                paragraph("Absolute values are not comparable: the paper does not state window "
+                          "and data range of its SSIM." + gap)]
     return out
 
 
 def summary(means: Means, metric: str, more: int = 0) -> str | Block:
-    m, word = means[metric], METRICS[metric]
-    small = f"±{word.text(m.se, more)}" if m.maps > 4 and not np.isnan(m.se) else ""
+    m, form = means[metric], METRICS[metric]
+    small = f"±{form.text(m.se, more)}" if m.maps > 4 and not np.isnan(m.se) else ""
     small += f" ({m.maps})" * (metric == "depth_mae_m")
-    return cell(word.text(m.mean, more), small.strip()) if m.maps else NONE
+    return cell(form.text(m.mean, more), small.strip()) if m.maps else NONE
 
 
 def cost_table(modes: Sequence[Mode]) -> Block:
     rows = [[mode.title, f"{c['infer_us_median']:.0f}", f"{c['infer_us_p99']:.0f}",
              three_digits(c["multiply_adds"]), three_digits(c["parameters"]),
              f"{c['model_bytes'] / 1e6:.1f}", f"{c['train_s']:.0f}"] for mode in modes
-            for c in [mode.first.told["cost"]]]
-    return table("One map on one thread of this host",
-                 ["", "time of a map (µs, median)", "99 % are below (µs)", "multiply-adds",
-                  "parameters",
-                  cell("file (MB)", "with fallbacks and what it knows of its errors"),
+            for c in [mode.first.result["cost"]]]
+    return table("Single maps on one thread of this host",
+                 ["", "time per map (µs, median)", "p99 (µs)", "multiply-adds", "parameters",
+                  cell("file (MB)", "with fallback models and uncertainty"),
                   "training (s)"], rows)
 
 
 def labels_table(mode: Mode) -> list[Block]:
     s, rows = mode.first, []
     for label in sorted(set(s.labels)):
-        of = np.array([one == label for one in s.labels])
-        means = Means({name: Mean.of(s[name][of]) for name in FIRST})
-        side = Count.where(s["left_right"][of] > 0.5, s["left_right"][of])
-        rows.append([label or "(none)", str(of.sum()), *(summary(means, m) for m in FIRST),
-                     str(side) if side.of else NONE])
+        rows_of_label = np.array([text == label for text in s.labels])
+        means = Means({name: Mean.of(s[name][rows_of_label]) for name in FIRST})
+        left_right = s["left_right"][rows_of_label]
+        side = Count.where(left_right > 0.5, left_right)
+        rows.append([label or "(none)", str(rows_of_label.sum()),
+                     *(summary(means, m) for m in FIRST), str(side) if side.total else NONE])
     heads = ["label", "records", *(METRICS[m].title for m in FIRST), "on the true side"]
-    caption = "Means, of five records and more ± standard error; in brackets the number of maps"
+    caption = "Mean ± standard error (five or more maps); number of maps in brackets"
     return [table(f"{caption}; {mode.title}", heads, rows)] if len(rows) > 1 else []
 
 
 def failing(s: Scores) -> list[tuple[str, Count, list[int]]]:
-    """Kinds of failures, the most frequent first, and their records, the worst first."""
-    iou, side, off, stated = (s[name] for name in ("iou", "left_right", "lateral_m",
-                                                   "lateral_interval_90_m"))
-    known = off + stated
-    kinds = [("the body is missed (IoU below 0.2)", iou < 0.2, iou, iou),
-             ("the body stands on the wrong side (of those off the axis)", side < 0.5, side, -off),
-             ("more than 30 cm off to the side", off > 0.3, off, -off),
-             ("outside its stated interval (10 % expected)", off > stated, known, -off / stated)]
+    """Returns kinds of failures, most frequent first, with their record indices, worst first."""
+    iou, side, error, stated = (s[name] for name in ("iou", "left_right", "lateral_m",
+                                                     "lateral_interval_90_m"))
+    known = error + stated
+    kinds = [("body missed (IoU below 0.2)", iou < 0.2, iou, iou),
+             ("body on the wrong side (of bodies off the axis)", side < 0.5, side, -error),
+             ("lateral error above 30 cm", error > 0.3, error, -error),
+             ("body outside its stated interval (10 % expected)", error > stated, known,
+              -error / stated)]
     reasons = np.array([text.partition(" (")[0] for text in s.warnings], object)
-    kinds += [(f"flagged as unlike the training: {reason}", reasons == reason,
+    kinds += [(f"flagged: {reason}", reasons == reason,
                np.zeros(len(reasons)), iou) for reason in sorted(set(reasons) - {""})]
-    found = [(what, Count.where(holds, known), s.index[holds][np.argsort(by[holds])].tolist())
-             for what, holds, known, by in kinds if not np.isnan(known).all()]
-    return sorted(found, key=lambda one: -one[1].count / one[1].of)
+    found = [(title, Count.where(holds, known), s.index[holds][np.argsort(by[holds])].tolist())
+             for title, holds, known, by in kinds if not np.isnan(known).all()]
+    return sorted(found, key=lambda kind: -kind[1].count / kind[1].total)
 
 
 def failures_table(mode: Mode) -> Block:
-    rows = [[what, str(count), f"{100 * count.interval[0]:.0f} to {100 * count.interval[1]:.0f} %",
-             {"text": "", "records": which[:8], "more": len(which) > 8} if which else NONE]
-            for what, count, which in failing(mode.first)]
-    return table(mode.title, ["what", "records", "95 % interval",
-                              {"text": "which, the worst first", "words": True}], rows)
+    rows = [[title, str(count), f"{100 * count.interval[0]:.0f} to {100 * count.interval[1]:.0f} %",
+             {"text": "", "records": indices[:8], "more": len(indices) > 8} if indices else NONE]
+            for title, count, indices in failing(mode.first)]
+    return table(mode.title, ["failure", "records", "95 % interval",
+                              {"text": "record numbers, worst first", "words": True}], rows)
 
 
-def stated_table(rows: Sequence[tuple[str, Scores]]) -> Block:
-    """Records one by one, and the run as a whole."""
+def uncertainty_table(rows: Sequence[tuple[str, Scores]]) -> Block:
+    """Compares stated uncertainties with observed errors; rows are (title, scores)."""
     def row(name: str, s: Scores) -> list[str | Block]:
         whole: str | Block = "not tested"
         if s.shift:
-            whole = cell("unlike", "", "bad") if s.shift["found"] else "like it"
-        if not s.told["calibrated"]:
+            whole = cell("differs", "", "bad") if s.shift["found"] else "matches"
+        if not s.result["calibrated"]:
             return [name, "not calibrated", NONE, NONE, NONE, NONE, whole]
-        c, kept, records = s.told["calibration"], s.kept, s.told["records"]
+        c, inside, records = s.result["calibration"], s.inside, s.result["records"]
         stated, deviation, error = (NONE if c[key] is None else f"{unit * c[key]:{form}}"
                                     for key, unit, form in
                                     (("lateral_interval_90_m", 100, ".1f"),
                                      ("pixel_deviation_m", 1, ".2f"), ("pixel_error_m", 1, ".2f")))
-        held = cell(str(kept) if kept.of else NONE, "",
-                    "bad" if kept.of and kept.interval[1] < 0.9 else "")
-        return [name, stated, held, deviation, error,
+        share = cell(str(inside) if inside.total else NONE, "",
+                     "bad" if inside.total and inside.interval[1] < 0.9 else "")
+        return [name, stated, share, deviation, error,
                 f"{(c['flagged'] or 0) * records:.0f} of {records}", whole]
 
-    return table("How sure the models are, and how that holds", [
-        "", "stated: within (cm, 90 %)", "bodies within it",
-        "stated uncertainty of a pixel (m, rms)", "error of a pixel (m, rms)",
-        "records flagged one by one", "the run as a whole against the training"],
-                 [row(*one) for one in rows])
+    return table("Stated uncertainty and observed errors", [
+        "", "stated 90 % interval (± cm)", "bodies inside", "stated pixel error (m, rms)",
+        "observed pixel error (m, rms)", "flagged records", "run against the training data"],
+                 [row(*pair) for pair in rows])
 
 
 # Charts
 
 
 def shares_below(values: Values) -> tuple[Values, Values]:
-    """At most 200 of the values, and which share of all, in per cent, is not above each."""
+    """Returns the empirical distribution: at most 200 values, and the share up to each, %."""
     values = np.sort(values[~np.isnan(values)])
     at = np.arange(0, len(values), len(values) // 200 + 1)
     return values[at], 100 * (at + 1) / max(len(values), 1)
@@ -337,15 +344,15 @@ def distribution(modes: Sequence[Mode], colours: Sequence[str], metric: str, tit
 
 def error_chart(modes: Sequence[Mode], colours: Sequence[str], title: str, x: str,
                 place: str) -> Block:
-    """The subject's records as dots; medians of groups of as many records of all models, none of
-    too few."""
+    """Returns lateral errors of the first model as dots, and medians of up to 8 equal groups of
+    records for each model with at least 40 records."""
     def pairs(mode: Mode) -> Values:
-        both = np.column_stack([mode.first[place], 100 * mode.first["lateral_m"]])
-        both = both[~np.isnan(both).any(1)]
-        return np.asarray(both[np.lexsort((both[:, 1], both[:, 0]))])
+        points = np.column_stack([mode.first[place], 100 * mode.first["lateral_m"]])
+        points = points[~np.isnan(points).any(1)]
+        return np.asarray(points[np.lexsort((points[:, 1], points[:, 0]))])
 
     out, own, groups = chart(title, x, "lateral error (cm)", log=True), pairs(modes[0]), 0
-    add_series(out, "a record", colours[0], "dots", *own.T)
+    add_series(out, "record", colours[0], "dots", *own.T)
     for mode, colour in zip(modes, colours):
         found = pairs(mode)
         parts = min(len(found) // 10, 8)
@@ -356,22 +363,22 @@ def error_chart(modes: Sequence[Mode], colours: Sequence[str], title: str, x: st
             groups = max(groups, parts)
     out["note"] = f"Dots: {len(own)} records of {modes[0].title}. " + (
         f"Lines: medians of {groups} groups of about {len(own) // groups} records." if groups
-        else "Too few for medians.")
+        else "Too few records for medians.")
     return out
 
 
 def errors(modes: Sequence[Mode], colours: Sequence[str]) -> Block:
     return {"kind": "charts", "blocks": [
         error_chart(modes, colours, "Lateral error against range", "range (m)", "range_m"),
-        error_chart(modes, colours, "Lateral error against side", "x, right of the SPD (m)",
+        error_chart(modes, colours, "Lateral error against x", "x, right of the SPD (m)",
                     "side_m"),
-        distribution(modes, colours, "lateral_m", "Share of the records below a lateral error",
+        distribution(modes, colours, "lateral_m", "Distribution of the lateral error",
                      "lateral error (cm)", log_x=True),
-        distribution(modes, colours, "iou", "Share of the records below an IoU", "IoU")]}
+        distribution(modes, colours, "iou", "Distribution of the IoU", "IoU")]}
 
 
 def losses(modes: Sequence[Mode]) -> list[Block]:
-    """While training."""
+    """Returns training and validation losses by epoch."""
     out = []
     for mode in modes:
         training, validation = (mode.tensors[f"0/training/{name}loss_m"].ravel()
@@ -383,30 +390,30 @@ def losses(modes: Sequence[Mode]) -> list[Block]:
                                     ("validation", "both", validation)):
             add_series(out[-1], name, colour, "line", np.arange(1, len(curve) + 1), curve)
         if best := mode.facts[0]["0/training/best_epoch"]:
-            out[-1]["rules"].append({"at": best, "name": "kept"})
+            out[-1]["rules"].append({"at": best, "name": "best"})
     return [{"kind": "charts", "blocks": out}] if out else []
 
 
 def comparison(a: Mode, b: Mode) -> list[Block]:
-    """Two models record by record; a gain is plus where the second is better, of an error too."""
+    """Compares two models by record. A gain is positive if the second model is better."""
     rows, charts = [], []
-    for word, d in ((METRICS[m], b.differences[m]) for m in PAIRED if m in b.differences):
-        better = cell(better_of(d), "", "good") if better_of(d) else "not told apart"
-        rows.append([word.title, str(d["records"]), word.text(d["first"], 1),
-                     word.text(d["second"], 1),
-                     f"{word.scale * d['mean']:+.{word.decimals + 1}f}", interval(d, word), better])
-    for metric, name, unit in (("iou", "gain of IoU", 1),
-                               ("lateral_m", "gain: lateral error that is less (cm)", -100)):
+    for form, d in ((METRICS[m], b.differences[m]) for m in PAIRED if m in b.differences):
+        better = cell(better_of(d), "", "good") if better_of(d) else "not significant"
+        rows.append([form.title, str(d["records"]), form.text(d["first"], 1),
+                     form.text(d["second"], 1),
+                     f"{form.scale * d['mean']:+.{form.decimals + 1}f}", interval(d, form), better])
+    for metric, name, unit in (("iou", "gain in IoU", 1),
+                               ("lateral_m", "reduction of the lateral error (cm)", -100)):
         gain = unit * (b.first[metric] - a.first[metric])
         gain = gain[~np.isnan(gain)]
-        charts.append(chart(f"Record by record ({len(gain)} records)", name, "records below (%)",
+        charts.append(chart(f"{len(gain)} records", name, "records below (%)",
                             span=[0, 100], rules=[{"at": 0, "name": "equal"}],
-                            note=f"Right of the line the second is better: "
+                            note=f"The second model is better to the right of the line: "
                                  f"{Count(int((gain > 0).sum()), len(gain))}."))
         add_series(charts[-1], "all records", "both", "steps", *shares_below(gain))
     return [paragraph(f"First: {a.title}. Second: {b.title}."),
-            table("The same records; intervals of 95 % by resampled blocks of at most ten "
-                  "neighbours",
+            table("Paired by record; 95 % intervals by resampling blocks of up to ten neighbours",
                   ["metric", "records", "first", "second",
-                   cell("difference", "plus: second is better"), "95 % interval", "better"], rows),
+                   cell("difference", "positive: second is better"), "95 % interval",
+                   "better"], rows),
             {"kind": "charts", "blocks": charts}]

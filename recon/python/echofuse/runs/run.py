@@ -211,7 +211,7 @@ class Run:
         import pandas
 
         valid = {f"{name}_valid": mask for name, mask in self.valid.items()}
-        return pandas.DataFrame({"time": self.time, "label": self.labels} | valid | self.told(),
+        return pandas.DataFrame({"time": self.time, "label": self.labels} | valid | self.quality(),
                                 pandas.Index(self.index, name="record"))
 
     @property
@@ -229,7 +229,7 @@ class Run:
         return self.select("SELECT utc, level, source, text FROM event ORDER BY id")
 
     @names_its_file
-    def told(self) -> dict[str, NDArray[Any]]:
+    def quality(self) -> dict[str, NDArray[Any]]:
         """Columns [n] of the records: length_s, and of each sensor spd_used, spd_lost, spd_verdict,
         spd_clock_residual_s."""
         names = [f"{s}_{name}" for s in SENSORS
