@@ -258,5 +258,5 @@ def test_maps_with_wrong_indices_are_refused(tmp_path, said, maps, index):
 
 
 def test_folder_given_as_a_run_is_refused(tmp_path):
-    with pytest.raises(IsADirectoryError, match="is a folder; expected the file of a run in it"):
+    with pytest.raises(IsADirectoryError, match="is a folder; expected a run file"):
         echofuse.open(tmp_path)

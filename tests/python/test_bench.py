@@ -93,7 +93,7 @@ def test_bench_exits_with_the_code_of_a_failed_program(tmp_path, monkeypatch, en
     with pytest.raises(bench.BenchError, match="^what was wrong$") as found:
         call("echofuse-x")
     assert (type(found.value), found.value.code) == (kind, code)
-    with pytest.raises(bench.UsageError, match="echofuse-y: No such file or directory; put the programs into PATH"):
+    with pytest.raises(bench.UsageError, match="echofuse-y: No such file or directory; add the programs to PATH"):
         call("echofuse-y")
 
 

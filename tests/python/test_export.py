@@ -56,7 +56,7 @@ def runs(tmp_path_factory):
 def test_hdf5_export_contains_the_run(runs, tmp_path):
     run, done = echofuse.open(runs / "own"), tool(runs / "own", "--to", tmp_path / "a.h5")
     assert (done.returncode, done.stderr) == (
-        5, f"echofuse-export: 2 records could not be read; they are marked in {tmp_path / 'a.h5'}\n")
+        5, f"echofuse-export: 2 records are unreadable and marked in {tmp_path / 'a.h5'}\n")
     with h5py.File(tmp_path / "a.h5") as file:
         data, good = file["entry/data"], ~np.isin(np.arange(20), (7, 9))
         assert data["spd"].dtype == np.uint32 and data["radar"].dtype == data["depth"].dtype == np.float32
@@ -264,7 +264,7 @@ def test_export_names_a_missing_package(runs, tmp_path, module, name):
     (tmp_path / f"{module}.py").write_text("raise ImportError")
     done = tool(runs / "own", "--to", tmp_path / name, env={"PYTHONPATH": str(tmp_path)})
     assert (done.returncode, done.stderr) == (
-        1, f"echofuse-export: {tmp_path / name}: needs python3-{module} (apt-get install python3-{module})\n")
+        1, f"echofuse-export: {tmp_path / name}: requires python3-{module} (apt-get install python3-{module})\n")
 
 
 @pytest.mark.parametrize("meta", ["[" * 100000, "null", "", 7])
@@ -279,7 +279,7 @@ def test_number_stored_as_a_blob_is_an_unreadable_record(runs, tmp_path):
     shutil.copy(runs / "far.sqlite", tmp_path / "bad.sqlite")
     change(tmp_path / "bad.sqlite", *((f"UPDATE record SET {sensor} = 7 WHERE idx = {row}",) for row, sensor in enumerate(echofuse.runs.SENSORS)))
     done = tool(tmp_path / "bad", "--to", tmp_path / "a.h5")
-    assert (done.returncode, done.stderr) == (5, f"echofuse-export: 3 records could not be read; they are marked in {tmp_path / 'a.h5'}\n")
+    assert (done.returncode, done.stderr) == (5, f"echofuse-export: 3 records are unreadable and marked in {tmp_path / 'a.h5'}\n")
 
 
 def test_staged_file_is_locked_even_if_the_lock_file_is_replaced(tmp_path, monkeypatch):

@@ -75,7 +75,7 @@ def test_missing_program_is_named(made, call, name):
     code = f"import echofuse\ntry:\n    {call}\nexcept RuntimeError as error:\n    print(error)"
     done = python("-c", code, at=made, env=AWAY | {"PATH": ""}, python=made / "venv/bin/python")
     assert done.returncode == 0, done.stderr
-    assert name in done.stdout and done.stdout.endswith("; put the programs into PATH, or set ECHOFUSE_BIN\n")
+    assert name in done.stdout and done.stdout.endswith("; add the programs to PATH, or set ECHOFUSE_BIN\n")
     assert len(done.stdout.splitlines()) == 1
 
 

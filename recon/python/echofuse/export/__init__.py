@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Runs for other programs: HDF5, netCDF, CSV."""
+"""Exports runs to HDF5, netCDF and CSV."""
 from .command import export, main
 
 __all__ = ["export", "main"]

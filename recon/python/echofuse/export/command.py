@@ -1,23 +1,22 @@
 # SPDX-License-Identifier: MIT
-"""A run for other people's tools: HDF5 (h5py), netCDF (xarray), or one record as CSV.
+"""Exports a run to HDF5 (h5py) or netCDF (xarray), or one record to CSV.
 
-HDF5 is NeXus-like, with units on every array and a scale along every dimension; n records in the
+The HDF5 file is NeXus-like. Every array has units, every dimension has a scale; n records in the
 order of the run:
   /entry               title, entry_identifier, start_time, end_time, configuration, radar_cfg
-  /entry/data          names and units as in to_xarray(): spd u32 [n, bins], of a detector with
-                       zones [n, zones, bins]; radar f32 [n, bins] linear power; radar_codes f32
-                       [n, bins] as TI's firmware sends them; depth f32 [n, rows, columns] m;
-                       array f32 [n, bins, values] of a radar's antennas, values as
-                       acquire/measurement/radar_array.hpp has them, array_frames u64 [n]; their
-                       axes spd_time (ps, start of each bin), radar_range, array_range (m),
+  /entry/data          names and units as in to_xarray(): spd u32 [n, bins] or [n, zones, bins];
+                       radar f32 [n, bins] linear power; radar_codes f32 [n, bins] as sent by TI
+                       firmware; depth f32 [n, rows, columns] m; array f32 [n, bins, values] of
+                       the radar antennas (acquire/measurement/radar_array.hpp), array_frames u64
+                       [n]; axes spd_time (ps, start of each bin), radar_range, array_range (m),
                        depth_x, depth_y (tangents); record, time i64 [n] (ns); label;
                        SENSOR_valid u8, SENSOR_used, SENSOR_lost u64, SENSOR_verdict
   /entry/SENSOR        each of these arrays as NXdata
   /entry/instrument/SENSOR   address, model, serial, firmware
-  /entry/tables/TABLE  columns of the run file: i64 with `missing_value`, f64 with NaN, text; the
-                       first one, or `row` where that is a text, is their scale
-Where a sensor is not valid, spd holds zeros, and radar, array and depth hold NaN. netCDF holds what
-to_xarray() has."""
+  /entry/tables/TABLE  columns of the run file: i64 with `missing_value`, f64 with NaN, text; their
+                       scale is the first column, or `row` if that contains text
+For an invalid sensor, spd contains zeros; radar, array and depth contain NaN. netCDF has the
+contents of to_xarray()."""
 from __future__ import annotations
 
 import argparse
@@ -35,7 +34,7 @@ import numpy as np
 
 from .. import __version__, runs
 from ..runs import antennas, netcdf
-from ..runs.batches import Told, blocks, marked
+from ..runs.batches import Progress, blocks, marked
 from ..runs.netcdf import SINCE_1970
 from ..runs.programs import EXIT_CODES
 from ..runs.run import SENSORS, Run
@@ -48,34 +47,33 @@ UNITS = {"db": "dB", "ps": "ps", "ns": "ns", "us": "us", "ms": "ms", "s": "s", "
          "rad": "rad",
          "ppm": "1e-6", "percent": "%", "c": "degC"}
 LINEAR = "linear power on an arbitrary scale"
-CODES = ("256 * log2(magnitude), summed over the axis's `scale` virtual antennas and divided by "
-         "the next power of two")
-ARRAY = ("of each range bin, over a record's frames: mean sample of each antenna (real, "
-         "imaginary); power of each; mean of x_m "
-         "conj(x_n) for m < n, row by row; mean of sum_m x_m(t) conj(x_m(t-1)); antennas as "
-         "/entry/tables/antenna")
-# Arrays by name: axes beside the index, units, meaning, and the values of some records.
+CODES = ("256 * log2(magnitude), summed over the `scale` virtual antennas of the axis and divided "
+         "by the next power of two")
+ARRAY = ("for each range bin, over the frames of a record: mean sample of each antenna (real, "
+         "imaginary); power of each antenna; mean of x_m conj(x_n) for m < n, row by row; mean of "
+         "sum_m x_m(t) conj(x_m(t-1)); antennas as in /entry/tables/antenna")
+# Arrays by name: axes after the record axis, units, meaning, and a function that returns values.
 SIGNALS: dict[str, tuple[list[str], str, str, Callable[[Run], Any]]] = {
     "spd": (["spd_time"], "counts", "detections per bin of two-way time of flight",
             lambda part: part.spd),
     "radar": (["radar_range"], "1", LINEAR, lambda part: part.radar),
     "radar_codes": (["radar_range"], "log2_q8", CODES, lambda part: part.stored_radar()),
     "array": (["array_range", "array_value"],
-              "the firmware's integers, squared where it is a power", ARRAY, antennas.values),
+              "firmware integers, squared for powers", ARRAY, antennas.values),
     "depth": (["depth_y", "depth_x"], "m", "z of each pixel, NaN: no return",
               lambda part: part.depth)}
+# names in /entry: columns of the table run
 TEXTS = {"title": "notes", "entry_identifier": "uuid", "start_time": "started_utc",
          "end_time": "ended_utc", "status": "status",
-         # by name: column of the run
          "operator": "operator", "configuration": "config_resolved", "radar_cfg": "radar_cfg"}
 AXES = {"spd_time": "spd", "radar_range": "radar", "array_range": "array", "depth_x": "depth_x",
         "depth_y": "depth_y"}
 
 
 def units_of(table: str, column: str) -> str:
-    """Units by the end of a column's name; "1" is a count, a flag or a ratio."""
+    """Returns the units from the suffix of a column name; "1" for counts, flags and ratios."""
     if table in ("antenna", "axis") and column in ("x", "y", "start", "step"):
-        return "half wavelengths" if table == "antenna" else "as the row's unit says"
+        return "half wavelengths" if table == "antenna" else "unit of the row"
     if column.endswith("utc_ns"):
         return SINCE_1970
     return UNITS.get(column.rpartition("_")[2],
@@ -83,8 +81,9 @@ def units_of(table: str, column: str) -> str:
 
 
 def put(group: Any, name: str, values: Any, scale: Any = None, **attributes: Any) -> Any:
-    """A column, or a text: of fixed length, as not every reader takes others, and ASCII where it
-    is, for Octave. A column without a scale is one itself."""
+    """Creates a data set from a column or a text and returns it. Texts have a fixed length, which
+    all readers support, and are ASCII if possible, for Octave. A column without a scale becomes a
+    scale itself."""
     import h5py
 
     values = np.array(values.encode("utf-8", "surrogateescape") if isinstance(values, str)
@@ -93,49 +92,51 @@ def put(group: Any, name: str, values: Any, scale: Any = None, **attributes: Any
         coding = "utf-8" if (np.frombuffer(values.tobytes(), np.uint8) > 127).any() else "ascii"
         values = values.astype(h5py.string_dtype(coding, max(values.dtype.itemsize, 1)))
         attributes |= {"_Encoding": "utf-8"} if values.ndim else {}
-    made = group.create_dataset(name, data=values)
-    made.attrs.update(attributes)
+    data_set = group.create_dataset(name, data=values)
+    data_set.attrs.update(attributes)
     if values.ndim and scale is None:
-        made.make_scale(name)
-    attach(made, [scale or made] if values.ndim else [])
-    return made
+        data_set.make_scale(name)
+    attach(data_set, [scale or data_set] if values.ndim else [])
+    return data_set
 
 
-def attach(made: Any, scales: list[Any]) -> None:
+def attach(data_set: Any, scales: list[Any]) -> None:
+    """Attaches a scale to each dimension."""
     for at, scale in enumerate(scales):
-        if scale != made:
-            made.dims[at].attach_scale(scale)
-            made.dims[at].label = scale.name.rpartition("/")[2]
+        if scale != data_set:
+            data_set.dims[at].attach_scale(scale)
+            data_set.dims[at].label = scale.name.rpartition("/")[2]
 
 
 def write_head(entry: Any, run: Run, tables: dict[str, dict[str, Any]]) -> None:
+    """Writes the facts of the run, its devices and their calibration."""
     entry.parent.attrs["default"] = "entry"
     entry.attrs.update({"NX_class": "NXentry", "default": "data"})
     for name, key in TEXTS.items():
         put(entry, name, str(run.info[key] or ""))
     put(entry, "program_name", f"echofuse {run.info['version']}")
-    # The first row of a device that was reconnected. Values are as they were measured: true range =
+    # The first row of each device, also if it was reconnected. Ranges are as measured: true range =
     # range - offset_m.
     for sensor, (table, group) in ((s, t) for s in SENSORS
                                    for t in (("device", "instrument/"),
                                              ("calibration", "calibration_"))):
         columns = tables.get(table, {})
         for row in np.flatnonzero(columns.get("sensor", np.array([])) == sensor.encode())[:1]:
-            about = {name: values[row] for name, values in columns.items()
+            facts = {name: values[row] for name, values in columns.items()
                      if name not in ("sensor", "policy")}
-            made = entry.require_group(group + sensor)
+            target = entry.require_group(group + sensor)
             if table == "calibration":
-                made.attrs.update({name: value.decode() if isinstance(value, bytes) else value
-                                   for name, value in about.items()})
+                target.attrs.update({name: value.decode() if isinstance(value, bytes) else value
+                                     for name, value in facts.items()})
                 continue
-            made.attrs["NX_class"] = "NXdetector"
-            for name, value in about.items():
-                put(made, name, value)
+            target.attrs["NX_class"] = "NXdetector"
+            for name, value in facts.items():
+                put(target, name, value)
 
 
 def make_signals(entry: Any, run: Run) -> list[str]:
-    """Empty arrays of the sensors that the run has, with axes; each also in a group of NXdata.
-    Returns their names."""
+    """Creates empty arrays of the run's sensors with axes, and a group NXdata for each. Returns
+    their names."""
     data, axes = entry["data"], {name: axis for name, axis in run.axes.items() if axis.count > 0}
     for name, axis in ((name, axes[key]) for name, key in AXES.items() if key in axes):
         put(data, name, axis.values, units=axis.unit,
@@ -143,42 +144,43 @@ def make_signals(entry: Any, run: Run) -> list[str]:
     if "array" in axes:
         put(data, "array_value", np.arange(int(axes["array"].scale + 1) ** 2 + 1))
     codes = "radar" in axes and axes["radar"].quantity == "log2_q8"
-    made = [name for name, (along, *_) in SIGNALS.items() if all(each in data for each in along)
-            and (codes or name != "radar_codes")]
+    signals = [name for name, (axis_names, *_) in SIGNALS.items()
+               if all(axis in data for axis in axis_names) and (codes or name != "radar_codes")]
     if run.zones:
         put(data, "zone", np.arange(len(run.zones)))
-    along_spd = ["zone"] * bool(run.zones) + ["spd_time"]
-    for name in made:
-        along, units, meaning, _ = SIGNALS[name]
-        along = along_spd if name == "spd" else along
+    spd_axes = ["zone"] * bool(run.zones) + ["spd_time"]
+    for name in signals:
+        axis_names, units, meaning, _ = SIGNALS[name]
+        axis_names = spd_axes if name == "spd" else axis_names
         if name == "radar" and axes["radar"].quantity == "binned_power":
-            meaning += ", added up over a step around each point"
-        scales = [data[each] for each in ("record", *along)]
+            meaning += ", summed over one step around each point"
+        scales = [data[axis] for axis in ("record", *axis_names)]
         shape = tuple(len(scale) for scale in scales)
         line = int(np.prod(shape[2:])) * 4
         layout: dict[str, Any] = {"dtype":
                                   "u4"} if name == "spd" else {"dtype": "f4", "fillvalue": np.nan}
-        if shape[0] and line * shape[1] >= 64:  # bytes; a filter costs more than it saves below
+        if shape[0] and line * shape[1] >= 64:  # bytes; a filter enlarges smaller arrays
             layout |= {"chunks": (1, min(max((16 << 20) // line, 1), shape[1]), *shape[2:]),
                        "shuffle": True, "compression": 1}
         data.create_dataset(name, shape,
                             **layout).attrs.update({"units": units, "long_name": meaning})
         attach(data[name], scales)
         group = entry.create_group(name)
-        for each in ("record", *along, name):
-            group[each] = data[each]
-        group.attrs.update({"NX_class": "NXdata", "signal": name, "axes": ["record", *along]})
+        for member in ("record", *axis_names, name):
+            group[member] = data[member]
+        group.attrs.update({"NX_class": "NXdata", "signal": name, "axes": ["record", *axis_names]})
     data.attrs.update({"NX_class": "NXdata", "signal": "spd"}
-                      | ({"axes": ["record", *along_spd]} if "spd" in made else {}))
-    return made
+                      | ({"axes": ["record", *spd_axes]} if "spd" in signals else {}))
+    return signals
 
 
-def write_h5(run: Run, path: pathlib.Path, told: Told) -> int:
+def write_h5(run: Run, path: pathlib.Path, progress: Progress) -> int:
+    """Writes HDF5 and returns the number of unreadable records."""
     import h5py
 
     with h5py.File(path, "x") as file:
         tables = {name: run.table(name) for name in run.tables}
-        # a live run may have more by now
+        # a running recording may have added records
         record = {name: values[:len(run)] for name, values in tables["record"].items()}
         entry = file.create_group("entry")
         data = entry.create_group("data")
@@ -187,7 +189,7 @@ def write_h5(run: Run, path: pathlib.Path, told: Told) -> int:
         signals = make_signals(entry, run)
         unreadable: dict[int, bytes] = {}
         valid = {sensor: np.zeros(len(run), np.uint8) for sensor in SENSORS}
-        for first, part, faults in blocks(run, told):
+        for first, part, faults in blocks(run, progress):
             last = first + len(part)
             unreadable |= {first + row: fault.encode() for row, fault in faults.items()}
             for sensor, mask in part.valid.items():
@@ -207,7 +209,7 @@ def write_h5(run: Run, path: pathlib.Path, told: Told) -> int:
             put(data, f"{sensor}_verdict", np.array(verdicts, "S"), index)
         for table, columns in tables.items():
             group, key = entry.require_group(f"tables/{table}"), next(iter(columns.values()))
-            along = put(group, "row", np.arange(len(key))) if key.dtype.kind == "S" else None
+            scale = put(group, "row", np.arange(len(key))) if key.dtype.kind == "S" else None
             for name, values in columns.items():
                 more: dict[str, Any] = {}
                 if values.dtype.kind != "S":
@@ -216,43 +218,44 @@ def write_h5(run: Run, path: pathlib.Path, told: Told) -> int:
                     more = OF_THE_MACHINE
                 if values.dtype.kind == "i" and (values == NULL_INTEGER).any():
                     more = more | {"missing_value": np.int64(NULL_INTEGER)}
-                made = put(group, name, values, along, **more)
-                along = along or made
+                column = put(group, name, values, scale, **more)
+                scale = scale or column
     return len(unreadable)
 
 
 def export(run: Run, place: pathlib.Path, record: int | None = None,
-           told: Told = lambda done: None) -> int:
-    """Writes the run to NAME.h5 or NAME.nc, or a record of it to NAME.csv; returns how many records
-    cannot be read. Raises ValueError, FileExistsError, ImportError, and OSError where the disk does
-    not take it."""
+           progress: Progress = lambda done: None) -> int:
+    """Writes the run to NAME.h5 or NAME.nc, or one record to NAME.csv. Returns the number of
+    unreadable records. Raises ValueError, FileExistsError, ImportError, and OSError for a full
+    disk."""
     for module in {".h5": ["h5py"], ".nc": ["xarray", netcdf.engine()]}.get(place.suffix, []):
         try:
             importlib.import_module(module)
         except ImportError:
             raise ImportError(
-                f"{place}: needs python3-{module} (apt-get install python3-{module})") from None
+                f"{place}: requires python3-{module} (apt-get install python3-{module})") from None
     with staged(place) as path:
         if record is not None:
             return record_csv.write(run, record, path)
-        return (write_h5 if place.suffix == ".h5" else netcdf.write)(run, path, told)
+        return (write_h5 if place.suffix == ".h5" else netcdf.write)(run, path, progress)
 
 
 def main() -> None:
-    """Runs the program echofuse-export."""
+    """Runs echofuse-export with the arguments in sys.argv."""
     parser = argparse.ArgumentParser(prog="echofuse-export",
-                                     description="a run as HDF5 or netCDF, or one record as CSV",
+                                     description="export a run to HDF5 or netCDF, a record to CSV",
                                      formatter_class=argparse.RawDescriptionHelpFormatter,
                                      epilog=f"{EXIT_CODES}5 some records are unreadable, 6 disk, "
                                             "130 interrupted")
     parser.add_argument("--version", action="version",
                         version=f"echofuse-export {__version__}",
                         help="print the version and exit")
-    parser.add_argument("run", metavar="RUN", help="a run file")
+    parser.add_argument("run", metavar="RUN", help="run file")
     parser.add_argument("--to", required=True, type=pathlib.Path, metavar="FILE",
-                        help="NAME.h5, NAME.nc, or NAME.csv with --record")
-    parser.add_argument("--record", type=int, metavar="INDEX", help="index of the record for CSV")
-    parser.add_argument("-q", "--quiet", action="store_true", help="no progress")
+                        help="file to write: NAME.h5, NAME.nc, or NAME.csv with --record")
+    parser.add_argument("--record", type=int, metavar="INDEX",
+                        help="export only this record, as CSV")
+    parser.add_argument("-q", "--quiet", action="store_true", help="do not print the progress")
     args = parser.parse_args()
     if args.to.suffix not in ((".h5", ".nc") if args.record is None else (".csv",)):
         parser.error(f"--to {args.to}: expected NAME.h5 or NAME.nc, or NAME.csv with --record N")
@@ -260,27 +263,27 @@ def main() -> None:
     warnings.showwarning = lambda message, *_: print(f"echofuse-export: {message}", file=sys.stderr)
 
     def end(code: int, text: str) -> NoReturn:
-        """Ends without the interpreter, at whose end HDF5 tries again to write what a full disk did
-        not take, and crashes."""
+        """Exits without finalising the interpreter, because HDF5 would try to write to the full
+        disk again and crash."""
         print(f"echofuse-export: {text}", file=sys.stderr, flush=True)
         os._exit(code)
 
-    def told(done: int) -> None:
+    def print_progress(done: int) -> None:
         if sys.stderr.isatty() and not args.quiet:
             print(f"\rexport {done}/{len(run)} ", end="" if done < len(run) else "\n",
                   file=sys.stderr)
 
-    sys.excepthook = lambda *_: None  # objects of HDF5 print at their end
+    sys.excepthook = lambda *_: None  # HDF5 objects print errors when they are deleted
     sys.unraisablehook = lambda _: None
     try:
         try:
             run = runs.open(args.run)
         except OSError as error:
             end(1, str(error))
-        bad = export(run, args.to, args.record, told)
+        bad = export(run, args.to, args.record, print_progress)
     except (KeyboardInterrupt, Exception) as error:
         if stopped:
-            end(130, "interrupted; nothing is exported")
+            end(130, "interrupted; no file was written")
         if isinstance(error, (OSError,
                               RuntimeError)) and not isinstance(
                                   error, (FileExistsError, BlockingIOError)):
@@ -290,4 +293,4 @@ def main() -> None:
         end(1, f"{args.run}: {error}"
             if isinstance(error, (sqlite3.Error, TypeError, OverflowError)) else str(error))
     if bad:
-        end(5, f"{bad} records could not be read; they are marked in {args.to}")
+        end(5, f"{bad} records are unreadable and marked in {args.to}")

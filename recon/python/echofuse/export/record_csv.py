@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""One record as CSV."""
+"""Writes one record as CSV."""
 from __future__ import annotations
 
 import pathlib
@@ -13,30 +13,28 @@ from ..runs.run_files import printable
 
 
 def write(run: Run, index: int, path: pathlib.Path) -> int:
-    """One record as lines "sensor,x,y,value" under a "#" header that names the units. Raises
-    ValueError."""
+    """Writes one record as lines "sensor,x,y,value", after a "#" header with the units. Returns 0
+    unreadable records. Raises ValueError."""
     if index not in run.index:
-        raise ValueError(f"{run.path}: no record {index}; it has {len(run)}")
+        raise ValueError(f"{run.path}: record {index} is missing (the run has {len(run)} records)")
     part = run[np.flatnonzero(run.index == index)[:1]]
     load(part)
 
-    def shown(text: str) -> str:
-        """Text of a line that is no cell: nothing in it begins another one, whatever the
-        separator."""
+    def escaped(text: str) -> str:
+        """Escapes separators and quotes, so that the text stays in the header line."""
         return "".join(f"\\x{ord(c):02x}" if c in ',;"' else c for c in printable(text))
 
-    lines = [f"# record {index} of {shown(str(part.path))}, label {shown(part.labels[0])}",
+    lines = [f"# record {index} of {escaped(str(part.path))}, label {escaped(part.labels[0])}",
              "# spd: x = two-way time in ps, value = counts" + ", y = zone" * bool(part.zones),
-             "# radar: x = range in m, value = as in the run's radar axis",
+             "# radar: x = range in m, value = quantity of the radar axis",
              "# depth: x, y = tangents, value = mm, 0 = no return"]
     sines = (2 * np.arange(32) + 1) / 32 - 1
     beams = (antennas.beams(part, sines) if "array" in part.axes and part.antennas
              else np.full((1, 1, 1), np.nan))
     if has_array := not np.isnan(beams).any():
         lines.append(
-            "# array: x = range in m, y = sine of the azimuth (right: above 0), value = power that "
-            "comes from there, "
-                     f"mean over {antennas.frames(part)[0]} frames")
+            "# array: x = range in m, y = sine of the azimuth (positive = right), value = power "
+            f"from this direction, mean over {antennas.frames(part)[0]} frames")
     lines.append("sensor,x,y,value")
     zones: list[int | str] = [*range(len(part.zones))] or [""]
     for name, values in ("spd", part.spd), ("radar", part.stored_radar()):

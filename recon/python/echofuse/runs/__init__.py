@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Runs as arrays: read, record, import, split."""
+"""Reads, records, imports and splits runs."""
 from .acquire import record, write_run
 from .axis import Axis
 from .netcdf import dataset as to_xarray

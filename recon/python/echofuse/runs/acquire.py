@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Recording from Python, and runs of one's own arrays: echofuse-acquire below it."""
+"""Records runs and imports arrays, with echofuse-acquire."""
 from __future__ import annotations
 
 import json
@@ -21,8 +21,8 @@ from .programs import not_started, path_of
 
 
 def acquire_program(program: str | None) -> str:
-    """Its path: as given, of $ECHOFUSE_ACQUIRE, or where the other programs are. Raises
-    UsageError if the program is missing."""
+    """Returns the path of echofuse-acquire: `program`, $ECHOFUSE_ACQUIRE, or next to the other
+    programs. Raises UsageError if it is missing."""
     path = str(program or os.environ.get("ECHOFUSE_ACQUIRE") or path_of("echofuse-acquire"))
     if not shutil.which(path):
         raise not_started(path, "program not found")
@@ -32,16 +32,16 @@ def acquire_program(program: str | None) -> str:
 def record(config: str | pathlib.Path | None = None, count: int = 1, *, label: str | None = None,
            out: str | pathlib.Path | None = None, settings: dict[str, Any] | None = None,
            program: str | None = None) -> runs.Run:
-    """Records so many slots and returns the closed run. settings: {"run.window_s": 1.0}, over the
-    configuration's; program: echofuse-acquire of that path ($ECHOFUSE_ACQUIRE). Raises RuntimeError
-    with the program's own line if it ends otherwise; Ctrl-C ends the run with its slot."""
+    """Records `count` slots and returns the closed run. `settings` override the configuration, e.g.
+    {"run.window_s": 1.0}. `program` is the path of echofuse-acquire ($ECHOFUSE_ACQUIRE). Raises
+    RuntimeError with the program's error message. Ctrl-C ends the run after the current slot."""
     words = [acquire_program(program), "run", "--json", "-q", "--count", str(count)]
-    given = dict(settings or {}) | ({} if label is None else {"run.label": label})
+    settings = dict(settings or {}) | ({} if label is None else {"run.label": label})
     for option, value in (("--config", config), ("--out", out),
-                          *(("--set", f"{k}={v}") for k, v in given.items())):
+                          *(("--set", f"{k}={v}") for k, v in settings.items())):
         words += [option, os.fspath(value)] if value is not None else []
     path = None
-    # A session of its own: Ctrl-C at the terminal comes here alone, and goes on once.
+    # A new session, so that Ctrl-C at the terminal reaches the child only once, from here.
     with tempfile.TemporaryFile("w+") as errors, subprocess.Popen(
             words, stdout=subprocess.PIPE, stderr=errors, text=True,
             start_new_session=True) as child:
@@ -54,15 +54,15 @@ def record(config: str | pathlib.Path | None = None, count: int = 1, *, label: s
         finally:
             child.wait()
             errors.seek(0)
-            said = errors.read()
+            message = errors.read()
     if child.returncode or path is None:
-        raise RuntimeError(said.strip()
+        raise RuntimeError(message.strip()
                            or f"echofuse-acquire ended with exit code {child.returncode}")
     return runs.open(path)
 
 
 def file_of(events: Iterator[dict[str, Any]]) -> str | None:
-    """The run's file, when all events have come."""
+    """Reads all events and returns the path of the run file."""
     found = None
     for event in events:
         found = event["file"] if event["event"] == "run" else found
@@ -81,14 +81,15 @@ def write_run(path: str | pathlib.Path, *, spd: ArrayLike | None = None, first_b
               labels: Iterable[str] = (),
               notes: str = "", signal: dict[str, float] | None = None,
               program: str | None = None) -> runs.Run:
-    """Makes a run of arrays, by `echofuse-acquire import`, and opens it. spd: whole counts [n,
-    bins] from first_bin_ps on (two-way time), or [n, zones, bins] with zones as Run.zones; radar:
-    linear power [n, points] from first_m on; a row of NaN is a record without that sensor.
-    radar_cell_m, radar_taps: the radar's response (run.toml); array [n, bins, values]: what
-    antennas.values() gives, with antennas as Run.antennas. depth_m: z in metres [n, rows, columns],
-    from the top left, NaN or 0: no return; its width spans tangents of +-half_tangent, and what
-    lies beyond far_m is no return. began: UTC; signal: limits of the verdicts, as in lab.toml.
-    Raises RuntimeError with the program's own line."""
+    """Writes arrays as a run with `echofuse-acquire import`, and opens it. A row of NaN is a record
+    without that sensor. Raises RuntimeError with the program's error message.
+
+    spd: integer counts [n, bins], or [n, zones, bins] with `zones` as in Run.zones; the first bin
+    is at first_bin_ps (two-way time). radar: linear power [n, points], the first at first_m;
+    radar_cell_m and radar_taps are the radar response (run.toml). array: [n, bins, values] as from
+    antennas.values(), with `antennas` as in Run.antennas. depth_m: z [n, rows, columns] from the
+    top left, NaN or 0: no return; the width spans tangents of +-half_tangent, and depths above
+    far_m are no return. began: UTC. signal: limits of the verdicts, as in lab.toml."""
     radar_keys = {"first_m": float(first_m), "step_m": float(step_m), "cell_m": float(radar_cell_m),
                   "taps": " ".join(map(repr, map(float, radar_taps))),
                   "antennas": [" ".join(map(repr, map(float, place))) for place in antennas]}
@@ -108,8 +109,8 @@ def write_run(path: str | pathlib.Path, *, spd: ArrayLike | None = None, first_b
 def import_arrays(out: str | pathlib.Path, sections: dict[str, dict[str, Any]],
                   arrays: dict[str, ArrayLike | None],
                   *options: str, program: str | None = None) -> None:
-    """Writes run.toml and the arrays into a folder beside `out`, and makes the run `out` of it
-    (import, acquire/README.md). Raises RuntimeError with the program's own line."""
+    """Writes run.toml and the arrays to a temporary folder next to `out`, and imports it as the run
+    `out` (acquire/README.md). Raises RuntimeError with the program's error message."""
     text = "".join((f"[{name}]\n" if name else "")
                    + "".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items())
                    for name, keys in sections.items())
@@ -123,10 +124,10 @@ def import_arrays(out: str | pathlib.Path, sections: dict[str, dict[str, Any]],
                 np.save(pathlib.Path(folder, f"{name}.npy"), np.ascontiguousarray(array, kind))
         words = [acquire_program(program), "import", folder, "--out", os.fspath(out)]
         done = subprocess.run([*words, *options], capture_output=True, text=True, check=False)
-        said = done.stderr.strip().replace("echofuse-acquire: ", "")
-        said = said.replace(f"{folder}/depth.npy", "depth_m")
-        said = re.sub(rf"{re.escape(folder)}/(\w+)\.npy", r"\1", said)
-        said = re.sub(rf"{re.escape(folder)}(/run\.toml)?: ", "", said)
+        message = done.stderr.strip().replace("echofuse-acquire: ", "")
+        message = message.replace(f"{folder}/depth.npy", "depth_m")
+        message = re.sub(rf"{re.escape(folder)}/(\w+)\.npy", r"\1", message)
+        message = re.sub(rf"{re.escape(folder)}(/run\.toml)?: ", "", message)
     if done.returncode:
-        raise RuntimeError((said.splitlines()
+        raise RuntimeError((message.splitlines()
                             or [f"echofuse-acquire ended with exit code {done.returncode}"])[-1])

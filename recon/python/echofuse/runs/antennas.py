@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Samples of the radar's antennas as a record keeps them (acquire/measurement/radar_array.hpp), and
-beams of them."""
+"""Radar antenna samples of records (acquire/measurement/radar_array.hpp), and beams."""
 from __future__ import annotations
 
 import numpy as np
@@ -10,12 +9,12 @@ from .run import Run
 
 
 def frames(run: Run) -> NDArray[np.uint64]:
-    """Frames in each record [n]."""
+    """Returns the number of frames per record [n]."""
     return np.array([count for (count,) in run.of_records("array_frames")], np.uint64)
 
 
 def values(run: Run) -> NDArray[np.float32]:
-    """[n, bins, values] in the header's order; NaN where there is none."""
+    """Returns values [n, bins, values] in the order of radar_array.hpp; NaN if missing."""
     axis = run.axes["array"]
     count = int(axis.scale)
     out = np.full((len(run), axis.count, count * (count + 2) + 2), np.nan, np.float32)
@@ -27,13 +26,13 @@ def values(run: Run) -> NDArray[np.float32]:
 
 
 def beams(run: Run, sines: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Power [n, bins, sines] from these sines of the azimuth (Bartlett's beam, gains and phases
-    taken off); NaN where there is none."""
+    """Returns the power [n, bins, sines] from these sines of the azimuth (Bartlett beam with
+    calibrated gains and phases); NaN if missing."""
     count, array = len(run.antennas), values(run).astype(float)
     first, last = np.triu_indices(count, 1)
     across, _, gain, phase = np.array(run.antennas).T
     h = np.exp(-1j * (phase[:, None] + np.pi * across[:, None] * sines)) / gain[:, None]
-    of_two = array[..., 3 * count:-2]
+    pairs = array[..., 3 * count:-2]
     out = array[..., 2 * count:3 * count] @ abs(h) ** 2
-    out += 2 * ((of_two[..., 0::2] + 1j * of_two[..., 1::2]) @ (h[first] * h[last].conj())).real
+    out += 2 * ((pairs[..., 0::2] + 1j * pairs[..., 1::2]) @ (h[first] * h[last].conj())).real
     return np.asarray(out / count ** 2)

@@ -18,7 +18,7 @@ class Axis:
     unit: str  #: unit of the positions: ps, m or 1
     count: int  #: number of values
     start: float  #: position of value 0
-    step: float  #: distance of two values
+    step: float  #: distance between two values
     scale: float  #: number of antennas, otherwise 1
 
     def __str__(self) -> str:
@@ -30,27 +30,27 @@ class Axis:
         """Positions [count], in `unit`."""
         return self.start + self.step * np.arange(self.count)
 
-    def is_near(self, wanted: dict[str, Any]) -> bool:
-        """Whether this axis is within a bin of the wanted one; it may have more bins."""
-        start = self.start - wanted["start"]
-        end = start + (self.step - wanted["step"]) * wanted["count"]
-        return bool(self.quantity == wanted["quantity"] and self.scale == wanted["scale"]
-                    and self.count >= wanted["count"]
-                    and max(abs(start), abs(end)) <= abs(wanted["step"]))
+    def is_near(self, other: dict[str, Any]) -> bool:
+        """Returns whether the positions differ by at most a bin; this axis may have more bins."""
+        start = self.start - other["start"]
+        end = start + (self.step - other["step"]) * other["count"]
+        return bool(self.quantity == other["quantity"] and self.scale == other["scale"]
+                    and self.count >= other["count"]
+                    and max(abs(start), abs(end)) <= abs(other["step"]))
 
     def is_same(self, other: Axis | None) -> bool:
-        """Whether the places are the same but for rounding."""
+        """Returns whether the positions are equal within rounding errors."""
         return bool(other and self.quantity == other.quantity and self.count == other.count
                     and np.allclose(self.values, other.values, 0, 1e-3 * abs(self.step)))
 
-    def resampled(self, table: NDArray[np.float32], wanted: dict[str, Any]) -> NDArray[np.float32]:
-        """Values [n, bins, ...] at the places of the wanted axis, by lines between the bins."""
-        count = wanted["count"]
-        start = self.start - wanted["start"]
-        end = start + (self.step - wanted["step"]) * count
-        if max(abs(start), abs(end)) <= 1e-3 * abs(wanted["step"]):
+    def resampled(self, table: NDArray[np.float32], target: dict[str, Any]) -> NDArray[np.float32]:
+        """Interpolates values [n, bins, ...] linearly at the positions of another axis."""
+        count = target["count"]
+        start = self.start - target["start"]
+        end = start + (self.step - target["step"]) * count
+        if max(abs(start), abs(end)) <= 1e-3 * abs(target["step"]):
             return table[:, :count]
-        place = ((wanted["start"] - self.start + wanted["step"] * np.arange(count))
+        place = ((target["start"] - self.start + target["step"] * np.arange(count))
                  / self.step).clip(0, self.count - 1)
         first = place.astype(int)
         part = (place - first).astype(np.float32).reshape(-1, *[1] * (table.ndim - 2))
@@ -59,8 +59,8 @@ class Axis:
 
 
 def tangents(name: str, count: int, half: float) -> Axis:
-    """Pixels over tangents of +-half (acquire/measurement/depth_map.cpp); names that end with y
-    count from the top row down."""
+    """Returns an axis of `count` pixels over tangents of +-half
+    (acquire/measurement/depth_map.cpp). If the name ends with y, the first pixel is the top row."""
     sign = -1 if name.endswith("y") else 1
     step = 2 * half / count
     return Axis(name, "tangent", "1", count, -sign * (half - step / 2), sign * step, 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A long run in blocks, with records that cannot be read marked."""
+"""Reads a long run in blocks and marks unreadable records."""
 from __future__ import annotations
 
 import re
@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from . import antennas
 from .run import Run
 
-MOST_RECORDS, MOST_BYTES = 256, 32 << 20  # limits of a block, which is in memory
-Told = Callable[[int], None]
+MOST_RECORDS, MOST_BYTES = 256, 32 << 20  # limits of a block in memory
+Progress = Callable[[int], None]  # called with the number of finished records
 
 
 def load(part: Run) -> None:
-    """Reads the records' arrays. Raises ValueError with the fault of an array."""
+    """Loads the arrays of all valid sensors. Raises ValueError with the fault."""
     for name in (name for name, mask in part.valid.items() if mask.any()):
-        getattr(part, name)  # stays in memory
+        getattr(part, name)  # caches the array
     if not part.valid["radar"].any():
         return
     for row, bin_ in np.argwhere(~np.isfinite(part.stored_radar())
@@ -30,9 +30,10 @@ def load(part: Run) -> None:
         antennas.values(part)
 
 
-def blocks(run: Run, told: Told = lambda done: None) -> Iterator[tuple[int, Run, dict[int, str]]]:
-    """The run in blocks: the first row, the records, and by row why one cannot be read, which then
-    has no valid sensor."""
+def blocks(run: Run, progress: Progress = lambda done: None
+           ) -> Iterator[tuple[int, Run, dict[int, str]]]:
+    """Yields blocks: the first row, the records, and the fault of each unreadable row. Unreadable
+    records have no valid sensor."""
     count = {name: axis.count for name, axis in run.axes.items()}
     count["spd"] = count.get("spd", 0) * (len(run.zones) or 1)
     size = sum(count.get(name, 0)
@@ -40,7 +41,7 @@ def blocks(run: Run, told: Told = lambda done: None) -> Iterator[tuple[int, Run,
     size += count["array"] * (int(run.axes["array"].scale) + 1) ** 2 if "array" in count else 0
     step = min(max(MOST_BYTES // (4 * size + 1), 1), MOST_RECORDS)
     for first in range(0, max(len(run), 1), step):
-        told(first)
+        progress(first)
         part, faults = run[first:first + step], {}
         try:
             load(part)
@@ -54,8 +55,9 @@ def blocks(run: Run, told: Told = lambda done: None) -> Iterator[tuple[int, Run,
                     for mask in part.valid.values():
                         mask[row] = False
         yield first, part, faults
-    told(len(run))
+    progress(len(run))
 
 
 def marked(verdicts: NDArray[Any], faults: dict[int, Any]) -> list[Any]:
+    """Replaces the verdicts of unreadable rows by their faults."""
     return list((dict(enumerate(verdicts.tolist())) | faults).values())

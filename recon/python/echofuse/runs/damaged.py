@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""One kind of error for damaged files: ValueError with the file's name."""
+"""Converts errors from damaged files to ValueError with the path."""
 from __future__ import annotations
 
 import functools
@@ -14,9 +14,9 @@ FAULTS = (sqlite3.Error, ValueError, TypeError, KeyError, IndexError, AttributeE
           OverflowError, MemoryError, ZeroDivisionError)
 
 
-def names_its_file(read: F) -> F:
-    """A method of an object with a path: what it meets in a damaged file becomes a ValueError that
-    begins with the path."""
+def errors_with_path(read: F) -> F:
+    """Decorates a method that reads self.path: errors from a damaged file become a ValueError that
+    starts with the path."""
     @functools.wraps(read)
     def wrapped(self: Any, *values: Any, **more: Any) -> Any:
         try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A run as a dataset of xarray (python3-xarray), and as netCDF (python3-h5netcdf)."""
+"""Converts a run to an xarray.Dataset (python3-xarray) and to netCDF (python3-h5netcdf)."""
 from __future__ import annotations
 
 import importlib.util
@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from .batches import Told, blocks, marked
+from .batches import Progress, blocks, marked
 from .run import PS_PER_M, SENSORS, Run
 from .zones import Zone
 
-SINCE_1970 = "nanoseconds since 1970-01-01T00:00:00Z"  # as xarray and netCDF read an epoch
+SINCE_1970 = "nanoseconds since 1970-01-01T00:00:00Z"  # epoch for xarray and netCDF
 ONE = {"units": "1"}
 
 
 def dataset(run: Run) -> Any:
-    """Returns the run as an xarray.Dataset (python3-xarray) with the names and units of
-    /entry/data in HDF5 (echofuse-export). spd_range and radar_range are metres as measured; attrs
-    has the offsets to subtract."""
+    """Returns the run as an xarray.Dataset (python3-xarray), with names and units as in
+    /entry/data of HDF5 (echofuse-export). spd_range and radar_range are measured ranges, m; attrs
+    contains the offsets to subtract."""
     import xarray
 
     columns = ("verdict", "used", "lost")
@@ -29,11 +29,11 @@ def dataset(run: Run) -> Any:
                               "label": ("record", run.labels)}
     data: dict[str, Any] = {}
     of_zone = ("zone",) if run.zones else ()
-    told = {"spd": (*of_zone, "spd_time"), "radar": ("radar_range",),
-            "depth": ("depth_y", "depth_x")}
+    dims_of = {"spd": (*of_zone, "spd_time"), "radar": ("radar_range",),
+               "depth": ("depth_y", "depth_x")}
     axes = {"spd_time": "spd", "radar_range": "radar", "depth_y": "depth_y", "depth_x": "depth_x"}
     unit = {"spd": "counts", "radar": "1", "depth": "m"}
-    for place, (sensor, dims) in enumerate(told.items()):
+    for place, (sensor, dims) in enumerate(dims_of.items()):
         if not all(axes[dim] in run.axes for dim in dims if dim != "zone"):
             continue
         data[sensor] = (("record", *dims), getattr(run, sensor), {"units": unit[sensor]})
@@ -61,21 +61,21 @@ def dataset(run: Run) -> Any:
 
 
 def engine() -> str:
-    """The module by which xarray writes netCDF-4: h5netcdf, or netCDF4 where that alone is
-    installed."""
+    """Returns the module for netCDF-4 output: h5netcdf, or netCDF4 if only that is installed."""
     h5netcdf, netcdf4 = (importlib.util.find_spec(name) for name in ("h5netcdf", "netCDF4"))
     return "netCDF4" if netcdf4 and not h5netcdf else "h5netcdf"
 
 
-def write(run: Run, path: pathlib.Path, told: Told) -> int:
-    """The first block by xarray, the others behind it, in the same encoding."""
+def write(run: Run, path: pathlib.Path, progress: Progress) -> int:
+    """Writes the first block with xarray and appends the others with the same encoding. Returns the
+    number of unreadable records."""
     import h5py
     from xarray import conventions
 
-    encoded: Any = conventions.cf_encoder  # xarray states no types
+    encoded: Any = conventions.cf_encoder  # not typed in xarray
 
     unreadable = 0
-    for first, part, faults in blocks(run, told):
+    for first, part, faults in blocks(run, progress):
         unreadable += len(faults)
         data = dataset(part)
         data["time"].encoding = {"units": SINCE_1970, "dtype": np.int64}
@@ -86,15 +86,15 @@ def write(run: Run, path: pathlib.Path, told: Told) -> int:
             encoding: dict[str, dict[str, Any]] = {
                 name: layout | {"chunksizes": (1, *data[name].shape[1:])}
                 for name in SENSORS if name in data}
-            encoding |= {name: {"_FillValue": None} for name, each in data.coords.items()
-                         if each.dtype.kind == "f"}
+            encoding |= {name: {"_FillValue": None} for name, values in data.coords.items()
+                         if values.dtype.kind == "f"}
             data.to_netcdf(path, engine=engine().lower(), unlimited_dims=["record"],
                            encoding=encoding)
             continue
-        of_records = {name: each for name, each in data.variables.items()
-                      if each.dims[:1] == ("record",)}
+        of_records = {name: values for name, values in data.variables.items()
+                      if values.dims[:1] == ("record",)}
         with h5py.File(path, "a") as file:
-            for name, each in encoded(of_records, {})[0].items():
+            for name, values in encoded(of_records, {})[0].items():
                 file[name].resize(first + len(part), 0)
-                file[name][first:] = each.values
+                file[name][first:] = values.values
     return unreadable

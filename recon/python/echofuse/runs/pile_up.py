@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Coates' correction of a detector with a dead time (recon/data/pile_up.hpp)."""
+"""Coates correction for a detector with dead time (recon/data/pile_up.hpp)."""
 from __future__ import annotations
 
 from typing import Any
@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 
 def corrected(run: Any, counts: NDArray[np.float32], clicks: float,
-              clicks_a_pulse: float) -> NDArray[np.float32]:
-    """Counts of one record of this run (run.Run); clicks_a_pulse 0: not known."""
-    if not clicks_a_pulse > 0:
+              clicks_per_pulse: float) -> NDArray[np.float32]:
+    """Corrects the counts [bins] of one record of a run.Run. clicks_per_pulse 0: unknown."""
+    if not clicks_per_pulse > 0:
         return counts
-    pulses, width = clicks / clicks_a_pulse, run.axes["spd"].step
+    pulses, width = clicks / clicks_per_pulse, run.axes["spd"].step
     before = np.concatenate([[0], np.cumsum(counts, dtype=np.float64)])
     places = np.arange(len(before))
     text = run.meta["detector_dead_time_ps"]

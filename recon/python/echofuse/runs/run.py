@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A run file (acquire/README.md) as arrays: sqlite3 and numpy, nothing else."""
+"""Reads a run file (acquire/README.md) as arrays, with sqlite3 and NumPy only."""
 from __future__ import annotations
 
 import copy
@@ -18,22 +18,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import grid, pile_up, zones
 from .axis import Axis, tangents
-from .damaged import names_its_file
+from .damaged import errors_with_path
 from .grid import inflated, read_only, rows_of, shifted
 from .run_files import STATISTICS, connect, leftovers, meta_of, status_of, table
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of record.valid
-PS_PER_M = 2e12 / 299_792_458.0  # there and back
-LEAST_BOUND, MOST_PIXELS = 1 << 16, 1 << 23  # points of an axis whatever the size of the file
+PS_PER_M = 2e12 / 299_792_458.0  # two-way
+LEAST_BOUND, MOST_PIXELS = 1 << 16, 1 << 23  # axis points allowed in any file; pixels per image
 IMAGES = 64  # depth images in memory at once
 
 
 @dataclass(frozen=True)
 class Record:
-    """One record of a run: run[3]. Its depth image is read when it is asked for."""
+    """One record of a run, e.g. run[3]. The depth image is read on access."""
 
-    run: Run  #: the run that it belongs to
-    row: int  #: its row in the run's arrays
+    run: Run  #: run that contains the record
+    row: int  #: row in the arrays of the run
 
     @property
     def index(self) -> int:
@@ -62,7 +62,7 @@ class Record:
 
     @property
     def depth(self) -> NDArray[np.float32]:
-        """z in metres [rows, columns] of the camera's image, NaN: no return."""
+        """z of the camera image [rows, columns], m, NaN: no return."""
         image = self.run.depth_mm(self.row)
         return np.where(image > 0, image / np.float32(1000), np.float32(np.nan))
 
@@ -72,15 +72,15 @@ class Record:
         return f"<record {self.index} of {self.run.path.name}: {valid}; {self.label or 'no label'}>"
 
 
-def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (the name that is wanted)
-    """The run of this file, or of the name that `echofuse-acquire run --out` got. Raises
-    FileNotFoundError, IsADirectoryError, or ValueError for a file that is no run."""
+def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (intended name)
+    """Opens a run, given its file or the NAME of `echofuse-acquire run --out NAME`. Raises
+    FileNotFoundError, IsADirectoryError, or ValueError if the file is not a run."""
     found = pathlib.Path(path)
     if not found.is_file() and found.suffix != ".sqlite":
         found = pathlib.Path(f"{found}.sqlite")
     if not found.is_file():
         if pathlib.Path(path).is_dir():
-            raise IsADirectoryError(f"{path}: is a folder; expected the file of a run in it")
+            raise IsADirectoryError(f"{path}: is a folder; expected a run file")
         raise FileNotFoundError(f"{path}: no such run")
     for file in leftovers(found):
         warnings.warn(f"{file}: not read, because the run is closed; move it away", stacklevel=2)
@@ -88,8 +88,8 @@ def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (the name that is wan
 
 
 class Run:
-    """Values as recorded, a row a record. Of a sensor that a record lacks the row is 0 (counts) or
-    NaN; `valid` tells. The records are those of the moment of opening or of the last refresh()."""
+    """Recorded values, one row per record. The row of a missing sensor is 0 (counts) or NaN, and
+    `valid` is false. Records are those at the time of opening or of the last refresh()."""
 
     def __init__(self, path: pathlib.Path) -> None:
         self.path = path
@@ -99,7 +99,7 @@ class Run:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Lets the arrays go; no file stays open between two calls."""
+        """Releases the arrays. No file is open between two calls."""
         self._forget()
 
     def __iter__(self) -> Iterator[Record]:
@@ -112,8 +112,8 @@ class Run:
     def __getitem__(self, rows: slice | Sequence[int] | NDArray[Any]) -> "Run": ...
 
     def __getitem__(self, rows: Any) -> "Record | Run":
-        """run[3], run[-1]: a record by its row, from 0; run[10:20], run[[1, 2]], run[mask]: these
-        records as a run. Its axes, tables and events are those of the whole."""
+        """run[3], run[-1]: the record in this row, from 0. run[10:20], run[[1, 2]], run[mask]: a
+        run of these records, with the axes, tables and events of the whole run."""
         if isinstance(rows, (int, np.integer)):
             return Record(self, range(len(self))[rows])
         chosen, part = rows_of(len(self), rows), copy.copy(self)
@@ -124,7 +124,7 @@ class Run:
         return part
 
     def refresh(self) -> "Run":
-        """Takes the records that came since; of use while the run is recorded."""
+        """Reads the run file again, to include new records of a running recording."""
         self._forget()
         self._read()
         return self
@@ -134,9 +134,9 @@ class Run:
             self.__dict__.pop(name, None)
 
     def follow(self, *, pause_s: float = 0.2) -> Iterator[int]:
-        """The rows of the records, those that are there and then each one that comes, until the run
-        is closed or its recording was killed. The arrays hold the row when it is given: for row in
-        run.follow(): run.spd[row]."""
+        """Yields the rows of existing records and then of each new record, until the run is closed
+        or the recording was killed. The arrays contain each yielded row: for row in run.follow():
+        run.spd[row]."""
         row = 0
         while True:
             ended = self.refresh().info["status"] != "open"
@@ -146,7 +146,7 @@ class Run:
                 return
             time.sleep(pause_s)
 
-    @names_its_file
+    @errors_with_path
     def _read(self) -> None:
         most = max(self.path.stat().st_size, LEAST_BOUND)
         with closing(connect(self.path)) as db:
@@ -158,56 +158,56 @@ class Run:
                 if (not 0 <= axis.count <= most or not abs(axis.start) < 1e15
                     or not 1e-15 < abs(axis.step) < 1e15):
                     raise ValueError(f"{self.path}: axis {name}: {axis.count} points from "
-                                     f"{axis.start:g} by {axis.step:g}; expected those of a "
-                                     f"measurement, at most {most}")
+                                     f"{axis.start:g} by {axis.step:g}; expected at most {most} "
+                                     "points and plausible positions")
             cursor = db.execute("SELECT * FROM run")
             self.info: dict[str, Any] = dict(zip((column[0] for column in cursor.description),
                                                  cursor.fetchone()))
-            #: what a run says of itself beside its settings
+            #: further facts of the run, by name
             self.meta: dict[str, str] = meta_of(self.path, self.info.pop("meta"))
             self.info["status"] = status_of(db, self.path, self.info["status"])
-            #: by how much the ranges of a sensor are too long, as its calibration says
+            #: calibrated range bias of each sensor, m; measured ranges are too long by it
             self.offset_m: dict[str, float] = dict(
                 db.execute("SELECT sensor, offset_m FROM calibration"))
-            #: x, y (half wavelengths), gain, phase (rad) of the radar's virtual antennas
+            #: x, y (half wavelengths), gain, phase (rad) of each virtual radar antenna
             self.antennas: list[tuple[float, ...]] = db.execute(
                 "SELECT x, y, gain, phase_rad FROM antenna ORDER BY rowid").fetchall()
-            #: of the detector; empty of a single pixel
+            #: zones of the detector; empty for a single pixel
             self.zones: list[zones.Zone] = zones.stored(db)
         rows = self.select("SELECT idx, valid, label, slot_utc_ns FROM record ORDER BY idx")
         index, bits, labels, utc = zip(*rows) if rows else ((), (), (), ())
         self.index: NDArray[np.int64] = np.array(index, np.int64)
         self.labels: list[str] = list(labels)
-        #: the start of each record's slot, UTC
+        #: start of each slot, UTC
         self.time: NDArray[np.datetime64] = np.array(utc, "datetime64[ns]")
         mask = np.array(bits, np.int64)
         self.valid: dict[str, NDArray[np.bool_]] = {name: (mask & bit) != 0
                                                     for name, bit in SENSORS.items()}
 
-    @names_its_file
+    @errors_with_path
     def select(self, sql: str, *values: Any) -> list[Any]:
-        """Rows of this query."""
+        """Returns the rows of an SQL query."""
         with closing(connect(self.path)) as db:
             return db.execute(sql, values).fetchall()
 
-    @names_its_file
+    @errors_with_path
     def of_records(self, columns: str, rows: NDArray[np.int64] | None = None) -> list[Any]:
-        """Columns of the table record, of these rows or all."""
+        """Returns columns of the table `record`, for these rows or all."""
         index = (self.index if rows is None else self.index[rows]).tolist()
         found = {row[0]: row[1:] for row in self.select(
             f"SELECT idx, {columns} FROM record WHERE idx IN (SELECT value FROM json_each(?))",
             json.dumps(index))}
-        return [found[one] for one in index]
+        return [found[number] for number in index]
 
     def to_xarray(self) -> Any:
-        """The run as an xarray.Dataset (netcdf.dataset)."""
+        """Returns the run as an xarray.Dataset (netcdf.dataset)."""
         from .netcdf import dataset
 
         return dataset(self)
 
     def to_pandas(self) -> Any:
-        """The records as a pandas.DataFrame (python3-pandas), a row a record by its index: time
-        (UTC), label, of each sensor NAME_valid and its columns as spd_verdict."""
+        """Returns a pandas.DataFrame (python3-pandas) with one row per record: time (UTC), label,
+        NAME_valid of each sensor, and the columns of quality()."""
         import pandas
 
         valid = {f"{name}_valid": mask for name, mask in self.valid.items()}
@@ -221,17 +221,17 @@ class Run:
         return sorted(name for (name,) in names if name not in STATISTICS)
 
     def table(self, name: str) -> dict[str, NDArray[Any]]:
-        """All columns of a table but blobs (run_files.table)."""
+        """Returns all columns of a table except blobs (run_files.table)."""
         return table(self.path, name)
 
     def events(self) -> list[tuple[str, str, str, str]]:
-        """UTC, level, source and text of each event."""
+        """Returns UTC, level, source and text of each event."""
         return self.select("SELECT utc, level, source, text FROM event ORDER BY id")
 
-    @names_its_file
+    @errors_with_path
     def quality(self) -> dict[str, NDArray[Any]]:
-        """Columns [n] of the records: length_s, and of each sensor spd_used, spd_lost, spd_verdict,
-        spd_clock_residual_s."""
+        """Returns columns [n] of the records: length_s, and for each sensor such as the SPD
+        spd_used, spd_lost, spd_verdict, spd_clock_residual_s."""
         names = [f"{s}_{name}" for s in SENSORS
                  for name in ("used", "lost", "verdict", "clock_residual_s")]
         rows = self.of_records(", ".join(["(slot_end_ns - slot_start_ns) * 1e-9", *names]))
@@ -245,7 +245,7 @@ class Run:
         return f"<echofuse run {self.path}: {len(self)} records, {self.info['status']}>"
 
     def _repr_html_(self) -> str:
-        """For notebooks: what the run holds, a line a sensor."""
+        """Returns a summary for notebooks, one line per sensor."""
         cells = "".join(
             f"<tr><td>{name}</td><td>{mask.sum()} of {len(self)}</td><td>{axis.count} x "
             f"{axis.step:.4g} "
@@ -259,21 +259,21 @@ class Run:
                 f"{cells}</table>")
 
     @cached_property
-    @names_its_file
+    @errors_with_path
     def spd(self) -> NDArray[np.uint32]:
-        """Counts [n, bins], or [n, zones, bins] of a detector with zones; read-only, as all arrays
-        that the run keeps."""
+        """Counts [n, bins], or [n, zones, bins] of a detector with zones. Read-only like all cached
+        arrays."""
         table = self._table("spd", "<u4", 0)
         return read_only(table.reshape(len(self), len(self.zones), table.shape[1]
                                        // len(self.zones)) if self.zones else table)
 
     @cached_property
-    @names_its_file
+    @errors_with_path
     def radar(self) -> NDArray[np.float32]:
-        """Linear power [n, bins], in an arbitrary unit."""
+        """Linear power [n, bins], arbitrary unit."""
         table = self.stored_radar()
         axis = self.axes.get("radar")
-        # TI's codes (drivers/core/log2_codes.hpp)
+        # TI codes (drivers/core/log2_codes.hpp)
         if axis is not None and axis.quantity == "log2_q8":
             antennas = max(1, int(axis.scale))
             table = np.exp2(table.astype(np.float64)
@@ -281,12 +281,12 @@ class Run:
         return read_only(table.astype(np.float32))
 
     @cached_property
-    @names_its_file
+    @errors_with_path
     def depth(self) -> NDArray[np.float32]:
-        """z in metres [n, rows, columns] of the camera's image; NaN where nothing came back."""
+        """z of the camera images [n, rows, columns], m, NaN: no return."""
         size, blobs = self._image_size(), self._blobs("depth")
         for _, blob in blobs[:1]:
-            inflated(blob, size)  # refuses the axes' size before the table is made
+            inflated(blob, size)  # checks the size before the allocation
         out = np.full((len(self), *size), np.nan, np.float32)
         for row, blob in blobs:
             image = inflated(blob, size)
@@ -302,16 +302,16 @@ class Run:
         return rows, columns
 
     def depth_mm(self, row: int) -> NDArray[np.uint16]:
-        """The camera's image of one record [rows, columns], millimetres, 0: no return."""
+        """Returns the camera image of one record [rows, columns], mm, 0: no return."""
         images = self._images(rows_of(len(self), [row]))
         return images[0][1] if images else np.zeros(self._image_size(), np.uint16)
 
     def maps(self, rows: ArrayLike | None = None) -> NDArray[np.float32]:
-        """True maps [n, N, N] of these rows, or of all (read-only), on the grid on which models are
-        trained and judged: z in metres, NaN: no return or no depth. Maps stay in memory."""
-        wanted = rows_of(len(self), slice(None) if rows is None else rows)
+        """Returns the true maps [n, N, N] of these rows, or of all (read-only), on the grid of the
+        models: z, m, NaN: no return or no depth. Maps are cached."""
+        selected = rows_of(len(self), slice(None) if rows is None else rows)
         maps, known = self._truth
-        new = np.unique(wanted[~known[wanted]])
+        new = np.unique(selected[~known[selected]])
         to_z = self.axes.get("map_z")
         convert = grid.to_map(*self._cells, self._image_size(), to_z.step if to_z else 6.0)
         for block in np.split(new, range(IMAGES, len(new), IMAGES)):
@@ -319,50 +319,49 @@ class Run:
             for row, image in self._images(block):
                 maps[row] = convert(image)
             known[block] = True
-        return read_only(maps.view()) if rows is None else maps[wanted]
+        return read_only(maps.view()) if rows is None else maps[selected]
 
     def map_of(self, row: int) -> NDArray[np.float32]:
-        """The truth of one record [N, N], as in maps()."""
+        """Returns the true map of one record [N, N], as in maps()."""
         return np.asarray(self.maps([row])[0])
 
     @cached_property
     def _truth(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Maps [n, N, N], and which of them are made."""
+        """Cached maps [n, N, N], and a mask [n] of computed ones."""
         columns, rows = self._cells
         return (np.empty((len(self), len(rows), len(columns)), np.float32),
                 np.zeros(len(self), bool))
 
-    @names_its_file
+    @errors_with_path
     def _images(self, rows: NDArray[np.int64]) -> list[tuple[int, NDArray[np.uint16]]]:
-        """Depth images of these rows, millimetres."""
+        """Returns the depth images of these rows, mm."""
         size = self._image_size()
         return [(row, inflated(blob, size)) for row, blob in self._blobs("depth", rows)]
 
     @cached_property
     def _cells(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-        """Columns and rows of the camera's image in each column and row of the maps."""
+        """Columns and rows of the camera image in each column and row of the map."""
         x, y = (self.axes.get(name) for name in ("depth_x", "depth_y"))
         to_x, to_y = (self.axes.get(name) for name in ("map_x", "map_y"))
         if x is None or y is None:
-            raise ValueError(f"{self.path}: has no depth camera")
+            raise ValueError(f"{self.path}: no depth camera")
         half, size = (0.55, 64) if to_x is None else (to_x.step * to_x.count / 2, to_x.count)
         return (grid.cells(x, to_x or tangents("map_x", size, half)),
                 grid.cells(y, to_y or tangents("map_y", size, half)))
 
     def stored_radar(self) -> NDArray[np.float32]:
-        """Profiles [n, points] as recorded: power or TI's codes (axes["radar"].quantity)."""
+        """Returns profiles [n, points] as recorded: power or TI codes (axes["radar"].quantity)."""
         return self._table("radar", "<f4", np.nan)
 
-    # Inputs of the method (recon/README.md, "the way of a record"): at true ranges, pile-up
-    # corrected.
-    @names_its_file
+    # Inputs of the method (recon/README.md), corrected for range bias and pile-up.
+    @errors_with_path
     def photons(self) -> NDArray[np.float32]:
-        """[n, bins], or [n, zones, bins] of a detector with zones"""
+        """Returns corrected counts [n, bins], or [n, zones, bins] of a detector with zones."""
         table, axis = self.spd.astype(np.float32), self.axes.get("spd")
         if axis is None:
             return table
         zeros_ps = [zone.zero_ps for zone in self.zones] or [0.0]
-        parts = table.reshape(len(self), len(zeros_ps), axis.count)  # of the same memory
+        parts = table.reshape(len(self), len(zeros_ps), axis.count)  # view of `table`
         if self.meta.get("detector_dead_time_ps") is not None:
             for part, clicks in zip(parts, self._clicks()):
                 part[:] = [pile_up.corrected(self, row, *clicks) for row in part]
@@ -371,10 +370,10 @@ class Run:
             parts[:, k] = shifted(parts[:, k], (offset_ps + zero_ps) / axis.step)
         return table
 
-    @names_its_file
+    @errors_with_path
     def power(self, range_offset_m: float = 0) -> NDArray[np.float32]:
-        """[n, points], linear, of TI's codes less the noise that most points show; 0 where there is
-        no radar"""
+        """Returns linear power [n, points] at true ranges; 0 if the radar is missing. The median is
+        subtracted from TI codes as noise."""
         if "radar" not in self.axes:
             return np.zeros((len(self), 0), np.float32)
         power = np.nan_to_num(self.radar)
@@ -385,14 +384,14 @@ class Run:
 
     @property
     def power_axis(self) -> Axis | None:
-        """Axis of power(), where TI's codes are power."""
+        """Axis of power()."""
         axis = self.axes.get("radar")
         return replace(axis, quantity="power",
                        scale=1.0) if axis and axis.quantity == "log2_q8" else axis
 
     @cached_property
     def lags_axis(self) -> Axis | None:
-        """Axis of the antennas' spatial lags (recon/data/lags.hpp), or None."""
+        """Axis of the spatial lags of the antennas (recon/data/lags.hpp), or None."""
         pairs = self._pairs
         if "array" not in self.axes or not pairs[0]:
             return None
@@ -405,10 +404,10 @@ class Run:
                     axis.start, axis.step,
                     across + up)
 
-    @names_its_file
+    @errors_with_path
     def lags(self, range_offset_m: float = 0) -> NDArray[np.float32]:
-        """[n, points, 2 D + 1]: power, then real and imaginary part of the mean correlation at each
-        spacing"""
+        """Returns [n, points, 2 D + 1]: power, then real and imaginary part of the mean correlation
+        at each spacing."""
         axis = self.lags_axis
         if axis is None:
             return np.zeros((len(self), 0, 1), np.float32)
@@ -419,8 +418,8 @@ class Run:
         for row, bins in self.array_bins():
             values = bins["values"] / 32767 * bins["power"][:, None].astype(float)
             r = np.zeros((axis.count, count, count), complex)
-            of_two = values[:, 3 * count:-2]
-            r[:, first, last] = of_two[:, 0::2] + 1j * of_two[:, 1::2]
+            correlations = values[:, 3 * count:-2]
+            r[:, first, last] = correlations[:, 0::2] + 1j * correlations[:, 1::2]
             r[:, last, first] = r[:, first, last].conj()
             out[row, :, 0] = (values[:, 2 * count:3 * count] / abs(response) ** 2).mean(1)
             across = max(self._pairs[0])
@@ -435,9 +434,8 @@ class Run:
         return np.moveaxis(shifted(flat, by_m / axis.step).reshape(len(self), -1, axis.count), 1, 2)
 
     def array_bins(self) -> Iterator[tuple[int, NDArray[Any]]]:
-        """Rows of the records that have samples of the antennas
-        (acquire/measurement/radar_array.hpp), and of each bin its power, and integers in units of
-        it. Raises ValueError."""
+        """Yields the rows with antenna samples (acquire/measurement/radar_array.hpp), and for each
+        bin its power and integers in units of it. Raises ValueError."""
         axis, blobs = self.axes["array"], dict(self.of_records("idx, array"))
         count = int(axis.scale)
         stored = np.dtype([("power", "<f4"), ("values", "<i2", count * (count + 2) + 2)])
@@ -456,7 +454,7 @@ class Run:
 
     @cached_property
     def _pairs(self) -> tuple[dict[int, list[tuple[int, int]]], dict[int, list[tuple[int, int]]]]:
-        """Antennas side by side, and one above the other, by their spacing in half wavelengths."""
+        """Horizontal and vertical antenna pairs by spacing, half wavelengths."""
         found: tuple[dict[int, list[tuple[int, int]]], ...] = ({}, {})
         for m, (xm, ym, *_) in enumerate(self.antennas):
             for n, (xn, yn, *_) in enumerate(self.antennas):
@@ -468,14 +466,14 @@ class Run:
         return found[0], found[1] if found[0] else {}
 
     def _clicks(self) -> list[tuple[float, float]]:
-        """Clicks of each record, and clicks a laser pulse (0: not known)."""
+        """Returns clicks of each record, and clicks per laser pulse (0: unknown)."""
         rows = self.of_records("in_range + out_of_range, starts, clicks_a_pulse")
         return [(clicks, known or (clicks / starts if clicks < 0.95 * starts
                                    else 0.0)) for clicks, starts, known in rows]
 
     def _blobs(self, sensor: str,
                rows: NDArray[np.int64] | None = None) -> list[tuple[int, bytes]]:
-        """Blobs of the rows whose sensor is valid, among these or all."""
+        """Returns the blobs of valid rows, among `rows` or all."""
         valid = self.valid[sensor]
         rows = np.flatnonzero(valid) if rows is None else rows[valid[rows]]
         blobs = self.of_records(

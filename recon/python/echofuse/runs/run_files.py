@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A run file, opened to be read only."""
+"""Opens run files for reading."""
 from __future__ import annotations
 
 import fcntl
@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 3
 NULL_INTEGER = -1 << 63
 WAL_KEY = "wal_key"  # member of run.meta of an open run
-MOST_RESTARTS = 1 << 16  # by which the key of a run's own -wal may differ
+MOST_RESTARTS = 1 << 16  # tolerated difference between the keys of a run and its own -wal
 TABLES = {"run", "axis", "record", "device", "calibration", "antenna", "anchor", "counter", "event",
           "late", "zone"}
-STATISTICS = {f"sqlite_stat{n}" for n in range(1, 5)}  # of ANALYZE
+STATISTICS = {f"sqlite_stat{n}" for n in range(1, 5)}  # written by ANALYZE
 KINDS: dict[str, tuple[str, Any]] = {"INTEGER":
                                      ("ifnull(CAST({} AS INTEGER), -9223372036854775807 - 1)",
                                       np.int64),
@@ -33,7 +33,7 @@ KINDS: dict[str, tuple[str, Any]] = {"INTEGER":
 
 
 def printable(text: str) -> str:
-    """Text from outside in one line; control characters and what reorders text are escaped."""
+    """Escapes control and reordering characters, so that the text is one line."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode()
                    for c in text)
 
@@ -44,12 +44,12 @@ _connections: Counter[tuple[int, int]] = Counter()
 
 
 class Connection(sqlite3.Connection):
-    """Connection to a run with a descriptor of the same file. Closing any descriptor of a file ends
-    all locks that SQLite has on it in this process, so the descriptor stays open as long as a
-    connection to that file."""
+    """Connection to a run, with a descriptor of the same file. Closing any descriptor of a file
+    releases all SQLite locks of this process on it, so the descriptor stays open as long as any
+    connection to the file."""
 
     inode: tuple[int, int] | None = None
-    lacks_wal = False  # of an open run without a recorder
+    lacks_wal = False  # open run that is not being recorded, without its -wal
 
     def close(self) -> None:
         super().close()
@@ -61,7 +61,7 @@ class Connection(sqlite3.Connection):
 
 
 def hold(path: pathlib.Path) -> tuple[int, int]:
-    """Keeps a descriptor of this file open until release(). Returns its device and inode."""
+    """Opens a descriptor of the file until release(). Returns device and inode."""
     with _lock:
         found = path.stat()
         if (found.st_dev, found.st_ino) not in _descriptors:
@@ -84,8 +84,7 @@ def release(inode: tuple[int, int] | None) -> None:
 
 
 def header_is_closed(inode: tuple[int, int] | None) -> bool:
-    """Whether bytes 18 and 19 of a held file are 1, as in every closed run. Such a run is
-    immutable."""
+    """Returns whether the file is a closed (immutable) run: bytes 18 and 19 are 1."""
     return inode is not None and os.pread(_descriptors[inode][0], 2, 18) == b"\1\1"
 
 
@@ -97,29 +96,29 @@ def is_closed(path: pathlib.Path) -> bool:
         release(inode)
 
 
-def beside(path: pathlib.Path, suffix: str) -> pathlib.Path:
-    """File that a program keeps next to a run, next to the file behind links."""
+def side_file(path: pathlib.Path, suffix: str) -> pathlib.Path:
+    """Returns the path of a file next to a run, after resolving links."""
     real = path.resolve()
     return real.with_name(real.name + suffix)
 
 
 def leftovers(path: pathlib.Path) -> list[pathlib.Path]:
-    """Files of SQLite next to a closed run. They are not part of it and are not read."""
+    """Returns SQLite files next to a closed run, which are not part of it and are not read."""
     found = [file for suffix in ("-wal", "-shm", "-journal")
-             if (file := beside(path, suffix)).exists()]
+             if (file := side_file(path, suffix)).exists()]
     return found if found and is_closed(path) and not is_written(path) else []
 
 
 def is_written(path: pathlib.Path) -> bool:
-    """Whether a process holds the lock RUN-lock of a run's writer. Takes no lock."""
+    """Returns whether a process holds the lock RUN-lock of the writer. Does not lock."""
     try:
-        descriptor = os.open(beside(path, "-lock"),
+        descriptor = os.open(side_file(path, "-lock"),
                              os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
     except OSError:
         return False
     try:
-        wanted = struct.pack("hhqqi", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
-        found = fcntl.fcntl(descriptor, fcntl.F_OFD_GETLK, wanted)
+        query = struct.pack("hhqqi", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
+        found = fcntl.fcntl(descriptor, fcntl.F_OFD_GETLK, query)
         return bool(struct.unpack_from("h", found)[0] != fcntl.F_UNLCK)
     except OSError:
         return False
@@ -128,28 +127,28 @@ def is_written(path: pathlib.Path) -> bool:
 
 
 def wal_header(path: pathlib.Path) -> bytes:
-    """The first 32 bytes of the -wal next to a run; zeros where there are none."""
+    """Returns the first 32 bytes of the -wal next to a run, padded with zeros."""
     try:
-        descriptor = os.open(beside(path, "-wal"), os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+        descriptor = os.open(side_file(path, "-wal"), os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     except FileNotFoundError:
         return bytes(32)
     try:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise ValueError(f"{beside(path, '-wal')}: is not a regular file")
+            raise ValueError(f"{side_file(path, '-wal')}: is not a regular file")
         return os.read(descriptor, 32).ljust(32, b"\0")
     finally:
         os.close(descriptor)
 
 
 def wal_key(path: pathlib.Path) -> int | None:
-    """Key of the -wal next to a run, as in acquire/record/side_files.hpp; None: no header."""
+    """Returns the key of the -wal (acquire/record/side_files.hpp); None without a header."""
     magic, *_, number, salt, _ = struct.unpack(">6I8x", wal_header(path))
     return (salt - number) % (1 << 32) if magic & ~1 == 0x377F0682 else None
 
 
 def stored_in(path: pathlib.Path) -> tuple[str | None, bool] | None:
-    """Key of the -wal and whether there are records, by the run file alone, as in
-    acquire/record/side_files.cpp. None: not a run, or damaged."""
+    """Reads the key of the -wal and whether records exist from the run file alone, as in
+    acquire/record/side_files.cpp. Returns None for a damaged file or another kind of file."""
     with closing(opened(path, "mode=ro&immutable=1")) as db:
         try:
             guard(db, path)
@@ -161,23 +160,23 @@ def stored_in(path: pathlib.Path) -> tuple[str | None, bool] | None:
 
 
 def refuse_foreign_wal(path: pathlib.Path) -> None:
-    """Raises ValueError if the -wal has another key than the open run."""
+    """Raises ValueError if the key of the -wal differs from that of the open run."""
     if (found := wal_key(path)) is None or (stored := stored_in(path)) is None:
         return
     try:
         expected = int(stored[0] or "", 16)
     except (ValueError, TypeError):
-        return  # a run without a key
-    away = (found - expected) % (1 << 32)
-    if min(away, (1 << 32) - away) > MOST_RESTARTS:
-        raise ValueError(f"{path}: was not closed, and {beside(path, '-wal')} is of another run "
+        return  # run without a key
+    difference = (found - expected) % (1 << 32)
+    if min(difference, (1 << 32) - difference) > MOST_RESTARTS:
+        raise ValueError(f"{path}: was not closed, and {side_file(path, '-wal')} is of another run "
                          f"(key {found:08x}, expected {expected:08x}); move it away")
 
 
-def opened(path: pathlib.Path, how: str) -> Connection:
+def opened(path: pathlib.Path, options: str) -> Connection:
     inode = hold(path)
     try:
-        db = Connection(f"{path.resolve().as_uri()}?{how}", uri=True)
+        db = Connection(f"{path.resolve().as_uri()}?{options}", uri=True)
     except BaseException:
         release(inode)
         raise
@@ -186,12 +185,12 @@ def opened(path: pathlib.Path, how: str) -> Connection:
 
 
 def lacks_wal(path: pathlib.Path) -> bool:
-    """Whether an open run is a copy without its -wal. Raises ValueError for the -wal of another
-    run. The -wal of a run that is being recorded is its own."""
+    """Returns whether an open run is a copy without its -wal. Raises ValueError for the -wal of
+    another run. A run that is being recorded has its own -wal."""
     if is_written(path):
         return False
     refuse_foreign_wal(path)
-    journal = beside(path, "-journal")
+    journal = side_file(path, "-journal")
     if any(wal_header(path)) or (journal.is_file() and journal.stat().st_size):
         return False
     key, records = stored_in(path) or (None, True)
@@ -199,15 +198,15 @@ def lacks_wal(path: pathlib.Path) -> bool:
 
 
 def is_model(path: pathlib.Path) -> bool:
-    """Returns true for a safetensors file: its header begins at byte 8."""
+    """Returns whether the file is a safetensors file (the header starts at byte 8)."""
     with open(path, "rb") as file:
         return file.read(9)[8:] == b"{"
 
 
 def connect(path: pathlib.Path) -> Connection:
-    """Opens a run file for reading. Nothing next to a closed run is read or written. Raises
-    ValueError for a file that is no run."""
-    inode = hold(path)  # until a connection has it
+    """Opens a run file for reading. Files next to a closed run are not read or written. Raises
+    ValueError if the file is not a run."""
+    inode = hold(path)  # until a connection holds it
     try:
         return connected(path, header_is_closed(inode))
     finally:
@@ -216,8 +215,8 @@ def connect(path: pathlib.Path) -> Connection:
 
 def connected(path: pathlib.Path, closed: bool) -> Connection:
     alone = not closed and lacks_wal(path)
-    for how in ("mode=ro", "mode=ro&immutable=1"):
-        db = opened(path, "mode=ro&immutable=1" if closed or alone else how)
+    for options in ("mode=ro", "mode=ro&immutable=1"):
+        db = opened(path, "mode=ro&immutable=1" if closed or alone else options)
         db.lacks_wal = alone
         try:
             identity = db.execute("PRAGMA application_id").fetchone()[0]
@@ -229,13 +228,13 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
                 raise ValueError(f"{path}: is a model; expected a run file" if is_model(path)
                                  else f"{path}: not a run of echofuse: {error}") from None
             for suffix in ("-wal", "-journal"):
-                rest = beside(path, suffix)
+                rest = side_file(path, suffix)
                 if rest.is_file() and rest.stat().st_size:
                     raise ValueError(
                         f"{path}: was not closed, and its last records are in {rest}; copy both to "
                         "a writable folder") from None
             continue
-        if db.is_closed() and not closed:  # its writer has just closed it
+        if db.is_closed() and not closed:  # the writer has just closed the run
             db.close()
             return connect(path)
         if identity == APPLICATION_ID and version == FORMAT_VERSION:
@@ -254,7 +253,7 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
 
 
 def status_of(db: Connection, path: pathlib.Path, stored: str) -> str:
-    """Status of a run as the programs show it (RunReader::info())."""
+    """Returns the status of a run, as RunReader::info()."""
     if stored != "open":
         return stored
     if db.is_closed():
@@ -265,9 +264,9 @@ def status_of(db: Connection, path: pathlib.Path, stored: str) -> str:
 
 
 def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
-    """Guards against files of strangers (acquire/README.md, threat model, 1): nothing in them runs
-    by itself, and a statement ends. Raises ValueError."""
-    # steps of 10 000 instructions; less than one a byte is needed
+    """Protects against malicious files (acquire/README.md, threat model, 1): refuses code in the
+    schema and limits the run time of statements. Raises ValueError."""
+    # steps of 10 000 instructions; a valid run needs less than one instruction per byte
     left = iter(range(200 + path.stat().st_size * 4 // 10_000))
     db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(max(path.stat().st_size, 16 << 20), 128 << 20))
     db.text_factory = lambda text: text.decode("utf-8", "backslashreplace")
@@ -275,12 +274,12 @@ def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
     db.execute("PRAGMA trusted_schema = OFF")
     for kind, name, sql, page in db.execute(
         "SELECT type, name, sql, rootpage FROM sqlite_schema WHERE sql IS NOT NULL"):
-        # a virtual table, or computed columns
+        # virtual table or computed columns
         computed = page == 0 or re.search(r"\bAS\s*\(", sql, re.IGNORECASE)
         if kind != "table" or name not in TABLES | STATISTICS or computed:
-            shown, quoted = printable(name), printable(name.replace('"', '""'))
+            escaped, quoted = printable(name), printable(name.replace('"', '""'))
             raise ValueError(
-                f'{path}: holds the {kind} "{shown}"; expected the tables of a run only; '
+                f'{path}: holds the {kind} "{escaped}"; expected the tables of a run only; '
                 f'remove it with: DROP {kind.upper()} "{quoted}"')
 
 
@@ -295,8 +294,8 @@ def meta_of(path: pathlib.Path, text: Any) -> dict[str, str]:
 
 
 def table(path: pathlib.Path, name: str) -> dict[str, NDArray[Any]]:
-    """All columns of a table but blobs: int64 (NULL: NULL_INTEGER), float64 (NULL: NaN) or UTF-8
-    (kind S)."""
+    """Returns all columns of a table except blobs: int64 (NULL: NULL_INTEGER), float64 (NULL: NaN)
+    or UTF-8 (dtype S)."""
     with closing(connect(path)) as db:
         columns = db.execute("SELECT name, type FROM pragma_table_info(?) WHERE type != 'BLOB'",
                              (name,)).fetchall()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A file that appears at its place only when it is whole, and never over another one."""
+"""Writes files atomically, without overwriting existing ones."""
 from __future__ import annotations
 
 import contextlib
@@ -17,8 +17,8 @@ from typing import Any, NoReturn
 
 
 def stop_by_signal() -> list[int]:
-    """SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt from now on. Returns where their numbers
-    come, because SQLite makes an error of its own of one that its progress handler raises."""
+    """Makes SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt. Returns a list of the received
+    signals, because SQLite replaces an exception of its progress handler by its own error."""
     stopped: list[int] = []
 
     def stop(number: int, _: Any) -> NoReturn:
@@ -36,20 +36,20 @@ def refuse_existing(place: pathlib.Path) -> None:
 
 
 def locked(lock: pathlib.Path) -> int:
-    """Descriptor of the lock file, made and held: the one that is at this path, and no link. Raises
-    BlockingIOError, OSError."""
+    """Creates and locks a lock file and returns its descriptor. Links are refused. Raises
+    BlockingIOError if another process holds the lock, and OSError."""
     while True:
-        held = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+        descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
         try:
-            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if os.path.samestat(os.fstat(held), os.lstat(lock)):
-                return held
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.path.samestat(os.fstat(descriptor), os.lstat(lock)):
+                return descriptor
         except FileNotFoundError:
-            pass  # removed by the process that held it
+            pass  # removed by the previous owner
         except BaseException:
-            os.close(held)
+            os.close(descriptor)
             raise
-        os.close(held)
+        os.close(descriptor)
 
 
 def sync(path: pathlib.Path) -> None:
@@ -58,27 +58,26 @@ def sync(path: pathlib.Path) -> None:
     try:
         os.fsync(descriptor)
     except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # the file system syncs no folders
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # folders cannot be synced
             raise
     finally:
         os.close(descriptor)
 
 
-def publish(beside: pathlib.Path, place: pathlib.Path) -> None:
-    """Gives the file its name: fsync of file, rename, fsync of folder. Raises FileExistsError."""
-    sync(beside)
+def publish(source: pathlib.Path, place: pathlib.Path) -> None:
+    """Renames a file with fsync of file and folder. Raises FileExistsError."""
+    sync(source)
     try:
-        os.link(beside, place)
-    except OSError:  # exists already, or there are no links on this disk
+        os.link(source, place)
+    except OSError:  # exists already, or the file system has no hard links
         refuse_existing(place)
-        beside.rename(place)
+        source.rename(place)
     sync(place.parent)
 
 
 @contextlib.contextmanager
 def replaced(place: pathlib.Path) -> Iterator[pathlib.Path]:
-    """Yields the path of a new file, which then replaces the one at `place`: fsync of file, rename,
-    fsync of folder. Raises OSError."""
+    """Yields the path of a new file, which then replaces `place` atomically. Raises OSError."""
     new = place.with_name(f"{place.name}.{secrets.token_hex(8)}.part")
     try:
         new.open("xb").close()
@@ -92,27 +91,27 @@ def replaced(place: pathlib.Path) -> Iterator[pathlib.Path]:
 
 @contextlib.contextmanager
 def staged(place: pathlib.Path) -> Iterator[pathlib.Path]:
-    """Yields the path where the file grows: in $TMPDIR, or hidden beside its place. Nobody else
-    makes it meanwhile, and the rest that a process left when it died is made anew. Raises
-    FileExistsError, BlockingIOError, OSError."""
+    """Yields the path of a temporary file (in $TMPDIR, or hidden next to `place`), which becomes
+    `place` at the end. A lock excludes other processes; files of killed processes are replaced.
+    Raises FileExistsError, BlockingIOError, OSError."""
     refuse_existing(place)
     key = zlib.crc32(os.fsencode(place.absolute()))
     name = f".{place.name}.{socket.gethostname()}-{key:08x}.unfinished"
-    grown, beside = pathlib.Path(os.environ.get("TMPDIR")
-                                 or place.parent) / name, place.parent / name
-    lock = grown.with_name(f"{name}.lock")
+    temporary = pathlib.Path(os.environ.get("TMPDIR") or place.parent) / name
+    final = place.parent / name  # on the file system of `place`
+    lock = temporary.with_name(f"{name}.lock")
     try:
-        held = locked(lock)
+        descriptor = locked(lock)
     except BlockingIOError:
         raise BlockingIOError(f"{place}: another process is creating this file") from None
     try:
-        for path in (grown, beside):
+        for path in (temporary, final):
             path.unlink(missing_ok=True)
-        yield grown
-        if grown.parent.resolve() != beside.parent.resolve():
-            shutil.copyfile(grown, beside)
-        publish(beside, place)
+        yield temporary
+        if temporary.parent.resolve() != final.parent.resolve():
+            shutil.copyfile(temporary, final)
+        publish(final, place)
     finally:
-        for path in (grown, beside, lock):
+        for path in (temporary, final, lock):
             path.unlink(missing_ok=True)
-        os.close(held)
+        os.close(descriptor)

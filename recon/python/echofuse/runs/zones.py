@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Zones of a detector: parts of its field of view with a histogram each."""
+"""Zones of a detector: parts of its field of view, each with its own histogram."""
 from __future__ import annotations
 
 import math
@@ -14,13 +14,12 @@ Number = TypeVar("Number", bound=np.generic)
 
 
 class Zone(NamedTuple):
-    """Tangents of the centre (x to the right, y up) and of the full width, NaN: not known; two-way
-    time of range 0."""
+    """Direction and time zero of a zone; NaN: unknown."""
 
-    x: float
-    y: float
-    width: float
-    zero_ps: float = 0.0
+    x: float  # tangent of the centre, to the right
+    y: float  # tangent of the centre, up
+    width: float  # full width, tangent
+    zero_ps: float = 0.0  # two-way time of range 0
 
     def plausible(self) -> bool:
         """Zone::plausible (drivers/core/zone.hpp)."""
@@ -30,12 +29,12 @@ class Zone(NamedTuple):
 
     @property
     def text(self) -> str:
-        """As run.toml has it."""
+        """Returns the zone in the format of run.toml."""
         return " ".join(map(repr, map(float, self)))
 
 
 def stored(db: sqlite3.Connection) -> list[Zone]:
-    """Zones of a run; none of a single pixel. Raises ValueError."""
+    """Reads the zones of a run; empty for a single pixel. Raises ValueError."""
     if not db.execute("SELECT 1 FROM sqlite_schema WHERE name = 'zone'").fetchone():
         return []
     rows = db.execute("SELECT CAST(x AS REAL), CAST(y AS REAL), CAST(width AS REAL), CAST("
@@ -48,14 +47,14 @@ def stored(db: sqlite3.Connection) -> list[Zone]:
 
 
 def summed(counts: NDArray[Number]) -> NDArray[Number]:
-    """[n, bins] of counts [n, bins] or [n, zones, bins]."""
+    """Sums counts [n, bins] or [n, zones, bins] over the zones: [n, bins]."""
     return np.asarray(counts.sum(1, dtype=counts.dtype)) if counts.ndim == 3 else counts
 
 
 def directions(run: Any) -> NDArray[np.float64]:
-    """Tangents x, y, width [zones, 3]. Raises ValueError if the run does not state them."""
+    """Returns tangents x, y, width [zones, 3]. Raises ValueError if the run has none."""
     table = np.array([zone[:3] for zone in run.zones], float).reshape(-1, 3)
     if not len(table) or not np.isfinite(table).all():
-        raise ValueError(f"{run.path}: its detector's zones have no directions; state them by "
+        raise ValueError(f"{run.path}: detector zones have no directions; state them with "
                          "spd.zones in run.toml, or in the hello of the bridge")
     return table
