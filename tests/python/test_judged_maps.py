@@ -65,7 +65,7 @@ def test_maps_without_a_scored_record_are_refused(run, tmp_path):
 def test_map_folder_refuses_maps_of_another_run(run, tmp_path):
     folder = save(tmp_path / "mine", run, np.arange(60), run=run)
     with echofuse.open(derive.copy(run.path, tmp_path / "other.sqlite")) as other:
-        with pytest.raises(FileExistsError, match="has maps of another run"):
+        with pytest.raises(FileExistsError, match="contains maps of another run"):
             save(folder, other, np.arange(60), run=other)
         assert "contains maps of another run" in judged(folder, other, ok=False)
     assert judged(folder, run, "--json")["metrics"]["iou"]["mean"] == 1

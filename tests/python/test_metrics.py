@@ -65,5 +65,5 @@ def test_undefined_scores_are_nan():
     assert np.isnan(metrics.depth_mae(empty, body, scene)) and np.isnan(metrics.lateral(empty, body, scene))
     assert np.isnan(metrics.ssim_fg(body, body, scene))  # the window is larger than the map
     assert metrics.mirror_fraction(body[:, :, ::-1], body, scene) == 1
-    with pytest.raises(ValueError, match=r"\[8, 8\]; expected \[n, N, N\]"):
+    with pytest.raises(ValueError, match=r"\[8, 8\] \(expected \[n, N, N\]"):
         metrics.iou(body[0], body[0], scene)

@@ -143,5 +143,5 @@ sum = ["nearest:spd"]
     maps = echofuse.load_model(tmp_path / "model").predict(test).depth_m
     assert np.allclose(np.load(tmp_path / "maps/maps.npy"), maps, atol=1e-4, equal_nan=True)
     sums = tmp_path / "runs/photons-sum-block.sqlite"
-    with pytest.raises(ValueError, match="has 1 zones; the model takes 4"):
+    with pytest.raises(ValueError, match="has 1 zones .expected by the model: 4"):
         echofuse.load_model(tmp_path / "model").predict(sums)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Trained models and their maps in NumPy, equal to those of echofuse-recon."""
+"""Predicts maps with trained models in NumPy; the results equal those of echofuse-recon."""
 from .maps import load_maps, save_maps
 from .model import Estimator, Maps, Model, load_model, read_safetensors
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Maps as files that `echofuse-recon evaluate --maps` reads: FOLDER/maps.npy and
+"""Reads and writes maps for `echofuse-recon evaluate --maps`: FOLDER/maps.npy and
 FOLDER/records.csv."""
 from __future__ import annotations
 
@@ -18,30 +18,29 @@ if TYPE_CHECKING:
 
 
 def origin_of(run: Run) -> str:
-    """Text of run.txt for maps of this run (recon/maps/written_maps.hpp)."""
+    """Returns the text of run.txt for maps of this run (recon/maps/written_maps.hpp)."""
     return f"{run.info['uuid']}\n{printable(str(run.path))}\n"
 
 
 def require_indices(maps: NDArray[Any], index: NDArray[Any], run: Run | None) -> None:
-    """Raises ValueError unless there is one record of the run for each map."""
+    """Raises ValueError unless each map has a record of the run."""
     if maps.ndim != 3 or maps.shape[1] != maps.shape[2]:
-        raise ValueError(f"depth_m: an array {list(maps.shape)}; expected [n, N, N]")
+        raise ValueError(f"depth_m: shape {list(maps.shape)} (expected [n, N, N])")
     if index.shape != maps.shape[:1] or (index.size and index.dtype.kind not in "iu"):
-        raise ValueError(f"index: {index.dtype} {list(index.shape)}; expected {len(maps)} whole "
-                         "numbers, the index of each map's record")
+        raise ValueError(f"index: {index.dtype} {list(index.shape)} (expected {len(maps)} record "
+                         "indices)")
     known, count = np.unique(index, return_counts=True)
     if (count > 1).any():
         raise ValueError(f"index: record {known[count > 1][0]} has {count[count > 1][0]} maps")
     if run is not None and (missing := np.setdiff1d(index, run.index)).size:
-        raise ValueError(f"index: {run.path} has no record {missing[0]}; expected run.index of "
-                         "these rows")
+        raise ValueError(f"index: {run.path} has no record {missing[0]}; pass values of run.index")
 
 
 def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
               origin: str = "", *, run: Run | None = None) -> None:
-    """Writes maps [n, N, N] (metres, NaN: no return) of the records with these indices [n]. run:
-    their run, which run.txt names; origin: the text of run.txt. Without both the folder names no
-    run. Raises FileExistsError for a folder with maps of another run, ValueError."""
+    """Writes maps [n, N, N] (m, NaN: no return) of the records with these indices [n]. `run` or
+    `origin` (text of run.txt) identifies the run. Raises FileExistsError if the folder contains
+    maps of another run, and ValueError."""
     folder, maps, indices = pathlib.Path(folder), np.asarray(depth_m), np.asarray(index)
     require_indices(maps, indices, run)
     folder.mkdir(parents=True, exist_ok=True)
@@ -49,7 +48,7 @@ def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
         origin = origin_of(run)
     named = folder / "run.txt"
     if origin and named.exists() and named.read_text().split("\n")[0] != origin.split("\n")[0]:
-        raise FileExistsError(f"{folder}: has maps of another run; name another folder")
+        raise FileExistsError(f"{folder}: contains maps of another run; give another folder")
     named.unlink(missing_ok=True)
     if origin:
         with replaced(folder / "run.txt") as new:
@@ -62,8 +61,8 @@ def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
 
 
 def load_maps(folder: str | pathlib.Path) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """Maps [n, N, N] and the indices [n] of their records, as written by save_maps or `reconstruct
-    --format npy`."""
+    """Reads maps [n, N, N] and their record indices [n], as written by save_maps() or
+    `reconstruct --format npy`."""
     folder = pathlib.Path(folder)
     with open(folder / "records.csv", newline="") as file:
         index = [int(row["record"]) for row in csv.DictReader(file)
@@ -71,15 +70,18 @@ def load_maps(folder: str | pathlib.Path) -> tuple[NDArray[np.float32], NDArray[
     maps = np.load(folder / "maps.npy")
     if len(maps) != len(index):
         raise ValueError(
-            f"{folder}: maps.npy has {len(maps)} maps, records.csv {len(index)} records with one")
+            f"{folder}: {len(maps)} maps in maps.npy, but {len(index)} records with a map in "
+            "records.csv")
     return maps, np.array(index, np.int64)
 
 
 def span_of(depth_m: ArrayLike) -> tuple[float, float]:
-    """Depths that hold 96 % of the returns, to half a metre; 2.5 to 5 m if there are few."""
-    there = np.asarray(depth_m, float)
-    there = np.sort(there[there > 0])
-    if len(there) < 50:
+    """Returns the depth range of 96 % of the returns, rounded to 0.5 m; 2.5 to 5 m with fewer than
+    50 returns."""
+    returns = np.asarray(depth_m, float)
+    returns = np.sort(returns[returns > 0])
+    if len(returns) < 50:
         return 2.5, 5.0
-    near = np.floor(2 * there[int(0.02 * (len(there) - 1))]) / 2
-    return float(near), float(max(np.ceil(2 * there[int(0.98 * (len(there) - 1))]) / 2, near + 1))
+    near = np.floor(2 * returns[int(0.02 * (len(returns) - 1))]) / 2
+    far = np.ceil(2 * returns[int(0.98 * (len(returns) - 1))]) / 2
+    return float(near), float(max(far, near + 1))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Maps of a model, made in NumPy by the method of method.py: of each record the first estimator
-answers whose sensors it has."""
+"""Predicts maps with a trained model in NumPy. Each record is predicted by the first estimator that
+needs only its valid sensors."""
 from __future__ import annotations
 
 import json
@@ -26,8 +26,8 @@ from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_
 
 
 def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Tensors and facts of a model file (recon/numbers/tensor_file.hpp). Raises ValueError for any
-    other file, and for another checksum."""
+    """Reads tensors and facts of a model file (recon/numbers/tensor_file.hpp). Raises ValueError
+    for another kind of file or a wrong checksum."""
     kinds = {"F32": "<f4", "F64": "<f8", "I64": "<i8", "U32": "<u4", "U8": "u1"}
     contents = pathlib.Path(path).read_bytes()
     if contents.startswith(b"SQLite format 3"):
@@ -49,7 +49,7 @@ def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, NDArray[Any]],
 
 
 class Estimator:
-    """One way from records to maps: its tensors t and its facts f, as the file names them."""
+    """Estimator of maps from records, with its tensors t and facts f from the model file."""
 
     def __init__(self, tensors: dict[str, NDArray[Any]], facts: dict[str, Any], group: str) -> None:
         self.t = {name[len(group):]: values for name, values in tensors.items()
@@ -61,20 +61,20 @@ class Estimator:
         keys = ("quantity", "unit", "count", "start", "step", "scale")
         takes = {"spd": self.inputs != "radar", "radar": self.inputs != "spd",
                  "array": self.inputs == "fused"}
-        #: what a record must have, by sensor
+        #: required axes, by sensor
         self.axes = {name: {key: self.f[f"axes/{name}/{key}"] for key in keys}
-                     for name, taken in takes.items() if taken
+                     for name, required in takes.items() if required
                      and self.f.get(f"axes/{name}/count", 0)}
 
     def matched(self, name: str, axis: Axis | None, table: NDArray[Any]) -> NDArray[Any]:
-        """Values on the axis that the estimator takes of the sensor; none if it does without."""
+        """Resamples values to the sensor axis of the estimator; empty if the sensor is not used."""
         return (table[:, :0] if axis is None
                 or name not in self.axes else axis.resampled(table, self.axes[name]))
 
     def predict(self, counts: NDArray[Any], power: NDArray[Any], lags: NDArray[Any],
                 zones: NDArray[Any]) -> NDArray[Any]:
-        """counts [n, bins], power [n, points], lags [n, points, 2 D + 1] or [n, 0, 1], zones [n,
-        zones, bins], [n, 0, bins] without: maps [n, N, N] in metres."""
+        """Predicts maps [n, N, N], m, from counts [n, bins], power [n, points], lags [n, points,
+        2 D + 1] or [n, 0, 1], and zones [n, zones, bins] or [n, 0, bins]."""
         if self.kind in ("factorised", "mean-shape"):
             maps = Method(self.t, self.f).predict(counts, power, lags, zones)
         else:
@@ -84,8 +84,8 @@ class Estimator:
 
 
 class Arrays:
-    """Arrays in place of a run, at true ranges, of records that have all that is given: counts [n,
-    bins], linear power [n, points], lags [n, points, 2 D + 1] (Run.lags)."""
+    """Arrays instead of a run, at true ranges: counts [n, bins], linear power [n, points], lags [n,
+    points, 2 D + 1] (Run.lags). All rows are valid."""
 
     def __init__(self, axes: dict[str, Axis], spd: ArrayLike | None, radar: ArrayLike | None,
                  lags: ArrayLike | None) -> None:
@@ -95,15 +95,15 @@ class Arrays:
         for name, table in given.items():
             if name not in axes or table.ndim != (3 if name == "array"
                                                   else 2) or table.shape[1] != axes[name].count:
-                wanted = (f"[n, {axes[name].count}]" if name in axes
-                          else "none, as there is no axis of it")
-                raise ValueError(f"{name}: an array {list(table.shape)}; expected {wanted}")
+                expected = (f"[n, {axes[name].count}]" if name in axes
+                            else "none, because it has no axis")
+                raise ValueError(f"{name}: shape {list(table.shape)} (expected {expected})")
             if bad := np.flatnonzero(~np.isfinite(table).reshape(len(table), -1).all(1)).tolist():
-                raise ValueError(f"{name}: row {bad[0]} has a value that is not finite; leave out "
+                raise ValueError(f"{name}: row {bad[0]} contains a non-finite value; remove "
                                  f"{len(bad)} of {len(table)} rows")
         if len({len(table) for table in given.values()}) != 1:
             raise ValueError(
-                "spd and radar: expected arrays of as many records each, at least of one sensor")
+                "spd and radar: expected at least one array, and equal numbers of records")
         self.path, self.meta, self.axes = "arrays", dict[str, str](), {
             name: axes[name] for name in given}
         self.index = np.arange(len(next(iter(given.values()))))
@@ -128,15 +128,14 @@ class Arrays:
 
 @dataclass(frozen=True, repr=False)
 class Maps:
-    """Depth maps of records of a run, by a model: len(maps), maps.depth_m[i] is that of the record
-    maps.index[i]."""
+    """Depth maps that a model predicted. maps.depth_m[i] belongs to the record maps.index[i]."""
 
-    depth_m: NDArray[np.float32]  #: z in metres [n, N, N], from the top left; NaN: nothing returned
-    index: NDArray[np.int64]  #: of the records that have a map [n]
-    depth_x: NDArray[np.float64]  #: tangents of the pixel centres x / z [N], to the right
-    depth_y: NDArray[np.float64]  #: y / z [N], upwards: from the top row down
-    inputs: list[str]  #: of the estimator that answered [n]: fused, fused-profile, spd, radar
-    half_tangent: float  #: of the edges of the field
+    depth_m: NDArray[np.float32]  #: z [n, N, N], m, from the top left; NaN: no return
+    index: NDArray[np.int64]  #: record index of each map [n]
+    depth_x: NDArray[np.float64]  #: x / z of the pixel centres [N], to the right
+    depth_y: NDArray[np.float64]  #: y / z of the pixel centres [N], upwards; top row first
+    inputs: list[str]  #: inputs of each estimator [n]: fused, fused-profile, spd, radar
+    half_tangent: float  #: tangent at the map edges
     origin: str = ""  #: text of run.txt (recon/maps/written_maps.hpp)
 
     def __len__(self) -> int:
@@ -149,8 +148,8 @@ class Maps:
     def __getitem__(self, rows: slice | Sequence[int] | NDArray[Any]) -> Maps: ...
 
     def __getitem__(self, rows: Any) -> NDArray[np.float32] | Maps:
-        """maps[3], maps[-1]: a map [N, N], metres; maps[10:20], maps[[1, 2]], maps[mask]: these as
-        Maps. Raises IndexError."""
+        """maps[3], maps[-1]: a map [N, N], m. maps[10:20], maps[[1, 2]], maps[mask]: Maps. Raises
+        IndexError."""
         if isinstance(rows, (int, np.integer)):
             return np.asarray(self.depth_m[rows])
         chosen = rows_of(len(self), rows)
@@ -163,8 +162,8 @@ class Maps:
                 f"{self.half_tangent:g}>")
 
     def to_xarray(self) -> Any:
-        """depth_m as an xarray.DataArray (python3-xarray) over record, depth_y and depth_x, with
-        its unit."""
+        """Returns depth_m as an xarray.DataArray (python3-xarray) with the dimensions record,
+        depth_y and depth_x."""
         import xarray
 
         one = {"units": "1"}
@@ -175,25 +174,25 @@ class Maps:
                                 ("record", "depth_y", "depth_x"), "depth", {"units": "m"})
 
     def save(self, folder: str | pathlib.Path) -> None:
-        """Writes FOLDER/maps.npy, records.csv and run.txt, which `echofuse-recon evaluate --maps`
-        reads."""
+        """Writes FOLDER/maps.npy, records.csv and run.txt for `echofuse-recon evaluate --maps`."""
         save_maps(folder, self.depth_m, self.index, self.origin)
 
 
 class Model:
-    """A model file that `echofuse-recon train` wrote. `takes` are the axes of its first estimator;
-    records that lack a sensor go to another one, if the model has it."""
+    """Model file written by `echofuse-recon train`. Records without a sensor are predicted by
+    another estimator of the model, if it has one."""
 
     def __init__(self, path: str | pathlib.Path) -> None:
         tensors, facts = read_safetensors(path)
         self.path, self.facts = pathlib.Path(path), facts
-        #: of the radar, in training; None if it was not stated
+        #: radar response of the training runs; None if it is unknown
         self.response = (Response(facts["response/cell_m"],
                                   tuple(tensors["response/taps"].ravel().tolist()))
                          if facts.get("response/known") else None)
-        #: of each record of the training: its run, its index, its part (2: held out)
+        #: run, index and part (2: held out) of each record of the training runs
         self.split = {key: tensors[f"split/{key}"].ravel() for key in ("run", "index", "part")}
-        self.any_response = bool(facts["response/any"])  #: much narrower runs are taken as they are
+        #: whether runs with a much narrower response are not converted
+        self.any_response = bool(facts["response/any"])
         self.estimators = [Estimator(tensors, facts, f"{k}/") for k in range(facts["estimators"])]
 
     def __repr__(self) -> str:
@@ -206,8 +205,7 @@ class Model:
 
     @property
     def takes(self) -> dict[str, Axis]:
-        """The axes of "spd" (counts), "radar" (linear power) and "array" (lags of antennas) that it
-        was trained on."""
+        """Axes of the training data: "spd" (counts), "radar" (linear power), "array" (lags)."""
         return {name: Axis(name, **axis) for name, axis in self.estimators[0].axes.items()}
 
     def predict(self, run: runs.Run | str | pathlib.Path | None = None, *,
@@ -215,11 +213,10 @@ class Model:
                 radar: ArrayLike | None = None, lags: ArrayLike | None = None,
                 axes: dict[str, Axis] | None = None,
                 range_offset_m: float = 0) -> Maps:
-        """Maps of all records that an estimator can answer for: of a run (or its path), or of
-        arrays: counts spd [n, bins] and linear power radar [n, points] at true ranges, on these
-        axes (default: `takes`); their index is 0, 1, 2. range_offset_m: by how much the radar's
-        ranges are too long, beside what the run's calibration says. Raises ValueError for other
-        axes."""
+        """Predicts maps of all records with the required sensors. Input is a run (or its path), or
+        arrays at true ranges: counts spd [n, bins], linear power radar [n, points] and lags, with
+        `axes` (default: `takes`) and index 0, 1, 2. range_offset_m: radar range bias to subtract,
+        m, in addition to the calibration of the run. Raises ValueError for incompatible axes."""
         if run is None:
             return self._maps(Arrays(self.takes | (axes or {}), spd, radar, lags), range_offset_m)
         return self._maps(run if isinstance(run, runs.Run) else runs.open(run), range_offset_m)
@@ -235,8 +232,8 @@ class Model:
             if not (self.any_response and stated.width_m() < MUCH_NARROWER
                     * self.response.width_m()):
                 weights = filter_between(stated, self.response, run.power_axis.step)
-        spd = run.valid["spd"] & ~same(counts)
-        radar = run.valid["radar"] & ~same(power)
+        spd = run.valid["spd"] & ~is_constant(counts)
+        radar = run.valid["radar"] & ~is_constant(power)
         first = self.estimators[0]
         maps = np.zeros((len(run), first.size, first.size), np.float32)
         by = np.full(len(run), -1)
@@ -252,32 +249,32 @@ class Model:
             rows = np.flatnonzero(able & (by < 0))
             if len(rows) == 0:
                 continue
-            given = {"spd": run.axes.get("spd"), "radar": run.power_axis, "array": run.lags_axis}
-            for name, axis in given.items():
+            axes_of = {"spd": run.axes.get("spd"), "radar": run.power_axis, "array": run.lags_axis}
+            for name, axis in axes_of.items():
                 if name in estimator.axes and not (axis and axis.is_near(estimator.axes[name])):
                     raise ValueError(
-                        f"{run.path}: its {name} axis has {axis or 'no points'}; {self.path} takes "
-                        f"{Axis(name, **estimator.axes[name])}")
+                        f"{run.path}: {name} axis has {axis or 'no points'} (expected by "
+                        f"{self.path}: {Axis(name, **estimator.axes[name])})")
             by[rows] = k
-            taken = {name: estimator.matched(name, given[name], table[rows])
-                     for name, table in (("spd", counts), ("radar", power), ("array", lags))}
+            inputs = {name: estimator.matched(name, axes_of[name], table[rows])
+                      for name, table in (("spd", counts), ("radar", power), ("array", lags))}
             if weights is not None:
-                taken |= {name: filtered(taken[name], weights) for name in ("radar", "array")}
-            maps[rows] = estimator.predict(taken["spd"], taken["radar"], taken["array"],
+                inputs |= {name: filtered(inputs[name], weights) for name in ("radar", "array")}
+            maps[rows] = estimator.predict(inputs["spd"], inputs["radar"], inputs["array"],
                                            zones_of(estimator, run, photons, rows))
-        seen = np.flatnonzero(by >= 0)
+        done = np.flatnonzero(by >= 0)
         half = first.f["scene/map_half_tangent"]
         axes = [tangents(name, first.size, half) for name in ("depth_x", "depth_y")]
-        # Places that differ from those of the run by rounding only would not align in xarray.
+        # Positions that differ from those of the run by rounding would not align in xarray.
         x, y = (run.axes[axis.name] if axis.is_same(run.axes.get(axis.name)) else axis
                 for axis in axes)
-        depth_m = np.minimum(np.where(maps[seen] > 0, maps[seen], np.float32(np.nan)),
+        depth_m = np.minimum(np.where(maps[done] > 0, maps[done], np.float32(np.nan)),
                              np.float32(first.f["scene/map_z_max_m"]))
-        return Maps(depth_m, run.index[seen], x.values, y.values,
-                    [self.estimators[k].inputs for k in by[seen]], half, self._origin(run))
+        return Maps(depth_m, run.index[done], x.values, y.values,
+                    [self.estimators[k].inputs for k in by[done]], half, self._origin(run))
 
     def _origin(self, run: runs.Run | Arrays) -> str:
-        """The run, and its records that trained this model."""
+        """Returns the text of run.txt: the run, and its records that trained this model."""
         if isinstance(run, Arrays):
             return ""
         uuid = run.info["uuid"]
@@ -290,24 +287,24 @@ class Model:
 
 def zones_of(estimator: Estimator, run: runs.Run | Arrays, photons: NDArray[Any],
              rows: NDArray[np.int64]) -> NDArray[Any]:
-    """[n, zones, bins] of these records, for an estimator that takes zones. Raises
-    ValueError."""
+    """Returns the zones [n, zones, bins] of these rows, or [n, 0, 0] if the estimator does not use
+    them. Raises ValueError."""
     zones = estimator.f.get("zones", 0)
     if not zones:
         return np.zeros((len(rows), 0, 0), np.float32)
     if photons.ndim != 3 or photons.shape[1] != zones:
         found = photons.shape[1] if photons.ndim == 3 else 1
-        raise ValueError(f"{run.path}: its detector has {found} zones; the model takes {zones}")
+        raise ValueError(f"{run.path}: detector has {found} zones (expected by the model: {zones})")
     return np.stack([estimator.matched("spd", run.axes["spd"], photons[rows, k])
                      for k in range(zones)], 1)
 
 
-def same(table: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Rows with the same value in every bin: of a dead sensor."""
+def is_constant(table: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Marks rows with equal values in all bins (dead sensor)."""
     return np.asarray(
         (table == table[:, :1]).all(1)) if table.shape[1] > 1 else np.zeros(len(table), bool)
 
 
 def load_model(path: str | pathlib.Path) -> Model:
-    """The model of this file. Raises ValueError for any other file."""
+    """Reads a model file. Raises ValueError if it is not a model."""
     return Model(path)

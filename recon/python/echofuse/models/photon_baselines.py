@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Methods of the bench for a detector with zones, without a network: the mean map, the mean map of
-the test itself (an oracle), and the first return of each zone."""
+"""Bench methods for a detector with zones, without a network: mean training map, mean test map
+(oracle), and first return of each zone."""
 from __future__ import annotations
 
 import warnings
@@ -13,12 +13,12 @@ from ..runs import zones
 
 Maps = NDArray[np.float32]
 PS_PER_M = 2e12 / 299_792_458.0
-LEAST_PEAK = 0.08  # of the zone's highest bin
-TABLE_M = 0.035  # a return this much nearer than the farthest one is the object's
+LEAST_PEAK = 0.08  # relative to the highest bin of the zone
+TABLE_M = 0.035  # minimum distance of the object in front of the farthest return
 
 
 def mean_map(maps: Maps) -> Maps:
-    """[N, N]: mean depth of the returns, where at least half of the maps have one."""
+    """Returns the mean depth [N, N] of the returns; NaN if more than half of the maps have none."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a pixel without any return
         return np.where(np.isfinite(maps).mean(0) >= 0.5, np.nanmean(maps, 0),
@@ -26,7 +26,7 @@ def mean_map(maps: Maps) -> Maps:
 
 
 class MeanMap:
-    """The mean map of the training."""
+    """Predicts the mean training map."""
 
     def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None:
         self.map = mean_map(run.maps()[rows])
@@ -36,7 +36,7 @@ class MeanMap:
 
 
 class OwnMeanMap:
-    """Oracle: the mean map of the records that are judged."""
+    """Oracle: predicts the mean map of the test records."""
 
     oracle = True
 
@@ -48,8 +48,8 @@ class OwnMeanMap:
 
 
 class FirstReturn:
-    """Without training: each pixel belongs to the zone whose centre is nearest. It shows the zone's
-    first return, if most of the zone's light comes from before the table."""
+    """Assigns each pixel to the nearest zone centre, without training. A pixel has the depth of the
+    zone's first return, if most light of the zone comes from in front of the table."""
 
     def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None:
         self.size = run.maps().shape[1]
@@ -66,20 +66,21 @@ class FirstReturn:
 
     @staticmethod
     def depths(record: NDArray[np.float32], range_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Range of the object in each zone, NaN: none; counts [zones, bins]."""
+        """Returns the range of the object in each zone [zones], m, NaN: none, from counts [zones,
+        bins]."""
         found = [peaks(zone, range_m) for zone in record]
         table_m = max((returns[-1][0] for returns in found if returns), default=0.0)
         out = np.full(len(found), np.nan)
         for k, returns in enumerate(found):
-            near = [one for one in returns if one[0] < table_m - TABLE_M]
-            if near and sum(one[1] for one in near) > 0.5 * sum(one[1] for one in returns):
+            near = [(r, light) for r, light in returns if r < table_m - TABLE_M]
+            if near and sum(light for _, light in near) > 0.5 * sum(light for _, light in returns):
                 out[k] = near[0][0]
         return out
 
 
 def peaks(counts: NDArray[np.float32],
           range_m: NDArray[np.float64]) -> list[tuple[float, float]]:
-    """Range and light (counts times squared range) of each return, the nearest first."""
+    """Returns range, m, and light (counts x range^2) of each return, nearest first."""
     h = np.maximum(counts - np.median(counts), 0)
     out = []
     for b in np.flatnonzero((h[1:-1] >= h[:-2]) & (h[1:-1] > h[2:])) + 1:
