@@ -55,7 +55,7 @@ def test_maps_and_runs_are_drawn_into_given_axes(folder):
     assert plot.learning_curve(folder / "mlp.safetensors", ax=axes[2]) is figure and axes[2].lines
     with pytest.raises(KeyError, match="no record 99"):
         plot.map(maps, index=99, ax=axes[3])
-    with pytest.raises(ValueError, match="1 panels; expected 3"):
+    with pytest.raises(ValueError, match="1 panels .expected 3"):
         plot.record(run, 0, ax=axes[3])
 
 

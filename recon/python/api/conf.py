@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Pages of the Python package: scripts/manual --api OUT. A public name without a text is an
-error."""
+"""Sphinx configuration of the API pages (scripts/manual --api OUT). A public name without a
+docstring is an error."""
 import pathlib
 import sys
 from typing import Any
@@ -23,7 +23,7 @@ def require_text(app: Any, what: str, name: str, obj: Any, options: Any, lines: 
         without += [f"{name}.{field}" for field in vars(obj).get("__annotations__", {})
                     if not field.startswith("_") and (obj.__qualname__, field) not in texts]
     for missing in without:
-        logging.getLogger(__name__).warning("%s has no text", missing)
+        logging.getLogger(__name__).warning("%s has no docstring", missing)
 
 
 def setup(app: Any) -> None:

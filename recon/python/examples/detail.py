@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""How much detail a simulated scene needs: data sets of coarse settings against one of fine
-settings and of the same seed.
+"""Measures how much detail a simulated scene needs: compares data sets with coarse settings to one
+with fine settings and the same seed.
 
     PYTHONPATH=. python3 examples/detail.py --fine spd_rays=2048 --coarse spd_rays=128 spd_rays=256
 
 Photons and radar power are simulated almost without noise. Their mean squared errors are in units
-of the noise's variance at --photons and --snr-db: what is far below 1 is hidden by the noise.
+of the noise variance at --photons and --snr-db; errors far below 1 are hidden by the noise.
 """
 import argparse
 import tempfile
@@ -15,27 +15,27 @@ import numpy as np
 import echofuse
 from echofuse.bench import call
 
-MANY = 1e9  # photons a record: almost without noise
+MANY = 1e9  # photons per record, for negligible noise
 QUIET = [f"signal_photons={MANY:g}", "radar_snr_db=200"]
 
 
 def dataset(path: str, args: argparse.Namespace, settings: list[str]) -> echofuse.Run:
-    words = [word for one in [*QUIET, *args.set, *settings] for word in ("--set", one)]
+    words = [word for setting in [*QUIET, *args.set, *settings] for word in ("--set", setting)]
     call("echofuse-sim", "dataset", "-q", "--out", path, "--records", args.records,
          "--seed", args.seed, *words)
     return echofuse.open(path)
 
 
 def errors(coarse: echofuse.Run, fine: echofuse.Run, photons: float, snr_db: float) -> list[float]:
-    """Errors of counts (in bins of at least one) and radar power over the noise's variance, mean
-    difference of depths in mm, and the share of pixels that only one of the maps has."""
+    """Returns the squared errors of counts (in bins with at least one) and radar power relative to
+    the noise variance, the mean depth difference, mm, and the share of pixels in only one map."""
     counts, true_counts = (run.spd * (photons / MANY) for run in (coarse, fine))
     lit = true_counts >= 1
     power, true_power = coarse.power(), fine.power()
     noise = true_power.max(axis=1).mean() * 10 ** (-snr_db / 10)
-    apart = np.abs(coarse.maps() - fine.maps())
+    difference = np.abs(coarse.maps() - fine.maps())
     return [np.mean((counts - true_counts)[lit] ** 2 / true_counts[lit]),
-            np.mean((power - true_power) ** 2) / noise**2, 1000 * np.nanmean(apart),
+            np.mean((power - true_power) ** 2) / noise**2, 1000 * np.nanmean(difference),
             np.mean(np.isnan(coarse.maps()) != np.isnan(fine.maps()))]
 
 
@@ -50,10 +50,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         fine = dataset(f"{folder}/fine", args, args.fine)
         print("setting,spd_chi2,radar_chi2,depth_mm,pixels")
-        for one in args.coarse:
-            coarse = dataset(f"{folder}/{one}", args, [one])
+        for setting in args.coarse:
+            coarse = dataset(f"{folder}/{setting}", args, [setting])
             found = errors(coarse, fine, args.photons, args.snr_db)
-            print(one, *(f"{error:.3g}" for error in found), sep=",")
+            print(setting, *(f"{error:.3g}" for error in found), sep=",")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""A regressor of scikit-learn as a method (Debian's python3-sklearn): extremely randomised trees
-from histogram and profile to 64 components of the map.
+"""Bench method with scikit-learn (python3-sklearn): extremely randomised trees predict 64 map
+components from histogram and profile.
 
     PYTHONPATH=. python3 -m echofuse.bench pareto train.sqlite test.sqlite --out mine.csv --markdown
     --methods nearest forest:Forest
@@ -15,7 +15,7 @@ class Forest:
         self.trees = ExtraTreesRegressor(100, min_samples_leaf=3, random_state=seed, n_jobs=1)
 
     def inputs(self, run) -> np.ndarray:
-        """[n, bins + points], each sensor scaled by itself, record by record."""
+        """Returns [n, bins + points]; each sensor is normalised per record."""
         counts = run.photons().reshape(len(run), -1)
         parts = [counts] + ([run.power()] if "radar" in run.axes else [])
         return np.hstack([part / (np.abs(part).sum(1, keepdims=True) + 1e-9) for part in parts])
@@ -23,14 +23,14 @@ class Forest:
     def fit(self, run, rows: np.ndarray) -> None:
         maps = np.nan_to_num(run.maps()[rows])
         self.size = maps.shape[1]
-        self.nearest = 0.5 * float(np.median(maps[maps > 0]))  # below it: no return
+        self.nearest = 0.5 * float(np.median(maps[maps > 0]))  # smaller depths are no return
         self.components = PCA(min(64, len(maps) - 1),
                               random_state=0).fit(maps.reshape(len(maps), -1))
         self.trees.fit(self.inputs(run)[rows],
                        self.components.transform(maps.reshape(len(maps), -1)))
 
     def predict(self, run) -> np.ndarray:
-        """[n, N, N] in metres, NaN: no return."""
+        """Returns maps [n, N, N], m, NaN: no return."""
         maps = self.components.inverse_transform(self.trees.predict(self.inputs(run)))
         return np.where(maps > self.nearest, maps,
                         np.nan).reshape(-1, self.size, self.size).astype(np.float32)

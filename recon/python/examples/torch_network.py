@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A network of your own next to those of echofuse (Debian's python3-torch):
+"""Bench method with PyTorch (python3-torch): compares your own network with those of echofuse.
 
     PYTHONPATH=. python3 -m echofuse.bench pareto train.sqlite test.sqlite --out mine.csv --markdown
     --methods nearest torch_network:Network
@@ -10,27 +10,27 @@ from torch import nn
 
 
 class Network:
-    """Histogram and profile -> 256 -> 256 -> 128 components of a mask and of depths."""
+    """Histogram and profile -> 256 -> 256 -> 128 components of mask and depths."""
 
     def __init__(self, seed: int = 1, epochs: int = 40) -> None:
         torch.manual_seed(seed)
         self.epochs = epochs
 
     def inputs(self, run) -> torch.Tensor:
-        """[n, bins + points], each sensor scaled by itself, record by record."""
+        """Returns [n, bins + points]; each sensor is normalised per record."""
         counts = run.photons().reshape(len(run), -1)
         parts = [counts] + ([run.power()] if "radar" in run.axes else [])
-        roots = [np.sqrt(np.maximum(part, 0)) for part in parts]  # shifted counts ring below 0
+        roots = [np.sqrt(np.maximum(part, 0)) for part in parts]  # shifted counts may be < 0
         return torch.tensor(np.hstack([part / (np.linalg.norm(part, axis=1, keepdims=True) + 1e-9)
                                        for part in roots]))
 
     def fit(self, run, rows: np.ndarray) -> None:
         x, maps = self.inputs(run)[rows], run.maps()[rows]
         self.size = maps.shape[1]
-        there = torch.tensor(np.isfinite(maps).reshape(len(maps), -1), dtype=torch.float32)
+        foreground = torch.tensor(np.isfinite(maps).reshape(len(maps), -1), dtype=torch.float32)
         depth = torch.tensor(np.nan_to_num(maps).reshape(len(maps), -1))
         self.mean, self.scale = x.mean(0), x.std(0) + 0.05 * x.std(0).median() + 1e-9
-        self.depth_mean = float(depth[there > 0].mean())
+        self.depth_mean = float(depth[foreground > 0].mean())
         pixels = self.size ** 2
         self.net = nn.Sequential(nn.Linear(x.shape[1], 256), nn.ReLU(), nn.Linear(256, 256),
                                  nn.ReLU(),
@@ -40,24 +40,24 @@ class Network:
         for _ in range(self.epochs):
             for batch in torch.randperm(len(x)).split(64):
                 mask, off = self.net((x[batch] - self.mean) / self.scale).split(pixels, 1)
-                seen = there[batch]
+                target = foreground[batch]
                 error = ((off + self.depth_mean - depth[batch])
-                         * seen).abs().sum() / seen.sum().clamp(min=1)
-                loss = nn.functional.binary_cross_entropy_with_logits(mask, seen) + 0.3 * error
+                         * target).abs().sum() / target.sum().clamp(min=1)
+                loss = nn.functional.binary_cross_entropy_with_logits(mask, target) + 0.3 * error
                 steps.zero_grad()
                 loss.backward()
                 steps.step()
             rate.step()
-        # the mask is wide where the side is not known: what share of it is best drawn
+        # The mask is wide if the side is unknown. Selects the threshold with the highest IoU.
         with torch.no_grad():
             mask = self.net((x - self.mean) / self.scale)[:, :pixels]
         self.least = max(torch.linspace(-2.5, 0.5, 13).tolist(), key=lambda at: float(
-            (((mask > at) * there).sum(1) / ((mask > at)
-                                             + there).gt(0).sum(1).clamp(min=1)).mean()))
+            (((mask > at) * foreground).sum(1) / ((mask > at)
+                                             + foreground).gt(0).sum(1).clamp(min=1)).mean()))
 
     @torch.no_grad()
     def predict(self, run) -> np.ndarray:
-        """[n, N, N] in metres, NaN: no return."""
+        """Returns maps [n, N, N], m, NaN: no return."""
         mask, off = self.net((self.inputs(run) - self.mean) / self.scale).split(self.size ** 2, 1)
         maps = np.where(mask > self.least, off + self.depth_mean, np.nan)
         return maps.reshape(-1, self.size, self.size).astype(np.float32)

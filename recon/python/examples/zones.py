@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Measures what zones of the detector bring, with and without the radar, at equal total light: the
-scores of maps, and the share of the letters that can be read.
+"""Measures the benefit of detector zones, with and without radar, at equal total light: scores of
+maps, and the share of readable letters.
 
     PYTHONPATH=. python3 examples/zones.py --train 2000 --test 500 --data-sets 1 2 3
 
-A line of CSV for each number of zones, light, data set and method. The test set has the same scenes
-for every number of zones. --set half_tangent=0.275 halves the field of view.
+Prints a CSV line for each number of zones, light level, data set and method. The test scenes are
+equal for all numbers of zones. --set half_tangent=0.275 halves the field of view.
 """
 import argparse
 import pathlib
@@ -20,20 +20,20 @@ LETTERS = ("letters_40x30", "letters_30x20")
 
 
 def dataset(path: pathlib.Path, records: int, seed: int, settings: list[str]) -> pathlib.Path:
-    words = [word for one in settings for word in ("--set", one)]
+    words = [word for setting in settings for word in ("--set", setting)]
     call("echofuse-sim", "dataset", "-q", "--out", path, "--records", records, "--seed", seed,
          *words)
     return path
 
 
 def shares(maps: np.ndarray, run: echofuse.Run) -> list[float]:
-    """Share of the letters of each size that can be read off these maps of the run."""
+    """Returns the share of readable letters in maps of a run, by letter size."""
     axis = run.axes["map_x"]
     found, sizes = letters.read(maps, run.maps(), run.labels, axis.step * axis.count / 2)
     return [float(np.mean(found[sizes == k])) for k in range(len(letters.SIZES))]
 
 
-def measured(text: str, train: pathlib.Path, test: pathlib.Path) -> list[float]:
+def measure(text: str, train: pathlib.Path, test: pathlib.Path) -> list[float]:
     with tempfile.TemporaryDirectory() as name, echofuse.open(test) as run:
         folder = pathlib.Path(name)
         row, _ = evaluate(method(text).fit(train, folder, 1, False), train, test, test)
@@ -46,14 +46,15 @@ def measured(text: str, train: pathlib.Path, test: pathlib.Path) -> list[float]:
 def main() -> None:
     parser = argparse.ArgumentParser(usage=__doc__)
     parser.add_argument("--zones", type=int, nargs="+", default=[1, 3, 4, 8],
-                        help="zones in x and in y")
-    parser.add_argument("--photons", type=float, nargs="+", default=[1e5])
+                        help="number of zones along x and y")
+    parser.add_argument("--photons", type=float, nargs="+", default=[1e5],
+                        help="photons per record")
     parser.add_argument("--methods", nargs="+",
                         default=["mean", "nearest:spd", "factorised:spd", "factorised"])
-    parser.add_argument("--data-sets", type=int, nargs="+", default=[1])
-    parser.add_argument("--train", type=int, default=1000)
-    parser.add_argument("--test", type=int, default=300)
-    parser.add_argument("--set", nargs="*", default=[])
+    parser.add_argument("--data-sets", type=int, nargs="+", default=[1], help="seeds")
+    parser.add_argument("--train", type=int, default=1000, help="training records")
+    parser.add_argument("--test", type=int, default=300, help="test records")
+    parser.add_argument("--set", nargs="*", default=[], help="simulator settings KEY=VALUE")
     args = parser.parse_args()
     print("zones", "photons", "set", "data_set", "method", *COLUMNS, *LETTERS, sep=",")
     for photons in args.photons:
@@ -70,8 +71,8 @@ def main() -> None:
                               *(f"{share:.4g}" for share in shares(run.maps(), run)), sep=",")
                     for text in args.methods:
                         if text == "factorised:spd" and side == 1:
-                            text = "pca-mlp-256-256:spd"  # one histogram does not place a body
-                        row = measured(text, train, test)
+                            text = "pca-mlp-256-256:spd"  # the method needs zones or radar
+                        row = measure(text, train, test)
                         print(*head, text, *(f"{value:.4g}" for value in row), sep=",", flush=True)
 
 

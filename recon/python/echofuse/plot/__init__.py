@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Figures for papers, by matplotlib (python3-matplotlib), in the colours of the live page. Each
-function returns a Figure; its savefig("NAME.pdf") or ("NAME.svg") writes vectors. ax: panels of a
-figure of one's own to draw into, one or as many as the plot has.
+"""Figures for papers with matplotlib (python3-matplotlib), in the colours of the live page. Each
+function returns a Figure; savefig("NAME.pdf") or savefig("NAME.svg") writes vector graphics. To
+draw into your own figure, pass its axes as `ax`: one, or a sequence with one for each panel.
 
 >>> from echofuse import plot
 >>> plot.record("monday", 7).savefig("record.pdf")

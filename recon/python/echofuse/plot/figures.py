@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Records, maps and tables of the bench as figures."""
+"""Figures of records, maps and bench tables."""
 from __future__ import annotations
 
 import csv
@@ -30,7 +30,7 @@ Panels = Union[Axes, Sequence[Axes], None]
 
 
 class Picture(Figure):  # type: ignore[misc]
-    """A Figure that a notebook shows as the value of a cell, also without pyplot."""
+    """A Figure that notebooks display without pyplot."""
 
     def _repr_png_(self) -> bytes:
         out = io.BytesIO()
@@ -40,11 +40,12 @@ class Picture(Figure):  # type: ignore[misc]
 
 def figure(columns: int = 1, rows: int = 1, wide: float = 4.6, high: float = 3.4,
            ax: Panels = None) -> tuple[Figure, NDArray[Any]]:
-    """A new figure and its panels, or those that are given. Raises ValueError for too few."""
+    """Creates a figure with panels, or uses the panels `ax`. Returns both. Raises ValueError for
+    too few panels."""
     if ax is not None:
         axes = np.atleast_1d(np.array(ax, object)).ravel()
         if len(axes) < columns * rows:
-            raise ValueError(f"ax: {len(axes)} panels; expected {columns * rows}")
+            raise ValueError(f"ax: {len(axes)} panels (expected {columns * rows})")
         return axes[0].figure, axes[:columns * rows]
     made = Picture(figsize=(wide * columns, high * rows), layout="constrained")
     FigureCanvasAgg(made)
@@ -55,13 +56,13 @@ def figure(columns: int = 1, rows: int = 1, wide: float = 4.6, high: float = 3.4
 
 
 def opened(run: runs.Run | Path) -> runs.Run:
-    """The run, or the one of this path."""
+    """Opens a run if it is given as a path."""
     return run if isinstance(run, runs.Run) else runs.open(run)
 
 
 def plain_log(ax: Axes, *sides: str) -> None:
-    """Logarithmic axes "x", "y" with plain numbers at their ticks: 0.1, 1, 10; of few decades also
-    3, or 2 and 5."""
+    """Makes the axes "x" or "y" logarithmic with plain tick labels: 0.1, 1, 10, and for few decades
+    also 3, or 2 and 5."""
     for side in sides:
         ax.set(**{f"{side}scale": "log"})
         axis = getattr(ax, f"{side}axis")
@@ -77,16 +78,16 @@ def plain_log(ax: Axes, *sides: str) -> None:
 def draw_map(ax: Axes, depth_m: ArrayLike, x: ArrayLike, y: ArrayLike,
              span: tuple[float, float] | None = None,
              title: str = "", bar: bool = True) -> None:
-    """Metres [rows, columns] over the tangents x and y of the pixel centres, near is bright; what
-    is not above 0 is no return. Without a span shares of 0 to 1."""
+    """Draws depths [rows, columns], m, over the tangents x and y of the pixel centres. Near pixels
+    are bright; values <= 0 are no return. Without `span` the values are shares from 0 to 1."""
     values, x, y = np.asarray(depth_m, float), np.asarray(x, float), np.asarray(y, float)
-    shown = np.where(values > 0, values, np.nan) if span else values
+    image_values = np.where(values > 0, values, np.nan) if span else values
     dx, dy = abs(x[1] - x[0]) / 2, abs(y[1] - y[0]) / 2
     if y[0] < y[-1]:
-        shown, y = shown[::-1], y[::-1]
+        image_values, y = image_values[::-1], y[::-1]
     edges = (x[0] - dx, x[-1] + dx, y[-1] - dy, y[0] + dy)
     low, high = span or (0, 1)
-    image = ax.imshow(shown, cmap="viridis_r" if span else "inferno", vmin=low, vmax=high,
+    image = ax.imshow(image_values, cmap="viridis_r" if span else "inferno", vmin=low, vmax=high,
                       extent=edges, interpolation="nearest")
     ax.set_facecolor(NO_RETURN)
     ax.spines[:].set_visible(False)
@@ -98,48 +99,51 @@ def draw_map(ax: Axes, depth_m: ArrayLike, x: ArrayLike, y: ArrayLike,
         ax.figure.colorbar(image, ax=ax, label="m" if span else "", shrink=0.85)
 
 
-Shown = Union[ArrayLike, models.Maps, runs.Run]
+MapSource = Union[ArrayLike, models.Maps, runs.Run]
 
 
-def one_map(shown: Shown, index: int | None,
-            half_tangent: float | None) -> tuple[NDArray[Any], float]:
-    """A map [N, N] and the tangent of its edges. Of Maps the one of this record, of a run its
-    truth. Raises KeyError for an index that is not there, TypeError without half_tangent."""
-    if isinstance(shown, models.Maps):
-        return shown.depth_m[row_of(shown, index)], shown.half_tangent
-    if isinstance(shown, runs.Run):
-        axis = shown.axes.get("map_x")
-        return shown.map_of(row_of(shown, index)), axis.step * axis.count / 2 if axis else 0.55
+def map_of(source: MapSource, index: int | None,
+           half_tangent: float | None) -> tuple[NDArray[Any], float]:
+    """Returns a map [N, N] and the tangent of its edges: an array, the map of a record of Maps, or
+    the true map of a record of a run. Raises KeyError for a missing index, TypeError without
+    half_tangent."""
+    if isinstance(source, models.Maps):
+        return source.depth_m[row_of(source, index)], source.half_tangent
+    if isinstance(source, runs.Run):
+        axis = source.axes.get("map_x")
+        return source.map_of(row_of(source, index)), axis.step * axis.count / 2 if axis else 0.55
     if half_tangent is None:
-        raise TypeError("half_tangent: expected, beside an array of depths (Maps.half_tangent)")
-    return np.asarray(shown), half_tangent
+        raise TypeError("half_tangent is required for an array of depths (see Maps.half_tangent)")
+    return np.asarray(source), half_tangent
 
 
-def row_of(shown: models.Maps | runs.Run, index: int | None) -> int:
-    rows = np.flatnonzero(shown.index == index) if index is not None else np.arange(1)
-    if not len(rows) or not len(shown):
-        raise KeyError(f"{getattr(shown, 'path', 'maps')}: no record {index}")
+def row_of(source: models.Maps | runs.Run, index: int | None) -> int:
+    rows = np.flatnonzero(source.index == index) if index is not None else np.arange(1)
+    if not len(rows) or not len(source):
+        raise KeyError(f"{getattr(source, 'path', 'maps')}: no record {index}")
     return int(rows[0])
 
 
-def map(shown: Shown, half_tangent: float | None = None, *, index: int | None = None,  # noqa: A001
-        span: tuple[float, float] | None = None, title: str = "", ax: Panels = None) -> Figure:
-    """One map: [N, N] with the tangent of the edges of its field, or that of this record (default:
-    the first) of Maps, or of a run, which is the truth."""
-    return maps({title: shown}, half_tangent, index=index, span=span, ax=ax)
+def map(source: MapSource, half_tangent: float | None = None, *,  # noqa: A001
+        index: int | None = None, span: tuple[float, float] | None = None, title: str = "",
+        ax: Panels = None) -> Figure:
+    """Draws one map: an array [N, N] with the tangent of its edges, the map of a record of Maps, or
+    the true map of a record of a run (default: the first record)."""
+    return maps({title: source}, half_tangent, index=index, span=span, ax=ax)
 
 
-def maps(named: dict[str, Shown], half_tangent: float | None = None, *, index: int | None = None,
-         span: tuple[float, float] | None = None, ax: Panels = None) -> Figure:
-    """Maps of the same record side by side, over the same span: {"truth": run, "ours": maps},
-    index=7."""
-    found = [one_map(shown, index, half_tangent) for shown in named.values()]
+def maps(named: dict[str, MapSource], half_tangent: float | None = None, *,
+         index: int | None = None, span: tuple[float, float] | None = None,
+         ax: Panels = None) -> Figure:
+    """Draws maps of a record next to each other with a common colour scale, e.g.
+    maps({"truth": run, "ours": maps}, index=7)."""
+    found = [map_of(source, index, half_tangent) for source in named.values()]
     span = span or span_of(np.concatenate([np.ravel(values) for values, _ in found]))
     return side_by_side(named.keys(), found, [span] * len(named), ax)
 
 
 def shares(named: dict[str, ArrayLike], half_tangent: float, *, ax: Panels = None) -> Figure:
-    """The truth, and how far each pixel of the maps has come from the room (0) to a body (1)."""
+    """Draws the true map, and maps of shares between background (0) and body (1)."""
     found = [(np.asarray(values), half_tangent) for values in named.values()]
     return side_by_side(named.keys(), found, [span_of(found[0][0])] + [None] * (len(named) - 1), ax)
 
@@ -156,8 +160,7 @@ def side_by_side(titles: Iterable[str], found: Sequence[tuple[NDArray[Any], floa
 
 
 def power_by_direction(run: runs.Run, row: int, sines: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[points, sines] of the radar's antennas side by side: linear, by their correlations
-    (Bartlett's beam)."""
+    """Returns the linear power [points, sines] from the horizontal antennas (Bartlett beam)."""
     lags = run.lags()[row].astype(float)
     out = np.ones((len(lags), len(sines)))
     axis = run.lags_axis
@@ -173,8 +176,8 @@ def power_by_direction(run: runs.Run, row: int, sines: NDArray[np.float64]) -> N
 
 
 def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
-    """Draws the record of this index: map of the camera, histogram, profile; with antennas also the
-    power over range and azimuth. Raises KeyError for an index that the run does not have."""
+    """Draws a record: depth image, histogram, profile; with antennas also the power over range and
+    azimuth. Raises KeyError for a missing index."""
     run = opened(run)
     rows = np.flatnonzero(run.index == index)
     if not len(rows):
@@ -193,7 +196,7 @@ def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
     else:
         camera.set_title("no depth in this record", fontsize=10)
     if "spd" in run.axes and run.valid["spd"][row]:
-        for counts in np.atleast_2d(run.spd[row]):  # of each zone
+        for counts in np.atleast_2d(run.spd[row]):  # one line per zone
             spd.step(run.axes["spd"].values / runs.PS_PER_M, counts, where="post",
                      color=COLOURS["spd"], lw=0.9)
     spd.set(xlabel="range (m)", ylabel="clicks")
@@ -212,14 +215,13 @@ def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
         image = axes[3].pcolormesh(degrees, axis.values, decibels - decibels.max(), cmap="viridis",
                                    vmin=-25, vmax=0, rasterized=True)
         axes[3].set(xlabel="azimuth (degrees)", ylabel="range (m)")
-        axes[3].set_title("radar's antennas", fontsize=10)
+        axes[3].set_title("radar antennas", fontsize=10)
         made.colorbar(image, ax=axes[3], label="dB")
     return made
 
 
 def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
-    """Rates of the sensors over the run, red where a record has no data; residuals of the
-    clocks."""
+    """Draws sensor rates over the run, with missing data in red, and clock residuals."""
     run = opened(run)
     window = float(run.info["window_s"])
     used = np.array(run.select("SELECT spd_used, radar_used, depth_used FROM record ORDER BY idx"),
@@ -256,9 +258,9 @@ def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
 
 
 def table(path: Path) -> list[dict[str, Any]]:
-    """Rows of a CSV of echofuse-bench, the last one of each method, condition and seed; numbers as
-    float, NaN where there is none."""
-    words = {"axis", "value", "model", "inputs", "source", "machine", "known"}
+    """Reads a table of echofuse-bench: the last row of each method, condition and seed. Numbers are
+    float (NaN if missing)."""
+    texts = {"axis", "value", "model", "inputs", "source", "machine", "known"}
 
     def number(text: str) -> float:
         try:
@@ -270,7 +272,7 @@ def table(path: Path) -> list[dict[str, Any]]:
         rows = csv.DictReader(line for line in lines if not line.startswith("#"))
         keys = ("axis", "value", "model", "inputs", "seed")
         last = {tuple(row.get(key) for key in keys): row for row in rows}
-        return [{key: text if key in words else number(text)
+        return [{key: text if key in texts else number(text)
                  for key, text in row.items()} for row in last.values()]
 
 
@@ -280,8 +282,7 @@ def name_of(row: dict[str, Any]) -> str:
 
 
 def colour_of(name: str, taken: Iterable[str] = ()) -> str:
-    """Colour of a row: that of its sensor if it takes one; no colour twice in a chart of few
-    lines."""
+    """Returns the colour of a row: that of its single sensor, or one that is not taken."""
     first = ("spd" if "SPD" in name else "radar" if "radar" in name else "papers"
              if name.startswith("mlp") else
              "both" if name.startswith("factorised") else "grey" if name == "nearest" else "depth")
@@ -291,17 +292,18 @@ def colour_of(name: str, taken: Iterable[str] = ()) -> str:
 
 
 def over_seeds(rows: Sequence[dict[str, Any]], metric: str) -> tuple[float, float]:
+    """Returns mean and standard deviation over the seeds."""
     values = np.array([row[metric] for row in rows])
     return float(values.mean()), float(values.std(ddof=1)) if len(values) > 1 else 0.0
 
 
-def _costs(panel: Axes, shown: dict[str, list[dict[str, Any]]], cost: str, metric: str,
+def _costs(panel: Axes, methods: dict[str, list[dict[str, Any]]], cost: str, metric: str,
            unit: float) -> tuple[list[tuple[float, float]], str]:
-    """Draws a metric against a cost. Returns the points, and the names of methods without it."""
+    """Draws a metric against a cost. Returns the points, and the methods without this cost."""
     points, without = [], []
-    for k, (name, same) in enumerate(shown.items()):
-        costs = [row[cost] for row in same if row[cost] > 0]
-        mean, spread = over_seeds(same, metric)
+    for k, (name, rows) in enumerate(methods.items()):
+        costs = [row[cost] for row in rows if row[cost] > 0]
+        mean, spread = over_seeds(rows, metric)
         if not costs:
             without.append(name)
             continue
@@ -312,31 +314,31 @@ def _costs(panel: Axes, shown: dict[str, list[dict[str, Any]]], cost: str, metri
     return points, ", ".join(without)
 
 
-def _iou_by_time(panel: Axes, shown: dict[str, list[dict[str, Any]]]) -> None:
-    points, without = _costs(panel, shown, "infer_us_median", "iou", 1)
+def _iou_by_time(panel: Axes, methods: dict[str, list[dict[str, Any]]]) -> None:
+    points, without = _costs(panel, methods, "infer_us_median", "iou", 1)
     front: list[tuple[float, float]] = []
     for at, y in sorted(points):
         if not front or y > front[-1][1]:
             front.append((at, y))
     panel.step([x for x, _ in front], [y for _, y in front], where="post",
                color=COLOURS["grey"], lw=1, zorder=0, label="Pareto front")
-    panel.legend(fontsize=7, frameon=False, ncols=1 + len(shown) // 6, loc="upper left",
+    panel.legend(fontsize=7, frameon=False, ncols=1 + len(methods) // 6, loc="upper left",
                  bbox_to_anchor=(0, -0.15))
-    panel.set(xlabel="time of a map, one record at a time (µs, median)", ylabel="IoU")
+    panel.set(xlabel="time per map, single record (µs, median)", ylabel="IoU")
     if without:
-        panel.set_title(f"no time: {without}", loc="left", fontsize=7, wrap=True)
+        panel.set_title(f"time not measured: {without}", loc="left", fontsize=7, wrap=True)
     plain_log(panel, "x")
     panel.margins(0.12)
 
 
-def _error_by_cost(panel: Axes, shown: dict[str, list[dict[str, Any]]],
+def _error_by_cost(panel: Axes, methods: dict[str, list[dict[str, Any]]],
                    bound_m: float | None) -> None:
-    _, without = _costs(panel, shown, "multiply_adds", "lateral_m", 100)
+    _, without = _costs(panel, methods, "multiply_adds", "lateral_m", 100)
     if bound_m:
         panel.axhline(100 * bound_m, color=COLOURS["grey"], ls="--", lw=1)
-        panel.text(0.01, 100 * bound_m, f"least possible: {100 * bound_m:g} cm",
+        panel.text(0.01, 100 * bound_m, f"lower bound: {100 * bound_m:g} cm",
                    transform=panel.get_yaxis_transform(), va="bottom", fontsize=8)
-    panel.set(xlabel="multiply-adds of one map", ylabel="lateral error (cm)")
+    panel.set(xlabel="multiply-adds per map", ylabel="lateral error (cm)")
     if without:
         panel.text(0, -0.2, f"not counted: {without}", wrap=True, fontsize=7,
                    transform=panel.transAxes, va="top")
@@ -346,9 +348,9 @@ def _error_by_cost(panel: Axes, shown: dict[str, list[dict[str, Any]]],
 
 def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
            ax: Panels = None) -> Figure:
-    """The table of `echofuse-bench pareto`: IoU against time with the front, lateral error against
-    the cost, and IoU with fewer photons and fewer training records. bound_m: the least lateral
-    error that noise allows. axis: or a track's name."""
+    """Draws a table of `echofuse-bench pareto`: IoU against time with the Pareto front, lateral
+    error against multiply-adds, and IoU with fewer photons and training records. bound_m: lower
+    bound of the lateral error. axis: "model", or the name of a track."""
     rows = table(path)
     by_model: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
     for row in rows:
@@ -357,20 +359,20 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
               if any(row["axis"] == sweep for row in rows)]
     shape = (2, 1 + (len(sweeps) + 1) // 2) if ax is None else (2 + len(sweeps), 1)
     made, axes = figure(*shape, wide=5.4, high=4.0, ax=ax)
-    shown = {name: same for (kind, _, name), same in by_model.items() if kind == axis
-             and over_seeds(same, "iou")[0] >= 0.01}
-    _iou_by_time(axes[0], shown)
-    _error_by_cost(axes[1], shown, bound_m)
+    methods = {name: group for (kind, _, name), group in by_model.items() if kind == axis
+               and over_seeds(group, "iou")[0] >= 0.01}
+    _iou_by_time(axes[0], methods)
+    _error_by_cost(axes[1], methods, bound_m)
     for panel, sweep in zip(axes[2:], sweeps):
         taken: list[str] = []
         for name in dict.fromkeys(key[2] for key in by_model if key[0] == sweep):
-            line = sorted((float(value), *over_seeds(same, "iou"))
-                          for (kind, value, other), same in by_model.items()
+            line = sorted((float(value), *over_seeds(group, "iou"))
+                          for (kind, value, other), group in by_model.items()
                           if other == name and kind in (sweep, axis))
             taken.append(colour_of(name, taken))
             panel.errorbar(*zip(*line), fmt="o-", ms=4, capsize=3, color=taken[-1], label=name)
         plain_log(panel, "x")
-        panel.set(xlabel="share of the record's photons" if sweep == "photons"
+        panel.set(xlabel="share of the photons" if sweep == "photons"
                   else "share of the training records", ylabel="IoU")
         panel.legend(fontsize=8, frameon=False)
     for panel in axes[2 + len(sweeps):]:
@@ -380,10 +382,10 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
 
 def stability(path: Path, axis: str, *, base: str | None = None, title: str = "",
               ax: Panels = None) -> Figure:
-    """The table of `echofuse-bench stability`: IoU at each value of the axis, as lines over numbers
-    and as bars over names. Shaded: IoU of the best baseline (empty room, mean map, nearest record).
-    Cross: not above it by more than the spread over seeds. base: value of the axis at the base
-    condition, which the table does not contain."""
+    """Draws a table of `echofuse-bench stability`: IoU at each value of the axis, as lines over
+    numbers or bars over names. Shaded: IoU of the best baseline (empty room, mean map, nearest
+    record). A cross marks methods that do not exceed it by more than the spread over seeds. base:
+    value of the axis at the base condition, which the table does not contain."""
     rows = [row for row in table(path) if row["axis"] in (axis, "base")]
     values = list(dict.fromkeys(row["value"] for row in rows if row["axis"] == axis))
     values = [base or "base", *values]
@@ -395,11 +397,11 @@ def stability(path: Path, axis: str, *, base: str | None = None, title: str = ""
         found = [[row for row in rows if name_of(row) == name
                   and row["value"] in (value, "base" if value == (base or "base") else value)]
               for value in values]
-        by[name] = [over_seeds(same, "iou") if same else (float("nan"), 0.0) for same in found]
+        by[name] = [over_seeds(group, "iou") if group else (float("nan"), 0.0) for group in found]
     baselines = {name for name in by if name in ("empty", "mean", "nearest")}
     best = np.nanmax([[0.0] * len(values), *([point[0] for point in by[name]]
                                              for name in baselines)], axis=0)
-    shown = [name for name in by if name not in baselines]
+    methods = [name for name in by if name not in baselines]
     made, (panel, *_) = figure(wide=7.2 if ordered else 11, high=3.8, ax=ax)
     at = np.arange(len(values))
     if ordered:
@@ -408,15 +410,15 @@ def stability(path: Path, axis: str, *, base: str | None = None, title: str = ""
     else:
         panel.bar(at, best, 0.96, color="#fdf0d2", zorder=0, label="best baseline")
     taken: list[str] = []
-    for k, name in enumerate(shown):
+    for k, name in enumerate(methods):
         mean, spread = np.array(by[name]).T
         taken.append(colour_of(name, taken))
         below = ~(mean - spread > best)
-        x = at if ordered else at + 0.84 * ((k + 0.5) / len(shown) - 0.5)
+        x = at if ordered else at + 0.84 * ((k + 0.5) / len(methods) - 0.5)
         if ordered:
             panel.errorbar(x, mean, spread, fmt="o-", ms=4, capsize=3, color=taken[-1], label=name)
         else:
-            panel.bar(x, mean, 0.84 / len(shown), color=taken[-1], label=name)
+            panel.bar(x, mean, 0.84 / len(methods), color=taken[-1], label=name)
             panel.errorbar(x, mean, spread, fmt="none", lw=1, ecolor=COLOURS["grey"])
         panel.plot(x[below], mean[below], "x", ms=10 if ordered else 5, mew=2.5 if ordered else 1.5,
                    color=taken[-1])
@@ -431,8 +433,7 @@ def stability(path: Path, axis: str, *, base: str | None = None, title: str = ""
 
 
 def learning_curve(path: Path, *, ax: Panels = None) -> Figure:
-    """Losses of a model file while it was trained, of training and validation records. Raises
-    ValueError for a model that has none."""
+    """Draws training and validation losses of a model file. Raises ValueError if it has none."""
     tensors, facts = models.read_safetensors(path)
     made, (panel, *_) = figure(ax=ax)
     for name, label, colour in (("loss_m", "training", "grey"),
@@ -442,7 +443,7 @@ def learning_curve(path: Path, *, ax: Panels = None) -> Figure:
             panel.plot(np.arange(1, 1 + len(tensors[found[0]])), tensors[found[0]],
                        color=COLOURS[colour], label=label)
     if not panel.lines:
-        raise ValueError(f"{path}: a model without epochs")
+        raise ValueError(f"{path}: model has no training epochs")
     plain_log(panel, "y")
     panel.set(xlabel="epoch", ylabel="loss (rms, unit of the model)")
     panel.legend(frameon=False)
