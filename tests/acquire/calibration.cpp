@@ -8,7 +8,7 @@ using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace testing;
 
-TEST_CASE("calibration file reads back as written") {
+TEST_CASE("a calibration file is read as written") {
   const Folder folder;
   const std::string path = folder / "c.toml";
   Calibration c;

@@ -165,7 +165,7 @@ TEST_CASE("damaged time stamps do not affect the clock fit") {
   }
 }
 
-TEST_CASE("restarted clock is detected and followed") {
+TEST_CASE("a restarted clock is detected and followed") {
   const Device before{1e-6, 1000, 100e-6};
   ClockFit fit(1e-6);
   double t = feed(fit, before, 0, 600);

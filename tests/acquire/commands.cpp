@@ -41,7 +41,7 @@ Json json_of(const std::string& arguments) {
 
 }  // namespace
 
-TEST_CASE("run is refused without a required device") {
+TEST_CASE("a run without a required device is refused") {
   const Folder folder;
   write_file(folder / "a.toml",
              "[run]\nconnect_timeout_s = 0.2\n" + tdc_nowhere + "policy = \"required\"\n");
@@ -84,7 +84,7 @@ TEST_CASE("invalid configurations and output names are refused") {
   CHECK(fs::file_size(folder / "a.sqlite") == 8);
 }
 
-TEST_CASE("config check prints ok or all faults, config show prints values with their source") {
+TEST_CASE("config check prints ok or all errors, config show prints values with their origin") {
   const Folder folder;
   const std::string path = folder / "lab.toml", config = " --config " + path;
   write_file(path, "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\nbin_width_ps = 50\n");
@@ -211,7 +211,7 @@ TEST_CASE("calibrate works without a calibration file and never overwrites an un
           "no data from the devices to calibrate after 0.2 s");
 }
 
-TEST_CASE("run reports each silent device in one line and creates no file") {
+TEST_CASE("a run with silent devices reports each in one line and creates no file") {
   const Folder folder;
   write_file(folder / "lab.toml",
              "[run]\nconnect_timeout_s = 0.3\n" + tdc_nowhere + "[radar]\ncli = \"serial:" +

@@ -17,7 +17,7 @@ std::pair<ExitCode, std::string> refusal(const std::string& path,
 
 }  // namespace
 
-TEST_CASE("shipped configuration loads with its radar cfg") {
+TEST_CASE("the shipped configuration can be loaded with its radar cfg") {
   const Config config =
       load_config(echofuse::test::source_dir + "/config/lab.toml", {"run.window_s=0.5"});
   CHECK(config.configured() == SensorSet::from_bits(7));

@@ -59,7 +59,7 @@ void ends_in_time(Journal& journal) {
 
 }  // namespace
 
-TEST_CASE("the journal writes jobs in order and before it closes the run") {
+TEST_CASE("the journal completes jobs in order before it closes the run") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   for (std::int64_t i = 0; i < 30; ++i) {
@@ -76,7 +76,7 @@ TEST_CASE("the journal writes jobs in order and before it closes the run") {
   for (const auto& event : run.events()) CHECK(event.text == "1");
 }
 
-TEST_CASE("on a slow disk rows lose their data, a stalled disk ends the run") {
+TEST_CASE("on a slow disk records are written without data, a stalled disk ends the run") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop, 2);
   std::promise<void> begun, disk;
@@ -166,7 +166,7 @@ static void rotate(Journal& journal, const std::string& path) {
   journal.begin_next([path] { return open_run(path); });
 }
 
-TEST_CASE("a run end waits two seconds if another program locks the next file") {
+TEST_CASE("the end of a run waits two seconds if another program locks the next file") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   rotate(journal, folder / "b.sqlite");
@@ -178,7 +178,7 @@ TEST_CASE("a run end waits two seconds if another program locks the next file") 
   ends_in_time(journal);
 }
 
-TEST_CASE("a run end waits two seconds if another program locks the previous file") {
+TEST_CASE("the end of a run waits two seconds if another program locks the previous file") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   Journal journal(open_run(path), loop);
@@ -269,7 +269,7 @@ TEST_CASE("a new label applies from the current slot on") {
   CHECK(reader.read(2).label == "door");
 }
 
-TEST_CASE("a run that was not finished has status crashed and all records") {
+TEST_CASE("an unfinished run has status crashed and all records") {
   const Folder folder;
   {
     Journal journal(open_run(folder / "a.sqlite"), loop);

@@ -375,7 +375,7 @@ int open_without_memory(sqlite3_vfs* self, const char* name, sqlite3_file* file,
 
 }  // namespace
 
-TEST_CASE("file system without shared memory is refused") {
+TEST_CASE("a file system without shared memory is refused") {
   const Folder folder;
   sqlite3_vfs* const whole = sqlite3_vfs_find(nullptr);
   sqlite3_vfs network = *whole;

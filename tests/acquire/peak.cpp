@@ -110,7 +110,7 @@ struct Pulls {
 
 }  // namespace
 
-TEST_CASE("fitted SPD peaks scatter by their standard errors") {
+TEST_CASE("the scatter of fitted SPD peaks matches their standard errors") {
   Rng rng = make_rng(1, 0);
   std::uniform_real_distribution<double> place(0.95, 1.05);
   Pulls pulls;
@@ -122,7 +122,7 @@ TEST_CASE("fitted SPD peaks scatter by their standard errors") {
   CHECK(pulls.worst_m < 2e-3);
 }
 
-TEST_CASE("fitted radar peaks in 4.4 cm bins scatter by their standard errors") {
+TEST_CASE("the scatter of fitted radar peaks matches their standard errors, 4.4 cm bins") {
   // Weak echo: the bias of averaged logarithms exceeds the standard error.
   const auto [noise_db, count] =
       GENERATE(table<double, std::size_t>({{-40, 20}, {-25, 40}, {-15, 100}}));
@@ -138,7 +138,7 @@ TEST_CASE("fitted radar peaks in 4.4 cm bins scatter by their standard errors") 
   CHECK(pulls.worst_m < 1e-2);
 }
 
-TEST_CASE("the standard error of identical frames is the code resolution") {
+TEST_CASE("for identical frames the standard error is the code resolution") {
   Rng rng = make_rng(4, 0);
   // One of two bins must be higher; equal in every frame they would be a clipped lobe.
   std::uniform_real_distribution<double> place(22.6 * fine.step_m, 23.4 * fine.step_m);

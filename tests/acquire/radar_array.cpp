@@ -113,7 +113,7 @@ TEST_CASE("frame pairs do not span a lost frame, and take() resets the sums") {
   CHECK(std::equal(alone.begin(), alone.end() - 2, joined.begin()));
 }
 
-TEST_CASE("packing an antenna array keeps each value to 4e-5 of the bin's power") {
+TEST_CASE("a packed antenna array is accurate to 4e-5 of the bin's power") {
   const auto array = array_of(some_frames(4, 3 * 8), 8);
   std::vector<float> back;
   const Bytes packed = pack_array(array, 8);

@@ -87,7 +87,7 @@ TEST_CASE("records can be read during writing and after closing") {
   CHECK(read.check().empty());
 }
 
-TEST_CASE("the summary of a run has its counts") {
+TEST_CASE("the summary of a run contains its counts") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 5);

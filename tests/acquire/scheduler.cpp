@@ -37,7 +37,7 @@ using Indices = std::vector<std::int64_t>;
 
 }  // namespace
 
-TEST_CASE("slots begin at multiples of their length, slots over 10 s immediately") {
+TEST_CASE("slots begin at multiples of their length, slots over 10 s begin immediately") {
   CHECK(first_slot(100s, 3s) == 102s);
   CHECK(first_slot(102s, 3s) == 102s);
   CHECK(first_slot(102s + 1ns, 3s) == 105s);

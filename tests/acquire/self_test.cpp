@@ -183,7 +183,7 @@ TEST_CASE("record size is estimated from received frames, or else from the confi
   CHECK(seen < 4.0 * 336 + 4.0 * 64 + 2.0 * 200);
 }
 
-TEST_CASE("doctor grades the disk rate") {
+TEST_CASE("doctor rates the disk speed as ok, warning or problem") {
   const PlannedRun plan{.folder = "/d", .record_bytes = 1e6, .window_s = 2};  // needs 1 MB/s
   const auto grade = [&](double rate, double median_s, double longest_s) {
     return judge_speed({rate, median_s, longest_s, 1'000'000}, plan).grade;
@@ -196,7 +196,7 @@ TEST_CASE("doctor grades the disk rate") {
   CHECK(judge_speed({1, 10, 10, 1000}, {.folder = "/d"}).grade == Grade::ok);  // for no run
 }
 
-TEST_CASE("doctor grades the disk space") {
+TEST_CASE("doctor rates the disk space as ok, warning or problem") {
   PlannedRun plan{.folder = "/d", .record_bytes = 1e6, .window_s = 3, .count = 4000};
   CHECK(judge_space(5e9, plan).grade == Grade::ok);
   const Finding full = judge_space(3.9e9, plan);

@@ -174,7 +174,7 @@ TEST_CASE("an open run is read only with its own -wal") {
   CHECK(RunReader(path).count() == 30);
 }
 
-TEST_CASE("open run with a -journal of another run is refused") {
+TEST_CASE("an open run with a -journal of another run is refused") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", other = folder / "b.sqlite";
   killed_run(path, 5);

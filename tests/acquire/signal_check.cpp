@@ -157,7 +157,8 @@ TEST_CASE("background alone has no peak, noise alone has no echo") {
   CHECK(verdicts(check, lab.record()) == all_ok);
 }
 
-TEST_CASE("over one click in 20 pulses, or a clipped lobe, has the verdict saturated") {
+TEST_CASE(
+    "a record with over one click in 20 pulses, or a clipped lobe, has the verdict saturated") {
   Laboratory lab;
   SignalCheck check({}, 3);
   auto r = lab.record();

@@ -82,7 +82,7 @@ TEST_CASE("a record has the mean array of its slot's frames, up to 8 m") {
   CHECK(next.array == expected({{101, 102}}));
 }
 
-TEST_CASE("array statistics do not pair frames across a lost frame or heat map") {
+TEST_CASE("array statistics do not pair frames across a missing frame or heat map") {
   Windows windows = make_windows();
   RadarFrame without = frame_of(6);
   SECTION("lost") {}

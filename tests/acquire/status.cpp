@@ -32,7 +32,7 @@ struct Moment {
 
 }  // namespace
 
-TEST_CASE("status line shows all values in a fixed order") {
+TEST_CASE("the status line shows all values in a fixed order") {
   Moment m;
   CHECK(m.line(std::nullopt) ==
         "record 7/20  s-D  spd weak  0:21, 1:02:41 left  1.20 Mtag/s  peak 3.46 m  radar 20.0 "

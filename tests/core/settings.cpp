@@ -109,7 +109,7 @@ TEST_CASE("an assignment (--set) accepts TOML values and bare words only") {
   CHECK_THROWS_WITH(s.set("tdc.address=\xff"), Catch::EndsWith("expected UTF-8"));
 }
 
-TEST_CASE("a settings error is one line for any file content") {
+TEST_CASE("a settings error is a single line for any file content") {
   CHECK(faults_of("\"a\\nb\\u001b\" = 1\n") ==
         "lab.toml:1:1: unknown key \"a\\nb\\x1b\"; no similar name");
 }

@@ -230,8 +230,7 @@ TEST_CASE("endless output before the first command does not block the cfg dialog
   CHECK(s.d.take_output() == "version\n");
 }
 
-TEST_CASE(
-    "Skipped means success, a prompt without an answer is ignored, other lines are reported") {
+TEST_CASE("the answer Skipped means success, other lines are reported, extra prompts are ignored") {
   Session s("sensorStop\nsensorStart\n");
   s.begin();
   s.d.take_output();

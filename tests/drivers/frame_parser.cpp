@@ -229,7 +229,7 @@ TEST_CASE("a frame with a TLV count one too high keeps its TLVs") {
   CHECK(p.frames[0].temperature);
 }
 
-TEST_CASE("padding that ends like a magic is resolved by the next bytes or by silence") {
+TEST_CASE("padding that looks like a magic word is resolved by the next bytes or by silence") {
   Bytes doubtful = golden()[2];
   doubtful.back() = 2;  // first byte of the magic
   FrameParser parser;

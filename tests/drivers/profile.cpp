@@ -34,7 +34,7 @@ TEST_CASE("TI's stock profile has 256 bins of 4.4 cm and 12 antennas") {
   CHECK(same_axis(radar_axis(p), Axis{"radar", "log2_q8", "m", 256, 0, p.range_step_m, 12}));
 }
 
-TEST_CASE("antennas follow the frame's chirps, and bins are the next power of two") {
+TEST_CASE("the number of antennas follows the chirps, bins are the next power of two") {
   CHECK(parse_profile(with("frameCfg 0 2", "frameCfg 0 1"), "").antennas == 8);
   CHECK(parse_profile(with("channelCfg 15 7", "channelCfg 5 5"), "").antennas == 4);
   const RadarProfile odd = parse_profile(with("1 256 12500", "1 240 12500"), "");
@@ -196,7 +196,7 @@ TEST_CASE("heat map antennas follow the board and the order of the chirps") {
   CHECK(ods.array == of_ods);
 }
 
-TEST_CASE("a cfg with an unusable or late heat map is reported") {
+TEST_CASE("an unusable heat map causes a warning, one too large for the frame period is refused") {
   const std::string gui = "guiMonitor -1 1 1 0 0 0 1", on = "guiMonitor -1 0 1 0 1 0 1";
   std::string text = with(gui, on);
   const auto warnings = [&](const std::string& from, const std::string& to, Board board) {

@@ -194,7 +194,7 @@ TEST_CASE("a missing radar port is reported with its name") {
   CHECK_THAT(b.sink.events.at(0), Catch::Contains(b.dir + "/cli: open: No such file or directory"));
 }
 
-TEST_CASE("swapped radar ports are reported at the start if their names reveal it") {
+TEST_CASE("swapped radar ports are detected by their names at the start") {
   Bench b;
   const std::string by_id = "serial:/dev/serial/by-id/usb-Texas_Instruments_XDS110_R1-if0";
   const auto swapped = make_radar(b.loop, {by_id + "3", by_id + "0", cfg, "x.cfg"});

@@ -123,7 +123,7 @@ TEST_CASE("saturated and empty records are detected relative to the training") {
   CHECK(reasons(plates(200, 1, often), none)[0] != "empty");
 }
 
-TEST_CASE("domain test reports a difference above the least effect size") {
+TEST_CASE("domain test reports a difference above the minimum effect size") {
   const DomainShift slight =
       shift_of(trained("mean-shape", "fused"), plates(400, 77, [](record::FusedRecord& r) {
                  for (std::size_t i = r.radar.size() - 1; i > 0; --i)
@@ -133,7 +133,7 @@ TEST_CASE("domain test reports a difference above the least effect size") {
   CHECK_THAT(slight.text(), Catch::Contains("radar profile width 1.01 +- 0.00 times"));
 }
 
-TEST_CASE("radar power before the body is the power below half of its range") {
+TEST_CASE("radar power in front of the body is the power below half of its range") {
   const TrainedModel& model = trained("ridge", "radar");
   // The plates are in the bins from 12 on.
   const auto said = [&](std::size_t from, std::size_t to) {

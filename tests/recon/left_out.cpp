@@ -10,7 +10,7 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::testing;
 
-TEST_CASE("damaged records are counted, and a run is refused above a tenth") {
+TEST_CASE("damaged records are counted, and a run with more than a tenth is refused") {
   const Folder dir;
   const auto spoil = [&](const std::string& name, std::int64_t from) {
     write_run(dir / name, 20, 1, [&](record::FusedRecord& r) {

@@ -45,7 +45,7 @@ TEST_CASE("depth images are resampled to the run's map") {
               Approx(r.depth_mm[(row + 16) * 64 + c + 16] * 1e-3));
 }
 
-TEST_CASE("different maps and invalid map axes are refused") {
+TEST_CASE("runs with different map grids, and invalid map axes, are refused") {
   const Folder dir;
   write_run(dir / "a", 2, 1);
   write_mapped(dir / "b", 2, {32, 0.55}, 2);

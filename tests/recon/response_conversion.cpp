@@ -96,7 +96,7 @@ TEST_CASE("conversion to a narrower response limits noise gain") {
     CHECK(widening[i] == Approx(widening[widening.size() - 1 - i]).margin(1e-9));
 }
 
-TEST_CASE("a model trained on any response takes a much narrower run unchanged") {
+TEST_CASE("a model for any response uses a run with a much narrower response unchanged") {
   for (const auto& [own, stays] : {std::pair{sinc, true}, {hann, false}, {blackman, true}}) {
     Dataset data = run_of(own, profile(own));
     bring_to_response(data, blackman, true);

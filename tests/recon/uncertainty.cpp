@@ -164,7 +164,7 @@ TEST_CASE("outlier detection does not depend on the order of training records") 
   CHECK(flagged / 300 > 0.5);
 }
 
-TEST_CASE("outlier detection learns from the training rows only") {
+TEST_CASE("outlier detection is fitted to the training records only") {
   Dataset data = testing::load_plates(300);
   std::fill_n(data.label.begin(), 100, two_people_label);
   Rows rows = all_rows(300);
@@ -313,7 +313,7 @@ TEST_CASE("single-sensor models flag outliers") {
   }
 }
 
-TEST_CASE("pixel uncertainty and expected depth match the errors") {
+TEST_CASE("pixel uncertainty matches the errors, and the expected depth is accurate") {
   const Dataset data = fresh_plates(300);
   const Rows rows = all_rows(300);
   for (const std::string name : {"factorised-4", "ridge"}) {

@@ -56,7 +56,7 @@ TEST_CASE("depth camera dropouts occur only at edges, with the set probability")
   }
 }
 
-TEST_CASE("a record's map is exact, or made from a frame as in acquisition") {
+TEST_CASE("a record's map is exact, or resampled from a camera frame") {
   Conditions c;
   const Scene scene = some_scene(c, 4);
   const record::MapGrid grid;

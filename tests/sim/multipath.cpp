@@ -137,7 +137,7 @@ TEST_CASE("echo power via one mirror has the analytic mean, and is unchanged wit
   CHECK(radar_returns(open, with_echoes(2, rho)).weight == radar_returns(open, direct).weight);
 }
 
-TEST_CASE("a corner reflects twice, each point in one of two orders") {
+TEST_CASE("a corner reflects each point twice, in exactly one of two orders") {
   const Room room = room_of({side_wall(-1, 0), wall({0, -1.1, 5}, {1, 0, 0}, {0, 0, 1}, 6, 10, 0)});
   const Vec3 sensor{0.2, 0, 0};
   const auto images = image_sources(room, sensor, 2);

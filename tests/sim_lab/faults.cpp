@@ -92,7 +92,7 @@ TEST_CASE("faults act on their device at their times, repeatedly") {
   }
 }
 
-TEST_CASE("a clock offset ends, a clock drift persists") {
+TEST_CASE("after a fault a clock offset ends, a clock drift persists") {
   const Faults faults({{"tdc", FaultKind::clock_offset, 10, 1, 0, -0.5},
                        {"tdc", FaultKind::clock_drift, 2, 3, 20, 200}},
                       "tdc");

@@ -66,7 +66,7 @@ TEST_CASE("a laboratory creates its files at start and removes its devices at st
   CHECK_THAT(read_text(options.dir + "/sent.json"), Catch::StartsWith("{\"play\":{\"scene\":"));
 }
 
-TEST_CASE("a laboratory folder that is in use, foreign or too long a path is refused") {
+TEST_CASE("a laboratory folder in use, of another program, or with too long a path is refused") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   SECTION("in use") {
@@ -75,14 +75,14 @@ TEST_CASE("a laboratory folder that is in use, foreign or too long a path is ref
                Catch::Contains("another laboratory is running here"));
     CHECK(fs::exists(options.dir + "/radar-cli"));
   }
-  SECTION("foreign") {
+  SECTION("folder of another program") {
     fs::create_directories(options.dir);
     std::ofstream(options.dir + "/thesis.tex") << "\\documentclass";
     CHECK_THAT(refusal(options, ExitCode::usage),
                Catch::Contains("files that are not a laboratory's"));
     CHECK(names_in(options.dir) == std::set<std::string>{"thesis.tex"});
   }
-  SECTION("too long") {
+  SECTION("path too long") {
     options.dir = dir / std::string(120, 'x');
     CHECK_THAT(refusal(options, ExitCode::usage), Catch::Contains("too long for a socket"));
   }

@@ -152,7 +152,7 @@ TEST_CASE("a tagger overflow without an end causes a verdict and an event") {
   }));
 }
 
-TEST_CASE("an overflow that ends, or reports missed events, is not taken as endless") {
+TEST_CASE("an overflow that ends, or reports missed events, is not reported as endless") {
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     if (i == 16'000) out.push_back(tag(0, at, TagType::overflow_begin));
     if (i == 18'000) out.push_back(tag(0, at, TagType::overflow_end));
