@@ -25,10 +25,10 @@ def tracked():
 
 
 sources = []
-cases = []  # of Catch
-types = {}  # their full name, and the files that define one
-# Comments begin with a verb or the noun of the thing (.github/CONTRIBUTING.md). Counted by the top folder; a limit
-# only falls.
+cases = []  # Catch cases
+types = {}  # full name, and the files that define it
+# Comments begin with a verb or the noun of the thing (.github/CONTRIBUTING.md). Counted by top folder; limits may
+# only fall.
 vague = re.compile(r"(It|They|This|These|Of|What|Where|Whoever|Whose)\b", re.I)
 vague_limits = {"acquire": 0, "drivers": 0, "recon": 0, "sim": 0, "tests": 0}
 vague_counts = {}
@@ -55,7 +55,7 @@ for path in tracked():
         namespaces = []
         for number, line in enumerate(lines):
             if opened := re.match(r"(?:inline )?namespace ?([\w:]*) \{(?!.*\})", line):
-                if lines[number + 2] != "}":  # of a single line clang-format leaves the comment out
+                if lines[number + 2] != "}":  # clang-format adds no closing comment to a namespace of one line
                     namespaces.append(opened[1])
             elif re.match(r"\}  // namespace", line) and namespaces:
                 namespaces.pop()
@@ -73,7 +73,7 @@ for path in tracked():
                 vague_counts.setdefault(folder, []).append(f"{name}:{number + 1}")
     cases += ["".join(re.findall(r'"(.*?)"', name))
               for name in re.findall(r'TEST_CASE\(\s*((?:"[^"]*"\s*)+)', "\n".join(lines))]
-    # CMake splits a list there, and Catch takes it for an option.
+    # CMake splits lists at ";", and Catch reads "-" as an option.
     for case in re.findall(r'TEST_CASE\(\s*"(-|[^"]*;)', "\n".join(lines)):
         faults.append(f"{name}: a test case's name has a ; or begins with -, and CTest cannot call it")
 
@@ -82,9 +82,9 @@ for folder, places in vague_counts.items():
         faults.append(f"{folder}: {len(places)} comments begin with It, This, Of, What or the like, at most "
                       f"{vague_limits[folder]} may: {', '.join(places)}")
 
-# Optional functions: the files of the product that name one outside its own files (.github/ARCHITECTURE.md). The aim
-# is five; a limit only falls.
-wings = {  # an identifier of it, its own files, the limit
+# Optional parts (.github/ARCHITECTURE.md): number of product files outside the part that name it. The aim is five;
+# limits may only fall.
+wings = {  # identifier, own files, limit
     "response": (r"(radar|any|stated|widest|to)_response|RadarResponse|record::Response\b|response_(of|keys|filter|fit)",
                  r"/response", 26),
     "empty room": (r"empty_room|EmptyRoom|--empty", r"/empty_room\.|^sim/", 13),
@@ -108,8 +108,8 @@ for name, code in product.items():
         elif line == "}" and number - start >= 60 and not re.match(r"struct|class|enum|namespace", lines[start]):
             faults.append(f"{name}:{start + 1}: a function of {number - start + 1} lines; at most 60")
 
-# Rooms include one another without a circle, and none of a later part; so do the modules of the Python package, except
-# for imports within functions, and its subpackages, without that exception.
+# Rooms have no circular includes and do not include later parts. The same holds for the modules of the Python package,
+# except for imports within functions, and for its subpackages without exception.
 parts = ("drivers", "acquire", "recon", "sim")
 uses = {}
 for name, code in product.items():
@@ -145,16 +145,16 @@ for start in uses:
     if start in reached:
         faults.append(f"{start} is in a circle of includes or imports, among {', '.join(sorted(reached))}")
 
-# The linker merges the functions of both, and one type's are called with the other's memory.
+# The linker would merge the functions of two types with one name.
 faults += [f"{name} is defined in {' and '.join(sorted(files))}" for name, files in types.items() if len(files) > 1]
 
-# Where only the slow tests would notice.
+# Names of Catch cases in CMake lists, because most of these tests are slow.
 for path in (root / "tests").rglob("CMakeLists.txt"):
     for names in re.findall(r'--warn NoTests "([^-"][^"]*)"', path.read_text(encoding="utf-8")):
         faults += [f"{path.relative_to(root)}: no test case is named {name}" for name in names.split(",")
                    if not fnmatch.filter(cases, name)]
 
-# The browsers check the files of others that the live page names, but not those within a report.
+# Browsers check the hashes of third-party files in the live page, but not within a report.
 page = root / "recon/web"
 hashes = re.findall(r'"(uPlot[\w.]+)" integrity="sha384-([^"]+)"', (page / "index.html").read_text(encoding="utf-8"))
 faults += [f"recon/web/{name}: is not the file of that hash (index.html)" for name, stated in hashes
@@ -177,7 +177,7 @@ for path in texts:
             faults.append(f"{path.relative_to(root)}: links to {target}, which is not there")
 
 # Commands in texts (fenced blocks and `code`): programs, subcommands and options must exist.
-if len(sys.argv) > 1:  # the folder of the built programs
+if len(sys.argv) > 1:  # folder of the built programs
     typed = []  # (place, command line)
     options = {}  # by "program", "program command", ...: options in its help, including inherited ones
 
@@ -224,7 +224,7 @@ if len(sys.argv) > 1:  # the folder of the built programs
         elif is_script:
             return faults.append(f"{name}: no such script: {program}")
         elif not code.startswith("--") and not any(program == key[-1] for key in options):
-            return  # of another program
+            return  # option of another program
         else:
             known = anywhere
         faults.extend(f"{name}: {o} of `{code}` does not exist" for o in named if o not in known)
@@ -244,7 +244,7 @@ if len(sys.argv) > 1:  # the folder of the built programs
             for part in re.split(r" -- | && | \| ", code):
                 check_command(name, part)
 
-# udev takes a rule that it does not understand for none, and only the journal says so.
+# udev ignores invalid rules and reports them only in the journal.
 udev_keys = {"ACTION": "==", "SUBSYSTEM": "==", "ATTR": "==", "ATTRS": "==", "ENV": "== =", "GROUP": "=", "MODE": "=",
              "TAG": "+=", "GOTO": "=", "LABEL": "="}
 rules = (root / "config/70-echofuse.rules").read_text(encoding="utf-8")

@@ -45,7 +45,7 @@ TEST_CASE("annotate replaces a closed run's file, keeps its owner and mode, and 
   if (::geteuid() == 0) REQUIRE(::chown(path.c_str(), nobody, nobody) == 0);
   fs::create_symlink("real/a.sqlite", link);
   const struct stat before = status_of(path);
-  const RunReader reader(path);  // does not hinder
+  const RunReader reader(path);  // readers do not block a note
   put_note(link, "door", "me");
   const struct stat now = status_of(path);
   CHECK(now.st_ino != before.st_ino);
@@ -101,7 +101,7 @@ TEST_CASE("kill -9 of annotate leaves the old or the new file and no SQLite side
     if (child == 0) {
       for (int n = 0;; ++n) put_note(path, std::to_string(n), "me");
     }
-    const auto longest_us = 50'000 * (1 + static_cast<unsigned>(round) / 60);  // a busy machine
+    const auto longest_us = 50'000 * (1 + static_cast<unsigned>(round) / 60);  // for a busy machine
     ::usleep(static_cast<useconds_t>(random() % longest_us));
     ::kill(child, SIGKILL);
     REQUIRE(waitpid(child, nullptr, 0) == child);

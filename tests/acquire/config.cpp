@@ -26,7 +26,7 @@ TEST_CASE("the shipped configuration can be loaded with its radar cfg") {
   CHECK(has(config.radar.cfg_text, "sensorStart"));
   CHECK(has(config.text, "# Configuration of the daemon"));
   CHECK(has(config.resolved, "window_s = 0.5"));
-  REQUIRE(config.unfinished.size() == 2);  // the template's serial numbers
+  REQUIRE(config.unfinished.size() == 2);  // serial numbers of the template
   CHECK(has(config.unfinished[0], "config/lab.toml:38:1: radar.cli: still has the template's XXX"));
   CHECK(has(config.unfinished[1], "config/lab.toml:39:1: radar.data: still has"));
 }

@@ -103,7 +103,7 @@ TEST_CASE("import: records of all PicoQuant devices are decoded") {
   // PicoHarp T2, 4 ps: sync, overflow, marker, input 1
   CHECK(tags_of({0x00010203, 4e-12, 0}, {5, 15u << 28, 15u << 28 | 1, 1u << 28 | 6}) ==
         Tags{{0, 20}, {1, 4 * (210'698'240 + 6)}});
-  // and T3
+  // PicoHarp T3
   CHECK(tags_of({0x00010303, 1e-7, 4e-12},
                 {1u << 28 | 10u << 16 | 3, 15u << 28, 2u << 28 | 1u << 16}) ==
         Tags{{0, 300'000}, {1, 300'040}, {0, 65536LL * 100'000}, {2, 65536LL * 100'000 + 4}});

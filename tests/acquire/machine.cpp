@@ -146,9 +146,10 @@ TEST_CASE("the kernel's USB memory limit is compared with the time tagger's buff
     machine.write("sys/module/usbcore/parameters/usbfs_memory_mb", limit + "\n");
     return check_usb_memory(config, machine.roots()).grade;
   };
-  CHECK(check_usb_memory(config, machine.roots()).grade == Grade::warning);  // no such file
+  CHECK(check_usb_memory(config, machine.roots()).grade ==
+        Grade::warning);  // the limit is not readable
   CHECK(grade_at("16") == Grade::ok);
-  CHECK(grade_at("0") == Grade::ok);  // no limit
+  CHECK(grade_at("0") == Grade::ok);  // 0: no limit
   CHECK(grade_at("2") == Grade::ok);
   CHECK(grade_at("1") == Grade::problem);
   CHECK(has(check_usb_memory(config, machine.roots()).advice, "usbfs_memory_mb"));

@@ -79,7 +79,7 @@ TEST_CASE("a run killed during creation leaves a complete file or none, and can 
   {
     record::RunWriter other(folder / "b.sqlite", {});
     other.put_axis(small_axes()[0]);
-    fs::copy_file(folder / "b.sqlite-wal", path + "-wal");  // without its run
+    fs::copy_file(folder / "b.sqlite-wal", path + "-wal");  // a -wal without its run
   }
   make_run(config, path, {}, "", system_clock)->close("complete");
   CHECK(record::RunReader(path).axes().empty());

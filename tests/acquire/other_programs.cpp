@@ -304,7 +304,8 @@ TEST_CASE("a waiting label is refused once the run is closed") {
   const Database closer = open(path);
   sql(closer, "BEGIN IMMEDIATE; UPDATE run SET status = 'complete'");
   auto label = std::async(std::launch::async, [&] { put_label(path, "door", "me"); });
-  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // enough to find the run open
+  std::this_thread::sleep_for(
+      std::chrono::milliseconds(300));  // until the label finds the run open
   sql(closer, "COMMIT");
   CHECK(has(error_of([&] { label.get(); }).second, "run is not being recorded"));
   CHECK(RunReader(path).events().empty());

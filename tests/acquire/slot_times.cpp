@@ -36,7 +36,7 @@ TEST_CASE(
   RunLog log(loop);
   log.attach(journal);
   for (int second = 0; second < 60; ++second, loop.run_for(1s)) journal.refresh_anchor(log);
-  loop.step_utc(10ms);  // no event; included in the next anchor
+  loop.step_utc(10ms);  // too small for an event; included in the next anchor
   journal.refresh_anchor(log);
   CHECK(journal.utc_of(1050s) == 1050s + before + 10ms);
   loop.run_for(10s + 200ms);

@@ -119,7 +119,7 @@ class Editor {
  private:
   std::uint8_t byte() { return in_.get<std::uint8_t>(); }
 
-  // Returns a special size, or any.
+  // Returns a special number, or a random one.
   double number() {
     const std::vector<double> some = {0,    -1,    1,   1e-30,    1e18, -1e18,
                                       3e38, 1e300, NAN, INFINITY, 7,    100};

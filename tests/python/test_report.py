@@ -409,7 +409,7 @@ def test_report_of_a_recorded_run_and_a_model(here, tmp_path):
     assert code == 0, said
     page = page_of(tmp_path)
     assert {"failures", "metrics", "live"} <= set(page["of"]) and of_kind(page["of"]["live"], "strips")
-    assert "echofuse-recon" in page["origin"] and "(" in dict(page["of"]["made"][0]["rows"])["program"]  # with the commit
+    assert "echofuse-recon" in page["origin"] and "(" in dict(page["of"]["made"][0]["rows"])["program"]  # (commit)
 
 
 def test_report_lists_failing_records_worst_first(here, tmp_path):

@@ -122,7 +122,8 @@ TEST_CASE("reconstruct continues after a damaged record") {
   write_run(dir / "mixed", 6, 2, [](record::FusedRecord& r) {
     if (r.index == 1) r.radar[5] = std::numeric_limits<float>::quiet_NaN();
     if (r.index == 3) r.valid.erase(Sensor::spd), r.spd.clear();
-    if (r.index == 4) r.valid.erase(Sensor::depth), r.depth_mm.clear();  // live: no truth
+    if (r.index == 4)
+      r.valid.erase(Sensor::depth), r.depth_mm.clear();  // no true map, as in live use
   });
   const Outcome o = recon_program("reconstruct " + (dir / "m") + " " + (dir / "mixed") + " --out " +
                                   (dir / "maps"));

@@ -76,7 +76,7 @@ TEST_CASE("body position is the centroid of the written map's foreground") {
   const Map truth = plate(6, 3.5f);
   Map ripple = truth;
   for (std::size_t p = 40; p < 60; ++p) ripple[p] = -30;             // clipped to 0
-  for (std::size_t p = 64 * 60; p < 64 * 64; ++p) ripple[p] = 0.4f;  // no foreground
+  for (std::size_t p = 64 * 60; p < 64 * 64; ++p) ripple[p] = 0.4f;  // not foreground
   const MapScores s = score(ripple, truth, room());
   CHECK(s[metric_lateral_m] == Approx(0).margin(1e-12));
   CHECK(s[metric_ghost] == 0);

@@ -324,7 +324,7 @@ TEST_CASE("a flipped byte in a model file is detected") {
   std::mt19937_64 random(3);
   for (int i = 0; i < 300; ++i) {
     Bytes file = whole;
-    // A third of them in the header.
+    // A third of the changed bytes are in the header.
     const std::size_t at = random() % (i % 3 == 0 ? 8 + length : file.size());
     file[at] = static_cast<std::uint8_t>(file[at] ^ (1 + random() % 255));
     CAPTURE(at);

@@ -116,7 +116,7 @@ TEST_CASE("a full disk leaves no partial picture, and symbolic links are not fol
     CHECK_THAT(o.text, Catch::Contains("000000.png: cannot be written: File too large"));
   }
   CHECK(contents(dir / "victim") == "precious");
-  CHECK(left() == 3);  // the table, run.txt and camera.json
+  CHECK(left() == 3);  // records.csv, run.txt and camera.json
   const Outcome o = recon_program(command);
   CAPTURE(o.text);
   CHECK(o.code == 0);

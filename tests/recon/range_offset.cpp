@@ -46,7 +46,7 @@ TEST_CASE("calibration offset and --range-offset are applied in one interpolatio
     CHECK(std::ranges::equal(calibrated.radar.row(row), moved(0.06, row)));
     CHECK(std::ranges::equal(recorded.radar.row(row), moved(0.06 + 0.05, row)));
   }
-  subtract_range_offset(recorded, 0);  // nothing is left to subtract
+  subtract_range_offset(recorded, 0);  // an offset of 0 changes nothing
   CHECK(std::ranges::equal(recorded.radar.row(1), moved(0.06 + 0.05, 1)));
 }
 

@@ -39,7 +39,7 @@ TEST_CASE("a narrow echo keeps its shape when shifted") {
 TEST_CASE("integer shifts copy values and pad with zeros") {
   const std::vector<float> values = {1, 2, 3, 4, 5};
   CHECK(Shift(2.3).apply({7, 7, 7, 7, 7}) ==
-        std::vector<float>(5, 7));  // dead: must stay recognisable
+        std::vector<float>(5, 7));  // a dead sensor must stay recognisable
   CHECK(Shift().apply(values) == values);
   CHECK(Shift(2).apply(values) == std::vector<float>{3, 4, 5, 0, 0});
   CHECK(Shift(-1).apply(values) == std::vector<float>{0, 1, 2, 3, 4});

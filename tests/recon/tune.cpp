@@ -185,7 +185,7 @@ TEST_CASE("every tuned model can be saved, loaded and evaluated") {
         TunedModel tuned;
         try {
           tuned = tune(old, data, how);
-        } catch (const Error&) {  // some need more records for the SPD alone
+        } catch (const Error&) {  // models of the SPD alone need more records
           CHECK((inputs == "spd" || records < 50));
           continue;
         }

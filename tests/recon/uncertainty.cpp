@@ -334,7 +334,7 @@ TEST_CASE("the expected depth in an empty room is the wall") {
   const Folder dir;
   write_run(dir / "walled", 300, 1, [](record::FusedRecord& r) {
     for (auto& mm : r.depth_mm) mm = mm > 0 ? mm : 5000;
-    // Undetected bodies: a pixel outside the mask may show one.
+    // Every tenth body is undetected, so a pixel outside the mask may belong to a body.
     for (std::size_t i = 0; i < r.spd.size() && r.index % 10 == 0; ++i) r.spd[i] = 3 + i % 2;
   });
   TrainOptions options;
@@ -413,7 +413,7 @@ TEST_CASE("reconstruct and evaluate report the uncertainty") {
   const std::string png = contents(dir / "o/000007_sd.png");
   const auto mm = recon::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
   const auto most = *std::max_element(mm.begin(), mm.end());
-  CHECK(most > 300);  // at the plate's edge, of about 3500 mm
+  CHECK(most > 300);  // mm, at the edge of a plate at 3500 mm
   CHECK(most < 2500);
   CHECK(std::filesystem::file_size(dir / "o/deviation.npy") > 40 * 64 * 64 * 4);
 

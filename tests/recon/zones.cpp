@@ -102,7 +102,7 @@ TEST_CASE("model inputs are all zones, or their sum followed by each zone") {
 
 namespace {
 
-// Two zones share the light of a body by its side, or evenly.
+// Plates seen by two zones, which share the light by the body's position (by_side) or evenly.
 Dataset plates_in_zones(std::size_t records, bool by_side) {
   Dataset data = load_plates(records);
   const Rows rows = all_rows(data.size());

@@ -250,7 +250,7 @@ TEST_CASE("the empty room is equal in each record except for shadows") {
   CHECK(once == frame_of(empty, 7, 2));
   CHECK(once != frame_of(empty, 8, 1));
   check_near(once[3], std::sqrt(3), 0.3);  // leakage at range 0, and side lobes of the room
-  // A plate without reflectivity changes nothing else.
+  // A plate without reflectivity only casts a shadow.
   Scene shadow = empty;
   shadow.plates.push_back({{0.5, 0, 3}, {1, 0, 0}, {0, 1, 0}, {{-0.2, 0, 0.2, 0, 0.4}}, 0});
   const Samples less = frame_of(shadow, 7, 3);

@@ -80,7 +80,7 @@ TEST_CASE("a data set with antennas does not depend on threads") {
   plan.conditions.radar_antennas = 8;
   plan.conditions.radar_phase_error_rad = 0.3;
   const Generator generator(plan);
-  check_equal(generator.make(4), plain);  // incoherent: other data are equal
+  check_equal(generator.make(4), plain);  // with incoherent echoes the other data are equal
   for (const int threads : {1, 3}) {
     const std::string path = folder / (std::to_string(threads) + ".sqlite");
     write_dataset(plan, {path, "", threads, true});

@@ -136,7 +136,7 @@ TEST_CASE("bins contain the whole energy, with mean and variance of the IRF") {
 TEST_CASE("light outside the time axis contributes only within the IRF") {
   Conditions c;
   const double end = c.first_bin_ps + static_cast<double>(c.bins) * c.bin_width_ps;
-  for (const double edge : {c.first_bin_ps, end})  // half inside
+  for (const double edge : {c.first_bin_ps, end})  // half of the return is on the axis
     CHECK(total(spd_rate(one_return(edge), c)) == Approx(c.signal_photons / 2).epsilon(1e-6));
   for (const double t : {1000.0, c.first_bin_ps - 2000, end + 2000, 1e6})
     CHECK(total(spd_rate(one_return(t), c)) == 0);

@@ -382,7 +382,8 @@ TEST_CASE("data from a stopped sensor reveal a port of another board") {
              Catch::StartsWith("radar.cli and radar.data are ports of two boards: frame "));
   CHECK(b.sink.radar.empty());
   CHECK_FALSE(b.board.running());
-  CHECK(b.board.heard() == Strings(b.whole_cfg.begin(), b.whole_cfg.end() - 1));  // not sensorStart
+  CHECK(b.board.heard() ==
+        Strings(b.whole_cfg.begin(), b.whole_cfg.end() - 1));  // all lines except sensorStart
 }
 
 TEST_CASE("a board that streams when the driver connects is accepted") {

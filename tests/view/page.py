@@ -151,7 +151,7 @@ class Page(live_view.LiveView):
         self.view("--listen", address.split("/")[2], "--model", model)
         self.wait("page of the viewer started again", lambda: self.text("status") == "crashed")
 
-        # A new run with the same name and a laser 500 times too weak: the page follows by itself.
+        # The page follows a new run with the same name, with a laser 500 times too weak.
         for file in self.dir.glob("*.sqlite*"):
             file.unlink()
         self.open_again("--set", "signal_photons=100")

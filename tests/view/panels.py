@@ -147,7 +147,7 @@ class Panels(page.Page):
         self.key("d")
         self.choose(1)
         self.wait("first fit", lambda: metres[0] in self.text("histogram-readout"))
-        # A zoom moves the fit into its part.
+        # A zoom limits the fit to the zoomed part.
         over = self.browser.find_element("css selector", "#histogram .u-over")
         ActionChains(self.browser).move_to_element_with_offset(over, 20, 0).click_and_hold().move_by_offset(100, 0).release().perform()
         self.wait("other fit", lambda: metres[0] not in self.text("histogram-readout"))

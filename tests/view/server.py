@@ -148,7 +148,7 @@ class Server(unittest.TestCase):
             process.stdout.close()
 
     def test_track_has_the_positions_of_its_records(self):
-        """The track up to a record has the places that each of its records states."""
+        """The track up to a record contains the positions of all records up to it."""
         run, model = (pathlib.Path(self.folder.name) / "track" / name for name in ("run.sqlite", "model.safetensors"))
         run.parent.mkdir()
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--people", "80", "--letters", "0", "--out", run], check=True,

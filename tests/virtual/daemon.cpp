@@ -220,7 +220,7 @@ TEST_CASE("a fading laser, a frozen camera and a frozen radar are reported once 
   for (const auto& [sensor, kind] : kinds) {
     const Strings all = b.verdicts(sensor);
     CAPTURE(name_of(sensor));
-    CHECK(std::count(all.begin(), all.end(), kind) >= 3);  // the complete slots
+    CHECK(std::count(all.begin(), all.end(), kind) >= 3);  // slots fully within the fault
     CHECK(std::count(all.begin(), all.end(), kind) <= 5);
     CHECK(std::count(all.begin(), all.end(), "ok") + std::count(all.begin(), all.end(), kind) ==
           60);

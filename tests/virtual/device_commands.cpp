@@ -30,8 +30,8 @@ using namespace std::chrono_literals;
 
 namespace {
 
-// Sits between tagger and daemon: for a while it refuses connections and buffers the data, which it
-// sends first on the next connection.
+// Proxy between tagger and daemon. It refuses connections for a while and buffers the data, which
+// it sends first on the next connection.
 class Keeper {
  public:
   Keeper(port::Loop& loop, port::ByteOpener& place) : loop_(loop), down_(loop), up_(place()) {
