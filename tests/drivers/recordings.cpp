@@ -95,7 +95,7 @@ TEST_CASE("an imported radar recording has each frame in the record of its time"
   CHECK(run.info().started_utc == "2024-02-07T12:00:00.000Z");
   CHECK(run.info().ended_utc == "2024-02-07T12:00:10.000Z");
   // The cfg differs from the recording, which has ten frames per second.
-  CHECK(run.events().at(0).text.find("frame period 100.0 ms, expected 50.0 ms") !=
+  CHECK(run.events().at(0).text.find("frame period 100.0 ms; expected 50.0 ms") !=
         std::string::npos);
 }
 

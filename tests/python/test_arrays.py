@@ -245,10 +245,10 @@ def test_split_uses_the_sensors_of_the_run_and_explains_an_empty_result(tmp_path
 
 @pytest.mark.parametrize("said, maps, index", [
     ("index: record 3 has 2 maps", np.ones((2, 4, 4)), [3, 3]),
-    ("index: int64 [3]; expected 2 whole numbers", np.ones((2, 4, 4)), [1, 2, 3]),
-    ("index: float64 [2]; expected 2 whole numbers", np.ones((2, 4, 4)), [1, np.nan]),
+    ("index: int64 [3] (expected 2 record indices)", np.ones((2, 4, 4)), [1, 2, 3]),
+    ("index: float64 [2] (expected 2 record indices)", np.ones((2, 4, 4)), [1, np.nan]),
     ("has no record 12", np.ones((2, 4, 4)), [3, 12]),
-    ("depth_m: an array [4, 4]; expected [n, N, N]", np.ones((4, 4)), [3]),
+    ("depth_m: shape [4, 4] (expected [n, N, N])", np.ones((4, 4)), [3]),
 ])
 def test_maps_with_wrong_indices_are_refused(tmp_path, said, maps, index):
     run = write(tmp_path / "own", **scene())

@@ -162,7 +162,7 @@ def test_chart_shows_mean_cost_and_lists_methods_without_cost(tmp_path):
                    "lateral_m": 0.1, "infer_us_median": 5.0, "multiply_adds": cost})
     table.add({"axis": "model", "value": "1", "model": "./other", "inputs": "-", "seed": 1, "source": "-", "iou": 0.5, "lateral_m": 0.1})
     times, panel = plot.pareto(table.path).axes[:2]
-    assert times.get_title(loc="left") == "no time: ./other"
+    assert times.get_title(loc="left") == "time not measured: ./other"
     assert [line.get_xdata()[0] for line in panel.lines if len(line.get_xdata()) == 1][0] == 20
     assert "not counted: mine:Net, ./other" in [text.get_text() for text in panel.texts]
 

@@ -247,7 +247,7 @@ def test_export_refuses_invalid_arguments_and_files(runs, tmp_path):
                               ((runs / "own", "--to", tmp_path / "a.txt"), 2, "expected NAME.h5 or NAME.nc, or NAME.csv with --record N"),
                               ((runs / "own", "--to", tmp_path / "b.csv"), 2, "with --record N"),
                               ((runs / "own", "--to", tmp_path / "b.h5", "--record", 1), 2, "with --record N"),
-                              ((runs / "own", "--to", tmp_path / "b.csv", "--record", 20), 1, "no record 20; it has 20"),
+                              ((runs / "own", "--to", tmp_path / "b.csv", "--record", 20), 1, "record 20 is missing (the run has 20 records)"),
                               ((tmp_path / "none", "--to", tmp_path / "b.h5"), 1, "none: no such run"),
                               ((tmp_path / "f.sqlite", "--to", tmp_path / "b.h5"), 1, "f.sqlite: no such run"),
                               ((tmp_path / "text", "--to", tmp_path / "b.h5"), 1, "text.sqlite: not a run of echofuse"),

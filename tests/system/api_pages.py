@@ -59,8 +59,8 @@ class ApiPages(unittest.TestCase):
         (tree / "recon/python/api/index.rst").write_text("echofuse\n========\n\n.. autoclass:: echofuse.Axis\n")  # builds faster
         done = self.manual(tree)
         self.assertEqual(done.returncode, 1)
-        self.assertIn("echofuse.Axis.secret has no text", done.stderr)
-        self.assertIn("echofuse.Axis.hidden has no text", done.stderr)
+        self.assertIn("echofuse.Axis.secret has no docstring", done.stderr)
+        self.assertIn("echofuse.Axis.hidden has no docstring", done.stderr)
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ class Live(unittest.TestCase):
         self.dir = pathlib.Path(self.folder.name)
         self.run = self.dir / "run.sqlite"
         self.processes = []
-        sent = ("--log", self.dir / "sent.jsonl") if self._testMethodName == "test_hangup" else ()
+        sent = ("--log", self.dir / "sent.jsonl") if self._testMethodName == "test_hangup_ends_each_command" else ()
         with open(self.dir / "lab.log", "w") as log:
             self.lab = self.start([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", "mixed",
                                    "--window", str(WINDOW_S), *self.lab_options, *sent], stdout=log, stderr=log)
@@ -199,6 +199,8 @@ class Live(unittest.TestCase):
             program = self.start([bin_dir / "echofuse-acquire", *words], env=env, stdout=subprocess.PIPE,
                                  stderr=subprocess.PIPE, text=True)
             wait_for("frames of the radar", lambda: self.frames() > sent + 4)
+            if name == "run":
+                wait_for("a record", self.committed)
             program.send_signal(signal.SIGHUP)
             said = program.communicate(timeout=20)[1]
             self.assertEqual(program.returncode, 0 if name == "run" else 130, (name, said))

@@ -193,9 +193,9 @@ class Exposure(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    if "test_unit" in sys.argv[2:]:
+    if "test_systemd_accepts_the_unit" in sys.argv[2:]:
         if not shutil.which("systemd-analyze"):
             print("skipped: systemd-analyze is not installed (apt-get install systemd)")
             sys.exit(77)
-        unittest.main(argv=[sys.argv[0], "Exposure.test_unit"])
+        unittest.main(argv=[sys.argv[0], "Exposure.test_systemd_accepts_the_unit"])
     unittest.main(argv=[sys.argv[0], *(f"Service.{name}" for name in sys.argv[2:])])

@@ -330,4 +330,4 @@ class Page(live_view.LiveView):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], "Page.test_page", "Page.test_proxy", "Page.test_zones"])
+    unittest.main(argv=[sys.argv[0], "Page.test_page_follows_a_live_run", "Page.test_page_works_behind_a_proxy", "Page.test_page_shows_the_histogram_of_each_zone"])

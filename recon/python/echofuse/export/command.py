@@ -73,7 +73,7 @@ AXES = {"spd_time": "spd", "radar_range": "radar", "array_range": "array", "dept
 def units_of(table: str, column: str) -> str:
     """Returns the units from the suffix of a column name; "1" for counts, flags and ratios."""
     if table in ("antenna", "axis") and column in ("x", "y", "start", "step"):
-        return "half wavelengths" if table == "antenna" else "unit of the row"
+        return "half wavelengths" if table == "antenna" else "as the row's unit says"
     if column.endswith("utc_ns"):
         return SINCE_1970
     return UNITS.get(column.rpartition("_")[2],
