@@ -50,7 +50,7 @@ EMPTY = """return [...document.querySelectorAll('main canvas:not(#cloud)')].filt
   for (let i = 0; i < p.length; i += 4) seen.add(p[i] << 16 | p[i + 1] << 8 | p[i + 2]);
   return seen.size < 8; }).map(c => c.id || c.parentElement.className)"""
 # Readouts of the maps in the first figure, and positions of their axis labels.
-READOUTS = "return [...document.querySelector('.maps').querySelectorAll('.told')].map(p => p.textContent)"
+READOUTS = "return [...document.querySelector('.maps').querySelectorAll('.pixel')].map(p => p.textContent)"
 DRAWN = """const gl = document.getElementById('cloud').getContext('webgl'); if (!gl) return -1;
 const p = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
 gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, p);

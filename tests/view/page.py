@@ -169,7 +169,7 @@ class Page(live_view.LiveView):
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 0, log)
         self.wait("end of the run", lambda: self.text("status") == "complete")
-        self.assertIn("run is over", self.text("lamp-spd"))
+        self.assertIn("run has ended", self.text("lamp-spd"))
         self.assertEqual(self.lamp("spd"), "look")
         # A complete run has a reference, however short it is.
         self.wait("difference", lambda: not self.js("return document.getElementById('difference').disabled"))

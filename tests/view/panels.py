@@ -78,7 +78,7 @@ class Panels(page.Page):
         for number in "sync-rate", "click-rate", "dark-rate":
             self.wait(number, lambda: re.fullmatch(r"[\d.]+[kM]?/s", self.text(number)))
         self.wait("clicks a pulse", lambda: self.number("pulse-rate") > 0)
-        self.wait("warning of pile-up", lambda: "Dim the light to 0.000001" in self.text("pile-up"))
+        self.wait("warning of pile-up", lambda: "Dim the light to at most 0.000001" in self.text("pile-up"))
         self.wait("curves of the radar", lambda: self.js(
             "return ['of-temperature', 'of-margin'].every(id => !document.getElementById(id).hidden)"))
         self.choose(10)

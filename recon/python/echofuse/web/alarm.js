@@ -13,11 +13,11 @@ export class Alarm {
     await (this.on ? this.context.suspend() : this.context.resume());
     this.on = this.context.state === 'running';
     this.button.setAttribute('aria-pressed', this.on);
-    this.button.lastChild.textContent = this.on ? 'ound is on' : 'ound on';  // behind the underlined key
+    this.button.lastChild.textContent = this.on ? 'ound is on' : 'ound on';  // after the underlined letter
     this.known.clear();
     if (this.on) this.play([660]);
   }
-  // Sounds when an alert is new, and again while one lasts.
+  // Sounds for a new alert, and every `repeatS` while an alert lasts.
   take(alerts) {
     const fresh = alerts.some(alert => !this.known.has(alert)), now = performance.now() / 1000;
     this.known = new Set(alerts);

@@ -3,7 +3,7 @@
 /* global uPlot */
 export const metresPerPs = 299792458 / 2e12;
 export const colour = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-// Font size of the charts; the large type of key f applies to them too.
+// Font size of the charts, px; key f (large type) changes it.
 export const textSize = () => parseFloat(colour('--chart-text'));
 export const text = () => `${textSize()}px ${getComputedStyle(document.body).fontFamily}`;
 
@@ -16,7 +16,7 @@ export const siNumber = v => Math.abs(v) >= 1e6 ? `${+(v / 1e6).toPrecision(3)}M
   : Math.abs(v) >= 1e3 ? `${+(v / 1e3).toPrecision(3)}k` : `${+v.toPrecision(3)}`;
 export const short = (_, values) => values.map(v => v == null ? '' : siNumber(v));
 
-// A chart that fills its element; it is rebuilt when its style changes.
+// A chart that fills its element and is rebuilt when its style changes.
 export class Chart {
   constructor(id, height) {
     this.at = document.getElementById(id);
@@ -75,8 +75,8 @@ export const units = {m: {name: 'range, m', perM: 1, words: m => `${m.toFixed(2)
                       ns: {name: 'two-way time, ns', perM: 1e-3 / metresPerPs, words: m => `${(m * 1e-3 / metresPerPs).toFixed(2)} ns`,
                            width: m => `${+(m * 1e-3 / metresPerPs).toPrecision(3)} ns`}};
 
-// A chart of one record or a sum over range. Dragging zooms it and its partner; a double click resets. Two clicks set cursors A
-// and B, and the readout shows their distance and the FWHM of the highest peak between them (or of the visible part).
+// A chart over range, of one record or a sum. Dragging zooms it and its partner; a double click resets. Two clicks set cursors A
+// and B. The readout shows their distance, and the FWHM of the highest peak between them (without cursors: in the visible part).
 class Bench extends Chart {
   constructor(id, height) {
     super(id, height);
@@ -86,9 +86,9 @@ class Bench extends Chart {
   }
   set(data) {
     super.set(data);
-    this.tell(this.plot.cursor.idx);
+    this.readOut(this.plot.cursor.idx);
   }
-  // If the newest record has no data, the last curve stays, dimmed; a held record without data shows nothing.
+  // If the newest record has no data, the last curve remains, dimmed. A held record without data has no curve.
   lack(why, live) {
     this.lacks = why;
     this.at.classList.toggle('old', !!why && live);
@@ -97,7 +97,7 @@ class Bench extends Chart {
   get range() {
     return {time: false, range: () => this.zoom ?? [0, (this.farthest ?? 1) * this.unit.perM]};
   }
-  // Metres between which a peak is wanted: between the cursors, or the visible part.
+  // Range of the peak fit, m: between the cursors, or the visible part.
   get part() {
     const ends = this.marks.length === 2 ? this.marks.map(mark => mark.at).sort((a, b) => a - b) : this.zoom ?? [-1e6, 1e6];
     return ends.map(at => at / this.unit.perM);
@@ -109,7 +109,7 @@ class Bench extends Chart {
   }
   get hooks() {
     return {
-      drawClear: [u => this.under(u)], setCursor: [u => this.tell(u.cursor.idx)],
+      drawClear: [u => this.under(u)], setCursor: [u => this.readOut(u.cursor.idx)],
       setSelect: [u => u.select.width > 3 && this.show_part([0, u.select.width].map(by => u.posToVal(u.select.left + by, 'x')))],
     };
   }
@@ -139,7 +139,7 @@ class Bench extends Chart {
       this.show_part(null);
     });
   }
-  // Index of the highest point of this part; null without data.
+  // Returns the index of the highest point of this part; null without data.
   peak([from, to] = this.part) {
     const [x, y] = this.data ?? [[], []], {perM} = this.unit;
     let top = null;
@@ -147,7 +147,7 @@ class Bench extends Chart {
     return top;
   }
   // Shows the value under the cursor, otherwise the peak and the fit of the viewer.
-  tell(index) {
+  readOut(index) {
     if (this.lacks) return void (this.readout.textContent = this.lacks);
     const [x, y] = this.data ?? [[], []], top = this.peak(), {perM, width} = this.unit, words_at = i => this.words(x[i] / perM, y[i]);
     const pair = this.marks.length === 2 ? `A to B ${width(Math.abs(this.marks[1].at - this.marks[0].at) / perM)}; ` : '';
@@ -170,7 +170,7 @@ class Bench extends Chart {
   }
 }
 
-// Upper end of the axis: follows a rise at once and a fall slowly, so that records can be compared by eye.
+// Upper end of the axis: rises at once and falls slowly, so that records can be compared by eye.
 function calmTop(before, values, least) {
   let top = least;
   for (const v of values) if (v > top) top = v;
@@ -186,7 +186,7 @@ export class Histogram extends Bench {
     this.column = 'clicks';
     this.log = this.difference = false;
     this.held = this.reference = this.counts = null;
-    this.records = 1;  // in the sum that is shown
+    this.records = 1;  // number of records in the displayed sum
   }
   axes(a) {
     this.x = Float64Array.from({length: a.count}, (_, i) => (a.start + (i + 0.5) * a.step) * metresPerPs * this.unit.perM);
@@ -217,7 +217,7 @@ export class Histogram extends Bench {
     return `${this.unit.words(range)}, ${siNumber(clicks)} clicks`;
   }
   take(counts, lack, live) {
-    if (this.lack(lack, live)) return this.tell(null);
+    if (this.lack(lack, live)) return this.readOut(null);
     this.counts = counts;
     this.show();
   }
@@ -255,7 +255,7 @@ export class Profile extends Bench {
   }
   take(db, lack, live) {
     if (!this.x) return;
-    if (this.lack(lack, live)) return this.tell(null);
+    if (this.lack(lack, live)) return this.readOut(null);
     const n = this.x.length;
     if (db?.length !== n) return this.set([this.x, new Array(n).fill(null)]);
     const median = Float32Array.from(db).sort()[n >> 1];
@@ -273,7 +273,7 @@ const niceTop = most => {
 const fromZero = {range: (_, low, high) => [0, niceTop(Math.max(high, 1))]};
 const endsOnly = {values: short, size: 52, splits: (u, i, low, high) => [low, high]};
 
-// Rate of a sensor, with marks at the top where data were lost; the amount is in the text.
+// Rate of a sensor over the run, with marks at the top where data were lost; the text states the amount.
 class Strip extends Chart {
   constructor(sensor) {
     super(`strip-${sensor}`, 64);
@@ -299,7 +299,7 @@ export const clock = s => {
 };
 const times = {incrs: [1, 2, 5, 10, 20, 30, ...[1, 2, 5, 10, 20, 30, 60, 120, 180, 360, 720, 1440].map(min => 60 * min)], space: 70,
                values: (_, at) => at.map(clock)};
-// Intensity of one sensor by range and time (or direction): bright is more; blank without data.
+// Intensity of one sensor over range and time (or direction): bright is high, blank without data.
 export class Waterfall extends Chart {
   constructor(id, height = 150, x = {...times}, label = '') {
     super(id, height);

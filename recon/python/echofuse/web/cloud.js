@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The points of a map in space (WebGL): x right, y up, z away from the camera, metres.
+// Points of a map in space (WebGL): x right, y up, z away from the camera, metres.
 import {isDark, rgbOf, tables} from './maps.js';
 
 const vertex = `attribute vec3 place; attribute vec3 tint; uniform mat4 view; uniform float size; varying vec3 shown;
@@ -19,7 +19,7 @@ function program(gl) {
   return out;
 }
 
-// Projection of 40 degrees times an orbit around (0, -0.5, middle), column-major.
+// Returns the view matrix, column-major: a projection of 40 degrees times an orbit around (0, -0.5, middle).
 function viewOf(turn, tilt, away, middle, aspect) {
   const [cy, sy, cx, sx] = [Math.cos(turn), Math.sin(turn), Math.cos(tilt), Math.sin(tilt)];
   const f = 1 / Math.tan(Math.PI / 9), near = 0.05, far = 60, a = (far + near) / (near - far), b = 2 * far * near / (near - far);
@@ -98,7 +98,7 @@ export class Cloud {
       else zoomBy(zoom);
     });
   }
-  // A square map in metres over +-halfTangent.
+  // map: square, metres, over tangents of +-halfTangent.
   set(map, halfTangent, span) {
     if (!this.gl) return;
     const places = [], tints = [];

@@ -15,7 +15,7 @@ export function decode(buffer) {
   return message;
 }
 
-// Returns why a request was refused: the viewer's own text, or the status line of a web server in between.
+// Returns why a request was refused: the viewer's text, or the status line of a web server in between.
 export const refusal = async answer => answer.headers.get('content-type')?.startsWith('text/plain')
   ? (await answer.text()).trim() : `${answer.status} ${answer.statusText}, from a web server in front of the viewer`;
 

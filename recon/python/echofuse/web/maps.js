@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Depth maps as images: viridis over the distances in the scene, near is bright. No return is the background colour; an
-// outline surrounds all returns, because some colours are similar. Axes in degrees, colour bar in metres.
+// Depth maps as images: viridis over the distances in the scene, near is bright. Pixels without a return have the background
+// colour; an outline surrounds the returns, because some colours are similar. Axes in degrees, colour bar in metres.
 import {colour, text, textSize} from './charts.js';
 
 const viridis = ['440154', '482475', '414487', '355f8d', '2a788e', '21918c', '22a884', '44bf70', '7ad151', 'bddf26', 'fde725'];
@@ -35,7 +35,7 @@ export function spanOf(values) {
   return [near, Math.max(far, near + 1)];
 }
 
-// values: row-major, shape [rows, columns]; 0 means no return unless `zero` is true; NaN always does.
+// values: row-major, shape [rows, columns]; NaN means no return, and so does 0 unless `zero` is true.
 export function picture(values, rows, columns, span, map, scale = 1, zero = false) {
   const image = new ImageData(columns, rows), grey = noReturn();
   for (let i = 0; i < rows * columns; ++i) {
@@ -66,7 +66,7 @@ function outline(c, image, left, top, width, height) {
   c.stroke();
 }
 
-// Draws the image over the whole of a small canvas.
+// Draws the image over the whole canvas.
 export function fill(canvas, image) {
   const c = canvas.getContext('2d'), {width, height} = canvas;
   c.imageSmoothingEnabled = false;
@@ -74,7 +74,7 @@ export function fill(canvas, image) {
   outline(c, image, 0, 0, width, height);
 }
 
-// Map minus truth where both have a return; marks the other pixels.
+// Returns an image of map minus truth where both have a return; marks missed and false returns.
 export function errorPicture(map, truth, rows, columns, span) {
   const both = map.map((v, i) => v > 0 && truth[i] > 0 ? v - truth[i] : NaN), image = picture(both, rows, columns, span, tables.error, 1, true);
   image.missed = map.map((v, i) => truth[i] > 0 && !(v > 0)), image.invented = map.map((v, i) => v > 0 && !(truth[i] > 0));
@@ -115,11 +115,11 @@ export class MapView {
     for (const move of ['pointermove', 'pointerdown', 'pointerleave'])
       this.canvas.addEventListener(move, e => {
         this.pointer = move === 'pointerleave' ? null : [e.offsetX, e.offsetY];
-        this.tell();
+        this.readOut();
       });
   }
   // Shows the value under the pointer, otherwise the note.
-  tell() {
+  readOut() {
     if (!this.value) return;
     const {pointer, inner, image, values} = this;
     let words = this.note;
@@ -144,7 +144,7 @@ export class MapView {
     this.ratio = (tangents[3] - tangents[2]) / (tangents[1] - tangents[0]);
     this.draw();
   }
-  // No new image: the last one stays, dimmed, if `keep` is true.
+  // Shows why a new image is missing; if `keep` is true, over the last one, dimmed.
   lack(why, keep) {
     this.why = why;
     if (!keep) this.image = null, this.note = '';
@@ -157,7 +157,7 @@ export class MapView {
     const inner = width - left - bar, high = inner * Math.abs(this.ratio), height = high + bottom + top;
     if (inner < 40) return;
     this.inner = {left, top, width: inner, height: high};
-    this.tell();
+    this.readOut();
     this.canvas.width = width * ratio, this.canvas.height = height * ratio;
     this.canvas.style.width = `${width}px`, this.canvas.style.height = `${height}px`;
     const c = this.canvas.getContext('2d');
@@ -224,7 +224,7 @@ export class MapView {
     const [low, far] = this.span, step = [0.25, 0.5, 1].find(s => s / (far - low) * high > 2.6 * size) ?? 2;
     for (let v = Math.ceil(low / step) * step; v <= far + 1e-9; v += step) {
       const y = top + (1 - (v - low) / (far - low)) * high;
-      // The end colours include all values beyond.
+      // The end colours also stand for all values beyond.
       const last = v + step > far + 1e-9, end = !this.unit ? '' : Math.abs(v - far) < 1e-9 ? '≥ ' : Math.abs(v - low) < 1e-9 && this.kind !== 'sure' ? '≤ ' : '';
       c.fillText(`${end}${+v.toFixed(2)}${last ? this.unit : ''}`, x + 16, Math.min(Math.max(y + size / 3, top + 0.8 * size), top + high));
     }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Plan view: the detector at the origin, the radar to its left, x to the right and z away, metres. Power of the radar's
-// antennas, the field of the maps, and the track of the body, all in this frame.
+// Plan view in metres: the detector at the origin, the radar to its left, x to the right and z away. Shows the power of the
+// radar's antennas, the field of view of the maps, and the track of the body.
 import {colour, text, textSize} from './charts.js';
 import {picture, tables} from './maps.js';
 
-// Range from the radar and sine of the azimuth there, of a point of the plan.
+// Returns the range and the sine of the azimuth of a point, seen from the radar.
 export const fromRadar = (x, z, baseline) => {
   const range = Math.hypot(x + baseline, z);
   return [range, (x + baseline) / range];
@@ -15,7 +15,7 @@ export class Plan {
     this.canvas = document.getElementById('plan');
     new ResizeObserver(() => this.shown && this.draw()).observe(this.canvas.parentElement);
   }
-  // beams: dB by range and sine of the azimuth, or null; track: [age s, x, z, interval] of each place, newest first.
+  // beams: dB by range and sine of the azimuth, or null; track: [age s, x, z, interval] of each position, newest first.
   show(what) {
     this.shown = what;
     this.draw();
@@ -51,7 +51,7 @@ export class Plan {
     }
     if (track?.length) this.walk(c, at, scale, track);
   }
-  // Circles of distance and rays of azimuth about the detector.
+  // Draws circles of distance and rays of azimuth around the detector.
   grid(c, at, farthest, half, halfTangent, size) {
     const [left, top] = at(-half, farthest), [right, bottom] = at(half, 0), scale = at(1, 0)[0] - at(0, 0)[0];
     c.save();

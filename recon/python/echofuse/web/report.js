@@ -5,7 +5,7 @@ import {Chart, Histogram, Profile, Strips, Waterfall, axis, colour, metresPerPs,
 import {Cloud} from './cloud.js';
 import {MapView, errorPicture, isDark, picture, tables} from './maps.js';
 
-const said = JSON.parse(document.getElementById('data').textContent), errorSpan = [-0.5, 0.5];
+const report = JSON.parse(document.getElementById('data').textContent), errorSpan = [-0.5, 0.5];
 const redraws = [];  // drawing functions to repeat after a change of theme or width
 let ids = 0;
 const newId = kind => `${kind}-${++ids}`;
@@ -16,7 +16,7 @@ function make(parent, kind, more = {}) {
   parent.append(at);
   return at;
 }
-const pictured = new Set(said.records.map(r => r.index));
+const pictured = new Set(report.records.map(r => r.index));
 // Appends the numbers of records, as links to those with pictures.
 function links(parent, {records, more}) {
   records.forEach((index, i) => {
@@ -25,7 +25,7 @@ function links(parent, {records, more}) {
   });
   parent.append(more ? ', ...' : '');
 }
-// Appends a sentence, in which a record of the scored run with pictures is a link.
+// Appends a sentence; "record N" becomes a link if that record of the scored run has pictures.
 function sentence(parent, text) {
   for (const part of text.split(/(record \d+)/)) {
     const index = /^record (\d+)$/.exec(part)?.[1];
@@ -48,7 +48,7 @@ class Plot extends Chart {
     this.set([points.map(p => p[0]), ...block.series.map((_, k) => points.map(p => p[1] === k ? p[2] : undefined))]);
   }
   options() {
-    const {block} = this, rules = this.rules.filter(rule => !rule.across).map(rule => rule.at), tell = (_, v) => v == null ? '–' : siNumber(v);
+    const {block} = this, rules = this.rules.filter(rule => !rule.across).map(rule => rule.at), format = (_, v) => v == null ? '–' : siNumber(v);
     const nearest = (u, series, index) => {
       const y = u.data[series];
       for (let by = 0; series && by < y.length; ++by)
@@ -74,8 +74,8 @@ class Plot extends Chart {
       scales: {x: {time: false, distr: block.log_x ? 3 : 1, ...x ? {range: () => x} : rules.length && {range: (_, low, high) => [Math.min(low, ...rules), Math.max(high, ...rules)]}},
                y: {distr: block.log ? 3 : 1, ...span && {range: () => span}}},
       axes: [axis(block.x, {values: short, ...words}), axis(block.y, {values: short, size: 4 * textSize()})],
-      series: [{label: block.x, value: words ? (_, v) => block.ticks[v] ?? '–' : tell},
-               ...block.series.map(s => ({label: s.name, value: tell, width: 2, stroke: colour(`--${s.colour}`), ...s.shaded && {dash: [6, 4], fill: colour('--look-paper')}, ...look[s.look](colour(`--${s.colour}`))}))],
+      series: [{label: block.x, value: words ? (_, v) => block.ticks[v] ?? '–' : format},
+               ...block.series.map(s => ({label: s.name, value: format, width: 2, stroke: colour(`--${s.colour}`), ...s.shaded && {dash: [6, 4], fill: colour('--look-paper')}, ...look[s.look](colour(`--${s.colour}`))}))],
     };
   }
   // Rotates labels that do not fit side by side.
@@ -105,7 +105,7 @@ class Plot extends Chart {
     const wide = u.over.clientWidth, high = u.over.clientHeight;
     for (const {x, y, name, colour: ink} of points.sort((a, b) => a.y - b.y)) {
       const at = make(u.over, 'span', {className: 'named', textContent: name}), w = at.offsetWidth, h = at.offsetHeight;
-      // Area of this place that is occupied or outside the chart.
+      // Returns the area of this place that is occupied or outside the chart.
       const cost = ([left, top]) => taken.reduce((sum, b) => sum + Math.max(0, Math.min(left + w, b[2]) - Math.max(left, b[0])) * Math.max(0, Math.min(top + h, b[3]) - Math.max(top, b[1])), 0)
         + 1e4 * (Math.max(0, -left) + Math.max(0, left + w - wide) + Math.max(0, -top) + Math.max(0, top + h - high));
       let best = null, least = Infinity;
@@ -130,7 +130,7 @@ function unpacked(text, bytes, unit) {
   return Float32Array.from({length: raw.length / bytes}, (_, i) => (bytes === 2 ? raw[2 * i] + 256 * raw[2 * i + 1] : raw[i]) * unit);
 }
 const record = i => {
-  const r = said.records[i];
+  const r = report.records[i];
   if (!r.side) {
     r.truth = unpacked(r.truth, 2, 1e-3), r.side = Math.round(Math.sqrt(r.truth.length));
     for (const m of r.maps) {
@@ -190,14 +190,14 @@ class Pictures {
     const values = what === 'truth' ? r.truth : what === 'error' ? model.map.map((v, i) => v > 0 && r.truth[i] > 0 ? v - r.truth[i] : 0) : model[what];
     make(box, 'h3', {textContent: title[what]});
     const canvas = make(box, 'canvas', {id, role: 'img', ariaLabel: title[what]});
-    const note = make(box, 'p', {className: 'told'});
+    const note = make(box, 'p', {className: 'pixel'});
     const missed = what === 'error' && model.map.reduce((sum, v, i) => sum + (r.truth[i] > 0 && !(v > 0)), 0);
     const invented = what === 'error' && model.map.reduce((sum, v, i) => sum + (v > 0 && !(r.truth[i] > 0)), 0);
     note.textContent = what === 'map' ? model.scores : what === 'deviation' ? `Place of the body: ${model.stated}.`
       : what === 'error' ? `${missed} of ${r.truth.reduce((sum, v) => sum + (v > 0), 0)} pixels missed, ${invented} false returns.` : '';
     const view = new MapView(id, what === 'error' ? 'error' : what === 'deviation' || what === 'share' ? 'sure' : 'near');
     if (what === 'share') view.unit = '';
-    Object.assign(view, {what, values, model, note, said: note.textContent, cross: make(box, 'i', {className: 'cross', hidden: true}), box});
+    Object.assign(view, {what, values, model, note, text: note.textContent, cross: make(box, 'i', {className: 'cross', hidden: true}), box});
     this.views.push(view);
     this.handle(canvas, view);
   }
@@ -206,12 +206,12 @@ class Pictures {
     const cut = values => Float32Array.from({length: size * size}, (_, i) => values[(top + Math.floor(i / size)) * side + left + i % size]);
     const at = pixel => (2 * pixel / side - 1) * half, edges = [at(left), at(left + size), -at(top + size), -at(top)];
     for (const v of this.views) {
-      const span = v.what === 'error' ? errorSpan : v.what === 'deviation' ? [0, 2] : v.what === 'share' ? [0, 1] : said.span;
+      const span = v.what === 'error' ? errorSpan : v.what === 'deviation' ? [0, 2] : v.what === 'share' ? [0, 1] : report.span;
       v.set(v.what === 'error' ? errorPicture(cut(v.model.map), cut(this.r.truth), size, size, span)
               : picture(cut(v.values), size, size, span, tables[v.kind], 1, v.kind === 'sure'), edges, span, v.values);
     }
   }
-  // Pointer position as fractions of the image from its left and top.
+  // Returns the pointer position as fractions of the image, from its left and top.
   place(event, view) {
     const box = view.canvas.getBoundingClientRect(), {left, top, width, height} = view.inner;
     return [(event.clientX - box.left - left) / width, (event.clientY - box.top - top) / height].map(v => Math.min(Math.max(v, 0), 0.9999));
@@ -219,7 +219,7 @@ class Pictures {
   point(at) {
     const {left, top, size} = this.frame, {side, half_tangent: half} = this.r;
     for (const v of this.views) {
-      v.cross.hidden = !at, v.note.textContent = v.said;
+      v.cross.hidden = !at, v.note.textContent = v.text;
       if (!at) continue;
       const [x, y] = at.map((share, k) => [left, top][k] + Math.floor(share * size)), value = v.values[y * side + x];
       const tangents = [(x + 0.5) / side * 2 - 1, 1 - (y + 0.5) / side * 2].map(t => t * half), degrees = t => `${(Math.atan(t) * 180 / Math.PI).toFixed(1)}°`;
@@ -336,7 +336,7 @@ const kinds = {
     strips.take(block.arrays, block.window_s);
     redraws.push(() => strips.renew());
   },
-  // Data of a sensor over the run: one column for some records, from the nearest bin on; 255 = no data.
+  // Data of a sensor over the run: one column per group of records, nearest bin first; 255 = no data.
   waterfalls(parent, {tables: all, unit, end}) {
     const box = make(parent, 'figure', {className: 'card waterfalls'}), head = {spd: ['SPD', 'clicks by range and time'], radar: ['radar', 'power by range and time']};
     for (const {sensor, values, columns, bins, start_m: start, end_m: far, most} of all) {
@@ -360,7 +360,7 @@ const kinds = {
   },
   cloud(parent, block) {
     const r = record(block.record);
-    make(parent, 'p', {textContent: `${r.title}: drag to turn, wheel or two fingers to zoom, arrow keys.`});
+    make(parent, 'p', {textContent: `${r.title}: drag or use the arrow keys to rotate; use the wheel or two fingers to zoom.`});
     const buttons = make(parent, 'div', {className: 'tools'});
     const maps = [...r.maps.map(m => [m.name, m.map]), ['truth', r.truth]];
     make(make(parent, 'div', {id: 'cloud-box'}), 'canvas', {id: 'cloud', tabIndex: 0, role: 'img', ariaLabel: 'points of the map in space'});
@@ -369,7 +369,7 @@ const kinds = {
     const show = i => {
       shown = i;
       [...buttons.children].forEach((button, k) => button.setAttribute('aria-pressed', k === i));
-      cloud.set(maps[i][1], r.half_tangent, said.span);
+      cloud.set(maps[i][1], r.half_tangent, report.span);
     };
     maps.forEach(([name], i) => make(buttons, 'button', {type: 'button', textContent: name}).addEventListener('click', () => show(i)));
     show(0);
@@ -384,28 +384,28 @@ function turnTheme() {
   redraw();
 }
 
-document.title = said.title;
+document.title = report.title;
 const header = make(document.body, 'header', {id: 'top'});
-make(header, 'h1', {textContent: said.title});
+make(header, 'h1', {textContent: report.title});
 make(header, 'button', {type: 'button', id: 'theme', textContent: 'light or dark'}).addEventListener('click', turnTheme);
-make(header, 'p', {className: 'verdict', textContent: said.verdict});
-if (said.fails.length) {
-  kinds.fails(header, {items: said.fails});
+make(header, 'p', {className: 'verdict', textContent: report.verdict});
+if (report.fails.length) {
+  kinds.fails(header, {items: report.fails});
   const box = header.lastChild;
   box.prepend(Object.assign(document.createElement('b'), {textContent: 'What fails'}));
-  if (said.more) make(box, 'a', {href: '#failures', textContent: said.more});
+  if (report.more) make(box, 'a', {href: '#failures', textContent: report.more});
 }
-make(header, 'p', {className: 'quiet', textContent: said.origin});
+make(header, 'p', {className: 'quiet', textContent: report.origin});
 const contents = make(make(document.body, 'nav', {ariaLabel: 'contents'}), 'ol'), main = make(document.body, 'main');
-add(main, said.first);
-const chapters = said.sections.map(({id, heading, blocks}) => {
+add(main, report.first);
+const chapters = report.sections.map(({id, heading, blocks}) => {
   const entry = make(contents, 'li'), section = make(main, 'section', {ariaLabel: heading});
   make(section, 'h2', {id, textContent: heading});
   make(entry, 'a', {href: `#${id}`, textContent: heading});
   add(section, blocks);
   return [entry, section];
 });
-// A chapter of folded parts, or of a view that turns, is empty on paper.
+// A chapter is empty on paper if all its parts are folded, or if it is the rotating view.
 const isEmpty = section => [...section.children].every(part => part.matches('h2, details:not([open])')) || section.querySelector('#cloud') !== null;
 if (location.hash) document.getElementById(location.hash.slice(1))?.scrollIntoView();
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
-// The runs of a folder: an overview of each, with a link to its page.
+// The runs of a folder: one card per run, with a link to its page.
 import {clock, colour, siNumber} from './charts.js';
 import {refusal} from './link.js';
 import {fill, picture, spanOf, tables} from './maps.js';
 
 const $ = id => document.getElementById(id);
 const side = 112, pause = {all: 5000, more: 100};
-let told = '';
+let listed = '';  // JSON of the displayed list
 
 function thumbnail(run, span) {
   const canvas = document.createElement('canvas'), c = canvas.getContext('2d'), high = side * devicePixelRatio;
@@ -44,26 +44,26 @@ function card(run, span) {
   return at;
 }
 function draw() {
-  const runs = JSON.parse(told), span = spanOf(runs.flatMap(run => run.map ?? []).map(cm => cm / 100));
+  const runs = JSON.parse(listed), span = spanOf(runs.flatMap(run => run.map ?? []).map(cm => cm / 100));
   $('about').textContent = runs.length ? `${runs.length}, newest first` : 'none in this folder yet';
   $('runs-list').replaceChildren(...runs.map(run => card(run, span)));
 }
-// Polls the list, quickly while some runs are not read yet; redraws only on a change, so that a click does not miss.
-async function look() {
+// Polls the list, at short intervals until all runs are read. Redraws only after a change, so that a click hits its card.
+async function poll() {
   let wait = pause.all;
   try {
     const answer = document.hidden ? null : await fetch(`runs${location.search}`);
     if (answer && !answer.ok) throw Error(await refusal(answer));
     const text = await answer?.text();
     if (text?.includes('"waits":true')) wait = pause.more;
-    if (text && text !== told) told = text, draw();
+    if (text && text !== listed) listed = text, draw();
     $('trouble').hidden = true;
   } catch (error) {
     $('trouble').textContent = error instanceof TypeError ? 'no connection to the viewer' : error.message;
     $('trouble').hidden = false;
   }
-  setTimeout(look, wait);
+  setTimeout(poll, wait);
 }
 $('newest').href = `newest/${location.search}`;
-matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => told && draw());
-look();
+matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => listed && draw());
+poll();

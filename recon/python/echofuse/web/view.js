@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The page of a run: dispatches messages of the server; keys and buttons send requests.
+// The page of a run: handles messages of the server; keys and buttons send requests.
 import {Curve, Histogram, Profile, Strips, Waterfall, clock, metresPerPs, siNumber, units} from './charts.js';
 import {Alarm} from './alarm.js';
 import {Cloud} from './cloud.js';
@@ -17,7 +17,7 @@ const plan = new Plan();
 histogram.partner = profile, profile.partner = histogram;
 const views = {map: new MapView('map'), camera: new MapView('camera'), reconstruction: new MapView('reconstruction'),
                deviation: new MapView('deviation', 'sure')};
-const alarm = new Alarm('sound'), zones = new Zones(), seen = {};  // the newest record that has it
+const alarm = new Alarm('sound'), zones = new Zones(), seen = {};  // newest record with data, by view
 const sheet = new Sheet(index => show(index));
 let run = null, state = null, record = null, sum = null, strip = null, span = [2.5, 5], spanKnown = false;
 let wasLive = false, received = 0, heard = performance.now(), connected = false, live = true, wanted = null, cloudOf = 'map', sheetAt = -1;
@@ -39,7 +39,7 @@ const rate = (n, name) => `${n < 10 ? +n.toPrecision(2) : count(Math.round(n))} 
 
 const doubtsOf = shown => sensors.filter(name => !['ok', 'not configured'].includes(shown.sensors[name].verdict))
   .map(name => `${names[name]}: ${shown.sensors[name].verdict}`);
-// Lamps: a word, with a colour that repeats it.
+// Returns colour and word of a lamp; the colour repeats the word.
 function lampOf(sensor, over) {
   if (!sensor.configured) return ['off', 'OFF'];
   if (!over && sensor.stale) return ['bad', 'LOST'];
@@ -65,14 +65,14 @@ function drawLamps() {
     if (lamp[1] === 'CHECK') look.push(name);
     light(name, lamp, !reached() ? 'no connection' : !sensor.configured ? 'not configured' : sensor.verdict !== 'ok' ? sensor.verdict
             : sensor.arrived > sensor.used ? `${rate(sensor.arrived / run.window_s, name)}, ${sensor.used} used` : rate(sensor.used / run.window_s, name),
-          !sensor.configured ? '' : shown ? `in record ${record.index}` : over ? 'run is over' : sensor.age_s == null ? 'no data yet' : `last data ${age(sensor.age_s + old)}`);
+          !sensor.configured ? '' : shown ? `in record ${record.index}` : over ? 'run has ended' : sensor.age_s == null ? 'no data yet' : `last data ${age(sensor.age_s + old)}`);
   }
   drawStatus(over || !live ? [] : lost, over || !live ? [] : look);
   say('doubts', state.doubts || 'no record is doubtful');
   $('doubts').hidden = false, $('doubts').dataset.none = !state.doubts;
   drawMapsLamp();
 }
-// The worst state of the run and its sensors.
+// Shows the worst state of the run and its sensors.
 function drawStatus(lost, look) {
   const of = list => list.map(name => names[name]).join(', '), words = {open: 'recording', complete: 'complete'};
   const all = sensors.filter(name => state.sensors[name].configured);
@@ -82,7 +82,7 @@ function drawStatus(lost, look) {
   say('status', text);
   $('status').dataset.status = !reached() || lost.length ? 'lost' : look.length || full ? 'look' : state.status.split(':')[0];
 }
-// Whether the maps are reliable.
+// Shows whether the maps are reliable.
 function drawMapsLamp() {
   $('lamp-maps').hidden = !run.model;
   const made = record?.reconstruction;
@@ -134,7 +134,7 @@ function drawNumbers() {
 function drawRecord() {
   if (!record || !run) return;
   const a = record.arrays, grid = run.map.half_tangent, made = record.reconstruction;
-  // If the newest record lacks data, the last data stay, dimmed.
+  // If the newest record lacks data, the last data remain, dimmed.
   const here = (at, has) => {
     if (has) seen[at] = record.index;
     return has ? '' : live && seen[at] != null ? `no data; last in record ${seen[at]}` : 'no data in this record';
@@ -160,11 +160,11 @@ function drawRecord() {
   if (run.model) {
     put('reconstruction', square(a.reconstruction, made.half_tangent));
     put('deviation', square(a.deviation, made.half_tangent, 'sure', [0, 2]));
-    const nobody = a.reconstruction && !a.reconstruction.some(v => v > 0);
+    const isEmpty = a.reconstruction && !a.reconstruction.some(v => v > 0);
     const fault = faultOf(made);
-    say('said', fault ? `No reconstruction: ${fault}`
-      : [nobody && 'the reconstruction has no body', made.note, state?.doubt].filter(Boolean).join('; '));
-    $('said').className = made.fault || made.note || state?.doubt ? 'look' : '';
+    say('maps-note', fault ? `No reconstruction: ${fault}`
+      : [isEmpty && 'no body in the reconstruction', made.note, state?.doubt].filter(Boolean).join('; '));
+    $('maps-note').className = made.fault || made.note || state?.doubt ? 'look' : '';
     drawMapsLamp();
   }
   drawPlan();
@@ -175,7 +175,7 @@ function drawRecord() {
   sheet.point(record.index);
 }
 
-// Sensors, antennas and body from above. All directions are those of the detector, as in the maps.
+// Draws sensors, antennas and body from above, in the detector's frame, like the maps.
 function drawPlan() {
   const {beams, track} = record.arrays, made = record.reconstruction, heard = beams?.some(v => v > -Infinity);
   $('card-plan').hidden = !heard && !track?.length;
@@ -188,12 +188,13 @@ function drawPlan() {
     : `body at x ${made.x_m.toFixed(2)} m${interval == null ? '' : ` ± ${interval.toFixed(2)} m (90 %)`}, z ${made.z_m.toFixed(2)} m, azimuth ${(Math.atan2(made.x_m, made.z_m) * 180 / Math.PI).toFixed(1)}°`);
 }
 
-// Fits of the viewer; a difference has none.
+// Shows the fits of the viewer; a difference has no fit.
 function takeFits(fits) {
   histogram.fit = histogram.difference ? null : fits?.spd, profile.fit = fits?.radar;
 }
-// Histogram, profile and rates, of a record or of a sum of records.
+// Number of records in the sum; 0: since the newest mark.
 const summed = () => +$('sum').value;
+// Draws histogram, profile and rates of a record or a sum of records.
 function drawMeasured({arrays, rates, fits, spd_records: records}, lacks) {
   histogram.records = records;
   takeFits(fits);
@@ -204,9 +205,9 @@ function drawMeasured({arrays, rates, fits, spd_records: records}, lacks) {
   say('sync-name', rates?.sync_hz < 0.5 * rates?.pulse_hz ? 'sync, filtered' : 'laser sync');
   say('pulse-rate', rates?.clicks_a_pulse == null ? '–' : `${+rates.clicks_a_pulse.toPrecision(2)}`);
   $('box-pulse').classList.toggle('bad', crowded), $('pile-up').hidden = !crowded;
-  if (crowded) say('pile-up', `Pile-up: the first photon of a pulse hides later ones. Dim the light to ${most} clicks per pulse.`);
+  if (crowded) say('pile-up', `Pile-up: the first photon of a pulse hides later ones. Dim the light to at most ${most} clicks per pulse.`);
 }
-// Asks for a sum again when its records or the part of the fit change.
+// Requests the sum again when its records or the range of the fit change.
 function askSum() {
   sum = null;
   const part = (histogram.marks.length === 2 || !profile.marks.length ? histogram : profile).part;
@@ -262,9 +263,9 @@ const take = {
   sum(message) {
     sum = message;
     say('rates-of', summed() === 1 || message.why ? message.why ?? '' : `of ${message.records} records from record ${message.from}`);
-    if (summed() === 1) {  // the record itself is drawn
+    if (summed() === 1) {  // the message `record` contains the data
       takeFits(message.fits);
-      for (const chart of [histogram, profile]) chart.tell(null);
+      for (const chart of [histogram, profile]) chart.readOut(null);
     } else drawMeasured(message, {spd: message.why ?? (message.arrays.spd ? '' : 'no data'), radar: message.why ?? (message.arrays.radar ? '' : 'no data')});
   },
   reference(message) {
@@ -299,7 +300,7 @@ const take = {
   },
 };
 
-// Waterfalls: logarithm of the clicks, radar over its median; scaled to the maximum of the run.
+// Draws the waterfalls: logarithm of the clicks, radar power over its median; scaled to the maximum of the run.
 function drawWaterfalls() {
   const {message} = sheet;
   if (!message || !run) return;

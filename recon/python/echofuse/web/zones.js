@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Histograms of a detector's zones, each in its place in the field of view; one scale for all.
+// Histograms of a detector's zones, each at its position in the field of view, with a common scale.
 import {colour, siNumber, text, textSize} from './charts.js';
 
-// Centres [x, y] and the side of a square around each that overlaps no other. Without directions: rows of equal length.
+// Returns the centres [x, y] of the zones, and the side of equal squares around them that do not overlap. If a direction is
+// missing, the zones form rows of equal length.
 export function places(directions) {
   const columns = Math.ceil(Math.sqrt(directions.length));
   if (directions.some(zone => !zone)) return {side: 1, centres: directions.map((_, i) => [i % columns, -Math.floor(i / columns)])};
