@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """scripts/audit_run.py RUN.sqlite LOG [--json]: compares a run, record by record, with the log of the simulated
-laboratory (echofuse-sim lab --log LOG), and accounts for every tag and every frame. Exits with 1 if a difference has no
-explanation."""
+laboratory (echofuse-sim lab --log LOG), and accounts for every tag and frame. Exits with 1 if a difference cannot be
+explained."""
 import argparse
 import bisect
 import collections
@@ -11,16 +11,16 @@ import json
 import sqlite3
 import sys
 
-# Candidates for the longest transport delay: the account names the shortest one that explains the run.
+# Candidates for the longest transport delay; the account states the shortest one that explains the run.
 LATENCIES_NS = [20_000_000 * 2**i for i in range(8)]
 LATENCY_NS = 250_000_000
-GRACE_NS = 500_000_000  # a slot stays open this long for frames taken in it
-SETTLING_NS = 5_000_000_000  # after a clock was set back, until its fit is valid again
+GRACE_NS = 500_000_000  # time after the end of a slot in which the daemon accepts its frames
+SETTLING_NS = 5_000_000_000  # time until a clock fit is valid again after the clock was set back
 PATIENCE_NS = 5_000_000_000
-CLOCK_ERROR_NS = 100_000_000  # a smaller step back of a clock is not detected
-SETTLED = 200  # samples until a clock fit is valid
-NUMBER_FIELD = range(20, 24)  # bytes of the number in a radar frame
-BELIEVED_GAP = 100  # largest gap in radar frame numbers that counts as loss at once
+CLOCK_ERROR_NS = 100_000_000  # smaller backward steps of a clock are not detected
+SETTLED = 200  # number of samples until a clock fit is valid
+NUMBER_FIELD = range(20, 24)  # bytes of a radar frame that contain its number
+BELIEVED_GAP = 100  # largest gap in radar frame numbers that is counted as loss without confirmation
 RECEIVED_WHOLE = {"sent", "garbage"}
 
 
@@ -61,8 +61,9 @@ class Account:
 
 
 def bounded(account, what, run, column, items, late):
-    """Checks sums over the records. items: (earliest time, time by which a record has it or None, amount). The sum up to
-    each record must lie between what must and what may have arrived by then. The constant is what came before the run."""
+    """Checks sums over the records, and returns the total. items: (earliest time, latest time until it is in a record or
+    None, amount). The sum up to each record must be between the amount that must have arrived by then and the amount that
+    may have arrived. An unknown constant, the amount before the run, is added to the sum."""
     may_t, may = accumulate(sorted((first, amount) for first, _, amount in items))
     must_t, must = accumulate(sorted((by, amount) for _, by, amount in items if by is not None))
     low, high, total = 0, float("inf"), 0
@@ -99,16 +100,16 @@ class Tags:
     def __init__(self, entries, latency_ns):
         connection_list = connections(entries)
         self.latency_ns = latency_ns
-        self.jumps = clock_jumps(entries)  # tags may be in earlier slots then
+        self.jumps = clock_jumps(entries)  # tags of these times may be in earlier slots
         self.clock_faults = min((e["t"] for e in entries if e["what"].startswith("begin clock_")), default=float("inf"))
         self.sums = collections.Counter()  # tags by the fate of their block
         self.delivered, self.losses = [], []  # (earliest, latest, amount)
-        self.pending = 0  # lost since the last delivered block, over connections
+        self.pending = 0  # lost since the last delivered block, also of earlier connections
         for number, connection in enumerate(connection_list):
             self.take(connection, number > 0)
 
     def earliest(self, block):
-        """Returns the earliest time stamp of its first tag."""
+        """Returns the earliest time stamp of the first tag of a block."""
         if any(begin < block["t"] < end for begin, end in self.jumps):
             return block["first"] - GRACE_NS
         return block["first"] - (CLOCK_ERROR_NS if block["t"] > self.clock_faults else 0)
@@ -160,21 +161,21 @@ def audit_tags_within(run, entries, latency_ns):
     items = [(first, by, n) for first, by, n, _ in tags.delivered]
     in_records = bounded(account, "tags", run, "tags", items, late)
     lost = bounded(account, "lost blocks", run, "spd_lost", tags.losses + overruns, sum(n for *_, n in tags.losses) * (late > 0))
-    heard = run.counters["spd", "tags"]
+    received = run.counters["spd", "tags"]
     sums = [0, *itertools.accumulate(n for *_, n, _ in tags.delivered)]
-    if heard not in set(sums):
-        near = sums[bisect.bisect_left(sums, heard) - 1]
-        account.fault(f"the driver received {heard} tags, which is not a sum of complete blocks sent (the previous block ends at {near})")
-    before = heard - in_records - late - outside
+    if received not in set(sums):
+        near = sums[bisect.bisect_left(sums, received) - 1]
+        account.fault(f"the driver received {received} tags; expected a sum of complete blocks (the previous block ends at {near})")
+    before = received - in_records - late - outside
     if before != run.counters["spd", "early"]:
-        account.fault(f"{before} received tags are in no record and neither late nor outside; "
-                      f"{run.counters['spd', 'early']} were counted as early")
+        account.fault(f"{before} received tags are not in a record, late or outside; "
+                      f"{run.counters['spd', 'early']} are counted as early")
     start = run.records[0]["start"]
     may_before = sum(n for first, _, n, _ in tags.delivered if first < start)
     if not 0 <= before <= may_before:
-        account.fault(f"{before} received tags are in no record and neither late nor outside; at most {may_before} came "
+        account.fault(f"{before} received tags are not in a record, late or outside; at most {may_before} arrived "
                       "before the run")
-    after = sum(tags.sums.values()) - heard - sum(v for k, v in tags.sums.items() if k != "sent")
+    after = sum(tags.sums.values()) - received - sum(v for k, v in tags.sums.items() if k != "sent")
     account.put("made", sum(tags.sums.values()))
     for what in ("dropped", "corrupt", "garbage", "behind damage", "cut", "unsent", "overrun", "before a hello"):
         account.put(f"not delivered: {what}", tags.sums[what])
@@ -196,13 +197,13 @@ class Frames:
             if "frame" not in entry:
                 continue
             known = self.by_number.get(entry["frame"])
-            if not known or entry["what"] in RECEIVED_WHOLE:  # prefers the viewer that received it
+            if not known or entry["what"] in RECEIVED_WHOLE:  # prefers the client that received it
                 self.by_number[entry["frame"]] = entry
 
     def certain(self, number):
         return number in self.by_number and self.by_number[number]["what"] in RECEIVED_WHOLE
 
-    def doubtful(self, number):  # without a checksum a damaged frame may pass, with its own or another number
+    def doubtful(self, number):  # without a checksum the daemon may accept a damaged frame, even with a wrong number
         entry = self.by_number.get(number)
         return self.sensor == "radar" and entry is not None and entry["what"] == "corrupt"
 
@@ -216,8 +217,8 @@ class Frames:
 
 
 def clock_jumps(entries):
-    """Returns host times (from, to) in which a device's clock was ahead, so that its frames are in other slots."""
-    jumps, begun, lasting = [], None, 0  # several may overlap
+    """Returns host times (from, to) in which a device's clock was wrong, so that its data are in other slots."""
+    jumps, begun, lasting = [], None, 0  # faults may overlap
     for entry in entries:
         if entry["what"] == "begin clock_offset":
             begun = entry["t"] if lasting == 0 else begun
@@ -230,7 +231,7 @@ def clock_jumps(entries):
 
 
 class Range:
-    """Records up to one with a known last frame number, and their frames (previous, last]."""
+    """Consecutive records up to one with a known frame number, and their frames (previous, last]."""
 
     def __init__(self, sensor, records, previous, last):
         self.records, self.previous, self.last = records, previous, last
@@ -239,9 +240,9 @@ class Range:
         self.settling = any(r[f"{sensor}_samples"] < SETTLED for r in records)
 
     def movable(self, frames):
-        """Returns how many of its frames may be in a neighbour. A late frame may have a higher number than the last one of
-        its record. A damaged frame is placed by its time of receipt, and so are all before the clock is known. A delayed
-        frame among the first few is placed too late."""
+        """Returns the number of its frames that may be in a neighbouring range: late frames, because their numbers may be
+        higher than the last of their record; damaged frames, because the daemon places them by their time of receipt; and
+        all frames until the clock fit is valid, for the same reason."""
         return self.late + (self.got if self.settling else sum(map(frames.doubtful, self.numbers)))
 
 
@@ -252,12 +253,12 @@ def ranges_of(account, run, frames, jumps):
         records.append(record)
         last = record[f"{sensor}_last"]
         if any(begin < record["end"] and record["start"] < end for begin, end in jumps):
-            continue  # the frames of these slots are audited together
+            continue  # these slots form one range
         if last is None or not frames.plausible(last, previous, record):
             got = sum(r[f"{sensor}_frames"] for r in records)
             if last is not None and not frames.certain(last) and frames.renumbered(previous or 0, (previous or 0) + got + 20) == 0:
-                account.fault(f"record {record['idx']}: its last frame {last} was never sent")
-            continue  # a damaged number, or a frame placed too late: the next record resolves it
+                account.fault(f"record {record['idx']}: its last frame {last} was not sent")
+            continue  # a damaged number, or a frame placed too late: the range continues with the next record
         if previous is None:
             previous = last - sum(r[f"{sensor}_frames"] + r[f"{sensor}_lost"] + r[f"{sensor}_late"] for r in records)
         found.append(Range(sensor, records, previous, last))
@@ -277,18 +278,18 @@ def audit_frames(run, sensor, entries):
     for i, each in enumerate(ranges):
         near = sum(r.movable(frames) for r in ranges[max(0, i - 1):i + 2])
         left += audit_range(account, frames, each, near, left, counts)
-    # Frames moved out of the last range are in the records after it.
+    # Frames missing in the last range may be in the records after it.
     if abs(left) > (ranges[-1].movable(frames) if rest else 0):
-        account.fault(f"records, late and lost frames together differ by {abs(left)} from the frames sent")
+        account.fault(f"the sum of frames in records, late and lost differs by {abs(left)} from the number sent")
     got = sum(r[f"{sensor}_frames"] for r in rest)
     previous = ranges[-1].last if ranges else None
     may = sum(1 for n in frames.by_number if frames.plausible(n, previous, run.records[-1]))
     if got > may:  # after the last range
-        account.fault(f"the last records have {got} {sensor} frames, at most {may} were sent")
+        account.fault(f"the last records have {got} {sensor} frames; at most {may} were sent")
     counts["in records"] += got
     late, outside, early = (run.counters[sensor, what] for what in ("late", "outside", "early"))
     if (of_records := sum(r[f"{sensor}_late"] for r in run.records)) != late:
-        account.fault(f"{late} frames were counted as late, but {of_records} in their records")
+        account.fault(f"{late} frames are counted as late in total, but {of_records} in the records")
     nowhere = (run.counters[sensor, "frames"] - run.counters[sensor, "early_frames"] - late - outside - early -
                run.counters[sensor, "duplicate"] - sum(r[f"{sensor}_frames"] for r in run.records))
     if nowhere:
@@ -296,7 +297,7 @@ def audit_frames(run, sensor, entries):
     # A slow clock may put a frame into an earlier slot.
     may = sum(1 for e in frames.by_number.values() if e["t"] < run.records[0]["start"] + GRACE_NS)
     if early > may:
-        account.fault(f"{early} frames were counted as early; at most {may} came before the run")
+        account.fault(f"{early} frames are counted as early; at most {may} arrived before the run")
     for what, number in counts.items():
         account.put(what, number)
     account.put("late", late)
@@ -306,7 +307,7 @@ def audit_frames(run, sensor, entries):
 
 
 def move_jump(before, after):
-    """A large jump of the number counts as loss only when the next number confirms it."""
+    """Moves a loss to the earlier range: the daemon counts a large jump of the number only when the next one confirms it."""
     missing = len(before.numbers) - before.got - before.late - before.lost
     if missing > BELIEVED_GAP:
         move = min(missing, after.lost)
@@ -315,8 +316,8 @@ def move_jump(before, after):
 
 
 def audit_range(account, frames, part, near, before, counts):
-    """Returns how many frames are missing (or surplus). Up to `near` frames may be in a neighbouring range; over all
-    ranges they must cancel. `before`: the sum over the ranges before this one."""
+    """Returns the number of missing frames (negative: surplus). Up to `near` frames may be in a neighbouring range; the
+    sum over all ranges must be 0. `before`: the sum over the previous ranges."""
     numbers, arrived = part.numbers, part.got + part.late
     certain = sum(map(frames.certain, numbers))
     doubtful = sum(map(frames.doubtful, numbers))
@@ -327,17 +328,17 @@ def audit_range(account, frames, part, near, before, counts):
     counts["sent, lost in transport"] += max(0, certain - arrived)
     where = f"record {part.records[-1]['idx']}: {frames.sensor} frames {part.previous + 1} to {part.last}: "
     if arrived > certain + doubtful + near:
-        account.fault(where + f"{arrived} arrived, {certain + doubtful} were sent")
+        account.fault(where + f"{arrived} arrived, but only {certain + doubtful} were sent")
     left = len(numbers) - arrived - part.lost
     if left == 0:
         return 0
-    # The damaged number of the last frame may equal that of an earlier one.
+    # The damaged number of the last frame may equal the number of an earlier frame.
     if frames.renumbered(part.previous - 2, max(part.last, part.previous + arrived)):
         settled = -before if left * before < 0 and abs(before) <= abs(left) else 0
         counts["miscounted because of damaged numbers"] += left - settled
         return settled
     if abs(left) > near:
-        account.fault(where + f"{len(numbers) - arrived} did not arrive, {part.lost} were counted as lost")
+        account.fault(where + f"{len(numbers) - arrived} did not arrive, but {part.lost} are counted as lost")
         return 0
     return left
 

@@ -2,7 +2,7 @@
 # Sourced by check_fresh and package: a bare Debian 12 in $root (debootstrap), from the package mirror of this
 # machine's apt configuration. Needs root and ~4 GB; the folder is removed when the script ends.
 
-# fresh_mirror: sets $mirror; fails with a message if there is none, or without root.
+# fresh_mirror: sets $mirror; fails with a message without a mirror or without root.
 fresh_mirror() {
   if [ "$(id -u)" != 0 ]; then
     echo "$(basename "$0"): needs root (debootstrap, chroot)" >&2
@@ -53,7 +53,7 @@ in_root() {
     ${cached:-} sh -c "$1"
 }
 
-# timed COMMAND...: runs it and prints its duration.
+# timed COMMAND...: runs the command and prints its duration.
 timed() {
   echo "== $*" >&2
   began=$(date +%s)

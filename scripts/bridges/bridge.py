@@ -79,7 +79,7 @@ def microseconds(time_us):
     return round(time.monotonic() * 1e6 if time_us is None else time_us)
 
 
-# A queued block.
+# Block in the queue.
 Waiting = collections.namedtuple("Waiting", "kind sequence payload dropped items")
 
 
@@ -140,12 +140,12 @@ class Server:
     # called by the device's thread
 
     def online(self, hello):
-        """Accepts clients from now on: the device is open."""
+        """Accepts clients, because the device is open."""
         with self._lock:
             self._hello = json.dumps(hello).encode()
 
     def offline(self):
-        """Disconnects the client: the device is gone."""
+        """Disconnects the client, because the device is gone."""
         with self._lock:
             self._hello = None
             self._part()
@@ -378,13 +378,13 @@ def run(address, open_device, items):
     except OSError as error:
         device.close()
         fail(f"cannot listen on {address[0]}:{address[1]}: {error.strerror or error}", 1)
-    told = False
+    announced = False
     while device:
         try:
             server.online(device.hello())
-            if not told:  # only now: earlier clients are refused
+            if not announced:  # after online(), because clients before it are refused
                 say(f"listening on {server.address[0]}:{server.address[1]}")
-                told = True
+                announced = True
             while not stop.wait(device.poll(server)):
                 server.check()
         except Finished as end:
@@ -403,14 +403,14 @@ def run(address, open_device, items):
 
 def reopen(open_device, stop):
     """Returns the reopened device, or None after a signal."""
-    pause_s, told = 0.1, None
+    pause_s, reported = 0.1, None
     while not stop.wait(pause_s):
         try:
             return open_device()
         except Exception as error:
-            if text_of(error) != told:
-                told = text_of(error)
-                say(told)
+            if text_of(error) != reported:
+                reported = text_of(error)
+                say(reported)
             pause_s = min(2 * pause_s, LONGEST_RETRY_S)
     return None
 

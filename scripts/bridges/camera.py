@@ -54,7 +54,7 @@ class Camera:
     def __init__(self, options):
         self._options = options
         self._restarted, self._last_index, self._last_frame_s = False, None, time.monotonic()
-        self._told, self._odd = set(), 0  # faults of the frames omitted since the last good one
+        self._reported, self._odd = set(), 0  # faults of the frames omitted since the last good one
 
     def began(self, lens):
         """Sets the tangents of the pixel centres: columns to the right, rows upwards."""
@@ -69,7 +69,7 @@ class Camera:
         self._axes = -lens.cx / lens.fx, 1 / lens.fx, lens.cy / lens.fy, -1 / lens.fy
 
     def configure(self):
-        """Applies the options and prints the settings. Other settings of the camera stay."""
+        """Applies the options and prints the settings. Other settings of the camera do not change."""
         options, done = self._options, []
         for kind in ("depth mode", "preset"):
             key = kind.replace(" ", "_")
@@ -85,11 +85,11 @@ class Camera:
     def poll(self, server):
         frame = self.wait(WAIT_MS)
         fault = frame and self._fault(frame)
-        if fault:  # as if it had not been received
+        if fault:  # counts as not received
             server.lose(1)
             self._odd += 1
-            if fault[0] not in self._told:
-                self._told.add(fault[0])
+            if fault[0] not in self._reported:
+                self._reported.add(fault[0])
                 bridge.say(f"omitting frames with {fault[0]} {fault[1]}")
         if fault or frame is None:
             self._watch(server)

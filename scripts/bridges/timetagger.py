@@ -17,7 +17,7 @@ MOST_EVENTS = (1 << 28) - 1  # the library's limit
 SILENCE_S = 3.0              # then the device is tested
 ANSWER_MS = 1000             # time limit of its answer
 RATE_S = 1.0                 # averaging time of the rate
-TELL_S = 60.0                # shortest interval of the same warning
+WARNING_S = 60.0                # shortest time between two equal warnings
 
 FILTER_HELP = """\
 conditional filter: the filter passes only the first laser pulse after each photon, so that the USB
@@ -32,7 +32,7 @@ instead: --conditional-filter 0 --input-delay START=-PS. With the filter, each -
 applied in software, after the filter. Do not combine it with --event-divider on the sync.
 
 If a server of the laboratory has opened the Time Tagger (startServer in Python, or Time Tagger Lab),
---network HOST receives its tags. Settings without an option stay as on the server; --input-delay is
+--network HOST receives its tags. Without an option, a setting keeps its value on the server; --input-delay is
 applied by the bridge. Other settings require a server with AccessMode.Control.
 --scan CH prints the rate by trigger level and the plateau; its middle is a good level."""
 RESOLUTIONS = ("Standard", "HighResA", "HighResB", "HighResC")
@@ -110,7 +110,7 @@ class Tagger:
         self._channels = [options.start_channel, options.click_channel]
         self._losses = Losses(options)
         self._stream = None
-        self._told_dark = False
+        self._dark_reported = False
         self._tagger = open_tagger(library, options)
         self._replay = Replay(library, self._tagger, options.file) if options.file else None
         try:
@@ -124,7 +124,7 @@ class Tagger:
 
     def _configure(self):
         tagger, options = self._tagger, self._options
-        shared = options.network or options.file  # settings without an option belong to other users
+        shared = options.network or options.file  # other users own the settings without an option
         try:
             for channel in () if shared and not options.test_signal else self._channels:
                 tagger.setTestSignal(channel, options.test_signal)
@@ -133,7 +133,7 @@ class Tagger:
             self._set_delays()
             for channel, asked_ps in options.dead_time:
                 bridge.say(f"dead time of channel {channel}: {tagger.setDeadtime(channel, asked_ps)} ps "
-                           f"(asked for {asked_ps})")
+                           f"(requested: {asked_ps})")
             filtered = options.conditional_filter is not None
             if filtered or not shared:
                 tagger.setConditionalFilter([options.click_channel] if filtered else [],
@@ -192,17 +192,17 @@ class Tagger:
         returns only with a device, also without light."""
         now = time.monotonic()
         if tags_came:
-            self._last_tags_s, self._told_dark = now, False
+            self._last_tags_s, self._dark_reported = now, False
         if self._options.network and not self._tagger.isConnected():
             raise RuntimeError(f"the server {self._options.network} is gone")
         if now - self._last_tags_s < SILENCE_S:
             return
         if not self._tagger.sync(ANSWER_MS):
             raise RuntimeError(f"no tags for {SILENCE_S:g} s, and the device does not answer: it is disconnected")
-        if not self._told_dark:
+        if not self._dark_reported:
             bridge.say(f"no tags for {SILENCE_S:g} s, but the device answers: is the laser on, are the trigger levels "
                        "right?")
-        self._told_dark = True
+        self._dark_reported = True
         self._last_tags_s = time.monotonic()
 
     def close(self):
@@ -262,7 +262,7 @@ class BufferStream:
         for name, column in (("type", data.getEventTypes()), ("missed_events", data.getMissedEvents()),
                              ("channel", data.getChannels()), ("time", data.getTimestamps())):
             tags[name] = column
-        return pack.pack(tags, self._channels), int(data.size >= self._most)  # at least one; the library has no count
+        return pack.pack(tags, self._channels), int(data.size >= self._most)  # at least one; the library does not count them
 
 
 def custom_stream(library, tagger, channels, most):
@@ -296,11 +296,11 @@ def custom_stream(library, tagger, channels, most):
 
 
 class Losses:
-    """Warns at most once a minute of lost tags per second, with advice."""
+    """Warns about lost tags at most once a minute, with advice."""
 
     def __init__(self, options):
         self._options = options
-        self._begin_s, self._next_told_s = time.monotonic(), 0.0
+        self._begin_s, self._next_warning_s = time.monotonic(), 0.0
         self._tags = self._starts = self._dropped = 0
         self._places = {}  # places of losses, an ordered set
 
@@ -318,9 +318,9 @@ class Losses:
         self._dropped = dropped
         now = time.monotonic()
         if now - self._begin_s >= RATE_S:
-            if self._places and now >= self._next_told_s:
+            if self._places and now >= self._next_warning_s:
                 self._tell(now - self._begin_s)
-                self._next_told_s = now + TELL_S
+                self._next_warning_s = now + WARNING_S
             self._begin_s, self._tags, self._starts, self._places = now, 0, 0, {}
 
     def _tell(self, seconds):

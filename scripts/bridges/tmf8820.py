@@ -109,7 +109,7 @@ class Chip:
         self._exposure_s, self._next = options.exposure, 0
         self._counts = captured(options.replay) if options.replay else None
         self._port = None if options.replay else Port(options.port, options.baud)
-        self._log, self._told_lost = Log(), 0
+        self._log, self._lost_reported = Log(), 0
         self._source = options.replay or options.port
 
     def hello(self):
@@ -129,8 +129,8 @@ class Chip:
         for line in self._port.lines():
             if (counts := self._log.take(line)) is not None:
                 self._send(server, counts)
-        server.lose(self._log.lost - self._told_lost)
-        self._told_lost = self._log.lost
+        server.lose(self._log.lost - self._lost_reported)
+        self._lost_reported = self._log.lost
         return 0
 
     def close(self):

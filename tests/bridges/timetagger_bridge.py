@@ -92,7 +92,7 @@ class Calls(unittest.TestCase):
             ("sync",),
             ("CustomMeasurement",), ("register_channel", -1), ("register_channel", 2), ("finalize_init",),
             ("stop",), ("freeTimeTagger",)])
-        self.assertIn("dead time of channel 2: 26000 ps (asked for 25001)", said)
+        self.assertIn("dead time of channel 2: 26000 ps (requested: 25001)", said)
 
     def test_library_without_custom_measurements_is_supported(self):
         tagger, _ = open_tagger(*SETTINGS, which=old_library)
