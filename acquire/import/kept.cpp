@@ -24,6 +24,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::int64_t most_bytes = 64 << 20;  // largest delivery of a port
+// Limits of times since the machine's start (36 years) and of UTC (year 2116). Their sums and
+// differences fit into 64 bits.
+constexpr std::int64_t longest_ns = std::int64_t{1} << 60, most_value = std::int64_t{1} << 62;
 
 // Reads NAME.times of the folder line by line; ignores a truncated last line.
 class TimesFile {
@@ -44,7 +47,8 @@ class TimesFile {
     if (!std::getline(in_, text) || in_.eof()) return std::nullopt;
     std::int64_t at_ns = 0, value = 0;
     char what[16];
-    if (std::sscanf(text.c_str(), "%" SCNd64 " %15s %" SCNd64, &at_ns, what, &value) == 3)
+    if (std::sscanf(text.c_str(), "%" SCNd64 " %15s %" SCNd64, &at_ns, what, &value) == 3 &&
+        at_ns >= 0 && at_ns <= longest_ns && value >= -most_value && value <= most_value)
       return Line{HostTime(at_ns), what, value};
     throw Error(ExitCode::failed, printable(path_) + ": expected TIME WHAT VALUE, found \"" +
                                       printable(text, 80) + "\"");
@@ -157,9 +161,15 @@ LiveRun read_live_run(const std::string& folder) {
   if (!run.started || !run.first_slot || run.slots == 0)
     throw Error(ExitCode::failed,
                 printable(times.path()) + ": the raw capture has no complete slot");
-  // A damaged number must not cause an unbounded number of slots.
-  const double slot_s = seconds(HostTime(run.slot_ns)), lasted_s = seconds(ended - *run.first_slot);
+  // A damaged number must not cause an unbounded number of slots, or years before the first one.
+  const double slot_s = seconds(HostTime(run.slot_ns)), lasted_s = seconds(ended - *run.first_slot),
+               wait_s = seconds(*run.first_slot - *run.started);
   constexpr double shortest_s = 0.05, longest_s = 3600;  // run.window_s
+  constexpr double longest_wait_s = 3 * 3600;  // run.connect_timeout_s, --countdown, a margin
+  if (!(wait_s >= 0 && wait_s <= longest_wait_s))
+    throw Error(ExitCode::failed, printable(times.path()) + ": its first slot begins " +
+                                      std::to_string(wait_s) +
+                                      " s after its start: is a number damaged?");
   if (!(slot_s >= shortest_s && slot_s <= longest_s) ||
       static_cast<double>(run.slots) * slot_s > lasted_s + slot_s)
     throw Error(ExitCode::failed, printable(times.path()) + ": lists " + std::to_string(run.slots) +

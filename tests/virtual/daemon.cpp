@@ -139,7 +139,7 @@ TEST_CASE("a raw capture with faults and reconnections reproduces the live run b
         std::vector(live[0].spd.begin(), live[0].spd.begin() + 10));
 }
 
-TEST_CASE("a raw capture without a slot or with missing bytes is refused") {
+TEST_CASE("a raw capture without a slot, with missing bytes or with a damaged time is refused") {
   Bench b;
   auto run = b.run(2);
   run.keep_raw = b.folder / "raw";
@@ -162,6 +162,15 @@ TEST_CASE("a raw capture without a slot or with missing bytes is refused") {
   }
   SECTION("missing slot") {
     name = "run.times", why = "run.times: the raw capture has no complete slot";
+  }
+  SECTION("time beyond 36 years") {
+    name = "run.times", text = "0 start 1\n9223372036854775807 slots 1000000000\n";
+    why = "expected TIME WHAT VALUE, found \"9223372036854775807 slots 1000000000\"";
+  }
+  SECTION("first slot years after the start") {
+    name = "run.times",
+    why = "run.times: its first slot begins 1000000000.000000 s after its start";
+    text = "0 start 0\n1000000000000000000 slots 1000000000\n1000000001000000000 closed 0\n";
   }
   std::ofstream(run.keep_raw + "/" + name) << text;
   CHECK_THAT(refusal(), Catch::Contains(why));
