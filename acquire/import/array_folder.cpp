@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "acquire/measurement/radar_array.hpp"
+#include "acquire/record/run_file.hpp"
 #include "drivers/core/median.hpp"
 #include "drivers/util/printable.hpp"
 
@@ -229,7 +230,17 @@ void ArrayFolder::require_shapes(const std::vector<Axis>& axes, const Zones& zon
 }
 
 std::int64_t ArrayFolder::next_index() {
-  return index_ ? std::llround(index_->next_row().at(0)) : static_cast<std::int64_t>(row_);
+  return static_cast<std::int64_t>(
+      index_ ? next_whole(*index_, static_cast<double>(record::max_index)) : row_);
+}
+
+// Returns the next row's only value. Refuses fractions, and values not from 0 to `most`.
+std::uint64_t ArrayFolder::next_whole(NpyFile& file, double most) const {
+  const double value = file.next_row().at(0);
+  if (value >= 0 && value <= most && value == std::floor(value))
+    return static_cast<std::uint64_t>(value);
+  refuse(file, "row " + std::to_string(row_) + " has " + std::to_string(value) +
+                   "; expected a whole number from 0 to " + std::to_string(std::llround(most)));
 }
 
 void ArrayFolder::take_row(record::FusedRecord& r) {
@@ -245,7 +256,8 @@ void ArrayFolder::take_row(record::FusedRecord& r) {
   if (radar_) put_power(r);
   if (depth_) put_depth(r);
   if (valid_) {
-    const auto bits = static_cast<std::uint32_t>(valid_->next_row().at(0));
+    constexpr double all_bits = 7;
+    const auto bits = static_cast<std::uint32_t>(next_whole(*valid_, all_bits));
     for (const Sensor s : all_sensors)
       if (r.has(s) && !SensorSet::from_bits(bits).contains(s))
         r.valid.erase(s), r.sync[s].verdict = "missing";

@@ -62,6 +62,7 @@ class ArrayFolder {
   Zones stated_zones() const;
   [[noreturn]] void refuse(const NpyFile& file, const std::string& what) const;
   std::vector<double> read(NpyFile& file, double least, const char* what) const;
+  std::uint64_t next_whole(NpyFile& file, double most) const;
   void put_counts(record::FusedRecord& r);
   void put_power(record::FusedRecord& r);
   void put_depth(record::FusedRecord& r);

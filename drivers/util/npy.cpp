@@ -5,6 +5,7 @@
 #include <array>
 #include <cstring>
 #include <limits>
+#include <string_view>
 
 #include "drivers/core/bytes.hpp"
 #include "drivers/util/printable.hpp"
@@ -55,9 +56,10 @@ void NpyFile::read_header() {
     refuse("header is truncated");
 
   const std::string type = value_of(header, "descr");
-  const bool known = type.size() == 5 && std::strchr("<|", type[1]) &&
-                     std::strchr("biuf", type[2]) && std::strchr("1248", type[3]) &&
-                     !(type[2] == 'f' && type[3] < '4') && !(type[2] == 'b' && type[3] != '1');
+  const auto among = [](char c, std::string_view all) { return all.find(c) != all.npos; };
+  const bool known = type.size() == 5 && among(type[1], "<|") && among(type[2], "biuf") &&
+                     among(type[3], "1248") && !(type[2] == 'f' && type[3] < '4') &&
+                     !(type[2] == 'b' && type[3] != '1');
   if (!known) refuse("has type " + printable(type) + "; expected little-endian numbers");
   kind_ = type[2], item_bytes_ = static_cast<std::size_t>(type[3] - '0');
   if (value_of(header, "fortran_order") != "False")

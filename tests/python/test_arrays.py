@@ -175,6 +175,15 @@ def test_npy_shape_is_checked_before_allocation(tmp_path):
     assert done.returncode == 1 and "has 4294967301 values per record; expected at most" in done.stderr
 
 
+def test_npy_with_a_type_that_contains_nul_is_refused(tmp_path):
+    np.save(tmp_path / "spd.npy", np.zeros((0, 5), "<u4"))
+    whole = (tmp_path / "spd.npy").read_bytes()
+    (tmp_path / "spd.npy").write_bytes(whole.replace(b"<u4", b"<u\0"))
+    (tmp_path / "run.toml").write_text("")
+    done = subprocess.run([ACQUIRE, "import", tmp_path, "--out", tmp_path / "own"], capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and "has type '<u\\x00'; expected little-endian numbers" in done.stderr
+
+
 def test_radar_response_and_antennas_are_stored(tmp_path):
     values = np.random.default_rng(1).normal(0, 1, (12, 20, 10)).astype(np.float32)
     values[:, :, 4:6] = 100  # power of each antenna
@@ -195,6 +204,21 @@ def test_arrays_replace_arrays_of_a_run(tmp_path):
         assert np.array_equal(few.depth, run.depth[3:]) and np.array_equal(few.time, run.time[3:])
         assert few.meta == run.meta and few.info["notes"] == "mine" and few.info["started_utc"] == run.info["started_utc"]
         assert few.info["uuid"] != run.info["uuid"] and few.offset_m == {"radar": pytest.approx(-0.1)}
+
+
+@pytest.mark.parametrize("name, values, said", [
+    ("index", [0.5, 1], "row 0 has 0.500000; expected a whole number from 0 to"),
+    ("index", [0, np.nan], "row 1 has nan"),
+    ("valid", [7, -1], "row 1 has -1.000000; expected a whole number from 0 to 7"),
+    ("valid", [1e300, 7], "row 0 has 1"),
+])
+def test_record_numbers_and_sensor_bits_are_whole(tmp_path, name, values, said):
+    write(tmp_path / "base", **scene())
+    (tmp_path / "run.toml").write_text('run = "base.sqlite"')
+    np.save(tmp_path / "index.npy", [0, 1])
+    np.save(tmp_path / f"{name}.npy", np.array(values, float))
+    done = subprocess.run([ACQUIRE, "import", tmp_path, "--out", tmp_path / "own"], capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and f"{name}.npy: {said}" in done.stderr
 
 
 @pytest.mark.parametrize("size", [3, 8])
