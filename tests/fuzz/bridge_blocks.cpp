@@ -1,33 +1,12 @@
 // SPDX-License-Identifier: MIT
-// Input: u8 split of the stream, then the stream. A header CRC of zero is replaced by the right
-// one, because mutations would not find a valid block.
-#include "drivers/bridge/bridge_protocol.hpp"
-#include "drivers/core/crc32c.hpp"
-#include "fuzz.hpp"
+// Input: u8 split of the stream, then the stream. A header CRC of zero is corrected.
+#include "blocks.hpp"
 
 using namespace echofuse;
 using namespace echofuse::bridge;
 using fuzz::require;
 
 namespace {
-
-constexpr std::size_t length_at = 12, crc_at = 28;
-
-std::uint32_t u32_at(ByteView bytes, std::size_t at) {
-  return ByteReader(bytes.subspan(at)).get<std::uint32_t>();
-}
-
-void put_in_crcs(Bytes& stream) {
-  for (std::size_t at = 0; at + header_bytes <= stream.size(); ++at) {
-    const ByteView rest = ByteView(stream).subspan(at);
-    if (fuzz::text_of(rest.first(4)) != "EFBR" || u32_at(rest, crc_at) != 0) continue;
-    const ByteView payload = rest.subspan(header_bytes);
-    const std::uint32_t size = u32_at(rest, length_at);
-    if (size > payload.size()) continue;
-    const std::uint32_t crc = crc32c(payload.first(size), crc32c(rest.first(crc_at)));
-    std::memcpy(stream.data() + at + crc_at, &crc, sizeof(crc));
-  }
-}
 
 // Returns the only bytes that give this block.
 Bytes bytes_of(const Block& block) {

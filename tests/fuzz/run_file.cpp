@@ -1,18 +1,13 @@
 // SPDX-License-Identifier: MIT
-// Input: a run file. Reads everything that info and reconstruct read. SQLite is not instrumented.
-// Runs with pages of 512 bytes keep inputs small.
+// Input: a run file, then optionally its -wal (w) and -journal (j) as in files.hpp. Reads
+// everything that info and reconstruct read. SQLite is not instrumented. Runs with pages of 512
+// bytes keep inputs small.
 #include "acquire/record/run_file.hpp"
 
-#include <unistd.h>
-
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <limits>
 
-#include "drivers/util/exit_code.hpp"
-#include "fuzz.hpp"
+#include "files.hpp"
 #include "recon/data/dataset.hpp"
 
 using namespace echofuse;
@@ -21,32 +16,15 @@ using fuzz::require;
 
 namespace {
 
-// Folder in memory if the system has one; removed at the end of the process.
-class Folder {
- public:
-  Folder() {
-    const bool shared = std::filesystem::is_directory("/dev/shm");
-    std::string name = std::string(shared ? "/dev/shm" : "/tmp") + "/echofuse-fuzz-XXXXXX";
-    require(mkdtemp(name.data()), "a folder can be made");
-    path_ = name;
-  }
-  ~Folder() { std::filesystem::remove_all(path_); }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
-
 std::string file_of(ByteView input) {
-  static const Folder folder;
-  const std::string path = folder.path() + "/run.sqlite";
-  for (const char* beside : {"-wal", "-shm", "-journal"}) ::unlink((path + beside).c_str());
-  std::ofstream out(path, std::ios::binary | std::ios::trunc);
-  out.write(reinterpret_cast<const char*>(input.data()),
-            static_cast<std::streamsize>(input.size()));
-  return path;
+  static const fuzz::Folder folder;
+  folder.clear();
+  const auto sides = fuzz::files_of(input);
+  const std::size_t end = fuzz::text_of(input).find(fuzz::file_mark);
+  folder.write("run.sqlite", input.first(std::min(end, input.size())));
+  for (const auto& [letter, name] : {std::pair{'w', "-wal"}, {'j', "-journal"}})
+    if (sides.contains(letter)) folder.write(std::string("run.sqlite") + name, sides.at(letter));
+  return folder / "run.sqlite";
 }
 
 template <class Body>

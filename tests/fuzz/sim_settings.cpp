@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input: 's' for a list of scenes, 'f' for a timetable of faults, another byte for the simulator's
-// settings; then the text of the file.
+// Input: 's' for a list of scenes, 'f' for a timetable of faults, 't' for a twin, another byte for
+// the simulator's settings; then the text of the file.
 #include <cmath>
 
 #include "drivers/util/exit_code.hpp"
@@ -9,6 +9,7 @@
 #include "sim/dataset/generator.hpp"
 #include "sim/devices/faults.hpp"
 #include "sim/scene/scene_list.hpp"
+#include "sim/twin/twin.hpp"
 
 using namespace echofuse;
 using fuzz::require;
@@ -30,6 +31,13 @@ void read_faults(const std::string& text) {
   }
 }
 
+void read_a_twin(const std::string& text) {
+  const sim::Twin twin = sim::read_twin(text, "x.toml");
+  const std::string written = to_text(twin);
+  require(to_text(sim::read_twin(written, "written")) == written, "a twin reads back unchanged");
+  for (const std::int64_t laboratory : {0, 7}) sim::conditions_of(twin, laboratory, {});
+}
+
 void read_settings(const std::string& text) {
   sim::Plan plan;
   Settings settings;
@@ -48,6 +56,7 @@ void fuzz::run(ByteView input) {
   try {
     if (input[0] == 's') return read_scenes(text);
     if (input[0] == 'f') return read_faults(text);
+    if (input[0] == 't') return read_a_twin(text);
     read_settings(text);
   } catch (const Error& error) {
     std::string_view rest = error.what();

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: MIT
+// Input: lab.toml (l), calibration.toml (c) and radar.cfg (r) as in files.hpp.
+#include "acquire/config/config.hpp"
+#include "files.hpp"
+
+using namespace echofuse;
+using fuzz::require;
+
+namespace {
+
+std::string contents(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+template <class Body>
+void refused_or_done(Body body) {
+  try {
+    body();
+  } catch (const Error& error) {
+    require(error.code() == ExitCode::config, "a fault has the code of a configuration");
+    fuzz::require_message(error, true);
+  }
+}
+
+void check_config(const fuzz::Folder& folder) {
+  const acquire::Config config = acquire::load_config(folder / "lab.toml");
+  require(!config.configured().empty(), "a configuration has a device");
+  require((config.required() - config.configured()).empty(), "required devices have an address");
+  for (const Sensor sensor : all_sensors)
+    require(config.nominal_hz()[sensor] >= 0, "a rate is not negative");
+  require(config.antennas.size() <= record::most_antennas, "antennas are limited");
+  folder.write("lab.toml", config.resolved);
+  try {
+    require(acquire::load_config(folder / "lab.toml").resolved == config.resolved,
+            "the resolved configuration reads back unchanged");
+  } catch (const Error&) {
+    require(false, "the resolved configuration can be read");
+  }
+}
+
+void check_calibration(const fuzz::Folder& folder) {
+  const std::string first = folder / "first.toml", second = folder / "second.toml";
+  acquire::write_calibration(first, acquire::read_calibration(folder / "calibration.toml"));
+  try {
+    acquire::write_calibration(second, acquire::read_calibration(first));
+  } catch (const Error&) {
+    require(false, "a written calibration can be read");
+  }
+  require(contents(first) == contents(second), "a written calibration reads back unchanged");
+}
+
+}  // namespace
+
+void fuzz::run(ByteView input) {
+  static const Folder folder;
+  folder.clear();
+  for (const auto& [letter, bytes] : files_of(input)) {
+    if (letter == 'l') folder.write("lab.toml", bytes);
+    if (letter == 'c') folder.write("calibration.toml", bytes);
+    if (letter == 'r') folder.write("radar.cfg", bytes);
+  }
+  refused_or_done([] { check_calibration(folder); });
+  refused_or_done([] { check_config(folder); });
+}

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: MIT
+// Input: the files of a folder of maps as in files.hpp: maps.npy as it is (m) or by its recipe (M),
+// records.csv (c), camera.json (j), run.txt (t), a PNG (p), the filtered rows of another one (P),
+// compressed data (z) and a table of scores (s).
+#include "acquire/record/deflate.hpp"
+#include "files.hpp"
+#include "recon/maps/png.hpp"
+#include "recon/maps/written_maps.hpp"
+#include "recon/score/paired.hpp"
+
+using namespace echofuse;
+using fuzz::require;
+
+namespace {
+
+constexpr std::uint32_t side = 4;
+
+// Returns the PNG with these filtered rows, cut or filled with zeros.
+Bytes png_of(ByteView rows) {
+  constexpr std::size_t to_data = 33, row_bytes = 2 * side + 1;
+  const Bytes blank = recon::encode_png16(std::vector<std::uint16_t>(side * side), side, side);
+  Bytes whole(rows.begin(),
+              rows.begin() + std::min<std::ptrdiff_t>(std::ssize(rows), side * row_bytes));
+  whole.resize(side * row_bytes);
+  const Bytes packed = record::deflated(whole, 1);
+  Bytes out(blank.begin(), blank.begin() + to_data);
+  out.insert(out.end(), {0, 0, 0, static_cast<std::uint8_t>(packed.size()), 'I', 'D', 'A', 'T'});
+  out.insert(out.end(), packed.begin(), packed.end());
+  out.insert(out.end(), 4, 0);  // CRC, which the rows' own checksum replaces
+  out.insert(out.end(), blank.end() - 12, blank.end());
+  return out;
+}
+
+void check_inflated(ByteView data) {
+  for (const std::size_t count : {0, 1, 7, 64, 4096}) {
+    const Bytes out = record::inflated(data, count);
+    require(out.empty() || out.size() == count, "all values or none");
+    const auto wide = record::inflated<std::uint16_t>(data, count);
+    require(wide.empty() || wide.size() == count, "all values or none");
+  }
+  const Bytes packed = record::deflated(data, 1);
+  require(std::ranges::equal(record::inflated(packed, data.size()), data), "deflate is undone");
+}
+
+template <class Body>
+void refused_or_done(Body body) {
+  try {
+    body();
+  } catch (const Error& error) {
+    require(error.code() == ExitCode::failed, "a fault has the code of a file");
+    fuzz::require_message(error);
+  }
+}
+
+void check_maps(const std::string& folder) {
+  const recon::WrittenMaps maps = recon::read_written_maps(folder, {.size = side});
+  require(!maps.of_index.empty(), "a folder of maps has a map");
+  for (const auto& [index, map] : maps.of_index) {
+    require(map.size() == side * side, "a map has the grid's size");
+    require(std::ranges::all_of(map, [](float z) { return z >= -100 && z < 1e6f; }),
+            "depths are finite");
+  }
+}
+
+}  // namespace
+
+void fuzz::run(ByteView input) {
+  static const Folder folder;
+  folder.clear();
+  const auto files = files_of(input);
+  for (const auto& [letter, bytes] : files) {
+    if (letter == 'm') folder.write("maps.npy", bytes);
+    if (letter == 'M') folder.write("maps.npy", npy_of(bytes));
+    if (letter == 'c') folder.write("records.csv", bytes);
+    if (letter == 'j') folder.write("camera.json", bytes);
+    if (letter == 't') folder.write("run.txt", bytes);
+    if (letter == 'p') folder.write("000003_mm.png", bytes);
+    if (letter == 'P') folder.write("000001.png", png_of(bytes));
+    if (letter == 's') folder.write("scores.csv", bytes);
+    if (letter == 'z') check_inflated(bytes);
+  }
+  refused_or_done([] { check_maps(folder.path()); });
+  if (!files.contains('s')) return;
+  refused_or_done([] {
+    for (const recon::NamedScores& named : recon::read_scores(folder / "scores.csv"))
+      require(!named.of_record.empty(), "a name has scores");
+  });
+}
