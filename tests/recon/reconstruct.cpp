@@ -134,6 +134,7 @@ TEST_CASE("written maps have the same scores as their model") {
   camera_refused("c = [1]", "camera.json: expected width, fx and depth_scale");
   camera_refused("c['fx'] *= 1.05", "the value for the run's field");
   camera_refused("c['width'] = 32", "maps of 32 x 64; the run's are 64 x 64");
+  camera_refused("c['width'] = 1e300", "maps of 1000000 x 64; the run's are 64 x 64");
   camera_refused("open(d + '/000007_mm.png', 'wb').write(b'no picture')",
                  "000007_mm.png: expected a 16-bit grey PNG of 64 x 64");
   std::filesystem::copy(dir / "o", dir / "few");
