@@ -40,6 +40,8 @@ class Installed(unittest.TestCase):
         return [path for path in self.prefix.rglob("*") if path.is_file()]
 
     def test_build_folder_is_not_referenced(self):
+        if "ECHOFUSE_SANITIZE:STRING=\n" not in (build / "CMakeCache.txt").read_text():
+            self.skipTest("sanitizers store the names of sources")
         names = {str(build).encode(), str(source).encode(), b"/stage/"}
         for path in self.files():
             content = path.read_bytes()
