@@ -182,38 +182,38 @@ class ConfigChecker {
   std::vector<std::string>& faults_;
 };
 
-void judge_radar(ConfigChecker& judge, Config& c, const std::string& cfg,
-                 const std::filesystem::path& folder) {
+void check_radar_keys(ConfigChecker& checker, Config& c, const std::string& cfg,
+                      const std::filesystem::path& folder) {
   RadarConfig& radar = c.radar;
   if (!radar.address.empty()) {
     if (!radar.cli.empty() || !radar.data.empty())
-      judge.complain(
+      checker.complain(
           {"radar.address"},
           "a radar has either radar.address or the two ports radar.cli and radar.data; remove one");
-    return judge.attempt({"radar.address"}, [&] { check_radar(radar.address); });
+    return checker.attempt({"radar.address"}, [&] { check_radar(radar.address); });
   }
   if (radar.cli.empty() != radar.data.empty())
-    judge.complain({"radar.cli", "radar.data"},
-                   "radar.cli and radar.data are both required; one of them is empty");
+    checker.complain({"radar.cli", "radar.data"},
+                     "radar.cli and radar.data are both required; one of them is empty");
   if (!radar.cli.empty() && radar.cli == radar.data)
-    judge.complain({"radar.data", "radar.cli"},
-                   "radar.cli and radar.data are the same port; expected the radar's two ports");
+    checker.complain({"radar.data", "radar.cli"},
+                     "radar.cli and radar.data are the same port; expected the radar's two ports");
   if (!radar.cli.empty())
-    judge.attempt({"radar.cli"}, [&] { check_radar_port(radar.cli, RadarConfig::cli_baud); });
+    checker.attempt({"radar.cli"}, [&] { check_radar_port(radar.cli, RadarConfig::cli_baud); });
   if (!radar.data.empty())
-    judge.attempt({"radar.data"}, [&] { check_radar_port(radar.data, radar.data_baud); });
+    checker.attempt({"radar.data"}, [&] { check_radar_port(radar.data, radar.data_baud); });
   if (radar.cli.empty()) return;
   if (cfg.empty())
-    return judge.complain({"radar.cfg", "radar.cli"},
-                          "radar.cfg is empty; expected a TI mmWave .cfg file");
-  judge.attempt({"radar.cfg"}, [&] {
+    return checker.complain({"radar.cfg", "radar.cli"},
+                            "radar.cfg is empty; expected a TI mmWave .cfg file");
+  checker.attempt({"radar.cfg"}, [&] {
     const auto path = here_or_installed(cfg, folder);
     radar.cfg_name = path.string();
     radar.cfg_text = read_config_text(path);
     const radar::RadarProfile profile = parse_profile(radar);
     for (const auto& place : profile.array)
       c.antennas.push_back({.x = static_cast<double>(place.x), .y = static_cast<double>(place.y)});
-    for (const auto& refusal : profile.refusals) judge.complain({"radar.cfg"}, refusal);
+    for (const auto& refusal : profile.refusals) checker.complain({"radar.cfg"}, refusal);
   });
 }
 
@@ -245,12 +245,12 @@ void refuse_other_baseline(const Config& c) {
   throw Error(ExitCode::config, text.str());
 }
 
-void judge(ConfigChecker judge, Config& c, const Keys& k, const std::filesystem::path& folder,
-           bool with_calibration) {
+void check_config(ConfigChecker checker, Config& c, const Keys& k,
+                  const std::filesystem::path& folder, bool with_calibration) {
   if (c.configured().empty())
-    judge.complain({"tdc.address", "radar.cli", "radar.address", "depth.address"},
-                   "no device; expected at least one of tdc.address, radar.cli, radar.address, "
-                   "depth.address");
+    checker.complain({"tdc.address", "radar.cli", "radar.address", "depth.address"},
+                     "no device; expected at least one of tdc.address, radar.cli, radar.address, "
+                     "depth.address");
   struct PolicyKeys {
     const char *policy, *address;
   };
@@ -259,25 +259,25 @@ void judge(ConfigChecker judge, Config& c, const Keys& k, const std::filesystem:
                                        {"depth.policy", "depth.address"}};
   for (const Sensor s : all_sensors)
     if ((c.required() - c.configured()).contains(s))
-      judge.complain({keys[s].policy}, std::string("required sensor without an address: ") +
-                                           keys[s].address + " is empty");
-  if (!c.tdc.address.empty()) judge.attempt({"tdc.address"}, [&] { check_tdc(c.tdc.address); });
-  judge.attempt({"tdc.click_channel", "tdc.start_channel", "tdc.bins", "tdc.bin_width_ps"},
-                [&] { const tdc::Histogram check(c.histogram); });
-  judge_radar(judge, c, k.cfg, folder);
+      checker.complain({keys[s].policy}, std::string("required sensor without an address: ") +
+                                             keys[s].address + " is empty");
+  if (!c.tdc.address.empty()) checker.attempt({"tdc.address"}, [&] { check_tdc(c.tdc.address); });
+  checker.attempt({"tdc.click_channel", "tdc.start_channel", "tdc.bins", "tdc.bin_width_ps"},
+                  [&] { const tdc::Histogram check(c.histogram); });
+  check_radar_keys(checker, c, k.cfg, folder);
   if (!c.on_doubt.empty() && c.on_doubt[0].find('/') != std::string::npos)
     c.on_doubt[0] = (folder / c.on_doubt[0]).string();
   if (!k.folder.empty()) c.run_folder = (folder / k.folder).string();
   c.calibration_path =
       (folder / (k.calibration.empty() ? "calibration.toml" : k.calibration)).string();
   if (with_calibration && !k.calibration.empty())
-    judge.attempt({"run.calibration"}, [&] {
+    checker.attempt({"run.calibration"}, [&] {
       c.calibration = read_calibration(c.calibration_path);
       refuse_other_baseline(c);
       calibrate_antennas(c);
     });
   if (!c.depth.address.empty())
-    judge.attempt({"depth.address"}, [&] { check_depth(c.depth.address); });
+    checker.attempt({"depth.address"}, [&] { check_depth(c.depth.address); });
 }
 
 std::string variable(const char* name) {
@@ -342,8 +342,8 @@ Config load_config(const std::string& path, const std::vector<std::string>& assi
   std::vector<std::string> faults = settings.read(config.text, path, assignments);
   take_numbers(config, keys);
   if (settings.whole())
-    judge(ConfigChecker(settings, path, faults), config, keys,
-          std::filesystem::path(path).parent_path(), with_calibration);
+    check_config(ConfigChecker(settings, path, faults), config, keys,
+                 std::filesystem::path(path).parent_path(), with_calibration);
   if (!faults.empty()) refuse(faults);
   ConfigChecker unfinished(settings, path, config.unfinished);
   for (const auto& [key, port] :

@@ -80,12 +80,12 @@ class Trial final : public SampleSink {
       if (devices_[s]) windows_->announce(*devices_[s]);
   }
   // Returns the slot's record with the verdicts of a run.
-  record::FusedRecord judged() {
+  record::FusedRecord checked_record() {
     record::FusedRecord record = windows_->close({0, false});
     SignalLimits limits = config_.signal;
     limits.spd_clicks *= capture_s / config_.window_s;
     SignalCheck(limits, capture_s, config_.nominal_hz(), config_.map.far_m)
-        .judge(record, windows_->axes());
+        .assess(record, windows_->axes());
     return record;
   }
 
@@ -127,8 +127,8 @@ class Trial final : public SampleSink {
   std::optional<Windows> windows_;
 };
 
-std::vector<Finding> judge(const Answer& answer, const Capture& capture, const Config& config,
-                           double time_s, const std::optional<record::FusedRecord>& record) {
+std::vector<Finding> findings_of(const Answer& answer, const Capture& capture, const Config& config,
+                                 double time_s, const std::optional<record::FusedRecord>& record) {
   const char* check = name_of(answer.sensor);
   if (answer.status.holder)
     return {{check, answer.delivers ? Grade::warning : Grade::problem, answer.text,
@@ -144,8 +144,8 @@ std::vector<Finding> judge(const Answer& answer, const Capture& capture, const C
     return {{check, Grade::problem, answer.text,
              answered ? "" : "check its power, its cable and its address; see `devices`"}};
   }
-  constexpr PerSensor<decltype(&judge_spd)> judges{judge_spd, judge_radar, judge_depth};
-  std::vector<Finding> out{judges[answer.sensor](capture, config, time_s)};
+  constexpr PerSensor<decltype(&spd_finding)> finders{spd_finding, radar_finding, depth_finding};
+  std::vector<Finding> out{finders[answer.sensor](capture, config, time_s)};
   if (record && record->has(answer.sensor) && out[0].grade == Grade::ok)
     if (const std::string& verdict = record->sync[answer.sensor].verdict; verdict != "ok") {
       out[0].grade = Grade::warning;
@@ -157,7 +157,7 @@ std::vector<Finding> judge(const Answer& answer, const Capture& capture, const C
 }
 
 // Receives data of the answering devices for 2 s. Returns the size of a record.
-double judge_devices(const Config& config, port::Loop& loop, DoctorReport& report) {
+double check_devices(const Config& config, port::Loop& loop, DoctorReport& report) {
   Capture capture(config.histogram);
   Trial trial(capture, config);
   std::optional<record::FusedRecord> record;
@@ -169,10 +169,11 @@ double judge_devices(const Config& config, port::Loop& loop, DoctorReport& repor
     loop.run_until(interrupted, begin + from_seconds(capture_s));
     time_s = seconds(loop.now() - begin);
     capture.end();
-    record = trial.judged();
+    record = trial.checked_record();
   });
   if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; no result");
-  for (const Answer& answer : answers) report.add(judge(answer, capture, config, time_s, record));
+  for (const Answer& answer : answers)
+    report.add(findings_of(answer, capture, config, time_s, record));
   return estimate_record_bytes(capture, config);
 }
 
@@ -194,7 +195,7 @@ ExitCode examine(const std::optional<Config>& config, const DoctorOptions& optio
                   .grade = Grade::problem,
                   .found = fault,
                   .failure = ExitCode::config});
-    plan.record_bytes = judge_devices(*config, loop, report);
+    plan.record_bytes = check_devices(*config, loop, report);
     plan.window_s = config->window_s;
   }
   report.add(check_disk(plan));

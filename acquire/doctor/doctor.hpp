@@ -74,9 +74,9 @@ class Capture final : public SampleSink {
 };
 
 // `time_s`: duration of the capture.
-Finding judge_spd(const Capture& capture, const Config& config, double time_s);
-Finding judge_radar(const Capture& capture, const Config& config, double time_s);
-Finding judge_depth(const Capture& capture, const Config& config, double time_s);
+Finding spd_finding(const Capture& capture, const Config& config, double time_s);
+Finding radar_finding(const Capture& capture, const Config& config, double time_s);
+Finding depth_finding(const Capture& capture, const Config& config, double time_s);
 
 // Estimates the bytes of a record from the received samples. A device without samples counts with
 // its configured size.

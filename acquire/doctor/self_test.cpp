@@ -42,7 +42,7 @@ void mark(Finding& finding, Grade grade, const std::string& advice) {
 }
 
 // Judges a frame rate, with a tolerance of one frame, because the period is cut at both ends.
-void judge_rate(Finding& finding, std::uint64_t frames, double nominal_hz, double time_s) {
+void check_rate(Finding& finding, std::uint64_t frames, double nominal_hz, double time_s) {
   const double expected = nominal_hz * time_s, got = static_cast<double>(frames);
   if (got + 1 < slow * expected)
     mark(finding, Grade::problem, "sends less than configured; check its cable and port");
@@ -128,7 +128,7 @@ void Capture::on_event(Sensor sensor, Severity severity, const std::string& text
     list.push_back(text);
 }
 
-Finding judge_spd(const Capture& capture, const Config& config, double time_s) {
+Finding spd_finding(const Capture& capture, const Config& config, double time_s) {
   const TagCounts& n = capture.tags;
   const std::uint64_t clicks = n.in_range + n.out_of_range + n.without_start;
   const std::uint64_t lost = capture.lost_tags + n.missed;
@@ -165,7 +165,7 @@ Finding judge_spd(const Capture& capture, const Config& config, double time_s) {
   return out;
 }
 
-Finding judge_radar(const Capture& capture, const Config& config, double time_s) {
+Finding radar_finding(const Capture& capture, const Config& config, double time_s) {
   if (!config.radar.address.empty())
     return {
         .check = "radar",
@@ -184,7 +184,7 @@ Finding judge_radar(const Capture& capture, const Config& config, double time_s)
                         {"nominal_frames_per_s", nominal_hz},
                         {"lost_frames", static_cast<double>(capture.radar_lost)},
                         {"bins", static_cast<double>(capture.profile.size())}}};
-  judge_rate(out, capture.radar_frames, nominal_hz, time_s);
+  check_rate(out, capture.radar_frames, nominal_hz, time_s);
   if (capture.radar_lost > 0)
     mark(out, Grade::warning, "check radar.data_baud against the .cfg, and the cable");
   if (capture.profiles == 0) {
@@ -221,7 +221,7 @@ Finding judge_radar(const Capture& capture, const Config& config, double time_s)
   return out;
 }
 
-Finding judge_depth(const Capture& capture, const Config& config, double time_s) {
+Finding depth_finding(const Capture& capture, const Config& config, double time_s) {
   const double fps = rate(capture.depth_frames, time_s);
   const double valid = share(capture.valid_pixels, capture.pixels);
   Finding out{.check = "depth",
@@ -232,7 +232,7 @@ Finding judge_depth(const Capture& capture, const Config& config, double time_s)
                         {"valid_share", valid}}};
   if (config.depth.fps > 0) {
     out.found += format(" of %" PRIu32, config.depth.fps);
-    judge_rate(out, capture.depth_frames, config.depth.fps, time_s);
+    check_rate(out, capture.depth_frames, config.depth.fps, time_s);
   }
   out.found += format(", %" PRIu64 " lost", capture.depth_lost);
   if (!capture.depth) {

@@ -35,7 +35,7 @@ void ImportedRun::put_axes(const std::vector<Axis>& axes) {
 }
 
 void ImportedRun::put(record::FusedRecord record, const SignalCheck::RecordingEnds& ends) {
-  check_.judge(record, axes_, ends);
+  check_.assess(record, axes_, ends);
   clock_.at = std::max(clock_.at, record.slot_end);
   clock_.utc_at = std::max(clock_.utc_at, record.slot_utc + (record.slot_end - record.slot_start));
   for (const Sensor s : all_sensors) {

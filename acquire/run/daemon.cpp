@@ -251,7 +251,7 @@ void Daemon::warn_of_full_disk() {
       .count = options_.count};
   constexpr double day_s = 86'400;
   const auto free = static_cast<double>(free_bytes(plan.folder).value_or(1ull << 62));
-  const Finding space = judge_space(free, plan, day_s);
+  const Finding space = space_finding(free, plan, day_s);
   if (space.grade != Grade::ok) log(Severity::warning, "disk", space.found);
 }
 
@@ -351,7 +351,7 @@ void Daemon::interrupt(HostTime now) {
 void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   if (raw_) raw_->note("run", loop_.now(), "closed", due.index);
   record::FusedRecord record = recording_->windows.close(due);
-  recording_->signal.judge(record, recording_->windows.axes());
+  recording_->signal.assess(record, recording_->windows.axes());
   record.index -= first_slot_;
   const std::int64_t index = record.index;
   record.statistics.closed_late_s = seconds(late);

@@ -123,7 +123,7 @@ DiskSpeed measure_disk(const std::string& folder, std::size_t commit_bytes) {
   return speed;
 }
 
-Finding judge_speed(const DiskSpeed& speed, const PlannedRun& plan) {
+Finding speed_finding(const DiskSpeed& speed, const PlannedRun& plan) {
   const bool known = plan.record_bytes > 0;
   const double needed =
       known ? journal_factor * estimate_disk(plan, 0).record_bytes / plan.window_s : 0;
@@ -150,7 +150,7 @@ Finding judge_speed(const DiskSpeed& speed, const PlannedRun& plan) {
           ExitCode::disk};
 }
 
-Finding judge_space(double free_bytes, const PlannedRun& plan, double short_s) {
+Finding space_finding(double free_bytes, const PlannedRun& plan, double short_s) {
   Finding out{.check = "disk space",
               .found = plan.folder + ": " + size_text(free_bytes) + " free",
               .facts = {{"free_bytes", free_bytes}},
@@ -180,8 +180,8 @@ std::vector<Finding> check_disk(const PlannedRun& plan) {
   try {
     const auto free = free_bytes(plan.folder);
     if (!free) fail(plan.folder, "cannot be used for a run");
-    out.push_back(judge_speed(measure_disk(plan.folder, static_cast<std::size_t>(size)), plan));
-    out.push_back(judge_space(static_cast<double>(*free), plan));
+    out.push_back(speed_finding(measure_disk(plan.folder, static_cast<std::size_t>(size)), plan));
+    out.push_back(space_finding(static_cast<double>(*free), plan));
   } catch (const Error& e) {
     out.push_back({"disk",
                    Grade::problem,

@@ -62,10 +62,10 @@ struct DiskSpeed {
 // followed by fdatasync, like the commits of a run file. Throws Error(disk).
 DiskSpeed measure_disk(const std::string& folder, std::size_t commit_bytes);
 
-Finding judge_speed(const DiskSpeed& speed, const PlannedRun& plan);
+Finding speed_finding(const DiskSpeed& speed, const PlannedRun& plan);
 // Returns a problem if the planned records need more space; without a number of records a warning
 // if the space lasts less than `short_s`.
-Finding judge_space(double free_bytes, const PlannedRun& plan, double short_s = 3600);
+Finding space_finding(double free_bytes, const PlannedRun& plan, double short_s = 3600);
 
 // Measures and judges both. If the record size is unknown, only describes the disk.
 std::vector<Finding> check_disk(const PlannedRun& plan);

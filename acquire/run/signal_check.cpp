@@ -52,7 +52,7 @@ bool same_profile(const std::vector<float>& a, const std::vector<float>& b, bool
 }
 
 // Events of the tagger in the record, including those known to be missing.
-std::string judge_missed(const TagCounts& counts, double limit) {
+std::string missed_verdict(const TagCounts& counts, double limit) {
   const auto arrived = static_cast<double>(counts.tags);
   const double sent = arrived + static_cast<double>(counts.missed);
   if (arrived >= limit * sent) return {};
@@ -98,7 +98,7 @@ std::string SignalCheck::beside_reference(Sensor sensor, double strength, const 
   return format("weak: %s is %.2g of the run's first minute's", what, strength / *usual);
 }
 
-std::string SignalCheck::judge_spd(record::FusedRecord& r, const Axis& axis) {
+std::string SignalCheck::assess_spd(record::FusedRecord& r, const Axis& axis) {
   bool even = true;                      // in every zone
   double clicks = 0, all = 0, most = 0;  // above the background; in total; in the brightest zone
   for (auto from = r.spd.begin(); from < r.spd.end(); from += axis.count) {
@@ -138,7 +138,7 @@ std::string SignalCheck::judge_spd(record::FusedRecord& r, const Axis& axis) {
   return beside;
 }
 
-std::string SignalCheck::judge_radar(record::FusedRecord& r, const Axis& axis) {
+std::string SignalCheck::assess_radar(record::FusedRecord& r, const Axis& axis) {
   std::vector<double> power;
   const bool codes = axis.quantity == "log2_q8";
   for (const float v : r.radar)
@@ -172,7 +172,7 @@ std::string SignalCheck::judge_radar(record::FusedRecord& r, const Axis& axis) {
   return beside;
 }
 
-std::string SignalCheck::judge_depth(record::FusedRecord& r) {
+std::string SignalCheck::assess_depth(record::FusedRecord& r) {
   const auto& mm = r.depth_mm;
   const auto returns = std::ranges::count_if(mm, [&](auto z) { return z > 0 && z <= far_mm_; });
   const double share = static_cast<double>(returns) / static_cast<double>(mm.size());
@@ -189,8 +189,8 @@ std::string SignalCheck::judge_depth(record::FusedRecord& r) {
 
 // Expected frames without a nominal rate: the median over the slots of the first minute, including
 // lost ones; before that, the frames received or lost in this slot.
-std::string SignalCheck::judge_losses(const record::FusedRecord& r, Sensor sensor,
-                                      std::optional<HostTime> end) {
+std::string SignalCheck::assess_losses(const record::FusedRecord& r, Sensor sensor,
+                                       std::optional<HostTime> end) {
   const bool spd = sensor == Sensor::spd;
   const auto arrived = static_cast<double>(spd                       ? r.spd_counts.starts
                                            : sensor == Sensor::radar ? r.sync[sensor].used
@@ -202,7 +202,7 @@ std::string SignalCheck::judge_losses(const record::FusedRecord& r, Sensor senso
     const double sent = arrived + static_cast<double>(r.sync[sensor].lost);
     expected = frames_[sensor].add(sent, reference_records_).value_or(sent);
   }
-  if (spd && expected == 0) return judge_missed(r.spd_counts, limits_.lossy_share);
+  if (spd && expected == 0) return missed_verdict(r.spd_counts, limits_.lossy_share);
   if (end && *end < r.slot_end) expected *= std::max(0.0, seconds(*end - r.slot_start)) / slot_s;
   // A slot border can move one frame at most.
   if (arrived >= limits_.lossy_share * expected || expected - arrived < 2) return {};
@@ -211,19 +211,19 @@ std::string SignalCheck::judge_losses(const record::FusedRecord& r, Sensor senso
                 spd ? "start pulses" : "frames");
 }
 
-void SignalCheck::judge(record::FusedRecord& record, std::span<const Axis> axes,
-                        const RecordingEnds& ends) {
+void SignalCheck::assess(record::FusedRecord& record, std::span<const Axis> axes,
+                         const RecordingEnds& ends) {
   const auto axis = [&](const char* name) {
     return std::find_if(axes.begin(), axes.end(), [&](const Axis& a) { return a.name == name; });
   };
   PerSensor<std::string> found;
   if (const auto a = axis("spd"); record.has(Sensor::spd) && a != axes.end())
-    found[Sensor::spd] = judge_spd(record, *a);
+    found[Sensor::spd] = assess_spd(record, *a);
   if (const auto a = axis("radar"); record.has(Sensor::radar) && a != axes.end())
-    found[Sensor::radar] = judge_radar(record, *a);
-  if (record.has(Sensor::depth)) found[Sensor::depth] = judge_depth(record);
+    found[Sensor::radar] = assess_radar(record, *a);
+  if (record.has(Sensor::depth)) found[Sensor::depth] = assess_depth(record);
   for (const Sensor s : all_sensors) {
-    const std::string lossy = record.has(s) ? judge_losses(record, s, ends[s]) : "";
+    const std::string lossy = record.has(s) ? assess_losses(record, s, ends[s]) : "";
     if (!found[s].empty() || !lossy.empty())
       record.sync[s].verdict = found[s].empty() ? lossy : found[s];
   }

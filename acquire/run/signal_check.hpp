@@ -30,8 +30,8 @@ class SignalCheck {
   // record order; `axes`: those of the run. `ends`: ends of the sensors' recordings. A slot that
   // such an end cuts is expected to contain the samples before it.
   using RecordingEnds = PerSensor<std::optional<HostTime>>;
-  void judge(record::FusedRecord& record, std::span<const Axis> axes,
-             const RecordingEnds& ends = {});
+  void assess(record::FusedRecord& record, std::span<const Axis> axes,
+              const RecordingEnds& ends = {});
 
  private:
   // A sensor's signal in the first minute; unknown before five records.
@@ -43,12 +43,12 @@ class SignalCheck {
     std::vector<double> values_;
     std::optional<double> median_;
   };
-  std::string judge_spd(record::FusedRecord& record, const Axis& axis);
-  std::string judge_radar(record::FusedRecord& record, const Axis& axis);
-  std::string judge_depth(record::FusedRecord& record);
+  std::string assess_spd(record::FusedRecord& record, const Axis& axis);
+  std::string assess_radar(record::FusedRecord& record, const Axis& axis);
+  std::string assess_depth(record::FusedRecord& record);
   std::string beside_reference(Sensor sensor, double strength, const char* what);
-  std::string judge_losses(const record::FusedRecord& record, Sensor sensor,
-                           std::optional<HostTime> end);
+  std::string assess_losses(const record::FusedRecord& record, Sensor sensor,
+                            std::optional<HostTime> end);
 
   SignalLimits limits_;
   PerSensor<double> nominal_hz_;

@@ -107,13 +107,13 @@ void TagCheck::take(const TagBlock& block, const Output& out) {
     pass(block, out, plain);
   }
   if (!second_from_) second_from_ = block.received;
-  if (block.received - *second_from_ >= 1s) judge_second(block.received);
+  if (block.received - *second_from_ >= 1s) check_second(block.received);
 }
 
 void TagCheck::pass(const TagBlock& block, const Output& out, bool plain) {
   auto rest = block.tags;
   for (; !rest.empty() && sample_.events < most_events; rest = rest.subspan(1))
-    look_at(rest.front(), block.received);
+    check_tag(rest.front(), block.received);
   if (!rest.empty()) last_start_ps_.reset();
   if (!plain)
     for (const Tag& tag : rest)
@@ -214,7 +214,7 @@ void TagCheck::take_marker(const Tag& tag, HostTime received) {
     overflow_from_ = received, overflow_told_ = false;
 }
 
-void TagCheck::look_at(const Tag& tag, HostTime received) {
+void TagCheck::check_tag(const Tag& tag, HostTime received) {
   if (!tag.is_time_tag()) return take_marker(tag, received);
   const auto time = static_cast<std::uint64_t>(tag.time_ps);
   ++sample_.events;
@@ -235,16 +235,16 @@ void TagCheck::look_at(const Tag& tag, HostTime received) {
   }
 }
 
-void TagCheck::judge_second(HostTime received) {
-  if (live_) judge_clock(received);
-  judge_overflow(received);
+void TagCheck::check_second(HostTime received) {
+  if (live_) check_clock(received);
+  check_overflow(received);
   if (wrapped_ > 0)
     found(wrap, std::exchange(wrapped_, 0),
           format("restarts of the tagger's time at 2^%u ps, continued in the run", wrap_bits_));
   if (sorted_ > 0)
     found(order, std::exchange(sorted_, 0), "events out of order by up to 1 us, sorted");
-  judge_starts();
-  judge_clicks();
+  check_starts();
+  check_clicks();
   if (stepped_back_ > 0)
     found(back, std::exchange(stepped_back_, 0),
           "steps back of the tagger's time by up to " +
@@ -256,7 +256,7 @@ void TagCheck::judge_second(HostTime received) {
   hold_ = faults_[order].count > 0;
 }
 
-void TagCheck::judge_clock(HostTime received) {
+void TagCheck::check_clock(HostTime received) {
   if (!last_ps_) return;
   const ClockReading now{received, *last_ps_ + offset_ps_};
   if (stepped_back_ > 0 || !clock_from_) {
@@ -278,13 +278,13 @@ void TagCheck::judge_clock(HostTime received) {
             " the host's; expected times in ps. Samples use the time of receipt");
 }
 
-void TagCheck::judge_overflow(HostTime received) {
+void TagCheck::check_overflow(HostTime received) {
   if (!overflow_from_ || overflow_told_ || received - *overflow_from_ < overflow_time) return;
   overflow_told_ = true;
   found(overflow, 1, "overflows without an end within 3 s; clicks are not counted until the end");
 }
 
-void TagCheck::judge_starts() {
+void TagCheck::check_starts() {
   auto& gaps = sample_.gaps_ps;
   if (gaps.size() < 5 * enough) return;
   const std::vector<std::uint64_t> in_time = gaps;
@@ -342,7 +342,7 @@ void TagCheck::judge_starts() {
             time_text(period_ps) + "); check the trigger level");
 }
 
-void TagCheck::judge_clicks() {
+void TagCheck::check_clicks() {
   if (sample_.firsts < 5 * enough) return;
   if (const auto step = static_cast<long double>(sample_.step_ps); step > 1)
     if (const std::string text = comb_text(step, use_.bin_width_ps); !text.empty())
@@ -379,7 +379,7 @@ void TagCheck::report(FaultType kind) {
 }
 
 void TagCheck::finish() {
-  if (second_from_) judge_second(*second_from_);
+  if (second_from_) check_second(*second_from_);
   for (std::size_t kind = 0; kind < faults_.size(); ++kind)
     if (kind != steps || faults_[kind].reported == 0)
       if (faults_[kind].count > faults_[kind].reported) report(static_cast<FaultType>(kind));

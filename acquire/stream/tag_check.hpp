@@ -76,13 +76,13 @@ class TagCheck {
   std::size_t ready() const;
   // `plain`: the result of is_plain().
   void pass(const TagBlock& block, const Output& out, bool plain = false);
-  void look_at(const Tag& tag, HostTime received);
+  void check_tag(const Tag& tag, HostTime received);
   void take_marker(const Tag& tag, HostTime received);
-  void judge_clock(HostTime received);
-  void judge_overflow(HostTime received);
-  void judge_starts();
-  void judge_clicks();
-  void judge_second(HostTime received);
+  void check_clock(HostTime received);
+  void check_overflow(HostTime received);
+  void check_starts();
+  void check_clicks();
+  void check_second(HostTime received);
   void found(FaultType kind, std::uint64_t count, const std::string& cause);
   void report(FaultType kind);
 

@@ -141,7 +141,7 @@ class HidWorker {
     auto next_status = SteadyClock::now() + status_period;
     while (!link_->stopping) {
       const char* wrong = !receive() ? "read" : !send() ? "write" : nullptr;
-      if (wrong || SteadyClock::now() >= next_status) tell_dropped();
+      if (wrong || SteadyClock::now() >= next_status) report_dropped();
       if (wrong) return failed(wrong);
       if (SteadyClock::now() < next_status) continue;
       next_status += status_period;
@@ -210,7 +210,7 @@ class HidWorker {
     if (status->parity_error) warn("parity errors: the bridge received damaged bytes", 1);
   }
 
-  void tell_dropped() {
+  void report_dropped() {
     std::uint64_t dropped = 0;
     {
       const std::lock_guard lock(link_->mutex);

@@ -139,7 +139,7 @@ void CommandDialogue::on_line() {
 
 void CommandDialogue::on_prompt(HostTime now) {
   if (state_ == State::commanding) {
-    judge_answer(now);
+    check_answer(now);
   } else if (state_ == State::draining && !drain_end_) {
     answered_ = true;
     drain_end_ = now + timeouts_.prompt;
@@ -148,7 +148,7 @@ void CommandDialogue::on_prompt(HostTime now) {
 }
 
 // A prompt without a verdict belongs to an earlier command; the current answer follows.
-void CommandDialogue::judge_answer(HostTime now) {
+void CommandDialogue::check_answer(HostTime now) {
   const bool refused = std::any_of(answer_.begin(), answer_.end(), is_refusal);
   if (has(answer_, "Done") || has(answer_, "Skipped")) {
     const std::string& command = commands_[next_].text;

@@ -83,7 +83,7 @@ class CommandDialogue {
  private:
   void on_line();
   void on_prompt(HostTime now);
-  void judge_answer(HostTime now);
+  void check_answer(HostTime now);
   std::string advice(bool unknown, bool without_reason) const;
   void send_bare_line(HostTime now);
   void send_command(HostTime now);

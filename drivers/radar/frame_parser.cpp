@@ -139,7 +139,7 @@ void FrameParser::feed(ByteView bytes, HostTime received, const OnFrame& on_fram
   buffer_.feed(bytes, [&](ByteView view) { return next(view, received, on_frame); });
 }
 
-void FrameParser::settle(const OnFrame& on_frame) {
+void FrameParser::resolve(const OnFrame& on_frame) {
   if (!complete_) return;
   const HostTime received = *complete_;
   const Bytes held(buffer_.held().begin(), buffer_.held().end());
@@ -154,7 +154,7 @@ void FrameParser::settle(const OnFrame& on_frame) {
 }
 
 void FrameParser::finish(const OnFrame& on_frame) {
-  settle(on_frame);
+  resolve(on_frame);
   const ByteView rest = buffer_.held();
   if (starts_with_magic(rest))
     skip_truncated(rest.size());

@@ -84,10 +84,10 @@ class FrameParser {
   // Accepts pieces of any size; `received` is the time at which the piece was read.
   void feed(ByteView bytes, HostTime received, const OnFrame& on_frame);
   // Returns true if the frame has its full length but its last bytes may be the start of a later
-  // frame. Further bytes, or settle(), decide.
+  // frame. Further bytes, or resolve(), decide.
   bool in_doubt() const { return complete_.has_value(); }
   // Delivers the frame in doubt; call it after a period without bytes.
-  void settle(const OnFrame& on_frame);
+  void resolve(const OnFrame& on_frame);
   // End of input: delivers a frame in doubt and counts the rest as truncated or junk. feed() may
   // follow; counters and frame numbers continue.
   void finish(const OnFrame& on_frame);

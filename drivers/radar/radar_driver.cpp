@@ -163,16 +163,16 @@ void RadarDriver::on_data(ByteView bytes) {
   const auto take = [this](RadarFrame frame) { on_frame(std::move(frame)); };
   parser_.feed(bytes, loop_.now(), take);
   quiet_timer_.cancel();
-  judge_frames();
+  check_frames();
   if (data_ && parser_.in_doubt())
     quiet_timer_.after(quiet, [this, take] {
-      parser_.settle(take);
-      judge_frames();
+      parser_.resolve(take);
+      check_frames();
     });
 }
 
 // A fault that a frame shows ends the connection after the parser has returned.
-void RadarDriver::judge_frames() {
+void RadarDriver::check_frames() {
   if (const auto fault = std::exchange(fault_, {})) fail(fault->reason, fault->state);
 }
 

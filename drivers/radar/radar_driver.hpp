@@ -92,7 +92,7 @@ class RadarDriver final : public Driver {
   void advance_last_words();
   void on_gone(const Failure& failure);
   void look_for_another_board(const RadarFrame& frame);
-  void judge_frames();
+  void check_frames();
   void fail(const std::string& reason, DeviceState state = DeviceState::faulted);
   void stop_timers();
   void disconnect();

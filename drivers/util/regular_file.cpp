@@ -19,7 +19,7 @@ namespace {
 }
 
 // `failed`: return value of stat() or fstat().
-void judge(int failed, const struct stat& file, const std::string& path, ExitCode code) {
+void check_file(int failed, const struct stat& file, const std::string& path, ExitCode code) {
   if (failed) cannot_read(path, code);
   if (S_ISREG(file.st_mode)) return;
   const char* const kind = S_ISDIR(file.st_mode)    ? "a folder"
@@ -34,7 +34,7 @@ void judge(int failed, const struct stat& file, const std::string& path, ExitCod
 void require_regular(const std::string& path, ExitCode code) {
   struct stat file {};
   const int failed = ::stat(path.c_str(), &file);
-  judge(failed, file, path, code);
+  check_file(failed, file, path, code);
 }
 
 std::string real_path(const std::string& path) {
@@ -52,7 +52,7 @@ RegularFile::RegularFile(const std::string& path, ExitCode code) : path_(path), 
   struct stat file {};
   try {
     const int failed = ::fstat(fd_, &file);
-    judge(failed, file, path, code);
+    check_file(failed, file, path, code);
   } catch (...) {
     ::close(fd_);
     throw;

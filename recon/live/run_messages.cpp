@@ -18,8 +18,8 @@ namespace {
 using Json = nlohmann::json;
 constexpr double first_minute_s = 60;
 constexpr std::size_t most_reference_records = 200;
-constexpr std::int64_t judged_records = 100;
-constexpr double judge_pause_s = 10;
+constexpr std::int64_t checked_records = 100;
+constexpr double check_pause_s = 10;
 constexpr std::int64_t most_since_mark = 20'000;    // records of a sum: 0.3 s of reading
 constexpr std::size_t most_sums = 4;                // kept, to be continued by the next record
 constexpr std::size_t most_events_searched = 1000;  // for a mark
@@ -178,7 +178,7 @@ Message RunMessages::state() {
            {"doubt", nullptr},
            {"doubts", record::doubts_of(run_.verdicts())},
            {"remaining_s", nullptr}};
-  judge_maps();
+  check_maps();
   if (!doubt_.empty()) out["doubt"] = doubt_;
   if (records > 0) {
     out["first_index"] = outlines.front().index;
@@ -228,13 +228,14 @@ Message RunMessages::make_record(std::int64_t index, bool live) {
 }
 
 // Tested at intervals, because the result changes slowly and the test takes some milliseconds.
-void RunMessages::judge_maps() {
+void RunMessages::check_maps() {
   const auto last = run_.last();
-  if (!model_ || !last || *last == judged_last_) return;
+  if (!model_ || !last || *last == checked_last_) return;
   const HostTime now = clock_.now();
-  if (*last > judged_last_ && judged_last_ >= 0 && seconds(now - judged_) < judge_pause_s) return;
-  judged_last_ = *last, judged_ = now;
-  const std::int64_t first = std::max(run_.outlines().front().index, *last - judged_records + 1);
+  if (*last > checked_last_ && checked_last_ >= 0 && seconds(now - checked_) < check_pause_s)
+    return;
+  checked_last_ = *last, checked_ = now;
+  const std::int64_t first = std::max(run_.outlines().front().index, *last - checked_records + 1);
   try {
     run_.with_reader([&](const record::RunReader& run) {
       doubt_ = model_->doubt(run, first, *last - first + 1);

@@ -51,7 +51,7 @@ class RunMessages {
   void add_maps(MessageWriter& out, nlohmann::json& head, const record::FusedRecord& record,
                 const record::RunReader& run);
   std::optional<std::int64_t> first_since_mark(std::int64_t index) const;
-  void judge_maps();
+  void check_maps();
   std::vector<float> track(const record::RunReader& run, std::int64_t index);
   FollowedRun& run_;
   const LiveModel* model_;
@@ -75,8 +75,8 @@ class RunMessages {
   bool last_live_ = false;
   // Why the newest records' maps are unreliable as a group.
   std::string doubt_;
-  HostTime judged_{};
-  std::int64_t judged_last_ = -1;
+  HostTime checked_{};
+  std::int64_t checked_last_ = -1;
 };
 
 // Calls visit(key, value) for each line of a resolved configuration ("tdc.bins", "336").

@@ -32,8 +32,8 @@ constexpr auto pulse_pause = std::chrono::milliseconds(250);
 constexpr auto longest_pause = std::chrono::milliseconds(200);
 constexpr auto shortest_pause = std::chrono::milliseconds(25);
 constexpr double state_pause_s = 1, strip_pause_s = 2;
-constexpr double last_look_s = 5;    // until_closed: wait after the run's end
-constexpr double first_look_s = 60;  // until_closed: wait for a run to start
+constexpr double end_wait_s = 5;     // until_closed: wait after the run's end
+constexpr double start_wait_s = 60;  // until_closed: wait for a run to start
 
 tcp::endpoint endpoint_of(const std::string& text) {
   const std::size_t colon = text.rfind(':');
@@ -56,9 +56,9 @@ tcp::endpoint endpoint_of(const std::string& text) {
 struct ServedRun {
   ServedRun(const std::string& target, const LiveModel* model, std::optional<std::int64_t> planned,
             const Clock& clock)
-      : run(target), show(run, model, planned, clock) {}
+      : run(target), messages(run, model, planned, clock) {}
   FollowedRun run;
-  RunMessages show;
+  RunMessages messages;
   std::set<std::shared_ptr<Session>> sessions;
   bool has_reference = false;
   int edition = 0;
@@ -118,34 +118,34 @@ class Server::Impl final : public SessionOwner {
   void closed(const std::shared_ptr<Session>& session) override;
   Message answer_to(Session& session, const Request& request) override;
   Message mark(const Session& session, const Mark& mark);
-  Message sum(ServedRun& shown, const Session& session);
+  Message sum(ServedRun& served, const Session& session);
 
   void listen();
   void accept();
   void pulse();
   bool over();
   void arm();
-  void look(ServedRun& shown);
-  void tell_all(ServedRun& shown, bool news);
+  void update(ServedRun& served);
+  void send_updates(ServedRun& served, bool news);
   // True once in `pause_s`.
   bool is_due(HostTime& last, double pause_s) const {
     const HostTime now = clock_.now();
     return seconds(now - last) >= pause_s && (last = now, true);
   }
-  void greet(ServedRun& shown, Session& session);
-  Message newest(ServedRun& shown);
-  void send_record(ServedRun& shown, Session& session, const Message& record);
-  ServedRun& shown_to(const Session& session);
-  // Calls look(shown) for each run with connected browsers.
+  void greet(ServedRun& served, Session& session);
+  Message newest(ServedRun& served);
+  void send_record(ServedRun& served, Session& session, const Message& record);
+  ServedRun& served_run(const Session& session);
+  // Calls action(served) for each run with connected browsers.
   template <class Action>
-  void each(Action look);
+  void each(Action action);
   template <class Make>
   Message attempt(Make make);
 
   int open_ = 0;  // connections; declared first because sessions in io_ decrement it when destroyed
   net::io_context io_;  // destroyed after its users below
   tcp::acceptor acceptor_{io_};
-  net::steady_timer pulse_{io_}, look_{io_}, retry_{io_};
+  net::steady_timer pulse_{io_}, update_timer_{io_}, retry_{io_};
   const ServerOptions options_;
   const LiveModel* model_;
   const Clock& clock_;
@@ -154,7 +154,7 @@ class Server::Impl final : public SessionOwner {
   Chooser chooser_;
   std::map<std::string, ServedRun> chosen_;  // by name
   bool armed_ = false;
-  HostTime begun_{}, seen_live_{};
+  HostTime begun_{}, last_live_{};
 };
 
 // Takes --listen if given, otherwise the first free port of ten, otherwise any.
@@ -206,41 +206,41 @@ bool Server::Impl::over() {
   if (!options_.until_closed) return false;
   const HostTime now = clock_.now();
   if (home_.sessions.empty()) home_.run.refresh();
-  if (home_.run.live() && home_.run.trouble().empty()) seen_live_ = now;
-  bool looked_at = false;
-  each([&](ServedRun&) { looked_at = true; });
-  if (looked_at) return false;
-  return seen_live_.count() == 0 ? seconds(now - begun_) > first_look_s
-                                 : seconds(now - seen_live_) > last_look_s;
+  if (home_.run.live() && home_.run.trouble().empty()) last_live_ = now;
+  bool has_clients = false;
+  each([&](ServedRun&) { has_clients = true; });
+  if (has_clients) return false;
+  return last_live_.count() == 0 ? seconds(now - begun_) > start_wait_s
+                                 : seconds(now - last_live_) > end_wait_s;
 }
 
 void Server::Impl::opened(const std::shared_ptr<Session>& session) {
   if (const std::string& name = session->run(); !name.empty() && !chosen_.contains(name))
     chosen_.try_emplace(name, chooser_.path_of(name), model_, std::nullopt, clock_);
-  ServedRun& shown = shown_to(*session);
-  shown.sessions.insert(session);
-  shown.run.refresh();
-  if (shown.sessions.size() == 1) shown.edition = shown.run.edition();
-  greet(shown, *session);
+  ServedRun& served = served_run(*session);
+  served.sessions.insert(session);
+  served.run.refresh();
+  if (served.sessions.size() == 1) served.edition = served.run.edition();
+  greet(served, *session);
   if (!armed_) arm();
 }
 
 // Frees the state of a run when its last browser disconnects.
 void Server::Impl::closed(const std::shared_ptr<Session>& session) {
   if (!session->run().empty() && !chosen_.contains(session->run())) return;
-  ServedRun& shown = shown_to(*session);
-  shown.sessions.erase(session);
-  if (shown.sessions.empty()) chosen_.erase(session->run());
+  ServedRun& served = served_run(*session);
+  served.sessions.erase(session);
+  if (served.sessions.empty()) chosen_.erase(session->run());
 }
 
-ServedRun& Server::Impl::shown_to(const Session& session) {
+ServedRun& Server::Impl::served_run(const Session& session) {
   return session.run().empty() ? home_ : chosen_.at(session.run());
 }
 
 template <class Action>
-void Server::Impl::each(Action look) {
-  if (!home_.sessions.empty()) look(home_);
-  for (auto& [name, shown] : chosen_) look(shown);
+void Server::Impl::each(Action action) {
+  if (!home_.sessions.empty()) action(home_);
+  for (auto& [name, served] : chosen_) action(served);
 }
 
 template <class Make>
@@ -252,104 +252,104 @@ Message Server::Impl::attempt(Make make) {
   }
 }
 
-Message Server::Impl::newest(ServedRun& shown) {
-  const auto last = shown.run.last();
-  return last ? attempt([&] { return shown.show.record(*last, true); }) : nullptr;
+Message Server::Impl::newest(ServedRun& served) {
+  const auto last = served.run.last();
+  return last ? attempt([&] { return served.messages.record(*last, true); }) : nullptr;
 }
 
-void Server::Impl::greet(ServedRun& shown, Session& session) {
-  if (const std::string& why = shown.run.trouble(); !why.empty())
+void Server::Impl::greet(ServedRun& served, Session& session) {
+  if (const std::string& why = served.run.trouble(); !why.empty())
     return session.send(MessageKind::trouble, trouble(why));
   session.send(MessageKind::run,
-               attempt([&] { return shown.show.about_run(session.may_write()); }));
-  session.send(MessageKind::state, attempt([&] { return shown.show.state(); }));
-  session.send(MessageKind::reference, attempt([&] { return shown.show.reference(); }));
-  session.send(MessageKind::strip, attempt([&] { return shown.show.strip(); }));
-  if (session.live) send_record(shown, session, newest(shown));
+               attempt([&] { return served.messages.about_run(session.may_write()); }));
+  session.send(MessageKind::state, attempt([&] { return served.messages.state(); }));
+  session.send(MessageKind::reference, attempt([&] { return served.messages.reference(); }));
+  session.send(MessageKind::strip, attempt([&] { return served.messages.strip(); }));
+  if (session.live) send_record(served, session, newest(served));
 }
 
 // Sends a record, and the sum that ends with it if the session wants one.
-void Server::Impl::send_record(ServedRun& shown, Session& session, const Message& record) {
+void Server::Impl::send_record(ServedRun& served, Session& session, const Message& record) {
   session.send(MessageKind::record, record);
-  if (session.summed) session.send(MessageKind::sum, sum(shown, session));
+  if (session.summed) session.send(MessageKind::sum, sum(served, session));
 }
 
-Message Server::Impl::sum(ServedRun& shown, const Session& session) {
-  const auto index = session.live ? shown.run.last() : session.held;
+Message Server::Impl::sum(ServedRun& served, const Session& session) {
+  const auto index = session.live ? served.run.last() : session.held;
   if (!session.summed || !index) return nullptr;
-  return attempt([&] { return shown.show.sum(*index, *session.summed); });
+  return attempt([&] { return served.messages.sum(*index, *session.summed); });
 }
 
 void Server::Impl::arm() {
   armed_ = true;
   std::chrono::nanoseconds pause = longest_pause;
-  each([&](ServedRun& shown) {
-    pause = std::min(pause, from_seconds(shown.run.info().window_s / 4));
+  each([&](ServedRun& served) {
+    pause = std::min(pause, from_seconds(served.run.info().window_s / 4));
   });
-  look_.expires_after(std::max<std::chrono::nanoseconds>(pause, shortest_pause));
-  look_.async_wait([this](Error_code) {
+  update_timer_.expires_after(std::max<std::chrono::nanoseconds>(pause, shortest_pause));
+  update_timer_.async_wait([this](Error_code) {
     armed_ = false;
-    bool looked_at = false;
-    each([&](ServedRun& shown) {
-      looked_at = true;
-      guarded([&] { look(shown); });
+    bool has_clients = false;
+    each([&](ServedRun& served) {
+      has_clients = true;
+      guarded([&] { update(served); });
     });
-    if (looked_at) arm();
+    if (has_clients) arm();
   });
 }
 
-void Server::Impl::look(ServedRun& shown) {
-  const bool news = shown.run.refresh();
-  const std::string& why = shown.run.trouble();
+void Server::Impl::update(ServedRun& served) {
+  const bool news = served.run.refresh();
+  const std::string& why = served.run.trouble();
   if (!why.empty()) {
-    if (is_due(shown.state, state_pause_s) || news)
-      for (const auto& s : shown.sessions) s->send(MessageKind::trouble, trouble(why));
+    if (is_due(served.state, state_pause_s) || news)
+      for (const auto& s : served.sessions) s->send(MessageKind::trouble, trouble(why));
     return;
   }
-  if (std::exchange(shown.edition, shown.run.edition()) != shown.run.edition()) {
-    shown.has_reference = false;
-    for (const auto& s : shown.sessions) greet(shown, *s);
+  if (std::exchange(served.edition, served.run.edition()) != served.run.edition()) {
+    served.has_reference = false;
+    for (const auto& s : served.sessions) greet(served, *s);
     return;
   }
-  tell_all(shown, news);
+  send_updates(served, news);
 }
 
-void Server::Impl::tell_all(ServedRun& shown, bool news) {
-  if (is_due(shown.state, state_pause_s) || news) {
-    const Message state = attempt([&] { return shown.show.state(); });
-    for (const auto& s : shown.sessions) s->send(MessageKind::state, state);
+void Server::Impl::send_updates(ServedRun& served, bool news) {
+  if (is_due(served.state, state_pause_s) || news) {
+    const Message state = attempt([&] { return served.messages.state(); });
+    for (const auto& s : served.sessions) s->send(MessageKind::state, state);
   }
   if (!news) return;
   const bool wanted =
-      std::any_of(shown.sessions.begin(), shown.sessions.end(), [](auto& s) { return s->live; });
-  if (const Message record = wanted ? newest(shown) : nullptr)
-    for (const auto& s : shown.sessions)
-      if (s->live) send_record(shown, *s, record);
-  if (!is_due(shown.strip, strip_pause_s)) return;
-  const Message strip = attempt([&] { return shown.show.strip(); });
-  for (const auto& s : shown.sessions) s->send(MessageKind::strip, strip);
-  if (shown.has_reference) return;
-  const Message reference = attempt([&] { return shown.show.reference(); });
-  shown.has_reference = reference != nullptr;
-  for (const auto& s : shown.sessions) s->send(MessageKind::reference, reference);
+      std::any_of(served.sessions.begin(), served.sessions.end(), [](auto& s) { return s->live; });
+  if (const Message record = wanted ? newest(served) : nullptr)
+    for (const auto& s : served.sessions)
+      if (s->live) send_record(served, *s, record);
+  if (!is_due(served.strip, strip_pause_s)) return;
+  const Message strip = attempt([&] { return served.messages.strip(); });
+  for (const auto& s : served.sessions) s->send(MessageKind::strip, strip);
+  if (served.has_reference) return;
+  const Message reference = attempt([&] { return served.messages.reference(); });
+  served.has_reference = reference != nullptr;
+  for (const auto& s : served.sessions) s->send(MessageKind::reference, reference);
 }
 
 Message Server::Impl::answer_to(Session& session, const Request& request) {
   if (const auto* bad = std::get_if<BadRequest>(&request)) return answer(false, bad->why);
   if (const auto* m = std::get_if<Mark>(&request)) return mark(session, *m);
-  ServedRun& shown = shown_to(session);
+  ServedRun& served = served_run(session);
   return attempt([&]() -> Message {
     if (const auto* asked = std::get_if<ShowSheet>(&request))
-      return shown.show.sheet(asked->first, asked->last);
+      return served.messages.sheet(asked->first, asked->last);
     if (const auto* asked = std::get_if<ShowSum>(&request)) {
       session.summed = *asked;
-      return sum(shown, session);
+      return sum(served, session);
     }
     const auto* asked = std::get_if<ShowRecord>(&request);
     session.live = !asked;
     if (asked) session.held = asked->index;
-    const Message record = asked ? shown.show.record(asked->index, false) : newest(shown);
-    if (session.summed) session.send(MessageKind::sum, sum(shown, session));
+    const Message record = asked ? served.messages.record(asked->index, false) : newest(served);
+    if (session.summed) session.send(MessageKind::sum, sum(served, session));
     return record;
   });
 }
@@ -357,14 +357,14 @@ Message Server::Impl::answer_to(Session& session, const Request& request) {
 Message Server::Impl::mark(const Session& session, const Mark& mark) {
   if (!session.may_write())
     return answer(false, "marking needs the token: open the full address printed by the program");
-  ServedRun& shown = shown_to(session);
-  const std::string& run = shown.run.path();
+  ServedRun& served = served_run(session);
+  const std::string& run = served.run.path();
   try {
     if (mark.label) {
       record::put_label(run, mark.text, "view");
       return answer(true, "label set: " + mark.text);
     }
-    if (!shown.run.live())
+    if (!served.run.live())
       return answer(false, "this run is not being recorded; only a live run can be marked");
     record::put_note(run, mark.text, "view");
     return answer(true, "marked: " + mark.text);

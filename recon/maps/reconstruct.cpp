@@ -144,9 +144,9 @@ class RunReconstructor {
   using PreparedMaps = std::vector<std::pair<RecordStatus, std::optional<MapFiles::Ready>>>;
   PreparedMaps make(const Records& records, std::span<const std::size_t> rows) const;
   void write(const Records& records, std::span<const std::size_t> rows, PreparedMaps made);
-  void tell_run(const std::string& text) const;
-  void tell(const RecordStatus& status);
-  void tell_bad(std::int64_t before);
+  void report_run(const std::string& text) const;
+  void report(const RecordStatus& status);
+  void report_damaged(std::int64_t before);
   void time(RecordStatus& status, HostTime slot_end) const;
 
   const TrainedModel& model_;
@@ -215,10 +215,10 @@ void RunReconstructor::take_all(const record::RunReader& run) {
     left = left.subspan(some.size());
   };
   for (std::size_t i = 0; i < ahead; ++i) start();
-  tell_run(records.antennas);
-  if (!options_.quiet) tell_run(records.response), tell_run(records.ranges);
+  report_run(records.antennas);
+  if (!options_.quiet) report_run(records.response), report_run(records.ranges);
   const DomainShift shift = domain_shift_of(model_, records.data);
-  if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());
+  if (shift.tested() && (shift.found() || !options_.quiet)) report_run(shift.text());
   for (std::size_t done = 0; !next.empty() && !interrupted(); next.pop_front()) {
     PreparedMaps made = next.front().get();
     start();
@@ -226,7 +226,7 @@ void RunReconstructor::take_all(const record::RunReader& run) {
     write(records, std::span(rows).subspan(done, more), std::move(made));
     progress.update(done += more);
   }
-  if (!interrupted()) tell_bad(std::numeric_limits<std::int64_t>::max());
+  if (!interrupted()) report_damaged(std::numeric_limits<std::int64_t>::max());
   table_.flush();
 }
 
@@ -235,7 +235,7 @@ bool RunReconstructor::take_new(const record::RunReader& run) {
   const Records records = prepare_new(read(run, part_records));
   const Rows rows = all_rows(records.data.size());
   write(records, rows, make(records, rows));
-  tell_bad(std::numeric_limits<std::int64_t>::max());
+  report_damaged(std::numeric_limits<std::int64_t>::max());
   table_.flush();
   return next_ != before;
 }
@@ -247,12 +247,12 @@ Records RunReconstructor::prepare_new(Dataset data) {
                    [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
     return {std::move(data), {}, {}, {}};
   Records out = prepare_records(model_, std::move(data), options_.range_offset_m);
-  if (out.antennas != antennas_) tell_run(antennas_ = out.antennas);
-  if (!options_.quiet && out.ranges != ranges_) tell_run(ranges_ = out.ranges);
+  if (out.antennas != antennas_) report_run(antennas_ = out.antennas);
+  if (!options_.quiet && out.ranges != ranges_) report_run(ranges_ = out.ranges);
   return out;
 }
 
-void RunReconstructor::tell_run(const std::string& text) const {
+void RunReconstructor::report_run(const std::string& text) const {
   if (!text.empty() && options_.on_run) options_.on_run(text);
 }
 
@@ -274,17 +274,17 @@ void RunReconstructor::write(const Records& records, std::span<const std::size_t
   for (std::size_t i = 0; i < made.size(); ++i)
     if (auto& [status, files] = made[i]; files)
       files_.write(*files), time(status, records.data.slot_end[rows[i]]);
-  for (const auto& [status, files] : made) tell_bad(status.index), tell(status);
+  for (const auto& [status, files] : made) report_damaged(status.index), report(status);
 }
 
-void RunReconstructor::tell(const RecordStatus& status) {
+void RunReconstructor::report(const RecordStatus& status) {
   table_.add(status);
   if (options_.on_record) options_.on_record(status);
   next_ = status.index + 1;
 }
 
-void RunReconstructor::tell_bad(std::int64_t before) {
-  for (; !bad_.empty() && bad_.front().index < before; bad_.pop_front()) tell(bad_.front());
+void RunReconstructor::report_damaged(std::int64_t before) {
+  for (; !bad_.empty() && bad_.front().index < before; bad_.pop_front()) report(bad_.front());
 }
 
 void RunReconstructor::time(RecordStatus& status, HostTime slot_end) const {

@@ -129,10 +129,10 @@ class RadarBoard final : public Device {
     put_on_line(wire);
     ++frames_;
     transmit_us_ = static_cast<double>(wire.size()) * 1e7 / firmware_.data_baud();
-    if (wanted.measure_bias) report_bias(power_seen());
+    if (wanted.measure_bias) report_bias(received_power());
   }
 
-  std::vector<double> power_seen() {
+  std::vector<double> received_power() {
     auto power = radar_power(player_.at(seen_s_).radar, axis_);
     for (double& p : power) p *= injector_.gain();
     return power;
@@ -144,9 +144,9 @@ class RadarBoard final : public Device {
     const bool heat_map = firmware_.outputs().heat_map, coherent = c.radar_sum == "coherent";
     if (heat_map || coherent) antennas_.look(player_.at(seen_s_), seen_s_, injector_.gain(), rng_);
     if (heat_map) last_heat_map_ = antennas_.tlv();
-    last_profile_ = coherent
-                        ? antennas_.profile_codes()
-                        : range_profile_codes(power_seen(), mean_peak_, chirp().antennas, c, rng_);
+    last_profile_ =
+        coherent ? antennas_.profile_codes()
+                 : range_profile_codes(received_power(), mean_peak_, chirp().antennas, c, rng_);
   }
 
   void put_on_line(Bytes wire) {

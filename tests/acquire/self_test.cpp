@@ -35,7 +35,7 @@ Finding spd_verdict(const std::vector<Tag>& tags, std::uint64_t lost_tags = 0) {
   capture.begin();
   if (!tags.empty()) capture.on_tags({.tags = tags, .lost_items = lost_tags});
   capture.end();
-  return judge_spd(capture, config, time_s);
+  return spd_finding(capture, config, time_s);
 }
 
 double fact(const Finding& finding, const std::string& name) {
@@ -57,7 +57,7 @@ Finding radar_verdict(int frames, const RadarFrame& frame) {
   capture.begin();
   for (int k = 0; k < frames; ++k) capture.on_radar(frame);
   capture.end();
-  return judge_radar(capture, config, time_s);
+  return radar_finding(capture, config, time_s);
 }
 
 DepthFrame depth_frame(std::uint16_t z) {
@@ -75,7 +75,7 @@ Finding depth_verdict(int frames, const DepthFrame& frame) {
   capture.begin();
   for (int k = 0; k < frames; ++k) capture.on_depth(frame);
   capture.end();
-  return judge_depth(capture, config, time_s);
+  return depth_finding(capture, config, time_s);
 }
 
 }  // namespace
@@ -154,7 +154,7 @@ TEST_CASE("doctor reports the rate of each zone, and marks zones without counts"
   capture.begin();
   capture.on_histogram({.exposure_us = 1000, .zones = 3, .counts = {1, 3, 0, 0, 2, 0}});
   capture.end();
-  const Finding found = judge_spd(capture, config, 2);
+  const Finding found = spd_finding(capture, config, 2);
   CHECK(has(found.found, "; zones 2 Hz 0 Hz 1 Hz"));
   CHECK(found.grade == Grade::warning);
   CHECK(has(found.advice, "zone 1 has no counts"));
@@ -186,35 +186,35 @@ TEST_CASE("record size is estimated from received frames, or else from the confi
 TEST_CASE("doctor rates the disk speed as ok, warning or problem") {
   const PlannedRun plan{.folder = "/d", .record_bytes = 1e6, .window_s = 2};  // needs 1 MB/s
   const auto grade = [&](double rate, double median_s, double longest_s) {
-    return judge_speed({rate, median_s, longest_s, 1'000'000}, plan).grade;
+    return speed_finding({rate, median_s, longest_s, 1'000'000}, plan).grade;
   };
   CHECK(grade(100e6, 0.01, 0.02) == Grade::ok);
   CHECK(grade(2e6, 0.01, 0.02) == Grade::warning);
   CHECK(grade(100e6, 0.01, 2.5) == Grade::warning);
   CHECK(grade(0.5e6, 0.01, 0.02) == Grade::problem);
   CHECK(grade(100e6, 2.5, 2.5) == Grade::problem);
-  CHECK(judge_speed({1, 10, 10, 1000}, {.folder = "/d"}).grade ==
+  CHECK(speed_finding({1, 10, 10, 1000}, {.folder = "/d"}).grade ==
         Grade::ok);  // without a planned run
 }
 
 TEST_CASE("doctor rates the disk space as ok, warning or problem") {
   PlannedRun plan{.folder = "/d", .record_bytes = 1e6, .window_s = 3, .count = 4000};
-  CHECK(judge_space(5e9, plan).grade == Grade::ok);
-  const Finding full = judge_space(3.9e9, plan);
+  CHECK(space_finding(5e9, plan).grade == Grade::ok);
+  const Finding full = space_finding(3.9e9, plan);
   CHECK(full.grade == Grade::problem);
   CHECK(full.failure == ExitCode::disk);
   CHECK(has(full.found, "4000 records of 1.0 MB each, including the journal, need 4.0 GB"));
   plan.count.reset();
-  CHECK(judge_space(3.9e9, plan).grade == Grade::ok);
-  CHECK(has(judge_space(3.9e9, plan).found, "enough for 3 h"));
-  CHECK(judge_space(0.5e9, plan).grade == Grade::warning);
-  CHECK(judge_space(3.9e9, plan, 86'400).grade == Grade::warning);
+  CHECK(space_finding(3.9e9, plan).grade == Grade::ok);
+  CHECK(has(space_finding(3.9e9, plan).found, "enough for 3 h"));
+  CHECK(space_finding(0.5e9, plan).grade == Grade::warning);
+  CHECK(space_finding(3.9e9, plan, 86'400).grade == Grade::warning);
   CHECK(record_bytes(small_axes(), {}) == 4 * 8 + 4 * 4 + 2 * 3 * 2);
   CHECK(record_bytes(small_axes(), Zones(9)) == 9 * 4 * 8 + 4 * 4 + 2 * 3 * 2);
   // 100 kB each, and 17 MB for any run.
   plan = {.record_bytes = 97'952, .window_s = 3, .count = 1000};
-  CHECK(judge_space(117e6, plan).grade == Grade::ok);
-  CHECK(judge_space(116e6, plan).grade == Grade::problem);
+  CHECK(space_finding(117e6, plan).grade == Grade::ok);
+  CHECK(space_finding(116e6, plan).grade == Grade::problem);
 }
 
 TEST_CASE("the disk test leaves no files, and a missing folder is a problem") {

@@ -78,7 +78,7 @@ class Laboratory {
 };
 
 std::array<std::string, 3> verdicts(SignalCheck& check, record::FusedRecord r) {
-  check.judge(r, axes());
+  check.assess(r, axes());
   return {r.sync[Sensor::spd].verdict, r.sync[Sensor::radar].verdict,
           r.sync[Sensor::depth].verdict};
 }
@@ -93,7 +93,7 @@ TEST_CASE("a good record has the verdict ok and the measured values") {
   for (int i = 0; i < 100; ++i) {
     auto r = lab.record();
     r.signal.clicks_a_pulse = 0.03;
-    check.judge(r, axes());
+    check.assess(r, axes());
     for (const auto& sync : r.sync) CHECK(sync.verdict == "ok");
     CHECK(r.valid == SensorSet::from_bits(7));
     CHECK(*r.signal.spd_clicks == Approx(1e5).epsilon(0.02));
@@ -239,7 +239,7 @@ TEST_CASE("a slot cut by the end of a recording is checked up to that end") {
     auto r = lab.record();
     r.slot_end = std::chrono::seconds(3);
     r.sync[Sensor::radar].used = frames;
-    check.judge(r, axes(), {std::nullopt, from_seconds(end_s), std::nullopt});
+    check.assess(r, axes(), {std::nullopt, from_seconds(end_s), std::nullopt});
     return r.sync[Sensor::radar].verdict;
   };
   CHECK(verdict(8, 0.4) == "ok");
@@ -290,7 +290,7 @@ TEST_CASE("depths beyond the map's range are not returns") {
   SignalCheck check({}, 3, {}, 6);
   auto r = lab.record();
   for (auto& z : r.depth_mm) z = z == 0 ? 40'000 : z;
-  check.judge(r, axes());
+  check.assess(r, axes());
   CHECK(*r.signal.depth_share == Approx(0.05));
 }
 
@@ -318,7 +318,7 @@ TEST_CASE("radar leakage up to 0.5 m is not an echo") {
   r.valid = {Sensor::radar};
   r.sync[Sensor::radar].verdict = "ok";
   for (int i = 0; i < 128; ++i) r.radar.push_back(i < 10 ? 1e6F : i % 3 == 0 ? 1.1F : 1);
-  check.judge(r, fine);
+  check.assess(r, fine);
   CHECK_THAT(r.sync[Sensor::radar].verdict, StartsWith("no peak"));
 }
 
@@ -332,16 +332,16 @@ TEST_CASE("each zone is checked separately") {
   r.spd[40 + 12] = 5000;
   r.signal.clicks_a_pulse = 0.04;
   r.sync[Sensor::spd].verdict = "ok";
-  check.judge(r, spd);
+  check.assess(r, spd);
   CHECK(r.sync[Sensor::spd].verdict == "ok");
   CHECK(*r.signal.spd_clicks == 5000);
   r.spd[40 + 12] = 30'000;  // 30/70 of the clicks, 4/7 in the first zone
   r.signal.clicks_a_pulse = 0.1;
-  check.judge(r, spd);
+  check.assess(r, spd);
   CHECK(r.sync[Sensor::spd].verdict ==
         "saturated: 0.0571 clicks a laser pulse in the brightest zone, 0.05 wanted at most");
   std::fill(r.spd.begin(), r.spd.end(), 3);
   r.signal.clicks_a_pulse = 0.01;
-  check.judge(r, spd);
+  check.assess(r, spd);
   CHECK(r.sync[Sensor::spd].verdict == "no peak: no bins stand out of the mean");
 }

@@ -163,7 +163,7 @@ TEST_CASE("doctor counts heat maps and reports missing ones") {
   frame.range_profile.resize(64, 900);
   SECTION("with heat maps") {
     for (int k = 0; k < 40; ++k) capture.on_radar(frame);
-    const Finding finding = judge_radar(capture, config, 2);
+    const Finding finding = radar_finding(capture, config, 2);
     CHECK(finding.grade == Grade::ok);
     CHECK(has(finding.found, "heat map of 8 antennas in 40 frames"));
     CHECK(estimate_record_bytes(capture, config) == 4 * 64 + kept_bins * (4 + 2 * 82));
@@ -171,7 +171,7 @@ TEST_CASE("doctor counts heat maps and reports missing ones") {
   SECTION("without heat maps") {
     frame.array.clear();
     for (int k = 0; k < 40; ++k) capture.on_radar(frame);
-    const Finding finding = judge_radar(capture, config, 2);
+    const Finding finding = radar_finding(capture, config, 2);
     CHECK(finding.grade == Grade::problem);
     CHECK(has(finding.advice, "radar.board"));
   }

@@ -240,10 +240,10 @@ TEST_CASE("padding that looks like a magic word is resolved by the next bytes or
   REQUIRE(frames.empty());
   REQUIRE(parser.in_doubt());
   SECTION("silence") {
-    parser.settle(keep);
+    parser.resolve(keep);
     CHECK_FALSE(parser.in_doubt());
     REQUIRE(frames.size() == 1);
-    parser.settle(keep);
+    parser.resolve(keep);
     parser.feed(golden()[2], later, keep);
   }
   SECTION("next frame") { parser.feed(golden()[2], later, keep); }
