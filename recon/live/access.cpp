@@ -40,7 +40,7 @@ bool is_number(std::string_view name) {
 
 }  // namespace
 
-bool Access::takes_host(std::string_view host) const {
+bool Access::accepts_host(std::string_view host) const {
   const std::string_view name = name_in(host);
   if (name.empty()) return false;
   if (same_name(name, "localhost") || name == "[::1]") return true;
@@ -48,7 +48,7 @@ bool Access::takes_host(std::string_view host) const {
   return is_number(name) || (!host_name.empty() && same_name(name, host_name));
 }
 
-bool Access::takes_origin(std::string_view origin, std::string_view host) const {
+bool Access::accepts_origin(std::string_view origin, std::string_view host) const {
   if (origin.empty()) return true;
   for (const std::string_view scheme : {"http://", "https://"})
     if (origin.starts_with(scheme)) return same_name(origin.substr(scheme.size()), host);

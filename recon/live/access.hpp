@@ -2,9 +2,10 @@
 // Access rules: which requests may read a run, and which may write to it. No side effects.
 //
 // Any web page can make a browser send requests to 127.0.0.1, so each request is checked:
-//   Host    a name of this machine that a foreign DNS entry cannot have (DNS rebinding)
-//   Origin  of a WebSocket: the host of this server's page; behind a proxy X-Forwarded-Host
-// A web page cannot set X-Forwarded-Host for a WebSocket, nor for another host without a preflight.
+//   Host    must be a name of this machine that no foreign DNS entry can have (DNS rebinding)
+//   Origin  for a WebSocket, must be the host of this server's page (X-Forwarded-Host if a proxy
+//           sets it; a web page can set that field neither for a WebSocket nor, without a
+//           preflight, for another host)
 #pragma once
 #include <string>
 #include <string_view>
@@ -19,11 +20,11 @@ struct Access {
   std::string host_name;     // name of this machine
 
   // Accepts "127.0.0.1:8410", "[::1]", "localhost"; refuses the name of another machine.
-  bool takes_host(std::string_view host) const;
-  // An empty origin means that no web page sent the request. `host` is the Host field, or what a
-  // proxy reports.
-  bool takes_origin(std::string_view origin, std::string_view host) const;
-  bool may_look(std::string_view given) const { return !token_asked || is_token(given); }
+  bool accepts_host(std::string_view host) const;
+  // An empty origin means that no web page sent the request. `host` is X-Forwarded-Host if a proxy
+  // sets it, otherwise Host.
+  bool accepts_origin(std::string_view origin, std::string_view host) const;
+  bool may_read(std::string_view given) const { return !token_asked || is_token(given); }
   bool may_write(std::string_view given) const { return is_token(given); }
 
  private:

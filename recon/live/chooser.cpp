@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
-constexpr double longest_look_s = 0.5;
+constexpr double longest_call_s = 0.5;
 constexpr double live_pause_s = 5;  // because a live run changes with each record
 
 std::string name_of_run(const std::string& path) { return fs::path(path).stem().string(); }
@@ -27,7 +27,7 @@ Json whole(const std::vector<float>& values, double scale) {
   return out;
 }
 
-void add_picture(Json& told, const record::RunReader& run, std::int64_t first) {
+void add_picture(Json& out, const record::RunReader& run, std::int64_t first) {
   const std::vector<Axis> axes = run.axes();
   record::MapGrid grid = record::map_grid_of(axes);
   grid.size = chooser_side;
@@ -35,9 +35,9 @@ void add_picture(Json& told, const record::RunReader& run, std::int64_t first) {
       [&](const record::FusedRecord& r) {
         const std::vector<float> map = map_of(r, axes, grid);
         if (!map.empty())
-          told["map"] = whole(map, 100);
+          out["map"] = whole(map, 100);
         else if (r.has(Sensor::spd))
-          told["histogram"] = whole(column_of(clicks_of(r, axes)), 1);
+          out["histogram"] = whole(column_of(clicks_of(r, axes)), 1);
         return false;
       },
       first, [](std::int64_t, const std::string&) {}, {Sensor::spd, Sensor::depth});
@@ -45,17 +45,17 @@ void add_picture(Json& told, const record::RunReader& run, std::int64_t first) {
 
 }  // namespace
 
-// Describes a run; with `more` also its picture, or why it cannot be read.
+// Entry of the list. `more`: picture of the run, or the reason why it cannot be read.
 struct Chooser::RunDescription {
-  std::optional<record::RunEntry> entry;
+  std::optional<record::RunEntry> fields;
   Json more = Json::object();
 
   explicit RunDescription(const std::string& path) {
     try {
       const record::RunReader run(path);
-      entry = record::entry_of(run);
-      const std::int64_t records = entry->sum.records;
-      add_picture(more, run, entry->sum.last_index - records + 1 + records / 2);
+      fields = record::entry_of(run);
+      const std::int64_t records = fields->sum.records;
+      add_picture(more, run, fields->sum.last_index - records + 1 + records / 2);
     } catch (const std::exception& e) {
       more["fault"] = printable(e.what(), 300);
     }
@@ -78,13 +78,13 @@ std::string Chooser::runs() {
     CachedRun& run = known[path] = known_[path];
     const bool fresh = run.stamp == stamp || (stamp.written && run.stamp.written &&
                                               seconds(now - run.read) < live_pause_s);
-    if ((!run.told || !fresh) && seconds(now - begun) < longest_look_s)
+    if ((!run.entry || !fresh) && seconds(now - begun) < longest_call_s)
       run = {stamp, now, std::make_shared<RunDescription>(path)};
-    const bool entered = run.told && run.told->entry;
-    Json& shown = all.emplace_back(entered ? record::to_json(*run.told->entry)
-                                           : Json{{"name", name_of_run(path)}});
+    const bool readable = run.entry && run.entry->fields;
+    Json& shown = all.emplace_back(readable ? record::to_json(*run.entry->fields)
+                                            : Json{{"name", name_of_run(path)}});
     shown.erase("path");
-    shown.update(run.told ? run.told->more : Json{{"waits", true}});
+    shown.update(run.entry ? run.entry->more : Json{{"waits", true}});
   }
   known_ = std::move(known);
   std::stable_sort(all.begin(), all.end(), [](const Json& a, const Json& b) {

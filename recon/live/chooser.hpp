@@ -20,10 +20,12 @@ class Chooser {
   // none.
   std::string path_of(const std::string& name) const;
   // Returns a JSON array of the runs, newest first. Each entry has one of:
-  //   run     the fields of `echofuse-acquire list --json` except its path; of the middle record
-  //           `map` (cm, chooser_side^2, 0 = no return) or, without a camera, `histogram` (clicks)
-  //   fault   name, and why the file cannot be read
-  //   waits   name; ask again, because one call takes at most half a second
+  //   run     the fields of `echofuse-acquire list --json` except the path, and of the middle
+  //           record `map` (cm, chooser_side^2, 0 = no return) or, without a camera, `histogram`
+  //           (clicks)
+  //   fault   name, and the reason why the file cannot be read
+  //   waits   name; the file is not read yet, because a call is limited to half a second: call
+  //   again
   std::string runs();
 
  private:
@@ -31,7 +33,7 @@ class Chooser {
   struct CachedRun {
     FileStamp stamp;
     HostTime read{};
-    std::shared_ptr<RunDescription> told;
+    std::shared_ptr<RunDescription> entry;
   };
   std::string folder_;
   const Clock& clock_;

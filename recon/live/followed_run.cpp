@@ -137,7 +137,7 @@ void FollowedRun::take(const record::FusedRecord& o) {
     sensor.missing += sensor.configured && !sensor.valid ? 1 : 0;
     sensor.used = static_cast<double>(o.sync[s].used);
     sensor.lost += o.sync[s].lost;
-    // A missing sensor has no residual, although its clock fit goes on.
+    // A missing sensor has no residual, although its clock fit continues.
     const std::optional<double> residual_s =
         sensor.valid && o.clocks[s] ? std::optional(o.clocks[s]->residual_s) : std::nullopt;
     sensor.residual_s = residual_s;
@@ -167,9 +167,9 @@ std::optional<std::uint64_t> FollowedRun::free_bytes() const {
   return space.available;
 }
 
-void FollowedRun::with_reader(const ReadAction& look) const {
+void FollowedRun::with_reader(const ReadAction& use) const {
   if (!trouble_.empty() || path_.empty()) throw Error(ExitCode::failed, trouble_);
-  look(record::RunReader(path_));
+  use(record::RunReader(path_));
 }
 
 std::optional<double> age_s(const SensorState& sensor, UtcTime now) {

@@ -21,8 +21,8 @@ struct Outline {
   UtcTime start{}, end{};
   SensorSet valid;
   PerSensor<float> used{}, lost{}, residual_s{};              // residual_s: NaN if not measured
-  float radar_c = std::numeric_limits<float>::quiet_NaN();    // warmest place of the chip
-  float margin_ms = std::numeric_limits<float>::quiet_NaN();  // left at the end of a radar frame
+  float radar_c = std::numeric_limits<float>::quiet_NaN();    // highest temperature on the chip
+  float margin_ms = std::numeric_limits<float>::quiet_NaN();  // spare time of a radar frame
 };
 
 // State of one sensor up to the last record.
@@ -51,13 +51,13 @@ class FollowedRun {
   // `target` is a run file or a folder (then its newest run); it need not exist yet.
   explicit FollowedRun(std::string target) : target_(std::move(target)) {}
 
-  // Reads new records; cheap without any. Returns true if it read some.
+  // Reads new records; returns true if there were any. Cheap if the file has not changed.
   bool refresh();
 
   const std::string& path() const { return path_; }
-  // Why the run cannot be read; may be empty.
+  // Reason why the run cannot be read, or empty.
   const std::string& trouble() const { return trouble_; }
-  // Changes if the file becomes another run, its axes or status change, or a trouble ends.
+  // Changes if the file becomes another run, its axes or status change, or it can be read again.
   int edition() const { return edition_; }
   const record::RunInfo& info() const { return info_; }
   const std::vector<Axis>& axes() const { return axes_; }
@@ -65,7 +65,7 @@ class FollowedRun {
   const std::vector<Outline>& outlines() const { return outlines_; }
   const std::string& label() const { return label_; }
   const PerSensor<SensorState>& sensors() const { return sensors_; }
-  // Totals over all records: count, doubtful ones, verdicts by sensor.
+  // Totals over all records: number, doubtful records, verdicts by sensor.
   const record::RunSummary& verdicts() const { return verdicts_; }
   std::optional<std::int64_t> last() const;  // index
   bool live() const { return info_.status == "open"; }
@@ -74,7 +74,7 @@ class FollowedRun {
 
   // Opens the run for one read. Throws Error.
   using ReadAction = std::function<void(const record::RunReader&)>;
-  void with_reader(const ReadAction& look) const;
+  void with_reader(const ReadAction& use) const;
 
  private:
   struct FolderEntry {  // a file of the folder
@@ -99,9 +99,9 @@ class FollowedRun {
   record::RunSummary verdicts_;
 };
 
-// Returns the seconds since the sensor's last valid slot ended; nothing if it had none.
+// Returns the seconds since the end of the sensor's last valid slot; empty without a valid slot.
 std::optional<double> age_s(const SensorState& sensor, UtcTime now);
-// True after two slots without a valid one; the lamp turns red.
+// Returns true after two slots without valid data; the lamp turns red.
 bool is_stale(const SensorState& sensor, double window_s, UtcTime now);
 
 }  // namespace echofuse::view

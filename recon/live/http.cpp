@@ -74,7 +74,7 @@ Caller caller_of(const HttpRequest& request, const Access& access, bool socket) 
   };
   if (request.count(http::field::host) != 1 || request.count(http::field::origin) > 1)
     return refuse(http::status::bad_request, "expected exactly one Host header");
-  if (!access.takes_host(host))
+  if (!access.accepts_host(host))
     return refuse(http::status::misdirected_request,
                   "unknown host name; behind a proxy, set X-Forwarded-Host");
   if (request.method() != http::verb::get && request.method() != http::verb::head)
@@ -83,9 +83,9 @@ Caller caller_of(const HttpRequest& request, const Access& access, bool socket) 
     return refuse(http::status::bad_request, "expected a path that begins with /");
   const PageFile* part = part_of(out);
   const bool open = part && out.path != "/";  // scripts and styles are public
-  if (!open && !access.takes_origin(field(request, http::field::origin), host_of(request)))
+  if (!open && !access.accepts_origin(field(request, http::field::origin), host_of(request)))
     return refuse(http::status::forbidden, "request from a page of another origin");
-  if (!open && !access.may_look(asked.token))
+  if (!open && !access.may_read(asked.token))
     return refuse(http::status::unauthorized,
                   "token missing or wrong: open the full address printed by the program");
   const bool list = out.path == "/runs" && !out.page;

@@ -36,8 +36,8 @@ class LiveModel {
                              bool with_deviation) const;
   // Compares with the camera's map if both have the same grid.
   void compare(Reconstruction& made, std::span<const float> camera_map_m) const;
-  // Returns why maps of these records are unreliable as a group (recon::DomainShift); empty if the
-  // test passes or has too few records.
+  // Returns why the maps of these records are unreliable as a group (recon::DomainShift); empty if
+  // the test passes or has too few records.
   std::string doubt(const record::RunReader& run, std::int64_t first, std::int64_t count) const;
 
  private:

@@ -67,10 +67,10 @@ int run(int argc, char** argv) {
                  "ADDRESS:PORT to listen on (default 127.0.0.1:8410, or another free port); on "
                  "an address that other machines can reach, viewing needs the token");
   app.add_option("--planned", o.server.planned,
-                 "planned number of records, to show how many remain")
+                 "planned number of records, to show the remaining number")
       ->check(CLI::PositiveNumber);
   app.add_flag("--until-closed", o.server.until_closed,
-               "exit when the run is over and no browser is connected");
+               "exit when the run has ended and no browser is connected");
   app.add_flag("-q,--quiet", o.quiet, "print errors only");
   more_options(app, {"--planned", "--until-closed", "--quiet"});
   add_examples(app, {"echofuse-view monday.sqlite", "echofuse-view . --model fused.safetensors"});

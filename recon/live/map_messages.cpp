@@ -17,7 +17,7 @@ constexpr std::size_t most_places_kept = 1000;
 
 }  // namespace
 
-// Camera picture, its map, and the model's map with the track of the body.
+// Adds the camera image, its map, and the model's map with the track of the body.
 void RunMessages::add_maps(MessageWriter& out, Json& head, const record::FusedRecord& r,
                            const record::RunReader& run) {
   const std::vector<Axis> axes = run.axes();
@@ -65,7 +65,8 @@ RunMessages::TrackPoint RunMessages::place_of(const Reconstruction& made) {
   return {given(made.x_m), given(made.z_m), given(made.lateral_interval_90_m)};
 }
 
-// Places of the body in the minute before a record: age in s, x, z, 90 % interval of x; m.
+// Returns the positions of the body in the minute before a record: age in s, then x, z and 90 %
+// interval of x in m.
 std::vector<float> RunMessages::track(const record::RunReader& run, std::int64_t index) {
   std::vector<const Outline*> minute;
   const auto& all = run_.outlines();

@@ -52,7 +52,8 @@ Request mark_of(const Json& text, bool label) {
   if (!text.is_string()) return BadRequest{"mark and label: expected a string"};
   Mark mark{label, text.get<std::string>()};
   if (mark.text.size() > most_text_bytes || (mark.text.empty() && !label))
-    return BadRequest{"text too long or empty: a mark takes 1 to 200 bytes, a label at most 200"};
+    return BadRequest{
+        "text too long or empty: expected 1 to 200 bytes for a mark, 0 to 200 for a label"};
   if (printable(mark.text) != mark.text) return BadRequest{"expected one line of printable text"};
   return mark;
 }

@@ -18,33 +18,34 @@
 //              age_s (since the end of its last valid slot), used, arrived (frames in its slot),
 //              lost, late, missing (records without it), residual_s}}; alerts: {source:
 //              sensor, disk or run, kind: "weak", "no data", "low", "crashed"} each; with a model
-//              doubt: why the newest maps are unreliable as a group, or null; doubts: summary of
-//              the verdicts of the whole run
+//              doubt: reason why the newest maps are unreliable as a group, or null; doubts:
+//              summary of the verdicts of the whole run
 //   record     index, utc, label, live, sensors, rates and fits (tally.hpp), and spd (counts),
 //              radar (dB), beams (dB by range and sine of azimuth, for radars with antennas),
 //              camera (mm), map (m, the camera's depth on the grid of the maps); with a model
-//              reconstruction (m) and deviation (m), or the reason for its lack; body position
-//              (x_m, z_m), reliability, whether this record was in the training data (seen), errors
-//              against the camera (iou, lateral_error_m);
-//              track: places of the body in the minute before, newest first: [n, 4] of age (s), x,
-//              z, 90 % interval of x (m), NaN if unknown; holes: share of pixels without a return
-//              in camera and map
-//   sum        after each record, if asked for: rates and fits (tally.hpp) of `records` records up
-//              to it, `from` the first, and if more than one was asked for spd (clicks) and radar
-//              (dB of the mean power); or `why` it is missing
+//              reconstruction (m) and deviation (m), or the reason why it is missing; body
+//              position (x_m, z_m), reliability, whether this record was in the training data
+//              (seen), errors against the camera (iou, lateral_error_m);
+//              track: positions of the body in the minute before, newest first: [n, 4] of age (s),
+//              x, z, 90 % interval of x (m), NaN if unknown; holes: share of pixels without a
+//              return in camera and map
+//   sum        after each record, if requested: rates and fits (tally.hpp) of the last `records`
+//              records, `from` (index of the first), and for more than one record spd (clicks) and
+//              radar (dB of the mean power); or `why` it is missing
 //   reference  spd: mean histogram of the first minute
 //   strip      the whole run in at most strip_columns columns: first (index), time_s; for each
-//              sensor used, lost, residual_s and the share of valid records; radar_c (warmest place
-//              of the radar chip, degrees C) and margin_ms (of its frames): worst of the column
+//              sensor used, lost, residual_s and the share of valid records; radar_c (highest
+//              temperature on the radar chip, degrees C) and margin_ms (spare time of its frames):
+//              worst of the column
 //   sheet      thumbnails of records spread over the run: index, maps (m) of sheet_side pixels,
 //              which of them lack a depth map (lacks); time_s since the first record; and columns
 //              of a waterfall: spd (clicks), radar (dB), NaN if missing
 //   answer     result of a mark or label: ok, text
-//   trouble    every second instead of state: why the run cannot be shown: text
+//   trouble    every second instead of state if the run cannot be shown: text (reason)
 // From the client: text of at most 1024 bytes, one of
 //   {"show": "live"}  {"show": 17}  {"sheet": [0, 500]}  {"mark": "door opened"}  {"label": "two"}
 //   {"sum": [100, 2.5, 4]}: 100 records, or since the newest mark (0); fits between 2.5 and 4 m
-// If a client sends requests faster than they are answered, only the last is answered.
+// If a client sends requests faster than they are answered, only the newest is answered.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -66,7 +67,7 @@ inline constexpr std::size_t strip_columns = 360, sheet_maps = 48, sheet_side = 
 
 using Message = std::shared_ptr<const Bytes>;
 
-// Null if the value is not finite.
+// Returns null if the value is not finite.
 nlohmann::json number(double value);
 
 class MessageWriter {

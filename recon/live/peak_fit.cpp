@@ -22,7 +22,7 @@ struct Gaussian {
   std::ptrdiff_t first, last;
   bool counts;
 
-  // Weighted sum of squares; fills J^T W J and J^T W r.
+  // Returns the weighted sum of squares; fills J^T W J and J^T W r.
   double normal(const Parameters& p, Eigen::Matrix4d& square, Parameters& slope) const {
     square.setZero(), slope.setZero();
     double sum = 0;
@@ -84,7 +84,7 @@ std::optional<PeakFit> fit_peak(std::span<const double> values, const Axis& axis
     p = next, sum = after, square = other, slope = unused, damping /= 5;
     if (done) break;
   }
-  // Powers have no known noise: it follows from the residuals.
+  // The noise of counts is known (Poisson). That of powers is estimated from the residuals.
   const double noise = counts ? 1 : sum / (points - 4);
   const Eigen::Matrix4d covariance = square.inverse() * noise;
   const double height_error = std::sqrt(std::max(covariance(2, 2), 0.0));

@@ -15,14 +15,15 @@ struct PeakFit {
   double height = 0;  // above the background
 };
 
-// Least-squares fit of a Gaussian on an even background, about the highest value of [from, to]
-// (Levenberg-Marquardt). Counts have Poisson weights, and the width of a bin is taken out of theirs
-// (Sheppard). Empty if the height is below five of its standard errors.
+// Fits a Gaussian on a constant background around the highest value of [from, to] by least squares
+// (Levenberg-Marquardt). `counts`: with Poisson weights, and the FWHM is corrected for the bin
+// width (Sheppard). Empty if the height is below five standard errors.
 std::optional<PeakFit> fit_peak(std::span<const double> values, const Axis& axis, double from,
                                 double to, bool counts);
 
-// Number of bins before the first return: the first five neighbours that exceed the mean of all
-// bins before them by more than chance. All bins if nothing does; 0 with fewer than 10 before it.
+// Returns the number of bins before the first return, less a margin of 3. A return begins where
+// five neighbouring bins significantly exceed the mean of all bins before them. Without a return:
+// all bins. 0 if 10 or fewer bins would remain.
 std::size_t bins_before_return(std::span<const double> counts);
 
 }  // namespace echofuse::view

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Numbers that the page draws of a record.
+// Data of a record as the page draws them.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -19,24 +19,24 @@ struct Picture {
 };
 Picture thinned(const std::vector<std::uint16_t>& mm, std::size_t height, std::size_t width);
 
-// dB by range and direction; NaN without the radar's antennas.
+// Returns the power in dB by range and direction; NaN without antenna data.
 std::vector<float> beams_of(const record::FusedRecord& r, const record::Antennas& antennas,
                             std::size_t bins);
 
-// A column of the waterfall: neighbours as their highest, so that none has more than 256.
+// Column of the waterfall: at most 256 values, each the maximum of neighbouring bins.
 std::size_t column_bins(std::size_t bins);
 std::vector<float> column_of(const std::vector<float>& values);
 
-// Camera's map on this grid, metres, 0 = no return; empty without a picture.
+// Returns the camera's map on this grid, metres, 0 = no return; empty without a camera image.
 std::vector<float> map_of(const record::FusedRecord& r, const std::vector<Axis>& axes,
                           const record::MapGrid& grid);
 
-// SPD histogram: the sum over the zones.
+// Returns the SPD histogram, summed over the zones.
 std::vector<float> clicks_of(const record::FusedRecord& r, const std::vector<Axis>& axes);
 
-// Linear power of a profile's value: power, or one of the firmware's codes (drivers/core/axis.hpp).
+// Converts a value of a profile to linear power: it is power or a code of the firmware
+// (drivers/core/axis.hpp).
 double power_of(float value, const Axis& axis);
-// A profile in dB.
 std::vector<float> to_db(std::span<const float> profile, const Axis& axis);
 
 }  // namespace echofuse::view

@@ -21,8 +21,8 @@ constexpr std::size_t most_reference_records = 200;
 constexpr std::int64_t checked_records = 100;
 constexpr double check_pause_s = 10;
 constexpr std::int64_t most_since_mark = 20'000;    // records of a sum: 0.3 s of reading
-constexpr std::size_t most_sums = 4;                // kept, to be continued by the next record
-constexpr std::size_t most_events_searched = 1000;  // for a mark
+constexpr std::size_t most_sums = 4;                // kept, so that the next record extends them
+constexpr std::size_t most_events_searched = 1000;  // in search of a mark
 
 Json axis_json(const Axis& a) {
   return {{"quantity", a.quantity},
@@ -32,7 +32,7 @@ Json axis_json(const Axis& a) {
           {"step", a.step}};
 }
 
-// The histogram, and of a detector with zones the histogram and direction of each.
+// Adds the histogram; for a detector with zones also the histogram and direction of each zone.
 void add_clicks(MessageWriter& out, Json& head, const record::FusedRecord& r,
                 const record::RunReader& run) {
   const Zones zones = run.zones();
@@ -53,7 +53,7 @@ Message trouble(const std::string& text) {
   return MessageWriter().finish({{"kind", "trouble"}, {"text", text}});
 }
 
-// Parsed once a run.
+// Parses the configuration once per run.
 const RunMessages::RunSettings& RunMessages::settings() {
   if (std::exchange(settings_edition_, run_.edition()) == run_.edition()) return settings_;
   settings_ = {};
@@ -118,7 +118,7 @@ Json RunMessages::sensors() const {
   return out;
 }
 
-// Free disk space, and how long it lasts at the run's mean rate.
+// Returns the free disk space, and how long it lasts at the run's mean rate.
 Json RunMessages::disk() const {
   const auto free = run_.free_bytes();
   if (!free) return nullptr;
@@ -130,7 +130,7 @@ Json RunMessages::disk() const {
   return out;
 }
 
-// Alerts by the limits alert.* of the run's configuration.
+// Returns the alerts for the limits alert.* of the run's configuration.
 Json RunMessages::alerts() {
   Json out = Json::array();
   const std::string& status = run_.info().status;
@@ -227,7 +227,7 @@ Message RunMessages::make_record(std::int64_t index, bool live) {
   return out.finish(std::move(head));
 }
 
-// Tested at intervals, because the result changes slowly and the test takes some milliseconds.
+// Tests at intervals, because the result changes slowly and the test takes some milliseconds.
 void RunMessages::check_maps() {
   const auto last = run_.last();
   if (!model_ || !last || *last == checked_last_) return;
@@ -245,7 +245,8 @@ void RunMessages::check_maps() {
   }
 }
 
-// First record that began after the newest mark before the end of record `index`.
+// Returns the first record after the newest mark that precedes the end of record `index`; empty
+// without a mark.
 std::optional<std::int64_t> RunMessages::first_since_mark(std::int64_t index) const {
   const auto& all = run_.outlines();
   const auto shown = std::ranges::find(all, index, &Outline::index);
@@ -292,7 +293,7 @@ Message RunMessages::sum(std::int64_t index, const ShowSum& asked) {
   known.first = *first, known.last = index;
   sums_[asked.records] = known;
   MessageWriter out;
-  if (asked.records != 1) {  // the message of the record has its data
+  if (asked.records != 1) {  // otherwise the message `record` contains the data
     if (!known.tally.clicks().empty()) out.add("spd", known.tally.clicks());
     if (const auto db = known.tally.profile_db(axes); !db.empty()) out.add("radar", db);
   }

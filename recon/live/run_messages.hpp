@@ -33,7 +33,7 @@ class RunMessages {
   Message sum(std::int64_t index, const ShowSum& asked);  // ends with this record
   Message strip() const;
   Message sheet(std::int64_t first, std::int64_t last) const;
-  // Null until the first minute or the run is over.
+  // Null until the first minute or the run has ended.
   Message reference();
 
  private:
@@ -46,7 +46,7 @@ class RunMessages {
   nlohmann::json disk() const;
   nlohmann::json alerts();
   nlohmann::json facts() const;
-  std::string trigger_levels() const;  // as the time tagger's bridge reports them in the firmware
+  std::string trigger_levels() const;  // from the firmware text of the time tagger's bridge
   Message make_record(std::int64_t index, bool live);
   void add_maps(MessageWriter& out, nlohmann::json& head, const record::FusedRecord& record,
                 const record::RunReader& run);
@@ -64,8 +64,8 @@ class RunMessages {
     std::int64_t first = 0, last = -1;
     int edition = -1;
   };
-  std::map<std::int64_t, Summed> sums_;  // by the number asked for
-  struct TrackPoint {                    // body; NaN if unknown
+  std::map<std::int64_t, Summed> sums_;  // by requested number of records
+  struct TrackPoint {                    // body position; NaN if unknown
     float x_m, z_m, interval_90_m;
   };
   static TrackPoint place_of(const Reconstruction& made);
@@ -73,7 +73,7 @@ class RunMessages {
   RunSettings settings_;
   int last_edition_ = -1, places_edition_ = -1, reference_edition_ = -1, settings_edition_ = -1;
   bool last_live_ = false;
-  // Why the newest records' maps are unreliable as a group.
+  // Why the maps of the newest records are unreliable as a group, or empty.
   std::string doubt_;
   HostTime checked_{};
   std::int64_t checked_last_ = -1;

@@ -127,7 +127,7 @@ class Server::Impl final : public SessionOwner {
   void arm();
   void update(ServedRun& served);
   void send_updates(ServedRun& served, bool news);
-  // True once in `pause_s`.
+  // Returns true once per `pause_s`.
   bool is_due(HostTime& last, double pause_s) const {
     const HostTime now = clock_.now();
     return seconds(now - last) >= pause_s && (last = now, true);
@@ -157,7 +157,7 @@ class Server::Impl final : public SessionOwner {
   HostTime begun_{}, last_live_{};
 };
 
-// Takes --listen if given, otherwise the first free port of ten, otherwise any.
+// Listens on --listen if given, otherwise on the first free port of ten, otherwise on any port.
 void Server::Impl::listen() {
   const bool said = !options_.listen.empty();
   tcp::endpoint at = said ? endpoint_of(options_.listen)
@@ -268,7 +268,7 @@ void Server::Impl::greet(ServedRun& served, Session& session) {
   if (session.live) send_record(served, session, newest(served));
 }
 
-// Sends a record, and the sum that ends with it if the session wants one.
+// Sends a record, and the sum that ends with it if the session has requested one.
 void Server::Impl::send_record(ServedRun& served, Session& session, const Message& record) {
   session.send(MessageKind::record, record);
   if (session.summed) session.send(MessageKind::sum, sum(served, session));

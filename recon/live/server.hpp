@@ -16,12 +16,12 @@ namespace echofuse::view {
 inline constexpr int most_connections = 64;
 
 struct ServerOptions {
-  // A run file, or a folder: / lists its runs, /run/NAME/ is the page of one, /newest/ that of the
-  // newest. May not exist yet; a missing path counts as a file.
+  // A run file or a folder. For a folder, / lists its runs, /run/NAME/ is the page of a run, and
+  // /newest/ is that of the newest run. May not exist yet; a missing path counts as a file.
   std::string run;
   std::optional<std::int64_t> planned;  // planned records of the run (of a folder: the newest)
   std::string listen;         // "127.0.0.1:8410"; empty: the first free port of ten on this machine
-  bool until_closed = false;  // end when the run is over and no browser is connected
+  bool until_closed = false;  // end when the run has ended and no browser is connected
 };
 
 // Threading: one thread. A slow client skips messages: only the newest of each kind is queued. A
@@ -33,8 +33,7 @@ class Server {
   Server(const ServerOptions& options, const LiveModel* model, const Clock& clock);
   ~Server();
   std::string address() const;  // URL for a browser, with the token
-  // Returns the reason if no run can be shown yet, or empty. Throws Error(failed) if something else
-  // is there.
+  // Returns why no run can be shown yet, or empty. Throws Error(failed) if the file is not a run.
   std::string missing();
   void run();  // until interrupted()
 

@@ -12,7 +12,7 @@ namespace {
 namespace beast = boost::beast;
 namespace websocket = beast::websocket;
 constexpr auto patience = std::chrono::seconds(10);
-constexpr std::size_t most_marks = 8;  // waiting
+constexpr std::size_t most_marks = 8;  // pending
 
 }  // namespace
 
@@ -103,7 +103,7 @@ void Session::on_message() {
   serve();
 }
 
-// Works only if nothing waits to be sent, so a client that does not read causes no work.
+// Answers requests only if the send queue is empty, so a client that does not read causes no work.
 void Session::serve() {
   if (writing_ || over_) return;
   for (auto [asked, kind] : {std::pair{&record_, MessageKind::record},

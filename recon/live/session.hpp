@@ -89,8 +89,8 @@ class Session : public std::enable_shared_from_this<Session> {
   bool over_ = false;
   Message writing_;
   std::array<Message, kinds> waiting_;
-  std::optional<Request> record_, sum_, sheet_;  // received, not answered yet; the newest only
-  std::deque<Request> marks_;                    // received, not answered yet; all of them
+  std::optional<Request> record_, sum_, sheet_;  // newest pending request of each kind
+  std::deque<Request> marks_;                    // all pending marks and labels
 };
 
 }  // namespace echofuse::view

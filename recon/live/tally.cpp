@@ -21,7 +21,7 @@ Json fit_json(const std::optional<PeakFit>& fit) {
           {"fwhm_m", number(fit->fwhm)}};
 }
 
-// Axis in metres of the centres of the bins.
+// Returns the axis of the bin centres in metres.
 Axis centres_m(Axis axis) {
   axis.start = (axis.start + axis.step / 2) / ps_per_m, axis.step /= ps_per_m;
   return axis;

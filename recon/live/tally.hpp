@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// One record or a sum of records: histogram, mean range profile, and the numbers about them.
+// Sum of one or more records: histogram, mean range profile, rates and fits.
 #pragma once
 #include <cstdint>
 #include <limits>
@@ -10,7 +10,7 @@
 
 namespace echofuse::view {
 
-// Ranges in which peaks are fitted, m.
+// Range in which peaks are fitted, m.
 struct FitRange {
   double from_m = -std::numeric_limits<double>::infinity();
   double to_m = std::numeric_limits<double>::infinity();
@@ -18,15 +18,15 @@ struct FitRange {
 
 class Tally {
  public:
-  // Adds a record's SPD and radar; a `sign` of -1 takes it out again.
+  // Adds a record's SPD and radar; `sign` -1 subtracts them.
   void add(const record::FusedRecord& record, const std::vector<Axis>& axes, int sign = 1);
   const std::vector<double>& clicks() const { return clicks_; }        // by bin; empty without SPD
   std::vector<float> profile_db(const std::vector<Axis>& axes) const;  // empty without radar
   // {"rates": {sync_hz, pulse_hz, click_hz, dark_hz, clicks_a_pulse}, "spd_records": number of
   // records with SPD, "fits": {spd, radar: {centre_m, error_m, fwhm_m}}}; unknown values are null.
-  // Syncs: those received; behind a conditional filter there are more pulses, by `laser_hz` or (0)
-  // by an estimate. Dark clicks: those before the first return, per second in which the detector
-  // could count them.
+  // sync_hz counts received syncs. Behind a conditional filter there are more pulses: pulse_hz is
+  // `laser_hz`, or an estimate if that is 0. dark_hz: clicks before the first return, per second of
+  // the observed time.
   nlohmann::json numbers(const std::vector<Axis>& axes, double laser_hz = 0,
                          const FitRange& range = {}) const;
 

@@ -43,7 +43,7 @@ void take_http(std::string_view bytes, bool everybody, bool many) {
     return std::string("x 1\n");
   });
   const auto host = request[http::field::host];
-  require(access.takes_host({host.data(), host.size()}) ||
+  require(access.accepts_host({host.data(), host.size()}) ||
               http::to_status_class(response.result()) == http::status_class::client_error,
           "a foreign host name is refused");
   require(knows || !everybody || !asked, "no metrics without the token");

@@ -18,27 +18,27 @@ TEST_CASE("the server accepts only Host names that DNS rebinding cannot use") {
   Access here;
   here.host_name = "lab7";
   for (const char* host : {"localhost", "LocalHost:8410", "127.0.0.1", "127.0.0.1:1", "[::1]:8410"})
-    CHECK(here.takes_host(host));
+    CHECK(here.accepts_host(host));
   for (const char* host :
        {"", ":8410", "evil.example", "127.0.0.1.evil.example", "localhost.evil", "10.0.0.1", "lab7",
         "127.0.0.1:", "127.0.0.1:port", "[::1", "127.1", "[]"})
-    CHECK_FALSE(here.takes_host(host));
+    CHECK_FALSE(here.accepts_host(host));
   Access all = here;
   all.loopback = false;
   for (const char* host : {"localhost:8410", "10.0.0.1:8410", "lab7:8410", "[fe80::1]:8410"})
-    CHECK(all.takes_host(host));
+    CHECK(all.accepts_host(host));
   for (const char* host : {"evil.example", "lab7.evil.example", "999.0.0.1"})
-    CHECK_FALSE(all.takes_host(host));
+    CHECK_FALSE(all.accepts_host(host));
 }
 
 TEST_CASE("a page of another origin cannot open a WebSocket") {
   const Access access;
-  CHECK(access.takes_origin("", "127.0.0.1:8410"));
-  CHECK(access.takes_origin("http://127.0.0.1:8410", "127.0.0.1:8410"));
-  CHECK(access.takes_origin("https://127.0.0.1:8410", "127.0.0.1:8410"));
+  CHECK(access.accepts_origin("", "127.0.0.1:8410"));
+  CHECK(access.accepts_origin("http://127.0.0.1:8410", "127.0.0.1:8410"));
+  CHECK(access.accepts_origin("https://127.0.0.1:8410", "127.0.0.1:8410"));
   for (const char* origin : {"null", "http://127.0.0.1", "http://127.0.0.1:8411", "file://",
                              "http://evil.example", "http://127.0.0.1:8410.evil.example"})
-    CHECK_FALSE(access.takes_origin(origin, "127.0.0.1:8410"));
+    CHECK_FALSE(access.accepts_origin(origin, "127.0.0.1:8410"));
 }
 
 TEST_CASE("the token is required for reading on a public address, and always for writing") {
@@ -46,7 +46,7 @@ TEST_CASE("the token is required for reading on a public address, and always for
   access.token = make_token();
   CHECK(access.token.size() == 32);
   CHECK(make_token() != access.token);
-  CHECK(access.may_look(""));
+  CHECK(access.may_read(""));
   CHECK_FALSE(access.may_write(""));
   CHECK_FALSE(access.may_write(access.token.substr(1)));
   CHECK(access.may_write(access.token));
@@ -56,8 +56,8 @@ TEST_CASE("the token is required for reading on a public address, and always for
     CHECK_FALSE(access.may_write(other));
   }
   access.token_asked = true;
-  CHECK_FALSE(access.may_look("0"));
-  CHECK(access.may_look(access.token));
+  CHECK_FALSE(access.may_read("0"));
+  CHECK(access.may_read(access.token));
   CHECK_FALSE(Access{}.may_write(""));  // a missing token differs from an empty one
   CHECK(target_of("/live?a=1&token=12&b").token == "12");
   CHECK(target_of("/live?xtoken=12").token.empty());
