@@ -78,13 +78,15 @@ void bind(Settings& settings, ArraySettings& s) {
   settings.add("notes", s.notes, "origin of the arrays");
   settings.add("spd.first_bin_ps", s.first_bin_ps, -1e9, 1e9, "start of bin 0, two-way time");
   settings.add("spd.bin_width_ps", s.bin_width_ps, 1e-3, 1e9, "width of a bin, two-way time");
-  settings.add("spd.irf_fwhm_ps", s.irf_fwhm_ps, 0, 1e6, "impulse response; 0: not stated");
+  settings.add("spd.irf_fwhm_ps", s.irf_fwhm_ps, 0, 1e6,
+               "FWHM of the impulse response; 0: not stated");
   settings.add("spd.zones", s.zones,
                "zones of spd.npy [n, zones, bins]: tangents of centre and width, optionally "
                "the time zero in ps; nan nan nan: unknown direction");
   settings.add("radar.first_m", s.first_m, -1e4, 1e4, "range of point 0");
   settings.add("radar.step_m", s.step_m, 1e-6, 1e4, "distance between points");
-  settings.add("radar.cell_m", s.radar_cell_m, 0, 1e3, "c / 2B; 0: response not stated");
+  settings.add("radar.cell_m", s.radar_cell_m, 0, 1e3,
+               "range resolution c / 2B; 0: response not stated");
   settings.add("radar.taps", s.radar_taps,
                "power at 0, 1/4, 2/4 ... of a cell, relative to the peak");
   settings.add(
@@ -188,7 +190,7 @@ void ArrayFolder::refuse(const NpyFile& file, const std::string& what) const {
 
 std::vector<Axis> ArrayFolder::axes() const {
   std::vector<Axis> out;
-  const auto count = [](const NpyFile& f, std::size_t k) {  // open() has bounded it
+  const auto count = [](const NpyFile& f, std::size_t k) {  // open() limits it
     return static_cast<std::uint32_t>(f.shape()[k]);
   };
   const ArraySettings& s = settings_;

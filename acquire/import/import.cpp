@@ -75,11 +75,11 @@ class Slots final : public SampleSink {
 };
 
 void take_cfg(Config& config, const std::string& recording, const std::string& cfg) {
-  const std::string beside = fs::path(recording).replace_extension(".cfg").string();
+  const std::string adjacent = fs::path(recording).replace_extension(".cfg").string();
   const std::string path =
-      cfg.empty() && fs::exists(beside) ? beside : here_or_installed(cfg).string();
+      cfg.empty() && fs::exists(adjacent) ? adjacent : here_or_installed(cfg).string();
   if (path.empty()) {
-    config.radar.cfg_text.clear();  // the board's own is needed, not any
+    config.radar.cfg_text.clear();  // the recording needs the cfg of its board
   } else {
     config.radar.cfg_name = path;
     config.radar.cfg_text = RegularFile(path, ExitCode::config).rest<std::string>(1 << 20);
@@ -87,7 +87,7 @@ void take_cfg(Config& config, const std::string& recording, const std::string& c
   if (config.radar.cfg_text.empty())
     throw Error(ExitCode::config, printable(recording) +
                                       ": the board's .cfg is missing: copy it to " +
-                                      printable(beside) + ", or name it with --cfg");
+                                      printable(adjacent) + ", or name it with --cfg");
   record::Antennas antennas;
   for (const auto& place : parse_profile(config.radar).array)
     antennas.push_back({.x = static_cast<double>(place.x), .y = static_cast<double>(place.y)});
@@ -141,7 +141,7 @@ std::string import_streams(const Config& config, const ImportOptions& options,
   for (const Sensor s : all_sensors)
     if (config.configured().contains(s)) import.writer().put_policy(s, "optional");
   Slots slots(config, {HostTime{}, from_seconds(config.window_s)});
-  double longest_s = 1000 * config.window_s;  // and one slot per byte, the minimum of all recorders
+  double longest_s = 1000 * config.window_s;  // plus one slot per byte: no recorder writes less
   for (const auto& file : options.files)
     longest_s += static_cast<double>(fs::file_size(file)) * config.window_s;
   for (const auto& r : recordings) {
@@ -212,7 +212,7 @@ UtcTime parse_utc(const std::string& text) {
   } else if (*rest == 'Z') {
     ++rest;
   }
-  if (*rest != '\0' || tm.tm_mday != day) throw refused;  // timegm makes 1 March of 30 February
+  if (*rest != '\0' || tm.tm_mday != day) throw refused;  // timegm converts 30 February to 1 March
   return std::chrono::seconds(local_s) - east + from_seconds(fraction);
 }
 

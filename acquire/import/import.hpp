@@ -22,16 +22,16 @@ struct ImportOptions {
   std::string began{};     // UTC, ISO 8601; empty: start time of the files
   std::int32_t start = 0;  // input of the laser's pulses; 0 is the sync
   std::int32_t click = 1;  // input of the detector
-  std::string out{};       // the run to make
+  std::string out{};       // path of the new run
 };
 
 // "2024-02-07T12:34:56Z" or "...+01:00", with or without a fraction or the time. Throws
 // Error(usage), also for a day that the month does not have.
 UtcTime parse_utc(const std::string& text);
 
-// Makes the run. Returns its contents and what is missing or assumed, one per line; these lines are
-// also events of the run. `config` gives slots, histogram, board and calibration; its addresses are
-// ignored. Throws Error(failed) if a file is unreadable, of an unknown type or gives no valid
+// Creates the run. Returns its contents and what is missing or assumed, one per line; these lines
+// are also events of the run. `config` gives slots, histogram, board and calibration; its addresses
+// are ignored. Throws Error(failed) if a file is unreadable, of an unknown type or gives no valid
 // record, or if the run exists; Error(disk) if the run cannot be written; Error(partial) if the run
 // is made but one file gives no valid record.
 std::string import_recordings(Config config, const ImportOptions& options);
@@ -53,7 +53,7 @@ bool is_kept(const std::string& folder);  // true for a raw capture
 // Returns the configuration of the live run, changed by `assignments`.
 Config kept_config(const std::string& folder, const std::vector<std::string>& assignments);
 
-// Makes the run `out` with the slots of the live run; returns one line about it. Throws
+// Creates the run `out` with the slots of the live run; returns one line about it. Throws
 // Error(failed) if files of the folder are missing or damaged, and the errors of record_run.
 std::string import_kept(Config config, const std::string& folder, const std::string& out);
 

@@ -199,7 +199,7 @@ bool PicoquantTags::next(SampleSink& sink) {
   if (!more) known = tags_.size();
   if (known == 0) {
     if (beyond_) return false;
-    // End without light: only overflows.
+    // A recording may end in the dark, with overflows only.
     const auto end_s = static_cast<double>(end_ps() / ps_per_s);
     at_ = std::max(at_, from_seconds(header_s_ > 0 ? std::min(end_s, header_s_) : end_s) -
                             std::chrono::nanoseconds(1));
@@ -265,11 +265,11 @@ std::vector<std::string> PicoquantTags::doubts() const {
   if (const std::string text = missing_input(); !text.empty()) out.push_back(text);
   const auto end_s = static_cast<double>(end_ps() / ps_per_s);
   const bool behind = header_s_ > 0 && later(end_s, header_s_);
-  const double told_s = stopped_s_ > 0 ? stopped_s_ : header_s_;
+  const double stated_s = stopped_s_ > 0 ? stopped_s_ : header_s_;
   if (behind || (stopped_s_ > 0 && (later(end_s, stopped_s_) ||
                                     later(stopped_s_, end_s + records_.wrap_ps() / ps_per_s))))
     out.push_back(
-        "duration: header " + number_text(told_s) + " s, records " + number_text(end_s) + " s" +
+        "duration: header " + number_text(stated_s) + " s, records " + number_text(end_s) + " s" +
         (behind ? ": records after the header's end are omitted; is a record damaged?" : ""));
   for (auto& text : rate_doubts()) out.push_back(std::move(text));
   if (records_.offset_ps() > 0)
@@ -281,9 +281,9 @@ std::vector<std::string> PicoquantTags::doubts() const {
                   number_text(records_.unit_ps() / ps_per_s) + " s: is MeasDesc_Resolution right?");
   if (const std::string text = comb_text(records_.step_ps(), use_.bin_width_ps); !text.empty())
     out.push_back(text);
-  const double told = file_->number("TTResult_NumberOfRecords").value_or(0);
-  if (told > 0 && told != static_cast<double>(count_))
-    out.push_back("the header states " + std::to_string(std::llround(told)) +
+  const double stated = file_->number("TTResult_NumberOfRecords").value_or(0);
+  if (stated > 0 && stated != static_cast<double>(count_))
+    out.push_back("the header states " + std::to_string(std::llround(stated)) +
                   " records, the file has " + std::to_string(count_));
   if (bytes_cut_ > 0) out.push_back("the last record is truncated");
   if (beyond_) out.push_back("time exceeds 106 days: the remaining records are omitted");

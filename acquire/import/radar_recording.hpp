@@ -52,7 +52,8 @@ class RadarRecording final : public Recording {
   std::uint64_t others_ = 0;              // frames with another number of bins
   std::size_t other_bins_ = 0;            // the last of these numbers
   std::uint32_t number_ = 0, epoch_ = 0;  // last frame number; restarts so far
-  double steps_ = 0, stepped_s_ = 0;  // periods by the frame numbers, and their time by the clock
+  double steps_ = 0,
+         stepped_s_ = 0;  // number of periods by frame number, and their duration by the clock
 };
 
 }  // namespace echofuse::acquire
