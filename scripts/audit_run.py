@@ -345,8 +345,8 @@ def audit_range(account, frames, part, near, before, counts):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("run")
-    parser.add_argument("log")
+    parser.add_argument("run", help="run file")
+    parser.add_argument("log", help="log of echofuse-sim lab --log")
     parser.add_argument("--json", action="store_true", help="print the account as one JSON object")
     args = parser.parse_args()
     run, log = Run(args.run), read_log(args.log)
