@@ -61,9 +61,9 @@ class Account:
 
 
 def bounded(account, what, run, column, items, late):
-    """Checks sums over the records, and returns the total. items: (earliest time, latest time until it is in a record or
-    None, amount). The sum up to each record must be between the amount that must have arrived by then and the amount that
-    may have arrived. An unknown constant, the amount before the run, is added to the sum."""
+    """Checks sums over the records against the log, and returns the total. items: (earliest time, latest time until a
+    record contains them, or None, amount). The sum up to each record, plus an unknown amount before the run, must be
+    between the amounts that must and may have arrived by then."""
     may_t, may = accumulate(sorted((first, amount) for first, _, amount in items))
     must_t, must = accumulate(sorted((by, amount) for _, by, amount in items if by is not None))
     low, high, total = 0, float("inf"), 0

@@ -171,7 +171,7 @@ class Server:
                 self._count_lost(items)
 
     def check(self):
-        """Raises RuntimeError if the server's thread has failed."""
+        """Ends the program with exit code 1 if the server's thread has failed."""
         if not self._thread.is_alive():
             fail("the server has failed", 1)
 
@@ -331,7 +331,7 @@ def choose(attached, serial, what):
     if serial and serial not in attached:
         raise RuntimeError(f"no {what} with the serial number {serial}; attached: {listed}")
     if not serial and len(attached) > 1:
-        raise RuntimeError(f"several devices of the kind {what} are connected; choose one with --serial: {listed}")
+        raise RuntimeError(f"more than one {what} is connected; choose one with --serial: {listed}")
     return serial or attached[0]
 
 

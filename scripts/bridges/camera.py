@@ -104,7 +104,7 @@ class Camera:
         return 0
 
     def _fault(self, frame):
-        """Returns name and value of an impossible property of the frame, or None. NaN compares false."""
+        """Returns name and value of an impossible property of the frame, or None. NaN fails each comparison."""
         size, asked = (frame.width, frame.height), (self._options.width, self._options.height)
         if size != asked or frame.steps.nbytes != 2 * size[0] * size[1]:
             return "size", f"{size[0]} x {size[1]} pixels and {frame.steps.nbytes} bytes"
