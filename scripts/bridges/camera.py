@@ -23,7 +23,7 @@ def parse_arguments(arguments, text, epilog, height, depth_modes=False):
     parser = bridge.parser(text, epilog)
     add, number = parser.add_argument, bridge.number
     add("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41111),
-        help="address for echofuse (127.0.0.1:41111); has no password: use it only in the laboratory")
+        help="address for echofuse (127.0.0.1:41111), without a password: use trusted networks only")
     add("--serial", default="", help="serial number of the camera, if several are attached")
     add("--width", type=number(int, 1, 4096), default=640, help="width of the depth image, pixels (640)")
     add("--height", type=number(int, 1, 2048), default=height, help=f"height of the depth image, pixels ({height})")

@@ -11,7 +11,7 @@ from pack import np
 
 EPILOG = """\
 The stream is restarted after 3 s without a frame. Pixel positions are those of a pinhole camera with the
-SDK's intrinsics; the depth image of a D400 camera is rectified, so no distortion is left in it. On USB 2
+SDK's intrinsics; the depth image of a D400 camera is rectified, without lens distortion. On USB 2
 a camera has fewer modes: try --fps 6."""
 
 

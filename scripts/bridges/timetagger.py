@@ -20,9 +20,9 @@ RATE_S = 1.0                 # averaging time of the rate
 WARNING_S = 60.0                # shortest time between two equal warnings
 
 FILTER_HELP = """\
-conditional filter: the filter passes only the first laser pulse after each photon, so that the USB
-load depends on the photon rate and not on the laser rate. But the histogram needs the last pulse
-BEFORE the photon. With
+The conditional filter passes only the first laser pulse after each photon, so that the USB load
+depends on the photon rate and not on the laser rate. But the histogram needs the last pulse BEFORE
+the photon. With
   --conditional-filter PS
 the sync is therefore delayed by PS in hardware, before the filter, and by -PS in software, after it:
 the pulse that caused the photon passes, and the tags keep their true times. PS must be longer than
@@ -31,8 +31,8 @@ A device without hardware delays (Time Tagger 20) needs a cable with that delay 
 instead: --conditional-filter 0 --input-delay START=-PS. With the filter, each --input-delay is
 applied in software, after the filter. Do not combine it with --event-divider on the sync.
 
-If a server of the laboratory has opened the Time Tagger (startServer in Python, or Time Tagger Lab),
---network HOST receives its tags. Without an option, a setting keeps its value on the server; --input-delay is
+If another program shares the Time Tagger (startServer in Python, or Time Tagger Lab), --network HOST
+receives its tags. Without an option, a setting keeps its value on the server; --input-delay is
 applied by the bridge. Other settings require a server with AccessMode.Control.
 --scan CH prints the rate by trigger level and the plateau; its middle is a good level."""
 RESOLUTIONS = ("Standard", "HighResA", "HighResB", "HighResC")
@@ -57,29 +57,29 @@ def parse_arguments(arguments):
     number = bridge.number
     add = parser.add_argument
     add("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41110),
-        help="address for echofuse (127.0.0.1:41110); has no password: use it only in the laboratory")
+        help="address for echofuse (127.0.0.1:41110), without a password: use trusted networks only")
     add("--serial", default="", help="serial number of the device, if several are attached")
     add("--network", metavar="HOST[:PORT]", help="use a Time Tagger server instead of a local device (port 41101)")
-    add("--file", metavar="X.ttbin", type=pathlib.Path, help="replay a recording in real time, from the connection of the first client")
+    add("--file", metavar="X.ttbin", type=pathlib.Path, help="replay a recording in real time; starts when the first client connects")
     add("--resolution", choices=RESOLUTIONS, help="resolution of the device; a finer one has fewer channels")
     add("--scan", metavar="CH", type=number(int, -99, 99), help="measure the rate by trigger level, and exit")
     add("--start-channel", metavar="CH", type=number(int, -99, 99), default=1,
-        help="channel of the laser sync (1); negative: falling edge. For an old device with inputs 0 to 7 add 8")
+        help="channel of the laser sync (1); negative: falling edge; old devices with inputs 0 to 7: input + 8")
     add("--click-channel", metavar="CH", type=number(int, -99, 99), default=2, help="channel of the detector (2)")
     per_channel = dict(action="append", default=[])
     add("--trigger-level", metavar="CH=V", type=setting(float, -5, 5), **per_channel,
-        help="trigger level; repeatable like the next three; a negative channel needs --trigger-level=-2=0.5")
+        help="trigger level, V (repeatable, like the next three options); negative channel: --trigger-level=-2=0.5")
     add("--input-delay", metavar="CH=PS", type=setting(int, -10**12, 10**12), **per_channel,
-        help="delay of a channel")
+        help="delay of a channel, ps")
     add("--dead-time", metavar="CH=PS", type=setting(int, 0, 10**12), **per_channel,
-        help="dead time of a channel; the device rounds it, and the value in use is printed")
+        help="dead time of a channel, ps; the device rounds it, and the bridge prints the result")
     add("--event-divider", metavar="CH=N", type=setting(int, 1, 65535), **per_channel,
-        help="keep every N-th event")
-    add("--conditional-filter", metavar="PS", type=number(int, 0, 2_000_000), help="filter of the laser pulses, see below")
+        help="keep every N-th event of a channel")
+    add("--conditional-filter", metavar="PS", type=number(int, 0, 2_000_000), help="filter the laser pulses, with a sync delay of PS ps; see below")
     add("--test-signal", action="store_true", help="switch on the built-in test signal on both channels")
     add("--max-events", metavar="N", type=number(int, 1000, MOST_EVENTS), default=1 << 24,
-        help="buffer of the library, tags (16777216); tags beyond it in one --block-ms are lost, and counted as one")
-    add("--block-ms", metavar="MS", type=number(float, 1, 500), default=20.0, help="time between blocks of tags (20)")
+        help="buffer size of the library, tags (16777216); if it overflows, tags are lost and counted as one per block")
+    add("--block-ms", metavar="MS", type=number(float, 1, 500), default=20.0, help="time between blocks of tags, ms (20)")
     options = parser.parse_args(arguments)
     given = ["--" + name.replace("_", "-") for name in ("serial", "network", "file", "resolution", "scan", *HARDWARE)
              if getattr(options, name) not in (None, "", [], False)]

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""Bridge for a TMF8820 (ams OSRAM): nine zones of 128 bins, read from the log of the maker's
-Arduino program with histograms switched on. echofuse connects with
+"""Bridge for a TMF8820 (ams OSRAM): nine zones of 128 bins, read from the log of the manufacturer's
+Arduino program with histograms enabled. echofuse connects with
 tdc.address = "bridge:tcp://HOST:PORT".
 
 A measurement is 30 lines "#Raw,ADDRESS,K,128 bytes" (K = 10 * byte + channel, low byte first;
@@ -23,7 +23,7 @@ CHANNELS, BINS, BYTES = 10, 128, 3
 BIN_WIDTH_PS, ZERO_BIN = 92.06, 12.0  # two-way time; bin of range 0
 # Fields of view of the 3 x 3 mode by channel: columns from right to left, rows from the top.
 ZONES = [{"x": x, "y": y, "width": 0.3, "zero_ps": 0} for x in (.17, 0, -.17) for y in (.17, 0, -.17)]
-EXPOSURE_S = 0.132  # in the maker's default configuration
+EXPOSURE_S = 0.132  # in the manufacturer's default configuration
 
 
 class Log:
@@ -140,14 +140,14 @@ class Chip:
 
 def main():
     parser = bridge.parser(__doc__)
-    parser.add_argument("--listen", type=bridge.listen_address, default=("127.0.0.1", 41112),
+    parser.add_argument("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41112),
                         help="address for echofuse (127.0.0.1:41112)")
-    parser.add_argument("--port", default="/dev/ttyACM0", help="serial port of the board (/dev/ttyACM0)")
+    parser.add_argument("--port", metavar="FILE", default="/dev/ttyACM0", help="serial port of the board (/dev/ttyACM0)")
     parser.add_argument("--baud", type=int, default=115200, choices=(115200, 230400, 460800, 921600, 1000000),
                         help="baud rate of the serial port (115200)")
-    parser.add_argument("--exposure", type=bridge.number(float, 0.001, 60), default=EXPOSURE_S,
-                        help=f"duration of a measurement, seconds ({EXPOSURE_S:g})")
-    parser.add_argument("--replay", metavar="FILE", help="send a log or the public captures (.json.gz) in a loop")
+    parser.add_argument("--exposure", metavar="S", type=bridge.number(float, 0.001, 60), default=EXPOSURE_S,
+                        help=f"duration of a measurement, s ({EXPOSURE_S:g})")
+    parser.add_argument("--replay", metavar="FILE", help="replay a log or the public captures (.json.gz) in a loop, without a board")
     options = parser.parse_args()
     bridge.require_packages()
     return bridge.run(options.listen, lambda: Chip(options), "histograms")
