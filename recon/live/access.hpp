@@ -14,7 +14,7 @@ namespace echofuse::view {
 
 struct Access {
   std::string token;         // made at each start of the server
-  bool token_asked = false;  // reading needs the token; writing always does
+  bool needs_token = false;  // reading needs the token; writing always does
   bool loopback = true;      // true: listens on this machine only
   bool many = false;         // serves a folder of runs
   std::string host_name;     // name of this machine
@@ -24,7 +24,7 @@ struct Access {
   // An empty origin means that no web page sent the request. `host` is X-Forwarded-Host if a proxy
   // sets it, otherwise Host.
   bool accepts_origin(std::string_view origin, std::string_view host) const;
-  bool may_read(std::string_view given) const { return !token_asked || is_token(given); }
+  bool may_read(std::string_view given) const { return !needs_token || is_token(given); }
   bool may_write(std::string_view given) const { return is_token(given); }
 
  private:

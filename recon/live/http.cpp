@@ -44,13 +44,13 @@ HttpResponse make(const HttpRequest& request, http::status status, std::string_v
 // Maps "/run/NAME/live" and "/newest/live" to "/live".
 void choose(Caller& caller) {
   constexpr std::string_view newest = "/newest/", run = "/run/";
-  const std::string asked = caller.path;
-  const std::size_t end = asked.starts_with(newest) ? newest.size() - 1
-                          : asked.starts_with(run)  ? asked.find('/', run.size())
-                                                    : asked.npos;
-  if (end == asked.npos || end == run.size()) return;
-  caller.page = true, caller.path = asked.substr(end);
-  if (asked.starts_with(run)) caller.run = decoded(asked.substr(run.size(), end - run.size()));
+  const std::string path = caller.path;
+  const std::size_t end = path.starts_with(newest) ? newest.size() - 1
+                          : path.starts_with(run)  ? path.find('/', run.size())
+                                                   : path.npos;
+  if (end == path.npos || end == run.size()) return;
+  caller.page = true, caller.path = path.substr(end);
+  if (path.starts_with(run)) caller.run = decoded(path.substr(run.size(), end - run.size()));
 }
 
 const PageFile* part_of(const Caller& caller) {
@@ -63,9 +63,9 @@ const PageFile* part_of(const Caller& caller) {
 Caller caller_of(const HttpRequest& request, const Access& access, bool socket) {
   const std::string_view host = field(request, http::field::host);
   const auto target = request.target();
-  const Target asked = target_of({target.data(), target.size()});
+  const Target wanted = target_of({target.data(), target.size()});
   Caller out;
-  out.path = asked.path, out.may_write = access.may_write(asked.token);
+  out.path = wanted.path, out.may_write = access.may_write(wanted.token);
   out.page = !access.many;
   if (access.many) choose(out);
   const auto refuse = [&](http::status status, const char* why) {
@@ -85,7 +85,7 @@ Caller caller_of(const HttpRequest& request, const Access& access, bool socket) 
   const bool open = part && out.path != "/";  // scripts and styles are public
   if (!open && !access.accepts_origin(field(request, http::field::origin), host_of(request)))
     return refuse(http::status::forbidden, "request from a page of another origin");
-  if (!open && !access.may_read(asked.token))
+  if (!open && !access.may_read(wanted.token))
     return refuse(http::status::unauthorized,
                   "token missing or wrong: open the full address printed by the program");
   const bool list = out.path == "/runs" && !out.page;

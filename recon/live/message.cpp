@@ -105,10 +105,10 @@ Request parse_request(std::string_view text) {
     depth += (c == '[' || c == '{') - (c == ']' || c == '}');
     deepest = std::max(deepest, depth);
   }
-  const Json asked = deepest > 8 ? Json() : Json::parse(text, nullptr, false);
-  if (!asked.is_object() || asked.size() != 1) return BadRequest{"expected one JSON object"};
-  const std::string& key = asked.begin().key();
-  const Json& value = *asked.begin();
+  const Json request = deepest > 8 ? Json() : Json::parse(text, nullptr, false);
+  if (!request.is_object() || request.size() != 1) return BadRequest{"expected one JSON object"};
+  const std::string& key = request.begin().key();
+  const Json& value = *request.begin();
   if (key == "show" && value == "live") return ShowLive{};
   if (key == "show" && is_index(value)) return ShowRecord{value.get<std::int64_t>()};
   if (key == "sheet" && value.is_array() && value.size() == 2 && is_index(value[0]) &&

@@ -262,18 +262,19 @@ std::optional<std::int64_t> RunMessages::first_since_mark(std::int64_t index) co
   return first == all.end() || first->index > index ? index : first->index;
 }
 
-Message RunMessages::sum(std::int64_t index, const ShowSum& asked) {
+Message RunMessages::sum(std::int64_t index, const ShowSum& request) {
   const std::int64_t oldest = run_.outlines().empty() ? index : run_.outlines().front().index;
-  const auto first = asked.records > 0 ? std::optional(std::max(oldest, index - asked.records + 1))
-                                       : first_since_mark(index);
+  const auto first = request.records > 0
+                         ? std::optional(std::max(oldest, index - request.records + 1))
+                         : first_since_mark(index);
   if (!first)
     return MessageWriter().finish({{"kind", "sum"}, {"why", "no mark before this record"}});
-  if (sums_.size() >= most_sums && !sums_.contains(asked.records)) sums_.clear();
+  if (sums_.size() >= most_sums && !sums_.contains(request.records)) sums_.clear();
   if (index - *first >= most_since_mark)
     return MessageWriter().finish(
         {{"kind", "sum"},
          {"why", "the mark is more than " + std::to_string(most_since_mark) + " records ago"}});
-  Summed known = sums_[asked.records];
+  Summed known = sums_[request.records];
   const bool grows = known.edition == run_.edition() && known.first <= *first &&
                      known.last <= index && known.last >= *first;
   if (!grows) known = {.tally = {}, .first = *first, .last = *first - 1, .edition = run_.edition()};
@@ -291,13 +292,13 @@ Message RunMessages::sum(std::int64_t index, const ShowSum& asked) {
     if (known.last < index) add(run, known.last + 1, index, 1);
   });
   known.first = *first, known.last = index;
-  sums_[asked.records] = known;
+  sums_[request.records] = known;
   MessageWriter out;
-  if (asked.records != 1) {  // otherwise the message `record` contains the data
+  if (request.records != 1) {  // otherwise the message `record` contains the data
     if (!known.tally.clicks().empty()) out.add("spd", known.tally.clicks());
     if (const auto db = known.tally.profile_db(axes); !db.empty()) out.add("radar", db);
   }
-  Json head = known.tally.numbers(axes, settings().laser_hz, asked.range);
+  Json head = known.tally.numbers(axes, settings().laser_hz, request.range);
   head.update({{"kind", "sum"}, {"from", *first}, {"records", index - *first + 1}});
   return out.finish(std::move(head));
 }

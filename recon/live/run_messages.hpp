@@ -29,8 +29,8 @@ class RunMessages {
   FollowedRun& run() { return run_; }
   Message about_run(bool may_write);
   Message state();
-  Message record(std::int64_t index, bool live);          // the last one is cached
-  Message sum(std::int64_t index, const ShowSum& asked);  // ends with this record
+  Message record(std::int64_t index, bool live);            // the last one is cached
+  Message sum(std::int64_t index, const ShowSum& request);  // ends with this record
   Message strip() const;
   Message sheet(std::int64_t first, std::int64_t last) const;
   // Null until the first minute or the run has ended.

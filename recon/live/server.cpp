@@ -79,7 +79,7 @@ class Server::Impl final : public SessionOwner {
     access_.many = std::filesystem::is_directory(options.run);
     listen();
     access_.loopback = acceptor_.local_endpoint().address().is_loopback();
-    access_.token_asked = !access_.loopback;
+    access_.needs_token = !access_.loopback;
     access_.host_name = machine_name();
   }
 
@@ -159,10 +159,10 @@ class Server::Impl final : public SessionOwner {
 
 // Listens on --listen if given, otherwise on the first free port of ten, otherwise on any port.
 void Server::Impl::listen() {
-  const bool said = !options_.listen.empty();
-  tcp::endpoint at = said ? endpoint_of(options_.listen)
-                          : tcp::endpoint(net::ip::address_v4::loopback(), usual_port);
-  for (int tries = said ? 1 : usual_ports + 1;; --tries) {
+  const bool stated = !options_.listen.empty();
+  tcp::endpoint at = stated ? endpoint_of(options_.listen)
+                            : tcp::endpoint(net::ip::address_v4::loopback(), usual_port);
+  for (int tries = stated ? 1 : usual_ports + 1;; --tries) {
     Error_code error;
     acceptor_.open(at.protocol(), error);
     if (!error) acceptor_.set_option(tcp::acceptor::reuse_address(true), error);

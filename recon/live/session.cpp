@@ -106,11 +106,11 @@ void Session::on_message() {
 // Answers requests only if the send queue is empty, so a client that does not read causes no work.
 void Session::serve() {
   if (writing_ || over_) return;
-  for (auto [asked, kind] : {std::pair{&record_, MessageKind::record},
-                             {&sum_, MessageKind::sum},
-                             {&sheet_, MessageKind::sheet}})
-    if (*asked && !waiting_[static_cast<std::size_t>(kind)]) {
-      const Request request = *std::exchange(*asked, std::nullopt);
+  for (auto [pending, kind] : {std::pair{&record_, MessageKind::record},
+                               {&sum_, MessageKind::sum},
+                               {&sheet_, MessageKind::sheet}})
+    if (*pending && !waiting_[static_cast<std::size_t>(kind)]) {
+      const Request request = *std::exchange(*pending, std::nullopt);
       send(kind, owner_.answer_to(*this, request));
     }
   if (marks_.empty() || waiting_[static_cast<std::size_t>(MessageKind::answer)]) return;

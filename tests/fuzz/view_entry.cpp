@@ -34,7 +34,7 @@ void take_http(std::string_view bytes, bool everybody, bool many) {
   if (error || !parser.is_done()) return;
   Access access;
   access.token = "0123456789abcdef0123456789abcdef";
-  access.loopback = !everybody, access.token_asked = everybody, access.many = many;
+  access.loopback = !everybody, access.needs_token = everybody, access.many = many;
   const HttpRequest request = parser.release();
   const bool knows = bytes.find(access.token) != bytes.npos;
   bool asked = false;

@@ -55,7 +55,7 @@ TEST_CASE("the token is required for reading on a public address, and always for
     other[i] = other[i] == '0' ? '1' : '0';
     CHECK_FALSE(access.may_write(other));
   }
-  access.token_asked = true;
+  access.needs_token = true;
   CHECK_FALSE(access.may_read("0"));
   CHECK(access.may_read(access.token));
   CHECK_FALSE(Access{}.may_write(""));  // a missing token differs from an empty one
