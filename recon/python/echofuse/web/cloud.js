@@ -135,11 +135,11 @@ export class Cloud {
     gl.clearColor(0, 0, 0, 0);
     gl.enable(gl.DEPTH_TEST);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    const seen = away => viewOf(this.turn, this.tilt, away, this.middle, width / height);
+    const viewAt = away => viewOf(this.turn, this.tilt, away, this.middle, width / height);
     const within = ([x, y, w]) => w > 0 && Math.abs(x / w) < 0.97 && Math.abs(y / w) < 0.97;
     this.whole = 4;
-    while (this.whole < 20 && ![[-2, 1.5], [2, 1.5], [-2, 5.5], [2, 5.5]].every(([x, z]) => within(placed(seen(this.whole), x, -1.3, z)))) this.whole *= 1.05;
-    const view = seen(this.away ?? this.whole);
+    while (this.whole < 20 && ![[-2, 1.5], [2, 1.5], [-2, 5.5], [2, 5.5]].every(([x, z]) => within(placed(viewAt(this.whole), x, -1.3, z)))) this.whole *= 1.05;
+    const view = viewAt(this.away ?? this.whole);
     gl.uniformMatrix4fv(gl.getUniformLocation(this.program, 'view'), false, view);
     gl.uniform1f(gl.getUniformLocation(this.program, 'size'), this.canvas.height * 0.055);
     gl.drawArrays(gl.LINES, this.points, this.lines);

@@ -29,7 +29,7 @@ export class Link {
     this.open();
   }
   open() {
-    const at = new URL(`live${location.search}`, location), asked = at.href;
+    const at = new URL(`live${location.search}`, location), url = at.href;
     at.protocol = at.protocol.replace('http', 'ws');
     let opened = false;
     this.socket = new WebSocket(at);
@@ -40,7 +40,7 @@ export class Link {
     };
     this.socket.onmessage = event => this.take(decode(event.data));
     this.socket.onclose = async () => {
-      this.changed(false, opened ? '' : await fetch(asked, {cache: 'no-store'}).then(refusal, () => ''));
+      this.changed(false, opened ? '' : await fetch(url, {cache: 'no-store'}).then(refusal, () => ''));
       setTimeout(() => this.open(), this.pause);
       this.pause = Math.min(this.pause * 2, 5000);
     };

@@ -17,20 +17,20 @@ const plan = new Plan();
 histogram.partner = profile, profile.partner = histogram;
 const views = {map: new MapView('map'), camera: new MapView('camera'), reconstruction: new MapView('reconstruction'),
                deviation: new MapView('deviation', 'sure')};
-const alarm = new Alarm('sound'), zones = new Zones(), seen = {};  // newest record with data, by view
+const alarm = new Alarm('sound'), zones = new Zones(), newestWith = {};  // newest record with data, by view
 const sheet = new Sheet(index => show(index));
 let run = null, state = null, record = null, sum = null, strip = null, span = [2.5, 5], spanKnown = false;
-let wasLive = false, received = 0, heard = performance.now(), connected = false, live = true, wanted = null, cloudOf = 'map', sheetAt = -1;
+let wasLive = false, received = 0, lastMessage = performance.now(), connected = false, live = true, wanted = null, cloudOf = 'map', sheetAt = -1;
 window.framesSeen = 0;
 // The viewer sends a message every second; without one for 3 s it is silent.
-const silence = () => (performance.now() - heard) / 1000, reached = () => connected && silence() < 3;
+const silence = () => (performance.now() - lastMessage) / 1000, reached = () => connected && silence() < 3;
 
 const age = s => s < 10 ? `${s.toFixed(1)} s ago` : s < 600 ? `${Math.round(s)} s ago` : `${clock(s)} ago`;
 const count = n => n >= 1e6 ? `${(n / 1e6).toPrecision(4)} M` : n >= 1e4 ? `${(n / 1e3).toPrecision(4)} k` : `${n}`;
 const shortTime = s => s < 1e-3 ? `${+(s * 1e6).toPrecision(3)} µs` : s < 1 ? `${+(s * 1e3).toPrecision(3)} ms` : `${+s.toPrecision(3)} s`;
 const bytes = n => n >= 1e9 ? `${(n / 1e9).toFixed(n < 1e10 ? 1 : 0)} GB` : `${(n / 1e6).toPrecision(3)} MB`;
 const names = {spd: 'SPD', radar: 'radar', depth: 'depth camera'};
-const say = (id, text) => {
+const setText = (id, text) => {
   if ($(id).textContent !== text) $(id).textContent = text;
 };
 
@@ -68,7 +68,7 @@ function drawLamps() {
           !sensor.configured ? '' : shown ? `in record ${record.index}` : over ? 'run has ended' : sensor.age_s == null ? 'no data yet' : `last data ${age(sensor.age_s + old)}`);
   }
   drawStatus(over || !live ? [] : lost, over || !live ? [] : look);
-  say('doubts', state.doubts || 'no record is doubtful');
+  setText('doubts', state.doubts || 'no record is doubtful');
   $('doubts').hidden = false, $('doubts').dataset.none = !state.doubts;
   drawMapsLamp();
 }
@@ -79,7 +79,7 @@ function drawStatus(lost, look) {
   const full = state.alerts.some(alert => alert.source === 'disk');
   const text = !reached() ? `no connection to the viewer for ${Math.round(silence())} s` : lost.length === all.length && lost.length ? 'NO DATA from any sensor'
     : lost.length ? `recording without ${of(lost)}` : look.length ? `recording; check ${of(look)}` : full ? 'recording; disk nearly full' : words[state.status] ?? state.status;
-  say('status', text);
+  setText('status', text);
   $('status').dataset.status = !reached() || lost.length ? 'lost' : look.length || full ? 'look' : state.status.split(':')[0];
 }
 // Shows whether the maps are reliable.
@@ -97,14 +97,14 @@ function drawMapsLamp() {
 
 function drawNumbers() {
   const s = state;
-  say('live', s.status === 'open' ? 'live' : 'newest');
-  say('records', s.planned ? `${s.records} / ${s.planned}` : `${s.records}`);
-  say('remaining', clock(s.remaining_s));
+  setText('live', s.status === 'open' ? 'live' : 'newest');
+  setText('records', s.planned ? `${s.records} / ${s.planned}` : `${s.records}`);
+  setText('remaining', clock(s.remaining_s));
   $('box-remaining').hidden = s.remaining_s == null;
   const lasts = s.disk?.lasts_s;
-  say('disk', !s.disk ? '–' : `${bytes(s.disk.free_bytes)}` + (lasts == null || s.status !== 'open' ? '' : lasts > 172800 ? ` (${Math.round(lasts / 86400)} days)` : ` (${clock(lasts)})`));
+  setText('disk', !s.disk ? '–' : `${bytes(s.disk.free_bytes)}` + (lasts == null || s.status !== 'open' ? '' : lasts > 172800 ? ` (${Math.round(lasts / 86400)} days)` : ` (${clock(lasts)})`));
   $('box-disk').classList.toggle('bad', s.alerts.some(alert => alert.source === 'disk'));
-  say('label', s.label || '–');
+  setText('label', s.label || '–');
   $('label').title = s.label;
   document.title = `${s.status === 'open' ? '● ' : ''}${run?.file ?? ''} ${s.records} – echofuse`;
   $('losses').replaceChildren(...sensors.map(name => {
@@ -136,8 +136,8 @@ function drawRecord() {
   const a = record.arrays, grid = run.map.half_tangent, made = record.reconstruction;
   // If the newest record lacks data, the last data remain, dimmed.
   const here = (at, has) => {
-    if (has) seen[at] = record.index;
-    return has ? '' : live && seen[at] != null ? `no data; last in record ${seen[at]}` : 'no data in this record';
+    if (has) newestWith[at] = record.index;
+    return has ? '' : live && newestWith[at] != null ? `no data; last in record ${newestWith[at]}` : 'no data in this record';
   };
   const shown = {spd: here('spd', a.spd), radar: here('radar', a.radar)};
   if (summed() === 1) drawMeasured(record, shown);
@@ -162,7 +162,7 @@ function drawRecord() {
     put('deviation', square(a.deviation, made.half_tangent, 'sure', [0, 2]));
     const isEmpty = a.reconstruction && !a.reconstruction.some(v => v > 0);
     const fault = faultOf(made);
-    say('maps-note', fault ? `No reconstruction: ${fault}`
+    setText('maps-note', fault ? `No reconstruction: ${fault}`
       : [isEmpty && 'no body in the reconstruction', made.note, state?.doubt].filter(Boolean).join('; '));
     $('maps-note').className = made.fault || made.note || state?.doubt ? 'look' : '';
     drawMapsLamp();
@@ -171,20 +171,20 @@ function drawRecord() {
   const points = cloudOf === 'reconstruction' && a.reconstruction ? a.reconstruction : a.map;
   if (points || !live) cloud.set(points, cloudOf === 'reconstruction' && made ? made.half_tangent : grid, span);
   // The lamps show the verdicts of the newest record.
-  say('shown', $('shown').title = [`record ${record.index}${live ? ' (newest)' : ''}`, `${record.utc.slice(11, 21)} UTC`, record.label, ...(live ? [] : ['held', ...doubtsOf(record)])].filter(Boolean).join(', '));
+  setText('shown', $('shown').title = [`record ${record.index}${live ? ' (newest)' : ''}`, `${record.utc.slice(11, 21)} UTC`, record.label, ...(live ? [] : ['held', ...doubtsOf(record)])].filter(Boolean).join(', '));
   sheet.point(record.index);
 }
 
 // Draws sensors, antennas and body from above, in the detector's frame, like the maps.
 function drawPlan() {
-  const {beams, track} = record.arrays, made = record.reconstruction, heard = beams?.some(v => v > -Infinity);
-  $('card-plan').hidden = !heard && !track?.length;
+  const {beams, track} = record.arrays, made = record.reconstruction, hasBeams = beams?.some(v => v > -Infinity);
+  $('card-plan').hidden = !hasBeams && !track?.length;
   if ($('card-plan').hidden) return;
-  plan.show({beams: heard ? beams : null, axis: run.axes.array, baseline: run.baseline_m, track,
+  plan.show({beams: hasBeams ? beams : null, axis: run.axes.array, baseline: run.baseline_m, track,
              halfTangent: made?.half_tangent ?? run.map.half_tangent, label: run.axes.radar ? 'radar' : ''});
-  say('plan-of', [heard && 'power of the antennas (30 dB)', track && 'body in the last minute', !run.baseline_m && run.axes.radar && 'baseline not stated: radar at the detector'].filter(Boolean).join('; '));
+  setText('plan-of', [hasBeams && 'power of the antennas (30 dB)', track && 'body in the last minute', !run.baseline_m && run.axes.radar && 'baseline not stated: radar at the detector'].filter(Boolean).join('; '));
   const interval = made?.lateral_interval_90_m;
-  say('place', !made ? '' : made.x_m == null ? 'no body in the reconstruction'
+  setText('place', !made ? '' : made.x_m == null ? 'no body in the reconstruction'
     : `body at x ${made.x_m.toFixed(2)} m${interval == null ? '' : ` ± ${interval.toFixed(2)} m (90 %)`}, z ${made.z_m.toFixed(2)} m, azimuth ${(Math.atan2(made.x_m, made.z_m) * 180 / Math.PI).toFixed(1)}°`);
 }
 
@@ -201,11 +201,11 @@ function drawMeasured({arrays, rates, fits, spd_records: records}, lacks) {
   histogram.take(arrays.spd ?? null, lacks.spd, live);
   profile.take(arrays.radar ?? null, lacks.radar, live);
   const hertz = v => v == null ? '–' : `${siNumber(v)}/s`, most = run.most_clicks_a_pulse, crowded = most > 0 && rates?.clicks_a_pulse > most;
-  say('sync-rate', hertz(rates?.sync_hz)), say('click-rate', hertz(rates?.click_hz)), say('dark-rate', hertz(rates?.dark_hz));
-  say('sync-name', rates?.sync_hz < 0.5 * rates?.pulse_hz ? 'sync, filtered' : 'laser sync');
-  say('pulse-rate', rates?.clicks_a_pulse == null ? '–' : `${+rates.clicks_a_pulse.toPrecision(2)}`);
+  setText('sync-rate', hertz(rates?.sync_hz)), setText('click-rate', hertz(rates?.click_hz)), setText('dark-rate', hertz(rates?.dark_hz));
+  setText('sync-name', rates?.sync_hz < 0.5 * rates?.pulse_hz ? 'sync, filtered' : 'laser sync');
+  setText('pulse-rate', rates?.clicks_a_pulse == null ? '–' : `${+rates.clicks_a_pulse.toPrecision(2)}`);
   $('box-pulse').classList.toggle('bad', crowded), $('pile-up').hidden = !crowded;
-  if (crowded) say('pile-up', `Pile-up: the first photon of a pulse hides later ones. Dim the light to at most ${most} clicks per pulse.`);
+  if (crowded) setText('pile-up', `Pile-up: the first photon of a pulse hides later ones. Dim the light to at most ${most} clicks per pulse.`);
 }
 // Requests the sum again when its records or the range of the fit change.
 function askSum() {
@@ -218,17 +218,17 @@ const take = {
   run(message) {
     const other = run?.uuid !== message.uuid;
     run = message;
-    say('file', run.file);
-    say('trigger', run.trigger), $('box-trigger').hidden = !run.trigger;
-    say('model', $('model').title = (run.model ?? '').replace('.safetensors', ''));
-    say('about', [`records of ${run.window_s} s`, run.host && `on ${run.host}`, run.operator && `by ${run.operator}`].filter(Boolean).join(' '));
+    setText('file', run.file);
+    setText('trigger', run.trigger), $('box-trigger').hidden = !run.trigger;
+    setText('model', $('model').title = (run.model ?? '').replace('.safetensors', ''));
+    setText('about', [`records of ${run.window_s} s`, run.host && `on ${run.host}`, run.operator && `by ${run.operator}`].filter(Boolean).join(' '));
     document.body.classList.toggle('with-model', !!run.model);
     for (const id of ['box-reconstruction', 'box-deviation', 'cloud-of']) $(id).hidden = !run.model;
     for (const id of ['mark', 'relabel']) $(id).disabled = !run.may_write;
     $('mark').title = run.may_write ? '' : 'needs a live run and the token in the address';
     if (other) {
       wasLive = false, spanKnown = false, sheetAt = -1, strip = null;
-      for (const at in seen) delete seen[at];
+      for (const at in newestWith) delete newestWith[at];
       for (const at in views) views[at].image = null;
     }
     $('facts').replaceChildren(...run.facts.flatMap(words => ['dt', 'dd'].map((kind, i) => Object.assign(document.createElement(kind), {textContent: words[i]}))));
@@ -262,7 +262,7 @@ const take = {
   },
   sum(message) {
     sum = message;
-    say('rates-of', summed() === 1 || message.why ? message.why ?? '' : `of ${message.records} records from record ${message.from}`);
+    setText('rates-of', summed() === 1 || message.why ? message.why ?? '' : `of ${message.records} records from record ${message.from}`);
     if (summed() === 1) {  // the message `record` contains the data
       takeFits(message.fits);
       for (const chart of [histogram, profile]) chart.readOut(null);
@@ -326,11 +326,11 @@ function drawWaterfalls() {
 }
 
 function trouble(text) {
-  say('trouble', text);
+  setText('trouble', text);
   $('trouble').hidden = !text;
 }
 function toast(text, bad) {
-  say('toast', text);
+  setText('toast', text);
   $('toast').className = bad ? 'bad' : '';
   $('toast').hidden = false;
   clearTimeout(toast.timer);
@@ -407,7 +407,7 @@ function redraw() {
 }
 function ask(what, words) {
   if (!run?.may_write) return toast('marking needs a live run and the token in the address', true);
-  say('ask-what', words);
+  setText('ask-what', words);
   $('ask').dataset.what = what;
   $('ask-text').value = what === 'label' ? state.label : '';
   $('ask').returnValue = '';
@@ -451,14 +451,14 @@ setInterval(() => {
   if (!state) return;
   alarm.take([...reached() ? [] : ['viewer'], ...state.alerts.filter(alert => alert.source !== 'run' || wasLive).map(alert => `${alert.source} ${alert.kind}`)]);
   const running = state.status === 'open' && reached() ? (performance.now() - received) / 1000 : 0;
-  say('elapsed', clock(state.elapsed_s + running));
+  setText('elapsed', clock(state.elapsed_s + running));
 }, 200);
 
 const chosen = location.pathname.match(/\/(?:run\/[^/]+|newest)\/[^/]*$/);
 $('runs').hidden = !chosen;
 $('runs').href = `${chosen?.[0].startsWith('/run/') ? '../../' : '../'}${location.search}`;
 const link = new Link(message => {
-  heard = performance.now();
+  lastMessage = performance.now();
   take[message.kind]?.(message);
 }, (open, why) => {
   connected = open;
@@ -466,5 +466,5 @@ const link = new Link(message => {
   if (open && !live) link.ask({show: here()});
   if (open && (sum || summed() !== 1)) askSum();
   if (state) drawNumbers(), drawLamps();
-  else say('status', open ? 'connected' : 'no connection to the viewer');
+  else setText('status', open ? 'connected' : 'no connection to the viewer');
 });
