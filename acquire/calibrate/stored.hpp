@@ -13,7 +13,7 @@ namespace echofuse::acquire {
 bool compare(const Calibration& fresh, const Calibration& stored, nlohmann::ordered_json& json,
              bool quiet);
 
-// Reads the calibration file; empty if there is no file. Throws Error(config) if the file is
+// Reads the calibration file; empty if it is missing. Throws Error(config) if the file is
 // unreadable, because such a file is not overwritten.
 Calibration stored_in(const std::string& path);
 

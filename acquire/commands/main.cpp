@@ -157,7 +157,7 @@ ExitCode run(Options& o) {
   return code;
 }
 
-// Returns the configuration of commands that work without one: nothing if there is no file and none
+// Returns the configuration of commands that work without one: empty if no file was found and none
 // was requested.
 std::optional<Config> load_if_any(const Options& o) {
   if (o.config.empty() && o.assignments.empty() && !find_config()) return std::nullopt;

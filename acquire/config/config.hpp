@@ -83,7 +83,7 @@ std::vector<ConfigPlace> config_places();
 // because it was requested.
 std::optional<ConfigPlace> find_config();
 
-// Calls find_config(); throws Error(config) with all places if there is no file.
+// Calls find_config(); throws Error(config) with all searched places if no file was found.
 ConfigPlace require_config();
 
 }  // namespace echofuse::acquire

@@ -236,7 +236,7 @@ std::string lower_case_extension(const std::string& path) {
                                             : ": no such file or folder"));
 }
 
-// A folder of `run --keep-raw`, or of arrays.
+// Imports a raw capture of `run --keep-raw`, or a folder of arrays.
 std::string import_folder(Config config, const ImportOptions& options) {
   const std::string& folder = options.files[0];
   const bool kept = is_kept(folder);

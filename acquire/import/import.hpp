@@ -29,11 +29,11 @@ struct ImportOptions {
 // Error(usage), also for a day that the month does not have.
 UtcTime parse_utc(const std::string& text);
 
-// Creates the run. Returns its contents and what is missing or assumed, one per line; these lines
+// Creates the run. Returns its contents and its missing or assumed data, one per line; these lines
 // are also events of the run. `config` gives slots, histogram, board and calibration; its addresses
 // are ignored. Throws Error(failed) if a file is unreadable, of an unknown type or gives no valid
 // record, or if the run exists; Error(disk) if the run cannot be written; Error(partial) if the run
-// is made but one file gives no valid record.
+// is written but one file gives no valid record.
 std::string import_recordings(Config config, const ImportOptions& options);
 
 // Converts a folder of NumPy arrays (array_folder.hpp) into the run file `out`. Only this function

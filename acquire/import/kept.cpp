@@ -73,7 +73,7 @@ class CapturedPort {
     if (line_) line_ = times_.next();
     file_.reset();
   }
-  // Empty at the end of a connection.
+  // Returns the next line; empty at the end of a connection.
   std::optional<TimesFile::Line> next() {
     if (!line_ || line_->what == "open") return std::nullopt;
     return std::exchange(line_, times_.next());
@@ -165,7 +165,8 @@ LiveRun read_live_run(const std::string& folder) {
   const double slot_s = seconds(HostTime(run.slot_ns)), lasted_s = seconds(ended - *run.first_slot),
                wait_s = seconds(*run.first_slot - *run.started);
   constexpr double shortest_s = 0.05, longest_s = 3600;  // run.window_s
-  constexpr double longest_wait_s = 3 * 3600;  // run.connect_timeout_s, --countdown, a margin
+  constexpr double longest_wait_s =
+      3 * 3600;  // limits of run.connect_timeout_s and --countdown, and a margin
   if (!(wait_s >= 0 && wait_s <= longest_wait_s))
     throw Error(ExitCode::failed, printable(times.path()) + ": its first slot begins " +
                                       std::to_string(wait_s) +

@@ -45,7 +45,7 @@ class Row {
   void operator()(std::string_view name, std::optional<T>& value) {
     group(value, [&](T& inner) { (*this)(name, inner); });
   }
-  // Columns that are all NULL if there is no value.
+  // Columns that are all NULL without a value.
   template <class T, class Columns>
   void group(std::optional<T>& value, const Columns& columns) {
     T inner = value.value_or(T{});

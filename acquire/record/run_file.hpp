@@ -244,7 +244,7 @@ class RunReader {
 
 // Adds an event of level "note" to a run; `who`: its source. For a run in progress it is a
 // transaction. A closed run is replaced by a copy with the note, of the same mode and owner, under
-// the run's lock and without side files. Throws Error(disk) if there is no space for the copy, and
+// the run's lock and without side files. Throws Error(disk) without space for the copy, and
 // Error(failed) for a run that lacks its -wal.
 void put_note(const std::string& path, const std::string& text, const std::string& who);
 // Adds an event of level "label": the recording process labels its records with it, from the

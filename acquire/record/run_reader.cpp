@@ -175,7 +175,7 @@ void RunReader::open(const std::string& network) {
     lacks_wal_ = lacks_wal(file_) && bytes_of(file_ + "-journal") == 0;
   }
   // Read-only, but a WAL left by a live or crashed writer needs its shared-memory file next to it.
-  // Without a WAL or on a read-only medium there is no writer, and `immutable` reads without one.
+  // Without a WAL or on a read-only medium no writer exists, and `immutable` reads without one.
   int code = try_to_open(file_, SQLITE_OPEN_READONLY);
   // Killed while starting or closing, with one page half written: only a writer can roll it back.
   if (code == SQLITE_READONLY) code = try_to_open(file_, SQLITE_OPEN_READWRITE);
