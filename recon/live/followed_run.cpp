@@ -177,7 +177,7 @@ std::optional<double> age_s(const SensorState& sensor, UtcTime now) {
   return std::max(0.0, seconds(now - *sensor.last_valid));
 }
 
-// Includes the acquisition's grace time: it writes a record 0.5 s after the end of the slot.
+// The limit includes the delay of the acquisition, which writes a record 0.5 s after its slot.
 bool is_stale(const SensorState& sensor, double window_s, UtcTime now) {
   constexpr double grace_s = 0.5;
   const auto age = age_s(sensor, now);

@@ -17,7 +17,7 @@ struct Reconstruction {
       deviation_m;  // on `grid`, m; no deviation if the model does not estimate it
   record::MapGrid grid;
   std::string fault;               // reason for a missing map; may be empty
-  std::string note;                // missing sensors, or irregularities of the record
+  std::string note;                // missing sensors, or anomalies of the record
   std::optional<double> x_m, z_m;  // body position, if the map shows one
   std::optional<double> lateral_interval_90_m;
   std::optional<double> iou, lateral_error_m;  // against the depth camera
@@ -28,7 +28,7 @@ class LiveModel {
   explicit LiveModel(const std::string& path);  // throws as recon::load_model
   const std::string& name() const { return name_; }
   bool calibrated() const { return model_->uncertainty.has_value(); }
-  // True if this record was in the training data.
+  // Returns true if this record was in the training data.
   bool saw(const std::string& run_uuid, std::int64_t index) const;
   // Does not throw if the record or the run is unusable; sets `fault` instead. Takes longer with
   // the deviations of the pixels.

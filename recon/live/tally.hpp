@@ -34,7 +34,7 @@ class Tally {
   nlohmann::json rates(const Axis& axis, double laser_hz) const;
   std::vector<double> clicks_, power_;
   double spd_records_ = 0, radar_records_ = 0;
-  double slots_s_ = 0, starts_ = 0, all_clicks_ = 0, pulses_ = 0;  // records with SPD
+  double slots_s_ = 0, starts_ = 0, all_clicks_ = 0, pulses_ = 0;  // sums over records with SPD
 };
 
 }  // namespace echofuse::view
