@@ -47,7 +47,7 @@ void limit(sqlite3* db, Budget& budget) {
   sqlite3_progress_handler(db, Budget::instructions_a_step, spend, &budget);
 }
 
-int look(sqlite3* db) {
+int probe(sqlite3* db) {
   return sqlite3_exec(db, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr);
 }
 
@@ -60,7 +60,7 @@ bool is_model(const std::string& path) {
 
 void check_identity(sqlite3* db, const std::string& path) {
   const std::string shown = printable(path);
-  const int code = look(db);
+  const int code = probe(db);
   if (code == SQLITE_BUSY || code == SQLITE_LOCKED)
     throw Error(ExitCode::failed, shown + ": is in use by another program; try again");
   if (code == SQLITE_IOERR || code == SQLITE_CANTOPEN || code == SQLITE_NOMEM)

@@ -29,7 +29,7 @@ void harden(sqlite3* db);
 void limit(sqlite3* db, Budget& budget);
 
 // Returns SQLITE_OK if SQLite can read the names of the file's tables.
-int look(sqlite3* db);
+int probe(sqlite3* db);
 // Throws Error(failed) unless it is a run file of this format.
 void check_identity(sqlite3* db, const std::string& path);
 // Throws Error(failed) unless the file contains exactly the tables of a run (rows.hpp) as we define

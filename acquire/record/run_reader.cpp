@@ -157,7 +157,7 @@ void RunReader::open(const std::string& network) {
     if (code != SQLITE_OK) return code;
     harden(db_);
     limit(db_, *budget_);
-    return lacks_wal_ && flags == SQLITE_OPEN_READONLY ? SQLITE_CANTOPEN : look(db_);
+    return lacks_wal_ && flags == SQLITE_OPEN_READONLY ? SQLITE_CANTOPEN : probe(db_);
   };
   const auto unchanging = [&] {
     try_to_open(immutable_uri(file_), SQLITE_OPEN_READONLY | SQLITE_OPEN_URI);

@@ -181,7 +181,7 @@ void RadarDriver::on_frame(RadarFrame frame) {
   if (!running_) return;
   if (!configured || !data_ || fault_) {
     discard(frame);
-    return look_for_another_board(frame);
+    return detect_other_board(frame);
   }
   if (board_was_reset()) {
     discard(frame);
@@ -248,7 +248,7 @@ void RadarDriver::discard(const RadarFrame& frame) {
   if (configured_ > 0) discarded_ += 1 + frame.lost_before;
 }
 
-void RadarDriver::look_for_another_board(const RadarFrame& frame) {
+void RadarDriver::detect_other_board(const RadarFrame& frame) {
   const auto stopped = dialogue_ && data_ ? dialogue_->stopped() : std::nullopt;
   if (!stopped || frame.received < *stopped + held_back) return;
   const std::uint32_t first = frame_after_stop_.value_or(frame.frame_number);

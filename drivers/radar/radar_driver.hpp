@@ -91,7 +91,7 @@ class RadarDriver final : public Driver {
   bool board_was_reset();
   void advance_last_words();
   void on_gone(const Failure& failure);
-  void look_for_another_board(const RadarFrame& frame);
+  void detect_other_board(const RadarFrame& frame);
   void check_frames();
   void fail(const std::string& reason, DeviceState state = DeviceState::faulted);
   void stop_timers();

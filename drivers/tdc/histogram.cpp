@@ -85,7 +85,7 @@ void Histogram::count(std::span<const Tag> tags) {
     count_singly(few);
     tags = tags.subspan(taken + few.size());
   }
-  settle(all);
+  commit(all);
 }
 
 // Every time tag increments exactly one cell, selected without branches, because the sequence of
@@ -141,7 +141,7 @@ void Histogram::add_marker(const Tag& tag) {
 }
 
 // Moves the sums and the 32-bit extra cells to the totals after each block.
-void Histogram::settle(std::size_t tags) {
+void Histogram::commit(std::size_t tags) {
   const auto take_cell = [this](ExtraCell c) {
     return std::exchange(bins_[std::size_t{settings_.bins} + c], 0u);
   };

@@ -101,13 +101,13 @@ class Histogram {
   void count_singly(std::span<const Tag> tags);
   void count_removed();
   void add_marker(const Tag& tag);
-  void settle(std::size_t tags);
+  void commit(std::size_t tags);
 
   HistogramSettings settings_;
   StartGaps gaps_;
   TagFilter filter_;
   ClickBins click_bins_;
-  TagRun run_;         // accumulators of one add(); reset by settle()
+  TagRun run_;         // accumulators of one add(); reset by commit()
   bool fresh_ = true;  // run_.last_time_ps is not valid yet
   bool has_start_ = false;
   bool in_overflow_ = false;

@@ -139,20 +139,20 @@ std::vector<TrainedModel> models_for_room(const Arguments& a) {
   return out;
 }
 
-void print_evaluations(const std::vector<Evaluation>& all, const std::vector<MethodScores>& judged,
+void print_evaluations(const std::vector<Evaluation>& all, const std::vector<MethodScores>& scored,
                        const Dataset& data, bool json) {
   if (json) {
     nlohmann::json out = to_json(all[0]), rows = nlohmann::json::array();
     for (const Evaluation& e : all) rows.push_back(to_json(e));
     out["data_crc32c"] = crc32c_of(data);
-    if (all.size() > 1) out["rows"] = rows, out["paired"] = paired_json(judged);
+    if (all.size() > 1) out["rows"] = rows, out["paired"] = paired_json(scored);
     put(out);
     return;
   }
   std::string text;
   for (std::size_t k = 0; k < all.size(); ++k)
-    text += (k > 0 ? "\n" : "") + (all.size() > 1 ? judged[k].name + ": " : "") + to_text(all[k]);
-  print(printable_lines(text + paired_text(judged)));
+    text += (k > 0 ? "\n" : "") + (all.size() > 1 ? scored[k].name + ": " : "") + to_text(all[k]);
+  print(printable_lines(text + paired_text(scored)));
 }
 
 // Evaluates several models on the records that have all sensors of all models.
@@ -171,12 +171,12 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
   }
   const Dataset& trained_on = a.train.empty() ? data : other;
   const std::optional<Inputs> asked = count > 1 ? asked_by(models) : std::nullopt;
-  std::optional<ScoringScene> judge;
-  if (!a.train.empty()) judge = scoring_scene(other);
+  std::optional<ScoringScene> scoring;
+  if (!a.train.empty()) scoring = scoring_scene(other);
   for (const TrainedModel& model : models)
-    if (!judge && model.knows(data)) judge = scoring_scene(model, data);
+    if (!scoring && model.knows(data)) scoring = scoring_scene(model, data);
   std::vector<Evaluation> all;
-  std::vector<MethodScores> judged;
+  std::vector<MethodScores> scored;
   for (std::size_t k = 0; k < count; ++k) {
     const TrainedModel& model = models[k];
     const Records records =
@@ -188,23 +188,23 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
     if (rows.empty())
       throw Error(ExitCode::failed, run + ": no record with depth has all sensors of these models");
     const std::string name = std::filesystem::path(a.files[k]).stem().string();
-    if (!judge) judge = scoring_scene(model, records.data);
-    Evaluation e = evaluate(model, records, rows, title("scoring " + name), judge);
+    if (!scoring) scoring = scoring_scene(model, records.data);
+    Evaluation e = evaluate(model, records, rows, title("scoring " + name), scoring);
     if (const std::size_t lacking = whole.size() - rows.size(); lacking > 0)
       e.left_out += lacking, e.faults["a sensor of another model missing"] += lacking;
     if (k == 0)
-      e.baselines = score_baselines(data, rows, judge->scene, trained_on,
+      e.baselines = score_baselines(data, rows, scoring->scene, trained_on,
                                     a.train.empty() ? model.rows_of(trained_on, Subset::train)
                                                     : trained_on.usable(model->features.inputs),
                                     title("scoring baselines"));
     set_threads(1);
     e.cost = measure_cost(model, records.data, rows, a.files[k]);
     set_threads(common.threads);
-    judged.push_back({count > 1 ? name : e.model, rows, e.scores, e.uncertainties});
+    scored.push_back({count > 1 ? name : e.model, rows, e.scores, e.uncertainties});
     all.push_back(std::move(e));
   }
-  if (!a.per_record.empty()) write_records(a.per_record, data, judge->scene, judged);
-  print_evaluations(all, judged, data, a.json);
+  if (!a.per_record.empty()) write_records(a.per_record, data, scoring->scene, scored);
+  print_evaluations(all, scored, data, a.json);
   return ExitCode::ok;
 }
 
@@ -301,9 +301,9 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
     other = load(a.train);
     require_map(other, data.map, run);
   }
-  const ScoringScene judge = !a.train.empty()  ? scoring_scene(other)
-                             : !models.empty() ? scoring_scene(models[0], records[0].data)
-                                               : scoring_scene(data);
+  const ScoringScene scoring = !a.train.empty()  ? scoring_scene(other)
+                               : !models.empty() ? scoring_scene(models[0], records[0].data)
+                                                 : scoring_scene(data);
   std::vector<WrittenMaps> written;
   for (const std::string& folder : a.maps) written.push_back(read_written_maps(folder, data.map));
   const std::vector<std::string> left_out = reasons_left_out(a, written, data, models, records);
@@ -316,26 +316,26 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   if (rows.empty()) throw Error(ExitCode::failed, run + ": no record to score: " + left_out_line);
 
   ScoredMaps maps;
-  for (const WrittenMaps& folder : written) add_folder(maps, folder, data, rows, judge.scene);
+  for (const WrittenMaps& folder : written) add_folder(maps, folder, data, rows, scoring.scene);
   for (std::size_t k = 0; k < models.size(); ++k)
     maps.all.push_back({std::filesystem::path(a.files[k]).stem().string(), rows,
-                        evaluate(models[k], records[k], rows, title("scoring"), judge).scores});
+                        evaluate(models[k], records[k], rows, title("scoring"), scoring).scores});
   const std::vector<ScoredRow> baselines = score_baselines(
-      data, rows, judge.scene, a.train.empty() ? data : other,
+      data, rows, scoring.scene, a.train.empty() ? data : other,
       a.train.empty() ? Rows{} : other.usable(Inputs::fused), title("scoring baselines"));
-  if (!a.per_record.empty()) write_records(a.per_record, data, judge.scene, maps.all);
+  if (!a.per_record.empty()) write_records(a.per_record, data, scoring.scene, maps.all);
   std::vector<ScoredRow> scored;
   for (const MethodScores& one : maps.all) scored.push_back({one.name, summarise(one.scores)});
   std::string note = a.train.empty() && models.empty()
                          ? "foreground and background come from this run's maps; "
                            "--train RUN overrides them"
-                         : judge.note;
+                         : scoring.note;
   for (const std::string& line : notes_on_truth(data, scored))
     note += (note.empty() ? "" : "\n") + line;
   if (a.json) {
     nlohmann::json out = maps_json(maps, scored, baselines, rows.size(), note);
     out["left_out"] = reasons;
-    out["foreground_depth_m"] = judge.scene.foreground_depth_m;
+    out["foreground_depth_m"] = scoring.scene.foreground_depth_m;
     put(out);
   } else {
     std::vector<ScoredRow> table = scored;

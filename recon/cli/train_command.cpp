@@ -110,8 +110,8 @@ Dataset load_to_train(Arguments& a, double radar_bin_m) {
 void predict_one(const TrainedModel& model, const std::vector<std::string>& runs) {
   for (const std::string& run : runs) {
     const record::RunReader file(record::old_run(run));
-    if (file.info().uuid != model.seen.runs[model.seen.run.front()]) continue;
-    const std::int64_t index = model.seen.index.front();
+    if (file.info().uuid != model.training.runs[model.training.run.front()]) continue;
+    const std::int64_t index = model.training.index.front();
     Dataset one = load_part(file, index, 1, sensors_of(model->features.inputs),
                             [](std::int64_t, const std::string&) {});
     if (one.size() == 0 || one.index[0] != index) continue;
@@ -134,7 +134,7 @@ ExitCode train_and_save(Arguments& a, const CLI::App& app, const Common& common)
                                     : train(load_to_train(a, settings.radar_bin_m), a);
   save_model(model, a.out, [&](const TrainedModel& written) { predict_one(written, a.runs); });
   const auto trained =
-      std::ranges::count(model.seen.part, static_cast<std::uint8_t>(Subset::train));
+      std::ranges::count(model.training.part, static_cast<std::uint8_t>(Subset::train));
   if (!tuning && trained < least_records)
     std::fprintf(stderr, "%s: trained on only %td records; expected about a thousand\n",
                  a.out.c_str(), trained);

@@ -52,10 +52,10 @@ Reconstruction LiveModel::reconstruct(const record::RunReader& run, std::int64_t
 }
 
 bool LiveModel::saw(const std::string& run_uuid, std::int64_t index) const {
-  const TrainingRecords& seen = model_.seen;
-  for (std::size_t i = 0; i < seen.index.size(); ++i)
-    if (seen.index[i] == index && seen.runs[seen.run[i]] == run_uuid)
-      return static_cast<Subset>(seen.part[i]) != Subset::test;
+  const TrainingRecords& training = model_.training;
+  for (std::size_t i = 0; i < training.index.size(); ++i)
+    if (training.index[i] == index && training.runs[training.run[i]] == run_uuid)
+      return static_cast<Subset>(training.part[i]) != Subset::test;
   return false;
 }
 

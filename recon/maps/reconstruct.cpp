@@ -57,10 +57,10 @@ std::set<std::int64_t> indices_of(const std::string& text) {
 // Indices of the run's records that trained the model, if known from their numbers.
 std::set<std::int64_t> trained_on(const TrainedModel& model, const std::string& uuid) {
   std::set<std::int64_t> out;
-  for (std::size_t i = 0; i < model.seen.index.size(); ++i)
-    if (model.seen.runs[model.seen.run[i]] == uuid &&
-        model.seen.part[i] != static_cast<std::uint8_t>(Subset::test))
-      out.insert(model.seen.index[i]);
+  for (std::size_t i = 0; i < model.training.index.size(); ++i)
+    if (model.training.runs[model.training.run[i]] == uuid &&
+        model.training.part[i] != static_cast<std::uint8_t>(Subset::test))
+      out.insert(model.training.index[i]);
   return out;
 }
 

@@ -18,18 +18,19 @@ namespace {
 constexpr std::int64_t format_version = 17;
 constexpr std::size_t most_estimators = 3;
 
-void archive_seen(Archive archive, TrainingRecords& seen) {
-  std::size_t runs = seen.runs.size();
+void archive_training(Archive archive, TrainingRecords& training) {
+  std::size_t runs = training.runs.size();
   archive.count("runs", runs, 0, 1 << 20);
-  seen.runs.resize(runs);
-  for (std::size_t r = 0; r < runs; ++r) archive.text("run/" + std::to_string(r), seen.runs[r], {});
-  archive.values("run", seen.run, Archive::any);
-  archive.values("index", seen.index, seen.run.size());
-  archive.values("part", seen.part, seen.run.size());
-  archive.values("hash", seen.hash, seen.run.size());
-  for (const std::uint32_t run : seen.run)
+  training.runs.resize(runs);
+  for (std::size_t r = 0; r < runs; ++r)
+    archive.text("run/" + std::to_string(r), training.runs[r], {});
+  archive.values("run", training.run, Archive::any);
+  archive.values("index", training.index, training.run.size());
+  archive.values("part", training.part, training.run.size());
+  archive.values("hash", training.hash, training.run.size());
+  for (const std::uint32_t run : training.run)
     archive.require(run < runs, "run", "expected indices of its runs");
-  for (const std::uint8_t part : seen.part)
+  for (const std::uint8_t part : training.part)
     archive.require(part <= static_cast<std::uint8_t>(Subset::test), "part", "expected 0, 1 or 2");
 }
 
@@ -94,7 +95,7 @@ void archive(Archive archive, TrainedModel& model) {
   archive.count("data_crc32c", model.data_hash, 0, std::numeric_limits<std::uint32_t>::max());
   archive_response(archive.in("response"), model.radar_response, model.any_response);
   archive_split(archive.in("split"), model.split);
-  archive_seen(archive.in("split"), model.seen);
+  archive_training(archive.in("split"), model.training);
   for (std::size_t k = 0; k < estimators; ++k)
     model.estimators[k].archive(archive.in(std::to_string(k)));
   check_list(archive, model);

@@ -134,7 +134,7 @@ DomainShift domain_shift_of(const TrainedModel& model, const Dataset& run) {
   const Dataset& data = rows.size() < run.size() ? part : run;
   const Estimator& by = model.for_run(data);
   const Rows all = all_rows(data.size());
-  DomainShift out = by.domain.judge(by.alignment, data, by.views(data, all, true));
+  DomainShift out = by.domain.test(by.alignment, data, by.views(data, all, true));
   Rows live, some;
   for (const std::size_t row : all)
     if (model.fault_of(data, row).empty()) live.push_back(row);

@@ -10,12 +10,12 @@
 namespace echofuse::recon {
 namespace {
 
-// Returns the run number in seen.runs for each source of the data set, or -1.
-std::vector<std::int64_t> known_runs(const TrainingRecords& seen, const Dataset& data) {
+// Returns the run number in training.runs for each source of the data set, or -1.
+std::vector<std::int64_t> known_runs(const TrainingRecords& training, const Dataset& data) {
   std::vector<std::int64_t> out;
   for (const auto& source : data.sources) {
-    const auto found = std::find(seen.runs.begin(), seen.runs.end(), source.uuid);
-    out.push_back(found == seen.runs.end() ? -1 : found - seen.runs.begin());
+    const auto found = std::find(training.runs.begin(), training.runs.end(), source.uuid);
+    out.push_back(found == training.runs.end() ? -1 : found - training.runs.begin());
   }
   return out;
 }
@@ -23,20 +23,20 @@ std::vector<std::int64_t> known_runs(const TrainingRecords& seen, const Dataset&
 }  // namespace
 
 TrainingRecords training_records(const Dataset& data, const Split& split) {
-  TrainingRecords seen;
-  for (const auto& source : data.sources) seen.runs.push_back(source.uuid);
+  TrainingRecords training;
+  for (const auto& source : data.sources) training.runs.push_back(source.uuid);
   const auto add = [&](const Rows& rows, Subset part) {
     for (const std::size_t row : rows) {
-      seen.run.push_back(static_cast<std::uint32_t>(data.source_of(row)));
-      seen.index.push_back(data.index[row]);
-      seen.part.push_back(static_cast<std::uint8_t>(part));
-      seen.hash.push_back(data.content.empty() ? 0 : data.content[row]);
+      training.run.push_back(static_cast<std::uint32_t>(data.source_of(row)));
+      training.index.push_back(data.index[row]);
+      training.part.push_back(static_cast<std::uint8_t>(part));
+      training.hash.push_back(data.content.empty() ? 0 : data.content[row]);
     }
   };
   add(split.train, Subset::train);
   add(split.validation, Subset::validation);
   add(split.test, Subset::test);
-  return seen;
+  return training;
 }
 
 double TrainedModel::train_s() const {
@@ -94,14 +94,14 @@ std::string TrainedModel::fault_of(const Dataset& data, std::size_t row) const {
 }
 
 bool TrainedModel::knows(const Dataset& data) const {
-  const auto runs = known_runs(seen, data);
+  const auto runs = known_runs(training, data);
   return std::any_of(runs.begin(), runs.end(), [](std::int64_t run) { return run >= 0; });
 }
 
 Rows TrainedModel::rows_trained_on(const Dataset& data) const {
   std::set<std::int64_t> known;
-  for (std::size_t i = 0; i < seen.hash.size(); ++i)
-    if (seen.part[i] != static_cast<std::uint8_t>(Subset::test)) known.insert(seen.hash[i]);
+  for (std::size_t i = 0; i < training.hash.size(); ++i)
+    if (training.part[i] != static_cast<std::uint8_t>(Subset::test)) known.insert(training.hash[i]);
   known.erase(0);
   std::set<std::size_t> rows;
   for (std::size_t row = 0; row < data.content.size(); ++row)
@@ -112,7 +112,7 @@ Rows TrainedModel::rows_trained_on(const Dataset& data) const {
 }
 
 Rows TrainedModel::rows_of(const Dataset& data, Subset part) const {
-  const auto runs = known_runs(seen, data);
+  const auto runs = known_runs(training, data);
   std::map<std::pair<std::int64_t, std::int64_t>, std::size_t> row_of;
   for (std::size_t s = 0; s < runs.size(); ++s)
     for (std::size_t i = 0; i < data.sources[s].count; ++i) {
@@ -120,9 +120,9 @@ Rows TrainedModel::rows_of(const Dataset& data, Subset part) const {
       row_of[{runs[s], data.index[row]}] = row;
     }
   Rows rows;
-  for (std::size_t i = 0; i < seen.index.size(); ++i) {
-    if (seen.part[i] != static_cast<std::uint8_t>(part)) continue;
-    const auto found = row_of.find({seen.run[i], seen.index[i]});
+  for (std::size_t i = 0; i < training.index.size(); ++i) {
+    if (training.part[i] != static_cast<std::uint8_t>(part)) continue;
+    const auto found = row_of.find({training.run[i], training.index[i]});
     if (found != row_of.end()) rows.push_back(found->second);
   }
   return rows;

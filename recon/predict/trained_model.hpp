@@ -36,7 +36,7 @@ struct TrainingRecords {
 struct TrainedModel {
   std::vector<Estimator> estimators;  // at least one; each may state an uncertainty
   SplitOptions split;
-  TrainingRecords seen;
+  TrainingRecords training;
   std::uint32_t data_hash = 0;
   // Response of the training's profiles; unknown if not stated.
   record::RadarResponse radar_response;

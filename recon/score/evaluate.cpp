@@ -38,9 +38,9 @@ Matrix nearest_maps(const Dataset& data, const Rows& rows, const Dataset& neighb
   const Matrix maps = take_rows(neighbours_data.depth, neighbours);
   const auto model = make_nearest();
   model->fit({known, maps, all_rows(neighbours.size())}, {known, maps, {}}, {});
-  Dataset judged = part_of(data, rows);
-  match_axes(judged, neighbours_data.spd_axis, neighbours_data.radar_axis, inputs);
-  return model->predict(features.apply(judged, all_rows(rows.size())));
+  Dataset scored = part_of(data, rows);
+  match_axes(scored, neighbours_data.spd_axis, neighbours_data.radar_axis, inputs);
+  return model->predict(features.apply(scored, all_rows(rows.size())));
 }
 
 Rows with_depth(const Dataset& data) {
@@ -103,7 +103,7 @@ struct StatedUncertainty {
 // Computes metrics and calibration in chunks, which bounds the memory.
 void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
                        const std::string& title, Evaluation& out) {
-  const SceneModel& judge = out.judge.scene;
+  const SceneModel& scoring = out.scoring.scene;
   Progress progress(title, rows.size(), title.empty());
   constexpr std::size_t at_once = 512;
   const PredictionDetail detail =
@@ -115,11 +115,11 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
     const Rows part(begin, begin + std::min<std::ptrdiff_t>(at_once, rows.end() - begin));
     Prediction one = predict(model, records.data, part, detail);
     if (!one.uncertainties.empty() && model->uncertainty)
-      uncertainty.add(one, records.data, part, judge);
+      uncertainty.add(one, records.data, part, scoring);
     if (one.uncertainties.empty() && model->uncertainty) one.uncertainties.resize(part.size());
     out.uncertainties.insert(out.uncertainties.end(), one.uncertainties.begin(),
                              one.uncertainties.end());
-    const auto some = score_maps(one.maps, records.data, part, judge);
+    const auto some = score_maps(one.maps, records.data, part, scoring);
     scores.insert(scores.end(), some.begin(), some.end());
     progress.update(scores.size());
   }
@@ -219,14 +219,14 @@ namespace {
 void add_doubtful(const TrainedModel& model, const Records& records, Evaluation& out) {
   const Dataset& data = records.data;
   Rows rest = without(with_map_and_depth(model, data), model.rows_trained_on(data)), doubtful;
-  Rows judged = out.rows;
-  std::sort(judged.begin(), judged.end());
-  for (const std::size_t row : without(rest, judged))
+  Rows scored = out.rows;
+  std::sort(scored.begin(), scored.end());
+  for (const std::size_t row : without(rest, scored))
     if (const std::string doubt = doubt_of(model, data, row); !doubt.empty())
       doubtful.push_back(row), ++out.doubtful[doubt];
   if (doubtful.empty()) return;
   const Matrix maps = predict(model, data, doubtful, PredictionDetail::maps).maps;
-  const SceneModel& scene = out.judge.scene;
+  const SceneModel& scene = out.scoring.scene;
   std::vector<MapScores> all = score_maps(maps, data, doubtful, scene);
   all.insert(all.end(), out.scores.begin(), out.scores.end());
   out.with_doubtful = summarise(all);
@@ -244,10 +244,10 @@ TwoPeopleCounts count_two_people(const Evaluation& e, const Dataset& data) {
 }  // namespace
 
 Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
-                    const std::string& title, const std::optional<ScoringScene>& judge) {
+                    const std::string& title, const std::optional<ScoringScene>& scoring) {
   const Dataset& data = records.data;
   Evaluation out;
-  out.judge = judge ? *judge : scoring_scene(model, data);
+  out.scoring = scoring ? *scoring : scoring_scene(model, data);
   out.model = model->name;
   out.inputs = model.for_run(data).features.inputs;
   out.records = rows.size(), out.rows = rows;
@@ -280,11 +280,12 @@ std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows,
                                        const SceneModel& scene, const Dataset& neighbours_data,
                                        Rows neighbours, const std::string& title) {
   const auto inputs = common_inputs(data, neighbours_data);
-  std::set<std::int64_t> judged;
+  std::set<std::int64_t> scored_content;
   for (const std::size_t row : rows)
-    if (!data.content.empty() && data.content[row] != 0) judged.insert(data.content[row]);
+    if (!data.content.empty() && data.content[row] != 0) scored_content.insert(data.content[row]);
   std::erase_if(neighbours, [&](std::size_t row) {
-    return !neighbours_data.content.empty() && judged.contains(neighbours_data.content[row]);
+    return !neighbours_data.content.empty() &&
+           scored_content.contains(neighbours_data.content[row]);
   });
   const bool with_nearest = !neighbours.empty() && inputs;
   Progress progress(title, with_nearest ? 3 : 2, title.empty());

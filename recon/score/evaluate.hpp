@@ -72,7 +72,7 @@ struct Evaluation {
   // Records left out by verdict (Dataset::doubt_of), and the scores including them.
   std::map<std::string, std::size_t> doubtful;
   Summaries with_doubtful = {};
-  ScoringScene judge;
+  ScoringScene scoring;
   std::string antennas;      // note (Records)
   std::string response;      // note (Records)
   std::string ranges;        // assumptions of the intervals (Records)
@@ -100,9 +100,9 @@ std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const
                                   const SceneModel& scene);
 
 // Scores the rows, without baselines and cost. A non-empty `title` shows a progress line on stderr.
-// Default of `judge`: scoring_scene(model, run).
+// Default of `scoring`: scoring_scene(model, run).
 Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
-                    const std::string& title = {}, const std::optional<ScoringScene>& judge = {});
+                    const std::string& title = {}, const std::optional<ScoringScene>& scoring = {});
 
 // Scores the baselines without a model: empty room, mean map, and map of the nearest neighbour. The
 // nearest neighbour is found in the scaling "record", by the sensors with equal axes in both data

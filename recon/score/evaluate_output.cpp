@@ -44,8 +44,8 @@ json to_json(const Evaluation& e) {
               {"twice", e.twice},
               {"fallback_records", fallback_records},
               {"fallbacks", e.fallbacks},
-              {"note", e.judge.note},
-              {"foreground_depth_m", e.judge.scene.foreground_depth_m},
+              {"note", e.scoring.note},
+              {"foreground_depth_m", e.scoring.scene.foreground_depth_m},
               {"antennas", e.antennas},
               {"response", e.response},
               {"ranges", e.ranges},
@@ -138,8 +138,8 @@ std::string notes(const Evaluation& e) {
   std::string out = e.domain_shift.tested() ? e.tested + e.domain_shift.text() + '\n' : "";
   for (const std::string& fault : {e.late_truth, mirrored_truth(e.metrics)})
     if (!fault.empty()) out += fault + '\n';
-  if (!e.judge.note.empty()) out += e.judge.note + '\n';
-  if (!e.judge.scene.has_body()) out += std::string(no_body) + '\n';
+  if (!e.scoring.note.empty()) out += e.scoring.note + '\n';
+  if (!e.scoring.scene.has_body()) out += std::string(no_body) + '\n';
   for (const std::string& remark : {e.antennas, e.response, e.ranges, to_text(e.two_people)})
     if (!remark.empty()) out += remark + '\n';
   for (const auto& [note, records] : e.fallbacks)

@@ -59,7 +59,7 @@ std::vector<CrossvalidatedRow> Choice::table() const {
   return out;
 }
 
-std::vector<HeldOut> Choice::judged() const {
+std::vector<HeldOut> Choice::held_out() const {
   std::vector<HeldOut> out;
   for (std::size_t k = 0; k < folds; ++k)
     out.push_back({entries_[chosen_].models[k], folds_[k].test});

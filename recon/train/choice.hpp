@@ -38,7 +38,7 @@ class Choice {
   Estimator fit() const { return entries_[chosen_].fit(split_.train); }
   std::vector<CrossvalidatedRow> table() const;
   // Returns each fold's model of the chosen kind, and its held-out rows.
-  std::vector<HeldOut> judged() const;
+  std::vector<HeldOut> held_out() const;
 
  private:
   struct Alternative {

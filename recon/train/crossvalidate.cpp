@@ -54,7 +54,7 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
   std::vector<CrossvalidatedRow> out;
   for (const auto& name : names) out.push_back({{name, {}}, {}, 0, {}});
   std::vector<Folds> scores(names.size());
-  const SceneModel judge = learn_scene(data.depth, rows, data.map);
+  const SceneModel scoring = learn_scene(data.depth, rows, data.map);
   Progress progress("cross-validation", folds * names.size(), options.fit.quiet);
   for (std::size_t fold = 0; fold < folds; ++fold) {
     const Split split = make_fold(rows, fold, folds, sequence ? options.split.gap : 0);
@@ -65,7 +65,7 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
       if (out[m].fault.empty()) try {
           const Estimator model =
               fit_model(data, split, preprocessing, names[m], inputs, options.scaling, fit);
-          scores[m].push_back(score_maps(model.maps(data, split.test), data, split.test, judge));
+          scores[m].push_back(score_maps(model.maps(data, split.test), data, split.test, scoring));
           out[m].cost = model.cost(), out[m].train_s += model.train_s / folds;
         } catch (const Error& error) {
           if (error.code() != ExitCode::failed) throw;

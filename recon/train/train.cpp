@@ -29,7 +29,7 @@ std::string choose(const Dataset& data, const Split& split, const TrainOptions& 
   return table[chosen].name;
 }
 
-bool looks_at_body(const std::string& candidate, const TrainOptions& options) {
+bool aligns_inputs(const std::string& candidate, const TrainOptions& options) {
   return wants_alignment(candidate_of(candidate, options.fit).model);
 }
 
@@ -53,7 +53,7 @@ std::vector<TrainingPlan> wanted_of(const Dataset& data, const std::string& name
                                     const TrainOptions& options) {
   constexpr std::size_t enough = 500, enough_of_spd = 150;  // the SPD's model is rarely used
   const Inputs inputs = inputs_of(options.inputs);
-  const bool aligned = looks_at_body(name, options);
+  const bool aligned = aligns_inputs(name, options);
   std::vector<TrainingPlan> out{{name, inputs, options.scaling, options.fit, enough}};
   if (!options.fallback || !both_sensors(inputs) ||
       ignores_inputs(candidate_of(name, options.fit).model))
@@ -104,7 +104,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const SceneMod
   if (!scene.has_body() && !options.fit.quiet) std::fprintf(stderr, "%s\n", no_body);
   TrainedModel model;
   model.split = options.split;
-  model.seen = training_records(data, split);
+  model.training = training_records(data, split);
   model.data_hash = data.hash;
   model.radar_response = widest_response(data);
   model.any_response = options.any_response;
@@ -140,7 +140,7 @@ void warn_of_split(const Dataset& data, const Rows& rows, const Split& split,
 
 Inputs inputs_to_train(const TrainOptions& options) {
   const Inputs inputs = inputs_of(options.inputs);
-  return options.model == "auto" || looks_at_body(options.model, options)
+  return options.model == "auto" || aligns_inputs(options.model, options)
              ? inputs
              : without_antennas(inputs);
 }

@@ -294,7 +294,7 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   model.estimators.push_back(choice.fit());
   model.split = options.split;
   model->fit.seed = options.tuning.seed;
-  model.seen = both(from.seen, training_records(data, split));
+  model.training = both(from.training, training_records(data, split));
   model.data_hash = data.hash;
   model.radar_response = by_alone ? widest_response(data) : from.radar_response;
   model.any_response = !by_alone && from.any_response;
@@ -302,7 +302,7 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   if (stayed)
     keep_statements(model.first(), from.first());
   else
-    finish(model.first(), data, split, choice.judged(), options.tuning.seed);
+    finish(model.first(), data, split, choice.held_out(), options.tuning.seed);
   for (std::size_t k = 1; k < from.estimators.size(); ++k)
     model.estimators.push_back(
         tune_other(from.estimators[k], data, split, options, !stayed, by_alone));

@@ -162,8 +162,8 @@ DomainReference::DomainReference(const Alignment& alignment, const Dataset& data
   if (numbers_.rows < least_known) numbers_ = {};
 }
 
-DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& data,
-                                   const Matrix& views) const {
+DomainShift DomainReference::test(const Alignment& alignment, const Dataset& data,
+                                  const Matrix& views) const {
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)
     if (data.fault_of(row, inputs_).empty()) rows.push_back(row);

@@ -56,7 +56,7 @@ class DomainReference {
                   const Rows& rows, Inputs inputs);
   bool known() const { return numbers_.rows > 0; }
   // Tests the rows with live sensors, in order. The data must be on the model's axes.
-  DomainShift judge(const Alignment& alignment, const Dataset& data, const Matrix& views) const;
+  DomainShift test(const Alignment& alignment, const Dataset& data, const Matrix& views) const;
 
   void archive(Archive archive, Inputs inputs);
 

@@ -245,7 +245,7 @@ OutOfDistributionDetector::Limits OutOfDistributionDetector::limits_for(double t
   return out;
 }
 
-std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matrix& views,
+std::vector<OutOfDistributionScore> OutOfDistributionDetector::score(const Matrix& views,
                                                                      const Dataset& data,
                                                                      const Rows& rows) const {
   const bool has_spd = first_[range + 1] > 0;

@@ -59,7 +59,7 @@ class OutOfDistributionDetector {
                             const Rows& rows, Inputs inputs, const SceneModel& scene,
                             std::uint64_t seed);
   // Row i of the views belongs to rows[i] of the data.
-  std::vector<OutOfDistributionScore> judge(const Matrix& views, const Dataset& data,
+  std::vector<OutOfDistributionScore> score(const Matrix& views, const Dataset& data,
                                             const Rows& rows) const;
 
   void archive(Archive archive, const Features& of_model, const Alignment& alignment);

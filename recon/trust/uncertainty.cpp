@@ -171,7 +171,7 @@ std::vector<PredictionUncertainty> UncertaintyModel::trust(const Matrix& views, 
                                                            Inputs inputs) const {
   const Matrix predictors = predictors_of(maps, scene, data, rows, inputs);
   std::vector<PredictionUncertainty> out;
-  for (OutOfDistributionScore& score : detector.judge(views, data, rows)) {
+  for (OutOfDistributionScore& score : detector.score(views, data, rows)) {
     const std::size_t i = out.size();
     const double interval_m =
         std::hypot(lateral(predictors.row(i), data.times_wider(rows[i])),

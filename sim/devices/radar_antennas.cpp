@@ -90,7 +90,8 @@ void RadarAntennas::start(const Chirp& chirp, double mean_peak) {
   echo_.reset();
 }
 
-void RadarAntennas::look(const RenderedScene& rendered, double time_s, double gain, Rng& rng) {
+void RadarAntennas::sample_frame(const RenderedScene& rendered, double time_s, double gain,
+                                 Rng& rng) {
   if (!echo_ || scene_ != rendered.index) {
     AntennaRadar radar{axis_, used_, seed_};
     radar.receivers = receivers_used_;
@@ -100,11 +101,11 @@ void RadarAntennas::look(const RenderedScene& rendered, double time_s, double ga
     radar.wavelength_m = wavelength_m_;
     echo_.emplace(rendered.radar, radar, conditions_, rng);
     scene_ = rendered.index;
-    seen_s_ = time_s;
+    sampled_s_ = time_s;
   }
   samples_.resize(echo_->samples());
-  echo_->frame(std::max(0.0, time_s - seen_s_), rng, samples_);
-  seen_s_ = time_s;
+  echo_->frame(std::max(0.0, time_s - sampled_s_), rng, samples_);
+  sampled_s_ = time_s;
   auto* parts = reinterpret_cast<float*>(samples_.data());
   const auto amplitude = static_cast<float>(std::sqrt(gain));
   for (std::size_t i = 0; i < 2 * samples_.size(); ++i) parts[i] *= amplitude;

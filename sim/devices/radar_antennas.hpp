@@ -26,7 +26,7 @@ class RadarAntennas {
   void start(const Chirp& chirp, double mean_peak);
   // Samples one frame at all antennas; `gain` scales the signal. The phases do not depend on a
   // subframe's start frequency.
-  void look(const RenderedScene& rendered, double time_s, double gain, Rng& rng);
+  void sample_frame(const RenderedScene& rendered, double time_s, double gain, Rng& rng);
   // Returns the range profile of this frame, from the same samples; coherent echoes only.
   std::vector<std::uint16_t> profile_codes() const;
   RadarTlv tlv() const;
@@ -50,7 +50,7 @@ class RadarAntennas {
   std::int64_t chirps_ = 1;
   std::size_t receivers_used_ = receivers;
   std::vector<std::size_t> numbers_;  // indices of used_ in channels_
-  double noise_power_ = 0, seen_s_ = 0;
+  double noise_power_ = 0, sampled_s_ = 0;
   std::int64_t scene_ = -1;
   std::optional<AntennaEcho> echo_;
   std::vector<std::complex<float>> samples_;  // in the firmware's integers

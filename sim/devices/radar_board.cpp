@@ -92,8 +92,8 @@ class RadarBoard final : public Device {
     if (subframe_ > 0 || chirp().frames == 0 || frames_of_start_ < chirp().frames) {
       frame_number_ += subframe_ == 0;  // subframes carry the number of their frame
       frames_of_start_ += subframe_ == 0;
-      seen_s_ = player_.now_s();
-      seen_subframe_ = subframe_;
+      sampled_s_ = player_.now_s();
+      sampled_subframe_ = subframe_;
       const double ready_us = std::min(chirp().active_us() + processing_us, 0.8 * period_us());
       output_timer_.at(next_frame_ + microseconds(ready_us), [this] { output(); });
     }
@@ -113,7 +113,7 @@ class RadarBoard final : public Device {
     std::vector<RadarTlv> tlvs;
     const RadarOutputs& wanted = firmware_.outputs();
     if (wanted.objects) tlvs.push_back(objects_tlv());
-    if (last_profile_.empty() || !injector_.active(FaultKind::freeze)) look();
+    if (last_profile_.empty() || !injector_.active(FaultKind::freeze)) sample_frame();
     if (wanted.range_profile) tlvs.push_back(range_profile_tlv(last_profile_));
     if (wanted.heat_map) tlvs.push_back(last_heat_map_);
     if (wanted.stats) {
@@ -124,7 +124,7 @@ class RadarBoard final : public Device {
     const auto cycles =
         static_cast<std::int64_t>((now_s + injector_.clock_error_s(now_s)) * cpu_hz);
     const Bytes wire = radar_frame({frame_number_, static_cast<std::uint32_t>(cycles), 0,
-                                    static_cast<std::uint32_t>(seen_subframe_)},
+                                    static_cast<std::uint32_t>(sampled_subframe_)},
                                    tlvs, rng_);
     put_on_line(wire);
     ++frames_;
@@ -133,16 +133,17 @@ class RadarBoard final : public Device {
   }
 
   std::vector<double> received_power() {
-    auto power = radar_power(player_.at(seen_s_).radar, axis_);
+    auto power = radar_power(player_.at(sampled_s_).radar, axis_);
     for (double& p : power) p *= injector_.gain();
     return power;
   }
 
   // With coherent echoes antennas are sampled for every frame, because people move.
-  void look() {
+  void sample_frame() {
     const Conditions& c = player_.conditions();
     const bool heat_map = firmware_.outputs().heat_map, coherent = c.radar_sum == "coherent";
-    if (heat_map || coherent) antennas_.look(player_.at(seen_s_), seen_s_, injector_.gain(), rng_);
+    if (heat_map || coherent)
+      antennas_.sample_frame(player_.at(sampled_s_), sampled_s_, injector_.gain(), rng_);
     if (heat_map) last_heat_map_ = antennas_.tlv();
     last_profile_ =
         coherent ? antennas_.profile_codes()
@@ -233,10 +234,10 @@ class RadarBoard final : public Device {
   std::vector<std::uint16_t> last_profile_;  // result of sending
   RadarTlv last_heat_map_;
   HostTime next_frame_{};
-  double mean_peak_ = 0, seen_s_ = 0, transmit_us_ = 0;
+  double mean_peak_ = 0, sampled_s_ = 0, transmit_us_ = 0;
   bool framing_ = false;
   std::uint32_t frame_number_ = 0;
-  std::size_t subframe_ = 0, seen_subframe_ = 0;  // next frame to begin; next frame to send
+  std::size_t subframe_ = 0, sampled_subframe_ = 0;  // next frame to begin; next frame to send
   std::uint64_t frames_of_start_ = 0, frames_ = 0, skipped_ = 0;
   std::deque<QueuedFrame> line_;  // frames waiting for their due time
   std::function<void(bool in)> plug_;

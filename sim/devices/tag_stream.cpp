@@ -29,7 +29,7 @@ void TagStream::advance(const Emit& emit, const Lose& lose) {
   now = std::min(now, pulse_at(time_of(next_pulse_) + longest_tick_s));
   do {
     const double from_s = time_of(next_pulse_) + 0.5 / source_.laser_rate_hz();
-    look(from_s);
+    select_scene(from_s);
     const double until_s = std::min(from_s + longest_block_s_, player_.scene_end_s(from_s));
     const std::int64_t last = std::min(now, std::max(next_pulse_ + 1, pulse_at(until_s)));
     if (last <= next_pulse_) break;
@@ -48,11 +48,11 @@ double TagStream::time_of(std::int64_t pulse) const {
   return static_cast<double>(pulse) / source_.laser_rate_hz();
 }
 
-void TagStream::look(double time_s) {
+void TagStream::select_scene(double time_s) {
   const RenderedScene& rendered = player_.at(time_s);
-  if (rendered.index == seen_) return;
+  if (rendered.index == scene_index_) return;
   source_.set_returns(rendered.spd);
-  seen_ = rendered.index;
+  scene_index_ = rendered.index;
 }
 
 }  // namespace echofuse::sim

@@ -24,12 +24,12 @@ class TagStream {
  private:
   std::int64_t pulse_at(double time_s) const;
   double time_of(std::int64_t pulse) const;
-  void look(double time_s);
+  void select_scene(double time_s);
 
   ScenePlayer& player_;
   double longest_block_s_;
   PhotonSource source_;
-  std::int64_t next_pulse_ = 0, seen_ = -1;
+  std::int64_t next_pulse_ = 0, scene_index_ = -1;
 };
 
 }  // namespace echofuse::sim

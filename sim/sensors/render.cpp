@@ -74,8 +74,8 @@ class PatchCollector {
   std::size_t seen_ = 0;
 };
 
-void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, RoomReturns room,
-          Returns& returns) {
+void collect_patches(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y,
+                     RoomReturns room, Returns& returns) {
   constexpr Sampling sampling = Sampling::staggered;
   PatchCollector patches(scene, gaze, x, y, returns);
   std::shared_ptr<const Image> behind;
@@ -116,7 +116,7 @@ Axis moved(Axis axis, double by) {
 
 void see_with_radar(const Scene& scene, const Conditions& c, const Gaze& gaze, const Axis& x,
                     const Axis& y, RoomReturns room, Returns& out) {
-  look(scene, gaze, x, y, room, out);
+  collect_patches(scene, gaze, x, y, room, out);
   add_echoes_by_walls(scene, c, gaze, x, y, out);
 }
 
@@ -161,8 +161,8 @@ std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, co
 void spd_returns(const Scene& scene, const Conditions& c, Returns& out, RoomReturns room) {
   const std::int64_t rays = rays_of(c);
   const Gaze gaze = spd_gaze(c);
-  look(scene, gaze, moved(x_rays(rays, gaze.half_tangent), gaze.middle_x),
-       y_rays(rays, gaze.half_tangent), room, out);
+  collect_patches(scene, gaze, moved(x_rays(rays, gaze.half_tangent), gaze.middle_x),
+                  y_rays(rays, gaze.half_tangent), room, out);
   add_light_by_walls(scene, gaze, c.multipath_order, room, out);
 }
 

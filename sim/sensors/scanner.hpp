@@ -219,7 +219,7 @@ class Scanner {
     from_ = background_ ? 0 : x_.count;
     to_ = background_ ? x_.count : 0;
     in_row_.clear();
-    const auto look_at = [&](const auto& placed, std::int32_t number) {
+    const auto render_shape = [&](const auto& placed, std::int32_t number) {
       if (iy < placed.y0 || iy >= placed.y1) return;
       const auto [first, last] = placed.columns(iy);
       if (first >= last) return;
@@ -229,11 +229,11 @@ class Scanner {
       to_ = std::max(to_, end);
     };
     std::int32_t number = 0;
-    for (const auto& capsule : capsules_) look_at(capsule, number++);
-    for (const auto& plate : plates_) look_at(plate, number++);
+    for (const auto& capsule : capsules_) render_shape(capsule, number++);
+    for (const auto& plate : plates_) render_shape(plate, number++);
     for (const auto& triangle : triangles_) {
       if (triangle.y0 > iy) break;
-      look_at(triangle, number++);
+      render_shape(triangle, number++);
     }
   }
 

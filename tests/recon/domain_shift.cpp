@@ -190,7 +190,7 @@ TEST_CASE("the standard error of a difference comes from the variance between bl
              b = blocks(record_numbers_of(p.alignment, run, views, all_rows(count), Inputs::fused));
   REQUIRE((a.size() == 6 && b.size() == 2));
   const double error = std::sqrt((squares(a) + squares(b)) / (6 + 2 - 2) * (1 / 6. + 1 / 2.));
-  const auto found = reference.judge(p.alignment, run, views).differences;
+  const auto found = reference.test(p.alignment, run, views).differences;
   const auto range = std::ranges::find_if(
       found, [](const DomainShift::Difference& d) { return d.text.starts_with("range "); });
   REQUIRE(range != found.end());
@@ -240,7 +240,7 @@ TEST_CASE("domain test has few false alarms for small and large references") {
       const Rows some(rows.begin() + std::ptrdiff_t(first),
                       rows.begin() + std::ptrdiff_t(first + 50));
       const DomainShift shift =
-          reference.judge(p.alignment, part_of(all, some), take_rows(p.views, some));
+          reference.test(p.alignment, part_of(all, some), take_rows(p.views, some));
       CHECK_FALSE(shift.found());
       below_5_percent += shift.p < 0.05;
     }

@@ -129,23 +129,23 @@ TEST_CASE("training records of two people raise the limit only if all show two p
   };
   for (std::size_t i = 0; i < count; i += 5) add_other(data, i), data.label[i] = two_people_label;
   const Rows rows = all_rows(count);
-  const auto judged = [&](const Dataset& training, const Dataset& of) {
+  const auto scores_of = [&](const Dataset& training, const Dataset& of) {
     const Preprocessing p(training, rows, Inputs::fused,
                           learn_scene(training.depth, rows, training.map), true);
     const OutOfDistributionDetector detector(p.alignment, training, p.views, rows, Inputs::fused,
                                              p.scene, 1);
     const Features sensors = fit_features(training, rows, Inputs::fused, raw_scaling);
-    return detector.judge(align(observe(of, rows, sensors), p.alignment), of, rows);
+    return detector.score(align(observe(of, rows, sensors), p.alignment), of, rows);
   };
   Dataset two = bare;
   for (std::size_t i = 0; i < count; ++i) add_other(two, i);
-  const auto scores = judged(data, two);
+  const auto scores = scores_of(data, two);
   const auto flagged =
       std::count_if(scores.begin(), scores.end(), [](const auto& s) { return !s.reason.empty(); });
   INFO(flagged);
   CHECK(flagged > 200);
   std::fill(two.label.begin(), two.label.end(), two_people_label);
-  for (const auto& s : judged(two, two)) CHECK(std::isnan(s.two_bodies));
+  for (const auto& s : scores_of(two, two)) CHECK(std::isnan(s.two_bodies));
 }
 
 TEST_CASE("two people in front of a wall are flagged") {
@@ -175,7 +175,7 @@ TEST_CASE("two people in front of a wall are flagged") {
                                            p.scene, 1);
   const auto flagged = [&](const Dataset& data) {
     const auto scores =
-        detector.judge(align(observe(data, rows, sensors), p.alignment), data, rows);
+        detector.score(align(observe(data, rows, sensors), p.alignment), data, rows);
     return std::count_if(scores.begin(), scores.end(),
                          [](const auto& s) { return s.two_bodies > 1; });
   };

@@ -146,13 +146,13 @@ TEST_CASE("outlier detection does not depend on the order of training records") 
                                     learn_scene(data.depth, rows, data.map), true);
   const OutOfDistributionDetector detector(preprocessing.alignment, data, preprocessing.views, rows,
                                            Inputs::fused, preprocessing.scene, 1);
-  const auto judge = [&](const Dataset& of) {
+  const auto scores_of = [&](const Dataset& of) {
     const Features raw = fit_features(data, rows, Inputs::fused, raw_scaling);
     const Rows all = all_rows(of.size());
-    return detector.judge(align(observe(of, all, raw), preprocessing.alignment), of, all);
+    return detector.score(align(observe(of, all, raw), preprocessing.alignment), of, all);
   };
   double flagged = 0;
-  for (const auto& s : judge(fresh)) flagged += !s.reason.empty();
+  for (const auto& s : scores_of(fresh)) flagged += !s.reason.empty();
   CHECK(flagged / 300 < 0.03);
   Dataset two = fresh;
   for (std::size_t i = 0; i < two.size(); ++i)
@@ -160,7 +160,7 @@ TEST_CASE("outlier detection does not depend on the order of training records") 
       for (std::size_t c = 0; c < table->cols; ++c)
         table->row(i)[c] += (table == &two.spd ? fresh.spd : fresh.radar).row((i + 7) % 300)[c];
   flagged = 0;
-  for (const auto& s : judge(two)) flagged += !s.reason.empty();
+  for (const auto& s : scores_of(two)) flagged += !s.reason.empty();
   CHECK(flagged / 300 > 0.5);
 }
 
@@ -176,7 +176,7 @@ TEST_CASE("outlier detection is fitted to the training records only") {
     const OutOfDistributionDetector detector(p.alignment, from, p.views, training, Inputs::fused,
                                              p.scene, 1);
     std::vector<double> out;
-    for (const auto& s : detector.judge(take_rows(p.views, training), from, training))
+    for (const auto& s : detector.score(take_rows(p.views, training), from, training))
       out.push_back(s.two_bodies);
     return out;
   };

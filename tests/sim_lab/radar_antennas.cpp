@@ -78,7 +78,7 @@ TEST_CASE(
     RadarAntennas board(c, 3);
     board.start(chirp_of(transmitters), 1);
     Rng rng(1);
-    board.look(point_at(0.25, 0.5), 0, 1, rng);
+    board.sample_frame(point_at(0.25, 0.5), 0, 1, rng);
     const RadarTlv tlv = board.tlv();
     CHECK(tlv.type == 4);
     const auto samples = samples_of(tlv);
@@ -97,7 +97,7 @@ TEST_CASE("a planar array sends all antennas with their channel errors") {
   RadarAntennas board(c, 3);
   board.start(chirp_of({0, 1, 2}), 1);
   Rng rng(1);
-  board.look(point_at(-0.1, 0.2), 0, 4, rng);
+  board.sample_frame(point_at(-0.1, 0.2), 0, 4, rng);
   const RadarTlv tlv = board.tlv();
   CHECK(tlv.type == 8);
   const auto samples = samples_of(tlv);
@@ -121,7 +121,7 @@ TEST_CASE("a planar array sends all antennas with their channel errors") {
 
 TEST_CASE("a profile of coherent echoes matches the array samples") {
   CoherentBoard board;
-  board.antennas.look(point_at(0.25, 0), 0, 1, board.rng);
+  board.antennas.sample_frame(point_at(0.25, 0), 0, 1, board.rng);
   const auto codes = board.antennas.profile_codes();
   REQUIRE(codes.size() == 64);
   CHECK(std::abs(codes[12] - 256 * 20) <= 1);  // 2^20
@@ -135,7 +135,7 @@ TEST_CASE("a new scene has new speckle, the same scene keeps it") {
   person.radar.place[0].person = 0;
   const auto peak = [&](std::int64_t scene, double time_s) {
     person.index = scene;
-    board.antennas.look(person, time_s, 1, board.rng);
+    board.antennas.sample_frame(person, time_s, 1, board.rng);
     return samples_of(board.antennas.tlv())[12 * 8];
   };
   const Complex first = peak(0, 10), again = peak(0, 10), later = peak(0, 11), other = peak(1, 11);
