@@ -32,7 +32,7 @@ Bytes png_of(ByteView rows) {
 }
 
 void check_inflated(ByteView data) {
-  for (const std::size_t count : {0, 1, 7, 64, 4096}) {
+  for (const std::size_t count : {0ul, 1ul, 7ul, 64ul, 4096ul}) {
     const Bytes out = record::inflated(data, count);
     require(out.empty() || out.size() == count, "all values or none");
     const auto wide = record::inflated<std::uint16_t>(data, count);
