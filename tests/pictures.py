@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""tests/pictures.py names BIN_DIR: charts in .readme/ contain only texts of the current scripts and models of the current
+"""tests/pictures.py texts_are_current BIN_DIR: charts in .readme/ contain only texts of the current scripts and models of the current
 programs; page.png and page.webp only headings and buttons of the current page.
-tests/pictures.py lines: no text of a sketch overlaps a line."""
+tests/pictures.py texts_do_not_overlap_lines: no text of a sketch overlaps a line."""
 import ast
 import pathlib
 import re
@@ -93,4 +93,4 @@ class Lines(unittest.TestCase):
                 self.assertEqual(browser.execute_script(CROSSED), [])
 
 
-unittest.main(argv=[sys.argv[0], {"names": "Names", "lines": "Lines"}[sys.argv[1]]])
+unittest.main(argv=[sys.argv[0], {"texts_are_current": "Names", "texts_do_not_overlap_lines": "Lines"}[sys.argv[1]]])

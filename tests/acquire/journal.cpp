@@ -76,7 +76,7 @@ TEST_CASE("the journal completes jobs in order before it closes the run") {
   for (const auto& event : run.events()) CHECK(event.text == "1");
 }
 
-TEST_CASE("on a slow disk records are written without data, a stalled disk ends the run") {
+TEST_CASE("on a slow disk records are stored without data, a stalled disk ends the run") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop, 2);
   std::promise<void> begun, disk;

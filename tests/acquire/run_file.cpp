@@ -169,7 +169,7 @@ TEST_CASE("a full disk ends a run, which keeps committed records and the reason"
   CHECK(run.check().empty());
 }
 
-TEST_CASE("invalid files are refused") {
+TEST_CASE("invalid run files are refused") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto refusal = [&] { return error_of([&] { RunReader run(path); }); };

@@ -97,7 +97,7 @@ TEST_CASE("array statistics do not pair frames across a missing frame or heat ma
   CHECK(r.array == expected({{4, 5}, {7, 8}}));
 }
 
-TEST_CASE("a record has no array without used frames or heat maps") {
+TEST_CASE("a record without used frames or heat maps has no array") {
   Windows windows = make_windows();
   RadarFrame bad = frame_of(1);
   bad.range_profile.resize(3);

@@ -154,7 +154,7 @@ TEST_CASE("a server without the bridge protocol is refused and reported once") {
   CHECK(b.sink.states == std::vector<DeviceState>{DeviceState::connecting, DeviceState::faulted});
 }
 
-TEST_CASE("a driver may be destroyed at any time") {
+TEST_CASE("a driver can be destroyed at any time") {
   Bench b;
   Server server(b.loop);
   for (int steps = 0; steps < 12; ++steps) {

@@ -161,7 +161,7 @@ TEST_CASE("a bright empty room may drift by a few percent") {
   CHECK_THAT(scaled(0.1f), Catch::Contains("vary by more than photon noise"));
 }
 
-TEST_CASE("a plain network is refused for another room") {
+TEST_CASE("a plain network cannot be adapted to another room") {
   const Folder dir;
   write_room(dir / "here", here, 60, 1), write_room(dir / "empty", here, 20, 2, false);
   TrainedModel other = trained(dir / "here", "", "mean-shape");

@@ -58,7 +58,7 @@ TEST_CASE("negative bins are clipped to zero if excluded") {
   CHECK(with.all == 45);
 }
 
-TEST_CASE("a model file stores the view constants and is refused with others") {
+TEST_CASE("a model file stores the constants of the method and is refused if they differ") {
   const Layout layout{testing::spd_axis(), testing::radar_axis()};
   Alignment alignment(layout, Matrix(1, layout.inputs()), {0});
   TensorFile file;

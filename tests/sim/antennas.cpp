@@ -195,7 +195,7 @@ TEST_CASE("speckle power is exponentially distributed around the incoherent sum"
   check_near(across, ends / power, 4.5 / std::sqrt(draws) + 0.02);
 }
 
-TEST_CASE("a cell decorrelates like its patches") {
+TEST_CASE("a speckle cell decorrelates like its patches") {
   Conditions c = of_sum("coherent");
   const RadarAxis axis = radar_response(c);
   const double turns_per_m = 2 * radar_carrier_hz / speed_of_light_m_s;

@@ -220,7 +220,7 @@ TEST_CASE(
   CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
 }
 
-TEST_CASE("the sensor starts, stops and restarts") {
+TEST_CASE("the simulated sensor starts, stops and restarts") {
   Console console;
   configure(console);
   console.send("sensorStart\n");

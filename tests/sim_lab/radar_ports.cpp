@@ -255,7 +255,7 @@ TEST_CASE("the simulated radar sends calibration lines once per frame if request
   CHECK(std::count(first.begin(), first.end(), ' ') == 25);
 }
 
-TEST_CASE("at a wrong baud rate the host reads noise") {
+TEST_CASE("at a wrong baud rate the host receives noise") {
   const TemporaryDirectory dir;
   const sim::LabOptions options = options_in(dir);
   LabThread lab(options);
