@@ -19,7 +19,7 @@ from echofuse.bench import derive
 from echofuse.report import story as report_story
 from echofuse.report import blocks
 from echofuse.report import tables
-from echofuse.report.scores import Count, Means, Mean, Mode, Scores, takes_of
+from echofuse.report.scores import Count, Means, Mean, ReportModel, Scores, takes_of
 from programs import BIN, program
 
 BIN = BIN.resolve()
@@ -304,7 +304,7 @@ def mode_of(name, kind, iou, rmse_m, **columns):
         metric: dict(zip(("mean", "se", "maps"), Mean.of(column))) for metric, column in values.items()}}
     facts = {"0/model": kind, "0/inputs": "spd", "0/calibrated": 0}
     scores = Scores(told, np.arange(20), ["letter:A"] * 20, [""] * 20, values)
-    return Mode(name, [name], [facts], {}, "SPD alone", [scores])
+    return ReportModel(name, [name], [facts], {}, "SPD alone", [scores])
 
 
 def judged_of(**baselines):
@@ -345,8 +345,8 @@ def test_report_lists_failures_first():
 
 def test_best_scores_are_marked_in_tables():
     side = (np.arange(20) > 0) * 1.0
-    modes = [mode_of("a", "factorised", 0.6, 0.46, ghost=np.zeros(20), left_right=side), mode_of("b", "pca", 0.5, 0.42, ghost=np.full(20, -0.1), left_right=side)]
-    rows = tables.rows_of(modes, {"trivial": {}})
+    models = [mode_of("a", "factorised", 0.6, 0.46, ghost=np.zeros(20), left_right=side), mode_of("b", "pca", 0.5, 0.42, ghost=np.full(20, -0.1), left_right=side)]
+    rows = tables.rows_of(models, {"trivial": {}})
     ghost = [tables.value(row, "ghost", best) for row, best in zip(rows, tables.best_of(rows, "ghost"))]
     assert tables.METRICS["ghost"].head["small"] == "0 is best"
     assert ghost[0] == {"text": "0", "mark": "best"} and ghost[1]["text"] == "-0.10"

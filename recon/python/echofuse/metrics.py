@@ -23,7 +23,7 @@ from .runs.axis import tangents
 Scores = NDArray[np.float64]
 STEP_M = 0.1  # minimum distance between foreground and background
 BEHIND = 0.25  # maximum share of the foreground behind the background, weighted by distance
-NEAREST, NEARER = 0.125, 0.1  # Scene.holds_returns
+NEAREST, NEARER = 0.125, 0.1  # limits of Scene.holds_returns()
 SIDE_M = 0.3  # minimum |x| of a body for a distinct mirror image
 WINDOW, SIGMA = 11, 1.5  # SSIM window, pixels
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""python3 -m echofuse.bench"""
+"""Entry point of python3 -m echofuse.bench."""
 from .command import main
 
 main()

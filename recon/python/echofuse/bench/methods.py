@@ -204,7 +204,7 @@ def _by_command(text: str, train: pathlib.Path, seed: int) -> Predict:
                 f"{text}: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
             error.add_note(done.stderr.strip())
             raise error
-        named = folder / "maps/run.txt"  # may contain the uuid of the copy without truth
+        named = folder / "maps/run.txt"  # evaluate refuses maps of another run, such as the copy
         if named.exists() and named.read_text().startswith(runs.open(test).info["uuid"]):
             named.unlink()
         return ["--maps", str(folder / "maps")], {"train_s": time.perf_counter() - started}

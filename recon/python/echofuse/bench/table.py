@@ -108,7 +108,7 @@ class Table:
         head = {name: row[name] for name in HEAD}
         with writing(self.path):  # records first: an existing row always has them
             if records:
-                self._append(self.records, COLUMNS_OF_RECORDS, [head | one for one in records])
+                self._append(self.records, COLUMNS_OF_RECORDS, [head | score for score in records])
             self._append(self.path, COLUMNS, [row])
 
     @contextlib.contextmanager
@@ -279,21 +279,21 @@ class Shared:
         self.folder, self.lock = folder, threading.Lock()
         self.pending = collections.Counter(key for cell in cells
                                         for key in cell.needs)
-        self.made: dict[str, tuple[pathlib.Path, concurrent.futures.Future[Any]]] = {}
+        self.results: dict[str, tuple[pathlib.Path, concurrent.futures.Future[Any]]] = {}
 
     def get(self, key: str, make: Callable[[pathlib.Path], Any]) -> Any:
         with self.lock:
-            first = key not in self.made
+            first = key not in self.results
             if first:
-                self.made[key] = pathlib.Path(
+                self.results[key] = pathlib.Path(
                     tempfile.mkdtemp(dir=self.folder)), concurrent.futures.Future()
-            folder, made = self.made[key]
+            folder, result = self.results[key]
         if first:
             try:
-                made.set_result(make(folder))
+                result.set_result(make(folder))
             except Exception as error:  # noqa: BLE001 (raised in all waiting threads)
-                made.set_exception(error)
-        return made.result()
+                result.set_exception(error)
+        return result.result()
 
     def row(self, cell: Cell) -> tuple[Row, list[Row]]:
         try:
@@ -310,8 +310,8 @@ class Shared:
             with self.lock:
                 for key in cell.needs:
                     self.pending[key] -= 1
-                    if self.pending[key] == 0 and key in self.made:
-                        shutil.rmtree(self.made.pop(key)[0])
+                    if self.pending[key] == 0 and key in self.results:
+                        shutil.rmtree(self.results.pop(key)[0])
 
 
 def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int, int] = (1, 1),

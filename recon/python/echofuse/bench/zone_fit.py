@@ -50,8 +50,8 @@ def response_of(reference: Array, exponent: float) -> tuple[Array, int]:
 def hats() -> Array:
     """Returns the hat functions of linear interpolation between knots [G * G, KNOTS * KNOTS]."""
     at = (np.arange(G) + 0.5) / G * KNOTS - 0.5
-    one = np.clip(1 - np.abs(at[:, None] - np.arange(KNOTS)), 0, None)
-    return np.asarray(np.einsum("ik,jl->ijkl", one, one).reshape(G * G, KNOTS * KNOTS))
+    hat = np.clip(1 - np.abs(at[:, None] - np.arange(KNOTS)), 0, None)
+    return np.asarray(np.einsum("ik,jl->ijkl", hat, hat).reshape(G * G, KNOTS * KNOTS))
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def explained(a: Array, field: Array, counts: Array) -> float:
 class ZoneFit:
     """Fitted parameters of all zones."""
 
-    fields: Array  #: [zones, G * G]
+    fields: Array  #: field weights [zones, G * G]
     zero_bin: Array  #: time zeros [zones], bins
     exponent: float  #: of the response
     albedo: float  #: of the table relative to the object
@@ -189,8 +189,8 @@ def fit_zones(counts: Array, reference: Array, scenes: Scenes) -> ZoneFit:
             field, share = fitted_field(a, counts[:, k], 200)
             if share > best[k][0]:
                 best[k] = (share, float(own), field)
-    fields = np.array([one[2] for one in best])
+    fields = np.array([field for _, _, field in best])
     digits = 5 - int(np.floor(np.log10(max(fields.max(), 1e-30))))
     # Rounding makes rendered records equal on all machines.
-    return ZoneFit(np.round(fields, digits), np.array([one[1] for one in best]), exponent, albedo,
-                   np.array([one[0] for one in best]))
+    return ZoneFit(np.round(fields, digits), np.array([zero for _, zero, _ in best]), exponent,
+                   albedo, np.array([share for share, _, _ in best]))

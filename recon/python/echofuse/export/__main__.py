@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""python3 -m echofuse.export"""
+"""Entry point of python3 -m echofuse.export."""
 from .command import main
 
 main()

@@ -196,9 +196,9 @@ class Method:
             across = interpolation(((pixel - tangent[i]) * z[i] - left) / pitch, columns)
             down = interpolation((-pixel * z[i] - top) / pitch, rows)
             m = down @ mask[i].reshape(rows, columns) @ across.T
-            shown = (m > self.f["model/threshold"]).ravel()
+            drawn = (m > self.f["model/threshold"]).ravel()
             ahead = (down @ depth[i].reshape(rows, columns) @ across.T).ravel()
-            maps[row, shown] = z[i] + ahead[shown] / m.ravel()[shown]
+            maps[row, drawn] = z[i] + ahead[drawn] / m.ravel()[drawn]
         return maps
 
 

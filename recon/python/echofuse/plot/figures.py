@@ -47,12 +47,12 @@ def figure(columns: int = 1, rows: int = 1, wide: float = 4.6, high: float = 3.4
         if len(axes) < columns * rows:
             raise ValueError(f"ax: {len(axes)} panels (expected {columns * rows})")
         return axes[0].figure, axes[:columns * rows]
-    made = Picture(figsize=(wide * columns, high * rows), layout="constrained")
-    FigureCanvasAgg(made)
-    axes = made.subplots(rows, columns, squeeze=False).ravel()
+    fig = Picture(figsize=(wide * columns, high * rows), layout="constrained")
+    FigureCanvasAgg(fig)
+    axes = fig.subplots(rows, columns, squeeze=False).ravel()
     for panel in axes:
         panel.spines[["top", "right"]].set_visible(False)
-    return made, axes
+    return fig, axes
 
 
 def opened(run: runs.Run | Path) -> runs.Run:
@@ -151,12 +151,12 @@ def shares(named: dict[str, ArrayLike], half_tangent: float, *, ax: Panels = Non
 def side_by_side(titles: Iterable[str], found: Sequence[tuple[NDArray[Any], float]],
                  spans: Sequence[tuple[float, float] | None],
                  ax: Panels) -> Figure:
-    made, axes = figure(len(found), wide=2.9, high=2.7, ax=ax)
+    fig, axes = figure(len(found), wide=2.9, high=2.7, ax=ax)
     for k, (panel, title, (values, half_tangent),
             span) in enumerate(zip(axes, titles, found, spans)):
         at = half_tangent * ((2 * np.arange(len(values)) + 1) / len(values) - 1)
         draw_map(panel, values, at, -at, span, title, k == len(found) - 1 or span != spans[k + 1])
-    return made
+    return fig
 
 
 def power_by_direction(run: runs.Run, row: int, sines: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -183,10 +183,10 @@ def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
     if not len(rows):
         raise KeyError(f"{run.path}: no record {index}")
     row, antennas = int(rows[0]), run.lags_axis is not None
-    made, axes = figure(4 if antennas else 3, wide=3.7, high=2.9, ax=ax)
+    fig, axes = figure(4 if antennas else 3, wide=3.7, high=2.9, ax=ax)
     label = run.labels[row]
     if ax is None:
-        made.suptitle(", ".join(filter(None, [run.path.name, f"record {index}", label])),
+        fig.suptitle(", ".join(filter(None, [run.path.name, f"record {index}", label])),
                       fontsize=10)
     camera, spd, radar = axes[:3]
     if run.valid["depth"][row] and "depth_x" in run.axes:
@@ -216,8 +216,8 @@ def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
                                    vmin=-25, vmax=0, rasterized=True)
         axes[3].set(xlabel="azimuth (degrees)", ylabel="range (m)")
         axes[3].set_title("radar antennas", fontsize=10)
-        made.colorbar(image, ax=axes[3], label="dB")
-    return made
+        fig.colorbar(image, ax=axes[3], label="dB")
+    return fig
 
 
 def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
@@ -232,7 +232,7 @@ def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
                    "record ORDER BY idx"), float)
     names = {"spd": "SPD (clicks/s)", "radar": "radar (frames/s)",
              "depth": "camera (frames/s used)"}
-    made, axes = figure(1, 4, wide=6.4, high=1.25, ax=ax)
+    fig, axes = figure(1, 4, wide=6.4, high=1.25, ax=ax)
     minutes = (run.time - run.time[0]) / np.timedelta64(1, "s") / 60 if len(run) else np.zeros(0)
     for k, (panel, (sensor, name)) in enumerate(zip(axes, names.items())):
         panel.plot(minutes, used[:, k] / window if len(used) else [], color=COLOURS[sensor], lw=1)
@@ -251,7 +251,7 @@ def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
     for panel in axes:
         panel.set_xlim(0, max(float(minutes[-1]) if len(run) else 0, 1e-3))
     axes[3].set_xlabel("time (min)")
-    return made
+    return fig
 
 
 # Studies
@@ -358,7 +358,7 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
     sweeps = [sweep for sweep in ("photons", "records")
               if any(row["axis"] == sweep for row in rows)]
     shape = (2, 1 + (len(sweeps) + 1) // 2) if ax is None else (2 + len(sweeps), 1)
-    made, axes = figure(*shape, wide=5.4, high=4.0, ax=ax)
+    fig, axes = figure(*shape, wide=5.4, high=4.0, ax=ax)
     methods = {name: group for (kind, _, name), group in by_model.items() if kind == axis
                and over_seeds(group, "iou")[0] >= 0.01}
     _iou_by_time(axes[0], methods)
@@ -377,7 +377,7 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
         panel.legend(fontsize=8, frameon=False)
     for panel in axes[2 + len(sweeps):]:
         panel.remove()
-    return made
+    return fig
 
 
 def stability(path: Path, axis: str, *, base: str | None = None, title: str = "",
@@ -402,7 +402,7 @@ def stability(path: Path, axis: str, *, base: str | None = None, title: str = ""
     best = np.nanmax([[0.0] * len(values), *([point[0] for point in by[name]]
                                              for name in baselines)], axis=0)
     methods = [name for name in by if name not in baselines]
-    made, (panel, *_) = figure(wide=7.2 if ordered else 11, high=3.8, ax=ax)
+    fig, (panel, *_) = figure(wide=7.2 if ordered else 11, high=3.8, ax=ax)
     at = np.arange(len(values))
     if ordered:
         panel.fill_between(at, 0, best, color="#fdf0d2", zorder=0)
@@ -429,13 +429,13 @@ def stability(path: Path, axis: str, *, base: str | None = None, title: str = ""
     panel.set(xlabel=title or axis, ylabel="IoU")
     panel.set_ylim(bottom=0)
     panel.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
-    return made
+    return fig
 
 
 def learning_curve(path: Path, *, ax: Panels = None) -> Figure:
     """Draws training and validation losses of a model file. Raises ValueError if it has none."""
     tensors, facts = models.read_safetensors(path)
-    made, (panel, *_) = figure(ax=ax)
+    fig, (panel, *_) = figure(ax=ax)
     for name, label, colour in (("loss_m", "training", "grey"),
                                 ("validation_loss_m", "validation", "both")):
         found = [key for key in tensors if key.endswith("/" + name)]
@@ -447,4 +447,4 @@ def learning_curve(path: Path, *, ax: Panels = None) -> Figure:
     plain_log(panel, "y")
     panel.set(xlabel="epoch", ylabel="loss (rms, unit of the model)")
     panel.legend(frameon=False)
-    return made
+    return fig

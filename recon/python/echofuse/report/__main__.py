@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""python3 -m echofuse.report"""
+"""Entry point of python3 -m echofuse.report."""
 from .command import main
 
 main()

@@ -35,7 +35,7 @@ from .blocks import (Block, details, fails, html_of, listed, paragraph, pictures
                      three_digits)
 from .other_maps import OtherMaps, named_folders
 from .records import half_tangent, map_remarks, record_blocks, select_records
-from .scores import Evaluation, Mode, ReportError, Scores, evaluate, means_of, modes_of
+from .scores import Evaluation, ReportModel, ReportError, Scores, evaluate, means_of, read_models
 from .story import Story, info_of
 
 TERMS = (
@@ -58,7 +58,7 @@ TERMS = (
     ("SSIM, RMSE", "structural similarity and root mean square depth error of the whole map."))
 
 
-MOST_FAILING = 6  # records with pictures
+MOST_FAILING = 6  # failing records with pictures
 
 
 class Report:
@@ -75,7 +75,7 @@ class Report:
                 f"{args.dir}: contains a report of another run; give another folder, or --force "
                 "to overwrite it", 2)
         self.simulated = self.info["notes"].startswith("simulated")
-        self.modes: list[Mode] = []  # the report is about the first; equal inputs are adjacent
+        self.models: list[ReportModel] = []  # ordered by inputs after the first
         self.main: list[Block] = []
         self.gallery: list[Block] = []
         self.failing: list[Block] = []
@@ -87,9 +87,9 @@ class Report:
         if args.model or args.compare:
             self.add_models()
         if args.maps:
-            self.others = OtherMaps(named_folders(args.maps), self.run, self.modes, self.room)
+            self.others = OtherMaps(named_folders(args.maps), self.run, self.models, self.room)
             self.other_record = self.others.record()
-            if not self.modes:
+            if not self.models:
                 self.span = self.others.span
         if args.live:
             self.add_live()
@@ -97,40 +97,40 @@ class Report:
 
     def add_models(self) -> None:
         compared = bool(self.args.compare)
-        self.modes = modes_of(self.args.compare or self.args.model, compared)
-        self.evaluation = evaluate([path for mode in self.modes for path in mode.files], self.run,
-                                   self.room)
+        self.models = read_models(self.args.compare or self.args.model, compared)
+        self.evaluation = evaluate([path for model in self.models for path in model.files],
+                                   self.run, self.room)
         scores, paired = iter(self.evaluation.scores), iter(
             [{}, *(pair["metrics"] for pair in self.evaluation.result.get("paired", []))])
-        for mode in self.modes:
-            mode.scores = [next(scores) for _ in mode.files]
-            mode.differences, *_ = [next(paired) for _ in mode.files]
-        if compared and not self.modes[1].differences:
+        for model in self.models:
+            model.scores = [next(scores) for _ in model.files]
+            model.differences, *_ = [next(paired) for _ in model.files]
+        if compared and not self.models[1].differences:
             raise ReportError(
                 "the models have different held-out records; give a run that is new to both")
-        first = self.modes[0]
+        first = self.models[0]
         self.span = self.evaluation.span(float(first.tensors["0/scene/background_m"].max()),
                                          float(first.facts[0]["0/scene/map_z_max_m"]))
         worst = [index for _, _, which in tables.failing(first.first) for index in which[:2]]
         self.main, self.gallery, self.failing = select_records(
-            self.run, self.modes, self.room, list(dict.fromkeys(worst))[:MOST_FAILING])
+            self.run, self.models, self.room, list(dict.fromkeys(worst))[:MOST_FAILING])
         order = [colour for colour in ("both", "papers", "depth", "grey", "spd", "radar")
-                 if colour not in {mode.inputs for mode in self.modes}]
-        #: colour of each mode: fixed by the inputs of the first mode with one sensor, else by order
+                 if colour not in {model.inputs for model in self.models}]
+        #: colour of each model: that of its sensor, or a free one for both sensors or equal inputs
         self.colours = ["grey", "both"]
-        for at, mode in enumerate([] if compared else self.modes):
-            before = sum(other.inputs == mode.inputs or other.both and mode.both
-                         for other in self.modes[:at])
-            self.colours[at:] = [order[min(before, len(order) - 1)] if mode.both
-                                 or before else mode.inputs]
+        for at, model in enumerate([] if compared else self.models):
+            before = sum(other.inputs == model.inputs or other.both and model.both
+                         for other in self.models[:at])
+            self.colours[at:] = [order[min(before, len(order) - 1)] if model.both
+                                 or before else model.inputs]
 
     def add_live(self) -> None:
         """Adds the record of median IoU or, without a model, a record with the most sensors."""
         self.story = Story(self.args.live)
-        if self.modes and self.args.live != self.run:
-            self.live = evaluate(self.modes[0].files[:1], self.args.live, self.room)
+        if self.models and self.args.live != self.run:
+            self.live = evaluate(self.models[0].files[:1], self.args.live, self.room)
             order = self.live.scores[0].order
-            found = record_blocks(self.args.live, [order[len(order) // 2]], self.modes[:1],
+            found = record_blocks(self.args.live, [order[len(order) // 2]], self.models[:1],
                                   self.live.scores, self.room)
             caption = "The recorded record with the median IoU."
         else:
@@ -138,27 +138,27 @@ class Report:
             caption = "The middle one of the records with the most sensors."
         index = {} if self.args.live == self.run else {"index": None}  # index in another run
         self.main += [block | {"caption": caption} | index for block in found.values()]
-        self.span = self.span if self.modes or self.others or not self.main else span_of(
+        self.span = self.span if self.models or self.others or not self.main else span_of(
             np.frombuffer(base64.b64decode(self.main[0]["truth"]), "<u2") / 1000)
 
     @property
     def first(self) -> Scores:
-        return self.modes[0].first
+        return self.models[0].first
 
     @property
     def verdict(self) -> str:
         """Headline of the page."""
         simulated = "simulated" if self.simulated else "recorded"
-        if not self.modes and self.others:
+        if not self.models and self.others:
             return self.others.verdict
-        if not self.modes and self.story:
+        if not self.models and self.story:
             return ("The simulated run is " if self.simulated
                     else "The run is ") + self.story.verdict
         if self.args.compare:
-            return tables.comparison_verdict(self.modes[1], simulated)
-        facts = self.modes[0].facts[0]
+            return tables.comparison_verdict(self.models[1], simulated)
+        facts = self.models[0].facts[0]
         training = [facts[f"split/run/{k}"] for k in range(facts["split/runs"])]
-        return tables.models_verdict(self.modes, self.evaluation, simulated,
+        return tables.models_verdict(self.models, self.evaluation, simulated,
                                      self.info["uuid"] not in training)
 
     @property
@@ -174,7 +174,7 @@ class Report:
     @property
     def problems(self) -> list[str]:
         """Problems as sentences, the most serious first."""
-        return self.live_problems + (tables.problems_of_run(self.first) if self.modes else [])
+        return self.live_problems + (tables.problems_of_run(self.first) if self.models else [])
 
     def read_provenance(self) -> dict[str, str]:
         """Returns program, host, run and models, by title."""
@@ -193,7 +193,7 @@ class Report:
                "slot length": f"{info['window_s']:g} s" if info["window_s"] > 0 else "",
                "operator": info["operator"],
                "notes": info["notes"]} | info["meta"]
-        if self.modes:
+        if self.models:
             with runs.open(self.run) as run:
                 clicks = [summed(part.photons())[part.valid["spd"]].sum(1)
                           for _, part, _ in in_blocks(run)] if "spd" in run.axes else [np.zeros(0)]
@@ -207,8 +207,8 @@ class Report:
                     "maps": f"{size} x {size} pixels over ±{np.degrees(np.arctan(half)):.1f}°",
                     "data CRC-32C": f"{self.evaluation.result['data_crc32c']:08x}",
                     "empty room": self.args.empty or "", "another room": self.evaluation.room_note}
-        for path, facts in ((path, facts) for mode in self.modes
-                            for path, facts in zip(mode.files, mode.facts)):
+        for path, facts in ((path, facts) for model in self.models
+                            for path, facts in zip(model.files, model.facts)):
             parts = np.bincount(read_safetensors(path)[0]["split/part"].ravel(), minlength=3)
             out[f"model {path}"] = (
                 f"{facts['0/model']}; seed {facts['split/seed']}; {parts[0]} training, "
@@ -231,20 +231,20 @@ class Report:
     def first_pictures(self) -> Block:
         """Returns the first record with the truth and the maps of the first model, or of both
         compared models."""
-        record, models = self.main[0], 2 if self.args.compare else 1
-        text = record["caption"] + " " + "".join(map_remarks(block, models > 1)
-                                                 for block in record["maps"][:models])
+        record, count = self.main[0], 2 if self.args.compare else 1
+        text = record["caption"] + " " + "".join(map_remarks(block, count > 1)
+                                                 for block in record["maps"][:count])
         text += (f"All maps of this page show the same depths, {self.span[0]:g} to "
                  f"{self.span[1]:g} m. ")
         return pictures(0, ["truth", *(f"{what} {m}" for what in ("map", "error")
-                                       for m in range(models))],
+                                       for m in range(count))],
                         text + "Errors: missed pixels are hatched, false pixels are dotted.",
-                        title=record["title"], compare=models > 1)
+                        title=record["title"], compare=count > 1)
 
     def record_blocks(self) -> list[Block]:
         blur = ("Depth of each pixel between the background (0) and the mean body (1); a pixel "
                 "above 0.5 belongs to the body.")
-        if any(mode.takes.endswith("alone") for mode in self.modes):
+        if any(model.takes.endswith("alone") for model in self.models):
             blur += " A single sensor does not determine the side of the body: a blur."
         out = []
         for i, record in enumerate(self.main):
@@ -264,10 +264,10 @@ class Report:
     def failures(self) -> list[Block]:
         first = len(self.main) + len(self.gallery)
         live = self.live.scores if self.live else []
-        rows = [(mode.title, mode.first)
-                for mode in self.modes] + [(f"recorded run: {self.modes[0].title}", scores)
+        rows = [(model.title, model.first)
+                for model in self.models] + [(f"recorded run: {self.models[0].title}", scores)
                                            for scores in live]
-        return [*fails(self.problems), tables.failures_table(self.modes[0]),
+        return [*fails(self.problems), tables.failures_table(self.models[0]),
                 *([details("Maps of failing records", {"kind": "columns", "blocks": [
                     pictures(first + i, ["truth", "map 0", "error 0"],
                              map_remarks(record["maps"][0], False), title=record["title"])
@@ -281,7 +281,7 @@ class Report:
     def live_blocks(self, story: Story) -> list[Block]:
         between, last = [], len(self.main) - 1
         if self.live:
-            rows = [tables.Row(self.modes[0].title, means_of(self.live.result["metrics"]),
+            rows = [tables.Row(self.models[0].title, means_of(self.live.result["metrics"]),
                                self.live.scores[0]), *tables.rows_of([], self.live.result)]
             caption = (f"{self.live.result['records']} records of the recorded run, compared with "
                        "its depth camera")
@@ -294,20 +294,20 @@ class Report:
 
     def to_json(self) -> Block:
         """Returns the page (blocks.py)."""
-        problems, most, modes, compared = self.problems, 4, self.modes, bool(self.args.compare)
+        problems, most, models, compared = self.problems, 4, self.models, bool(self.args.compare)
         records = [*self.main, *self.gallery, *self.failing,
                    *([self.other_record] if self.other_record else [])]
         page: Block = {"title": "Two models on the same records" if compared
-                       else "Depth maps from one pixel and one radar" if modes or self.others else
+                       else "Depth maps from one pixel and one radar" if models or self.others else
                        "A recorded run", "verdict": self.verdict, "fails": problems[:most],
                        "more": "", "origin": self.origin,
                        "span": list(self.span), "records": records, "first": [],
                        "sections": []}
-        if modes:
+        if models:
             page["more"] = (f"{len(problems) - most} more, and details" if len(problems) > most
                             else "Details") * bool(problems)
             page["first"] = [self.first_pictures()] * bool(self.main) + [
-                tables.first_table(modes, self.evaluation.result)]
+                tables.first_table(models, self.evaluation.result)]
         elif self.others:
             page["first"] = self.others.table()[:1]
         columns = [pictures(len(self.main) + i, ["truth", "map 0", "error 0"],
@@ -315,28 +315,28 @@ class Report:
                    for i, record in enumerate(self.gallery)]
         sections = (("failures", "Failures", self.failures),
                     ("difference", "Difference",
-                     lambda: tables.comparison(*modes) if compared else []),
+                     lambda: tables.comparison(*models) if compared else []),
                     ("gallery", "Worst, median, best",
                      lambda: [{"kind": "columns", "blocks": columns}]),
                     ("errors", "Error distributions",
-                     lambda: [tables.errors(modes, self.colours)]),
-                    ("labels", "By label", lambda: tables.labels_table(modes[0])),
+                     lambda: [tables.errors(models, self.colours)]),
+                    ("labels", "By label", lambda: tables.labels_table(models[0])),
                     ("metrics", "All metrics", 
-                     lambda: tables.all_table(modes, self.evaluation.result)),
+                     lambda: tables.all_table(models, self.evaluation.result)),
                     ("maps", "Maps of other programs",
                      lambda: self.others.blocks(len(records) - 1, self.other_record)
                      if self.others else []),
-                    ("cost", "Cost", lambda: [tables.cost_table(modes)]),
+                    ("cost", "Cost", lambda: [tables.cost_table(models)]),
                     ("records", "Records and maps", self.record_blocks),
                     ("space", "3D view", lambda: [{"kind": "cloud", "record": 0}] if self.main
                      else []),
                     ("live", "Recorded run",
                      lambda: self.live_blocks(self.story) if self.story else []),
-                    ("training", "Training", lambda: tables.losses(modes)),
+                    ("training", "Training", lambda: tables.losses(models)),
                     ("made", "Provenance", lambda: listed(self.provenance.items())),
                     ("terms", "Terms", lambda: listed(TERMS)))
         for name, heading, blocks in sections:
-            if (modes or name in ("maps", "live", "made")) and (found := blocks()):
+            if (models or name in ("maps", "live", "made")) and (found := blocks()):
                 page["sections"].append({"id": name, "heading": heading, "blocks": found})
         return page
 
@@ -410,5 +410,5 @@ def main() -> None:
             sys.exit(130)
         print(f"echofuse-report: {printable(str(error))}", file=sys.stderr)
         sys.exit(getattr(error, "code", 1))
-    remarks = report.first.remarks if report.modes else []
+    remarks = report.first.remarks if report.models else []
     print("\n".join(map(printable, (report.verdict, *report.problems, *remarks, str(report.page)))))

@@ -14,7 +14,7 @@ from ..models.maps import load_maps
 from . import tables
 from .blocks import Block, packed, paragraph, pictures
 from .records import measured, record_blocks, score_text
-from .scores import Evaluation, Mode, ReportError, evaluate, means_of
+from .scores import Evaluation, ReportModel, ReportError, evaluate, means_of
 
 
 def named_folders(arguments: Sequence[str]) -> dict[str, str]:
@@ -33,14 +33,14 @@ def named_folders(arguments: Sequence[str]) -> dict[str, str]:
 class OtherMaps:
     """Scores and maps of folders, and of the first model if one is given."""
 
-    def __init__(self, folders: dict[str, str], run: str, modes: Sequence[Mode],
+    def __init__(self, folders: dict[str, str], run: str, models: Sequence[ReportModel],
                  room: Sequence[str]) -> None:
-        self.folders, self.run, self.modes, self.room = folders, run, modes[:1], room
-        self.evaluation: Evaluation = evaluate([mode.files[0] for mode in self.modes], run, room,
+        self.folders, self.run, self.models, self.room = folders, run, models[:1], room
+        self.evaluation: Evaluation = evaluate([model.files[0] for model in self.models], run, room,
                                                list(folders.values()))
         with runs.open(run) as opened:
             self.scene = self._scene(opened)
-        self.names = [*folders, *(mode.title for mode in self.modes)]
+        self.names = [*folders, *(model.title for model in self.models)]
 
     @property
     def span(self) -> tuple[float, float]:
@@ -75,9 +75,9 @@ class OtherMaps:
         index = order[len(order) // 2]
         with runs.open(self.run) as run:
             out = measured(run[np.flatnonzero(run.index == index)])
-        if self.modes:
-            model = self.evaluation.scores[len(self.folders)]
-            out = record_blocks(self.run, [index], self.modes, [model], self.room)[index]
+        if self.models:
+            scores = self.evaluation.scores[len(self.folders)]
+            out = record_blocks(self.run, [index], self.models, [scores], self.room)[index]
         model_maps = out["maps"]
         out["maps"] = []
         for (name, folder), scores in zip(self.folders.items(), self.evaluation.scores):
@@ -92,10 +92,10 @@ class OtherMaps:
         return out if out["maps"] else None
 
     def _scene(self, run: runs.Run) -> metrics.Scene:
-        for mode in self.modes:
-            facts = mode.facts[0]
+        for model in self.models:
+            facts = model.facts[0]
             size = int(facts["0/scene/map_size"])
-            return metrics.Scene(mode.tensors["0/scene/background_m"].reshape(size, size),
+            return metrics.Scene(model.tensors["0/scene/background_m"].reshape(size, size),
                                  float(facts["0/scene/foreground_depth_m"]),
                                  float(facts["0/scene/map_half_tangent"]),
                                  float(facts["0/scene/map_z_max_m"]))

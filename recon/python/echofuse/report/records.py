@@ -16,7 +16,7 @@ from ..runs.batches import blocks
 from ..runs.programs import call
 from ..runs.zones import summed
 from .blocks import Block, packed, short
-from .scores import Mode, Scores
+from .scores import ReportModel, Scores
 
 UNCALIBRATED = (
     "no uncertainty (requires sensor inputs and an uninterrupted training with 50 records or more)")
@@ -24,18 +24,18 @@ UNCALIBRATED = (
 Map = dict[str, NDArray[np.float32]]
 
 
-def record_blocks(run: str, indices: Sequence[int], modes: Sequence[Mode] = (),
+def record_blocks(run: str, indices: Sequence[int], models: Sequence[ReportModel] = (),
                   scores: Sequence[Scores] = (), room: Sequence[str] = ()) -> dict[int, Block]:
-    """Returns the blocks of records by their index, with the map of each mode's first model.
+    """Returns the blocks of records by their index, with the map of each model's first model.
     `scores` are those of the first models."""
     with runs.open(run) as whole:
         rows = np.flatnonzero(np.isin(whole.index, indices)).tolist()
         out = {int(whole.index[row]): measured(whole[row:row + 1]) for row in rows}
-    for mode, scored in zip(modes if out else (), scores):
-        for index, (status, maps) in reconstruct(mode, run, list(out), room).items():
+    for model, scored in zip(models if out else (), scores):
+        for index, (status, maps) in reconstruct(model, run, list(out), room).items():
             at = int(np.flatnonzero(scored.index == index)[0])
             out[index]["body_m"] = short(scored["range_m"][at])
-            out[index]["maps"].append(map_block(mode, scored, at, status, maps))
+            out[index]["maps"].append(map_block(model, scored, at, status, maps))
     return out
 
 
@@ -69,13 +69,13 @@ def half_tangent(run: runs.Run) -> float:
     return round(axis.step * axis.count / 2, 9) if axis else 0.55
 
 
-def reconstruct(mode: Mode, run: str, indices: Sequence[int],
+def reconstruct(model: ReportModel, run: str, indices: Sequence[int],
                 room: Sequence[str]) -> dict[int, tuple[str, Map]]:
-    """Returns status and maps of the mode's first model, by record index."""
-    calibrated = bool(mode.facts[0]["0/calibrated"])
+    """Returns status and maps of the model's first model, by record index."""
+    calibrated = bool(model.facts[0]["0/calibrated"])
     with tempfile.TemporaryDirectory(prefix="echofuse-report-") as scratch:
         folder = pathlib.Path(scratch)
-        call("echofuse-recon", "-q", "reconstruct", mode.files[0], run, "--rows",
+        call("echofuse-recon", "-q", "reconstruct", model.files[0], run, "--rows",
              ",".join(map(str, indices)), "--out", folder,
              "--format", "npy,foreground" + ",uncertainty" * calibrated, *room, ok=(0, 5))
         index = load_maps(folder)[1].tolist()
@@ -87,13 +87,13 @@ def reconstruct(mode: Mode, run: str, indices: Sequence[int],
             for k, i in enumerate(index)}
 
 
-def map_block(mode: Mode, scored: Scores, at: int, status: str, maps: Map) -> Block:
+def map_block(model: ReportModel, scored: Scores, at: int, status: str, maps: Map) -> Block:
     """Returns the block of a thresholded map, with the model's interval and warnings. `at` is the
     row in `scored`."""
     interval_m = scored["lateral_interval_90_m"][at]
     stated = (UNCALIBRATED if "deviation" not in maps else "no lateral interval"
               if np.isnan(interval_m) else f"lateral interval ±{100 * interval_m:.0f} cm (90 %)")
-    out = {"name": mode.title, "map": packed(maps["thresholded"], 1e-3, "<u2"),
+    out = {"name": model.title, "map": packed(maps["thresholded"], 1e-3, "<u2"),
            "share": packed(maps["share"], 0.005, "u1"),
            "scores": score_text(scored, at), "stated": stated}
     warnings = [*([f"differs from the training: {scored.warnings[at]}"] if scored.warnings[at]
@@ -119,35 +119,35 @@ def map_remarks(block: Block, named: bool) -> str:
                                               if "warning" in block else "")
 
 
-def median_record(modes: Sequence[Mode], indices: set[int]) -> int | None:
+def median_record(models: Sequence[ReportModel], indices: set[int]) -> int | None:
     """Returns the record closest to the median IoU of all models with the first model's inputs."""
     distance: dict[int, int] = {}
-    for mode in modes:
-        order = [index for index in mode.first.order
-                 if index in indices] if mode.takes == modes[0].takes else []
+    for model in models:
+        order = [index for index in model.first.order
+                 if index in indices] if model.takes == models[0].takes else []
         for place, index in enumerate(order):
             distance[index] = max(distance.get(index, 0), abs(place - len(order) // 2))
     return min(sorted(distance), key=lambda index: distance[index]) if distance else None
 
 
-def select_records(run: str, modes: Sequence[Mode], room: Sequence[str],
+def select_records(run: str, models: Sequence[ReportModel], room: Sequence[str],
                    failing: Sequence[int]) -> tuple[list[Block], list[Block], list[Block]]:
-    """Returns the median record with and without a letter, with the maps of all modes; the worst,
-    median and best record of the first mode; and its failing records."""
-    first, main, captions = modes[0].first, [], []
-    common = set.intersection(*(set(mode.first.index.tolist()) for mode in modes))
+    """Returns the median record with and without a letter, with the maps of all models; the worst,
+    median and best record of the first model; and its failing records."""
+    first, main, captions = models[0].first, [], []
+    common = set.intersection(*(set(model.first.index.tolist()) for model in models))
     for person in (True, False):
         indices = {index for index, label in zip(first.index.tolist(), first.labels)
                    if (label == "person") == person and index in common}
-        if (index := median_record(modes, indices)) is not None:
+        if (index := median_record(models, indices)) is not None:
             main.append(index)
             captions.append(f"Of {len(indices)} records of this kind, the one closest to the "
                             "median IoU of the models with the first model's inputs.")
     order = first.order
     ends = {title: order[int(share * (len(order) - 1))]
             for title, share in (("Worst", 0), ("Median", 0.5), ("Best", 1))}
-    by_all = record_blocks(run, main, modes, [mode.first for mode in modes], room)
-    by_first = record_blocks(run, [*ends.values(), *failing], modes[:1], [first], room)
+    by_all = record_blocks(run, main, models, [model.first for model in models], room)
+    by_first = record_blocks(run, [*ends.values(), *failing], models[:1], [first], room)
     return ([by_all[index] | {"caption": caption} for index, caption in zip(main, captions)],
             [by_first[index] | {"title": f"{title}: {by_first[index]['title']}"}
              for title, index in ends.items()],

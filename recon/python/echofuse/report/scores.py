@@ -175,7 +175,7 @@ def evaluate(models: Sequence[str], run: str, room: Sequence[str],
 
 
 @dataclass
-class Mode:
+class ReportModel:
     """A model of the report, with one or several trainings; maps are those of the first one."""
 
     name: str
@@ -184,7 +184,7 @@ class Mode:
     tensors: dict[str, NDArray[Any]]  # tensors of the first file
     takes: str  # e.g. "SPD + 8 antennas", "SPD alone"; "no sensor" for a constant map
     scores: list[Scores] = field(default_factory=list)
-    # paired differences to the first mode of the report, by metric
+    # paired differences to the first model of the report, by metric
     differences: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -225,11 +225,11 @@ def takes_of(facts: dict[str, Any]) -> str:
             if facts["0/axes/array/quantity"] == "lags" else "SPD + antennas")
 
 
-def modes_of(models: Sequence[str], compared: bool) -> list[Mode]:
-    """Reads models given as FILE or NAME=FILE. Files with equal names are trainings of one mode;
-    modes with equal inputs are adjacent. Compared models keep their order and names."""
-    modes: list[Mode] = []
-    for argument in models:
+def read_models(arguments: Sequence[str], compared: bool) -> list[ReportModel]:
+    """Reads models given as FILE or NAME=FILE. Files with equal names are trainings of one model;
+    models with equal inputs are adjacent. Compared models keep their order and names."""
+    models: list[ReportModel] = []
+    for argument in arguments:
         name, equals, path = argument.partition("=")
         if compared or not equals or "/" in name:
             name, path = (argument if compared else pathlib.Path(argument).stem), argument
@@ -238,11 +238,11 @@ def modes_of(models: Sequence[str], compared: bool) -> list[Mode]:
         except OSError as error:
             raise ReportError(f"{path}: {error.strerror}; expected a model file") from None
         takes = takes_of(facts)
-        known = next((mode for mode in modes if mode.name == name and not compared), None)
+        known = next((model for model in models if model.name == name and not compared), None)
         if known is None:
-            like = [k for k, mode in enumerate(modes, 1) if compared or mode.takes == takes]
-            modes.insert(like[-1] if like else len(modes),
-                         Mode(name, [path], [facts], tensors, takes))
+            like = [k for k, model in enumerate(models, 1) if compared or model.takes == takes]
+            models.insert(like[-1] if like else len(models),
+                         ReportModel(name, [path], [facts], tensors, takes))
         elif known.takes != takes:
             raise ReportError(
                 f"{path}: inputs {takes}, but {known.files[0]} with the same name has "
@@ -250,4 +250,4 @@ def modes_of(models: Sequence[str], compared: bool) -> list[Mode]:
         else:
             known.files.append(path)
             known.facts.append(facts)
-    return modes
+    return models

@@ -77,8 +77,8 @@ class Story:
                       for time, names in sorted(by_time.items())]
 
     def curve(self, values: Values, gather: Callable[..., Any] = np.mean) -> list[float | None]:
-        """Combines neighbours into at most MOST_POINTS points; None where all values are NaN,
-        except for sums."""
+        """Combines neighbours into at most MOST_POINTS points. A point without values becomes None,
+        or 0 for sums."""
         step = len(values) // MOST_POINTS + 1
         parts = (part[~np.isnan(part)] for part in (values[i:i + step]
                                                     for i in range(0, len(values), step)))
@@ -145,7 +145,7 @@ class Story:
         return best[len(best) // 2:len(best) // 2 + 1]
 
     def blocks(self, between: Sequence[Block], pictures: Sequence[Block]) -> list[Block]:
-        """Returns tables and strips of the run. `between` follows the verdict."""
+        """Returns tables and strips of the run. `between`: blocks after the verdict."""
         rows = []
         for s, name in SENSORS.items():
             verdicts = "; ".join(f"{count} {kind}"

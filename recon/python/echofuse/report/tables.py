@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .blocks import NONE, Block, add_series, cell, chart, paragraph, table, three_digits
-from .scores import Count, Evaluation, Mean, Means, Mode, Scores, Values, means_of
+from .scores import Count, Evaluation, Mean, Means, ReportModel, Scores, Values, means_of
 
 
 class MetricFormat(NamedTuple):
@@ -78,7 +78,7 @@ def interval(d: dict[str, Any], form: MetricFormat) -> str:
 # Sentences
 
 
-def comparison_verdict(second: Mode, simulated: str) -> str:
+def comparison_verdict(second: ReportModel, simulated: str) -> str:
     d = second.differences["iou"]
     which = (f"the {better_of(d)} model is better" if better_of(d)
              else "the two models do not differ significantly")
@@ -88,13 +88,13 @@ def comparison_verdict(second: Mode, simulated: str) -> str:
             f"{d['second']:.3f}, difference {d['mean']:+.3f} ({gain}).")
 
 
-def models_verdict(modes: Sequence[Mode], evaluation: Evaluation, simulated: str,
+def models_verdict(models: Sequence[ReportModel], evaluation: Evaluation, simulated: str,
                    new_run: bool) -> str:
     """Returns the scores of the first model, those of the best baseline, and the metrics in which a
     second model is better. Baselines with IoU 0 do not count."""
-    own = modes[0]
-    second = "".join(f"{mode.short} with the same inputs: {plus_minus(mode.means, 'iou')}; "
-                     for mode in modes[1:] if len(modes) == 2 and mode.takes == own.takes)
+    own = models[0]
+    second = "".join(f"{model.short} with the same inputs: {plus_minus(model.means, 'iou')}; "
+                     for model in models[1:] if len(models) == 2 and model.takes == own.takes)
     baselines = [(title, means) for title, means in baselines_of(evaluation.result)
                  if means["iou"].mean > 0.01]
     best, means = max(baselines, key=lambda pair: pair[1]["iou"].mean, default=("", Means()))
@@ -105,13 +105,13 @@ def models_verdict(modes: Sequence[Mode], evaluation: Evaluation, simulated: str
            f"IoU {plus_minus(own.means, 'iou')} ({second}{baseline})")
     out += "".join(f", {METRICS[m].name} {plus_minus(own.means, m)}"
                    for m in FIRST[1:] if own.means[m].maps) + "."
-    for mode in modes[1:] if len(modes) == 2 else []:  # more models: differences_table
-        found = [(METRICS[m], mode.differences[m])
-                 for m in PAIRED if m not in ("ssim_fg", "ghost") and m in mode.differences]
+    for model in models[1:] if len(models) == 2 else []:  # differences_table() shows more models
+        found = [(METRICS[m], model.differences[m])
+                 for m in PAIRED if m not in ("ssim_fg", "ghost") and m in model.differences]
         worse = [f"{form.name} ({form.text(d['first'])} against "
                  f"{form.text(d['second'])}{form.unit})"
                  for form, d in found if better_of(d) == "second"]
-        out += f" Worse than {mode.title} in {', '.join(worse)}." if worse else ""
+        out += f" Worse than {model.title} in {', '.join(worse)}." if worse else ""
     return out
 
 
@@ -134,9 +134,9 @@ class Row(NamedTuple):
     baseline: bool = False
 
 
-def rows_of(modes: Sequence[Mode], result: dict[str, Any]) -> list[Row]:
-    return [*(Row(mode.title, mode.means, mode.first if len(mode.files) == 1 else None)
-              for mode in modes),
+def rows_of(models: Sequence[ReportModel], result: dict[str, Any]) -> list[Row]:
+    return [*(Row(model.title, model.means, model.first if len(model.files) == 1 else None)
+              for model in models),
             *(Row(title, means, None, True) for title, means in baselines_of(result))]
 
 
@@ -187,10 +187,10 @@ def metrics_table(rows: Sequence[Row], caption: str) -> Block:
                  sum(row.baseline for row in rows))
 
 
-def first_table(modes: Sequence[Mode], result: dict[str, Any]) -> Block:
-    rows, seeds = rows_of(modes, result), len(modes[0].files) > 1
+def first_table(models: Sequence[ReportModel], result: dict[str, Any]) -> Block:
+    rows, seeds = rows_of(models, result), len(models[0].files) > 1
     return metrics_table(
-        rows, f"{len(modes[0].first.index)} records; mean ± standard error over "
+        rows, f"{len(models[0].first.index)} records; mean ± standard error over "
               f"{'trainings' if seeds else 'maps'}. In brackets: maps in which the drawn and the "
               "true body overlap. Marked: the best value, and values that do not differ from it "
               "significantly.")
@@ -210,9 +210,9 @@ def differences_table(first: str, gains: Sequence[tuple[str, dict[str, Any]]]) -
                   ["", *(METRICS[m].title for m in FIRST)], rows)] if rows else []
 
 
-def all_table(modes: Sequence[Mode], result: dict[str, Any]) -> list[Block]:
+def all_table(models: Sequence[ReportModel], result: dict[str, Any]) -> list[Block]:
     """Returns the table of all metrics (rows) and models (columns), and notes on SSIM."""
-    rows, own = rows_of(modes, result), modes[0].means
+    rows, own = rows_of(models, result), models[0].means
     lines = [[METRICS[m].head, *(value(row, m, best) for row, best in zip(rows, best_of(rows, m)))]
              for m in METRICS]
     raw, hard, empty = (own["ssim"].mean, own["ssim_hard"].mean,
@@ -221,13 +221,13 @@ def all_table(modes: Sequence[Mode], result: dict[str, Any]) -> list[Block]:
                              else "")
     out = [table("Marked: the best value, and values that do not differ from it significantly",
                  ["metric", *(row.name for row in rows)], lines),
-           *differences_table(modes[0].title, [(mode.title, mode.differences)
-                                               for mode in modes[1:]]),
+           *differences_table(models[0].title, [(model.title, model.differences)
+                                               for model in models[1:]]),
            paragraph("Do not use SSIM alone. Most of a depth map is background, so an empty room "
                      f"has SSIM {empty:.3f}; the first model has {scores}. IoU, lateral error and "
                      "mirror fraction show whether the body is found, and on which side.", "note")]
-    papers = [[mode.title, summary(mode.means, "ssim", 1),
-               f"{PAPER_SSIM.get(mode.inputs, 0.6576):.4f}"] for mode in modes if mode.papers]
+    papers = [[model.title, summary(model.means, "ssim", 1),
+               f"{PAPER_SSIM.get(model.inputs, 0.6576):.4f}"] for model in models if model.papers]
     if papers:
         gap = (" The difference between both sensors and a single one is comparable."
                if len(papers) > 1 else "")
@@ -246,19 +246,19 @@ def summary(means: Means, metric: str, more: int = 0) -> str | Block:
     return cell(form.text(m.mean, more), small.strip()) if m.maps else NONE
 
 
-def cost_table(modes: Sequence[Mode]) -> Block:
-    rows = [[mode.title, f"{c['infer_us_median']:.0f}", f"{c['infer_us_p99']:.0f}",
+def cost_table(models: Sequence[ReportModel]) -> Block:
+    rows = [[model.title, f"{c['infer_us_median']:.0f}", f"{c['infer_us_p99']:.0f}",
              three_digits(c["multiply_adds"]), three_digits(c["parameters"]),
-             f"{c['model_bytes'] / 1e6:.1f}", f"{c['train_s']:.0f}"] for mode in modes
-            for c in [mode.first.result["cost"]]]
+             f"{c['model_bytes'] / 1e6:.1f}", f"{c['train_s']:.0f}"] for model in models
+            for c in [model.first.result["cost"]]]
     return table("Single maps on one thread of this host",
                  ["", "time per map (µs, median)", "p99 (µs)", "multiply-adds", "parameters",
                   cell("file (MB)", "with fallback models and uncertainty"),
                   "training (s)"], rows)
 
 
-def labels_table(mode: Mode) -> list[Block]:
-    s, rows = mode.first, []
+def labels_table(model: ReportModel) -> list[Block]:
+    s, rows = model.first, []
     for label in sorted(set(s.labels)):
         rows_of_label = np.array([text == label for text in s.labels])
         means = Means({name: Mean.of(s[name][rows_of_label]) for name in FIRST})
@@ -268,7 +268,7 @@ def labels_table(mode: Mode) -> list[Block]:
                      *(summary(means, m) for m in FIRST), str(side) if side.total else NONE])
     heads = ["label", "records", *(METRICS[m].title for m in FIRST), "on the true side"]
     caption = "Mean ± standard error (five or more maps); number of maps in brackets"
-    return [table(f"{caption}; {mode.title}", heads, rows)] if len(rows) > 1 else []
+    return [table(f"{caption}; {model.title}", heads, rows)] if len(rows) > 1 else []
 
 
 def failing(s: Scores) -> list[tuple[str, Count, list[int]]]:
@@ -289,11 +289,11 @@ def failing(s: Scores) -> list[tuple[str, Count, list[int]]]:
     return sorted(found, key=lambda kind: -kind[1].count / kind[1].total)
 
 
-def failures_table(mode: Mode) -> Block:
+def failures_table(model: ReportModel) -> Block:
     rows = [[title, str(count), f"{100 * count.interval[0]:.0f} to {100 * count.interval[1]:.0f} %",
              {"text": "", "records": indices[:8], "more": len(indices) > 8} if indices else NONE]
-            for title, count, indices in failing(mode.first)]
-    return table(mode.title, ["failure", "records", "95 % interval",
+            for title, count, indices in failing(model.first)]
+    return table(model.title, ["failure", "records", "95 % interval",
                               {"text": "record numbers, worst first", "words": True}], rows)
 
 
@@ -331,70 +331,70 @@ def shares_below(values: Values) -> tuple[Values, Values]:
     return values[at], 100 * (at + 1) / max(len(values), 1)
 
 
-def distribution(modes: Sequence[Mode], colours: Sequence[str], metric: str, title: str, x: str,
-                 **more: Any) -> Block:
+def distribution(models: Sequence[ReportModel], colours: Sequence[str], metric: str,
+                 title: str, x: str, **more: Any) -> Block:
     out = chart(title, x, "records below (%)", span=[0, 100], **more)
-    for mode, colour in zip(modes, colours):
-        add_series(out, mode.short, colour, "line",
-                   *shares_below(METRICS[metric].scale * mode.first[metric]))
-    out["note"] = "; ".join(f"{mode.short}: {(~np.isnan(mode.first[metric])).sum()} records"
-                            for mode in modes) + "."
+    for model, colour in zip(models, colours):
+        add_series(out, model.short, colour, "line",
+                   *shares_below(METRICS[metric].scale * model.first[metric]))
+    out["note"] = "; ".join(f"{model.short}: {(~np.isnan(model.first[metric])).sum()} records"
+                            for model in models) + "."
     return out
 
 
-def error_chart(modes: Sequence[Mode], colours: Sequence[str], title: str, x: str,
+def error_chart(models: Sequence[ReportModel], colours: Sequence[str], title: str, x: str,
                 place: str) -> Block:
     """Returns lateral errors of the first model as dots, and medians of up to 8 equal groups of
     records for each model with at least 40 records."""
-    def pairs(mode: Mode) -> Values:
-        points = np.column_stack([mode.first[place], 100 * mode.first["lateral_m"]])
+    def pairs(model: ReportModel) -> Values:
+        points = np.column_stack([model.first[place], 100 * model.first["lateral_m"]])
         points = points[~np.isnan(points).any(1)]
         return np.asarray(points[np.lexsort((points[:, 1], points[:, 0]))])
 
-    out, own, groups = chart(title, x, "lateral error (cm)", log=True), pairs(modes[0]), 0
+    out, own, groups = chart(title, x, "lateral error (cm)", log=True), pairs(models[0]), 0
     add_series(out, "record", colours[0], "dots", *own.T)
-    for mode, colour in zip(modes, colours):
-        found = pairs(mode)
+    for model, colour in zip(models, colours):
+        found = pairs(model)
         parts = min(len(found) // 10, 8)
         if parts >= 4:
             edges = [g * len(found) // parts for g in range(parts + 1)]
             middles = [np.sort(found[a:b], 0)[(b - a) // 2] for a, b in zip(edges, edges[1:])]
-            add_series(out, mode.short, colour, "marked", *np.array(middles).T)
+            add_series(out, model.short, colour, "marked", *np.array(middles).T)
             groups = max(groups, parts)
-    out["note"] = f"Dots: {len(own)} records of {modes[0].title}. " + (
+    out["note"] = f"Dots: {len(own)} records of {models[0].title}. " + (
         f"Lines: medians of {groups} groups of about {len(own) // groups} records." if groups
         else "Too few records for medians.")
     return out
 
 
-def errors(modes: Sequence[Mode], colours: Sequence[str]) -> Block:
+def errors(models: Sequence[ReportModel], colours: Sequence[str]) -> Block:
     return {"kind": "charts", "blocks": [
-        error_chart(modes, colours, "Lateral error against range", "range (m)", "range_m"),
-        error_chart(modes, colours, "Lateral error against x", "x, right of the SPD (m)",
+        error_chart(models, colours, "Lateral error against range", "range (m)", "range_m"),
+        error_chart(models, colours, "Lateral error against x", "x, right of the SPD (m)",
                     "side_m"),
-        distribution(modes, colours, "lateral_m", "Distribution of the lateral error",
+        distribution(models, colours, "lateral_m", "Distribution of the lateral error",
                      "lateral error (cm)", log_x=True),
-        distribution(modes, colours, "iou", "Distribution of the IoU", "IoU")]}
+        distribution(models, colours, "iou", "Distribution of the IoU", "IoU")]}
 
 
-def losses(modes: Sequence[Mode]) -> list[Block]:
+def losses(models: Sequence[ReportModel]) -> list[Block]:
     """Returns training and validation losses by epoch."""
     out = []
-    for mode in modes:
-        training, validation = (mode.tensors[f"0/training/{name}loss_m"].ravel()
+    for model in models:
+        training, validation = (model.tensors[f"0/training/{name}loss_m"].ravel()
                                 for name in ("", "validation_"))
         if len(training) < 2:
             continue
-        out.append(chart(mode.title, "epoch", "loss (rms, unit of the model)", log=True))
+        out.append(chart(model.title, "epoch", "loss (rms, unit of the model)", log=True))
         for name, colour, curve in (("training", "grey", training),
                                     ("validation", "both", validation)):
             add_series(out[-1], name, colour, "line", np.arange(1, len(curve) + 1), curve)
-        if best := mode.facts[0]["0/training/best_epoch"]:
+        if best := model.facts[0]["0/training/best_epoch"]:
             out[-1]["rules"].append({"at": best, "name": "best"})
     return [{"kind": "charts", "blocks": out}] if out else []
 
 
-def comparison(a: Mode, b: Mode) -> list[Block]:
+def comparison(a: ReportModel, b: ReportModel) -> list[Block]:
     """Compares two models by record. A gain is positive if the second model is better."""
     rows, charts = [], []
     for form, d in ((METRICS[m], b.differences[m]) for m in PAIRED if m in b.differences):
