@@ -116,7 +116,7 @@ def test_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
     run = echofuse.open(runs / "50cm.sqlite")
     program("echofuse-recon", "-q", "train", run.path, "--model", "factorised-8", "--out", tmp_path / "m")
     model = echofuse.load_model(tmp_path / "m")
-    assert f"spd [n, {run.axes['spd'].count}]" in repr(model) and model.takes["radar"].unit == "m"
+    assert f"spd [n, {run.axes['spd'].count}]" in repr(model) and model.axes["radar"].unit == "m"
     maps, own = model.predict(run), model.predict(spd=run.photons(), radar=run.power(), axes=run.axes)
     assert np.array_equal(maps.depth_m, own.depth_m, equal_nan=True) and len(own) == len(run) == 60
     assert repr(maps) == "<echofuse maps: 60 of 64 x 64 pixels, metres, tangents within 0.55>"

@@ -19,7 +19,7 @@ from echofuse.bench import derive
 from echofuse.report import story as report_story
 from echofuse.report import blocks
 from echofuse.report import tables
-from echofuse.report.scores import Count, Means, Mean, ReportModel, Scores, takes_of
+from echofuse.report.scores import Count, Means, Mean, ReportModel, Scores, sensors_of
 from programs import BIN, program
 
 BIN = BIN.resolve()
@@ -322,7 +322,7 @@ def test_report_verdict_names_the_competing_model_and_worse_metrics():
     assert "20 simulated records of a new run: IoU 0.60 ± 0.00 (theirs with the same inputs: 0.50" in said
     assert "all baselines have IoU 0), lateral error 3.1 ± 0.0 cm" in said
     assert said.endswith("Worse than theirs (pca, SPD alone) in RMSE (0.46 against 0.42 m).")
-    theirs.takes = "SPD + 8 antennas"
+    theirs.sensors = "SPD + 8 antennas"
     said = tables.models_verdict([ours, theirs], judged_of(empty=0, nearest=0.3), "recorded", False)
     assert "same inputs" not in said and "nearest training record: 0.30" in said and "20 recorded records held out in the training" in said
 
@@ -368,9 +368,9 @@ def test_report_data_are_packed_and_escaped():
 
 def test_report_names_a_model_by_its_inputs():
     facts = {"0/model": "factorised", "0/inputs": "fused", "0/takes_antennas": 1, "0/axes/array/scale": 7.0, "0/axes/array/quantity": "lags"}
-    assert takes_of(facts) == "SPD + 8 antennas" and takes_of(facts | {"0/takes_antennas": 0}) == "SPD + radar profile"
-    assert takes_of(facts | {"0/axes/array/quantity": "lags 1 2 5"}) == "SPD + antennas"
-    assert takes_of(facts | {"0/inputs": "radar"}) == "radar alone" and takes_of({"0/model": "mean"}) == "no sensor"
+    assert sensors_of(facts) == "SPD + 8 antennas" and sensors_of(facts | {"0/takes_antennas": 0}) == "SPD + radar profile"
+    assert sensors_of(facts | {"0/axes/array/quantity": "lags 1 2 5"}) == "SPD + antennas"
+    assert sensors_of(facts | {"0/inputs": "radar"}) == "radar alone" and sensors_of({"0/model": "mean"}) == "no sensor"
 
 
 def test_package_contains_the_files_of_the_page(tmp_path):

@@ -33,8 +33,8 @@ class Simulated:
     def source_line(self) -> str:
         """First line of a table of these runs."""
         settings = " ".join(word for word in self.settings if word != "--set")
-        return (f"{version()}: {self.records} simulated records, {self.test_records} to judge "
-                f"by{'; ' * bool(settings)}{settings}")
+        return (f"{version()}: {self.records} training and {self.test_records} test records, "
+                f"simulated{'; ' * bool(settings)}{settings}")
 
     def axes(self) -> list[Axis]:
         return simulated_axes(self.base)

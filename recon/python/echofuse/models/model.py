@@ -59,11 +59,11 @@ class Estimator:
         self.kind, self.inputs, self.size = (self.f["model"], self.f["inputs"],
                                              self.f["scene/map_size"])
         keys = ("quantity", "unit", "count", "start", "step", "scale")
-        takes = {"spd": self.inputs != "radar", "radar": self.inputs != "spd",
-                 "array": self.inputs == "fused"}
+        required = {"spd": self.inputs != "radar", "radar": self.inputs != "spd",
+                    "array": self.inputs == "fused"}
         #: required axes, by sensor
         self.axes = {name: {key: self.f[f"axes/{name}/{key}"] for key in keys}
-                     for name, required in takes.items() if required
+                     for name, is_required in required.items() if is_required
                      and self.f.get(f"axes/{name}/count", 0)}
 
     def matched(self, name: str, axis: Axis | None, table: NDArray[Any]) -> NDArray[Any]:
@@ -197,14 +197,14 @@ class Model:
 
     def __repr__(self) -> str:
         first = self.estimators[0]
-        return (f"<echofuse model {self.path}: {first.kind}, {first.inputs}; takes "
+        return (f"<echofuse model {self.path}: {first.kind}, {first.inputs}; axes "
                 + ", ".join(f"{name} [n, {axis.count}] from {axis.start:g} {axis.unit} by "
                             f"{axis.step:g}"
-                            for name, axis in self.takes.items())
+                            for name, axis in self.axes.items())
                 + f"; maps of {first.size} x {first.size}>")
 
     @property
-    def takes(self) -> dict[str, Axis]:
+    def axes(self) -> dict[str, Axis]:
         """Axes of the training data: "spd" (counts), "radar" (linear power), "array" (lags)."""
         return {name: Axis(name, **axis) for name, axis in self.estimators[0].axes.items()}
 
@@ -215,10 +215,11 @@ class Model:
                 range_offset_m: float = 0) -> Maps:
         """Predicts maps of all records with the required sensors. Input is a run (or its path), or
         arrays at true ranges: counts spd [n, bins], linear power radar [n, points] and lags, with
-        `axes` (default: `takes`) and index 0, 1, 2. range_offset_m: radar range bias to subtract,
-        m, in addition to the calibration of the run. Raises ValueError for incompatible axes."""
+        `axes` (default: Model.axes) and index 0, 1, 2. range_offset_m: radar range bias to
+        subtract, m, in addition to the calibration of the run. Raises ValueError for
+        incompatible axes."""
         if run is None:
-            return self._maps(Arrays(self.takes | (axes or {}), spd, radar, lags), range_offset_m)
+            return self._maps(Arrays(self.axes | (axes or {}), spd, radar, lags), range_offset_m)
         return self._maps(run if isinstance(run, runs.Run) else runs.open(run), range_offset_m)
 
     def _maps(self, run: runs.Run | Arrays, range_offset_m: float) -> Maps:

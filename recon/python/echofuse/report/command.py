@@ -244,7 +244,7 @@ class Report:
     def record_blocks(self) -> list[Block]:
         blur = ("Depth of each pixel between the background (0) and the mean body (1); a pixel "
                 "above 0.5 belongs to the body.")
-        if any(model.takes.endswith("alone") for model in self.models):
+        if any(model.sensors.endswith("alone") for model in self.models):
             blur += " A single sensor does not determine the side of the body: a blur."
         out = []
         for i, record in enumerate(self.main):

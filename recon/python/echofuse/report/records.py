@@ -124,7 +124,7 @@ def median_record(models: Sequence[ReportModel], indices: set[int]) -> int | Non
     distance: dict[int, int] = {}
     for model in models:
         order = [index for index in model.first.order
-                 if index in indices] if model.takes == models[0].takes else []
+                 if index in indices] if model.sensors == models[0].sensors else []
         for place, index in enumerate(order):
             distance[index] = max(distance.get(index, 0), abs(place - len(order) // 2))
     return min(sorted(distance), key=lambda index: distance[index]) if distance else None

@@ -182,7 +182,7 @@ class ReportModel:
     files: list[str]
     facts: list[dict[str, Any]]  # facts of each file
     tensors: dict[str, NDArray[Any]]  # tensors of the first file
-    takes: str  # e.g. "SPD + 8 antennas", "SPD alone"; "no sensor" for a constant map
+    sensors: str  # e.g. "SPD + 8 antennas", "SPD alone"; "no sensor" for a constant map
     scores: list[Scores] = field(default_factory=list)
     # paired differences to the first model of the report, by metric
     differences: dict[str, dict[str, float]] = field(default_factory=dict)
@@ -202,7 +202,7 @@ class ReportModel:
     def title(self) -> str:
         kind = "the paper's network" if self.papers else self.facts[0]["0/model"]
         seeds = f"; {len(self.files)} trainings" if len(self.files) > 1 else ""
-        return f"{self.short} ({'' if kind == self.short else kind + ', '}{self.takes}{seeds})"
+        return f"{self.short} ({'' if kind == self.short else kind + ', '}{self.sensors}{seeds})"
 
     @property
     def means(self) -> Means:
@@ -212,8 +212,8 @@ class ReportModel:
             {m: Mean.of(np.array([means[m].mean for means in all_means])) for m in all_means[0]})
 
 
-def takes_of(facts: dict[str, Any]) -> str:
-    """Returns the inputs of a model as text."""
+def sensors_of(facts: dict[str, Any]) -> str:
+    """Returns the sensors of a model as text."""
     if facts["0/model"] in ("mean", "empty"):
         return "no sensor"
     if not facts["0/inputs"].startswith("fused"):
@@ -237,16 +237,16 @@ def read_models(arguments: Sequence[str], compared: bool) -> list[ReportModel]:
             tensors, facts = read_safetensors(path)
         except OSError as error:
             raise ReportError(f"{path}: {error.strerror}; expected a model file") from None
-        takes = takes_of(facts)
+        sensors = sensors_of(facts)
         known = next((model for model in models if model.name == name and not compared), None)
         if known is None:
-            like = [k for k, model in enumerate(models, 1) if compared or model.takes == takes]
+            like = [k for k, model in enumerate(models, 1) if compared or model.sensors == sensors]
             models.insert(like[-1] if like else len(models),
-                         ReportModel(name, [path], [facts], tensors, takes))
-        elif known.takes != takes:
+                         ReportModel(name, [path], [facts], tensors, sensors))
+        elif known.sensors != sensors:
             raise ReportError(
-                f"{path}: inputs {takes}, but {known.files[0]} with the same name has "
-                f"{known.takes}; give --model NAME={path}")
+                f"{path}: inputs {sensors}, but {known.files[0]} with the same name has "
+                f"{known.sensors}; give --model NAME={path}")
         else:
             known.files.append(path)
             known.facts.append(facts)

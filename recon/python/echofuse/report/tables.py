@@ -94,7 +94,7 @@ def models_verdict(models: Sequence[ReportModel], evaluation: Evaluation, simula
     second model is better. Baselines with IoU 0 do not count."""
     own = models[0]
     second = "".join(f"{model.short} with the same inputs: {plus_minus(model.means, 'iou')}; "
-                     for model in models[1:] if len(models) == 2 and model.takes == own.takes)
+                     for model in models[1:] if len(models) == 2 and model.sensors == own.sensors)
     baselines = [(title, means) for title, means in baselines_of(evaluation.result)
                  if means["iou"].mean > 0.01]
     best, means = max(baselines, key=lambda pair: pair[1]["iou"].mean, default=("", Means()))
