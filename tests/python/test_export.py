@@ -132,7 +132,7 @@ def test_xarray_opens_every_group_of_the_export(runs, tmp_path):
 def test_netcdf_export_equals_to_xarray(runs, tmp_path, monkeypatch):
     xarray = pytest.importorskip("xarray")
     pytest.importorskip("h5netcdf")
-    monkeypatch.setattr(blocks, "MOST_RECORDS", 3)
+    monkeypatch.setattr(blocks, "MAX_RECORDS", 3)
     run = echofuse.open(runs / "far")
     assert export(run, tmp_path / "a.nc") == 0 and export(echofuse.open(runs / "own"), tmp_path / "own.nc") == 2
     wanted = echofuse.to_xarray(run)
@@ -160,7 +160,7 @@ def test_netcdf_export_equals_to_xarray(runs, tmp_path, monkeypatch):
 def test_export_does_not_depend_on_the_block_size(runs, tmp_path, monkeypatch):
     run = echofuse.open(runs / "own")
     export(run, tmp_path / "whole.h5")
-    monkeypatch.setattr(blocks, "MOST_BYTES", 400)  # one record at a time
+    monkeypatch.setattr(blocks, "MAX_BYTES", 400)  # one record at a time
     assert [len(part) for _, part, _ in blocks.blocks(run, lambda done: None)] == [1] * 20
     export(run, tmp_path / "blocks.h5")
     with h5py.File(tmp_path / "whole.h5") as whole, h5py.File(tmp_path / "blocks.h5") as parts:

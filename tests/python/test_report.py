@@ -231,9 +231,9 @@ def test_report_names_an_unreadable_record(here, tmp_path):
 
 def test_waterfall_averages_neighbours_independently_of_block_size(here, monkeypatch):
     run, pages = echofuse.open(here / "fresh.sqlite"), []
-    monkeypatch.setattr(report_story, "MOST_POINTS", 30)
+    monkeypatch.setattr(report_story, "MAX_POINTS", 30)
     for records in (256, 7):
-        monkeypatch.setattr(run_blocks, "MOST_RECORDS", records)
+        monkeypatch.setattr(run_blocks, "MAX_RECORDS", records)
         pages.append(report_story.Story(str(here / "fresh.sqlite")).waterfalls()[0]["tables"])
     assert pages[0] == pages[1]
     means = np.log1p(run.spd).reshape(20, 3, -1).mean(1)

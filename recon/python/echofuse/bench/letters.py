@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 LETTERS = "ACEHLNOTUX"
 # width, height, stroke (acquire/measurement/letter.hpp), metres
 SIZES = ((0.30, 0.40, 0.07), (0.20, 0.30, 0.05))
-CELL_M, MOST_SHIFT_M, NEAR_M = 0.02, 0.08, 0.2
+CELL_M, MAX_SHIFT_M, NEAR_M = 0.02, 0.08, 0.2
 BLUR_DEPTH_M = 3.0  # depth at which templates are blurred by one pixel of the map
 Floats = NDArray[np.float64]
 
@@ -113,7 +113,7 @@ def read(maps: NDArray[np.float32], truth: NDArray[np.float32], labels: Sequence
         (_, x, y), size = max(((match(layer, drawn[letter]), k) for k, drawn in enumerate(known)),
                               key=lambda found: found[0][0])
         drawn, sizes[row] = known[size], size
-        shape = [n + 2 * round(MOST_SHIFT_M / CELL_M) for n in drawn[letter].shape]
+        shape = [n + 2 * round(MAX_SHIFT_M / CELL_M) for n in drawn[letter].shape]
         patch = near_layer(maps[row], half_tangent, (x * CELL_M / at_m, -y * CELL_M / at_m, at_m),
                            (shape[0], shape[1]))
         scores = [match(patch, drawn[name])[0] for name in LETTERS]

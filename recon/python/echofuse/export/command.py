@@ -243,7 +243,8 @@ def export(run: Run, place: pathlib.Path, record: int | None = None,
 def main() -> None:
     """Runs echofuse-export with the arguments in sys.argv."""
     parser = argparse.ArgumentParser(prog="echofuse-export",
-                                     description="export a run to HDF5 or netCDF, a record to CSV",
+                                     description="export a run to HDF5 or netCDF, or one record "
+                                                 "to CSV",
                                      formatter_class=argparse.RawDescriptionHelpFormatter,
                                      epilog=f"{EXIT_CODES}5 some records are unreadable, 6 disk, "
                                             "130 interrupted")

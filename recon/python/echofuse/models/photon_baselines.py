@@ -13,7 +13,7 @@ from ..runs import zones
 
 Maps = NDArray[np.float32]
 PS_PER_M = 2e12 / 299_792_458.0
-LEAST_PEAK = 0.08  # relative to the highest bin of the zone
+MIN_PEAK = 0.08  # relative to the highest bin of the zone
 TABLE_M = 0.035  # minimum distance of the object in front of the farthest return
 
 
@@ -85,7 +85,7 @@ def peaks(counts: NDArray[np.float32],
     out = []
     for b in np.flatnonzero((h[1:-1] >= h[:-2]) & (h[1:-1] > h[2:])) + 1:
         rises = h[b] > 1.3 * max(float(h[max(b - 3, 0):b].min()), 1e-9)
-        if h[b] < LEAST_PEAK * h.max() or not rises or range_m[b] <= 0:
+        if h[b] < MIN_PEAK * h.max() or not rises or range_m[b] <= 0:
             continue
         bend = h[b - 1] - 2 * h[b] + h[b + 1]
         away = 0.5 * (h[b - 1] - h[b + 1]) / bend if bend < 0 else 0.0

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 TAPS_PER_CELL = 4  # acquire/measurement/response.hpp
 # recon/data/response_conversion.cpp
-REACH_CELLS, MOST_REACH, PARTS, NOISE_TO_SIGNAL, MUCH_NARROWER = 3, 48, 8, 1e-3, .75
+REACH_CELLS, MAX_REACH, PARTS, NOISE_TO_SIGNAL, MUCH_NARROWER = 3, 48, 8, 1e-3, .75
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def filter_between(own: Response, target: Response, step_m: float) -> NDArray[np
     """Returns filter weights [2 reach + 1] that convert a response to another (regularised least
     squares)."""
     reach = int(np.clip(np.ceil(REACH_CELLS * max(own.cell_m, target.cell_m) / step_m), 1,
-                        MOST_REACH))
+                        MAX_REACH))
     at_m = np.arange(-2 * PARTS * reach, 2 * PARTS * reach + 1) / PARTS * step_m
     responses = own.power(at_m[:, None] - np.arange(-reach, reach + 1) * step_m)
     square = responses.T @ responses / PARTS + NOISE_TO_SIGNAL * np.eye(2 * reach + 1)

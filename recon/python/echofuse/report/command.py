@@ -58,7 +58,7 @@ TERMS = (
     ("SSIM, RMSE", "structural similarity and root mean square depth error of the whole map."))
 
 
-MOST_FAILING = 6  # failing records with pictures
+MAX_FAILING = 6  # failing records with pictures
 
 
 class Report:
@@ -113,7 +113,7 @@ class Report:
                                          float(first.facts[0]["0/scene/map_z_max_m"]))
         worst = [index for _, _, which in tables.failing(first.first) for index in which[:2]]
         self.main, self.gallery, self.failing = select_records(
-            self.run, self.models, self.room, list(dict.fromkeys(worst))[:MOST_FAILING])
+            self.run, self.models, self.room, list(dict.fromkeys(worst))[:MAX_FAILING])
         order = [colour for colour in ("both", "papers", "depth", "grey", "spd", "radar")
                  if colour not in {model.inputs for model in self.models}]
         #: colour of each model: that of its sensor, or a free one for both sensors or equal inputs

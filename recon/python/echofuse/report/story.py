@@ -18,7 +18,7 @@ from .records import decibels
 from .scores import Values
 
 SENSORS = {"spd": "SPD", "radar": "radar", "depth": "depth camera"}
-MOST_POINTS = 400  # points per curve; more are not visible
+MAX_POINTS = 400  # points per curve; more are not visible
 
 
 def info_of(path: str) -> dict[str, Any]:
@@ -52,12 +52,12 @@ class Story:
         return out + (f"; {self.info['doubts']}." if self.info["doubts"] else ".")
 
     def gaps(self, sensor: str) -> list[list[float]]:
-        """Returns start and end of each gap of a sensor; at most MOST_POINTS, the longest."""
+        """Returns start and end of each gap of a sensor; at most MAX_POINTS, the longest."""
         lacks = np.concatenate([[False], ~self.run.valid[sensor], [False]]).astype(int)
         times, steps = np.append(self.at, self.end), np.diff(lacks)
         found = np.column_stack([times[steps > 0], times[steps < 0]])
         return sorted(found[np.argsort(found[:, 0] - found[:, 1],
-                                       kind="stable")][:MOST_POINTS].tolist())
+                                       kind="stable")][:MAX_POINTS].tolist())
 
     @property
     def losses(self) -> list[str]:
@@ -77,9 +77,9 @@ class Story:
                       for time, names in sorted(by_time.items())]
 
     def curve(self, values: Values, gather: Callable[..., Any] = np.mean) -> list[float | None]:
-        """Combines neighbours into at most MOST_POINTS points. A point without values becomes None,
+        """Combines neighbours into at most MAX_POINTS points. A point without values becomes None,
         or 0 for sums."""
-        step = len(values) // MOST_POINTS + 1
+        step = len(values) // MAX_POINTS + 1
         parts = (part[~np.isnan(part)] for part in (values[i:i + step]
                                                     for i in range(0, len(values), step)))
         return [short(gather(part)) if len(part) or gather is np.sum else None for part in parts]
@@ -104,7 +104,7 @@ class Story:
         def over_median(values: NDArray[np.float64]) -> NDArray[np.float64]:
             return np.maximum(values - np.sort(values, 1)[:, [values.shape[1] // 2]], 0)
 
-        run, step = self.run[0:len(self.run)], len(self.run) // MOST_POINTS + 1
+        run, step = self.run[0:len(self.run)], len(self.run) // MAX_POINTS + 1
         run.valid["depth"][:] = False  # not read
         axes = {sensor: self.run.axes[sensor]
                 for sensor in ("spd", "radar") if sensor in self.run.axes}

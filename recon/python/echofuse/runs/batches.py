@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from . import antennas
 from .run import Run
 
-MOST_RECORDS, MOST_BYTES = 256, 32 << 20  # limits of a block in memory
+MAX_RECORDS, MAX_BYTES = 256, 32 << 20  # limits of a block in memory
 Progress = Callable[[int], None]  # called with the number of finished records
 
 
@@ -39,7 +39,7 @@ def blocks(run: Run, progress: Progress = lambda done: None
     size = sum(count.get(name, 0)
                for name in ("spd", "radar")) + 2 * count.get("depth_x", 0) * count.get("depth_y", 0)
     size += count["array"] * (int(run.axes["array"].scale) + 1) ** 2 if "array" in count else 0
-    step = min(max(MOST_BYTES // (4 * size + 1), 1), MOST_RECORDS)
+    step = min(max(MAX_BYTES // (4 * size + 1), 1), MAX_RECORDS)
     for first in range(0, max(len(run), 1), step):
         progress(first)
         part, faults = run[first:first + step], {}

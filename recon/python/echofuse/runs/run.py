@@ -24,7 +24,7 @@ from .run_files import STATISTICS, connect, leftovers, meta_of, status_of, table
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # two-way
-LEAST_BOUND, MOST_PIXELS = 1 << 16, 1 << 23  # axis points allowed in any file; pixels per image
+MIN_AXIS_LIMIT, MAX_PIXELS = 1 << 16, 1 << 23  # axis points allowed in any file; image pixels
 IMAGES = 64  # depth images in memory at once
 
 
@@ -148,7 +148,7 @@ class Run:
 
     @errors_with_path
     def _read(self) -> None:
-        most = max(self.path.stat().st_size, LEAST_BOUND)
+        most = max(self.path.stat().st_size, MIN_AXIS_LIMIT)
         with closing(connect(self.path)) as db:
             self.axes: dict[str, Axis] = {row[0]: Axis(*row) for row in db.execute(
                 "SELECT name, quantity, unit, CAST(count AS INTEGER), CAST(start AS REAL), "
@@ -296,9 +296,9 @@ class Run:
     def _image_size(self) -> tuple[int, int]:
         rows, columns = (self.axes[name].count if name in self.axes else 0
                          for name in ("depth_y", "depth_x"))
-        if rows * columns > MOST_PIXELS:
+        if rows * columns > MAX_PIXELS:
             raise ValueError(f"{self.path}: depth has {rows * columns} pixels; expected at most "
-                             f"{MOST_PIXELS}")
+                             f"{MAX_PIXELS}")
         return rows, columns
 
     def depth_mm(self, row: int) -> NDArray[np.uint16]:

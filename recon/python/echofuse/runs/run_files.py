@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 3
 NULL_INTEGER = -1 << 63
 WAL_KEY = "wal_key"  # member of run.meta of an open run
-MOST_RESTARTS = 1 << 16  # tolerated difference between the keys of a run and its own -wal
+MAX_RESTARTS = 1 << 16  # tolerated difference between the keys of a run and its own -wal
 TABLES = {"run", "axis", "record", "device", "calibration", "antenna", "anchor", "counter", "event",
           "late", "zone"}
 STATISTICS = {f"sqlite_stat{n}" for n in range(1, 5)}  # written by ANALYZE
@@ -168,7 +168,7 @@ def refuse_foreign_wal(path: pathlib.Path) -> None:
     except (ValueError, TypeError):
         return  # run without a key
     difference = (found - expected) % (1 << 32)
-    if min(difference, (1 << 32) - difference) > MOST_RESTARTS:
+    if min(difference, (1 << 32) - difference) > MAX_RESTARTS:
         raise ValueError(f"{path}: was not closed, and {side_file(path, '-wal')} is of another run "
                          f"(key {found:08x}, expected {expected:08x}); move it away")
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-MOST = 64
+MAX_ZONES = 64
 Number = TypeVar("Number", bound=np.generic)
 
 
@@ -37,12 +37,13 @@ def stored(db: sqlite3.Connection) -> list[Zone]:
     """Reads the zones of a run; empty for a single pixel. Raises ValueError."""
     if not db.execute("SELECT 1 FROM sqlite_schema WHERE name = 'zone'").fetchone():
         return []
-    rows = db.execute("SELECT CAST(x AS REAL), CAST(y AS REAL), CAST(width AS REAL), CAST("
-                      "ifnull(zero_ps, 0) AS REAL) FROM zone ORDER BY rowid").fetchmany(MOST + 1)
+    cursor = db.execute("SELECT CAST(x AS REAL), CAST(y AS REAL), CAST(width AS REAL), CAST("
+                        "ifnull(zero_ps, 0) AS REAL) FROM zone ORDER BY rowid")
+    rows = cursor.fetchmany(MAX_ZONES + 1)
     out = [Zone(*(math.nan if value is None else value for value in row)) for row in rows]
-    if len(out) > MOST or not all(map(Zone.plausible, out)):
-        raise ValueError(f"table zone: expected at most {MOST} zones with centre, width and time "
-                         "zero")
+    if len(out) > MAX_ZONES or not all(map(Zone.plausible, out)):
+        raise ValueError(f"table zone: expected at most {MAX_ZONES} zones with centre, width and "
+                         "time zero")
     return out
 
 
