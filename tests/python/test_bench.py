@@ -13,6 +13,7 @@ import echofuse
 from echofuse import bench
 from echofuse.bench import derive, letters, stability
 from echofuse.bench.methods import call
+from echofuse.bench.table import content_hash
 from echofuse.models.model import read_safetensors
 from programs import BIN, program
 
@@ -205,6 +206,16 @@ def test_bench_does_not_overwrite_a_file_that_is_not_a_table(tmp_path, text):
     with pytest.raises(bench.UsageError, match="not a bench table|contains results of a note"):
         bench.Table(tmp_path / "notes.txt", "this")
     assert (tmp_path / "notes.txt").read_text(encoding="latin-1") == text
+
+
+def test_content_hash_depends_on_the_verdicts(run, tmp_path):
+    path = tmp_path / "doubtful.sqlite"
+    shutil.copy(run.path, path)
+    assert content_hash(path) == content_hash(run.path)
+    with sqlite3.connect(path) as db:
+        db.execute("UPDATE record SET depth_verdict = 'stands still: the same' WHERE idx = 0")
+    db.close()
+    assert content_hash(path) != content_hash(run.path)
 
 
 def test_parts_of_a_study_equal_the_whole_without_repeated_work(run, tmp_path):

@@ -215,7 +215,7 @@ def content_hash(path: Path) -> str:
         facts = (sorted(map(repr, run.axes.values())), sorted(run.offset_m.items()),
                  run.index.tolist(),
                  {name: column.tolist() for name, column in run.quality().items()
-                  if name.startswith("verdict")})
+                  if name.endswith("_verdict")})
     return hashlib.sha256((repr(facts) + checksum(path)).encode()).hexdigest()[:16]
 
 
