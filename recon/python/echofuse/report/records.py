@@ -113,7 +113,7 @@ def score_text(scored: Scores, at: int) -> str:
 
 
 def map_remarks(block: Block, named: bool) -> str:
-    """Returns the stated uncertainty and the warnings of a map; `named` starts with the model."""
+    """Returns stated uncertainty and warnings of a map; `named`: includes the model's name."""
     model = block["name"] if named else "Model"
     return f"{model}: {block['stated']}. " + (f"{model}: warning: {block['warning']}. "
                                               if "warning" in block else "")
