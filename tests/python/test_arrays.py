@@ -165,6 +165,8 @@ def test_implausible_depth_map_is_excluded(tmp_path):
 
 
 def test_npy_shape_is_checked_before_allocation(tmp_path):
+    if b"__asan_init" in (BIN / "echofuse-acquire").read_bytes():
+        pytest.skip("AddressSanitizer reserves more memory than the limit")
     head = "{'descr': '|u1', 'fortran_order': False, 'shape': (1, %d), }" % (2 ** 32 + 5)
     with open(tmp_path / "spd.npy", "wb") as file:
         file.write(b"\x93NUMPY\x01\x00\x76\x00" + head.ljust(117).encode() + b"\n")

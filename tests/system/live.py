@@ -198,7 +198,7 @@ class Live(unittest.TestCase):
             sent = self.frames()
             program = self.start([bin_dir / "echofuse-acquire", *words], env=env, stdout=subprocess.PIPE,
                                  stderr=subprocess.PIPE, text=True)
-            wait_for("frames of the radar", lambda: self.frames() > sent + 4)
+            wait_for("frames of the radar", lambda: self.catches_hangup(program) and self.frames() > sent + 4)
             if name == "run":
                 wait_for("a record", self.committed)
             program.send_signal(signal.SIGHUP)
@@ -214,6 +214,11 @@ class Live(unittest.TestCase):
         self.assertEqual(ignoring.wait(30), 0)
         self.run = self.dir / "kept.sqlite"
         self.assertEqual(self.info()["records"], 8)
+
+    @staticmethod
+    def catches_hangup(program):
+        status = pathlib.Path(f"/proc/{program.pid}/status").read_text()
+        return int(re.search(r"SigCgt:\s*(\w+)", status)[1], 16) & 1 << signal.SIGHUP - 1
 
     def silent(self):
         sent = self.frames()

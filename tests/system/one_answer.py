@@ -36,7 +36,7 @@ except ImportError as error:
 warnings.simplefilter("ignore")  # of leftover files
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}
 # Stalls recur, because a run on a busy machine begins late.
-FAULTS = "".join(f'[[fault]]\ndevice = "{device}"\nkind = "{kind}"\nat_s = {at}\nfor_s = 1\n{amount}\n'
+FAULTS = "".join(f'[[fault]]\ndevice = "{device}"\nkind = "{kind}"\nat_s = {at}\nfor_s = {5 * WINDOW_S}\n{amount}\n'
                  for device, kind, at, amount in (*(("depth", "stall", at, "") for at in (3.5, 9, 14)), ("radar", "drop", 5, "amount = 0.5"),
                                                   ("tdc", "gain", 6, "amount = 0.002"), ("depth", "freeze", 7, "")))
 
@@ -167,7 +167,7 @@ class OneAnswer(live.Live):
         if kill_at is not None:
             wait_for("records", lambda: self.committed() >= kill_at and self.run.exists())
             daemon.send_signal(signal.SIGKILL)
-        log = self.finish(daemon)
+        log = self.finish(daemon, timeout_s=30 + 150 * WINDOW_S)
         self.assertIn(daemon.returncode, (0, 6, -signal.SIGKILL), log)
         return daemon.returncode
 
