@@ -203,7 +203,8 @@ if len(sys.argv) > 1:  # folder of the built programs
         read_help([program])
     scripts = {path.name: path.read_text(encoding="utf-8")
                for path in (root / "scripts").rglob("*") if path.is_file() and path.suffix != ".pyc"}
-    anywhere = set().union(*options.values(), *(re.findall(r"--[\w-]+", text) for text in [*scripts.values(), *(path.read_text(encoding="utf-8") for path in modules.values())]))
+    package_texts = [path.read_text(encoding="utf-8") for path in modules.values()]
+    anywhere = set().union(*options.values(), *(re.findall(r"--[\w-]+", text) for text in [*scripts.values(), *package_texts]))
 
     def check_command(name, code):
         words = code.split()

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Waiting for other processes."""
+import contextlib
+import os
 import pathlib
 import time
 
@@ -14,6 +16,14 @@ def wait_for(what, condition, timeout_s=20, pause_s=0.02):
 
 
 def starved(*processes):
-    """Returns whether these running processes have waited more than a second in total for a processor."""
-    threads = [file for process in processes for file in pathlib.Path(f"/proc/{process.pid}/task").glob("*/schedstat")]
-    return sum(int(file.read_text().split()[1]) for file in threads) > 1e9
+    """Returns whether one of these running processes has waited for a processor for more than a tenth of its life."""
+    uptime_s = float(pathlib.Path("/proc/uptime").read_text().split()[0])
+    for process in processes:
+        folder, waited_s = pathlib.Path(f"/proc/{process.pid}"), 0.0
+        started = int((folder / "stat").read_text().rpartition(")")[2].split()[19])
+        for file in folder.glob("task/*/schedstat"):
+            with contextlib.suppress(OSError):  # the thread has ended
+                waited_s += int(file.read_text().split()[1]) * 1e-9
+        if waited_s > 0.1 * (uptime_s - started / os.sysconf("SC_CLK_TCK")):
+            return True
+    return False

@@ -194,6 +194,7 @@ ExitCode examine(const std::optional<Config>& config, const DoctorOptions& optio
       report.add({.check = "configuration",
                   .grade = Grade::problem,
                   .found = fault,
+                  .advice = "correct this key",
                   .failure = ExitCode::config});
     plan.record_bytes = check_devices(*config, loop, report);
     plan.window_s = config->window_s;

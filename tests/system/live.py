@@ -131,15 +131,15 @@ class Live(unittest.TestCase):
         profiles = [row["radar"] for row in rows if row["valid"] & 2]
         self.assertEqual(len(set(profiles)), len(profiles))
         self.assertLessEqual(sum(row["radar_used"] for row in rows), sent["radar"]["frames"])
+        self.assertGreater(info["tags"], 0)
+        counts = {axis["name"]: axis["count"] for axis in info["axes"]}
+        self.assertEqual((counts["depth_x"], counts["map_x"], counts["map_y"]), (320, 96, 96))
         if late:
-            return
+            self.skipTest("the machine is too busy: completeness of the slots is not checked")
         self.assertEqual(len(self.complete(rows)), len(rows), log)
         self.assertEqual(info["events"], {}, log)
         self.assertEqual(sent["tdc"]["dropped"], 0)
-        self.assertGreater(info["tags"], 0)
         self.assertRegex(log, r"record \d+/1000  SRD")
-        counts = {axis["name"]: axis["count"] for axis in info["axes"]}
-        self.assertEqual((counts["depth_x"], counts["map_x"], counts["map_y"]), (320, 96, 96))
         # All three devices have one time base, and their delays are below 10 ms.
         offsets = [info["clocks"][s]["offset_s"] for s in info["clocks"]]
         self.assertIn("spd", info["clocks"])
@@ -169,7 +169,7 @@ class Live(unittest.TestCase):
         for row in whole:
             self.assertGreaterEqual(row["spd_span_s"], 0.9 * WINDOW_S, (row["idx"], log))
         if late:  # the laboratory, too, may have sent too little for a slot
-            return
+            self.skipTest("the machine is too busy: complete slots after the stall are not checked")
         self.assertGreaterEqual(len(whole), 1, log)
         still = [row["idx"] for row in within if row["spd_verdict"] == "the program stood still"]
         self.assertEqual(len(whole) + len(still), len(within), log)

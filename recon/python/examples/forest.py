@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Bench method with scikit-learn (python3-sklearn): extremely randomised trees predict 64 map
-components from histogram and profile.
+components from histogram and profile. In the folder of this file:
 
-    PYTHONPATH=. python3 -m echofuse.bench pareto train.sqlite test.sqlite --out mine.csv --markdown
-    --methods nearest forest:Forest
+    echofuse-bench pareto TRAIN TEST --out mine.csv --markdown --methods nearest forest:Forest
 """
 import numpy as np
 from sklearn.decomposition import PCA

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Bench method with PyTorch (python3-torch): compares your own network with those of echofuse.
+In the folder of this file:
 
-    PYTHONPATH=. python3 -m echofuse.bench pareto train.sqlite test.sqlite --out mine.csv --markdown
-    --methods nearest torch_network:Network
+    echofuse-bench pareto TRAIN TEST --out mine.csv --methods nearest torch_network:Network
 """
 import numpy as np
 import torch

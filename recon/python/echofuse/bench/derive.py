@@ -2,7 +2,7 @@
 """Copies a run with changed records: fewer photons or records, background light, noise, missing
 sensors. The copy has its own uuid.
 
->>> from echofuse import derive
+>>> from echofuse.bench import derive
 >>> derive.copy("monday.sqlite", "dim.sqlite", derive.thinned(0.1, seed=1))
 """
 from __future__ import annotations

@@ -8,7 +8,7 @@ import pathlib
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from . import tmf8820, zone_fit
+from . import zone_fit
 
 
 class RunPair(NamedTuple):
@@ -36,6 +36,8 @@ def shapes_in(data: pathlib.Path) -> list[str]:
 def make_runs(track: dict[str, Any], folder: pathlib.Path,
               data: pathlib.Path) -> Iterator[RunPair]:
     """Yields the runs of the track; generates missing ones."""
+    from . import tmf8820  # not at the top: python3 -m echofuse.bench.tmf8820 runs it as a program
+
     fit, source = track["fit"], data / f"{track['fit']['shape']}.json.gz"
     name, plan = track["name"], track["train"]
     trains = {value: folder / f"{name}-{value}-train.sqlite" for value in ("zones", "sum")}

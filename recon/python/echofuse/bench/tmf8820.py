@@ -8,9 +8,9 @@ The data set is public (Mu et al., "Towards 3D Vision with Low-Cost Single-Photo
 fields, time zeros and response of the zones to a few poses (zone_fit.py). `rendered` simulates
 random boxes, wedges and cylinders on a table with these zones.
 
-    python3 -m echofuse.tmf8820 measured tall_block.json.gz tall_block.stl --out test
-    python3 -m echofuse.tmf8820 fit block.json.gz block.stl --poses 0,11,22,33,44,55 --out fit.json
-    python3 -m echofuse.tmf8820 rendered block.json.gz --fit fit.json --records 3000 --out train
+    python3 -m echofuse.bench.tmf8820 measured tall_block.json.gz tall_block.stl --out test
+    python3 -m echofuse.bench.tmf8820 fit block.json.gz block.stl --poses 0,22,44 --out fit.json
+    python3 -m echofuse.bench.tmf8820 rendered block.json.gz --fit fit.json --out train
 """
 from __future__ import annotations
 
@@ -258,7 +258,7 @@ def measured_records(
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python3 -m echofuse.tmf8820",
+    parser = argparse.ArgumentParser(prog="python3 -m echofuse.bench.tmf8820",
                                      description=__doc__.split("\n\n")[0])
     parser.add_argument("what", choices=("measured", "fit", "rendered"),
                         help="convert measured records, fit the zones, or render records")
