@@ -30,8 +30,8 @@ std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& f
                                                  const std::vector<MapScores>& second);
 nlohmann::json to_json(const std::vector<PairedDifference>& differences);
 
-// Scores of one name in a table of `evaluate --per-record`. Of several lines for a record, as of
-// several trainings, their mean.
+// Scores of one name in a table of `evaluate --per-record`; if a record has several lines (several
+// trainings), their mean.
 struct NamedScores {
   std::string name;
   std::map<std::int64_t, MapScores> of_record;  // NaN: not defined
