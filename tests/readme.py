@@ -23,11 +23,11 @@ with tempfile.TemporaryDirectory(prefix="readme-") as folder:
     # A shell started by a command (`echofuse-sim lab -- bash`) reads the lines that follow, as from a terminal. The input is
     # a pipe, because bash reads ahead in a file. BASH_ENV makes this shell stop at failures, too. Exit code 5 (some records
     # are bad) is accepted, because the laboratory may miss a slot on a busy machine. Exit code 4 (a device does not answer)
-    # is accepted if the laboratory, the shell's parent, has waited for a processor for more than a second.
+    # is accepted if the laboratory, the shell's parent, was starved (waiting.py).
     stop = pathlib.Path(folder) / ".stop"
-    stop.write_text("""set -o pipefail
-starved() { { cat /proc/$PPID/task/*/schedstat 2>/dev/null || :; } | awk '{ns += $2} END {exit ns < 1e9}'; }
-trap 'status=$?; [ $status = 5 ] || { [ $status = 4 ] && starved; } || exit $status' ERR
+    starved = f"/usr/bin/python3 {pathlib.Path(__file__).resolve().with_name('waiting.py')}"
+    stop.write_text(f"""set -o pipefail
+trap 'status=$?; [ $status = 5 ] || {{ [ $status = 4 ] && {starved} $PPID; }} || exit $status' ERR
 """, encoding="utf-8")
     environment = {**os.environ, "BASH_ENV": str(stop), "PATH": sys.argv[1] + os.pathsep + os.environ["PATH"]}
     run = subprocess.run(["bash", "-v"], input="".join(blocks) + f"echo '{LAST}'\n", cwd=folder, env=environment,

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import pathlib
+import sys
 import time
 
 
@@ -15,15 +16,19 @@ def wait_for(what, condition, timeout_s=20, pause_s=0.02):
         time.sleep(pause_s)
 
 
-def starved(*processes):
-    """Returns whether one of these running processes has waited for a processor for more than a tenth of its life."""
+def starved(*pids):
+    """Returns whether one of these processes has waited for a processor for more than 1 s and 10 % of its life."""
     uptime_s = float(pathlib.Path("/proc/uptime").read_text().split()[0])
-    for process in processes:
-        folder, waited_s = pathlib.Path(f"/proc/{process.pid}"), 0.0
+    for pid in pids:
+        folder, waited_s = pathlib.Path(f"/proc/{pid}"), 0.0
         started = int((folder / "stat").read_text().rpartition(")")[2].split()[19])
         for file in folder.glob("task/*/schedstat"):
             with contextlib.suppress(OSError):  # the thread has ended
                 waited_s += int(file.read_text().split()[1]) * 1e-9
-        if waited_s > 0.1 * (uptime_s - started / os.sysconf("SC_CLK_TCK")):
+        if waited_s > max(1, 0.1 * (uptime_s - started / os.sysconf("SC_CLK_TCK"))):
             return True
     return False
+
+
+if __name__ == "__main__":
+    sys.exit(not starved(*sys.argv[1:]))

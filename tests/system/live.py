@@ -94,7 +94,7 @@ class Live(unittest.TestCase):
 
     def enough(self, rows, daemon, complete):
         """True if this number of rows is complete, or cannot be: laboratory and daemon wait for a processor."""
-        return len(self.complete(rows)) >= complete or (len(rows) >= 4 * complete and starved(self.lab, daemon))
+        return len(self.complete(rows)) >= complete or (len(rows) >= 4 * complete and starved(self.lab.pid, daemon.pid))
 
     def check_slots(self, rows):
         """Checks that no row is missing or shifted, and that every tag is counted once."""
@@ -115,7 +115,7 @@ class Live(unittest.TestCase):
         daemon = self.record("--count", "1000", "--set", "run.label=person", "--set", "depth.map_size=96")
         wait_for("ten complete records", lambda: self.committed() and self.enough(self.rows(), daemon, complete=10),
                  timeout_s=200, pause_s=0.1)
-        late = starved(self.lab, daemon)
+        late = starved(self.lab.pid, daemon.pid)
         daemon.send_signal(signal.SIGTERM)
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 0, log)
@@ -158,7 +158,7 @@ class Live(unittest.TestCase):
         went_on = time.monotonic_ns()
         wait_for("a complete record after the stall", lambda: self.enough(
             [row for row in self.rows() if row["slot_start_ns"] > went_on], daemon, complete=1), timeout_s=100)
-        late = starved(self.lab, daemon)
+        late = starved(self.lab.pid, daemon.pid)
         daemon.send_signal(signal.SIGTERM)
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 0, log)
