@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: MIT
 // Inputs of targets that read files.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <initializer_list>
 #include <map>
 #include <string>
 #include <utility>
@@ -83,6 +85,17 @@ inline Bytes npy_of(ByteView recipe) {
 inline void require_message(const Error& error, bool lines = false) {
   require(*error.what() != '\0' && is_printable(error.what(), lines ? "\n" : ""),
           "a fault can be printed");
+}
+
+// Runs the body. An Error must have one of these codes; its message has one line unless `lines`.
+template <class Body>
+void refused_or_done(std::initializer_list<ExitCode> codes, Body body, bool lines = false) {
+  try {
+    body();
+  } catch (const Error& error) {
+    require(std::ranges::find(codes, error.code()) != codes.end(), "a fault has an expected code");
+    require_message(error, lines);
+  }
 }
 
 }  // namespace echofuse::fuzz

@@ -42,16 +42,6 @@ void check_inflated(ByteView data) {
   require(std::ranges::equal(record::inflated(packed, data.size()), data), "deflate is undone");
 }
 
-template <class Body>
-void refused_or_done(Body body) {
-  try {
-    body();
-  } catch (const Error& error) {
-    require(error.code() == ExitCode::failed, "a fault has the code of a file");
-    fuzz::require_message(error);
-  }
-}
-
 void check_maps(const std::string& folder) {
   const recon::WrittenMaps maps = recon::read_written_maps(folder, {.size = side});
   require(!maps.of_index.empty(), "a folder of maps has a map");
@@ -79,9 +69,9 @@ void fuzz::run(ByteView input) {
     if (letter == 's') folder.write("scores.csv", bytes);
     if (letter == 'z') check_inflated(bytes);
   }
-  refused_or_done([] { check_maps(folder.path()); });
+  refused_or_done({ExitCode::failed}, [] { check_maps(folder.path()); });
   if (!files.contains('s')) return;
-  refused_or_done([] {
+  refused_or_done({ExitCode::failed}, [] {
     for (const recon::NamedScores& named : recon::read_scores(folder / "scores.csv"))
       require(!named.of_record.empty(), "a name has scores");
   });
