@@ -28,8 +28,7 @@ def dataset(path: pathlib.Path, records: int, seed: int, settings: list[str]) ->
 
 def shares(maps: np.ndarray, run: echofuse.Run) -> list[float]:
     """Returns the share of readable letters in maps of a run, by letter size."""
-    axis = run.axes["map_x"]
-    found, sizes = letters.read(maps, run.maps(), run.labels, axis.step * axis.count / 2)
+    found, sizes = letters.read(maps, run.maps(), run.labels, run.half_tangent)
     return [float(np.mean(found[sizes == k])) for k in range(len(letters.SIZES))]
 
 

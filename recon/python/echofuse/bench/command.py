@@ -154,9 +154,7 @@ def _letters(args: argparse.Namespace) -> None:
             raise BenchError(
                 f"{args.maps}: maps of {maps.shape[1]} x {maps.shape[2]} pixels; expected "
                 f"{truth.shape[1]} x {truth.shape[2]} as in the run")
-        axis = run.axes.get("map_x")
-        found = letters.read(maps, truth, [run.labels[row] for row in rows],
-                             axis.step * axis.count / 2 if axis else 0.55)
+        found = letters.read(maps, truth, [run.labels[row] for row in rows], run.half_tangent)
     if not np.isfinite(found[0]).any():
         raise BenchError(f"{args.truth}: no record with depth has a label such as letter:A")
     print(letters.text(*found))

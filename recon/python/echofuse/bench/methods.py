@@ -91,9 +91,14 @@ class Method:
         """Whether the method is a class or a command of the user."""
         return self.inputs == "-" and self.model not in CONSTANT
 
+    @property
+    def is_blind(self) -> bool:
+        """Whether predict() gets a copy of the test run without the truth."""
+        return self.is_user_method and not self.oracle
+
     def test_input(self, test: pathlib.Path, folder: pathlib.Path) -> pathlib.Path:
         """Returns the test run to predict; for a user method a copy without the truth."""
-        if not self.is_user_method or self.oracle:
+        if not self.is_blind:
             return test
         return derive.copy(test, folder / "test.sqlite", derive.lost("depth"))
 

@@ -304,7 +304,7 @@ class Shared:
             test = self.get(cell.test.key, cell.test.make)
             test_input = (self.get(cell.test_input_key,
                                    lambda folder: method.test_input(test, folder))
-                          if method.is_user_method and not method.oracle else test)
+                          if method.is_blind else test)
             return evaluate(predict, train, test, test_input)
         finally:
             with self.lock:

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..runs import PS_PER_M
 from ..runs.acquire import write_run
 from . import zone_fit
 
@@ -33,7 +34,6 @@ Array = NDArray[np.float64]
 BINS, BIN_M, ZERO_BIN = 128, zone_fit.BIN_M, 12.0
 OBJECT_M = 0.003  # minimum height of the object above the table
 SIZE, HALF_TANGENT = 32, 0.3  # pixels per side; half of the field of 33 degrees
-PS_PER_M = 2e12 / 299_792_458.0
 COUNTS, BACKGROUND = 3e6, 600.0  # typical record: photons in all zones, background counts per bin
 
 

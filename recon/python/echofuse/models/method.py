@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..runs import PS_PER_M
+
 Array = NDArray[Any]
-PS_PER_M = 2e12 / 299_792_458.0  # two-way
 TAPS = np.arange(-7, 9)  # interpolation taps, profile points
 
 

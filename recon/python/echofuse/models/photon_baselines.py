@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import runs
-from ..runs import zones
+from ..runs import PS_PER_M, zones
 
 Maps = NDArray[np.float32]
-PS_PER_M = 2e12 / 299_792_458.0
 MIN_PEAK = 0.08  # relative to the highest bin of the zone
 TABLE_M = 0.035  # minimum distance of the object in front of the farthest return
 

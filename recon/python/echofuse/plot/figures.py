@@ -110,8 +110,7 @@ def map_of(source: MapSource, index: int | None,
     if isinstance(source, models.Maps):
         return source.depth_m[row_of(source, index)], source.half_tangent
     if isinstance(source, runs.Run):
-        axis = source.axes.get("map_x")
-        return source.map_of(row_of(source, index)), axis.step * axis.count / 2 if axis else 0.55
+        return source.map_of(row_of(source, index)), source.half_tangent
     if half_tangent is None:
         raise TypeError("half_tangent is required for an array of depths (see Maps.half_tangent)")
     return np.asarray(source), half_tangent

@@ -65,8 +65,7 @@ def decibels(power: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 def half_tangent(run: runs.Run) -> float:
-    axis = run.axes.get("map_x")
-    return round(axis.step * axis.count / 2, 9) if axis else 0.55
+    return round(run.half_tangent, 9)
 
 
 def reconstruct(model: ReportModel, run: str, indices: Sequence[int],

@@ -215,6 +215,12 @@ class Run:
                                 pandas.Index(self.index, name="record"))
 
     @property
+    def half_tangent(self) -> float:
+        """Tangent (x / z) at the right edge of the maps."""
+        axis = self.axes.get("map_x")
+        return axis.step * axis.count / 2 if axis else 0.55
+
+    @property
     def tables(self) -> list[str]:
         """Names of all tables."""
         names = self.select("SELECT name FROM sqlite_master WHERE type = 'table'")
@@ -345,7 +351,7 @@ class Run:
         to_x, to_y = (self.axes.get(name) for name in ("map_x", "map_y"))
         if x is None or y is None:
             raise ValueError(f"{self.path}: no depth camera")
-        half, size = (0.55, 64) if to_x is None else (to_x.step * to_x.count / 2, to_x.count)
+        half, size = self.half_tangent, to_x.count if to_x else 64
         return (grid.cells(x, to_x or tangents("map_x", size, half)),
                 grid.cells(y, to_y or tangents("map_y", size, half)))
 
