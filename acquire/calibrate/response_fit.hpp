@@ -20,7 +20,7 @@ std::string fit_impulse_response(std::span<const std::uint32_t> counts, double s
                                  double step_ps, const Search& search, record::Response& out);
 
 struct WindowFit {
-  Window window{};  // Blackman's if the fit is rejected
+  Window window{};  // Blackman window if the fit is rejected
   std::string refusal{};
   record::Measured lopsided{};  // largest difference, far - near flank, relative to the peak
   double peak_m = 0;            // from the range zero to the peak

@@ -32,7 +32,7 @@ class SensorSet {
   constexpr SensorSet(std::initializer_list<Sensor> sensors) {
     for (const Sensor s : sensors) insert(s);
   }
-  // Bit mask as in files and texts: bit 0 SPD, 1 radar, 2 depth.
+  // `bits`: mask as in files and messages: bit 0 SPD, 1 radar, 2 depth.
   static constexpr SensorSet from_bits(std::uint32_t bits) {
     SensorSet set;
     set.bits_ = bits;

@@ -75,7 +75,7 @@ class OutOfDistributionDetector {
   };
   // Limit of a statistic, set by records that were not fitted.
   struct Limit {
-    double usual = 0, most = 1;  // median, and the limit
+    double usual = 0, most = 1;  // median of the records, and their limit
     double share(double value) const { return (value - usual) / (most - usual); }
   };
   void use(const Features& sensors, const Alignment& alignment);

@@ -38,7 +38,7 @@ class HistogramBridge final : public Device {
         server_(*listener_, injector_, hello_of(zones_of(conditions_)), options.send_queue_bytes,
                 {.connected = [] {},
                  .log = [this](auto time, auto what, auto) { injector_.log(time, what, {}); }}) {
-    const double share = exposure_s / options.window_s;  // rates per window
+    const double share = exposure_s / options.window_s;  // the rates are per window
     conditions_.pulses_per_window =
         std::llround(share * static_cast<double>(conditions_.pulses_per_window));
     conditions_.window_s = exposure_s;

@@ -98,7 +98,7 @@ class Bridge final : public Device {
   std::unique_ptr<Listener> listener_;
   port::Timer timer_;
   FaultInjector injector_;
-  HostTime zero_;  // zero of the tags' clock
+  HostTime zero_;  // host time at which the tag clock is zero
   std::uint64_t dropped_ = 0;
   BlockServer server_;
 };

@@ -27,7 +27,7 @@ Vec3 limb(double side, double swing_deg, double spread_deg) {
           std::cos(spread) * std::sin(swing)};
 }
 
-// Returns a random factor around 1. Without variation it draws no random number.
+// Returns a random factor in 1 +- `by`. Draws no random number if `by` is 0.
 double varied(double by, Rng& rng) { return by > 0 ? 1 + uniform(rng, -by, by) : 1; }
 double varied_log(double by, Rng& rng) { return by > 0 ? std::exp(uniform(rng, -by, by)) : 1; }
 

@@ -307,7 +307,7 @@ TEST_CASE("profile codes and powers convert both ways, and doubled magnitude is 
       CHECK(code_from_power(power_from_code(code, antennas), antennas) ==
             Approx(code).epsilon(1e-12));
   CHECK(power_from_code(256, 8) == Approx(4.0));
-  CHECK(power_from_code(256 * 3 / 4.0, 12) == Approx(4.0));  // 12 antennas: sum / 16
+  CHECK(power_from_code(256 * 3 / 4.0, 12) == Approx(4.0));  // sum of 12 antennas / 16
   CHECK(power_from_code(0, 12) == 1);
   CHECK(code_from_power(0.2, 12) == 0);
   CHECK(code_from_power(0, 12) == 0);

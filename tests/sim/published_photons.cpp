@@ -215,7 +215,8 @@ TEST_CASE("histograms match another simulator's for a sphere and a soap dish") {
 class Window {
  public:
   static constexpr std::size_t first = 16, last = 20, bins = 128;
-  // A low percentile of each bin over the poses, in units of the peak, excludes the object.
+  // Background of each bin, relative to the peak: a low percentile over the poses, which excludes
+  // the moving object.
   Window(const nlohmann::json& records, std::size_t zone) : seen_(bins), until_(bins + 1) {
     for (std::size_t i = 0; i < bins; ++i) {
       std::vector<double> values;

@@ -229,8 +229,8 @@ class Report:
                 f"{command if len(command) <= 160 else command[:160] + ' ...'}")
 
     def first_pictures(self) -> Block:
-        """Returns the first record with the truth and the maps of the first model, or of both
-        compared models."""
+        """Returns pictures of the first record: its truth, and the maps of the first model or of
+        both compared models."""
         record, count = self.main[0], 2 if self.args.compare else 1
         text = record["caption"] + " " + "".join(map_remarks(block, count > 1)
                                                  for block in record["maps"][:count])

@@ -14,7 +14,8 @@ def frames(run: Run) -> NDArray[np.uint64]:
 
 
 def values(run: Run) -> NDArray[np.float32]:
-    """Returns values [n, bins, values] in the order of radar_array.hpp; NaN if missing."""
+    """Returns samples, powers and products [n, bins, K] of the antennas, in the order of
+    radar_array.hpp; NaN if missing."""
     axis = run.axes["array"]
     count = int(axis.scale)
     out = np.full((len(run), axis.count, count * (count + 2) + 2), np.nan, np.float32)
