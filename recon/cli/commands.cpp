@@ -138,9 +138,9 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
       ->capture_default_str();
   add_empty_option(app, a->empty);
   add_range_offset_option(app, a->range_offset_m);
-  CLI::Option* const rows =
-      app.add_option("--rows", a->rows,
-                     "records to reconstruct: indices such as 3,7, or test (held out by MODEL)");
+  CLI::Option* const rows = app.add_option(
+      "--rows", a->rows,
+      "records to reconstruct: indices such as 3,7, or test for the records that MODEL holds out");
   app.add_flag("--follow", a->follow,
                "follow a run in progress: reconstruct new records until it is closed")
       ->excludes(rows);

@@ -82,8 +82,9 @@ Command add_compare(CLI::App& app, const Common&) {
     bool json = false;
   };
   const auto a = std::make_shared<Arguments>();
-  app.add_option("table", a->table,
-                 "CSV table of evaluate --per-record; each name is compared with the first one")
+  app.add_option(
+         "table", a->table,
+         "CSV table written by evaluate --per-record; each model is compared with the first one")
       ->type_name("TABLE")
       ->required();
   app.add_flag("--json", a->json, "print JSON instead of text");

@@ -363,8 +363,8 @@ Command add_evaluate(CLI::App& app, const Common& common) {
       ->allow_extra_args(false);
   app.add_flag("--all", a->all, "also score records that the model was trained on");
   app.add_option("--train", a->train,
-                 "training runs: define foreground and background, and feed the nearest-neighbour "
-                 "baseline")
+                 "training runs; they separate foreground from background and provide the data of "
+                 "the nearest-neighbour baseline")
       ->type_name("RUN")
       ->allow_extra_args(false);
   app.add_option("--rows", a->rows,
@@ -373,8 +373,9 @@ Command add_evaluate(CLI::App& app, const Common& common) {
       ->type_name("ROWS")
       ->check(CLI::IsMember({"test", "listed"}))
       ->needs("--maps");
-  app.add_option("--per-record", a->per_record,
-                 "write a CSV table with scores, true position and stated error of each record")
+  app.add_option(
+         "--per-record", a->per_record,
+         "write the scores, true position and estimated error of each record to this CSV table")
       ->type_name("FILE");
   add_empty_option(app, a->empty);
   add_range_offset_option(app, a->range_offset_m);

@@ -29,7 +29,9 @@ int run(int argc, char** argv) {
     sub->callback([&chosen, command] { chosen = command; });
   };
   add("train", "fit a model to runs", add_train);
-  add("rows", "list training, validation and test records, and why others are excluded", add_rows);
+  add("rows",
+      "list the training, validation and test records, and the reasons for excluding others",
+      add_rows);
   add("evaluate", "score a model on a run", add_evaluate);
   add("compare", "print confidence intervals and paired differences of scores", add_compare);
   add("reconstruct", "reconstruct the depth maps of a run", add_reconstruct);

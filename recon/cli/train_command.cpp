@@ -158,13 +158,14 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_option("--model", a->model,
                  model_help() +
                      ", or auto (cheapest model within one standard error of the best); default: " +
-                     usual_model(Inputs::fused) + " for both sensors or zones, " +
+                     usual_model(Inputs::fused) +
+                     " if the run has both sensors or a detector with zones, otherwise " +
                      usual_model(Inputs::spd) + " for one sensor")
       ->check([](const std::string& text) { return text == "auto" ? "" : is_candidate(text); });
-  app.add_option("--from", a->from,
-                 "fine-tune this model on 10 or more records of another room; strength chosen by "
-                 "cross-validation; of several starts the best is "
-                 "kept")
+  app.add_option(
+         "--from", a->from,
+         "fine-tune this model with at least 10 records from another room; cross-validation "
+         "chooses the strength; if several models are given, the best result is kept")
       ->type_name("MODEL")
       ->allow_extra_args(false);
   app.add_option("--empty", a->empty,

@@ -10,14 +10,17 @@ namespace echofuse::recon {
 
 void add_split_options(CLI::App& app, TrainOptions& options,
                        std::vector<std::string>& assignments) {
-  app.add_option("--inputs", options.inputs,
-                 "sensors to use; fused-profile: fused without the radar's antennas")
+  app.add_option(
+         "--inputs", options.inputs,
+         "sensors to use; fused-profile: SPD and radar range profile, without antenna samples")
       ->check(CLI::IsMember(inputs_names))
       ->capture_default_str();
-  app.add_option("--seed", options.fit.seed, "random seed of weights, order and random split")
+  app.add_option("--seed", options.fit.seed,
+                 "random seed for the initial weights, the training order and the random split")
       ->capture_default_str();
-  app.add_option("--split", options.split.kind,
-                 "split of the records: random, or blocked for sequences")
+  app.add_option(
+         "--split", options.split.kind,
+         "how to split the records: random, or blocked (contiguous parts) for recorded sequences")
       ->check(CLI::IsMember({"random", "blocked"}))
       ->capture_default_str();
   app.add_option(
@@ -29,29 +32,30 @@ void add_split_options(CLI::App& app, TrainOptions& options,
 void bind(Settings& settings, TrainSettings& s) {
   TrainOptions& o = s.options;
   settings.add("test_share", o.split.test_share, 0, 0.95,
-               "share of the records held out for evaluate");
+               "fraction of the records to hold out for evaluation");
   settings.add("validation_share", o.split.validation_share, 0, 0.95,
-               "share of the remaining records for early stopping and model selection");
-  settings.add("gap", s.gap, 0, 1'000'000, "records dropped between the parts of a blocked split");
+               "fraction of the remaining records to use for early stopping and model selection");
+  settings.add("gap", s.gap, 0, 1'000'000,
+               "number of records to leave out between the parts of a blocked split");
   settings.add("radar_bin_m", s.radar_bin_m, 0, 3.5,
-               "width of radar bins from 0 to 7 m, m, without antennas (paper: 0.5); 0: as "
-               "recorded");
+               "radar bin width over 0 to 7 m, m, if antenna samples are not used (paper: 0.5); 0: "
+               "keep the recorded bins");
   settings.add(
       "fallback", o.fallback,
       "also train models for records without antennas or radar, in addition to the fused one");
   settings.add("any_response", o.any_response,
-               "accept different radar responses in runs that state none, as in a twin; much "
-               "narrower runs are then not converted");
+               "accept runs with different radar responses if the runs do not state them (e.g. a "
+               "twin); runs with a much narrower response are then not converted");
   settings.add("doubtful", o.doubtful,
-               "records with a weak, saturated or frozen sensor or a doubtful camera: leave "
-               "(exclude) or take",
+               "whether to use records with a weak, saturated or frozen sensor or a doubtful "
+               "camera: take, or leave (exclude)",
                {"leave", "take"});
   settings.add("lossy", o.lossy,
-               "records that lost more than signal.lossy_share of frames or pulses: take, or leave "
-               "(exclude)",
+               "whether to use records that lost more frames or pulses than signal.lossy_share "
+               "allows: take, or leave (exclude)",
                {"take", "leave"});
   settings.add("candidates", s.candidates,
-               "models tried by auto, e.g. mean,ridge; \"\": the default list");
+               "models that auto compares, e.g. mean,ridge; \"\": the default list");
 }
 
 std::string train_settings_help() {

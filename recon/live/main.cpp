@@ -63,12 +63,11 @@ int run(int argc, char** argv) {
   app.set_version_flag("--version", version_line("echofuse-view"));
   app.add_option("RUN", o.server.run, "run file, or folder of runs")->type_name("RUN")->required();
   app.add_option("--model", o.model, "model for live reconstructions")->type_name("MODEL");
-  app.add_option(
-      "--listen", o.server.listen,
-      "ADDRESS:PORT to listen on (default 127.0.0.1:8410, or another free port); if other "
-      "machines can reach the address, viewing needs the token");
+  app.add_option("--listen", o.server.listen,
+                 "ADDRESS:PORT to listen on (default 127.0.0.1:8410, or a free port if 8410 is in "
+                 "use); browsers on other machines need the token that is printed");
   app.add_option("--planned", o.server.planned,
-                 "planned number of records; the page shows the remaining number")
+                 "planned number of records; the page shows how many remain")
       ->check(CLI::PositiveNumber);
   app.add_flag("--until-closed", o.server.until_closed,
                "exit when the run has ended and no browser is connected");

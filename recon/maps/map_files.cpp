@@ -117,8 +117,8 @@ constexpr std::array<MapFormat, 6> map_formats = {
      {"mm", "PNG of 16-bit millimetres"},
      {"ply", "point clouds"},
      {"npy", "all maps in one array"},
-     {"foreground", "arrays: thresholded maps, and share of foreground"},
-     {"uncertainty", "standard deviations, as PNG or array like mm and npy"}}};
+     {"foreground", "arrays: thresholded maps, and the foreground fraction of each pixel"},
+     {"uncertainty", "standard deviations in the format of mm or npy"}}};
 
 }  // namespace
 

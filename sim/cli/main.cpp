@@ -165,7 +165,7 @@ void add_dataset(CLI::App& app, Command& command) {
       ->required();
   const sim::Plan plan;
   sub->add_option("--records", a->records,
-                  "number of records: a quarter people, the rest letters; default: " +
+                  "number of records: one quarter show people, the rest letters; default: " +
                       std::to_string(plan.people + plan.letters))
       ->check(count);
   sub->add_option("--people", a->people, "number of records of one person")->check(count);
@@ -245,7 +245,7 @@ void add_lab(CLI::App& app, Command& command) {
   sub->add_option("--dir", o.dir, "folder for lab.toml and the device links")
       ->type_name("FOLDER")
       ->capture_default_str();
-  sub->add_option("--scene", o.schedule.kind, "scene in front of the devices")
+  sub->add_option("--scene", o.schedule.kind, "kind of scene in front of the devices")
       ->check(CLI::IsMember(
           {"person", "letter", "mixed", "two_people", "empty", "reflector", "object"}))
       ->capture_default_str();
@@ -254,7 +254,8 @@ void add_lab(CLI::App& app, Command& command) {
                   "0 = one scene")
       ->check(CLI::Range(0.0, 0.0) | CLI::Range(0.01, 86'400.0))
       ->capture_default_str();
-  sub->add_option("--window", o.window_s, "seconds per record; photon numbers are per record")
+  sub->add_option("--window", o.window_s,
+                  "record length, s; photon numbers in the settings are per record")
       ->check(CLI::Range(0.05, 3600.0))
       ->capture_default_str();
   sub->add_option("--laser-rate-hz", o.tagging.laser_rate_hz, "laser pulses per second")
@@ -290,7 +291,8 @@ void add_config(CLI::App& app, Command& command) {
   };
   auto a = std::make_shared<Arguments>();
   add_plan_options(*sub, *a);
-  sub->add_option("--twin", a->ranges, "print the ranges of this twin: FILE, or default")
+  sub->add_option("--twin", a->ranges,
+                  "print the parameter ranges of this twin: a file, or `default`")
       ->type_name("FILE");
   sub->add_flag("--json", a->json, "print JSON: value, range and meaning of every key");
   add_examples(*sub,

@@ -49,9 +49,10 @@ def add_table_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--out", required=True, metavar="CSV",
                          help="table to write; existing rows are not measured again")
     command.add_argument("--seeds", type=int,
-                         help="trainings per method (default: 3, or the number in the recipe)")
+                         help="number of trainings per method (default: 3, or the number in "
+                              "the recipe)")
     command.add_argument("--jobs", type=int, default=1,
-                         help="rows measured in parallel (default 1)")
+                         help="number of rows measured in parallel (default 1)")
     command.add_argument("--part", type=parse_part, default=(1, 1), metavar="K/N",
                          help="measure only the K-th of N parts, e.g. in a Slurm array")
     command.add_argument("--markdown", action="store_true", help="print the table as Markdown")
@@ -84,11 +85,12 @@ def make_parser() -> argparse.ArgumentParser:
     command.add_argument("--methods", nargs="+", metavar="METHOD", default=default,
                          help=f"methods to compare (default: {' '.join(default)})")
     command.add_argument("--sweep", nargs="*", metavar="METHOD", default=[],
-                         help="methods to measure with fewer photons and records, too")
+                         help="methods to measure also with fewer photons and fewer records")
     stability.add_command(add_command("stability", "find the conditions in which methods fail",
                                       stability.run))
     recipe.add_command(add_command("run", "run the benchmark of a recipe", recipe.run))
-    command = commands.add_parser("letters", help="measure the share of readable letters in maps",
+    command = commands.add_parser("letters",
+                                  help="measure the fraction of readable letters in maps",
                                   description=letters.__doc__, formatter_class=wide_formatter,
                                   epilog=f"{EXIT_CODES}130 interrupted")
     command.add_argument("maps", metavar="MAPS",

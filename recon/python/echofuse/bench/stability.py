@@ -218,8 +218,8 @@ def add_command(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quick", action="store_true",
                         help="measure fewer values per axis, with 1000 training and 300 test "
                              "records")
-    parser.add_argument("--records", type=int, help="training records (default 3600)")
-    parser.add_argument("--test-records", type=int, help="test records (default 1000)")
+    parser.add_argument("--records", type=int, help="number of training records (default 3600)")
+    parser.add_argument("--test-records", type=int, help="number of test records (default 1000)")
     parser.add_argument("--set", nargs="*", default=[], metavar="KEY=VALUE",
                         help="simulator settings of the base condition")
     parser.add_argument("--runs", nargs=2, metavar=("TRAIN", "TEST"),

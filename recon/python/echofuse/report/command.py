@@ -389,13 +389,15 @@ def main() -> None:
                         help="run to score the models on (held-out records only)")
     parser.add_argument("--model", metavar="MODEL", nargs="+", action="extend", default=[],
                         help="model files, FILE or NAME=FILE; the report describes the first "
-                             "one; files with equal names are trainings of one model")
+                             "one; files with the same NAME are repeated trainings of one model")
     parser.add_argument("--compare", metavar="MODEL", nargs=2,
                         help="compare two model files record by record")
     parser.add_argument("--maps", metavar="FOLDER", nargs="+", action="extend", default=[],
-                        help="maps of other programs, FOLDER or NAME=FOLDER (see `evaluate`)")
+                        help="maps from other programs, FOLDER or NAME=FOLDER; format: see "
+                             "`echofuse-recon evaluate --maps`")
     parser.add_argument("--live", metavar="RUN",
-                        help="recorded run: report missing data and events; with --model also maps")
+                        help="report missing data and events of this recorded run; with --model, "
+                             "also show its maps")
     parser.add_argument("--empty", metavar="RUN",
                         help="run of the empty room, if it differs from the training room")
     parser.add_argument("--force", action="store_true", help="overwrite a report of another run")
