@@ -11,16 +11,16 @@ import json
 import sqlite3
 import sys
 
-# Candidates for the longest transport delay; the account states the shortest one that explains the run.
+# Longest transport delays to try. The audit reports the shortest delay that explains the run.
 LATENCIES_NS = [20_000_000 * 2**i for i in range(8)]
 LATENCY_NS = 250_000_000
-GRACE_NS = 500_000_000  # time after the end of a slot in which the daemon accepts its frames
-SETTLING_NS = 5_000_000_000  # time until a clock fit is valid again after the clock was set back
+GRACE_NS = 500_000_000  # after the end of a slot the daemon still accepts its frames for this time
+SETTLING_NS = 5_000_000_000  # time that the clock fit needs to become valid again after a clock jump
 PATIENCE_NS = 5_000_000_000
-CLOCK_ERROR_NS = 100_000_000  # smaller backward steps of a clock are not detected
-SETTLED = 200  # number of samples until a clock fit is valid
-NUMBER_FIELD = range(20, 24)  # bytes of a radar frame that contain its number
-BELIEVED_GAP = 100  # largest gap in radar frame numbers that is counted as loss without confirmation
+CLOCK_ERROR_NS = 100_000_000  # smaller backward steps of a device clock are not detected
+SETTLED = 200  # number of samples that a clock fit needs to become valid
+NUMBER_FIELD = range(20, 24)  # byte range of the frame number in a radar frame
+BELIEVED_GAP = 100  # larger gaps in radar frame numbers count as loss only after the next frame confirms them
 RECEIVED_WHOLE = {"sent", "garbage"}
 
 
@@ -61,9 +61,10 @@ class Account:
 
 
 def bounded(account, what, run, column, items, late):
-    """Checks sums over the records against the log, and returns the total. items: (earliest time, latest time until a
-    record contains them, or None, amount). The sum up to each record, plus an unknown amount before the run, must be
-    between the amounts that must and may have arrived by then."""
+    """Compares running sums over the records with the log, and returns the total. items: tuples (earliest time,
+    latest time by which a record must contain them or None, amount). An unknown amount may have arrived before the
+    run. Each running sum plus that amount must lie between the amount that must have arrived by the end of the record
+    and the amount that may have arrived."""
     may_t, may = accumulate(sorted((first, amount) for first, _, amount in items))
     must_t, must = accumulate(sorted((by, amount) for _, by, amount in items if by is not None))
     low, high, total = 0, float("inf"), 0
@@ -83,7 +84,7 @@ def accumulate(pairs):
 
 
 def connections(entries):
-    """Returns the blocks of each connection."""
+    """Returns one list of bridge blocks for each connection."""
     all_of_them = []
     for entry in entries:
         if entry["what"] == "connected":
@@ -95,21 +96,21 @@ def connections(entries):
 
 
 class Tags:
-    """Model of how the daemon's bridge client counts the blocks."""
+    """Simulates how the daemon's bridge client counts the blocks that a bridge sent."""
 
     def __init__(self, entries, latency_ns):
         connection_list = connections(entries)
         self.latency_ns = latency_ns
-        self.jumps = clock_jumps(entries)  # tags of these times may be in earlier slots
+        self.jumps = clock_jumps(entries)  # tags from these times may be in earlier slots
         self.clock_faults = min((e["t"] for e in entries if e["what"].startswith("begin clock_")), default=float("inf"))
-        self.sums = collections.Counter()  # tags by the fate of their block
-        self.delivered, self.losses = [], []  # (earliest, latest, amount)
-        self.pending = 0  # lost since the last delivered block, also of earlier connections
+        self.sums = collections.Counter()  # number of tags, by what happened to their block
+        self.delivered, self.losses = [], []  # lists of (earliest time, latest time, amount)
+        self.pending = 0  # tags lost since the last delivered block, including those of earlier connections
         for number, connection in enumerate(connection_list):
             self.take(connection, number > 0)
 
     def earliest(self, block):
-        """Returns the earliest time stamp of the first tag of a block."""
+        """Returns the earliest possible time stamp of the first tag in a block."""
         if any(begin < block["t"] < end for begin, end in self.jumps):
             return block["first"] - GRACE_NS
         return block["first"] - (CLOCK_ERROR_NS if block["t"] > self.clock_faults else 0)
@@ -122,7 +123,7 @@ class Tags:
                 continue
             what = "behind damage" if broken and block["what"] == "sent" else block["what"]
             self.sums[what] += block["tags"]
-            broken = broken or what in ("corrupt", "garbage")  # ends the connection
+            broken = broken or what in ("corrupt", "garbage")  # a damaged block ends the connection
             if what != "sent":
                 continue
             self.pending += block["seq"] - expected
@@ -197,13 +198,15 @@ class Frames:
             if "frame" not in entry:
                 continue
             known = self.by_number.get(entry["frame"])
-            if not known or entry["what"] in RECEIVED_WHOLE:  # prefers the client that received it
+            # keep the log entry of the client that received the frame
+            if not known or entry["what"] in RECEIVED_WHOLE:
                 self.by_number[entry["frame"]] = entry
 
     def certain(self, number):
         return number in self.by_number and self.by_number[number]["what"] in RECEIVED_WHOLE
 
-    def doubtful(self, number):  # without a checksum the daemon may accept a damaged frame, even with a wrong number
+    # frames have no checksum, so the daemon may accept a damaged frame with a wrong number
+    def doubtful(self, number):
         entry = self.by_number.get(number)
         return self.sensor == "radar" and entry is not None and entry["what"] == "corrupt"
 
@@ -217,8 +220,9 @@ class Frames:
 
 
 def clock_jumps(entries):
-    """Returns host times (from, to) in which a device's clock was wrong, so that its data are in other slots."""
-    jumps, begun, lasting = [], None, 0  # faults may overlap
+    """Returns the intervals (from, to) of host time in which the device clock was wrong, so that data are assigned to
+    other slots."""
+    jumps, begun, lasting = [], None, 0  # clock faults may overlap
     for entry in entries:
         if entry["what"] == "begin clock_offset":
             begun = entry["t"] if lasting == 0 else begun
@@ -231,7 +235,8 @@ def clock_jumps(entries):
 
 
 class Range:
-    """Consecutive records up to one with a known frame number, and their frames (previous, last]."""
+    """A range of consecutive records that ends with a record of known frame number. It contains the frame numbers
+    from previous + 1 to last."""
 
     def __init__(self, sensor, records, previous, last):
         self.records, self.previous, self.last = records, previous, last
@@ -240,25 +245,26 @@ class Range:
         self.settling = any(r[f"{sensor}_samples"] < SETTLED for r in records)
 
     def movable(self, frames):
-        """Returns the number of its frames that may be in a neighbouring range: late frames, because their numbers may be
-        higher than the last of their record; damaged frames, because the daemon places them by their time of receipt; and
-        all frames until the clock fit is valid, for the same reason."""
+        """Returns how many frames of this range may be stored in a neighbouring range. These are late frames, which
+        may have higher numbers than the last frame of their record, damaged frames, and all frames before the clock
+        fit is valid; the daemon assigns the last two kinds to slots by their receipt time."""
         return self.late + (self.got if self.settling else sum(map(frames.doubtful, self.numbers)))
 
 
 def ranges_of(account, run, frames, jumps):
-    """Returns the ranges, and the records after the last range."""
+    """Divides the records into ranges; returns the ranges and the records after the last range."""
     sensor, found, records, previous = frames.sensor, [], [], None
     for record in run.records:
         records.append(record)
         last = record[f"{sensor}_last"]
         if any(begin < record["end"] and record["start"] < end for begin, end in jumps):
-            continue  # these slots form one range
+            continue  # the slots without a known frame number belong to the same range as the next one
         if last is None or not frames.plausible(last, previous, record):
             got = sum(r[f"{sensor}_frames"] for r in records)
             if last is not None and not frames.certain(last) and frames.renumbered(previous or 0, (previous or 0) + got + 20) == 0:
                 account.fault(f"record {record['idx']}: its last frame {last} was not sent")
-            continue  # a damaged number, or a frame placed too late: the range continues with the next record
+            # the frame number is damaged or the frame is in a later slot, so the range also includes the next record
+            continue
         if previous is None:
             previous = last - sum(r[f"{sensor}_frames"] + r[f"{sensor}_lost"] + r[f"{sensor}_late"] for r in records)
         found.append(Range(sensor, records, previous, last))
@@ -284,7 +290,7 @@ def audit_frames(run, sensor, entries):
     got = sum(r[f"{sensor}_frames"] for r in rest)
     previous = ranges[-1].last if ranges else None
     may = sum(1 for n in frames.by_number if frames.plausible(n, previous, run.records[-1]))
-    if got > may:  # after the last range
+    if got > may:  # the records after the last range
         account.fault(f"the last records have {got} {sensor} frames; at most {may} were sent")
     counts["in records"] += got
     late, outside, early = (run.counters[sensor, what] for what in ("late", "outside", "early"))
@@ -294,7 +300,7 @@ def audit_frames(run, sensor, entries):
                run.counters[sensor, "duplicate"] - sum(r[f"{sensor}_frames"] for r in run.records))
     if nowhere:
         account.fault(f"{nowhere} received frames are not accounted for")
-    # A slow clock may put a frame into an earlier slot.
+    # If the device clock is slow, a frame may be assigned to an earlier slot.
     may = sum(1 for e in frames.by_number.values() if e["t"] < run.records[0]["start"] + GRACE_NS)
     if early > may:
         account.fault(f"{early} frames are counted as early; at most {may} arrived before the run")
@@ -307,7 +313,8 @@ def audit_frames(run, sensor, entries):
 
 
 def move_jump(before, after):
-    """Moves a loss to the earlier range: the daemon counts a large jump of the number only when the next one confirms it."""
+    """Moves a loss to the earlier range, because the daemon counts a large jump of the frame number only after the
+    next frame confirms it."""
     missing = len(before.numbers) - before.got - before.late - before.lost
     if missing > BELIEVED_GAP:
         move = min(missing, after.lost)
@@ -316,8 +323,8 @@ def move_jump(before, after):
 
 
 def audit_range(account, frames, part, near, before, counts):
-    """Returns the number of missing frames (negative: surplus). Up to `near` frames may be in a neighbouring range; the
-    sum over all ranges must be 0. `before`: the sum over the previous ranges."""
+    """Returns the number of missing frames; negative if the range has too many. Up to `near` frames may be stored in
+    a neighbouring range, but the sum over all ranges must be 0. `before` is the sum over the previous ranges."""
     numbers, arrived = part.numbers, part.got + part.late
     certain = sum(map(frames.certain, numbers))
     doubtful = sum(map(frames.doubtful, numbers))
@@ -347,13 +354,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("run", help="run file")
     parser.add_argument("log", help="log of echofuse-sim lab --log")
-    parser.add_argument("--json", action="store_true", help="print the account as one JSON object")
+    parser.add_argument("--json", action="store_true", help="print the result of the audit as one JSON object")
     args = parser.parse_args()
     run, log = Run(args.run), read_log(args.log)
     general = Account("run")
     general.put("records", run.rows)
     if [r["idx"] for r in run.records] != list(range(run.rows)):
-        general.fault("the records' indices have gaps")
+        general.fault("the record indices have gaps")
     faults = collections.Counter(f"{device}: {e['what'][6:]}" for device, entries in log.items() for e in entries
                                  if e["what"].startswith("begin ") and e["t"] < run.records[-1]["end"])
     for fault, number in sorted(faults.items()):

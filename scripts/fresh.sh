@@ -30,7 +30,7 @@ fresh_root() {
   debootstrap --variant=minbase bookworm "$root" "$mirror" >"$root.log" 2>&1 ||
     { tail "$root.log" >&2; rm "$root.log"; exit 1; }
   rm -f "$root.log"
-  chmod 755 "$root"  # mktemp allows root only
+  chmod 755 "$root"  # mktemp -d gives access to root only
   mount -t proc proc "$root/proc"
   mount --bind /dev "$root/dev"
   mount --bind /dev/pts "$root/dev/pts"

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Common parts of the bridges: blocks of the bridge protocol (drivers/README.md), the server
-for one client, and the loop that reopens a device after an unplug."""
+"""Code that all bridges share: encoding of the bridge protocol (drivers/README.md), a server for one client, and a
+loop that reopens the device after it was unplugged."""
 import argparse
 import collections
 import json
@@ -20,11 +20,11 @@ HELLO, TAGS, DEPTH, BYE, HISTOGRAM, RANGE_PROFILE = range(6)
 HEADER_BYTES, MAX_PAYLOAD_BYTES = 32, 16 << 20
 USAGE, NO_DEVICE = 2, 4  # exit codes of the echofuse programs
 
-QUEUE_BYTES = 256 << 20  # limit of the queue for a slow client; blocks beyond it are dropped and counted
-BLOCKS_A_TURN = 16       # sent to a fast client before other events are handled
+QUEUE_BYTES = 256 << 20  # limit of the send queue; blocks beyond the limit are dropped and counted
+BLOCKS_A_TURN = 16       # maximum number of blocks to send before the server handles other events
 HELLO_PAUSE_S = 0.5      # the protocol asks for a heartbeat at least every second
-FAREWELL_S = 2.0         # time to send the rest of the queue at the end
-DEAD_CLIENT_MS = 10_000  # after this time without an acknowledgement the peer is gone
+FAREWELL_S = 2.0         # time limit for sending the rest of the queue when the program ends
+DEAD_CLIENT_MS = 10_000  # a client that acknowledges nothing for this time is disconnected
 LONGEST_RETRY_S = 2.0
 VERSION = "0.3.0"  # version of the echofuse programs
 
@@ -34,7 +34,7 @@ def say(text):
 
 
 def parser(text, epilog=""):
-    """Returns a parser of the command line with --version; --help ends with the exit codes."""
+    """Returns an argument parser with --version; its --help text ends with the exit codes."""
     made = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter,
                                    epilog=f"{epilog}\nexit codes: 0 ok, 1 failed, 2 usage, 4 device".strip())
     made.add_argument("--version", action="version", version=f"%(prog)s {VERSION}")
@@ -47,21 +47,21 @@ def fail(text, code=NO_DEVICE):
 
 
 def require_packages():
-    if pack.MISSING:  # --help works without them
+    if pack.MISSING:  # --help works without the packages
         fail(f"{pack.MISSING}; the bridges need numpy and, without {pack.NAME}, crc32c "
              "(Debian: python3-numpy python3-crc32c)" + (f"; {pack.why_not}" if pack.why_not else ""))
 
 
 def block(kind, sequence, payload, dropped=0):
-    """Returns the header of a block. The payload supports the buffer protocol."""
+    """Returns the header of a block for this payload, which must support the buffer protocol."""
     header = struct.pack("<4sHHIIQI", b"EFBR", 1, kind, sequence & 0xFFFFFFFF, len(payload),
                          dropped, 0)
     return header + struct.pack("<I", pack.crc32c(payload, pack.crc32c(header)))
 
 
 def histogram(counts, first_bin_ps, bin_width_ps, exposure_s, pulses=0, time_us=None):
-    """Returns the payload of a histogram block: counts [bins] or [zones, bins]; number of laser
-    pulses (0: unknown); device time at the end of the exposure, us (None: this machine's clock)."""
+    """Returns the payload of a histogram block. counts: shape [bins] or [zones, bins]. pulses: number of laser
+    pulses; 0 if unknown. time_us: device time at the end of the exposure; None: time.monotonic() of this machine."""
     counts = np.atleast_2d(np.asarray(counts, "<u4"))
     return struct.pack("<IIQQddI", *counts.shape, microseconds(time_us), pulses, first_bin_ps,
                        bin_width_ps, round(1e6 * exposure_s)) + counts.tobytes()
@@ -79,12 +79,12 @@ def microseconds(time_us):
     return round(time.monotonic() * 1e6 if time_us is None else time_us)
 
 
-# Block in the queue.
+# A block that waits in the send queue.
 Waiting = collections.namedtuple("Waiting", "kind sequence payload dropped items")
 
 
 def listen_address(text):
-    """Returns the address in HOST:PORT or [IPV6]:PORT, for argparse."""
+    """Parses HOST:PORT or [IPV6]:PORT for argparse; returns (host, port)."""
     host, colon, port = text.rpartition(":")
     if not colon or not host or not port.isdigit() or int(port) > 65535:
         raise argparse.ArgumentTypeError(f"{text!r} is not HOST:PORT")
@@ -92,7 +92,7 @@ def listen_address(text):
 
 
 def number(kind, low, high):
-    """Returns a type for argparse: numbers of this kind from low to high."""
+    """Returns an argparse type for numbers of this kind from low to high."""
     def parse(text):
         try:
             value = kind(text)
@@ -123,12 +123,13 @@ class Server:
             self._selector.register(source, selectors.EVENT_READ)
         self._lock = threading.Lock()
         self._limit = queue_bytes
-        self._queue = collections.deque()  # elements: Waiting; the first one stays until its last byte is sent
-        self._rest = []  # unsent parts of header and payload of the first block
+        # Elements of type Waiting. The first block stays in the queue until its last byte is sent.
+        self._queue = collections.deque()
+        self._rest = []  # unsent parts of the header and payload of the first block in the queue
         self._queued_bytes = 0
         self._client = None
-        self._events = 0  # events of the client that the selector waits for
-        self._hello = None  # set while the device is open
+        self._events = 0  # socket events of the client that the selector waits for
+        self._hello = None  # payload of the HELLO block; None while the device is closed
         self._sequence = self._lost = 0
         self._leaving = False
         self._closed_by = None
@@ -137,22 +138,22 @@ class Server:
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    # called by the device's thread
+    # The device's thread calls the methods below.
 
     def online(self, hello):
-        """Accepts clients, because the device is open."""
+        """Starts to accept clients; called when the device is open."""
         with self._lock:
             self._hello = json.dumps(hello).encode()
 
     def offline(self):
-        """Disconnects the client, because the device is gone."""
+        """Disconnects the client; called when the device is unplugged."""
         with self._lock:
             self._hello = None
             self._part()
         self._wake()
 
     def send(self, kind, payload, items):
-        """Queues a block for the client, if connected. The payload must not change afterwards."""
+        """Queues a block if a client is connected. The caller must not change the payload afterwards."""
         with self._lock:
             if self._client is None or self._leaving:
                 return
@@ -165,7 +166,7 @@ class Server:
             self._wake()
 
     def lose(self, items):
-        """Counts lost items; the next block reports them."""
+        """Adds to the number of lost items, which the next block reports."""
         with self._lock:
             if self._client is not None:
                 self._count_lost(items)
@@ -183,7 +184,7 @@ class Server:
         self._wake()
         self._thread.join()
 
-    # both guarded by the lock
+    # _lock guards the queue and the counts
 
     def _count_lost(self, items):
         self._lost += items
@@ -200,13 +201,13 @@ class Server:
             self._put(BYE, b"")
             self._leaving = True
 
-    # the server's thread
+    # The server's own thread runs the methods below, except _wake().
 
     def _wake(self):
         try:
             self._wake_in.send(b"w")
         except OSError:
-            pass  # already woken, or ended
+            pass  # the pipe is full (the thread is awake already) or closed
 
     def _run(self):
         while self._step():
@@ -235,7 +236,7 @@ class Server:
         return True
 
     def _stay_alive(self):
-        """Sends a heartbeat, also between data blocks."""
+        """Sends a heartbeat if it is due."""
         due = time.monotonic() > self._last_hello + HELLO_PAUSE_S
         if due and self._hello and self._queued_bytes + HEADER_BYTES + len(self._hello) <= self._limit:
             self._greet()
@@ -318,13 +319,13 @@ class Server:
 def send_away(client):
     with client:
         try:
-            client.send(block(BYE, 0, b""))  # 32 bytes fit into an empty socket buffer
+            client.send(block(BYE, 0, b""))  # 32 bytes always fit into the empty socket buffer
         except OSError:
             pass
 
 
 def choose(attached, serial, what):
-    """Returns the serial number of the attached device to open."""
+    """Returns the serial number of the device to open; raises an error unless exactly one attached device matches."""
     listed = ", ".join(attached)
     if not attached:
         raise RuntimeError(f"no {what} is connected")
@@ -358,20 +359,18 @@ class Stop:
     def wait(self, seconds):
         end = time.monotonic() + seconds
         while not self._asked and (left := end - time.monotonic()) > 0:
-            time.sleep(min(left, 0.05))  # a signal does not interrupt a sleep
+            time.sleep(min(left, 0.05))  # Python resumes sleep() after a signal, so sleep in short steps
         return self._asked
 
 
 def run(address, open_device, items):
-    """Serves a device until a signal; returns the exit code.
-
-    open_device() returns an object with hello() -> dict, poll(server) -> seconds until the next
-    call, and close(). Any exception means that the device is gone: at the start the bridge ends,
-    later it reopens the device."""
+    """Serves a device until a signal arrives; returns the exit code. open_device() returns an object with hello() ->
+    dict, poll(server) -> seconds until the next call, and close(). Any exception from these calls means that the
+    device is gone. At the start this ends the bridge; later the bridge reopens the device."""
     stop = Stop()
     try:
         device = open_device()
-    except Exception as error:  # vendors' libraries raise arbitrary exceptions
+    except Exception as error:  # vendor libraries may raise any exception
         fail(text_of(error))
     try:
         server = Server(address)
@@ -382,7 +381,7 @@ def run(address, open_device, items):
     while device:
         try:
             server.online(device.hello())
-            if not announced:  # after online(), because clients before it are refused
+            if not announced:  # print the address only after online(), because earlier clients are refused
                 say(f"listening on {server.address[0]}:{server.address[1]}")
                 announced = True
             while not stop.wait(device.poll(server)):
@@ -402,7 +401,7 @@ def run(address, open_device, items):
 
 
 def reopen(open_device, stop):
-    """Returns the reopened device, or None after a signal."""
+    """Tries to reopen the device until it succeeds; returns the device, or None after a signal."""
     pause_s, reported = 0.1, None
     while not stop.wait(pause_s):
         try:
@@ -418,7 +417,7 @@ def reopen(open_device, stop):
 def close_quietly(device):
     try:
         device.close()
-    except Exception as error:  # it may already be gone
+    except Exception as error:  # close() may fail if the device is gone
         say(f"error while closing the device: {text_of(error)}")
 
 

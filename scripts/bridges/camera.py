@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Common parts of the bridges of depth cameras: arguments, payload of a frame, counts of missing frames, and the
-restart of a silent stream."""
+"""Code that the bridges for depth cameras share: arguments, frame payload, counting of missing frames, and restarting
+a stream that has stopped."""
 import collections
 import struct
 import time
@@ -8,14 +8,15 @@ import time
 import bridge
 from pack import np
 
-WAIT_MS = 100    # also the delay of a signal
-SILENCE_S = 3.0  # then the stream is restarted; the second time the device is reopened
+WAIT_MS = 100    # longest wait for a frame; a signal may be handled that much later
+SILENCE_S = 3.0  # restart the stream after this time without a frame; if it stays silent, reopen the device
 
-MOST_LOST = 1 << 20  # frames; after a larger jump of the frame number the loss is unknown
+MOST_LOST = 1 << 20  # larger jumps of the frame number are not counted as lost frames
 
-# A frame of the SDK: number, device time (us), size, unsigned 16-bit depths in units of mm_per_step.
+# A frame from the SDK: frame number, device time in us, image size, and depths as unsigned 16-bit multiples of
+# mm_per_step.
 Frame = collections.namedtuple("Frame", "index time_us width height steps mm_per_step")
-# Focal lengths and optical axis of an image of this size, in pixels.
+# Intrinsics of an image of this size: focal lengths fx, fy and principal point cx, cy, in pixels.
 Lens = collections.namedtuple("Lens", "width height fx fy cx cy")
 
 
@@ -38,7 +39,7 @@ def parse_arguments(arguments, text, epilog, height, depth_modes=False):
 
 
 def known_name(kind, wanted, names):
-    """Returns the camera's name that matches without regard to case."""
+    """Returns the name in the camera's list that equals `wanted` except for case."""
     for name in names:
         if name.casefold() == wanted.casefold():
             return name
@@ -54,10 +55,11 @@ class Camera:
     def __init__(self, options):
         self._options = options
         self._restarted, self._last_index, self._last_frame_s = False, None, time.monotonic()
-        self._reported, self._odd = set(), 0  # faults of the frames omitted since the last good one
+        # kinds of fault already printed, and number of bad frames since the last good one
+        self._reported, self._odd = set(), 0
 
     def began(self, lens):
-        """Sets the tangents of the pixel centres: columns to the right, rows upwards."""
+        """Computes the tangents of the pixel centres; they increase to the right and upwards."""
         size, asked = (lens.width, lens.height), (self._options.width, self._options.height)
         mode = f"{asked[0]} x {asked[1]} pixels"
         if not (lens.fx > 0 and lens.fy > 0 and np.isfinite([lens.fx, lens.fy, lens.cx, lens.cy]).all()):
@@ -69,7 +71,7 @@ class Camera:
         self._axes = -lens.cx / lens.fx, 1 / lens.fx, lens.cy / lens.fy, -1 / lens.fy
 
     def configure(self):
-        """Applies the options and prints the settings. Other settings of the camera do not change."""
+        """Applies the given options and prints the settings; all other camera settings stay unchanged."""
         options, done = self._options, []
         for kind in ("depth mode", "preset"):
             key = kind.replace(" ", "_")
@@ -85,7 +87,7 @@ class Camera:
     def poll(self, server):
         frame = self.wait(WAIT_MS)
         fault = frame and self._fault(frame)
-        if fault:  # counts as not received
+        if fault:  # a bad frame counts as not received
             server.lose(1)
             self._odd += 1
             if fault[0] not in self._reported:
@@ -104,7 +106,8 @@ class Camera:
         return 0
 
     def _fault(self, frame):
-        """Returns name and value of an impossible property of the frame, or None. NaN fails each comparison."""
+        """Returns name and value of the first invalid property of the frame, or None if all are valid. The
+        comparisons are written so that NaN counts as invalid."""
         size, asked = (frame.width, frame.height), (self._options.width, self._options.height)
         if size != asked or frame.steps.nbytes != 2 * size[0] * size[1]:
             return "size", f"{size[0]} x {size[1]} pixels and {frame.steps.nbytes} bytes"
@@ -121,7 +124,7 @@ class Camera:
         bridge.say(f"no frame for {SILENCE_S:g} s: restarting the stream")
         self.stop()
         self.start()
-        server.lose(1)  # at least one; the frame numbers start again
+        server.lose(1)  # a restart loses at least one frame; the true number is unknown because frame numbers restart
         self._restarted, self._last_index, self._last_frame_s, self._odd = True, None, time.monotonic(), 0
 
     def _payload(self, frame):

@@ -9,17 +9,16 @@ import time
 import bridge
 from pack import np
 
-BINS, BIN_WIDTH_PS, FIRST_BIN_PS = 336, 100.0, 13343.0  # two-way time of 2 to 7 m
-EXPOSURE_S, PULSES = 0.05, 50_000                       # of the laser within an exposure
+BINS, BIN_WIDTH_PS, FIRST_BIN_PS = 336, 100.0, 13343.0  # two-way times for ranges of 2 to 7 m
+EXPOSURE_S, PULSES = 0.05, 50_000                       # exposure time, and laser pulses per exposure
 
 
 def list_boards():
-    return ["SIM-1"]  # your library's list of attached devices, by serial number
+    return ["SIM-1"]  # replace by the serial numbers that your library lists
 
 
 class Board:
-    """Calls your library. Any exception means that the device is gone: bridge.run() then closes it
-    and tries to reopen it."""
+    """Wraps the calls of your library. After any exception bridge.run() closes the device and tries to reopen it."""
 
     def __init__(self, serial):
         self._serial = bridge.choose(list_boards(), serial, "board")
@@ -27,21 +26,21 @@ class Board:
 
     def hello(self):
         return {"model": "Simulated board", "serial": self._serial, "firmware": "1.0",
-                "sends": "histograms"}  # omit this key for a radar
+                "sends": "histograms"}  # omit the key "sends" for a radar
 
     def poll(self, server):
         """Sends new data of the device; returns the seconds until the next call."""
-        time.sleep(EXPOSURE_S)  # a real board counts during this time
+        time.sleep(EXPOSURE_S)  # stands in for the exposure of a real board
         body = 150 + 40 * np.sin(time.monotonic())
         expected = 2 + 60 * np.exp(-0.5 * ((np.arange(BINS) - body) / 3) ** 2)
         counts = self._random.poisson(expected)
         server.send(bridge.HISTOGRAM, bridge.histogram(counts, FIRST_BIN_PS, BIN_WIDTH_PS,
                                                        EXPOSURE_S, PULSES), items=1)
-        # server.lose(n) reports n exposures that the device dropped before the next block.
+        # If the device dropped n exposures, report them with server.lose(n) before sending the next block.
         return 0
 
     def close(self):
-        pass  # release the device
+        pass  # release your device here
 
 
 def main():

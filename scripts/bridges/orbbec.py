@@ -21,12 +21,12 @@ def parse_arguments(arguments):
 
 
 class Camera(camera.Camera):
-    """An open camera that streams depth."""
+    """An open Orbbec camera that streams depth frames."""
 
     def __init__(self, sdk, options):
         super().__init__(options)
         self._sdk = sdk
-        self._context = sdk.Context()  # owns the devices
+        self._context = sdk.Context()  # the devices stay valid only while the context exists
         device = self._find()
         info = device.get_device_info()
         self._hello = {"model": info.get_name(), "serial": info.get_serial_number(),
@@ -120,7 +120,7 @@ class Camera(camera.Camera):
 
 
 def distortion_px(lens, d):
-    """Returns the largest displacement of a corner by Brown's model, in pixels."""
+    """Returns the largest displacement of an image corner in pixels, computed with Brown's distortion model."""
     u, v = np.meshgrid([0, lens.width - 1], [0, lens.height - 1])
     x, y = (u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy
     r2 = x * x + y * y

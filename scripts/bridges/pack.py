@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""CRC-32C and packing of tags, by our C library (drivers/bridge/bridge_pack.cpp), which releases
-Python's lock. Without the library, the Python package crc32c computes the checksums."""
+"""Computes CRC-32C checksums and packs tags with the C library of drivers/bridge/bridge_pack.cpp, which releases
+Python's global lock. If the library is missing, the Python package crc32c computes the checksums."""
 import collections
 import ctypes
 import os
@@ -8,7 +8,7 @@ import pathlib
 
 try:
     import numpy as np
-except ImportError as error:  # bridge.require_packages() reports it
+except ImportError as error:  # bridge.py reports the missing package
     np, MISSING = None, str(error)
 else:
     MISSING = None
@@ -18,13 +18,13 @@ RECORD = {"names": ["type", "missed_events", "channel", "time"],
           "formats": ["u1", "<u2", "<i4", "<i8"], "offsets": [0, 2, 4, 8], "itemsize": 16}
 BLOCK_TAGS = 32768  # 512 KiB, which fit into the L2 cache
 
-# The tags of a block: payload, and counts for Losses.
+# A block of packed tags: payload, number of items, laser starts and overflow markers.
 Packed = collections.namedtuple("Packed", "payload items starts overflows")
 
 
 def open_library():
-    """Opens ECHOFUSE_BRIDGE_LIBRARY, or the file in this folder or in the build. Returns the library,
-    or None and the reason."""
+    """Loads the library from $ECHOFUSE_BRIDGE_LIBRARY, this folder or the build folder. Returns (library, ""), or
+    (None, reason) if it cannot be loaded."""
     here = pathlib.Path(__file__).resolve().parent
     named = os.environ.get("ECHOFUSE_BRIDGE_LIBRARY")
     places = [here / NAME, *(top / "build/release/lib" / NAME for top in here.parents[1:2])]
@@ -54,25 +54,26 @@ if library is None:
         MISSING = MISSING or str(error)
 else:
     def crc32c(buffer, crc=0):
-        """Returns the CRC-32C of bytes that follow those with this CRC."""
+        """Continues a CRC-32C: returns the checksum after appending these bytes."""
         place = buffer if isinstance(buffer, bytes) else np.frombuffer(buffer, "u1").ctypes.data
         return library.echofuse_crc32c(place, len(buffer), crc)
 
 
 def keep_freed_memory():
-    """Makes glibc keep freed blocks, because new pages cost as much time as packing."""
+    """Makes glibc keep freed memory, because mapping new pages takes as long as the packing."""
     trim_threshold, mmap_threshold = -1, -3
     try:
         libc = ctypes.CDLL(None)
         libc.mallopt(mmap_threshold, 32 << 20)
         libc.mallopt(trim_threshold, 128 << 20)
     except (OSError, AttributeError):
-        pass  # another C library
+        pass  # not glibc
 
 
 def pack(tags, channels):
-    """Returns blocks with the tags of the start and click channels, and the markers of all channels,
-    because a measurement also receives the tags of other measurements. Copies the structured array."""
+    """Packs the tags of the start and click channels and the overflow markers of all channels into blocks. Other
+    channels are dropped, because a measurement also receives tags that other measurements requested. Copies the
+    structured array."""
     ours, fields = np.dtype(RECORD), tags.dtype.fields
     if tags.itemsize != 16 or any(
             (fields or {}).get(name, ())[:2] != ours.fields[name][:2] for name in ours.names):

@@ -20,7 +20,7 @@ def parse_arguments(arguments):
 
 
 class Camera(camera.Camera):
-    """An open camera that streams depth."""
+    """An open RealSense camera that streams depth frames."""
 
     def __init__(self, sdk, options):
         super().__init__(options)
@@ -79,7 +79,7 @@ class Camera(camera.Camera):
         frame = frames.get_depth_frame() if came else None
         return camera.Frame(frame.get_frame_number(), 1000 * frame.get_timestamp(), frame.get_width(),
                             frame.get_height(), np.asarray(frame.get_data(), "<u2"),
-                            round(1000 * frame.get_units(), 6)) if frame else None  # a float in the SDK
+                            round(1000 * frame.get_units(), 6)) if frame else None  # the SDK returns a float
 
 
 def main():

@@ -13,11 +13,11 @@ import pack
 import vendor
 from pack import np
 
-MOST_EVENTS = (1 << 28) - 1  # the library's limit
-SILENCE_S = 3.0              # then the device is tested
-ANSWER_MS = 1000             # time limit of its answer
-RATE_S = 1.0                 # averaging time of the rate
-WARNING_S = 60.0                # shortest time between two equal warnings
+MOST_EVENTS = (1 << 28) - 1  # largest buffer that the library accepts
+SILENCE_S = 3.0              # test the device after this time without tags
+ANSWER_MS = 1000             # time limit for the answer to the test
+RATE_S = 1.0                 # averaging time of the tag rate
+WARNING_S = 60.0                # minimum time between two identical warnings
 
 FILTER_HELP = """\
 The conditional filter passes only the first laser pulse after each photon, so that the USB load
@@ -36,11 +36,12 @@ receives its tags. Without an option, a setting keeps its value on the server; -
 applied by the bridge. Other settings require a server with AccessMode.Control.
 --scan CH prints the rate by trigger level and the plateau; its middle is a good level."""
 RESOLUTIONS = ("Standard", "HighResA", "HighResB", "HighResC")
-HARDWARE = ("trigger_level", "dead_time", "event_divider", "conditional_filter", "test_signal")  # settings of the device
+# Options that change settings of the hardware.
+HARDWARE = ("trigger_level", "dead_time", "event_divider", "conditional_filter", "test_signal")
 
 
 def setting(kind, low, high):
-    """Returns a type for argparse: CH=VALUE."""
+    """Returns an argparse type that parses CH=VALUE."""
     parse_value = bridge.number(kind, low, high)
 
     def parse(text):
@@ -61,8 +62,9 @@ def parse_arguments(arguments):
     add("--serial", default="", help="serial number of the device, if several are attached")
     add("--network", metavar="HOST[:PORT]", help="use a Time Tagger server instead of a local device (port 41101)")
     add("--file", metavar="X.ttbin", type=pathlib.Path, help="replay a recording in real time; starts when the first client connects")
-    add("--resolution", choices=RESOLUTIONS, help="resolution of the device; a finer one has fewer channels")
-    add("--scan", metavar="CH", type=number(int, -99, 99), help="measure the rate by trigger level, and exit")
+    add("--resolution", choices=RESOLUTIONS, help="resolution mode of the device; finer modes have fewer channels")
+    add("--scan", metavar="CH", type=number(int, -99, 99),
+        help="measure and print the rate at each trigger level, then exit")
     add("--start-channel", metavar="CH", type=number(int, -99, 99), default=1,
         help="channel of the laser sync (1); negative: falling edge; old devices with inputs 0 to 7: input + 8")
     add("--click-channel", metavar="CH", type=number(int, -99, 99), default=2, help="channel of the detector (2)")
@@ -75,7 +77,8 @@ def parse_arguments(arguments):
         help="dead time of a channel, ps; the device rounds it, and the bridge prints the result")
     add("--event-divider", metavar="CH=N", type=setting(int, 1, 65535), **per_channel,
         help="keep every N-th event of a channel")
-    add("--conditional-filter", metavar="PS", type=number(int, 0, 2_000_000), help="filter the laser pulses, with a sync delay of PS ps; see below")
+    add("--conditional-filter", metavar="PS", type=number(int, 0, 2_000_000),
+        help="send only laser pulses that follow a photon, with a sync delay of PS ps (explained below)")
     add("--test-signal", action="store_true", help="switch on the built-in test signal on both channels")
     add("--max-events", metavar="N", type=number(int, 1000, MOST_EVENTS), default=1 << 24,
         help="buffer size of the library, tags (16777216); if it overflows, tags are lost and counted as one per block")
@@ -103,7 +106,7 @@ def parse_arguments(arguments):
 
 
 class Tagger:
-    """An open device with its stream."""
+    """An open time tagger and its tag stream."""
 
     def __init__(self, library, options):
         self._library, self._options = library, options
@@ -124,7 +127,8 @@ class Tagger:
 
     def _configure(self):
         tagger, options = self._tagger, self._options
-        shared = options.network or options.file  # other users own the settings without an option
+        # change only the settings given as options, because other clients share the device
+        shared = options.network or options.file
         try:
             for channel in () if shared and not options.test_signal else self._channels:
                 tagger.setTestSignal(channel, options.test_signal)
@@ -146,7 +150,7 @@ class Tagger:
             raise RuntimeError(f"{bridge.text_of(error)}; a server with AccessMode.Listen refuses settings: "
                                "start it with AccessMode.Control, or omit the options") from None
         if not options.file:
-            tagger.sync()  # later tags were taken with these settings
+            tagger.sync()  # after sync() all tags are measured with the new settings
 
     def _set_delays(self):
         tagger, start = self._tagger, self._options.start_channel
@@ -169,7 +173,7 @@ class Tagger:
         firmware = tagger.getFirmwareVersion() if hasattr(tagger, "getFirmwareVersion") else ""
         levels = ", ".join(f"{channel}: {tagger.getTriggerLevel(channel):.3g} V" for channel in self._channels)
         return {"model": tagger.getModel(), "serial": tagger.getSerial(),
-                "firmware": f"{' '.join(firmware.split())}; trigger levels {levels}"}  # the live page shows them
+                "firmware": f"{' '.join(firmware.split())}; trigger levels {levels}"}  # shown on the live page
 
     def poll(self, server):
         ended = self._replay and self._replay.step(server.clients > 0)
@@ -227,13 +231,14 @@ def open_tagger(library, options):
 
 
 class Replay:
-    """Replay by a virtual tagger: run() in newer libraries, setReplaySpeed() and replay() in older ones."""
+    """Replays a recording with a virtual tagger. Newer libraries provide run(), older ones setReplaySpeed() and
+    replay()."""
 
     def __init__(self, library, tagger, path):
         self._tagger, self._path, self._began = tagger, path, False
 
     def step(self, wanted):
-        """Starts the replay once `wanted`; returns true at the end."""
+        """Starts the replay when `wanted` becomes true; returns True when it has ended."""
         tagger = self._tagger
         if self._began:
             return tagger.waitForCompletion(timeout=0)
@@ -248,7 +253,8 @@ class Replay:
 
 
 class BufferStream:
-    """The library's TimeTagStream, which returns four columns: for libraries without CustomMeasurement."""
+    """Tag stream for libraries without CustomMeasurement: wraps TimeTagStream, which returns the tags as four
+    columns."""
 
     def __init__(self, library, tagger, channels, most):
         self._stream, self._most = library.TimeTagStream(tagger, most, channels), most
@@ -256,17 +262,18 @@ class BufferStream:
         self.isRunning, self.stop = self._stream.isRunning, self._stream.stop
 
     def take(self):
-        """Returns the new tags as blocks, and the least number of lost tags."""
+        """Returns the new tags as blocks, and a lower bound for the number of lost tags."""
         data = self._stream.getData()
         tags = np.zeros(data.size, pack.RECORD)
         for name, column in (("type", data.getEventTypes()), ("missed_events", data.getMissedEvents()),
                              ("channel", data.getChannels()), ("time", data.getTimestamps())):
             tags[name] = column
-        return pack.pack(tags, self._channels), int(data.size >= self._most)  # at least one; the library does not count them
+        # a full buffer lost at least one tag; the library does not count lost tags
+        return pack.pack(tags, self._channels), int(data.size >= self._most)
 
 
 def custom_stream(library, tagger, channels, most):
-    """A custom measurement: the library passes 16-byte records to its process(). Same interface as
+    """Tag stream as a custom measurement: the library calls process() with 16-byte tags. Has the same interface as
     BufferStream."""
     class Stream(library.CustomMeasurement):
         def __init__(self):
@@ -277,7 +284,8 @@ def custom_stream(library, tagger, channels, most):
             self.finalize_init()
 
         def process(self, incoming_tags, begin_time, end_time):
-            # Called on the library's thread, under its mutex; the array is valid only during the call.
+            # The library calls this on its own thread while it holds its mutex; the array is valid only during the
+            # call.
             if len(incoming_tags) == 0:
                 return
             if self._held + len(incoming_tags) > most:
@@ -296,16 +304,16 @@ def custom_stream(library, tagger, channels, most):
 
 
 class Losses:
-    """Warns about lost tags at most once a minute, with advice."""
+    """Prints a warning with advice when tags are lost, at most once a minute."""
 
     def __init__(self, options):
         self._options = options
         self._begin_s, self._next_warning_s = time.monotonic(), 0.0
         self._tags = self._starts = self._dropped = 0
-        self._places = {}  # places of losses, an ordered set
+        self._places = {}  # where tags were lost, in order of occurrence (a dict used as an ordered set)
 
     def look(self, blocks, lost, dropped):
-        """Adds new blocks, the tags lost by the stream, and the total dropped by the server."""
+        """Updates the statistics with new blocks, tags lost in the stream, and the server's total of dropped tags."""
         for packed in blocks:
             self._tags += packed.items
             self._starts += packed.starts
@@ -334,7 +342,8 @@ class Losses:
 
 
 def scan(library, options):
-    """Prints the rate of a channel by trigger level, and the plateau; restores the level."""
+    """Measures and prints the rate of a channel at each trigger level, and the plateau; then restores the original
+    level."""
     tagger, channel, steps, step_ps = open_tagger(library, options), options.scan, 51, 10**11
     before = tagger.getTriggerLevel(channel)
     try:
@@ -364,7 +373,8 @@ def scan(library, options):
 
 
 def plateau(found):
-    """Returns the longest series of levels with rates above 0 and within 10 % of its first rate."""
+    """Returns the longest run of consecutive levels whose rates are above 0 and within 10 % of the first rate of the
+    run."""
     best = row = []
     for each in found:
         same = row and abs(each[1] - row[0][1]) <= 0.1 * row[0][1]
@@ -381,7 +391,8 @@ def main():
         bridge.fail(f"{pack.why_not}; it is part of the build: copy it next to the bridge, or name it in "
                     "ECHOFUSE_BRIDGE_LIBRARY; it needs Debian's libisal2")
     pack.keep_freed_memory()
-    library = vendor.library(["Swabian.TimeTagger", "TimeTagger"], "Swabian-TimeTagger")  # newer, older
+    # module names of newer and older libraries
+    library = vendor.library(["Swabian.TimeTagger", "TimeTagger"], "Swabian-TimeTagger")
     vendor.check_version("Swabian-TimeTagger", library.getVersion(), "2.17.4")
     if options.scan is not None:
         try:

@@ -20,20 +20,20 @@ import bridge
 from pack import np
 
 CHANNELS, BINS, BYTES = 10, 128, 3
-BIN_WIDTH_PS, ZERO_BIN = 92.06, 12.0  # two-way time; bin of range 0
-# Fields of view of the 3 x 3 mode by channel: columns from right to left, rows from the top.
+BIN_WIDTH_PS, ZERO_BIN = 92.06, 12.0  # bin width in two-way time, and the bin that corresponds to range 0
+# Fields of view of the channels in the 3 x 3 mode; columns run from right to left, rows from top to bottom.
 ZONES = [{"x": x, "y": y, "width": 0.3, "zero_ps": 0} for x in (.17, 0, -.17) for y in (.17, 0, -.17)]
-EXPOSURE_S = 0.132  # in the manufacturer's default configuration
+EXPOSURE_S = 0.132  # measurement time in the manufacturer's default configuration
 
 
 class Log:
-    """Assembles measurements from lines. A measurement with a missing or damaged line is lost."""
+    """Assembles measurements from log lines; discards a measurement if a line is missing or damaged."""
 
     def __init__(self):
         self._rows, self.lost = {}, 0
 
     def take(self, line):
-        """Returns the counts [zones, bins] if this line completes a measurement."""
+        """Adds a line; returns the counts [zones, bins] if it completes a measurement, otherwise None."""
         kind, *fields = line.strip().split(",")
         if kind == "#Obj" and self._rows:
             self.lost += 1
@@ -65,7 +65,7 @@ class Log:
 
 
 class Port:
-    """Reads lines from a serial port."""
+    """Reads measurement lines from a serial port."""
 
     def __init__(self, path, baud):
         self._fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
@@ -88,8 +88,8 @@ class Port:
 
 
 def captured(path):
-    """Returns the counts [zones, bins] of each measurement of a log, or of records with "hists"
-    (JSON). Raises ValueError for other files."""
+    """Returns the counts [zones, bins] of every measurement in a log file or in a JSON file of records with the key
+    "hists". Raises ValueError for other files."""
     path = pathlib.Path(path)
     with (gzip.open if path.suffix == ".gz" else open)(path, "rt", encoding="utf-8") as file:
         text = file.read()

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The vendors' Python packages: interpreter, installation, and versions for numpy 2."""
+"""Finds and imports the vendors' Python packages: chooses the interpreter, explains how to install them, and checks
+that they support the installed numpy."""
 import importlib
 import importlib.metadata
 import os
@@ -11,7 +12,8 @@ from pack import np
 
 
 def use_python():
-    """Restarts in the interpreter ECHOFUSE_BRIDGE_PYTHON, if set, e.g. of a virtual environment."""
+    """Restarts the program with the interpreter $ECHOFUSE_BRIDGE_PYTHON if it is set, e.g. to use a virtual
+    environment."""
     python = os.environ.pop("ECHOFUSE_BRIDGE_PYTHON", "")
     if not python:
         return
@@ -22,7 +24,8 @@ def use_python():
 
 
 def library(modules, package):
-    """Imports the first available module; `package` contains it."""
+    """Imports and returns the first available module; exits with instructions to install `package` if none is
+    available."""
     faults = []
     for name in modules:
         try:
@@ -35,7 +38,7 @@ def library(modules, package):
 
 
 def version_of_package(name):
-    """Returns the version that pip installed; empty without pip."""
+    """Returns the version of the package that pip installed, or "" if pip did not install it."""
     try:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:
@@ -43,7 +46,7 @@ def version_of_package(name):
 
 
 def check_version(package, found, least):
-    """Exits if numpy has version 2 and the package is too old for it."""
+    """Exits with instructions if numpy 2 is installed and the package is too old to support it."""
     numbers = [[int(n) for n in re.findall(r"\d+", text)[:3]] for text in (found, least, np.__version__)]
     if found and numbers[0] < numbers[1] and numbers[2][0] >= 2:
         bridge.fail(f"{package} {found} does not work with numpy {np.__version__}; expected {least} or later: "
