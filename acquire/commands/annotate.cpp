@@ -10,8 +10,8 @@
 namespace echofuse::acquire {
 namespace {
 
-// Returns the record of the current slot, extrapolated from the last one on disk; nothing if
-// unknown.
+// Returns the index of the current slot's record, extrapolated from the last record on disk;
+// nothing if it is unknown.
 std::optional<std::int64_t> running_record(const record::RunReader& run, UtcTime now) {
   const record::RunSummary sum = run.summary();
   const double window_s = run.info().window_s;

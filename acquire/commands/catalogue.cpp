@@ -21,7 +21,7 @@ using Json = nlohmann::ordered_json;
 
 struct ListedRun {
   record::RunEntry run;
-  Json live;  // null: not a run
+  Json live;  // null if the run is not live
 };
 
 Json live_state(const record::RunReader& run, const record::RunSummary& sum, const Clock& clock) {
@@ -51,7 +51,7 @@ const TableRow titles{"run",   "started (UTC)", "length",   "records", "valid %"
                       "state", "labels",        "operator", "notes",   "verdict"};
 
 TableRow row_of(const ListedRun& e) {
-  constexpr std::size_t longest = 40;  // bytes of a text; --json prints all
+  constexpr std::size_t longest = 40;  // maximum length of a text, bytes; --json prints it in full
   const auto short_text = [](const std::string& text) { return printable(text, longest); };
   std::string labels, notes;
   for (const auto& [label, count] : e.run.sum.labels)
@@ -91,7 +91,7 @@ std::string live_text(const ListedRun& e) {
   std::string out = "\n";
   out += printable(e.run.path) + " is live";
   if (!e.live["age_s"].is_null())
-    out += ", its last record " + human_duration(e.live["age_s"].get<double>()) + " old";
+    out += "; its last record is " + human_duration(e.live["age_s"].get<double>()) + " old";
   out += "\n";
   for (const auto& [name, s] : e.live["sensors"].items())
     out += "  " + name + std::string(6 - std::min<std::size_t>(name.size(), 5), ' ') +

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Output of the commands on run files, and log format.
+// Commands that print or change run files, and the format of the log.
 #pragma once
 #include <memory>
 #include <optional>
@@ -14,31 +14,32 @@ class formatter;
 
 namespace echofuse::acquire {
 
-// `info`: prints the contents of a run (live, closed or crashed), as JSON (one object) or text.
-// Throws Error if it is not a readable run.
+// `info`: describes the contents of a run (live, closed or crashed), as one JSON object or as text.
+// Throws Error if the file is not a readable run.
 std::string describe_run(const std::string& path, bool json);
 
-// `annotate`: adds a note to a run, or a new label to one in progress. Requires either `note` or
-// `label`. Returns the result as a line:
+// `annotate`: adds a note to a run, or changes the label of a live run. Requires either `note` or
+// `label`. Returns the result as one line:
 //   monday.sqlite: label "person" from record 17 on
-// Throws Error(failed) for a label if the run is not being recorded.
+// Throws Error(failed) if a label is given, but the run is not being recorded.
 std::string annotate_run(const std::string& path, const std::optional<std::string>& note,
                          const std::optional<std::string>& label);
 
-// Formatter of the log on stderr: erases the status line on a terminal, omits the time under
-// systemd. Escapes characters in a message that would move the cursor.
+// Returns the formatter of the log on stderr. On a terminal it erases the status line first; under
+// systemd it omits the time. It escapes control characters in messages.
 std::unique_ptr<spdlog::formatter> log_format();
 
-// `list`: lists the runs of a folder.
+// Output of `list`.
 struct Catalogue {
   std::string text;
-  std::string left_out;  // files that are not runs or cannot be read, one line each with the reason
+  std::string left_out;  // one line with the reason for each file that is not a readable run
 };
 
-// Lists all runs (*.sqlite) of the folder, oldest first: one line each with details of live ones,
-// or a JSON array. A live run's object has `live`: last_index, age_s (since the end of the last
-// slot), label, and sensors: {NAME: {verdict, valid, used, lost}}. `used` and `verdict` are of the
-// last record, `lost` of the whole run. Throws Error(failed) if the folder cannot be read.
+// Lists all runs (*.sqlite) of the folder, oldest first. The text has one line per run, and the
+// details of live runs at its end. The JSON is an array with one object per run. For a live run its
+// member `live` contains last_index, age_s (time since the end of the last slot), label, and
+// sensors: {NAME: {verdict, valid, used, lost}}. `verdict`, `valid` and `used` refer to the last
+// record, `lost` to the whole run. Throws Error(failed) if the folder cannot be read.
 Catalogue list_runs(const std::string& folder, const Clock& clock, bool json);
 
 }  // namespace echofuse::acquire

@@ -19,7 +19,7 @@ Json by_sensor(const PerSensor<std::int64_t>& values) {
           {"depth", values[Sensor::depth]}};
 }
 
-// Empty if the run has none.
+// Describes the antenna data of the run; an empty object if there is no axis "array".
 Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
   const auto axis = run.axis("array");
   if (!axis) return Json::object();
@@ -40,7 +40,8 @@ Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
           {"places", antennas}};
 }
 
-// Returns the clicks of each zone over all records, with its direction; empty for a single pixel.
+// Returns the direction and the total clicks of each detector zone; an empty array for a single
+// pixel.
 Json zones_of(const record::RunReader& run) {
   const Zones zones = run.zones();
   std::vector<double> clicks(zones.size());
@@ -182,7 +183,8 @@ std::string list(const Json& object) {
   return text;
 }
 
-// 4 digits and the unit behind its prefix: 7.8683e-05, "s" -> "78.68 µs".
+// Formats a value with at least 4 significant digits and an SI prefix: 7.8683e-05, "s" ->
+// "78.68 µs".
 std::string measure(const Json& value, const std::string& unit) {
   const double number = value.get<double>();
   double factor = 1;
@@ -201,7 +203,7 @@ std::string millimetres(const Json& metres) {
   return text;
 }
 
-// Counters of bytes in MB, others as they are; without those that are 0.
+// Omits counters that are 0, and converts large counts of bytes to MB.
 Json counts(const Json& object) {
   Json out = Json::object();
   for (const auto& [name, value] : object.items())
@@ -221,7 +223,7 @@ std::string array_text(const Json& a) {
 }
 
 std::string to_text(const Json& j) {
-  constexpr std::size_t longest = 2000;  // bytes of a line; --json prints all
+  constexpr std::size_t longest = 2000;  // maximum length of a line, bytes
   std::string out = printable(word(j["file"])) + ": " + word(j["records"]) + " records, " +
                     printable(word(j["status"]), 40) + "\n";
   const auto line = [&](const char* name, const std::string& value) {

@@ -11,11 +11,12 @@
 namespace echofuse::acquire {
 namespace {
 
-// %N: level for the journal, e.g. "<4>" for a warning.
+// Pattern flag %N: syslog priority of the message for the journal, e.g. "<4>" for a warning.
 class Priority final : public spdlog::custom_flag_formatter {
   void format(const spdlog::details::log_msg& message, const std::tm&,
               spdlog::memory_buf_t& out) override {
-    constexpr char priorities[] = {'7', '7', '6', '4', '3', '2'};  // trace to critical
+    // Syslog priorities of the levels from trace to critical.
+    constexpr char priorities[] = {'7', '7', '6', '4', '3', '2'};
     out.push_back('<');
     out.push_back(priorities[static_cast<std::size_t>(message.level)]);
     out.push_back('>');
@@ -25,7 +26,7 @@ class Priority final : public spdlog::custom_flag_formatter {
   }
 };
 
-// %Q: the message, without characters that move the cursor.
+// Pattern flag %Q: the message, with escaped control characters.
 class PrintableMessage final : public spdlog::custom_flag_formatter {
   void format(const spdlog::details::log_msg& message, const std::tm&,
               spdlog::memory_buf_t& out) override {

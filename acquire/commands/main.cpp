@@ -36,7 +36,7 @@ namespace {
 
 constexpr const char* program = "echofuse-acquire";
 
-// `messages` must outlive the log.
+// `messages` must outlive the default logger.
 void set_up_log(const Options& o, const OutputQueue& messages) {
   using Sink = spdlog::sinks::ansicolor_sink<spdlog::details::console_mutex>;
   const bool colours = isatty(STDERR_FILENO) && spdlog::details::os::is_color_terminal();
@@ -50,7 +50,7 @@ void set_up_log(const Options& o, const OutputQueue& messages) {
   spdlog::set_default_logger(log);
 }
 
-// Returns the path from --config, or the path found.
+// Returns the path given by --config, otherwise the first configuration file found.
 ConfigPlace place_of(const Options& o) {
   return o.config.empty() ? require_config() : ConfigPlace{o.config, "--config"};
 }
@@ -70,7 +70,7 @@ void plan_count(Options& o, const Config& config) {
   if (o.every_s > 0) o.run.slots_a_file = slots(o.every_s);
 }
 
-// Returns the path of a new run; `numbered`: of one of several (run --every).
+// Returns the path of a new run file. `numbered`: the file is one of several (run --every).
 std::string path_of(const std::string& out, bool numbered, const Config& config) {
   if (utf8_text(out) != out)
     throw Error(ExitCode::usage, "--out " + printable(out) + ": expected UTF-8");
@@ -78,7 +78,7 @@ std::string path_of(const std::string& out, bool numbered, const Config& config)
   return numbered ? record::next_of(out) : record::new_run(out);
 }
 
-// Lines of `run --json`: one object each, for a program that reads during the run.
+// Prints the events of `run --json` during the run: one JSON object per line.
 class Events {
  public:
   void begin() { out_.emplace(STDOUT_FILENO, left_out); }
@@ -86,7 +86,7 @@ class Events {
     if (!out_ || out_->put(line_of(event)) || std::exchange(told_, true)) return;
     spdlog::warn("--json: output is not read; the oldest events are dropped");
   }
-  // A closed reader is not an error.
+  // Ignores EPIPE, because the reading program may exit before the run ends.
   void end() {
     if (const int error = out_ ? out_->close() : 0; error != 0 && error != EPIPE)
       throw Error(ExitCode::failed,
@@ -112,7 +112,7 @@ ExitCode run(Options& o) {
     o.run.out = thrown_away.emplace().path() + "/align";
     o.view = true;
   }
-  if (!o.model.empty() && !o.view) throw Error(ExitCode::usage, "--model is for --view");
+  if (!o.model.empty() && !o.view) throw Error(ExitCode::usage, "--model requires --view");
   if (!o.model.empty() && !std::filesystem::exists(o.model))
     throw Error(ExitCode::usage, "--model " + o.model + ": no such file");
   const Config config = load(o);
@@ -133,7 +133,7 @@ ExitCode run(Options& o) {
   if (!o.align) o.run.on_doubt = config.on_doubt;
   if (!o.run.keep_raw.empty()) o.run.keep_raw = std::filesystem::absolute(o.run.keep_raw).string();
   catch_interrupts();
-  // The allocator would keep the memory of the largest burst of samples.
+  // Otherwise the allocator would never release the memory of the largest burst of samples.
   mallopt(M_TRIM_THRESHOLD, 256 << 10);
   std::optional<Viewer> viewer;
   if (o.view)
@@ -157,8 +157,8 @@ ExitCode run(Options& o) {
   return code;
 }
 
-// Returns the configuration of commands that work without one: empty if no file was found and none
-// was requested.
+// Loads the configuration of a command that can run without one. Returns nothing if no file was
+// found and neither --config nor --set was given.
 std::optional<Config> load_if_any(const Options& o) {
   if (o.config.empty() && o.assignments.empty() && !find_config()) return std::nullopt;
   return load(o);
@@ -226,7 +226,7 @@ ExitCode annotate(const Options& o) {
   return ExitCode::ok;
 }
 
-// Default folder: that of the configuration, otherwise the working directory.
+// Lists FOLDER; by default run.folder of the configuration, or the working directory.
 ExitCode list(const Options& o) {
   std::string folder = o.folder;
   if (folder.empty()) {
@@ -239,8 +239,9 @@ ExitCode list(const Options& o) {
   return ExitCode::ok;
 }
 
-// Arrays need no configuration, except for the folder of a run without a name. Default: the
-// configuration stored with raw bytes, or the installed one.
+// Returns the configuration of `import`. A raw capture contains its own, unless --config is given.
+// NumPy arrays need one only if --out is missing, because run.folder is then used. Otherwise the
+// default is the first configuration file found, or the installed one.
 Config config_of_import(const Options& o) {
   const std::string& first = o.import.files[0];
   if (o.config.empty() && is_kept(first)) return kept_config(first, o.assignments);

@@ -13,8 +13,8 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr const char* out_help =
-    "run file to create; .sqlite is appended if missing; %Y%m%d-%H%M%S is the time (UTC; %% is a "
-    "percent sign); default: DATE-NNN in run.folder";
+    "run file to create; .sqlite is appended if missing; %Y%m%d-%H%M%S is replaced by the time in "
+    "UTC, and %% by a percent sign; default: DATE-NNN in run.folder";
 
 void add_config_options(CLI::App& command, Options& o) {
   command
@@ -30,7 +30,8 @@ void add_config_options(CLI::App& command, Options& o) {
       ->allow_extra_args(false);
 }
 
-// Converts "2h30m" to 9000: numbers with units in descending order. Returns the error, or nothing.
+// Replaces a duration such as "2h30m" by its seconds ("9000"). The units must be in descending
+// order. Returns the error message, or an empty string.
 std::string to_seconds(std::string& text) {
   const std::map<std::string, double> units{{"h", 3600}, {"m", 60}, {"min", 60}, {"s", 1}};
   std::istringstream in(text);
@@ -59,7 +60,7 @@ CLI::Option* add_time(CLI::App& command, const char* name, double& into_s, const
       ->check(CLI::PositiveNumber)
       ->check([](const std::string& seconds) {
         constexpr double ten_years_s = 87'660.0 * 3600;
-        return std::stod(seconds) <= ten_years_s ? "" : "expected at most 87660h, ten years";
+        return std::stod(seconds) <= ten_years_s ? "" : "expected at most 87660h (ten years)";
       });
 }
 
@@ -77,8 +78,8 @@ void add_run(CLI::App& app, Options& o) {
   add_time(*c, "--duration", o.duration_s, "stop after this time: 2h, 30m, 10s, 2h30m")
       ->excludes(count);
   add_time(*c, "--every", o.every_s,
-           "start a new run file at this interval, named by the time in --out, or NAME-001, "
-           "NAME-002 ...");
+           "start a new run file at this interval; its name contains the time if --out has time "
+           "fields, otherwise a number: NAME-001, NAME-002 ...");
   c->add_option("--countdown", o.run.countdown_s,
                 "wait N seconds before the first slot, with a countdown")
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{3600}));
@@ -110,22 +111,24 @@ void add_calibrate(CLI::App& app, Options& o) {
   add_config_options(*c, o);
   auto& k = o.calibrate;
   c->add_option("--reflector", o.reflector,
-                "reflector position: in front of the detector (radar distance computed from "
-                "radar.baseline_m), or of each sensor in turn (with --only)")
+                "reflector position: in front of the detector (the radar distance follows from "
+                "radar.baseline_m), or in front of each sensor in turn (with --only)")
       ->check(CLI::IsMember({"detector", "each"}))
       ->capture_default_str();
-  c->add_option("--only", o.only, "calibrate only this sensor, and keep the other's values")
+  c->add_option("--only", o.only,
+                "calibrate only this sensor, and keep the values of the other one")
       ->check(CLI::IsMember({"spd", "radar"}));
   auto* side =
-      c->add_option("--side", o.side,
-                    "check the antenna order with the reflector moved to this side by the baseline")
+      c->add_option(
+           "--side", o.side,
+           "check the antenna order, with the reflector moved to this side by radar.baseline_m")
           ->check(CLI::IsMember({"left", "right"}));
   c->add_option("--distance", k.search.distance_m, "reflector distance in front of the sensor, m")
       ->check(CLI::Range(0.1, 100.0))
       ->capture_default_str();
   c->add_option("--window", k.search.window_m,
-                "width of the search window around the reflector's range, m; the largest offset is "
-                "half of it")
+                "width of the search window around the reflector's range, m; the largest "
+                "measurable offset is half of this width")
       ->check(CLI::Range(0.01, 30.0))
       ->capture_default_str();
   c->add_option("--repeat", k.repeats, "number of measurements")
@@ -169,7 +172,7 @@ void add_file_commands(CLI::App& app, Options& o) {
   auto* annotate = app.add_subcommand("annotate", "add a note to a run, or relabel a running one");
   add_file(*annotate, o);
   annotate->add_option("TEXT", o.text, "note to store, with time and author");
-  annotate->add_option("--label", o.label, "label of the records from the current slot on");
+  annotate->add_option("--label", o.label, "label for all records from the current slot on");
   add_examples(*annotate,
                {"echofuse-acquire annotate monday.sqlite \"the lamp is on\"",
                 "echofuse-acquire annotate monday.sqlite --label person"},
@@ -178,7 +181,7 @@ void add_file_commands(CLI::App& app, Options& o) {
   auto* list = app.add_subcommand("list", "list the runs of a folder and the state of live runs");
   list->add_option("FOLDER", o.folder,
                    "folder; default: run.folder of the configuration, or the working directory");
-  list->add_flag("--json", o.json, "print JSON with texts in full length");
+  list->add_flag("--json", o.json, "print JSON instead of text, without shortening any entry");
   add_examples(*list, {"echofuse-acquire list"}, "3 config");
 }
 
@@ -198,10 +201,11 @@ void add_import(CLI::App& app, Options& o) {
   c->add_option("--began", i.began,
                 "start time in UTC, e.g. 2024-02-07T12:34:56Z; default: from the files")
       ->type_name("TIME");
-  c->add_option("--start", i.start, "channel of the laser pulses in a .ptu; 0 is the sync")
+  c->add_option("--start", i.start,
+                "channel of the laser pulses in a .ptu file; 0 is the sync channel")
       ->check(CLI::Range(0, 64))
       ->capture_default_str();
-  c->add_option("--click", i.click, "channel of the detector in a .ptu")
+  c->add_option("--click", i.click, "channel of the detector in a .ptu file")
       ->check(CLI::Range(0, 64))
       ->capture_default_str();
   more_options(*c, {"--config", "--set", "--began", "--start", "--click"});
@@ -225,7 +229,7 @@ void add_config_commands(CLI::App& app, Options& o) {
   auto* config = app.add_subcommand("config", "check or print the configuration");
   config->require_subcommand(1);
   add_config_options(*config, o);
-  auto* check = config->add_subcommand("check", "report all errors of the configuration");
+  auto* check = config->add_subcommand("check", "report all errors in the configuration");
   add_examples(*check, {"echofuse-acquire config check"}, "3 config");
   auto* show = config->add_subcommand(
       "show", "check the configuration and print every key with value and origin");

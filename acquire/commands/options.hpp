@@ -14,7 +14,7 @@
 namespace echofuse::acquire {
 
 struct Options {
-  std::string config;  // empty: the first file found
+  std::string config;  // path; empty: the first configuration file found
   std::vector<std::string> assignments;
   RunOptions run;
   CalibrateOptions calibrate;
@@ -22,16 +22,16 @@ struct Options {
   std::optional<std::string> label, text;
   std::vector<std::string> meta;
   std::string model;
-  std::string reflector = "detector", only, side;  // calibrate
+  std::string reflector = "detector", only, side;  // options of `calibrate`
   double duration_s = 0, every_s = 0;
   std::string file, folder;
   bool json = false, quiet = false, verbose = false, view = false, align = false;
 };
 
-// Defines all commands; parsed values are stored in the options, which must outlive the app.
+// Defines all commands. Parsed values are stored in `options`, which must outlive `app`.
 void add_commands(CLI::App& app, Options& options);
 
-// Returns the words of the chosen command: "run", "config show".
+// Returns the chosen command with its subcommand, e.g. "run" or "config show".
 std::string command_of(const CLI::App& app);
 
 }  // namespace echofuse::acquire

@@ -168,7 +168,7 @@ TEST_CASE("antennas combine the board's positions with the calibrated gains") {
   CHECK(has(error_of([&] { load_config(path, {"radar.board=boost"}); }).second, "radar.board"));
   c.antennas.gain.resize(4), c.antennas.phase_rad.resize(4), c.antennas.standard_error.resize(4);
   write_calibration(folder / "c.toml", c);
-  CHECK(
-      has(error_of([&] { load_config(path); }).second,
-          "c.toml: has gains of 4 antennas, but the heat map of radar.cfg and radar.board has 8"));
+  CHECK(has(error_of([&] { load_config(path); }).second,
+            "c.toml: contains gains for 4 antennas, but the heat map of radar.cfg and radar.board "
+            "has 8"));
 }

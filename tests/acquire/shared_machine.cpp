@@ -163,7 +163,7 @@ TEST_CASE("list shows live runs and their state") {
   CHECK(told[0]["status"] == "open");
   CHECK(told[0]["live"]["last_index"] == 0);
   CHECK(told[0]["live"]["sensors"]["spd"]["verdict"] == "ok");
-  CHECK(has(acquire("list " + folder / "").text, "live.sqlite is live, its last record "));
+  CHECK(has(acquire("list " + folder / "").text, "live.sqlite is live; its last record is "));
   const Folder elsewhere;
   CHECK_FALSE(has(at_home(elsewhere, "", "list").text, "live"));
 }

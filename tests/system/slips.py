@@ -28,7 +28,7 @@ acquire run --uot x | 2 | --uot: no such option; the nearest is --out
 acquire run --count 0 | 2 | --count: Value 0: expected a positive number
 acquire run --count 1e30 | 2 | --count = 1e30: expected a number
 acquire run --meta x | 3 | no configuration
-acquire config check --config TEMPLATE | 3 | lab.toml:38:1: radar.cli: still has the template's XXXXXXXX; echofuse-acquire devices prints
+acquire config check --config TEMPLATE | 3 | lab.toml:38:1: radar.cli: still contains the template's XXXXXXXX; echofuse-acquire devices prints
 acquire | 2 | a command is required
 acquire lst | 2 | lst: no such command; the nearest is list
 acquire info nofile | 1 | nofile
@@ -57,11 +57,11 @@ sim dataset --out x --records 4 --people 1 | 2 | --records 4 differs from the 1 
 sim lab --scene preson | 2 | --scene: preson not in {person,letter,mixed,
 sim lab --dir . | 2 | contains files that are not a laboratory's
 sim lab --dir new --hold 3s | 2 | --hold
-acquire run --model nomodel | 2 | --model is for --view
+acquire run --model nomodel | 2 | --model requires --view
 acquire run --view --model nomodel | 2 | --model nomodel: no such file
 acquire run --duration 5 | 2 | --duration: expected numbers with units, e.g. 2h
 acquire run --count 3 --duration 5s | 2 | --count does not go with --duration
-acquire run --duration 99999999999h | 2 | --duration: expected at most 87660h, ten years
+acquire run --duration 99999999999h | 2 | --duration: expected at most 87660h (ten years)
 acquire calibrate --distance -1 | 2 | --distance: Value -1 not in range 0.1 to 100
 acquire calibrate --distance 1m | 2 | --distance: 1m: expected a number from 0.1 to 100, without a unit
 sim dataset --out x --set background=200 | 3 | "corridor"; another key is "background_counts"

@@ -92,7 +92,7 @@ class LiveView(live.Live):
         self.assertGreater(here()[0]["records"], 1)
         text = subprocess.run([bin_dir / "echofuse-acquire", "list", self.dir], check=True, stdout=subprocess.PIPE,
                               text=True)
-        self.assertRegex(text.stdout, rf"{self.run} is live, its last record \S+ s old\n")
+        self.assertRegex(text.stdout, rf"{self.run} is live; its last record is \S+ s old\n")
         client.ask({"label": "person"})
         client.ask({"mark": "door opened"})
         self.assertTrue(client.until("answer")["ok"])
