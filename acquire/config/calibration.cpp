@@ -17,7 +17,7 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr char baseline_key[] = "radar.baseline_m";
-constexpr char baseline_text[] = "radar.baseline_m during the measurement";
+constexpr char baseline_text[] = "value of radar.baseline_m during the measurement";
 
 constexpr Sensor ranging[] = {Sensor::spd, Sensor::radar};
 
@@ -33,7 +33,7 @@ void bind(Settings& s, const std::string& section, record::CalibrationEntry& e) 
   s.add(section + ".serial", e.serial, "serial number of the device");
 }
 
-// Lists are stored as texts, because settings are single values.
+// Lists of numbers as text, because a setting can hold only a single value.
 struct AntennaTexts {
   std::string gain, phase_rad, standard_error;
 };
@@ -49,20 +49,20 @@ void bind(Settings& s, AntennaGains& a, AntennaTexts& t) {
         "standard error of phase (rad) and relative gain");
 }
 
-// The response has the texts of a run's table meta.
+// Keys and values of section response, in the text format of a run's metadata.
 using Texts = std::vector<std::pair<std::string, std::string>>;
 
 void bind(Settings& s, Texts& response) {
   for (auto& [key, text] : response)
-    s.add("response." + key, text, "number +- standard error; see the run's meta");
+    s.add("response." + key, text, "number +- standard error, as in the metadata of a run");
 }
 
-// Only axes of sensors with bins.
+// Adds the axis keys of the selected sensors.
 void bind(Settings& s, CalibratedAxes& a, bool spd, bool radar) {
   if (spd) {
     s.add("axes.bin_width_ps", a.bin_width_ps, 0, 1e9, "bin width of the histogram");
-    s.add("axes.first_bin_ps", a.first_bin_ps, -1e12, 1e12, "start of the histogram");
-    s.add("axes.bins", a.bins, 0, 1 << 24, "bins of the histogram");
+    s.add("axes.first_bin_ps", a.first_bin_ps, -1e12, 1e12, "start of bin 0 of the histogram");
+    s.add("axes.bins", a.bins, 0, 1 << 24, "number of bins of the histogram");
   }
   if (radar) {
     s.add("axes.radar_step_m", a.radar_step_m, 0, 1000, "distance between points of the profile");
@@ -80,7 +80,7 @@ std::string text_of(const std::vector<double>& values) {
   return out;
 }
 
-// Returns nothing unless the text is 1 to 12 numbers from `least` to `most`.
+// Parses 1 to 12 numbers from `least` to `most`. Returns an empty list for any other text.
 std::vector<double> values_of(const std::string& text, double least, double most) {
   std::vector<double> out;
   std::istringstream words(text);
@@ -149,8 +149,9 @@ Calibration read_calibration(const std::string& path) {
     entries[i].sensor = ranging[i];
     bind(settings, name_of(ranging[i]), entries[i]);
   }
-  settings.add("firmware.line", line, "mean of the radar's own compRangeBiasAndRxChanPhase lines");
-  settings.add("firmware.lines", firmware.lines, 0, 1'000'000'000, "number of lines received");
+  settings.add("firmware.line", line,
+               "mean of the compRangeBiasAndRxChanPhase lines that the radar reported");
+  settings.add("firmware.lines", firmware.lines, 0, 1'000'000'000, "number of lines in this mean");
   Calibration out;
   settings.add(baseline_key, out.baseline_m, 0, most_baseline_m, baseline_text);
   AntennaTexts texts;
@@ -199,8 +200,8 @@ void write_calibration(const std::string& path, const Calibration& calibration) 
     line = radar::to_line(*f);
     lines = f->lines;
     settings.add("firmware.line", line,
-                 "mean of the radar's own compRangeBiasAndRxChanPhase lines");
-    settings.add("firmware.lines", lines, 0, 1'000'000'000, "number of lines received");
+                 "mean of the compRangeBiasAndRxChanPhase lines that the radar reported");
+    settings.add("firmware.lines", lines, 0, 1'000'000'000, "number of lines in this mean");
   }
   AntennaGains antennas = calibration.antennas;
   AntennaTexts texts{text_of(antennas.gain), text_of(antennas.phase_rad),

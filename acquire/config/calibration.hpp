@@ -15,8 +15,9 @@
 
 namespace echofuse::acquire {
 
-// Gains in the order of the heat map, relative to antenna 0; empty: not measured. The standard
-// error applies to the phase (radians) and the relative gain, because their noise is equal.
+// Gain and phase of each antenna in the order of the heat map, relative to antenna 0; empty if not
+// measured. The standard error applies to both the phase (radians) and the relative gain, because
+// both have the same noise.
 struct AntennaGains {
   std::string date_utc;
   double distance_m = 0;
@@ -26,7 +27,7 @@ struct AntennaGains {
   bool empty() const { return gain.empty(); }
 };
 
-// Axes of the calibrated sensors; 0: not calibrated.
+// Axes of the sensors during the calibration. The values of an uncalibrated sensor are 0.
 struct CalibratedAxes {
   double bin_width_ps = 0, first_bin_ps = 0, radar_step_m = 0;
   std::int64_t bins = 0, radar_bins = 0;
@@ -37,26 +38,27 @@ struct CalibratedAxes {
 inline constexpr double most_baseline_m = 10;
 
 struct Calibration {
-  std::vector<record::CalibrationEntry> entries;  // one or both ranging sensors
+  std::vector<record::CalibrationEntry> entries;  // one entry per calibrated ranging sensor
   std::optional<FirmwareBias> firmware;
   AntennaGains antennas;
   record::Response response;
   CalibratedAxes axes = {};
-  double baseline_m = 0;  // radar.baseline_m during the measurement; 0: not stated
+  double baseline_m = 0;  // value of radar.baseline_m during the calibration; 0 if unknown
 
-  const record::CalibrationEntry* find(Sensor sensor) const;  // null: unknown
-  // Returns this calibration, with missing parts from `older`.
+  // Returns null if the sensor is not calibrated.
+  const record::CalibrationEntry* find(Sensor sensor) const;
+  // Returns a copy of this calibration in which missing parts are taken from `older`.
   Calibration over(const Calibration& older) const;
 };
 
 struct Config;
-// Meta entries of a run with these instruments, for the calibrated sensors. `radar`: axis of the
-// device.
+// Returns the axes that the calibrated sensors have in this configuration; 0 for other sensors.
+// `radar`: range axis of the radar.
 CalibratedAxes axes_of(const Config& config, const Calibration& calibration, const Axis& radar);
 
-// Throws Error(config) with all faults, one file:line each.
+// Throws Error(config) that lists all errors, each with the line of the file.
 Calibration read_calibration(const std::string& path);
-// Replaces the file atomically. Throws Error(disk).
+// Replaces the file atomically. Throws Error(disk) if it cannot be written.
 void write_calibration(const std::string& path, const Calibration& calibration);
 
 }  // namespace echofuse::acquire

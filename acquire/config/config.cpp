@@ -16,7 +16,7 @@
 namespace echofuse::acquire {
 namespace {
 
-// Values as in the file; whole numbers have 64 bits there.
+// Values that `Config` stores in another form. Integers in the file have 64 bits.
 struct Keys {
   std::int64_t start_channel, click_channel, bins;
   std::int64_t data_baud, width, height, fps, map_size;
@@ -41,84 +41,91 @@ Keys defaults_of(const Config& c) {
 
 void bind_policy(Settings& s, Config& c, const std::string& section, Sensor sensor) {
   s.add(section + ".policy", c.policy[sensor],
-        "required: a run needs it to start, and records without it are marked incomplete",
+        "required: a run starts only with this device, and records without its data are marked "
+        "incomplete",
         {"optional", "required"});
 }
 
 void bind_run(Settings& s, Config& c, Keys& k) {
   s.add("run.window_s", c.window_s, 0.05, 3600, "length of a slot; every slot gives one record");
   s.add("run.connect_timeout_s", c.connect_timeout_s, 0.1, 3600,
-        "time to wait for all devices, then start with those that answered");
+        "maximum time to wait for all devices; the run then starts with those that answered");
   s.add("run.label", c.label, "label of every record, e.g. the scene in front of the sensors");
   s.add("run.operator", c.operator_name, "name of the operator; empty: the login name");
   s.add("run.folder", k.folder,
         "folder of runs without --out, named DATE-NNN; relative to this file's folder; empty: the "
         "working directory");
   s.add("run.calibration", k.calibration,
-        "calibration file written by `calibrate`, applied by readers; relative to this file's "
-        "folder");
+        "calibration file written by `calibrate`; programs that read a run apply it; relative to "
+        "this file's folder");
 }
 
 void bind_tdc(Settings& s, Config& c, Keys& k) {
   constexpr std::int64_t channel_max = std::numeric_limits<std::int32_t>::max();
-  s.add("tdc.address", c.tdc.address,
-        "bridge:tcp://HOST:PORT or usb:VVVV:PPPP[:serial]; empty: none");
+  s.add(
+      "tdc.address", c.tdc.address,
+      "address of the detector: bridge:tcp://HOST:PORT or usb:VVVV:PPPP[:serial]; empty: not used");
   bind_policy(s, c, "tdc", Sensor::spd);
   s.add("tdc.start_channel", k.start_channel, -channel_max, channel_max,
         "channel of the laser sync; negative for falling edges");
   s.add("tdc.click_channel", k.click_channel, -channel_max, channel_max,
         "channel of the detector; negative for falling edges");
   s.add("tdc.laser_rate_hz", c.laser_rate_hz, 0, 1e10,
-        "laser pulses per second; a record with too few starts is lossy; 0: unknown");
+        "laser pulses per second; a record with too few starts is flagged \"lossy\"; 0: unknown");
   s.add("tdc.bin_width_ps", c.histogram.bin_width_ps, 1, 1'000'000'000, "bin width, two-way time");
   s.add("tdc.first_bin_ps", c.histogram.first_bin_ps, -1'000'000'000'000, 1'000'000'000'000,
         "start of bin 0 after the laser sync, two-way time");
   s.add("tdc.bins", k.bins, 1, 1 << 24, "number of bins");
   constexpr std::int64_t delay_max = 1'000'000'000;
   s.add("tdc.click_delay_ps", c.histogram.click_delay_ps, -delay_max, delay_max,
-        "delay added to the click channel's times, for taggers without this function");
+        "delay added to the times of clicks, for time taggers that cannot add it themselves");
   s.add("tdc.dead_time_ps", c.histogram.dead_time_ps, 0, delay_max,
-        "dead time per channel: later tags within it are removed; 0: none");
+        "dead time per channel: a tag within this time after another one is removed; 0 disables");
   s.add("tdc.detector_dead_time_ps", c.detector.dead_time_ps, 0, 1e9,
-        "dead time of the detector after a click, from its data sheet; 0: unknown, no pile-up "
-        "correction by readers");
+        "dead time of the detector after a click, from its data sheet; 0: unknown, so that pile-up "
+        "is not corrected");
   s.add("tdc.first_photon_only", k.first_photon_only,
         "the detector is armed once per laser pulse, and detects only the first photon");
 }
 
 void bind_radar(Settings& s, Config& c, Keys& k) {
   s.add("radar.address", c.radar.address,
-        "bridge:tcp://HOST:PORT of another radar, instead of radar.cli, radar.data and radar.cfg");
+        "address of a radar behind a bridge (bridge:tcp://HOST:PORT), instead of radar.cli, "
+        "radar.data and radar.cfg; empty: not used");
   s.add("radar.cli", c.radar.cli,
-        "command port: serial:/dev/... or hid:VVVV:PPPP[:serial]; empty: none");
+        "command port: serial:/dev/... or hid:VVVV:PPPP[:serial]; empty: not used");
   bind_policy(s, c, "radar", Sensor::radar);
   s.add("radar.data", c.radar.data, "data port: serial:/dev/... or hid:VVVV:PPPP[:serial]");
   s.add("radar.cfg", k.cfg,
-        "TI mmWave .cfg file, sent verbatim; relative to this file's folder, or an installed one");
-  s.add("radar.board", c.radar.board, "board with the antennas of the cfg's heat map",
+        "TI mmWave .cfg file, sent verbatim: path relative to this file's folder, or name of an "
+        "installed .cfg file");
+  s.add("radar.board", c.radar.board,
+        "type of radar board; it determines the antenna positions of the heat map",
         radar::board_names());
   s.add("radar.baseline_m", c.baseline_m, 0, most_baseline_m,
-        "distance from the detector's axis to the centre of the radar's antennas, to the left");
+        "distance of the centre of the radar's antennas to the left of the detector's axis");
   s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "baud rate of the data port");
   s.add("radar.keep_running", c.radar.keep_running,
         "do not send sensorStop at the end, so that the sensor keeps transmitting");
 }
 
 void bind_depth(Settings& s, Config& c, Keys& k) {
-  s.add("depth.address", c.depth.address,
-        "openni:[URI or file.oni] or bridge:tcp://HOST:PORT; empty: none");
+  s.add(
+      "depth.address", c.depth.address,
+      "address of the camera: openni:[URI or file.oni] or bridge:tcp://HOST:PORT; empty: not used");
   bind_policy(s, c, "depth", Sensor::depth);
   s.add("depth.width", k.width, 0, 1 << 14,
-        "image width of an OpenNI2 camera; 0: camera's default");
+        "image width of an OpenNI2 camera; 0: default of the camera");
   s.add("depth.height", k.height, 0, 1 << 14,
-        "image height of an OpenNI2 camera; 0: camera's default");
-  s.add("depth.fps", k.fps, 0, 1000, "frames per second of an OpenNI2 camera; 0: camera's default");
+        "image height of an OpenNI2 camera; 0: default of the camera");
+  s.add("depth.fps", k.fps, 0, 1000,
+        "frames per second of an OpenNI2 camera; 0: default of the camera");
   s.add("depth.map_size", k.map_size, record::least_map_size, record::most_map_size,
-        "pixels per side of the depth map, to which readers resample the camera's images");
+        "pixels per side of the depth map, to which camera images are resampled");
   s.add("depth.map_half_tangent", c.map.half_tangent, record::least_map_half_tangent,
         record::most_map_half_tangent, "field of view of the map: x/z and y/z at its edges");
   s.add("depth.map_z_max_m", c.map.far_m, record::least_map_far_m, record::most_map_far_m,
-        "largest depth of the map; farther points are no return");
+        "largest depth of the map; farther points are marked \"no return\"");
 }
 
 void bind(Settings& s, Config& c, Keys& k) {
@@ -128,12 +135,13 @@ void bind(Settings& s, Config& c, Keys& k) {
   bind_depth(s, c, k);
   bind_limits(s, c.signal);
   s.add("alert.no_data_s", c.alert.no_data_s, 0, 86'400,
-        "alert if a sensor has no valid record for this time, s; 0: at its first missing record");
+        "alert if a sensor has no valid record for this time, s; 0: alert at the first missing "
+        "record");
   s.add("alert.disk_free_gb", c.alert.disk_free_gb, 0, 1e6,
-        "alert below this free space on the run's disk, GB; 0: none");
+        "alert if the run's disk has less free space than this, GB; 0 disables");
   s.add("alert.on_doubt", c.on_doubt,
-        "program and its arguments, run by `run` at each change of a sensor or of the disk; a path "
-        "with / is relative to this file's folder; empty: none");
+        "program and its arguments, started by `run` when the state of a sensor or of the disk "
+        "changes; a path with / is relative to this file's folder; empty: no program");
 }
 
 void take_numbers(Config& c, const Keys& k) {
@@ -148,16 +156,16 @@ void take_numbers(Config& c, const Keys& k) {
   if (k.first_photon_only) c.detector.dead_time_ps = std::numeric_limits<double>::infinity();
 }
 
-// Checks beyond the type and range of a single key.
+// Collects the errors that a check of each key's type and range does not find.
 class ConfigChecker {
  public:
   ConfigChecker(const Settings& settings, std::string name, std::vector<std::string>& faults)
       : settings_(settings), name_(std::move(name)), faults_(faults) {}
 
-  // Reports a fault at the first given of `keys`.
+  // Reports an error with the origin of the first of `keys` that has been set.
   void complain(std::initializer_list<const char*> keys, const std::string& what) {
     for (const char* key : keys)
-      if (settings_.refused(key)) return;  // its own fault is reported
+      if (settings_.refused(key)) return;  // already reported
     for (const char* key : keys) {
       const std::string origin = settings_.origin(key);
       if (origin.empty()) continue;
@@ -170,7 +178,7 @@ class ConfigChecker {
   void attempt(std::initializer_list<const char*> keys, Body body) {
     try {
       body();
-    } catch (const Error& e) {  // one fault per line
+    } catch (const Error& e) {  // its text has one error per line
       std::istringstream lines(e.what());
       for (std::string line; std::getline(lines, line);) complain(keys, line);
     }
@@ -217,13 +225,14 @@ void check_radar_keys(ConfigChecker& checker, Config& c, const std::string& cfg,
   });
 }
 
-// Applies the file's antenna calibration, which may belong to a cfg with another heat map.
+// Applies the antenna gains of the calibration file. Throws if the heat map has another number of
+// antennas.
 void calibrate_antennas(Config& c) {
   const AntennaGains& gains = c.calibration.antennas;
   if (gains.empty() || c.antennas.empty()) return;
   if (gains.gain.size() != c.antennas.size())
     throw Error(ExitCode::config,
-                c.calibration_path + ": has gains of " + std::to_string(gains.gain.size()) +
+                c.calibration_path + ": contains gains for " + std::to_string(gains.gain.size()) +
                     " antennas, but the heat map of radar.cfg and radar.board has " +
                     std::to_string(c.antennas.size()) + "; calibrate again");
   for (std::size_t m = 0; m < c.antennas.size(); ++m) {
@@ -232,7 +241,7 @@ void calibrate_antennas(Config& c) {
   }
 }
 
-// The radar's offset depends on the baseline during its calibration.
+// Throws if the baseline differs from that of the calibration, on which the radar offset depends.
 void refuse_other_baseline(const Config& c) {
   constexpr double allowed_m = 5e-3;
   const double measured_m = c.calibration.baseline_m;
@@ -248,9 +257,10 @@ void refuse_other_baseline(const Config& c) {
 void check_config(ConfigChecker checker, Config& c, const Keys& k,
                   const std::filesystem::path& folder, bool with_calibration) {
   if (c.configured().empty())
-    checker.complain({"tdc.address", "radar.cli", "radar.address", "depth.address"},
-                     "no device; expected at least one of tdc.address, radar.cli, radar.address, "
-                     "depth.address");
+    checker.complain(
+        {"tdc.address", "radar.cli", "radar.address", "depth.address"},
+        "no device is configured; expected at least one of tdc.address, radar.cli, radar.address, "
+        "depth.address");
   struct PolicyKeys {
     const char *policy, *address;
   };
@@ -290,20 +300,21 @@ bool named_by_environment() { return !variable("ECHOFUSE_CONFIG").empty(); }
 }  // namespace
 
 void bind_limits(Settings& s, SignalLimits& l) {
-  s.add("signal.weak_share", l.weak_share, 0, 1,
-        "flag \"weak\" if the signal is below this share of the median of the run's first minute; "
-        "0 disables");
+  s.add(
+      "signal.weak_share", l.weak_share, 0, 1,
+      "flag \"weak\" if the signal is below this fraction of its median in the run's first minute; "
+      "0 disables");
   s.add("signal.spd_clicks", l.spd_clicks, 0, 1e12,
-        "flag \"weak\" if a record has fewer clicks above the background; 0 disables");
+        "flag \"weak\" if a record has fewer clicks than this above the background; 0 disables");
   s.add("signal.clicks_a_pulse", l.clicks_a_pulse, 0, 1e3,
-        "flag \"saturated\" if there are more clicks per laser pulse; 0 disables");
+        "flag \"saturated\" if there are more clicks per laser pulse than this; 0 disables");
   s.add("signal.radar_snr_db", l.radar_snr_db, 0, 200,
         "flag \"no peak\" if peak/median is below this, dB; 0 disables");
   s.add("signal.depth_share", l.depth_share, 0, 1,
-        "flag \"weak\" if a smaller share of pixels has a return; 0 disables");
+        "flag \"weak\" if the fraction of pixels with a return is below this; 0 disables");
   s.add("signal.lossy_share", l.lossy_share, 0, 1,
-        "flag \"lossy\" if a smaller share of the expected radar frames, camera frames or starts "
-        "arrives; 0 disables");
+        "flag \"lossy\" if less than this fraction of the expected radar frames, camera frames or "
+        "starts arrives; 0 disables");
 }
 
 radar::RadarProfile parse_profile(const RadarConfig& radar) {
@@ -350,7 +361,7 @@ Config load_config(const std::string& path, const std::vector<std::string>& assi
        {std::pair{"radar.cli", config.radar.cli}, {"radar.data", config.radar.data}})
     if (port.find("XXXXXXXX") != port.npos)
       unfinished.complain({key},
-                          "still has the template's XXXXXXXX; echofuse-acquire devices "
+                          "still contains the template's XXXXXXXX; echofuse-acquire devices "
                           "prints the lines for the attached devices");
   if (!config.on_doubt.empty())
     if (const std::string fault = fault_of_program(config.on_doubt[0]); !fault.empty())
@@ -366,7 +377,7 @@ std::vector<ConfigPlace> config_places() {
   if (named_by_environment()) return {{variable("ECHOFUSE_CONFIG"), "$ECHOFUSE_CONFIG"}};
   std::vector<ConfigPlace> places{{"lab.toml", "./lab.toml"}};
   const std::string own = variable("XDG_CONFIG_HOME"), home = variable("HOME");
-  if (own.starts_with('/'))  // the XDG standard ignores relative paths
+  if (own.starts_with('/'))  // the XDG specification requires relative paths to be ignored
     places.push_back({own + "/echofuse/lab.toml", "$XDG_CONFIG_HOME/echofuse/lab.toml"});
   else if (!home.empty())
     places.push_back({home + "/.config/echofuse/lab.toml", "~/.config/echofuse/lab.toml"});

@@ -17,7 +17,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Reads the run's last record with data of this device.
+// Adds the device's verdict and counts in the run's last record to the answer.
 void take_last_record(const std::string& file, const Clock& clock, Answer& out) {
   const record::RunReader run(file);
   const std::int64_t last = run.summary().last_index;
@@ -58,7 +58,7 @@ std::string field(const Json& object, const char* key) {
   return printable(object[key].get<std::string>());
 }
 
-// Returns "model A, serial B, firmware C" without unknown parts.
+// Returns "model A, serial B, firmware C"; unknown parts are omitted.
 std::string names_of(const Json& device) {
   std::string text;
   for (const char* key : {"model", "serial", "firmware"})
@@ -67,7 +67,7 @@ std::string names_of(const Json& device) {
   return text;
 }
 
-// {"usb": [...], "openni": [...]}
+// Returns all attached devices as {"usb": [...], "openni": [...]}.
 Json find_attached(std::string& camera_fault) {
   Json usb = Json::array(), cameras = Json::array();
   for (const auto& device : inventory::list_attached()) {
@@ -96,7 +96,7 @@ Json find_attached(std::string& camera_fault) {
   return {{"usb", usb}, {"openni", cameras}};
 }
 
-// Returns the text with the lines for lab.toml.
+// Formats the attached devices as text, with the lines to copy into lab.toml.
 std::string text_of(const Json& attached, const std::string& camera_fault) {
   std::string text;
   const auto setting = [&](const std::string& key, const Json& node) {
@@ -175,7 +175,7 @@ ExitCode list_devices(const std::optional<Config>& config, port::Loop& loop, boo
     all["configured"].push_back(to_json(answer));
     if (!json) print(text_of(answer));
   }
-  if (json)  // replace bytes of device strings that are not UTF-8
+  if (json)  // device strings may contain invalid UTF-8
     std::printf("%s\n", all.dump(2, ' ', true, Json::error_handler_t::replace).c_str());
   return ok ? ExitCode::ok : ExitCode::device;
 }

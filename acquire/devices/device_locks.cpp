@@ -28,15 +28,15 @@ std::vector<std::string> addresses_of(const Config& config, Sensor s) {
   return {config.radar.cli, config.radar.data};
 }
 
-// Returns the name of a device: host and port of a bridge, path of a serial port or URI of a
-// camera. Other devices have their address.
+// Returns the name by which a device is locked: host and port of a bridge, path of a serial port,
+// URI of a camera, or the address of any other device.
 std::string known_as(const std::string& address) {
   const port::Address parsed = port::parse_address(address);
   if (const auto* camera = std::get_if<port::OpenNiAddress>(&parsed)) {
     std::error_code none;
     if (!camera->uri.empty())
       return std::filesystem::is_regular_file(camera->uri, none) ? "" : camera->uri;
-    const auto cameras = depth::list_openni_devices();  // if several, the driver refuses
+    const auto cameras = depth::list_openni_devices();  // the driver refuses an ambiguous address
     return cameras.size() == 1 ? cameras[0].uri : "";
   }
   if (const auto* bridge = std::get_if<port::BridgeAddress>(&parsed)) {
@@ -49,10 +49,10 @@ std::string known_as(const std::string& address) {
   return address;
 }
 
-// Returns nullopt if the lock is free.
+// Returns the process that holds the lock; nullopt if the lock is free.
 std::optional<Holder> holder_of(const std::string& path) {
-  constexpr auto write_time =
-      std::chrono::milliseconds(20);  // between taking a lock and writing the holder
+  // Maximum time between taking a lock and writing the holder.
+  constexpr auto write_time = std::chrono::milliseconds(20);
   for (int tries = 0;; ++tries) {
     const auto text = Lock::holder(path);
     if (!text) return std::nullopt;
@@ -72,7 +72,7 @@ std::string text_of(const std::string& command, const std::string& run) {
 
 }  // namespace
 
-// /run/lock is writable for all users on Debian, but only for root on other systems.
+// Uses /run/lock if all users can write to it, as on Debian; otherwise /tmp.
 std::string lock_folder() {
   if (const char* named = std::getenv("ECHOFUSE_LOCKS"); named && *named) return named;
   constexpr const char* usual = "/run/lock";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Locks of the configured devices: one program per device, across all users.
+// Locks of the configured devices, so that only one program of any user can open a device.
 #pragma once
 #include <memory>
 #include <optional>
@@ -13,31 +13,32 @@
 namespace echofuse::acquire {
 
 struct Holder {
-  std::string who;  // "echofuse-acquire run, pid 4711, run /data/monday.sqlite"
-  std::string run;  // run file that it writes; may be empty
+  std::string who;  // e.g. "echofuse-acquire run, pid 4711, run /data/monday.sqlite"
+  std::string run;  // run file that this process writes; empty if there is none
 };
 
-// Returns a folder common to all users, so that their locks are visible to each other;
-// $ECHOFUSE_LOCKS overrides it.
+// Returns the folder of the lock files. All users share it, so that each program sees the locks of
+// other users' programs. $ECHOFUSE_LOCKS overrides it.
 std::string lock_folder();
 
-// Returns the lock name of a configured address. Another spelling of a serial, USB or HID address
-// has another lock, but the exclusive open then fails. Empty for a recording, which several
-// programs may read, and for an OpenNI2 address without a URI if there are several cameras.
+// Returns the file name of the lock for a configured address. Two spellings of one serial, USB or
+// HID address give two locks, but the second program then fails to open the device exclusively.
+// Returns an empty name for a recording, because several programs may read it, and for an OpenNI2
+// address without a URI if several cameras are attached.
 std::string lock_name(const std::string& address);
 
 // Locks of this process, held until destruction, including while a device is disconnected or
 // reopened.
 class DeviceLocks {
  public:
-  // Takes the free locks. `command`: "run"; `run`: path of the future run file. Throws
-  // Error(device) if a lock file cannot be used.
+  // Takes all locks that are free. `command`: name of the command, e.g. "run"; `run`: path of the
+  // run file that it will create. Throws Error(device) if a lock file cannot be used.
   DeviceLocks(const Config& config, const std::string& command, const std::string& run = {});
 
-  // Writes command and run file of this program into its locks.
+  // Writes the command and the run file of this process into its locks.
   void write(const std::string& command, const std::string& run) const;
 
-  // Returns the holder in another process; nullopt if the device is free or ours.
+  // Returns the other process that holds the device; nullopt if there is none.
   const std::optional<Holder>& other(Sensor sensor) const { return others_[sensor]; }
 
  private:

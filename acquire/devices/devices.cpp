@@ -11,7 +11,7 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr auto calibration_keeps = std::chrono::hours(90 * 24);
-constexpr auto stop_timeout = std::chrono::milliseconds(300);  // for all drivers together
+constexpr auto stop_timeout = std::chrono::milliseconds(300);  // total for all drivers
 
 std::string address_of(const Config& config, Sensor s) {
   if (s == Sensor::spd) return config.tdc.address;
@@ -19,7 +19,7 @@ std::string address_of(const Config& config, Sensor s) {
   return config.radar.address.empty() ? config.radar.cli : config.radar.address;
 }
 
-// Returns the serial number, otherwise the model.
+// Returns the serial number of the device, or its model if the serial number is unknown.
 template <class Device>
 const std::string& identity_of(const Device& device) {
   return device.serial.empty() ? device.model : device.serial;
@@ -63,7 +63,7 @@ void Devices::take(const std::string& command, const std::string& run) {
 void Devices::start() {
   const std::string oldest = iso8601(loop_.utc() - calibration_keeps);
   for (const auto& entry : config_.calibration.entries)
-    if (status(entry.sensor).configured && entry.date_utc < oldest)  // text order is time order
+    if (status(entry.sensor).configured && entry.date_utc < oldest)  // ISO 8601 times sort as text
       next_->on_event(entry.sensor, Severity::warning,
                       "calibration of " + printable(entry.date_utc, 40) +
                           " is older than 90 days; calibrate again");
@@ -77,7 +77,7 @@ void Devices::stop() {
                     "device did not confirm the stop and may still be sending");
 }
 
-// Stops all drivers. Returns the sensors that did not confirm it.
+// Stops all drivers. Returns the sensors that did not confirm the stop in time.
 std::vector<Sensor> Devices::halt() {
   for (auto& driver : drivers_)
     if (driver) driver->stop();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Drivers of a configuration, and the status of each device.
+// Owns the drivers of the configured devices, and tracks the status of each device.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -16,48 +16,51 @@
 
 namespace echofuse::acquire {
 
-// Threading: loop's thread only. Updates the status and forwards everything to `next`.
+// Receives all samples and events of the drivers, updates the status, and forwards them to `next`.
+// Threading: only the loop's thread.
 class Devices final : private SampleSink {
  public:
   struct Status {
     bool configured = false;
     DeviceState state = DeviceState::connecting;
     DeviceInfo info;
-    std::uint64_t samples = 0;       // tags or frames
-    std::string last_event;          // reason for not streaming, if the driver reported one
-    std::optional<Holder> holder{};  // other program that uses the device, which is then not opened
+    std::uint64_t samples = 0;       // tags or frames received
+    std::string last_event;          // last warning or error of the driver
+    std::optional<Holder> holder{};  // set if another program uses the device
 
     bool delivers() const { return state == DeviceState::streaming && samples > 0; }
   };
 
   // Throws Error(config) for an invalid address. `loop`, `config` and `next` must outlive this
-  // object. With `raw`, the devices' bytes are captured.
+  // object. If `raw` is not null, it receives the raw bytes of all devices.
   Devices(port::Loop& loop, const Config& config, SampleSink& next, port::RawKeeper* raw = nullptr);
   ~Devices() override;
 
-  // Takes the locks of all configured devices, for `command` of echofuse-acquire with run file
-  // `run`. Throws Error(device) that names another holder.
+  // Takes the locks of all configured devices. `command`: command of echofuse-acquire; `run`: its
+  // run file. Throws Error(device) that names the program holding a lock.
   void take(const std::string& command, const std::string& run = {});
-  // Writes the next run file of `command` into the locks.
+  // Writes the command and its next run file into the locks.
   void name_run(const std::string& command, const std::string& run) { locks_->write(command, run); }
-  // Takes the locks of the free devices only.
+  // Takes only the locks that are free.
   void take_free(const std::string& command);
   void start();
-  // Stops all drivers in parallel and waits. Reports a device that does not confirm as an event.
+  // Stops all drivers in parallel and waits for them. Sends a warning to `next` for each device
+  // that does not confirm the stop.
   void stop();
-  // Stops all drivers without events; for use after an exception.
+  // Stops all drivers without sending events; for use after an exception.
   void abandon();
-  // Runs the loop until all our devices deliver data, until the timeout, or until the user
-  // interrupts. Returns early if a device is misconfigured.
+  // Runs the loop until all configured devices deliver data or are in use by another program.
+  // Returns earlier if the timeout has passed, a device is misconfigured, or the user interrupts.
   void wait(double timeout_s);
-  void refuse_misconfigured() const;  // throws Error(config)
+  void refuse_misconfigured() const;  // throws Error(config) if a device is misconfigured
   const Status& operator[](Sensor s) const { return status_[s]; }
-  // Returns the counters of the sensor's driver, also after its end; empty if the sensor is not
-  // configured.
+  // Returns the counters of the sensor's driver, even after the driver has ended; empty if the
+  // sensor is not configured.
   std::vector<Counter> counters(Sensor s) const;
   // Returns true if the predicate holds for every configured device.
   bool all(const std::function<bool(const Status&)>& predicate) const;
-  // Returns "radar serial:/dev/ttyUSB0: faulted: no such file or directory", or the holder.
+  // Describes the state of a device, e.g. "radar serial:/dev/ttyUSB0: faulted: no such file or
+  // directory", or names the other program that uses it.
   std::string describe(Sensor s) const;
 
  private:
@@ -68,7 +71,7 @@ class Devices final : private SampleSink {
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
   void on_firmware_bias(const FirmwareBias& bias) override { next_->on_firmware_bias(bias); }
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
-  // Warns if another device than before streams.
+  // Warns if the device that streams is not the calibrated one, or not the previous one.
   void warn_of_another(Sensor sensor, const DeviceInfo& info);
   std::vector<Sensor> halt();
   Status& status(Sensor s) { return status_[s]; }
@@ -78,9 +81,9 @@ class Devices final : private SampleSink {
   SampleSink* next_;
   std::optional<DeviceLocks> locks_;  // must outlive the drivers
   PerSensor<Status> status_;
-  PerSensor<std::string> identities_;  // serial number, otherwise the model
+  PerSensor<std::string> identities_;  // serial number, or model if it is unknown
   PerSensor<std::unique_ptr<Driver>> drivers_;
-  PerSensor<std::vector<Counter>> last_counters_;  // from drivers that ended
+  PerSensor<std::vector<Counter>> last_counters_;  // of drivers that have ended
 };
 
 }  // namespace echofuse::acquire
