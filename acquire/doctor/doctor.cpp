@@ -21,7 +21,7 @@ constexpr const char* grades[] = {"ok", "warning", "problem"};
 
 const char* name_of(Grade grade) { return grades[static_cast<std::size_t>(grade)]; }
 
-// Prints text after each check, or JSON at the end.
+// Prints each finding immediately as text, or all findings at the end as JSON.
 class DoctorReport {
  public:
   explicit DoctorReport(bool json) : json_(json) {}
@@ -69,7 +69,8 @@ class DoctorReport {
 
 constexpr double capture_s = 2;
 
-// Forwards samples to a capture and, after begin(), to a single slot, as in a run.
+// Forwards all samples to a capture. After begin(), also collects them in a single slot, as in a
+// run.
 class Trial final : public SampleSink {
  public:
   Trial(Capture& capture, const Config& config) : capture_(capture), config_(config) {}
@@ -79,7 +80,7 @@ class Trial final : public SampleSink {
     for (const Sensor s : all_sensors)
       if (devices_[s]) windows_->announce(*devices_[s]);
   }
-  // Returns the slot's record with the verdicts of a run.
+  // Closes the slot and returns its record, with the same verdicts as in a run.
   record::FusedRecord checked_record() {
     record::FusedRecord record = windows_->close({0, false});
     SignalLimits limits = config_.signal;
@@ -139,8 +140,8 @@ std::vector<Finding> findings_of(const Answer& answer, const Capture& capture, c
              .found = answer.text,
              .advice = "correct the configuration; `devices` lists the ports of each board",
              .failure = ExitCode::config}};
-  if (!answer.delivers) {  // the text contains the last complaint
-    const bool answered = !answer.status.info.firmware.empty();  // its own text states the fault
+  if (!answer.delivers) {  // the text contains the driver's last warning or error
+    const bool answered = !answer.status.info.firmware.empty();
     return {{check, Grade::problem, answer.text,
              answered ? "" : "check its power, its cable and its address; see `devices`"}};
   }
@@ -156,7 +157,7 @@ std::vector<Finding> findings_of(const Answer& answer, const Capture& capture, c
   return out;
 }
 
-// Receives data of the answering devices for 2 s. Returns the size of a record.
+// Checks 2 s of data of each device that answers. Returns the estimated size of a record, bytes.
 double check_devices(const Config& config, port::Loop& loop, DoctorReport& report) {
   Capture capture(config.histogram);
   Trial trial(capture, config);
@@ -171,7 +172,8 @@ double check_devices(const Config& config, port::Loop& loop, DoctorReport& repor
     capture.end();
     record = trial.checked_record();
   });
-  if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; no result");
+  if (interrupted())
+    throw Error(ExitCode::interrupted, "interrupted before the checks were complete");
   for (const Answer& answer : answers)
     report.add(findings_of(answer, capture, config, time_s, record));
   return estimate_record_bytes(capture, config);
@@ -194,7 +196,7 @@ ExitCode examine(const std::optional<Config>& config, const DoctorOptions& optio
       report.add({.check = "configuration",
                   .grade = Grade::problem,
                   .found = fault,
-                  .advice = "correct this key",
+                  .advice = "correct this key of the configuration",
                   .failure = ExitCode::config});
     plan.record_bytes = check_devices(*config, loop, report);
     plan.window_s = config->window_s;

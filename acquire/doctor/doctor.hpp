@@ -16,22 +16,24 @@
 
 namespace echofuse::acquire {
 
-// Folders of the kernel's and udev's files; tests replace them.
+// Folders in which the kernel and udev keep their files; tests use other folders.
 struct MachineRoots {
   inventory::Roots devices;
   std::string proc = "/proc", run = "/run", etc = "/etc", lib = "/usr/lib";
 };
 
-// Checks attached devices and configured serial ports: permissions of this user, and our udev
-// rules. A fault of a configured node is a problem, of another one a warning.
+// Checks whether this user may open the attached devices and the configured serial ports, and
+// whether our udev rules are installed. A fault of a configured device is a problem; a fault of any
+// other device is a warning.
 std::vector<Finding> check_permissions(const std::optional<Config>& config,
                                        const MachineRoots& roots);
-// ModemManager probes every serial port that is not marked to be ignored.
+// Warns if ModemManager is running and would probe one of our serial ports.
 Finding check_modem_manager(const std::optional<Config>& config, const MachineRoots& roots);
-// Compares the kernel's limit for all USB buffers with the time tagger's ring.
+// Checks that the kernel's limit for USB buffers is large enough for the buffers of the time
+// tagger.
 Finding check_usb_memory(const std::optional<Config>& config, const MachineRoots& roots);
 
-// Checks the clock by adjtimex(2).
+// State of the system clock, as reported by adjtimex(2).
 struct KernelClock {
   bool readable = false, synchronised = false;
   double maximal_error_s = 0;
@@ -39,9 +41,10 @@ struct KernelClock {
 KernelClock read_clock();
 Finding check_clock(const KernelClock& clock);
 
-// ---- the configured devices, from two seconds of their data
+// ---- Checks of the configured devices, based on two seconds of their data
 
-// Collects the samples between begin() and end(), and every complaint since the start.
+// Collects the samples between begin() and end(), and all warnings and errors since its
+// construction.
 class Capture final : public SampleSink {
  public:
   explicit Capture(const tdc::HistogramSettings& settings) : histogram_(settings) {}
@@ -56,40 +59,40 @@ class Capture final : public SampleSink {
 
   TagCounts tags;
   std::uint64_t lost_blocks = 0, lost_tags = 0;
-  std::uint64_t histograms = 0;                    // from a detector without tags
-  std::vector<std::uint64_t> zone_clicks;          // clicks in them
-  std::size_t histogram_counts = 0;                // bins of all zones
+  std::uint64_t histograms = 0;            // number of histograms; 0 if the detector sends tags
+  std::vector<std::uint64_t> zone_clicks;  // clicks of each zone in these histograms
+  std::size_t histogram_counts = 0;        // bins of a histogram, all zones together
   std::map<std::int32_t, std::uint64_t> channels;  // number of time tags per channel
   std::uint64_t radar_frames = 0, radar_lost = 0, profiles = 0, arrays = 0;
-  std::vector<std::uint16_t> profile;  // last profile
-  std::size_t power_bins = 0;          // bins of a radar behind a bridge
+  std::vector<std::uint16_t> profile;  // last range profile
+  std::size_t power_bins = 0;          // bins of the last profile of a radar behind a bridge
   std::uint64_t depth_frames = 0, depth_lost = 0, pixels = 0, valid_pixels = 0;
-  std::optional<DepthFrame> depth;                 // last frame
-  PerSensor<std::vector<std::string>> complaints;  // each complaint once
+  std::optional<DepthFrame> depth;                 // last depth frame
+  PerSensor<std::vector<std::string>> complaints;  // distinct warnings and errors
 
  private:
   tdc::Histogram histogram_;
-  TagCounts summed_;  // counts in histograms
+  TagCounts summed_;  // counts of the received histograms
   bool running_ = false;
 };
 
-// `time_s`: duration of the capture.
+// Each function checks the captured data of one sensor. `time_s`: duration of the capture.
 Finding spd_finding(const Capture& capture, const Config& config, double time_s);
 Finding radar_finding(const Capture& capture, const Config& config, double time_s);
 Finding depth_finding(const Capture& capture, const Config& config, double time_s);
 
-// Estimates the bytes of a record from the received samples. A device without samples counts with
-// its configured size.
+// Estimates the size of a record, bytes, from the received samples. For a device that sent no
+// samples, the configured size is used.
 double estimate_record_bytes(const Capture& capture, const Config& config);
 
 struct DoctorOptions {
-  std::optional<std::int64_t> count;  // slots of the planned run
+  std::optional<std::int64_t> count;  // number of slots of the planned run
   bool json = false;
   MachineRoots roots{};
 };
 
-// Prints one line for each check; without a configuration only checks of the machine. Returns the
-// exit code of the first problem (devices before disk), or ok.
+// Runs all checks and prints one line for each. If `config` is empty, only the machine is checked.
+// Returns the lowest exit code of all problems, or ok.
 ExitCode examine(const std::optional<Config>& config, const DoctorOptions& options,
                  port::Loop& loop);
 

@@ -39,7 +39,7 @@ std::vector<fs::path> entries(const fs::path& folder) {
   return out;
 }
 
-// Returns the device node of an address; empty if it has none of its own.
+// Returns the device node of a serial port address; empty for any other address.
 std::string serial_path(const std::string& address) {
   constexpr std::string_view kind = "serial:";
   if (!address.starts_with(kind)) return {};
@@ -58,16 +58,16 @@ std::vector<std::string> configured_addresses(const std::optional<Config>& confi
 struct Port {
   std::string path, missing;
   bool configured = false;
-  bool denied = false;  // present, but not accessible to this user
+  bool denied = false;  // the node exists, but this user may not open it
 };
 
 bool is_denied(const std::string& path) {
   return ::access(path.c_str(), R_OK | W_OK) != 0 && (errno == EACCES || errno == EPERM);
 }
 
-// Returns all relevant device nodes: those of attached devices, and other configured serial ports.
+// Returns the nodes of all attached devices and of all configured serial ports.
 std::vector<Port> ports(const std::optional<Config>& config, const MachineRoots& roots) {
-  std::vector<std::string> wanted;  // addresses and nodes
+  std::vector<std::string> wanted;  // configured addresses
   std::vector<Port> out;
   for (const auto& address : configured_addresses(config)) {
     wanted.push_back(address);
@@ -104,7 +104,7 @@ bool modem_manager_runs(const MachineRoots& roots) {
   return false;
 }
 
-// Looks up /dev/NAME in udev's database.
+// Returns true if udev's database instructs ModemManager to ignore /dev/NAME.
 bool ignored_by_modem_manager(const std::string& name, const MachineRoots& roots) {
   std::string numbers = text_of(fs::path(roots.devices.sys) / "class/tty" / name / "dev");
   std::erase(numbers, '\n');
@@ -137,7 +137,7 @@ std::vector<Finding> check_permissions(const std::optional<Config>& config,
                    {{"nodes", count}}});
   const bool installed = rules_installed(roots);
   for (const Finding& finding : out)
-    if (finding.advice == install_rules) return out;  // the text contains everything
+    if (finding.advice == install_rules) return out;  // this advice includes the udev rules
   const bool fine = installed || inventory::list_attached(roots.devices).empty();
   out.push_back({"udev rules", fine ? Grade::ok : Grade::warning,
                  std::string(rules) + (installed ? " is installed"
@@ -157,7 +157,7 @@ Finding check_modem_manager(const std::optional<Config>& config, const MachineRo
       if (!ignored_by_modem_manager(name, roots)) grabbed += " " + port.path;
   }
   if (grabbed.empty()) return {check, Grade::ok, "running; ignores our serial ports"};
-  return {check, Grade::warning, "running; probes " + grabbed + " when the device is plugged in",
+  return {check, Grade::warning, "running; probes" + grabbed + " when the device is plugged in",
           install_rules};
 }
 
@@ -185,7 +185,7 @@ Finding check_usb_memory(const std::optional<Config>& config, const MachineRoots
 
 KernelClock read_clock() {
   timex state{};
-  const int answer = ::adjtimex(&state);  // modes 0: read only
+  const int answer = ::adjtimex(&state);  // state.modes is 0: only reads the clock
   return {answer >= 0, answer >= 0 && answer != TIME_ERROR && !(state.status & STA_UNSYNC),
           static_cast<double>(state.maxerror) * 1e-6};
 }

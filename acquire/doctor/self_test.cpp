@@ -13,7 +13,7 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr double slow = 0.9;  // share of the nominal rate
+constexpr double slow = 0.9;  // lowest accepted fraction of the nominal rate
 
 template <class... Values>
 std::string format(const char* pattern, Values... values) {
@@ -35,20 +35,21 @@ double share(std::uint64_t part, std::uint64_t whole) {
   return whole ? static_cast<double>(part) / static_cast<double>(whole) : 0;
 }
 
-// The first fault is reported; a later one only raises the grade.
+// Sets the advice for the first fault. Further faults can only raise the grade.
 void mark(Finding& finding, Grade grade, const std::string& advice) {
   if (finding.advice.empty()) finding.advice = advice;
   finding.grade = std::max(finding.grade, grade);
 }
 
-// Judges a frame rate, with a tolerance of one frame, because the period is cut at both ends.
+// Checks a frame rate. The tolerance is one frame, because the capture may begin and end in the
+// middle of a frame.
 void check_rate(Finding& finding, std::uint64_t frames, double nominal_hz, double time_s) {
   const double expected = nominal_hz * time_s, got = static_cast<double>(frames);
   if (got + 1 < slow * expected)
-    mark(finding, Grade::problem, "sends less than configured; check its cable and port");
+    mark(finding, Grade::problem, "frame rate is lower than configured; check cable and port");
   else if (got - 1 > expected / slow)
     mark(finding, Grade::warning,
-         "sends more than configured; check whether its setting was refused");
+         "frame rate is higher than configured; check whether the device refused the setting");
 }
 
 std::string channel_list(const Capture& capture, double time_s) {
@@ -59,7 +60,7 @@ std::string channel_list(const Capture& capture, double time_s) {
   return text.empty() ? "no channel has tags" : "channels with tags: " + text;
 }
 
-// Adds the rate of each zone; marks zones without counts.
+// Adds the click rate of each detector zone, and a warning for each zone without clicks.
 void add_zones(Finding& finding, const std::vector<std::uint64_t>& clicks, double time_s) {
   if (clicks.size() < 2) return;
   finding.found += "; zones";
@@ -169,7 +170,7 @@ Finding radar_finding(const Capture& capture, const Config& config, double time_
   if (!config.radar.address.empty())
     return {
         .check = "radar",
-        .found = format("%.4g range profiles/s of %zu bins, %" PRIu64 " lost",
+        .found = format("%.4g range profiles/s with %zu bins, %" PRIu64 " lost",
                         rate(capture.radar_frames, time_s), capture.power_bins, capture.radar_lost),
         .facts = {{"frames_per_s", rate(capture.radar_frames, time_s)},
                   {"lost_frames", static_cast<double>(capture.radar_lost)},
@@ -188,13 +189,14 @@ Finding radar_finding(const Capture& capture, const Config& config, double time_
   if (capture.radar_lost > 0)
     mark(out, Grade::warning, "check radar.data_baud against the .cfg, and the cable");
   if (capture.profiles == 0) {
-    mark(out, Grade::problem, "no frame has a range profile; set guiMonitor's third number to 1");
+    mark(out, Grade::problem,
+         "no frame has a range profile; set the third number of guiMonitor in radar.cfg to 1");
     return out;
   }
   if (capture.profile.size() != cfg.bins) {
     mark(out, Grade::problem,
-         format("the profiles have %zu bins, but the .cfg gives %" PRIu32
-                "; check for another running .cfg",
+         format("the profiles have %zu bins, but radar.cfg defines %" PRIu32
+                "; the radar may be running another .cfg",
                 capture.profile.size(), cfg.bins));
     return out;
   }
