@@ -19,7 +19,7 @@ Json by_sensor(const PerSensor<std::int64_t>& values) {
           {"depth", values[Sensor::depth]}};
 }
 
-// Describes the antenna data of the run; an empty object if there is no axis "array".
+// Returns a description of the antenna data; an empty object for a run without such data.
 Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
   const auto axis = run.axis("array");
   if (!axis) return Json::object();

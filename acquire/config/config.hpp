@@ -44,8 +44,8 @@ struct Config {
   record::AlertLimits alert;
   // Program and arguments of alert.on_doubt. Not part of `resolved`, which is stored in runs.
   std::vector<std::string> on_doubt;
-  Calibration calibration;    // contents of the file named by run.calibration
-  record::Antennas antennas;  // calibrated antennas of the heat map; empty if there is no heat map
+  Calibration calibration;       // contents of the file named by run.calibration
+  record::Antennas antennas;     // calibrated antennas of the heat map; empty without a heat map
   std::string calibration_path;  // path of the calibration file, which may not exist yet
   PerSensor<std::string> policy{"optional", "optional", "optional"};
 

@@ -14,7 +14,7 @@ namespace echofuse::acquire {
 
 struct Holder {
   std::string who;  // e.g. "echofuse-acquire run, pid 4711, run /data/monday.sqlite"
-  std::string run;  // run file that this process writes; empty if there is none
+  std::string run;  // run file that this process writes; may be empty
 };
 
 // Returns the folder of the lock files. All users share it, so that each program sees the locks of
@@ -38,7 +38,7 @@ class DeviceLocks {
   // Writes the command and the run file of this process into its locks.
   void write(const std::string& command, const std::string& run) const;
 
-  // Returns the other process that holds the device; nullopt if there is none.
+  // Returns the other process that holds the device; otherwise nullopt.
   const std::optional<Holder>& other(Sensor sensor) const { return others_[sensor]; }
 
  private:

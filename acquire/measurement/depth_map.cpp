@@ -15,7 +15,8 @@ Axis tangent_axis(const char* name, std::uint32_t size, double half_tangent, dou
   return {name, "tangent", "1", size, -sign * (half_tangent - step / 2), sign * step, 1};
 }
 
-// Source indices [first, last) with centres inside target cell i, otherwise the nearest one.
+// Range [first, last) of the source pixels with centres inside a target pixel, or the nearest
+// source pixel if no centre is inside.
 struct PixelRange {
   std::uint32_t first, last;
 };
@@ -26,8 +27,8 @@ std::vector<PixelRange> cells_of(const Axis& source, const Axis& target) {
     const double b = (target.at(i + 0.5) - source.start) / source.step;
     const double centre = (target.at(i) - source.start) / source.step;
     const double n = source.count;
-    if (centre < -0.5 || centre > n - 0.5) continue;  // outside the camera's field of view: {0, 0}
-    // Shifts slightly to the left, so that a centre on an edge belongs to one cell only.
+    if (centre < -0.5 || centre > n - 0.5) continue;  // outside the source image: an empty range
+    // The offset of 1e-9 assigns a centre that is exactly on an edge to only one target pixel.
     auto first = static_cast<std::int64_t>(std::clamp(std::ceil(std::min(a, b) - 1e-9), -1.0, n));
     auto last = static_cast<std::int64_t>(std::clamp(std::ceil(std::max(a, b) - 1e-9), -1.0, n));
     if (first >= last) first = std::lround(centre), last = first + 1;
@@ -109,7 +110,7 @@ void to_target(std::span<const std::uint16_t> depth_mm, const Axis& x, const Axi
   const Axis target_x = target.x(), target_y = target.y();
   const auto limit_mm = static_cast<std::uint16_t>(std::lround(target.far_m * 1000));
   if (same_axis(x, target_x) && same_axis(y, target_y)) {
-    // A conditional value instead of a conditional division, because it vectorises.
+    // Selects the value before dividing, because a conditional division does not vectorise.
     std::transform(depth_mm.begin(), depth_mm.end(), out.begin(), [limit_mm](std::uint16_t mm) {
       return static_cast<float>(mm <= limit_mm ? mm : 0) / 1000.0f;
     });

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Single-photon detector as stated in the run's meta, for the pile-up correction on reading.
+// Dead time of the single-photon detector in the metadata of a run, for the correction of pile-up.
 #pragma once
 #include <optional>
 #include <string>
@@ -8,16 +8,17 @@
 
 namespace echofuse::record {
 
-using Meta = std::vector<std::pair<std::string, std::string>>;  // names and texts, in file order
+using Meta = std::vector<std::pair<std::string, std::string>>;  // keys and values, in file order
 
 struct Detector {
-  double dead_time_ps = 0;  // after a click; 0: unknown; infinite: until the next laser pulse
+  // Dead time after a click; 0 if unknown; infinite if it ends at the next laser pulse.
+  double dead_time_ps = 0;
 
   bool known() const { return dead_time_ps > 0; }
-  std::pair<std::string, std::string> meta() const;  // meta entries of a known detector
+  std::pair<std::string, std::string> meta() const;  // metadata entry of a known detector
 };
 
-// Returns nullopt if the run states no detector, or an impossible one.
+// Reads the dead time from the metadata; nullopt if it is missing or invalid.
 std::optional<Detector> detector_of(const Meta& meta);
 
 }  // namespace echofuse::record

@@ -10,7 +10,7 @@ namespace {
 
 constexpr float full_scale = 32767;
 
-// Index of the covariance of antennas m < n.
+// Returns the position of the covariance of antennas m < n in ArrayBin::values.
 std::size_t place_of(std::size_t m, std::size_t n, std::size_t antennas) {
   return 3 * antennas + 2 * (m * (2 * antennas - m - 1) / 2 + n - m - 1);
 }
@@ -29,7 +29,7 @@ std::size_t blocks_of(std::size_t bins) { return (bins + lanes - 1) / lanes; }
   store(sum, all + value);
 }
 
-// Adds means, powers and covariances of a block of bins, in this order.
+// Adds the samples, powers and covariances of a block of bins to `sums`, in this order.
 ECHOFUSE_CLONES void add_products(const float* re, const float* im, std::size_t antennas,
                                   float* sums) {
   Eight a_re, a_im, b_re, b_im;
@@ -51,7 +51,7 @@ ECHOFUSE_CLONES void add_products(const float* re, const float* im, std::size_t 
   }
 }
 
-// Computes sum_m x_m(t) conj(x_m(t-1)).
+// Adds sum_m x_m(t) conj(x_m(t-1)) to `lag`.
 ECHOFUSE_CLONES void add_lag(const float* re, const float* im, const float* before_re,
                              const float* before_im, std::size_t antennas, float* lag) {
   Eight a_re, a_im, b_re, b_im, sum_re, sum_im;
@@ -69,7 +69,7 @@ ECHOFUSE_CLONES void add_lag(const float* re, const float* im, const float* befo
   store(lag + lanes, sum_im);
 }
 
-// Rounds to the nearest step of 1/full_scale.
+// Divides values by `unit`, limits the results to +-1 and rounds them to steps of 1 / full_scale.
 ECHOFUSE_CLONES void to_shares(const float* values, std::size_t count, float unit,
                                std::int16_t* __restrict shares) {
   for (std::size_t i = 0; i < count; ++i) {

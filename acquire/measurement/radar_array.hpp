@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Statistics of the radar's virtual antennas per slot (TLV 4 or 8 of TI's demo): second-order
-// statistics of the complex samples x over the slot's frames, for each range bin. Beam power, its
-// mean over looks, and static background subtraction are linear in them. A later phase calibration
-// can still be applied. Angle estimators need no other data (Van Trees, Optimum Array Processing,
-// 2002, 2.5 and 7.1).
+// Second-order statistics of the radar's virtual antennas in a slot (TLV 4 or 8 of TI's demo). They
+// are computed for each range bin from the complex samples x of all frames of the slot. Beam power
+// and static background subtraction are linear in these statistics, and a phase calibration can be
+// applied later. Angle estimators need no other data (Van Trees, Optimum Array Processing, 2002,
+// 2.5 and 7.1).
 #pragma once
 #include <complex>
 #include <cstddef>
@@ -17,8 +17,9 @@
 
 namespace echofuse::record {
 
-// Virtual antenna with the gain and phase error of its samples. Position in half wavelengths, right
-// and up as seen from behind the radar (table antenna of the run file).
+// Virtual antenna, stored in table antenna of a run. Its position (x, y) is in half wavelengths, to
+// the right and up as seen from behind the radar. `gain` and `phase_rad` are the errors of its
+// samples.
 struct Antenna {
   double x = 0, y = 0;
   double gain = 1, phase_rad = 0;
@@ -29,10 +30,11 @@ using Antennas = std::vector<Antenna>;
 
 inline constexpr std::size_t most_antennas = 12;
 
-// Values of one range bin, in this order: mean sample of each antenna; power of each antenna;
-// covariance, mean of x_m conj(x_n) for m < n, row by row; correlation of consecutive frames, mean
-// of sum_m x_m(t) conj(x_m(t-1)). A complex number is a pair: real part, imaginary part. Samples
-// are in the firmware's integer units, and all other values in their squares.
+// Statistics of one range bin. `values` contains, in this order: the mean sample of each antenna;
+// the mean power of each antenna; the covariances, which are the means of x_m conj(x_n) for m < n,
+// row by row; and the correlation of consecutive frames, which is the mean of sum_m x_m(t)
+// conj(x_m(t-1)). A complex number has two values: real part, imaginary part. Samples are in the
+// firmware's integer units, all other values in squares of these units.
 struct ArrayBin {
   std::span<const float> values;
   std::size_t antennas = 0;
@@ -40,19 +42,19 @@ struct ArrayBin {
   std::complex<float> mean(std::size_t m) const { return pair(2 * m); }
   std::complex<float> covariance(std::size_t m, std::size_t n) const;  // E[x_m conj(x_n)]
   std::complex<float> lag() const { return pair(values.size() - 2); }
-  float power() const;  // mean over all antennas
+  float power() const;  // sum over all antennas
 
  private:
   std::complex<float> pair(std::size_t i) const { return {values[i], values[i + 1]}; }
 };
 
-// Returns 2 A + A + A (A - 1) + 2.
+// Returns the number of values of a bin with A antennas: 2 A + A + A (A - 1) + 2.
 std::size_t values_of_bin(std::size_t antennas);
 ArrayBin bin_of(std::span<const float> array, std::size_t antennas, std::size_t bin);
 
-// Returns the power from direction cosine u at v = 0 (Bartlett beamformer):
+// Returns the power received from direction cosine u, with v = 0 (Bartlett beamformer):
 //   sum_mn R_mn / (h_m conj(h_n)) exp(-i pi (x_m - x_n) u) / A^2,  h = gain exp(i phase).
-// A wave with power P in each antenna gives P in its own direction.
+// For a plane wave with power P in each antenna, the result is P in the direction of the wave.
 double beam_power(const ArrayBin& bin, const Antennas& antennas, double u);
 // Number of beams of the range-direction image.
 inline constexpr std::size_t beams = 32;
@@ -60,18 +62,19 @@ constexpr double beam_cosine(std::size_t k) {
   return (2.0 * static_cast<double>(k) + 1) / beams - 1;
 }
 
-// Accumulates frames of bins times antennas samples, antennas fastest.
+// Accumulates frames. A frame has bins x antennas samples; the antenna index varies fastest.
 class ArrayStatistics {
  public:
   ArrayStatistics(std::size_t bins, std::size_t antennas);
   void add(std::span<const std::complex<float>> frame);
-  // Adds a frame of at most `lanes` bins: for each antenna `lanes` real parts, then `lanes`
-  // imaginary parts.
+  // Adds a frame of at most `lanes` bins. `re` and `im` contain `lanes` values for each antenna:
+  // the real and the imaginary parts.
   void add_planes(const float* re, const float* im);
-  // Marks a lost frame: the frames before and after it are not consecutive.
+  // Marks a lost frame, so that the frames before and after it are not treated as consecutive.
   void skip() { has_before_ = false; }
   std::size_t frames() const { return frames_; }
-  // Returns the array of a record, empty without frames, and resets the sums.
+  // Returns the statistics of all frames since the last call, or nothing without frames. Resets the
+  // sums.
   std::vector<float> take();
 
  private:
@@ -80,22 +83,24 @@ class ArrayStatistics {
 
   std::size_t bins_, antennas_, frames_ = 0, pairs_ = 0;
   bool has_before_ = false;
-  // Sums and previous frame, in blocks of `lanes` adjacent bins.
+  // Sums and the previous frame, both stored in blocks of `lanes` adjacent bins.
   std::vector<float> sums_, before_;
 };
 
-// Packs the array for storage. Each bin has f32 LE s = its power, then i16 LE round(32767 v) of
-// each value v in units of s (means: of sqrt(s)). The rounding error is 2^-16 of the bin's power.
+// Packs the statistics for storage. Each bin is stored as f32 LE s = ArrayBin::power(), followed by
+// i16 LE round(32767 v / s) for each value v. For mean samples the divisor is sqrt(s). The rounding
+// error is 2^-16 s.
 Bytes pack_array(std::span<const float> array, std::size_t antennas);
-// Unpacks the statistics. Returns the fault of the bytes, or an empty string.
+// Unpacks the statistics. Returns an error message, or an empty string if the bytes are valid.
 std::string unpack_array(ByteView bytes, std::size_t bins, std::size_t antennas,
                          std::vector<float>& array);
 
-// name "array", quantity "covariance", unit "m", scale = antennas; bins of the range profile up to
-// array_end_m, because farther bins are outside the maps' room (depth_map.hpp).
+// The axis of the statistics has name "array", quantity "covariance", unit "m" and scale = number
+// of antennas. It contains the bins of the range profile up to array_end_m; farther bins are
+// outside the depth maps (depth_map.hpp).
 inline constexpr double array_end_m = 8;
 Axis array_axis(const Axis& radar, std::size_t antennas);
-std::size_t antennas_of(const Axis& array);  // 0: not a valid number of antennas
+std::size_t antennas_of(const Axis& array);  // 0 if axis.scale is not 1 to 12
 double array_bytes(const Axis& array);       // stored bytes per record
 
 }  // namespace echofuse::record

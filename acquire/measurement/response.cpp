@@ -16,8 +16,8 @@ struct ValidRange {
 constexpr ValidRange widths_ps{0.1, 100'000}, tails_ps{0, 100'000}, shares{0, 1}, cells_m{1e-3, 10},
     exponents{-2, 0}, powers{0, 1.05}, baselines_m{0, 10};
 
-// Reads numbers with an optional "+- ERROR". Returns an empty list if the text has another form or
-// a number exceeds its limits.
+// Parses numbers with an optional "+- ERROR" at the end. Returns an empty list if the text has
+// another form or a number is outside its range.
 std::vector<double> numbers_of(const std::string& text, const ValidRange& range, double& error) {
   const auto plus = text.find("+-");
   const auto read = [](const std::string& part) {
@@ -61,7 +61,7 @@ double catmull_rom(const std::array<double, 4>& values, double t) {
   return b + t / 2 * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)));
 }
 
-// The response is symmetric about 0.
+// Takes the absolute value of `cells`, because the taps are those of a symmetric response.
 double RadarResponse::amplitude(double cells) const {
   const double place = std::abs(cells) * taps_a_cell, whole = std::floor(place), t = place - whole;
   if (!(place < static_cast<double>(taps.size()))) return 0;
@@ -85,7 +85,7 @@ double RadarResponse::width_m() const {
 }
 
 Symmetry symmetry_of(const std::function<double(double)>& power, double first, double last) {
-  constexpr double reach = 4, step = 1. / 32;  // cells
+  constexpr double reach = 4, step = 1. / 32;  // limit and step of the integration, cells
   const auto overlap = [&](double z) {
     double sum = 0;
     for (double u = 0; u < reach; u += step) sum += power(z + u) * power(z - u);
@@ -96,7 +96,8 @@ Symmetry symmetry_of(const std::function<double(double)>& power, double first, d
     for (double z = first; z <= last; z += step)
       if (const double here = f(z); here > most) most = here, top = z;
     const double before = f(top - step), behind = f(top + step);
-    return top + step * (before - behind) / 2 / (before - 2 * most + behind);  // a parabola's
+    // Vertex of the parabola through the maximum and its neighbours.
+    return top + step * (before - behind) / 2 / (before - 2 * most + behind);
   };
   Symmetry out{.zero = top_of(overlap), .peak = top_of(power)};
   for (double u = 0; u < reach; u += step)
