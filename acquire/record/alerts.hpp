@@ -1,18 +1,20 @@
 // SPDX-License-Identifier: MIT
-// When a run needs its operator: one rule for the daemon's hook and for the live page.
+// Conditions under which a run needs its operator. The daemon's hook and the live page use the same
+// conditions.
 #pragma once
 #include <cstdint>
 #include <string>
 
 namespace echofuse::record {
 
-// Limits of alerts, besides those of the verdicts (keys alert.*).
+// Limits of alerts (keys alert.*), in addition to the limits of the verdicts.
 struct AlertLimits {
-  double no_data_s = 0;     // 0: a sensor is in doubt from its first missing record on
-  double disk_free_gb = 1;  // 0: none
+  double no_data_s = 0;     // 0: alert at the first missing record of a sensor
+  double disk_free_gb = 1;  // 0: no alert
 };
-// Returns "ok" or the kind of the verdict of a valid sensor; of a missing one "no data", or nothing
-// if `silent_s`, the time since its last valid slot, is within the limit.
+// Returns the reason for an alert. For a valid sensor it is the kind of its verdict, or "ok". For a
+// missing sensor it is "no data" if `silent_s`, the time since its last valid slot, has reached the
+// limit; otherwise it is empty.
 std::string doubt_kind(bool valid, const std::string& verdict, double silent_s,
                        const AlertLimits& limits);
 bool is_disk_low(std::uint64_t free_bytes, const AlertLimits& limits);

@@ -20,7 +20,7 @@ namespace echofuse::record {
 
 namespace {
 
-constexpr int timeout_ms = 30'000;  // the recording process commits within milliseconds
+constexpr int timeout_ms = 30'000;  // much longer than a commit of the recording process
 constexpr auto retry_pause = std::chrono::milliseconds(20);
 
 [[noreturn]] void refuse_closed(const std::string& path) {
@@ -32,38 +32,40 @@ constexpr auto retry_pause = std::chrono::milliseconds(20);
   throw Error(code, printable(path) + ": cannot be annotated: " + why);
 }
 
-// Returns false, without writing, if the run has been closed.
+// Adds the event to an open run. Returns false, without writing, if the run has been closed.
 bool put_into_open(const std::string& path, const Event& event) {
   const DatabaseHandle file = open_database(path, "cannot open for writing");
   sqlite3* const db = file.get();
   harden(db);
   sqlite3_busy_timeout(db, timeout_ms);
-  sqlite3_wal_autocheckpoint(db, 0);  // event for the recording process
+  sqlite3_wal_autocheckpoint(db, 0);  // only the recording process runs checkpoints
   sqlite3_db_config(db, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   execute(db, path, "BEGIN IMMEDIATE", "cannot write");
-  if (journal_version(db) == 1) return false;  // tested inside the transaction, so it cannot change
+  if (journal_version(db) == 1) return false;  // cannot be closed during our transaction
   const bool open = Statement(db, path, "SELECT 1 FROM run WHERE status = 'open'").step();
-  // Labels are read when the run closes.
+  // The recording process reads no labels after it has closed the run.
   if (event.level == "label" && !open) refuse_closed(path);
   if (open && !WriterLock::someone_writes(path))
-    cannot_annotate(path, ExitCode::failed, "its recording was killed, so it cannot be closed");
+    cannot_annotate(path, ExitCode::failed,
+                    "its recording process was killed before it closed the run");
   insert(db, path, event);
   execute(db, path, "COMMIT", "cannot write");
   rebind_wal(db, path);
   return true;
 }
 
-// Copies the file to `copy`, with mode and owner.
+// Copies the run file to `copy`, with its mode and owner.
 void copy_into(NewFile& copy, const std::string& path) {
   const RegularFile file(path, ExitCode::failed);
   struct stat like {};
   if (::stat(path.c_str(), &like) != 0 || ::access(path.c_str(), W_OK) != 0)
     cannot_annotate(path, ExitCode::disk, std::strerror(errno));
   const auto folder = std::filesystem::path(path).parent_path();
-  constexpr std::uintmax_t note = 1 << 20;  // exceeds the size of a note
+  constexpr std::uintmax_t note = 1 << 20;  // more than a note can need
   if (const auto room = std::filesystem::space(folder).available; room < file.size() + note)
     cannot_annotate(path, ExitCode::disk,
-                    std::to_string(room >> 20) + " MiB free on its disk; a copy needs " +
+                    std::to_string(room >> 20) +
+                        " MiB free on its disk, but the copy needs at least " +
                         std::to_string((file.size() + note) >> 20));
   copy.create();
   const bool same_owner = ::chown(copy.path().c_str(), like.st_uid, like.st_gid) == 0;
@@ -75,7 +77,8 @@ void copy_into(NewFile& copy, const std::string& path) {
     copy.append({block.data(), bytes});
 }
 
-// Returns false if another process holds the run's lock, or the run is open.
+// Adds the event to a closed run. Returns false if another process holds the run's lock or the run
+// is open.
 bool put_into_closed(const std::string& path, const Event& event) {
   const bool had_lock = ::access((path + "-lock").c_str(), F_OK) == 0;
   const WriterLock lock(path);
@@ -86,7 +89,7 @@ bool put_into_closed(const std::string& path, const Event& event) {
     {
       const DatabaseHandle file = open_database(copy.path(), "cannot open for writing");
       harden(file.get());
-      // Without a -journal, because the next writer removes the copy that a killed process leaves.
+      // Creates no -journal file. If this process is killed, the next writer removes only the copy.
       execute(file.get(), copy.path(), "PRAGMA journal_mode=MEMORY", "cannot write");
       insert(file.get(), copy.path(), event);
     }
@@ -117,7 +120,7 @@ void put(const std::string& name, const std::string& level, const std::string& t
 }  // namespace
 
 void put_note(const std::string& path, const std::string& text, const std::string& who) {
-  if (RunReader(path).info().status == crashed_without_wal)  // throws unless PATH is a run file
+  if (RunReader(path).info().status == crashed_without_wal)  // throws if `path` is not a run file
     cannot_annotate(path, ExitCode::failed,
                     "it is a copy without its -wal; closing it would lose the records in the -wal");
   put(path, "note", text, who);

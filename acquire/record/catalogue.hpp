@@ -14,7 +14,7 @@ struct RunEntry {
   RunInfo info;
   RunSummary sum;
   std::vector<std::string> notes;
-  std::vector<std::string> leftovers;  // RunReader::leftovers()
+  std::vector<std::string> leftovers;  // side files of SQLite next to a closed run
 
   std::string name() const;  // file name without extension
   double length_s() const;   // from the start of the first slot to the end of the last one
@@ -22,7 +22,7 @@ struct RunEntry {
 
 RunEntry entry_of(const RunReader& run);
 
-// Returns an object with name, path, started_utc, length_s, records, status, valid, doubtful,
+// Returns a JSON object with name, path, started_utc, length_s, records, status, valid, doubtful,
 // verdict, labels, operator, notes, window_s, leftovers.
 nlohmann::ordered_json to_json(const RunEntry& entry);
 

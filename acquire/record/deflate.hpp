@@ -1,21 +1,22 @@
 // SPDX-License-Identifier: MIT
-// The zlib format (RFC 1950), by libdeflate.
+// Compression in the zlib format (RFC 1950), with libdeflate.
 #pragma once
 #include "drivers/core/bytes.hpp"
 
 namespace echofuse::record {
 
-// Compresses at level 1 to 12 (smaller and slower). Returns an empty result on failure.
+// Compresses at level 1 (fastest) to 12 (smallest). Returns an empty result on failure.
 Bytes deflated(ByteView data, int level);
-// Level of depth images in a run: a tenth smaller than with level 1. PNG-like filters would cost
-// time without gain.
+// Compression level of the depth images in a run. They are 10 % smaller than at level 1. Filters as
+// in PNG would take time, but not reduce the size.
 inline constexpr int depth_level = 6;
-// Returns false unless the data fill `out` exactly.
+// Decompresses into `out`. Returns false unless the decompressed data fill `out` exactly.
 bool inflate(ByteView data, std::span<std::uint8_t> out);
-// Returns this number of values; empty if the data have another number.
+// Decompresses `count` values. Returns an empty vector if the data contain another number of
+// values.
 template <class T = std::uint8_t>
 std::vector<T> inflated(ByteView data, std::size_t count) {
-  // Deflate produces at most 1032 bytes from one (zlib, "maximum compression factor").
+  // One byte can decompress to at most 1032 bytes (zlib, "maximum compression factor").
   if (count > 1032 * std::uint64_t{data.size()} / sizeof(T)) return {};
   std::vector<T> out(count);
   if (!inflate(data, {reinterpret_cast<std::uint8_t*>(out.data()), count * sizeof(T)})) out.clear();

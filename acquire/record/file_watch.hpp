@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Detects that SQLite's open files were removed, replaced or truncated, and writes by others.
-// SQLite continues to write to such files without an error, and the data are lost at the end.
+// Detects that files opened by SQLite were removed, replaced or truncated, or changed by another
+// program. SQLite would continue to write to such files without an error, and the data would be
+// lost when they are closed.
 #pragma once
 #include <sys/types.h>
 
@@ -10,29 +11,30 @@ namespace echofuse::record {
 
 class FileWatch {
  public:
-  // Requires the open database, with a WAL.
+  // Call while the database is open and has a WAL.
   explicit FileWatch(std::string path);
 
-  // Returns the fault of the database, its WAL or the WAL's index; empty if they are still the same
-  // files.
+  // Returns the fault of the database file, its WAL or the WAL index; empty if all paths still lead
+  // to the same files.
   std::string lost() const;
-  // Returns true if the database was written since note(), which is called after each of our
-  // checkpoints. After a checkpoint of the whole WAL no data are lost with it.
+  // Returns true if the database file has changed since note().
   bool touched() const;
+  // Call after each of our checkpoints. From then on the WAL may become shorter, because the
+  // database contains its data.
   void note();
-  // Notes our commit: WAL and index must not become shorter afterwards.
+  // Call after each of our commits. From then on WAL and index must not become shorter.
   void note_commit();
-  // Returns true if the WAL is shorter than at note_commit(). Another program's checkpoint also
-  // truncates it, but writes to the database first.
+  // Returns true if the WAL has become shorter since note_commit(). A checkpoint of another program
+  // may also truncate it, but changes the database first, so that touched() returns true.
   bool wal_shortened() const;
-  // Restores the length of the index before SQLite accesses its mapped memory, which would raise
-  // SIGBUS. SQLite then reads zeros and rebuilds the index from the WAL.
+  // Restores the length of a truncated index. Otherwise SQLite would raise SIGBUS when it accesses
+  // the mapped file. SQLite then reads zeros and rebuilds the index from the WAL.
   void restore_index() const;
 
-  // Returns true if the database's path still is the same file.
+  // Returns true if the path of the database still leads to the same file.
   bool same_database() const { return fault_of(files_[0]) == 0; }
-  // Removes WAL and index if they are still ours. Next to another database they would be applied to
-  // it.
+  // Removes WAL and index if they are still our files. SQLite would apply them to another database
+  // at this path.
   void remove_wal() const;
 
  private:
@@ -40,7 +42,7 @@ class FileWatch {
     const char* suffix;
     dev_t device = 0;
     ino_t inode = 0;
-    off_t size = 0;  // sizes of WAL and index at note_commit()
+    off_t size = 0;  // size at note() or note_commit()
   };
   int fault_of(const WatchedFile& file) const;
   off_t size_of(const WatchedFile& file) const;

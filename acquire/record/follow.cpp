@@ -13,7 +13,8 @@ void follow(const std::string& path, const std::function<bool(const RunReader&)>
     bool open = false;
     {
       const RunReader run(path);
-      open = run.info().status == "open";  // asked first: what comes before the end is seen
+      open = run.info().status ==
+             "open";  // read before take(), so that the last records are not missed
       if (take(run)) continue;
     }
     if (!open) return;

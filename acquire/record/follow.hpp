@@ -8,9 +8,10 @@
 
 namespace echofuse::record {
 
-// Calls `take` with the run file until it is closed, or go_on() returns false. `take` returns true
-// if it found a record; otherwise the next look follows after 20 ms. Opens the file for each look,
-// because a run's writer leaves one single file only if no other process has it open.
+// Calls `take` with the run until the run is closed or go_on() returns false. `take` returns true
+// if it found a record; otherwise the next call follows after 20 ms. The file is opened again for
+// each call, because its writer can close it as a single file only while no other process has it
+// open.
 void follow(const std::string& path, const std::function<bool(const RunReader&)>& take,
             const std::function<bool()>& go_on);
 

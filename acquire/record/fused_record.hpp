@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// One row of a run: the data of the three sensors in one slot.
+// Record of a run: the data of the three sensors in one slot.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -14,97 +14,100 @@
 
 namespace echofuse::record {
 
-// Coverage of the slot by one sensor. Times are times of measurement: device times converted by the
-// clock fit; without a fit, times of receipt.
+// Samples of one sensor in a slot. Times are device times converted to host time by the clock fit,
+// or times of receipt without a fit.
 struct SensorSync {
-  double offset_s = 0;              // mean time of the samples used, minus the slot's centre
-  double span_s = 0;                // last minus first time of the samples used
+  double offset_s = 0;              // mean time of the used samples minus the centre of the slot
+  double span_s = 0;                // last minus first time of the used samples
   std::uint64_t used = 0;           // SPD: clicks in the histogram; radar, depth: frames
-  std::uint64_t lost = 0;           // tags, radar frames, depth frames known to be lost
-  std::string verdict = "missing";  // "ok", or why the sensor is not valid
+  std::uint64_t lost = 0;           // tags or frames that are known to be lost
+  std::string verdict = "missing";  // "ok", or the fault of the data
 };
 
-// Fit of a device's clock to the host's clock, from the receive times of its samples.
+// Fit of the device clock to the host clock, based on the times of receipt of the samples.
 struct ClockState {
   double offset_s = 0;        // host time minus device time, at the slot's centre
-  double drift_ppm = 0;       // positive: the device's clock is fast
+  double drift_ppm = 0;       // positive if the device clock is fast
   double residual_s = 0;      // mean distance of the least delayed samples from the fit
   std::uint64_t samples = 0;  // number of samples in the fit
 };
 
-// Signal strength of each sensor; no value: unknown. Ranges are uncorrected.
+// Signal strength of each sensor; a missing value is unknown. Range offsets are not subtracted.
 struct Signal {
-  std::optional<double> clicks_a_pulse;          // per laser pulse, even if only some starts are
-                                                 // sent
-  std::optional<double> spd_clicks, spd_peak_m;  // clicks above the background; highest bin
-  std::optional<double> radar_snr_db, radar_peak_m;  // highest bin over the median bin; its range
-  std::optional<double> depth_share;                 // pixels with a return / all pixels
+  // Clicks per laser pulse, even if the time tagger sends only some of the starts.
+  std::optional<double> clicks_a_pulse;
+  std::optional<double> spd_clicks,
+      spd_peak_m;  // clicks above the background; range of the highest bin
+  std::optional<double> radar_snr_db,
+      radar_peak_m;                   // peak/median of the profile; range of the peak
+  std::optional<double> depth_share;  // fraction of the pixels with a return
 
   bool operator==(const Signal&) const = default;
 };
-// Limit of pile-up: above it the first photon of a pulse hides too many later ones.
+// Limit of pile-up. At higher click rates the first photon of a pulse hides too many later photons.
 inline constexpr double most_clicks_a_pulse = 0.05;
 
-// Stored with every record, for audits.
+// Statistics of a slot, stored with its record so that losses and delays can be checked later.
 struct SlotStatistics {
-  std::uint64_t radar_frames = 0, depth_frames = 0;     // all frames of the slot
-  std::optional<std::uint32_t> radar_last, depth_last;  // number of the last frame
-  double closed_late_s = 0;                             // delay after the slot's end and grace
+  std::uint64_t radar_frames = 0, depth_frames = 0;     // number of frames in the slot
+  std::optional<std::uint32_t> radar_last, depth_last;  // frame number of the last frame
+  double closed_late_s = 0;  // delay of the closing after the end of the slot and the grace period
 };
 
-// positions of RadarTemperature on the chip
+// Positions of the temperature sensors on the radar chip, in the order of RadarTemperature.
 inline constexpr const char* temperature_places[] = {"rx0", "rx1", "rx2", "rx3",  "tx0",
                                                      "tx1", "tx2", "pm",  "dig0", "dig1"};
 
 struct FusedRecord {
   std::int64_t index = 0;
   HostTime slot_start{}, slot_end{};
-  UtcTime slot_utc{};  // start of the slot
+  UtcTime slot_utc{};  // UTC at the start of the slot
   SensorSet valid;
   std::string label;
   std::vector<std::uint32_t> spd;  // counts per bin; empty if the sensor is missing
-  std::vector<float> radar;        // in the units of the run's radar axis
+  std::vector<float> radar;        // range profile, in the unit of the run's radar axis
   // Statistics of the virtual antennas (radar_array.hpp) over array_frames frames; empty if the
-  // radar sends none.
+  // radar sends no antenna data.
   std::vector<float> array;
   std::uint64_t array_frames = 0;
-  std::vector<std::uint16_t> depth_mm;  // z, row-major on the run's depth axes, 0 = no return
-  TagCounts spd_counts;                 // all tags of the slot
+  std::vector<std::uint16_t> depth_mm;  // z, row-major on the depth axes of the run; 0 = no return
+  TagCounts spd_counts;                 // counts of all tags in the slot
   PerSensor<SensorSync> sync;
   Signal signal;
-  SensorSet missing;  // sensors required by the run and missing in this record
-  PerSensor<std::optional<ClockState>> clocks;  // no value: samples were assigned by time of
-                                                // receipt
+  SensorSet missing;  // required sensors that are missing in this record
+  // Clock fits. Without a fit, samples were assigned to slots by their time of receipt.
+  PerSensor<std::optional<ClockState>> clocks;
   SlotStatistics statistics;
-  // Values of the slot's last radar frame that has them, without temperatures that the chip marks
-  // as invalid.
+  // Values from the last radar frame in the slot that contains them. Temperatures that the chip
+  // marks as invalid are omitted.
   std::optional<RadarStats> radar_stats;
   std::optional<RadarTemperature> radar_temperature;
 
   bool has(Sensor s) const { return valid.contains(s); }
 };
 
-// Tags, radar frames and depth frames that arrived after their slot was closed, by slot number.
+// Numbers of tags, radar frames and depth frames that arrived after their slot was closed, by slot
+// number.
 using LateCounts = std::map<std::int64_t, PerSensor<std::uint64_t>>;
 
 struct CalibrationEntry {
   Sensor sensor{};
   std::string date_utc, method;
   double distance_m = 0, offset_m = 0, standard_error_m = 0;
-  std::string model = {}, serial = {};  // identity of the device; not stored in a run
+  std::string model = {}, serial = {};  // identify the device; not stored in a run
 
   bool operator==(const CalibrationEntry&) const = default;
 };
 
-// The row of the table run.
+// Content of the table run, which has one row.
 struct RunInfo {
-  std::string uuid;                    // set by the writer
+  std::string uuid;                    // created by the writer if empty
   std::string started_utc, ended_utc;  // ISO 8601
   std::string status = "open";  // open, complete, stopped:WHY (disk, failed, interrupted), crashed
   std::string config_text, config_resolved, radar_cfg;
   std::string version, host, operator_name, notes;
   double window_s = 0;
-  std::vector<std::pair<std::string, std::string>> meta;  // --meta, in the given order
+  std::vector<std::pair<std::string, std::string>> meta;  // pairs given by --meta, in this order
 };
 
 }  // namespace echofuse::record

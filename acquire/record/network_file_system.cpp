@@ -18,8 +18,8 @@
 
 namespace echofuse::record {
 
-// linux/magic.h has no constants for the types after V9FS; values from statfs(2) and the headers of
-// the file systems.
+// linux/magic.h has constants only for the types up to V9FS. The numbers are from statfs(2) and
+// from the headers of the file systems.
 std::string network_of_type(std::uint64_t type) {
   switch (type) {
     case NFS_SUPER_MAGIC:
@@ -86,10 +86,10 @@ std::string network_of(const std::string& path) {
 void require_closed(const std::string& path, const std::string& network) {
   if (::access((path + "-wal").c_str(), F_OK) != 0) return;
   const std::string shown = printable(path);
-  throw Error(ExitCode::failed, shown + ": is on a network file system (" + network +
-                                    ") and is being written, or " +
-                                    "was not closed: its last records are in " + shown +
-                                    "-wal; read it after closing, or copy both to a local disk");
+  throw Error(ExitCode::failed,
+              shown + ": is on a network file system (" + network + ") and is being written, or " +
+                  "was not closed: its last records are in " + shown +
+                  "-wal; read it after it is closed, or copy both files to a local disk");
 }
 
 }  // namespace echofuse::record

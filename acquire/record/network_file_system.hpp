@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Network file systems. SQLite's WAL needs shared memory between all processes that open the file,
-// and locks of another machine may not be visible.
+// Detection of network file systems. SQLite's WAL needs memory shared by all processes that open
+// the file, and locks of another machine may not be visible.
 #pragma once
 #include <cstdint>
 #include <istream>
@@ -8,16 +8,19 @@
 
 namespace echofuse::record {
 
-// Returns "NFS" etc. for a type from statfs(2); empty for other types.
+// Returns the name of the network file system, e.g. "NFS", for a type from statfs(2); empty for
+// other types.
 std::string network_of_type(std::uint64_t type);
-// Returns the network file system mounted as this device ("0:52"), according to
-// /proc/self/mountinfo. FUSE and virtiofs have the same type in statfs(2) whether local or remote.
+// Returns the network file system that /proc/self/mountinfo lists for this device ("0:52"). The
+// type from statfs(2) is not sufficient for FUSE and virtiofs, because it is the same for local and
+// remote mounts.
 std::string network_of_mount(std::istream& mountinfo, const std::string& device);
-// Returns the network file system of the file, or of its future folder; empty if local or unknown.
+// Returns the network file system of a file, or of its folder if the file does not exist; empty if
+// it is local or unknown.
 std::string network_of(const std::string& path);
 
-// Throws Error(failed) if a run on such a file system is being written, or was not closed: another
-// machine's writes are not visible completely.
+// Throws Error(failed) if the run on this network file system is being written or was not closed,
+// because writes of another machine may be only partly visible.
 void require_closed(const std::string& path, const std::string& network);
 
 }  // namespace echofuse::record

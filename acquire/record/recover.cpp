@@ -20,14 +20,14 @@ void fold_back(const std::string& path) {
   const std::string crashed = std::string("UPDATE run SET status = 'crashed', ") + without_wal_key +
                               " WHERE status = 'open'";
   execute(db, path, crashed.c_str(), "cannot mark as crashed");
-  execute(db, path, "PRAGMA journal_mode=DELETE", "cannot fold its WAL back");
+  execute(db, path, "PRAGMA journal_mode=DELETE", "cannot merge its WAL");
 }
 
 }  // namespace
 
 void recover(const std::string& name) {
   const std::string path = real_path(name);
-  // SQLite would wait for the writer of a FIFO.
+  // If the path were a FIFO, SQLite would block until another process opens it.
   std::error_code error;
   if (!std::filesystem::is_regular_file(path, error)) return;
   if (::access(path.c_str(), W_OK) != 0 || WriterLock::someone_writes(path) || is_closed(path))
@@ -35,8 +35,7 @@ void recover(const std::string& name) {
   try {
     if (RunReader(path).info().status == crashed_without_wal) return;
     fold_back(path);
-  } catch (const Error&) {  // in use by another program, or not a run; reading it will report the
-                            // cause
+  } catch (const Error&) {  // in use or not a run: the next reader reports the reason
   }
 }
 

@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Creates an empty file with a new name and returns the name. Throws Error.
+// Creates an empty file for the copy of the run and returns its name. Throws Error.
 std::string make_beside(const fs::path& path) {
   std::error_code none;
   const bool there = fs::is_directory(path.parent_path(), none);
@@ -62,7 +62,7 @@ void put_end(sqlite3* db, const std::string& path, const std::string& status, Ut
 
 std::string damage(sqlite3* db, const std::string& path) {
   try {
-    sqlite3_db_release_memory(db);  // pages in SQLite's cache are intact
+    sqlite3_db_release_memory(db);  // cached pages would hide damage of the file
     Statement check(db, path, "PRAGMA quick_check(1)");
     const std::string verdict = check.step() ? check.text() : "no answer";
     return verdict == "ok" ? "" : verdict.substr(verdict.rfind('\n') + 1);

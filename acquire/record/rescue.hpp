@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Copy of a run with a file that was removed, replaced or damaged while being written. The open
+// Copies a run after its file was removed, replaced or damaged during the recording. The open
 // connection can still read the committed data.
 #pragma once
 #include <sqlite3.h>
@@ -12,19 +12,20 @@
 namespace echofuse::record {
 
 struct Rescue {
-  bool whole = false;  // the copy has all committed records
-  std::string text;    // message: path and state of the copy, or the reason for its absence
+  bool whole = false;  // true if the copy has all committed records
+  std::string text;    // message with path and state of the copy, or the reason why it is missing
 };
 
-// Creates NAME.rescued.sqlite (-2, -3 ... if it exists) next to `path`, or in the current folder if
-// that folder is missing, with this status. `records`: number of committed records. Never throws.
+// Copies the run to NAME.rescued.sqlite (-2, -3 ... if it exists) next to `path`, or to the current
+// folder if the folder of `path` is missing. `status`: status of the copy; `records`: number of
+// committed records. Never throws.
 Rescue rescue(sqlite3* db, const std::string& path, const std::string& status, UtcTime ended,
               std::int64_t records);
 
-// Sets the run's status and end. Throws Error.
+// Sets status and end time of the run. Throws Error.
 void put_end(sqlite3* db, const std::string& path, const std::string& status, UtcTime ended);
 
-// Returns the result of SQLite's quick check of the database on disk; empty if sound.
+// Runs SQLite's quick check on the database file. Returns the first fault; empty if undamaged.
 std::string damage(sqlite3* db, const std::string& path);
 
 std::int64_t count_records(sqlite3* db, const std::string& path);

@@ -11,7 +11,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// meta: JSON object of texts.
+// Returns the metadata as a JSON object with string values.
 std::string meta_text(const RunInfo& info) {
   Json meta = Json::object();
   for (const auto& [key, value] : info.meta) meta[key] = value;
@@ -37,7 +37,7 @@ void Row::operator()(std::string_view name, Sensor& value) {
   const auto* const found =
       std::ranges::find_if(all_sensors, [&](Sensor s) { return text == name_of(s); });
   if (found == std::end(all_sensors))
-    return fail("a row of sensor \"" + printable(text, 40) + "\"; expected spd, radar or depth");
+    return fail("a row has sensor \"" + printable(text, 40) + "\"; expected spd, radar or depth");
   value = *found;
 }
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Tables of a run file, format 3. One function describes a row: columns(Row&, T&). CREATE TABLE,
-// INSERT and SELECT are generated from it. Times: *_ns are host monotonic nanoseconds, *_utc_ns
-// those of UTC, utc is ISO 8601. NULL: unknown, or the sensor is missing.
+// Tables of a run file, format 3. A function columns(Row&, T&) describes the row of a type T.
+// CREATE TABLE, INSERT and SELECT are generated from it. Columns *_ns are nanoseconds of the host's
+// monotonic clock, *_utc_ns nanoseconds of UTC; utc is ISO 8601. NULL means that the value is
+// unknown or the sensor is missing.
 #pragma once
 #include <concepts>
 #include <limits>
@@ -16,8 +17,8 @@
 
 namespace echofuse::record {
 
-// Visits the columns of a row in order, to list them, to bind them to an INSERT, or to read them
-// from a SELECT. Changes values only when reading.
+// Visits the columns of a row in order, to list them, bind them to an INSERT, or read them from a
+// SELECT. Values are changed only when reading.
 class Row {
  public:
   enum class Purpose : std::uint8_t { list, write, read };
@@ -30,8 +31,8 @@ class Row {
   void operator()(std::string_view name, double& value) { visit(name, "REAL", value); }
   void operator()(std::string_view name, std::string& value) { visit(name, "TEXT", value); }
   void operator()(std::string_view name, ByteView& value) { visit(name, "BLOB", value); }
-  void operator()(std::string_view name, Sensor& value);     // name of the sensor
-  void operator()(std::string_view name, SensorSet& value);  // as bits
+  void operator()(std::string_view name, Sensor& value);     // stored as the name of the sensor
+  void operator()(std::string_view name, SensorSet& value);  // stored as bits
   void operator()(std::string_view name, std::chrono::nanoseconds& value);
   template <std::integral T>
   void operator()(std::string_view name, T& value) {
@@ -45,7 +46,7 @@ class Row {
   void operator()(std::string_view name, std::optional<T>& value) {
     group(value, [&](T& inner) { (*this)(name, inner); });
   }
-  // Columns that are all NULL without a value.
+  // Visits a group of columns, which are all NULL if `value` is empty.
   template <class T, class Columns>
   void group(std::optional<T>& value, const Columns& columns) {
     T inner = value.value_or(T{});
@@ -64,7 +65,7 @@ class Row {
   void fail(const std::string& fault) {
     if (fault_.empty()) fault_ = fault;
   }
-  // First invalid value of a row read; empty if all are valid.
+  // Returns the first invalid value that was read; empty if all values are valid.
   const std::string& fault() const { return fault_; }
   const std::string& name() const { return table_; }
   std::string create() const { return "CREATE TABLE " + table_ + " (" + declared_ + ")"; }
@@ -88,24 +89,25 @@ class Row {
   Statement* statement_ = nullptr;
   Purpose does_ = Purpose::list;
   const char* key_ = "";
-  bool absent_ = false, seen_ = false;  // group: has no value; has a non-NULL column
+  bool absent_ = false, seen_ = false;  // current group: is empty; has a column that is not NULL
   std::string fault_, table_, names_, declared_, values_;
 };
 
-// Rows without a type of their own in the measurement.
+// Row types that only the run file needs.
 struct DeviceRow {
   Sensor sensor{};
-  std::optional<std::string> policy;  // required or optional
-  std::optional<DeviceInfo> info;     // no value: the device has not answered yet
+  std::optional<std::string> policy;  // "required" or "optional"
+  std::optional<DeviceInfo> info;     // empty if the device has not answered yet
 };
-struct LateRow {  // samples received after this record's slot was closed; they are in no record
+struct LateRow {  // samples received after the slot was closed; no record contains them
   std::int64_t index = 0;
   PerSensor<std::uint64_t> samples{};
 };
-// Row of a record. The data come last, so that other columns are read without them.
+// Data columns of a record. They are the last columns, so that the other columns can be read
+// without them.
 struct Blobs {
-  ByteView spd, radar;    // u32 LE counts, zone by zone; f32 LE
-  ByteView array, depth;  // pack_array(); deflated u16 LE, millimetres
+  ByteView spd, radar;    // spd: u32 LE counts, zone by zone; radar: f32 LE
+  ByteView array, depth;  // array: pack_array(); depth: deflated u16 LE, mm
 };
 struct StoredRecord {
   FusedRecord record;
@@ -122,11 +124,11 @@ void columns(Row& row, Anchor& anchor);
 void columns(Row& row, CounterRow& counted);
 void columns(Row& row, Event& event);
 void columns(Row& row, LateRow& late);
-void columns(Row& row, FusedRecord& record);  // all columns except the data
+void columns(Row& row, FusedRecord& record);  // all columns except Blobs
 void columns(Row& row, Blobs& blobs);
 void columns(Row& row, StoredRecord& stored);
 
-// Returns the table of a type, with all its columns.
+// Returns the description of the table for a type, with all its columns.
 template <class T>
 const Row& table_of() {
   static const Row table = [] {
@@ -145,17 +147,17 @@ const std::vector<const Row*>& tables();
 template <class... T>
 void insert(Statement& statement, const T&... parts) {
   Row row(statement, Row::Purpose::write);
-  (columns(row, const_cast<T&>(parts)), ...);  // leaves them unchanged
+  (columns(row, const_cast<T&>(parts)), ...);  // writing does not change them
   statement.run();
 }
-// Inserts a row; `conflict`: SQLite's action if its key exists.
+// Inserts a row. `conflict`: SQL clause for a row with an existing key.
 template <class T>
 void insert(sqlite3* db, const std::string& path, const T& row, const std::string& conflict = {}) {
   Statement statement(db, path, (table_of<T>().insert() + conflict).c_str());
   insert(statement, row);
 }
 
-// Reads the row at which a SELECT of table_of<T>() is positioned; returns its fault, or nothing.
+// Reads the current row of a SELECT from table_of<T>(). Returns its fault; empty if it is valid.
 template <class T>
 std::string take(Statement& statement, T& value) {
   Row row(statement, Row::Purpose::read);

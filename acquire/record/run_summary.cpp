@@ -6,7 +6,7 @@
 namespace echofuse::record {
 namespace {
 
-// Returns true for a verdict that makes a record doubtful.
+// Returns true if a verdict of this kind makes a record doubtful.
 bool is_doubt(const std::string& kind) {
   return kind != "ok" && kind != "not configured" && !kind.empty();
 }
