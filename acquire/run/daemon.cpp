@@ -24,14 +24,14 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr auto tick_pause = std::chrono::milliseconds(50);
-// Delay between the creation of the run file and slot 0, so that bytes queued in between are read
-// first.
+// Delay from the creation of the run file to slot 0. Data that arrived while the file was created
+// are read during this time.
 constexpr auto settle_time = std::chrono::milliseconds(100);
 
-// Leaves one second for the devices and the disk: SIGTERM closes a run within 5 s.
+// Longest wait for the current slot after SIGTERM, which must close a run within 5 s. The remaining
+// second is for the devices and the disk.
 constexpr auto close_limit = std::chrono::seconds(4);
 
-// scripts/audit_run.py searches for the third text.
 std::string event_text(DeviceState state, const std::string& address) {
   if (state == DeviceState::connecting) return "connecting to " + address;
   if (state == DeviceState::streaming) return "connected to " + address;
@@ -39,8 +39,8 @@ std::string event_text(DeviceState state, const std::string& address) {
   return "not connected to " + address + ", trying again";
 }
 
-// Threading: everything runs on the loop's thread, which calls run(). Drivers and the writer may
-// have their own threads.
+// Threading: run() must be called on the loop's thread, and all callbacks run there. Drivers and
+// the writer may use threads of their own.
 class Daemon final : private SampleSink {
  public:
   Daemon(const Config& config, const RunOptions& options, port::Loop& loop)
@@ -51,7 +51,7 @@ class Daemon final : private SampleSink {
         log_(loop),
         devices_(loop, config, *this, keep_raw(options)) {}
 
-  // After an exception the devices are stopped in the loop, without closing further slots.
+  // If an exception ended the run, stops the devices without closing further slots.
   ~Daemon() override {
     timer_.cancel();
     devices_.abandon();
@@ -60,7 +60,8 @@ class Daemon final : private SampleSink {
   ExitCode run();
 
  private:
-  struct ActiveRun {  // exists after the first slot has begun
+  // State that exists once the run file has been created.
+  struct ActiveRun {
     ActiveRun(const SlotGrid& grid, const Config& config, const RunOptions& options,
               const SensorClocks& clocks, port::Loop& loop, std::unique_ptr<record::RunWriter> file)
         : scheduler(grid, options.count),
@@ -120,7 +121,7 @@ class Daemon final : private SampleSink {
   const RunOptions& options_;
   port::Loop& loop_;
   port::Timer timer_{loop_};
-  std::string file_;  // file being written
+  std::string file_;  // path of the run file being written
   std::string label_;
   RunLog log_;
   std::optional<port::RawKeeper> raw_;
@@ -129,14 +130,14 @@ class Daemon final : private SampleSink {
                       [this](const std::string& text) { log(Severity::warning, "spd", text); }};
   DoubtHook on_doubt_{options_.on_doubt, config_.alert,
                       [this](const std::string& text) { log(Severity::warning, "run", text); }};
-  SensorClocks clocks_;  // also observe samples before the first slot
+  SensorClocks clocks_;  // fitted to all samples, including those before the first slot
   std::optional<ActiveRun> recording_;
   RunTotals totals_;
-  PerSensor<std::uint64_t> early_{};  // samples before the first slot
-  std::int64_t first_slot_ = 0;       // slot of the run's record 0
+  PerSensor<std::uint64_t> early_{};  // number of tags or frames received before the first slot
+  std::int64_t first_slot_ = 0;       // number of the slot that is record 0 of the current run
   std::int64_t files_ = 0;
-  bool ending_ = false;  // interrupted by a signal
-  bool done_ = false;    // no further slots to close
+  bool ending_ = false;  // true after SIGINT or SIGTERM has arrived
+  bool done_ = false;    // true after all slots are closed or the journal has failed
   std::string status_ = "complete";
 };
 
@@ -157,8 +158,8 @@ ExitCode Daemon::run() {
   return options_.strict && totals_.not_ok > 0 ? ExitCode::partial : ExitCode::ok;
 }
 
-// Throws Error(device) with the missing devices if no device, or not every required one, delivers
-// data.
+// Throws Error(device) if no device delivers data or a required device delivers none. The message
+// lists the missing devices.
 void Daemon::require_devices() const {
   if (interrupted())
     throw Error(ExitCode::interrupted, "interrupted before the first slot; nothing was recorded");
@@ -179,7 +180,7 @@ void Daemon::require_devices() const {
   if (!missing.empty()) spdlog::warn("starting without {}", missing);
 }
 
-// Gives people time to take their positions. Devices keep running.
+// Waits so that people can take their positions in the scene. Devices keep running.
 void Daemon::count_down() {
   for (std::int64_t left_s = options_.countdown_s; left_s > 0 && !interrupted(); --left_s) {
     spdlog::info("the first slot begins in {} s", left_s);
@@ -217,7 +218,7 @@ void Daemon::begin() {
   notify_ready(config_.window_s);
 }
 
-// Writes configuration, devices and axes to a new run.
+// Writes configuration, devices and axes to the new run file.
 void Daemon::describe_run() {
   recording_->journal.put_config(config_);
   recording_->journal.put_axes(recording_->windows.axes(), recording_->windows.zones());
@@ -255,13 +256,13 @@ void Daemon::warn_of_full_disk() {
   if (space.grade != Grade::ok) log(Severity::warning, "disk", space.found);
 }
 
-// Called when a device answers: writes its identity and axes to the run.
+// Writes the identity and axes of a connected device to the run.
 void Daemon::announce(Sensor sensor) {
   const DeviceInfo& info = devices_[sensor].info;
   recording_->journal.put_device(info);
   if (!recording_->windows.announce(info))
     log(Severity::error, name_of(sensor),
-        "reconnected with another axis or other zones; its samples are not used");
+        "reconnected with different axes or zones; its samples are ignored");
   recording_->journal.put_axes(recording_->windows.axes(), recording_->windows.zones());
 }
 
@@ -289,8 +290,8 @@ void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) 
   const bool fault = state == DeviceState::faulted || state == DeviceState::misconfigured;
   log(fault ? Severity::warning : Severity::info, name_of(sensor), event_text(state, info.address),
       recording_ && state == DeviceState::streaming);
-  // Keep the clock fit: buffered samples still carry the old clock, and ClockFit detects a
-  // restarted clock.
+  // The clock fit is kept when a device reconnects: buffered samples still have times of the old
+  // clock, and ClockFit detects a restarted clock.
   if (recording_ && state == DeviceState::streaming) announce(sensor);
 }
 
@@ -333,15 +334,15 @@ void Daemon::close_due(HostTime now) {
     close_slot(*due, r.scheduler.lateness(due->index, now));
 }
 
-// Ends the run with the current slot, or with the previous one if that takes too long. Ends at once
-// before the first slot.
+// Makes the current slot the last one, or the previous slot if the current one would take longer
+// than close_limit. Before slot 0, ends the run at once.
 void Daemon::interrupt(HostTime now) {
   Scheduler& scheduler = recording_->scheduler;
   const SlotGrid& grid = scheduler.grid();
   const bool too_long = now < grid.first || grid.end(grid.slot_of(now)) - now > close_limit;
   const double left_s = seconds(std::max(grid.first, grid.end(grid.slot_of(now)) + grace) - now);
   if (too_long)
-    spdlog::info("slot abandoned: it would take {:.0f} s", left_s);
+    spdlog::info("slot abandoned: {:.0f} s left (limit 4 s)", left_s);
   else
     spdlog::info("finishing the slot, {:.1f} s left; press Ctrl-C again to end at once", left_s);
   if (too_long) status_ = "stopped:interrupted";
@@ -373,7 +374,8 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
     begin_next(due.index + 1);
 }
 
-// Late samples of the previous run are only in the counters.
+// Writes the number of late samples of each record. Late samples of the previous run are counted
+// only in its counters.
 void Daemon::put_late() {
   record::LateCounts late;
   for (const auto& [slot, counts] : recording_->windows.take_late())
@@ -381,7 +383,7 @@ void Daemon::put_late() {
   recording_->journal.put_late(std::move(late));
 }
 
-// Writes the counters of this run.
+// Writes the drivers' counters and the counts of unassigned samples; logs the latter.
 void Daemon::put_counters() {
   PerSensor<std::vector<Counter>> counters;
   for (const Sensor s : all_sensors) counters[s] = devices_.counters(s);
@@ -412,7 +414,7 @@ void Daemon::end() {
   on_doubt_.finish(loop_.now());
   if (!r.journal.finish(status_))
     spdlog::warn(
-        "{}: in use by another program; the last records stay in {}-wal until "
+        "{}: in use by another program; the last records stay in {}-wal until you run "
         "`echofuse-acquire info`",
         r.journal.path(), r.journal.path());
   report_file();

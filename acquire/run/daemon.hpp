@@ -16,28 +16,33 @@ namespace echofuse::acquire {
 
 struct RunOptions {
   std::string out;                        // run file to create
-  std::int64_t slots_a_file = 0;          // number of slots per run; 0: one run
+  std::int64_t slots_a_file = 0;          // slots per run file; 0: all slots in one file
   std::function<std::string()> next_out;  // returns the file name of the next run
-  std::optional<std::int64_t> count;      // number of slots; no value: until interrupted
+  // Number of slots to record; no value: record until interrupted.
+  std::optional<std::int64_t> count;
   std::vector<std::pair<std::string, std::string>> meta;
-  std::string uuid;              // uuid of the first run; empty: random
-  std::int64_t countdown_s = 0;  // between the devices' answer and the first slot
+  std::string uuid;              // UUID of the first run; empty: a random one
+  std::int64_t countdown_s = 0;  // countdown before the first slot, s; 0: none
   bool quiet = false;
-  std::function<void(std::string)> show_status;  // empty: print to stderr
-  std::vector<std::string> on_doubt;             // program and arguments (DoubtHook); empty: none
-  bool strict = false;                  // return partial if a record has a sensor that is not ok
-  std::string keep_raw;                 // folder for raw bytes; empty: not stored
-  std::optional<HostTime> kept_slot{};  // start of slot 0 when importing raw bytes; then no devices
-                                        // are in use
-  std::function<void(std::int64_t)> progress;      // called with the number of records on disk
-  std::function<void(const std::string&)> opened;  // called with the path of each run file
+  // Receives each status line; empty: print to stderr.
+  std::function<void(std::string)> show_status;
+  std::vector<std::string> on_doubt;  // program and arguments that DoubtHook runs; empty: none
+  // If true, record_run() returns ExitCode::partial if any record has a sensor that is not "ok".
+  bool strict = false;
+  // Folder for the raw bytes of all ports; if empty, raw bytes are not stored.
+  std::string keep_raw;
+  // Start of slot 0 when a raw capture is imported; no devices are used in this case.
+  std::optional<HostTime> kept_slot{};
+  std::function<void(std::int64_t)> progress;  // called with the number of records on disk
+  // Called with the path of each run file that is opened.
+  std::function<void(const std::string&)> opened;
 };
 
-// Records one run, or with `slots_a_file` consecutive runs without a gap; the records of each begin
-// at 0. Returns when the last run is closed: after `count` slots, or after the slot in which SIGINT
-// or SIGTERM arrived. A slot that would take longer than close_limit is abandoned, and the run ends
-// as stopped:interrupted. Returns partial only with `strict`. Throws Error: the file exists, no
-// device answers, the disk fails.
+// Records one run, or consecutive runs without a gap if `slots_a_file` is set. Record numbers begin
+// at 0 in each run. Returns when the last run is closed: after `count` slots, or after the slot in
+// which SIGINT or SIGTERM arrives. A slot that would then last more than 4 s (close_limit) is
+// abandoned, and the run gets the status "stopped:interrupted". Returns ExitCode::partial only if
+// `strict` is set. Throws Error if the file exists, no device delivers data or the disk fails.
 ExitCode record_run(const Config& config, const RunOptions& options, port::Loop& loop);
 
 }  // namespace echofuse::acquire

@@ -20,9 +20,10 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr double row_bytes = 2048;        // row of a record without the sensors' data, with events
-constexpr double fixed_bytes = 16 << 20;  // WAL, and tables of a run without records
-constexpr double journal_factor = 2;      // every byte is written to the WAL, then to the database
+constexpr double row_bytes = 2048;  // database row and events of a record, without sensor data
+constexpr double fixed_bytes = 16 << 20;  // size of the WAL and of a run file without records
+// Every byte is written twice: to the WAL, then to the database.
+constexpr double journal_factor = 2;
 
 [[noreturn]] void fail(const std::string& folder, const char* doing) {
   throw Error(ExitCode::disk, folder + ": " + doing + ": " + std::strerror(errno));

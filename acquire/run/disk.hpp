@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Space and speed of the disk of a run file, for `doctor` and the start of a run.
+// Checks speed and free space of the disk for `doctor` and at the start of a run.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -15,41 +15,41 @@ namespace echofuse::acquire {
 
 enum class Grade { ok, warning, problem };
 
-// Result of one check of the doctor.
+// Result of one check by `doctor`.
 struct Finding {
-  std::string check;  // "radar", "disk rate"
+  std::string check;  // name of the check, e.g. "radar" or "disk rate"
   Grade grade = Grade::ok;
   std::string found;
   std::string advice{};  // recommended action; may be empty
   std::vector<std::pair<std::string, double>>
-      facts{};                          // numbers in `found`, with units in their names
-  ExitCode failure = ExitCode::device;  // exit code of a problem
+      // Names (with units) and values of the numbers in `found`.
+      facts{};
+  ExitCode failure = ExitCode::device;  // exit code if the grade is `problem`
 };
 
-// Planned run.
 struct PlannedRun {
   std::string folder{};
-  double record_bytes = 0;  // bytes of the sensors' data; 0: unknown
+  double record_bytes = 0;  // sensor data per record, bytes; 0: unknown
   double window_s = 0;
   std::optional<std::int64_t> count{};
 };
 
 struct DiskEstimate {
-  double record_bytes = 0;  // bytes per record, including its row and its share of the events
-  double needed_bytes = 0;  // bytes of the planned records; 0: no number planned
+  double record_bytes = 0;  // sensor data, row and events of a record, bytes
+  double needed_bytes = 0;  // size of all planned records, bytes; 0: number of records unlimited
   double lasts_s = 0;       // recording time until the disk is full
 };
-// Requires a known plan.record_bytes.
+// Requires plan.record_bytes > 0.
 DiskEstimate estimate_disk(const PlannedRun& plan, double free_bytes);
 
-// Returns the bytes of one record's data with these axes. Assumes uncompressed depth maps, so it
-// overestimates.
+// Returns the size of the sensor data of one record with these axes, in bytes. This is an
+// overestimate, because depth maps are counted without compression.
 double record_bytes(const std::vector<Axis>& axes, const Zones& zones);
 
-// Returns the free bytes of the file system of this folder; nothing if unknown.
+// Returns the free space of the folder's file system in bytes; no value if unknown.
 std::optional<std::uint64_t> free_bytes(const std::string& folder);
 
-// "12 kB"
+// Formats a size, e.g. "12 kB".
 std::string size_text(double bytes);
 
 struct DiskSpeed {
@@ -58,16 +58,18 @@ struct DiskSpeed {
   std::size_t commit_bytes = 0;
 };
 
-// Writes blocks of this size to an unnamed file in the folder for about one second. Each is
-// followed by fdatasync, like the commits of a run file. Throws Error(disk).
+// Writes blocks of `commit_bytes` to an unnamed file in the folder for about one second. Calls
+// fdatasync after each block, because a run file does so at each commit. Throws Error(disk) on
+// failure.
 DiskSpeed measure_disk(const std::string& folder, std::size_t commit_bytes);
 
 Finding speed_finding(const DiskSpeed& speed, const PlannedRun& plan);
-// Returns a problem if the planned records need more space; without a number of records a warning
-// if the space lasts less than `short_s`.
+// Returns a problem if the planned records need more space than is free. If the number of records
+// is unlimited, returns a warning if the space lasts less than `short_s`.
 Finding space_finding(double free_bytes, const PlannedRun& plan, double short_s = 3600);
 
-// Measures and judges both. If the record size is unknown, only describes the disk.
+// Checks speed and free space of the disk. If the record size is unknown, only reports the measured
+// values.
 std::vector<Finding> check_disk(const PlannedRun& plan);
 
 }  // namespace echofuse::acquire

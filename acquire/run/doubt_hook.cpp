@@ -35,13 +35,13 @@ void DoubtHook::finish(HostTime now) {
   }
   if (!waiting_.empty())
     warn_("alert.on_doubt: " + std::to_string(waiting_.size()) +
-          " changes not reported, because the run ended");
+          " changes were not reported because the run ended");
   waiting_.clear();
   if (ended()) return;
   ::kill(-*program_, SIGKILL);
   wait_for_program(*program_);
   program_.reset();
-  warn_("alert.on_doubt: " + printable(words_[0]) + " was killed, because the run ended");
+  warn_("alert.on_doubt: " + printable(words_[0]) + " was killed because the run ended");
 }
 
 void DoubtHook::take(const record::FusedRecord& record, SensorSet configured,
@@ -79,7 +79,7 @@ void DoubtHook::put(AlertChange change) {
   if (std::exchange(before, change.kind) == change.kind) return;
   if (waiting_.size() < most_waiting) return waiting_.push_back(std::move(change));
   warn_("alert.on_doubt: " + change.source + " " + change.kind +
-        " not reported, because earlier calls still wait");
+        " was not reported because too many changes are waiting");
 }
 
 void DoubtHook::update(HostTime now) {
@@ -106,7 +106,7 @@ void DoubtHook::start(const AlertChange& change, HostTime now) {
   program_ = *started, started_ = now, killed_ = false;
 }
 
-// Returns true if no program runs.
+// Returns true if no program is running. Warns if the program failed.
 bool DoubtHook::ended() {
   if (!program_) return true;
   int status = 0;

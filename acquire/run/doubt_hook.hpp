@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Runs the program of alert.on_doubt for each change of a sensor or of the disk: when a doubt
-// begins, becomes another one, or ends.
+// Runs the program alert.on_doubt each time the state of a sensor or of the disk changes: when a
+// problem begins, is replaced by another one, or ends.
 #pragma once
 #include <sys/types.h>
 
@@ -18,27 +18,31 @@
 
 namespace echofuse::acquire {
 
-// Threading: one thread, which only finish() blocks. The program gets the change in its environment
-// (ECHOFUSE_SOURCE and others, acquire/README.md). One program runs at a time; it is killed, with
-// the programs that it started, after `longest`.
+// Passes each change to the program in environment variables (ECHOFUSE_SOURCE and others, see
+// acquire/README.md). Runs one program at a time. After `longest`, kills it and the programs that
+// it started. Threading: one thread; only finish() blocks it.
 class DoubtHook {
  public:
   static constexpr std::chrono::seconds longest{10};
-  static constexpr std::size_t most_waiting = 16;  // changes; further ones are dropped
+  // Limit of waiting changes; further changes are dropped.
+  static constexpr std::size_t most_waiting = 16;
   using Warn = std::function<void(const std::string&)>;
 
-  // Does nothing if `words` is empty. Throws Error(config) if words[0] cannot be executed.
+  // `words`: program and arguments; if empty, this object does nothing. Throws Error(config) if
+  // words[0] cannot be executed.
   DoubtHook(std::vector<std::string> words, const record::AlertLimits& limits, Warn warn);
   ~DoubtHook();  // kills a running program
   DoubtHook(const DoubtHook&) = delete;
   DoubtHook& operator=(const DoubtHook&) = delete;
 
-  // Compares a record with the ones before.
+  // Queues a change for each configured sensor that is in another state than in the previous
+  // record.
   void take(const record::FusedRecord& record, SensorSet configured, const std::string& run);
   void take_disk(std::optional<std::uint64_t> free_bytes, UtcTime now, const std::string& run);
-  // Starts the next program, and ends one that runs too long. To be called every 50 ms.
+  // Starts the program for the next change; kills a program that runs too long. Call every 50 ms.
   void update(HostTime now);
-  // Runs the waiting changes for a second at most, then kills the program. Warns of what was lost.
+  // Reports waiting changes for at most one second, then kills the running program. Warns about
+  // changes that were not reported.
   void finish(HostTime now);
 
  private:
@@ -53,7 +57,8 @@ class DoubtHook {
   const std::vector<std::string> words_;
   const record::AlertLimits limits_;
   const Warn warn_;
-  std::map<std::string, std::string> kinds_;  // by source; none: ok
+  // Last state of each source; a source without an entry is ok.
+  std::map<std::string, std::string> kinds_;
   PerSensor<std::optional<HostTime>> last_valid_;
   std::deque<AlertChange> waiting_;
   std::optional<pid_t> program_;

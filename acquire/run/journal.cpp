@@ -15,12 +15,12 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr auto anchor_pause = std::chrono::minutes(1);
-// Smallest jump that counts as a change of the clock. The process may be paused for less than this
-// between reading both clocks.
+// Smallest jump of the system clock that is reported. The process may be paused for a shorter time
+// between reading the two clocks.
 constexpr auto least_step = std::chrono::milliseconds(500);
-constexpr std::size_t hard_limit = 10;        // multiple of the capacity
-constexpr std::chrono::seconds last_wait{2};  // wait at the end, while another program holds the
-                                              // file
+constexpr std::size_t hard_limit = 10;  // multiple of the capacity at which the journal fails
+// Longest wait for another program that holds the run file when the run ends.
+constexpr std::chrono::seconds last_wait{2};
 
 void give_up_data(record::FusedRecord& record, const std::string& why) {
   for (const Sensor s : all_sensors)
@@ -64,13 +64,13 @@ bool Journal::put(record::FusedRecord record) {
   return room;
 }
 
-// Runs on the worker.
+// Runs on the worker thread.
 void Journal::write(record::RunWriter& run, record::FusedRecord& record) {
   const UtcTime slot_end = record.slot_utc + (record.slot_end - record.slot_start);
   take_label(run.new_label(slot_end));
   if (const auto label = this->label()) record.label = *label;
   run.append(record);
-  // scripts/kill_test searches for this line.
+  // scripts/kill_test searches the log for this message.
   spdlog::debug("{}: record {}: committed", run.path(), record.index);
   const auto free = acquire::free_bytes(std::filesystem::path(run.path()).parent_path().string());
   const std::lock_guard lock(mutex_);
@@ -100,8 +100,8 @@ std::string Journal::why_late() const {
   return patience_.tried() ? "another program is writing to the run file" : "disk too slow";
 }
 
-// The next run is opened before this one is closed, so that records need not wait for the final
-// check.
+// Opens the next run before closing the current one, because closing checks the whole file and
+// records must not wait for it.
 void Journal::begin_next(MakeRun make) {
   axes_.clear(), identities_ = {};
   put([this, make = std::move(make)](record::RunWriter&) {
@@ -113,8 +113,8 @@ void Journal::begin_next(MakeRun make) {
       run_.swap(next);
       before = std::move(next);
     }
-    // A label of the previous run applies to the next record. One that arrives while that run is
-    // closed is older than any label of the new run.
+    // A label of the previous run also applies to the new run. A label that arrives while the
+    // previous run is being closed does not replace a label of the new run.
     take_label(before->new_label(UtcTime::max()));
     const std::uint64_t labels = labels_;
     constexpr int most_closing = 4;
@@ -132,13 +132,15 @@ void Journal::begin_next(MakeRun make) {
   renew_anchor();
 }
 
-// A label written to the run until its end applies to the next run.
+// Closes the previous run. `labels`: value of labels_ when the new run began. If no label has been
+// set since, a label written to the previous run during closing applies to the new run.
 void Journal::close_before(record::RunWriter& before, std::uint64_t labels) {
   if (!before.close("complete"))
-    spdlog::warn("{}: in use by another program; the last records stay in its -wal", before.path());
+    spdlog::warn("{}: in use by another program; the last records stay in its -wal file",
+                 before.path());
   if (auto left = before.new_label(UtcTime::max()); labels_ == labels) take_label(std::move(left));
   const std::lock_guard lock(mutex_);
-  run_->reserve();  // uses the space freed by the previous run
+  run_->reserve();  // uses disk space that closing the previous run may have freed
 }
 
 void Journal::take_label(std::optional<std::string> label) {
@@ -213,8 +215,8 @@ void Journal::refresh_anchor(RunLog& log) {
   const UtcTime before = now + last.utc_offset, utc = clock_.utc();
   if (std::chrono::abs(utc - before) >= least_step) {
     log.put(Severity::warning, "clock",
-            "the system clock was set, or the machine was suspended: from " + iso8601(before) +
-                " to " + iso8601(utc) + "; slots from now on use the new time");
+            "the system clock was set, or the machine was suspended: UTC jumped from " +
+                iso8601(before) + " to " + iso8601(utc) + "; later slots use the new time");
     anchors_.push_back(put_anchor());
   } else if (now - last.mono >= anchor_pause) {
     renew_anchor();
@@ -252,7 +254,7 @@ void Journal::stop() {
   const auto now = std::chrono::steady_clock::now().time_since_epoch();
   patience_.give_up_ns = std::min(patience_.give_up_ns.load(),
                                   std::int64_t{std::chrono::nanoseconds(now + last_wait).count()});
-  worker_.reset();  // uses the closer
+  worker_.reset();  // stopped first, because its jobs use closer_
   closer_.reset();
 }
 
@@ -274,7 +276,8 @@ bool Journal::finish(const std::string& status) {
   if (missing > 0) why += "; its last " + std::to_string(missing) + " records are not written";
   try {
     run_->close(code == ExitCode::disk ? "stopped:disk" : "stopped:failed", missing);
-  } catch (const Error&) {  // keeps the first reason, unless this one states the remaining data
+  } catch (const Error&) {
+    // Keeps the first error, unless the file is damaged: this error then names a rescued copy.
     if (run_->lost()) throw;
   }
   throw Error(code, why);
@@ -300,7 +303,7 @@ void RunLog::put(Severity severity, const std::string& source, const std::string
     of = {.since = now};
     if (left_out > 0)
       write(Severity::warning, source,
-            std::to_string(left_out) + " lines dropped (limit 100 in 10 s)", true);
+            std::to_string(left_out) + " log lines dropped (limit 100 in 10 s)", true);
   }
   if (++of.lines <= most_lines)
     write(severity, source, text, recovery || severity != Severity::info);

@@ -13,13 +13,13 @@
 
 namespace echofuse::acquire {
 
-// Throws Error(failed) if `out` exists, Error(disk) if its folder is missing or not writable.
+// Throws Error(failed) if `out` exists, or Error(disk) if its folder is missing or not writable.
 void refuse_bad_target(const std::filesystem::path& out);
-// Throws Error(failed) if this time is too close to 2262, the end of UtcTime's range.
+// Throws Error(failed) if `now` is less than three years before the end of UtcTime's range (2262).
 void refuse_late_clock(UtcTime now);
 
-// Creates a run file with the calibration and antennas of the configuration. `clock` must outlive
-// the writer. Empty uuid: random.
+// Creates a run file and writes the calibration and antennas of the configuration to it. `clock`
+// must outlive the writer. If `uuid` is empty, a random UUID is used.
 std::unique_ptr<record::RunWriter> make_run(
     const Config& config, const std::string& out,
     const std::vector<std::pair<std::string, std::string>>& meta, const std::string& uuid,

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: MIT
-// State machine that closes slots: (event, now) -> actions. Pure: does not read a clock.
+// Decides when slots are closed. Pure: the caller passes the time.
 //
 // Slot k is due at its end plus a grace period for late samples: blocks of tags span up to 100 ms
 // (500 ms if configured in the bridge) and need transport time.
-// A late caller gets every due slot, in order: no slot is skipped.
+// If tick() is called late, it returns all due slots in order; it never skips a slot.
 //
 // tick() must be called every 50 ms. A pause of more than 100 ms means that the program did not
-// run. Data sent in between are still to be read, so the next slot gets a second grace period.
-// After a pause of more than a slot, the slots that began in it are marked as stalled: without a
-// fitted clock their samples have the time of reading. With one, a complete slot is valid.
+// run. Data that were sent during the pause have not been read yet, so the next slot gets a second
+// grace period. After a pause longer than a slot, the slots that began during the pause are marked
+// as stalled: if there is no clock fit, their samples have the time at which they were read. If
+// there is a clock fit, a stalled slot is valid if it is complete.
 #pragma once
 #include <algorithm>
 #include <cstdint>
@@ -20,9 +21,10 @@
 
 namespace echofuse::acquire {
 
-// Time axis of a run: slot k covers [first + k*length, first + (k+1)*length) of host time.
-// Absolute, so that late handling causes no drift. Slots begin at multiples of their length, so
-// parallel and consecutive runs, and programs that move the scene, share the same slots.
+// Time axis of a run: slot k covers [first + k*length, first + (k+1)*length) of host time. Slot
+// times are absolute, so that late processing causes no drift. Slots of up to 10 s begin at
+// multiples of their length. Parallel runs, consecutive runs and programs that move the scene
+// therefore use the same slots.
 struct SlotGrid {
   HostTime first{};
   std::chrono::nanoseconds length{1};
@@ -30,7 +32,7 @@ struct SlotGrid {
   HostTime start(std::int64_t k) const { return first + k * length; }
   HostTime end(std::int64_t k) const { return start(k + 1); }
   HostTime centre(std::int64_t k) const { return start(k) + length / 2; }
-  // Negative before the run.
+  // Returns the number of the slot that contains `t`; negative before the run.
   std::int64_t slot_of(HostTime t) const {
     const auto since = t - first;
     const std::int64_t k = since / length;
@@ -38,8 +40,8 @@ struct SlotGrid {
   }
 };
 
-// Returns the start of slot 0 of a run that can begin at `ready`. Runs with long slots begin at
-// once.
+// Returns the start of slot 0: the first multiple of `length` from `ready` on, or `ready` itself if
+// slots are longer than 10 s.
 inline HostTime first_slot(HostTime ready, std::chrono::nanoseconds length) {
   constexpr std::chrono::seconds longest_wait{10};
   return length > longest_wait ? ready : (ready + length - HostTime(1)) / length * length;
@@ -56,18 +58,19 @@ inline constexpr std::chrono::milliseconds grace{500};
 
 class Scheduler {
  public:
-  // `count`: number of slots; no value: unlimited.
+  // `count`: number of slots of the run; no value: unlimited.
   explicit Scheduler(const SlotGrid& grid, std::optional<std::int64_t> count = std::nullopt);
 
-  // Returns the slots to close now.
+  // Returns the slots that must be closed now.
   std::vector<DueSlot> tick(HostTime now);
-  // Returns the time at which tick() has work again, while not done().
+  // Returns the time at which the next slot becomes due. Undefined if done() is true.
   HostTime next_deadline() const { return std::max(grid_.end(next_) + grace, held_until_); }
-  // Returns the delay of slot k if it is closed `now`; includes a second grace period.
+  // Returns by how much slot k is late if it is closed `now`. A second grace period counts as
+  // lateness.
   std::chrono::nanoseconds lateness(std::int64_t k, HostTime now) const {
     return now - (grid_.end(k) + grace);
   }
-  // Makes the slot at `now` the last one.
+  // Makes the slot that contains `now` the last one.
   void finish(HostTime now);
   bool done() const { return last_ && next_ > *last_; }
   std::int64_t closed() const { return next_; }
@@ -81,27 +84,29 @@ class Scheduler {
   bool stalled(std::int64_t k) const;
 
   SlotGrid grid_;
-  std::int64_t next_ = 0;             // first open slot
-  std::optional<std::int64_t> last_;  // last slot of the run, if known
+  std::int64_t next_ = 0;             // number of the first open slot
+  std::optional<std::int64_t> last_;  // number of the last slot, if known
   HostTime last_tick_;
   HostTime held_until_ = HostTime::min();
-  std::int64_t held_ = -1;     // slot that had its second grace period
-  std::vector<Pause> pauses_;  // pauses longer than a slot in which open slots began
+  std::int64_t held_ = -1;  // number of the slot that last got a second grace period
+  // Pauses longer than a slot in which slots began that are still open.
+  std::vector<Pause> pauses_;
 };
 
-// Slots that are due but not closed. After a pause many are due at once; they wait for the disk,
-// within a limit beyond which the disk is too slow.
+// Slots that are due but not closed. After a pause of the program many slots are due at once; these
+// wait while the disk is busy. If too many later slots are due, the disk is too slow, and they are
+// closed without waiting.
 class Backlog {
  public:
-  static constexpr std::int64_t most_behind = 128;  // later slots that may wait behind those of a
-                                                    // pause
+  // If this number of later slots is due, the slots of a pause no longer wait for the disk.
+  static constexpr std::int64_t most_behind = 128;
 
   void put(const std::vector<DueSlot>& fresh) {
     due_.insert(due_.end(), fresh.begin(), fresh.end());
     if (fresh.size() > 1) pause_end_ = fresh.back().index;
   }
-  // Returns the next slot to close; nothing without one, or if it is from a pause and the disk
-  // is `busy`.
+  // Returns the next slot to close. Returns no value if no slot is due, or if the slot became due
+  // during a pause and the disk is `busy`.
   std::optional<DueSlot> next(bool busy) {
     if (due_.empty()) return std::nullopt;
     const bool may_wait =
@@ -115,7 +120,7 @@ class Backlog {
 
  private:
   std::deque<DueSlot> due_;
-  std::int64_t pause_end_ = -1;  // last slot that became due together with others
+  std::int64_t pause_end_ = -1;  // number of the last slot that became due together with others
 };
 
 }  // namespace echofuse::acquire

@@ -16,7 +16,8 @@ namespace {
 
 constexpr double reference_s = 60;
 constexpr std::size_t least_records = 5;
-constexpr double leakage_m = 0.5;  // direct path from the radar's transmitter to its receivers
+// Extent of the direct path from the transmitter to the receivers.
+constexpr double leakage_m = 0.5;
 
 template <class... Values>
 std::string format(const char* pattern, Values... values) {
@@ -25,8 +26,9 @@ std::string format(const char* pattern, Values... values) {
   return text;
 }
 
-// Returns true if no 5 adjacent bins exceed the mean by five standard deviations plus five clicks
-// for their tail.
+// Returns true if the counts have no peak. The limit for the sum of 5 adjacent bins is its mean
+// plus five standard deviations plus five clicks. The five clicks allow for the long tail of the
+// Poisson distribution at low counts.
 bool is_even(const std::vector<std::uint32_t>& counts) {
   constexpr std::size_t bins = 5;
   if (counts.size() <= bins) return false;
@@ -42,8 +44,9 @@ bool is_even(const std::vector<std::uint32_t>& counts) {
   return true;
 }
 
-// Returns true if a and b differ by rounding only. Averages of equal log2 codes over different
-// numbers of frames differ by less than 0.01. Linear power has no fixed scale.
+// Returns true if a and b differ only by rounding. Means of equal log2 codes over different numbers
+// of frames differ by less than 0.01. The scale of linear power is arbitrary, so its tolerance is
+// relative to the maximum.
 bool same_profile(const std::vector<float>& a, const std::vector<float>& b, bool codes) {
   const float top = a.empty() ? 0 : std::ranges::max(a);
   const float rounding = codes ? 0.01F : 1e-5F * std::abs(top);
@@ -51,28 +54,29 @@ bool same_profile(const std::vector<float>& a, const std::vector<float>& b, bool
                     [&](float x, float y) { return std::abs(x - y) <= rounding; });
 }
 
-// Events of the tagger in the record, including those known to be missing.
+// Returns the verdict "lossy" if fewer than `limit` of the events that the tagger measured have
+// arrived; otherwise an empty text.
 std::string missed_verdict(const TagCounts& counts, double limit) {
   const auto arrived = static_cast<double>(counts.tags);
   const double sent = arrived + static_cast<double>(counts.missed);
   if (arrived >= limit * sent) return {};
-  return format("lossy: %.0f %% of the tagger's events, %.0f were missed", 100 * arrived / sent,
+  return format("lossy: %.0f %% of the tagger's events received, %.0f missed", 100 * arrived / sent,
                 sent - arrived);
 }
 
-// Returns true if starts without a click may be missing: a conditional filter in the tagger, or T3
-// mode.
+// Returns true if starts without a click may be missing because of a conditional filter in the
+// tagger or because of T3 mode.
 bool may_be_filtered(const record::FusedRecord& r) {
   const TagCounts& c = r.spd_counts;
   const auto clicks = static_cast<double>(c.in_range + c.out_of_range);
   const auto starts = static_cast<double>(c.starts);
   if (starts >= 2 * clicks) return false;
-  constexpr double most_share = 0.5;  // share of pulses that a filter transfers
+  constexpr double most_share = 0.5;  // largest fraction of pulses that a filter lets through
   const auto& a_pulse = r.signal.clicks_a_pulse;
   return !a_pulse || *a_pulse * starts < most_share * clicks;
 }
 
-constexpr const char* still = "stands still: the same as in the record before, to the last ";
+constexpr const char* still = "stands still: identical to the previous record in every ";
 
 }  // namespace
 
@@ -95,12 +99,13 @@ std::optional<double> SignalCheck::Reference::add(double strength, std::size_t a
 std::string SignalCheck::beside_reference(Sensor sensor, double strength, const char* what) {
   const auto usual = references_[sensor].add(strength, reference_records_);
   if (!usual || strength >= limits_.weak_share * *usual) return {};
-  return format("weak: %s is %.2g of the run's first minute's", what, strength / *usual);
+  return format("weak: %s is %.2g times that of the run's first minute", what, strength / *usual);
 }
 
 std::string SignalCheck::assess_spd(record::FusedRecord& r, const Axis& axis) {
-  bool even = true;                      // in every zone
-  double clicks = 0, all = 0, most = 0;  // above the background; in total; in the brightest zone
+  bool even = true;  // true if no zone has a peak
+  // Clicks above the background, all clicks, and clicks in the brightest zone.
+  double clicks = 0, all = 0, most = 0;
   for (auto from = r.spd.begin(); from < r.spd.end(); from += axis.count) {
     const std::vector<std::uint32_t> zone(from, from + axis.count);
     const double sum = std::accumulate(zone.begin(), zone.end(), 0.0);
@@ -113,27 +118,27 @@ std::string SignalCheck::assess_spd(record::FusedRecord& r, const Axis& axis) {
   r.signal.spd_clicks = clicks;
   if (!even)
     r.signal.spd_peak_m = (axis.start + (static_cast<double>(top) + 0.5) * axis.step) / ps_per_m;
-  const std::string beside = beside_reference(Sensor::spd, clicks, "the light");
+  const std::string beside = beside_reference(Sensor::spd, clicks, "light level");
   const bool repeats = r.spd == last_spd_ && r.spd_counts.in_range > 0;
   last_spd_ = r.spd;
-  if (repeats) return still + std::string("click");
+  if (repeats) return still + std::string("bin");
   const double a_pulse = r.signal.clicks_a_pulse.value_or(0) * (all > 0 ? most / all : 1);
   if (limits_.clicks_a_pulse > 0 && a_pulse > limits_.clicks_a_pulse)
-    return format("saturated: %.3g clicks a laser pulse%s, %.3g wanted at most", a_pulse,
+    return format("saturated: %.3g clicks per laser pulse%s (limit %.3g)", a_pulse,
                   most < all ? " in the brightest zone" : "", limits_.clicks_a_pulse) +
            swap_question(r.spd_counts);
   const TagCounts& c = r.spd_counts;
   if (even && c.out_of_range > c.in_range)
     return format(
-               "no peak: no bins stand out of the mean, and %.0f %% of the clicks lie outside "
-               "the histogram's %.2f to %.2f m",
+               "no peak: no bins clearly exceed the mean, and %.0f %% of the clicks are outside "
+               "the histogram (%.2f to %.2f m)",
                100.0 * static_cast<double>(c.out_of_range) /
                    static_cast<double>(c.in_range + c.out_of_range),
                axis.start / ps_per_m, axis.at(axis.count) / ps_per_m) +
            swap_question(c);
-  if (even) return "no peak: no bins stand out of the mean";
+  if (even) return "no peak: no bins clearly exceed the mean";
   if (clicks < limits_.spd_clicks)
-    return format("weak: %.0f clicks above the background, %.0f wanted", clicks,
+    return format("weak: %.0f clicks above the background (at least %.0f needed)", clicks,
                   limits_.spd_clicks);
   return beside;
 }
@@ -149,26 +154,28 @@ std::string SignalCheck::assess_radar(record::FusedRecord& r, const Axis& axis) 
   const double floor = median(power);
   const auto first = power.begin() + leakage_bins;
   const auto top = static_cast<std::size_t>(std::max_element(first, power.end()) - power.begin());
-  // After noise subtraction the floor is 0 or less, so a ratio is undefined.
+  // After noise subtraction the median may be 0 or negative. The ratio is then infinite and is not
+  // stored.
   const double snr_db = power[top] <= 0 ? 0 : 10 * std::log10(power[top] / std::max(floor, 0.0));
   double strength = 0;
   for (auto p = first; p != power.end(); ++p) strength += std::max(0.0, *p - floor);
   if (std::isfinite(snr_db)) r.signal.radar_snr_db = snr_db;
   r.signal.radar_peak_m = axis.start + static_cast<double>(top) * axis.step;
-  const std::string beside = beside_reference(Sensor::radar, strength, "the echo");
+  const std::string beside = beside_reference(Sensor::radar, strength, "echo power");
   const bool repeats = same_profile(r.radar, last_radar_, codes);
   last_radar_ = r.radar;
-  if (repeats) return still + std::string("bit");
+  if (repeats) return still + std::string("bin");
   if (snr_db < limits_.radar_snr_db)
-    return format("no peak: %.1f dB over the median bin, %.1f wanted", snr_db,
+    return format("no peak: %.1f dB above the median bin (at least %.1f dB needed)", snr_db,
                   limits_.radar_snr_db);
-  // Equal top bins of a mean mean that every frame is clipped. A frozen frame may have two equal
-  // bins by chance; the next record then shows the freeze.
+  // Two equal bins at the top of an average over several frames indicate that every frame is
+  // clipped. The verdict requires this in two successive records, because a frozen frame may have
+  // equal bins by chance; the second record then reveals the freeze.
   const bool averaged = r.sync[Sensor::radar].used > 1;
   const bool flat = averaged && (r.radar[top] == r.radar[top - 1] ||
                                  (top + 1 < r.radar.size() && r.radar[top] == r.radar[top + 1]));
   if (std::exchange(radar_was_flat_, flat) && flat)
-    return format("saturated: the lobe at %.2f m is cut off", *r.signal.radar_peak_m);
+    return format("saturated: the lobe at %.2f m is clipped", *r.signal.radar_peak_m);
   return beside;
 }
 
@@ -177,18 +184,21 @@ std::string SignalCheck::assess_depth(record::FusedRecord& r) {
   const auto returns = std::ranges::count_if(mm, [&](auto z) { return z > 0 && z <= far_mm_; });
   const double share = static_cast<double>(returns) / static_cast<double>(mm.size());
   r.signal.depth_share = share;
-  const std::string beside = beside_reference(Sensor::depth, share, "the pixels with a return");
+  const std::string beside =
+      beside_reference(Sensor::depth, share, "fraction of pixels with a return");
   const bool repeats = mm == last_depth_ && share > 0;
   last_depth_ = mm;
   if (repeats) return still + std::string("pixel");
   if (share < limits_.depth_share)
-    return format("weak: %.2f %% of the pixels have a return, %.2g %% wanted", 100 * share,
-                  100 * limits_.depth_share);
+    return format("weak: %.2f %% of the pixels have a return (at least %.2g %% needed)",
+                  100 * share, 100 * limits_.depth_share);
   return beside;
 }
 
-// Expected frames without a nominal rate: the median over the slots of the first minute, including
-// lost ones; before that, the frames received or lost in this slot.
+// Returns the verdict "lossy" if too few start pulses or frames arrived; otherwise an empty text.
+// If the nominal frame rate is unknown, expects the median number of received and lost frames per
+// slot in the first minute. Before that median is known, expects the frames received or lost in
+// this slot.
 std::string SignalCheck::assess_losses(const record::FusedRecord& r, Sensor sensor,
                                        std::optional<HostTime> end) {
   const bool spd = sensor == Sensor::spd;
@@ -204,11 +214,11 @@ std::string SignalCheck::assess_losses(const record::FusedRecord& r, Sensor sens
   }
   if (spd && expected == 0) return missed_verdict(r.spd_counts, limits_.lossy_share);
   if (end && *end < r.slot_end) expected *= std::max(0.0, seconds(*end - r.slot_start)) / slot_s;
-  // A slot border can move one frame at most.
+  // A deficit of one frame is tolerated, because a frame may fall into the adjacent slot.
   if (arrived >= limits_.lossy_share * expected || expected - arrived < 2) return {};
   if (spd && may_be_filtered(r)) return {};
-  return format("lossy: %.0f %% of the %.0f expected %s", 100 * arrived / expected, expected,
-                spd ? "start pulses" : "frames");
+  return format("lossy: %.0f %% of the %.0f expected %s received", 100 * arrived / expected,
+                expected, spd ? "start pulses" : "frames");
 }
 
 void SignalCheck::assess(record::FusedRecord& record, std::span<const Axis> axes,

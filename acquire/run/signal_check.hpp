@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: MIT
-// Judges the quality of each sensor's data. Pure. Replaces a valid sensor's verdict "ok" by
-//   stands still  same histogram, profile or frame as in the previous record
+// Checks the quality of each sensor's data. Pure. If it is poor, replaces the verdict "ok" of a
+// valid sensor with one of these kinds, followed by ": " and figures:
+//   stands still  the histogram, profile or frame is identical to that of the previous record
 //   saturated     SPD: too many clicks per laser pulse (pile-up)
 //                 radar: the top of the lobe is clipped
-//   no peak       SPD: no 5 bins exceed the mean; radar: no bin exceeds the median
-//   weak          SPD: few clicks, or few relative to the run's first minute; radar: little power
-//                 relative to it; depth: few pixels with a return, or few relative to it
-//   lossy         too few samples received: radar frames, camera frames, start pulses
-// followed by ": " and figures. The sensor stays valid; its data are not changed.
+//   no peak       SPD: no 5 adjacent bins exceed the mean; radar: no bin exceeds the median
+//   weak          SPD: too few clicks; depth: too few pixels with a return; all sensors: signal
+//                 much weaker than in the first minute of the run
+//   lossy         too few radar frames, camera frames or start pulses were received
+// The sensor stays valid, and its data are not changed.
 #pragma once
 #include <optional>
 #include <span>
@@ -22,19 +23,20 @@ namespace echofuse::acquire {
 
 class SignalCheck {
  public:
-  // `nominal_hz`: rates of starts, radar frames and camera frames; 0: unknown. Depths beyond
-  // `far_m` are treated as no return.
+  // `nominal_hz`: rates of start pulses, radar frames and camera frames, Hz; 0: unknown. Depths
+  // beyond `far_m` are treated as no return.
   SignalCheck(const SignalLimits& limits, double window_s, PerSensor<double> nominal_hz = {},
               double far_m = record::most_map_far_m);
-  // Fills record.signal, except clicks_a_pulse, and sets the verdicts of valid sensors. Call in
-  // record order; `axes`: those of the run. `ends`: ends of the sensors' recordings. A slot that
-  // such an end cuts is expected to contain the samples before it.
+  // Fills record.signal except clicks_a_pulse, and sets the verdicts of valid sensors. Call in the
+  // order of the records. `axes`: axes of the run. `ends`: times at which the recordings of the
+  // sensors end. If a recording ends within the slot, samples are expected only up to that time.
   using RecordingEnds = PerSensor<std::optional<HostTime>>;
   void assess(record::FusedRecord& record, std::span<const Axis> axes,
               const RecordingEnds& ends = {});
 
  private:
-  // A sensor's signal in the first minute; unknown before five records.
+  // Median strength of a sensor's signal in the first minute of the run; no value before five
+  // records.
   class Reference {
    public:
     std::optional<double> add(double strength, std::size_t at_most);
@@ -57,15 +59,16 @@ class SignalCheck {
   PerSensor<Reference> references_, frames_;
   std::vector<std::uint32_t> last_spd_;
   std::vector<float> last_radar_;
-  bool radar_was_flat_ = false;  // the previous record's lobe was clipped
+  bool radar_was_flat_ = false;  // true if the top of the lobe was clipped in the previous record
   std::vector<std::uint16_t> last_depth_;
 };
 
-// Returns a hint that the tagger's inputs may be swapped if at least 98 % of the clicks are outside
-// the histogram, or more than four clicks follow each start; otherwise empty.
+// Returns a hint that the inputs of the tagger may be swapped if at least 98 % of the clicks are
+// outside the histogram, or if there are more than four clicks per start; otherwise an empty text.
 std::string swap_question(const TagCounts& counts);
 
-// Returns "ok", "weak", ... for a valid sensor, "missing" otherwise; used to detect changes.
+// Returns the kind of a valid sensor's verdict ("ok", "weak", ...), or "missing" if the sensor is
+// not valid. Callers compare kinds to detect changes.
 std::string kind_of(const record::FusedRecord& record, Sensor sensor);
 
 }  // namespace echofuse::acquire

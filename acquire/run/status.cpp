@@ -36,7 +36,7 @@ std::string rate_text(double tags_per_s) {
                            : format("%.1f ktag/s", tags_per_s / 1e3);
 }
 
-// 0:07, 12:34, 1:02:03
+// Formats a time as 0:07, 12:34 or 1:02:03.
 std::string clock_text(double time_s) {
   const auto s = static_cast<std::int64_t>(std::max(0.0, time_s));
   return s < 3600 ? format("%" PRId64 ":%02" PRId64, s / 60, s % 60)
@@ -63,7 +63,7 @@ std::string sensor_letters(const RunTotals& now) {
   return letters;
 }
 
-// Sets the rates of samples received in slots of this total length.
+// Returns the numbers of samples per second in slots of the total length `slots_s`.
 PerSensor<double> rates(std::uint64_t tags, std::uint64_t radar, std::uint64_t depth,
                         double slots_s) {
   if (slots_s <= 0) return {};
@@ -71,7 +71,7 @@ PerSensor<double> rates(std::uint64_t tags, std::uint64_t radar, std::uint64_t d
           static_cast<double>(depth) / slots_s};
 }
 
-// Cuts a text to this number of bytes, at a character.
+// Truncates a UTF-8 text to at most `bytes` bytes without splitting a character.
 std::string shortened(std::string text, std::size_t bytes) {
   if (text.size() <= bytes) return text;
   while (bytes > 0 && (static_cast<unsigned char>(text[bytes]) & 0xc0U) == 0x80U) --bytes;
@@ -222,7 +222,7 @@ void StatusLine::show(HostTime now, const RunTotals& totals, const char* before,
     if (total_)
       times.remaining_s = std::max(0.0, static_cast<double>(*total_) * window_s_ - times.elapsed_s);
     const auto fields = status_fields(totals, times);
-    // One column stays free, because some terminals wrap text in the last column.
+    // The last column stays empty, because some terminals wrap a line that fills it.
     const std::string line =
         terminal_ ? "\r\033[K" + status_line(fields, columns_of_terminal() - 1, colours_)
                   : status_line(fields, std::nullopt, false) + "\n";

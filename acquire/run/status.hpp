@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Status line of the daemon at the terminal.
+// Status line of a run on the terminal, and status notifications to systemd.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -15,65 +15,68 @@ namespace echofuse::acquire {
 // Totals since the start of the run.
 struct RunTotals {
   std::int64_t records = 0, written = 0;
-  std::int64_t incomplete = 0;  // records without a required sensor
-  std::int64_t not_ok = 0;      // records with a configured sensor that is not "ok"
-  // Sums over all slots: samples received, and length of the slots.
+  std::int64_t incomplete = 0;  // records in which a required sensor is not valid
+  std::int64_t not_ok = 0;      // records in which a configured sensor is not "ok"
+  // Received samples and total length of the slots.
   std::uint64_t tags = 0, radar_frames = 0, depth_frames = 0;
   double slots_s = 0;
-  PerSensor<std::uint64_t> lost{};  // tags, radar frames, depth frames
-  // Values of the last record.
-  PerSensor<double> rate_hz{};  // tags, frames received in its slot
-  SensorSet valid, doubtful;    // doubtful: configured, and not "ok"
-  std::string trouble;          // first doubtful sensor and its verdict: "radar weak"
+  PerSensor<std::uint64_t> lost{};  // number of lost tags, radar frames and depth frames
+  // The following values belong to the last record.
+  PerSensor<double> rate_hz{};  // received tags or frames per second
+  SensorSet valid, doubtful;    // doubtful: configured but not "ok"
+  std::string trouble;  // first doubtful sensor and the kind of its verdict, e.g. "radar weak"
   std::string label;
   record::Signal signal;
-  std::optional<std::uint64_t> free_bytes;         // free bytes of the disk
-  PerSensor<std::string> kinds{"ok", "ok", "ok"};  // kinds of the last verdicts
+  std::optional<std::uint64_t> free_bytes;         // free space on the disk of the run, bytes
+  PerSensor<std::string> kinds{"ok", "ok", "ok"};  // kind of each sensor's last verdict
 
-  // Adds a record. Calls `changed` once for each configured sensor that drops out, becomes doubtful
-  // or recovers.
+  // Adds a record. Calls `changed` once for each configured sensor that becomes missing, becomes
+  // doubtful or recovers.
   void take(const record::FusedRecord& record, SensorSet configured,
             const std::function<void(Sensor, Severity)>& changed);
-  // Returns "; 3 with a sensor not ok", or nothing.
+  // Returns a text such as "; 3 with a sensor not ok"; empty if all records are ok.
   std::string doubts() const;
 };
 
-// Returns "7 records", or "3 of 3 records" if that number is planned.
+// Returns a text such as "7 records", or "3 of 5 records" if `planned` is 5.
 std::string count_text(std::int64_t written, std::optional<std::int64_t> planned);
 
-// Field of the status line. Fields keep their order; a narrow terminal drops fields with a high
-// rank first.
+// Field of the status line. The order of the fields is fixed. If the terminal is too narrow, fields
+// with a high rank are omitted first.
 struct StatusField {
   std::string text;
-  int rank = 0;      // 0: always shown
-  bool bad = false;  // red on terminals with colours
+  int rank = 0;      // fields of rank 0 are omitted last
+  bool bad = false;  // true: shown in red on a colour terminal
 };
 struct StatusTimes {
-  double elapsed_s = 0;                 // since the start of the first slot
-  std::optional<double> remaining_s;    // if the end of the run is known
-  std::optional<std::int64_t> records;  // records of the whole run, if its end is known
+  double elapsed_s = 0;                 // time since the first slot began
+  std::optional<double> remaining_s;    // remaining time, if the number of slots is known
+  std::optional<std::int64_t> records;  // planned number of records, if known
 };
-// The letter of a sensor (S, R, D) is lower-case if it is doubtful, and a dash if it is not valid.
+// Shows each sensor by its letter (S, R, D) if it is ok, in lower case if it is doubtful, and as a
+// dash if it is not valid.
 std::vector<StatusField> status_fields(const RunTotals& now, const StatusTimes& times);
 
-// Joins the fields that fit in `columns`, separated by two spaces; no value: all. A text has at
-// most one column per byte.
+// Joins the fields that fit into `columns`, separated by two spaces; joins all fields if `columns`
+// has no value. Each byte is assumed to need one column, which is never too few.
 std::string status_line(const std::vector<StatusField>& fields, std::optional<std::size_t> columns,
                         bool colours);
 
-// Rewrites one line of a terminal within its width. Elsewhere prints a plain line every 10 s;
-// nothing when quiet. Red unless NO_COLOR is set; rings the bell when a sensor becomes doubtful.
+// On a terminal, rewrites one line and keeps it within the width of the terminal. Otherwise prints
+// a plain line every 10 s. Prints nothing if `quiet` is set. Uses red unless NO_COLOR is set. Rings
+// the terminal bell when a sensor becomes doubtful.
 class StatusLine {
  public:
   using ShowLine = std::function<void(std::string)>;
-  // `show` receives each line with control characters; empty: print to stderr.
+  // `show` receives each line, including control characters; if it is empty, lines are printed to
+  // stderr.
   StatusLine(HostTime start, double window_s, std::optional<std::int64_t> total, bool quiet,
              ShowLine show);
-  ~StatusLine();  // ends the line
+  ~StatusLine();  // prints a line break if a status line is on the terminal
   StatusLine(const StatusLine&) = delete;
   StatusLine& operator=(const StatusLine&) = delete;
   void update(HostTime now, const RunTotals& totals);
-  // Prints the last state with the rates of the whole run; the line remains.
+  // Prints the final state with the mean rates of the whole run. The line remains on the terminal.
   void finish(HostTime now, const RunTotals& totals);
 
  private:
@@ -86,12 +89,13 @@ class StatusLine {
   RunTotals before_;
 };
 
-// Notifications of a run to systemd (sd_notify): ready with the first slot, then a heartbeat per
-// record on disk. Without NOTIFY_SOCKET all functions do nothing. Threading: the loop's thread. A
-// call blocks only if systemd does.
-// The first slot begins. Extends a watchdog shorter than four slots.
+// Notifications of a run to systemd (sd_notify). They do nothing if NOTIFY_SOCKET is not set.
+// Threading: the loop's thread; a call blocks only if systemd blocks.
+
+// Reports that the run is ready. Extends the watchdog period if it is shorter than four slots.
 void notify_ready(double window_s);
-// Reports that `records` are on disk: at least one more than in the last call.
+// Reports the number of records on disk and triggers the watchdog. Call only if that number has
+// increased.
 void notify_advance(std::int64_t records);
 void notify_stopping();
 

@@ -9,23 +9,27 @@
 
 namespace echofuse::acquire {
 
-// The viewer prints its address. A failed start is only a warning, so that the run continues.
+// Starts the viewer as a separate program, which prints the address of its page. If it fails to
+// start, logs a warning, so that the run continues.
 class Viewer {
  public:
-  // The run file may not exist yet; `planned`: number of records; `model`: for live maps, or empty.
+  // The run file need not exist yet. `planned`: planned number of records. `model`: model for the
+  // live depth maps; empty: no maps.
   Viewer(const std::string& run, std::optional<std::int64_t> planned, const std::string& model);
-  ~Viewer();  // ends the viewer unless it was detached
+  ~Viewer();  // stops the viewer, unless leave() was called
   Viewer(const Viewer&) = delete;
   Viewer& operator=(const Viewer&) = delete;
 
-  // Keeps the page running; the viewer ends when the run is not viewed any more.
+  // Lets the viewer run after this object is destroyed. The viewer then exits when the run has
+  // ended and its page is closed.
   void leave() { program_.reset(); }
 
  private:
   std::optional<pid_t> program_;
 };
 
-// Temporary folder, removed with its contents. Throws Error(disk) if it cannot be created.
+// Temporary folder; the destructor removes it with its contents. The constructor throws Error(disk)
+// if the folder cannot be created.
 class TemporaryFolder {
  public:
   TemporaryFolder();

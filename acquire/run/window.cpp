@@ -20,7 +20,8 @@ std::string size_of(std::uint32_t width, std::uint32_t height) {
   return std::to_string(width) + " x " + std::to_string(height);
 }
 
-// Returns the part of a device's axis that is stored in records.
+// Returns the axis that records use for this axis of a device. For "array" it is the axis of the
+// array statistics.
 Axis kept_axis(const Axis& axis) {
   return axis.name == "array" ? record::array_axis(axis, record::antennas_of(axis)) : axis;
 }
@@ -80,8 +81,8 @@ std::vector<Axis> Windows::axes() const {
   return all;
 }
 
-// Returns the open slot of a sample; counts a stray sample of this many tags or frames and returns
-// nullptr.
+// Returns the open slot that contains the time `taken`. If there is none, counts `amount` tags or
+// frames as early or late and returns nullptr.
 Windows::Slot* Windows::find(Sensor sensor, HostTime taken, std::uint64_t amount) {
   const std::int64_t k = grid_.slot_of(taken);
   if (k >= next_) return &open_[k];
@@ -102,7 +103,7 @@ bool Windows::repeated(Sensor sensor, FrameNumbers::Order order) {
 }
 
 void Windows::add(const TagBlock& block) {
-  // Tags are missing, so clicks must not refer to an earlier start.
+  // If tags are missing, clicks must not refer to a start before the gap.
   if (block.lost_blocks > 0 || block.lost_items > 0) histogram_->forget_start();
   const ClockFit& clock = clocks_[Sensor::spd];
   const Tag* const end = block.tags.data() + block.tags.size();
@@ -124,7 +125,7 @@ void Windows::add(const TagBlock& block) {
   }
 }
 
-// Tags of one slot; the first and last were taken at these times.
+// Adds tags that belong to one slot. `from`, `to`: times of the first and the last tag.
 void Windows::add_part(std::span<const Tag> tags, HostTime from, HostTime to) {
   Slot* slot = find(Sensor::spd, from, tags.size());
   if (!slot) return histogram_->forget_start();
@@ -236,11 +237,11 @@ std::string Windows::spd_fault(const Slot& slot, HostTime end) const {
   if (!sends_histograms_ && tags.starts == 0)
     return "no start tags on channel " + std::to_string(histogram_->settings().start_channel);
   if (overflow_from_ && tags.in_range + tags.out_of_range == 0 && tags.without_start > 0)
-    return "in overflow since " + std::to_string(std::llround(seconds(end - *overflow_from_))) +
-           " s: no click counts before the tagger reports the end";
+    return "in overflow for " + std::to_string(std::llround(seconds(end - *overflow_from_))) +
+           " s: clicks are not counted until the tagger reports the end";
   const auto span = slot.spd_times.last - slot.spd_times.first;
   if (span < grid_.length / 2)
-    return (sends_histograms_ ? "histograms" : "tags") + std::string(" for only ") +
+    return (sends_histograms_ ? "histograms" : "tags") + std::string(" cover only ") +
            std::to_string(100 * span / grid_.length) + " % of the slot";
   return {};
 }
@@ -322,7 +323,8 @@ record::FusedRecord Windows::close(const DueSlot& due) {
                                       depth_fault(slot)};
   for (const Sensor s : all_sensors) {
     std::string& verdict = record.sync[s].verdict;
-    // A short span counts as truncated, because the loss is reported by a later sample.
+    // A stalled slot with a short span of tags counts as incomplete, because only a later sample
+    // reports the lost tags.
     const bool cut = s == Sensor::spd && span < grid_.length * 9 / 10;
     if (!configured_.contains(s)) {
       verdict = "not configured";

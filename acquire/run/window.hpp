@@ -1,34 +1,34 @@
 // SPDX-License-Identifier: MIT
 // Combines samples into one fused record per slot. Pure: no clock, device or file.
 //
-// Time of a sample: its device time, converted to host time by ClockFit; the time of receipt
-// without a sound fit. Never after its receipt.
-// Slot of a sample: the open slot with [start, end) containing that time, independent of its
-// arrival.
-//   early         before slot 0: counted as `early`, not used
-//   outside       after the run's last slot: counted as `outside`, not used
-//   late          its slot is closed already: counted as `late`, also for that slot's record; not
-//   used
-//   duplicate     a frame with the number and device time of one of the eight previous frames:
-//   counted as `duplicate`, not used
-//   out of order  a frame with a lower number than its predecessor: used normally, counted as
-//   `out_of_order`; tags: counted in `backwards` of the record
-// A block of tags is split where its times cross a border, found by bisection, so an out-of-order
-// tag may stay with its neighbours. A marker stays with the next event of its block.
-// Losses belong to the slot of the sample that reports them or, if that is closed, to the next one.
-// Every received tag is counted in exactly one record, or as early, late or outside.
+// Time of a sample: its device time, converted to host time by ClockFit, or the time of receipt if
+// there is no sound fit. The time of a sample is never later than its receipt.
+// A sample belongs to the open slot that contains its time, regardless of when it arrives. The
+// exceptions are counted under these names and, unless stated otherwise, not used:
+//   early         the sample is from before slot 0
+//   outside       the sample is from after the last slot of the run
+//   late          its slot is already closed; also counted in the record of that slot
+//   duplicate     a frame with the number and device time of one of the eight previous frames
+//   out_of_order  a frame with a lower number than the previous one; it is used normally
+// Out-of-order tags are used and counted as `backwards` in the record.
+// A block of tags is split where its times cross a slot border. The border is found by bisection,
+// so an out-of-order tag may stay with its neighbours. A marker stays with the next event of its
+// block.
+// Losses are counted in the slot of the sample that reports them or, if that slot is closed, in the
+// next open slot. Every received tag is counted in exactly one record, or as early, late or
+// outside.
 //
 // Contents of a record
-//   spd    every click of the slot's tags relative to the last start before it. A start remains
-//   valid across slot borders, but not across gaps in the tags. Valid if there was a start and the
-//   tags span half of the slot (counts are not rates, so a short stream is not comparable). For a
-//   detector that sends histograms: the sum of those with mid-exposure in the slot, under the same
-//   rule.
-//   radar  mean over the frames of linear power, stored as log2_q8 codes; a single frame is stored
-//   unchanged. Valid with one usable frame.
-//   array  statistics of the same frames, if they have a heat map (measurement/radar_array.hpp).
-//   Frames with consecutive numbers are consecutive.
-//   depth  the frame nearest to the slot's centre. Valid with one usable frame.
+//   spd    Histogram of the clicks in the slot, relative to the last start before each click. A
+//          start remains valid across slot borders, but not across gaps in the tags. Valid if there
+//          was a start and the tags span half of the slot, because the counts of a shorter stream
+//          are not comparable. For a detector that sends histograms: the sum of all histograms with
+//          mid-exposure in the slot; they must also span half of it.
+//   radar  Mean linear power of the frames, stored as log2_q8 codes; a single frame is stored
+//          unchanged. Valid if there is a usable frame.
+//   array  Statistics of the same frames, if they have a heat map (measurement/radar_array.hpp).
+//          Two frames count as consecutive if their numbers are.
+//   depth  The frame nearest to the centre of the slot. Valid if there is a usable frame.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -48,22 +48,23 @@
 
 namespace echofuse::acquire {
 
-// Samples that are in no record: tags for the SPD, frames for the others.
+// Numbers of samples that are in no record: tags of the SPD, frames of the other sensors. Only
+// `out_of_order` counts samples that are in a record.
 struct UnassignedSamples {
   PerSensor<std::uint64_t> early{}, late{}, outside{}, duplicate{}, out_of_order{};
 };
 
 class Windows {
  public:
-  // `clocks` must outlive this, and must observe every sample before it is added here.
+  // `clocks` must outlive this object, and must observe every sample before it is added here.
   Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc, const SensorClocks& clocks,
           SensorSet configured, SensorSet required = {});
 
-  // Sets axes and zones of a device. The first announcement of an axis is valid for the run.
-  // Returns false for a device with another axis or other zones: its samples are ignored until a
-  // device with the first axis and zones is announced.
+  // Sets axes and zones of a device. Those announced first are valid for the whole run. Returns
+  // false if a device has other axes or zones: its samples are ignored until a device with the
+  // first axes and zones is announced.
   bool announce(const DeviceInfo& info);
-  // Returns the axes known so far.
+  // Returns the axes that have been announced.
   std::vector<Axis> axes() const;
   const Zones& zones() const { return zones_; }
   void add(const TagBlock& block);
@@ -71,20 +72,21 @@ class Windows {
   void add(const RadarFrame& frame);
   void add(DepthFrame frame);
 
-  // Closes slots in order, each once. The caller sets label and UTC.
+  // Closes a slot and returns its record; the caller sets label and UTC. Call once per slot, in
+  // order.
   record::FusedRecord close(const DueSlot& slot);
   // Ends the run: samples of later slots are counted as `outside`.
   void finish();
   const UnassignedSamples& unassigned() const { return unassigned_; }
-  UnassignedSamples take_unassigned() {
-    return std::exchange(unassigned_, {});
-  }  // since the last
-     // call
-  // Returns late samples since the last call, for the first 256 slots; unassigned() has all.
+  // Returns the numbers of unassigned samples since the last call.
+  UnassignedSamples take_unassigned() { return std::exchange(unassigned_, {}); }
+  // Returns the late samples of each slot since the last call, for at most 256 slots. All late
+  // samples are counted in unassigned().
   record::LateCounts take_late() { return std::exchange(late_, {}); }
 
  private:
-  struct SampleTimes {  // times at which the samples in use were taken
+  // Times at which the samples of a slot were taken.
+  struct SampleTimes {
     HostTime first{}, last{};
     double from_centre_s = 0, weight = 0;
     std::int64_t count = 0;
@@ -92,8 +94,8 @@ class Windows {
     void describe(record::SensorSync& sync) const;
   };
   struct Slot {
-    std::shared_ptr<tdc::Histogram> histogram;  // created with the first tags
-    std::vector<std::uint32_t> summed;          // counts of a detector that sends histograms
+    std::shared_ptr<tdc::Histogram> histogram;  // created when the first tags arrive
+    std::vector<std::uint32_t> summed;          // summed counts of a detector that sends histograms
     TagCounts summed_tags;
     std::uint64_t spd_lost = 0;
     SampleTimes spd_times;
@@ -104,7 +106,7 @@ class Windows {
     std::uint64_t radar_frames = 0, radar_lost = 0;
     SampleTimes radar_times;
     std::optional<record::ArrayStatistics> array;
-    std::uint32_t array_last = 0;  // number of its last frame
+    std::uint32_t array_last = 0;  // number of the last frame in `array`
     std::string radar_fault;
     std::optional<RadarStats> stats;
     std::optional<RadarTemperature> temperature;
@@ -116,7 +118,8 @@ class Windows {
     std::string depth_fault;
   };
 
-  // Numbers of the last frames, to detect repeated ones.
+  // Numbers and device times of the last eight frames. Detects repeated frames and frames that are
+  // out of order.
   class FrameNumbers {
    public:
     enum class Order { next, repeated, back };
@@ -143,14 +146,15 @@ class Windows {
   SlotGrid grid_;
   const SensorClocks& clocks_;
   SensorSet configured_, required_;
-  std::shared_ptr<tdc::Histogram> histogram_;  // slot of the last tags
-  std::optional<HostTime> overflow_from_;      // start of the current overflow
-  std::map<std::string, Axis> axes_;           // array, depth_x, depth_y, radar, spd
-  Zones zones_;                                // announced with the axis spd
+  std::shared_ptr<tdc::Histogram> histogram_;  // histogram of the slot that got the last tags
+  // Start of the current overflow; no value if there is none.
+  std::optional<HostTime> overflow_from_;
+  std::map<std::string, Axis> axes_;  // by name: array, depth_x, depth_y, radar, spd
+  Zones zones_;                       // announced together with axis "spd"
   bool sends_histograms_ = false;
   PerSensor<bool> refused_{};
   std::map<std::int64_t, Slot> open_;
-  std::int64_t next_ = 0;  // first open slot
+  std::int64_t next_ = 0;  // number of the first open slot
   FrameNumbers radar_numbers_, depth_numbers_;
   UnassignedSamples unassigned_;
   record::LateCounts late_;

@@ -115,7 +115,7 @@ TEST_CASE("the doubt hook queues at most 16 changes and reports dropped ones") {
     calls.hook.take(record_of(i, i % 2 ? "ok" : "weak: 1"), both, "/runs/a");
   REQUIRE(calls.warnings.size() == 4);
   CHECK(calls.warnings[0] ==
-        "alert.on_doubt: radar weak not reported, because earlier calls still wait");
+        "alert.on_doubt: radar weak was not reported because too many changes are waiting");
 }
 
 TEST_CASE("at the end of a run the doubt hook reports queued changes and names dropped ones") {
@@ -133,7 +133,7 @@ TEST_CASE("at the end of a run the doubt hook reports queued changes and names d
     calls.hook.take_disk(1, {}, "/runs/a");
     calls.hook.finish(0s);
     REQUIRE(calls.warnings.size() == 2);
-    CHECK(calls.warnings[0].find("1 changes not reported") != std::string::npos);
-    CHECK(calls.warnings[1].find("was killed, because the run ended") != std::string::npos);
+    CHECK(calls.warnings[0].find("1 changes were not reported") != std::string::npos);
+    CHECK(calls.warnings[1].find("was killed because the run ended") != std::string::npos);
   }
 }

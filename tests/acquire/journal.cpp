@@ -322,7 +322,7 @@ TEST_CASE("each log source is limited to 100 lines in 10 s, further lines are co
     if (event.source == "radar") radar.push_back(event.text);
   REQUIRE(radar.size() == 102);
   CHECK(radar[99] == "again");
-  CHECK(radar[100] == "150 lines dropped (limit 100 in 10 s)");
+  CHECK(radar[100] == "150 log lines dropped (limit 100 in 10 s)");
   CHECK(radar[101] == "later");
 }
 

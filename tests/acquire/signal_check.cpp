@@ -109,7 +109,8 @@ TEST_CASE("a laser a thousand times too weak is reported in the first record") {
   lab.photons = 100;
   SignalCheck check({}, 3);
   const auto v = verdicts(check, lab.record());
-  CHECK_THAT(v[0], StartsWith("weak: ") && Catch::Contains(" clicks above the background, 1000 "));
+  CHECK_THAT(v[0], StartsWith("weak: ") &&
+                       Catch::Contains(" clicks above the background (at least 1000 "));
   CHECK(v[1] == "ok");
   SignalLimits off;
   off.spd_clicks = 0;
@@ -124,8 +125,8 @@ TEST_CASE("a signal below that of the first minute has the verdict weak") {
   lab.photons = 5e3, lab.radar_snr_db = 9, lab.depth_share = 0.004;
   for (int i = 0; i < 30; ++i) {  // does not become the reference
     const auto v = verdicts(check, lab.record());
-    CHECK_THAT(v[0], StartsWith("weak: the light is 0.0"));
-    CHECK_THAT(v[1], StartsWith("weak: the echo is 0.0"));
+    CHECK_THAT(v[0], StartsWith("weak: light level is 0.0"));
+    CHECK_THAT(v[1], StartsWith("weak: echo power is 0.0"));
     CHECK_THAT(v[2], StartsWith("weak: 0.42 % of the pixels"));
   }
   lab = {};
@@ -151,7 +152,7 @@ TEST_CASE("background alone has no peak, noise alone has no echo") {
              EndsWith("90 % of the clicks lie outside the histogram's 2.00 to 7.04 m"));
   far.spd_counts = {.in_range = 1, .out_of_range = 99};
   ++far.spd[0];
-  CHECK_THAT(verdicts(checked, far)[0], EndsWith("7.04 m: are start and click swapped?"));
+  CHECK_THAT(verdicts(checked, far)[0], EndsWith("7.04 m): are start and click swapped?"));
   lab.photons = 3e4, lab.radar_snr_db = 20, lab.background = 1e6;
   SignalCheck check({}, 3);
   CHECK(verdicts(check, lab.record()) == all_ok);
@@ -169,12 +170,12 @@ TEST_CASE(
   for (float& p : r.radar) p = p == 5500.F ? p : p + 1;
   ++r.spd[0];
   v = verdicts(check, r);
-  CHECK(v[0] == "saturated: 0.06 clicks a laser pulse, 0.05 wanted at most");
-  CHECK(v[1] == "saturated: the lobe at 3.25 m is cut off");
+  CHECK(v[0] == "saturated: 0.06 clicks per laser pulse (limit 0.05)");
+  CHECK(v[1] == "saturated: the lobe at 3.25 m is clipped");
   r.spd_counts = {
       .starts = 100, .in_range = 100, .out_of_range = 1900};  // 20 laser pulses per click
   ++r.spd[0];
-  CHECK_THAT(verdicts(check, r)[0], EndsWith("wanted at most: are start and click swapped?"));
+  CHECK_THAT(verdicts(check, r)[0], EndsWith("(limit 0.05): are start and click swapped?"));
   r.sync[Sensor::radar].used = 1;  // in a single frame two bins may have equal codes
   for (float& p : r.radar) p = p == 5500.F ? p : p - 1;
   CHECK(verdicts(check, r)[1] == "ok");
@@ -223,9 +224,9 @@ TEST_CASE("a record with fewer than 80 % of expected frames or pulses has the ve
   };
   for (int i = 0; i < 6; ++i) CHECK(with(3000, 60, 90) == all_ok);
   CHECK(with(2400, 48, 72) == all_ok);
-  CHECK(with(2100, 47, 45) == Verdicts{"lossy: 70 % of the 3000 expected start pulses",
-                                       "lossy: 78 % of the 60 expected frames",
-                                       "lossy: 50 % of the 90 expected frames"});
+  CHECK(with(2100, 47, 45) == Verdicts{"lossy: 70 % of the 3000 expected start pulses received",
+                                       "lossy: 78 % of the 60 expected frames received",
+                                       "lossy: 50 % of the 90 expected frames received"});
   SignalLimits off;
   off.lossy_share = 0;
   check = SignalCheck(off, 3, {1000, 20, 30});
@@ -243,8 +244,8 @@ TEST_CASE("a slot cut by the end of a recording is checked up to that end") {
     return r.sync[Sensor::radar].verdict;
   };
   CHECK(verdict(8, 0.4) == "ok");
-  CHECK_THAT(verdict(8, 1), StartsWith("lossy: 40 % of the 20 expected frames"));
-  CHECK_THAT(verdict(8, 9), StartsWith("lossy: 13 % of the 60 expected frames"));
+  CHECK_THAT(verdict(8, 1), StartsWith("lossy: 40 % of the 20 expected frames received"));
+  CHECK_THAT(verdict(8, 9), StartsWith("lossy: 13 % of the 60 expected frames received"));
 }
 
 TEST_CASE("frames that arrive in the neighbouring short slot are not counted as lost") {
@@ -279,7 +280,7 @@ TEST_CASE("without a laser rate, events missed by the tagger make a record lossy
   SignalCheck check({}, 1);
   auto r = lab.record();
   r.spd_counts = {.tags = 6000, .starts = 5000, .in_range = 1000, .missed = 4000};
-  CHECK(verdicts(check, r)[0] == "lossy: 60 % of the tagger's events, 4000 were missed");
+  CHECK(verdicts(check, r)[0] == "lossy: 60 % of the tagger's events received, 4000 missed");
   r.spd[0] += 1;
   r.spd_counts.missed = 1000;
   CHECK(verdicts(check, r)[0] == "ok");
@@ -339,9 +340,9 @@ TEST_CASE("each zone is checked separately") {
   r.signal.clicks_a_pulse = 0.1;
   check.assess(r, spd);
   CHECK(r.sync[Sensor::spd].verdict ==
-        "saturated: 0.0571 clicks a laser pulse in the brightest zone, 0.05 wanted at most");
+        "saturated: 0.0571 clicks per laser pulse in the brightest zone (limit 0.05)");
   std::fill(r.spd.begin(), r.spd.end(), 3);
   r.signal.clicks_a_pulse = 0.01;
   check.assess(r, spd);
-  CHECK(r.sync[Sensor::spd].verdict == "no peak: no bins stand out of the mean");
+  CHECK(r.sync[Sensor::spd].verdict == "no peak: no bins clearly exceed the mean");
 }

@@ -57,7 +57,7 @@ TEST_CASE(
         std::vector{day +
                     "T22:31:10.200Z warning clock: the system clock was set, or the "
                     "machine was suspended: from 2023-11-14T22:31:10.210Z to " +
-                    day + "T22:31:10.200Z; slots from now on use the new time"});
+                    day + "T22:31:10.200Z; later slots use the new time"});
   std::vector<std::int64_t> offsets;
   for (const record::Anchor& anchor : record::RunReader(path).anchors())
     offsets.push_back((anchor.utc - anchor.mono).count());

@@ -249,7 +249,7 @@ TEST_CASE("a sensor without usable data is invalid, with the reason") {
   SECTION("stream covers too little of the slot") {
     feed(windows, 10s, {start_at(0)});
     feed(windows, 10s + 499ms, {start_at(1)});
-    spd = "tags for only 49 % of the slot";
+    spd = "tags cover only 49 % of the slot";
     feed(windows, 11s, {start_at(2)});
     feed(windows, 11s + 500ms, {start_at(3)});
   }
@@ -358,7 +358,7 @@ TEST_CASE("a slot sums the histograms that have their mid-exposure in it") {
   CHECK(sync(r, Sensor::spd).span_s == Approx(1.1));
   CHECK(windows.unassigned().early[Sensor::spd] == 1100);
   const auto next = windows.close({1, false});
-  CHECK(sync(next, Sensor::spd).verdict == "histograms for only 20 % of the slot");
+  CHECK(sync(next, Sensor::spd).verdict == "histograms cover only 20 % of the slot");
   CHECK(sync(windows.close({2, false}), Sensor::spd).verdict == "no histograms");
 }
 

@@ -46,7 +46,7 @@ TEST_CASE("doubtful records are excluded from training") {
   write_run(dir / "a", 8, 1, [](record::FusedRecord& r) {
     if (r.index == 1) r.sync[Sensor::depth].verdict = "stands still: the same as before";
     if (r.index == 2) r.sync[Sensor::radar].verdict = "weak: the echo is 0.05 of the usual";
-    if (r.index == 3) r.sync[Sensor::spd].verdict = "no peak: no bins stand out of the mean";
+    if (r.index == 3) r.sync[Sensor::spd].verdict = "no peak: no bins clearly exceed the mean";
     if (r.index == 4) r.sync[Sensor::spd].verdict = "saturated: 0.2 clicks a laser pulse";
   });
   const Dataset data = load({dir / "a"});
@@ -61,8 +61,10 @@ TEST_CASE("doubtful records are excluded from training") {
 TEST_CASE("lossy records are counted, and used unless a setting excludes them") {
   const Folder dir;
   write_run(dir / "a", 40, 1, [](record::FusedRecord& r) {
-    if (r.index == 1) r.sync[Sensor::depth].verdict = "lossy: 50 % of the 90 expected frames";
-    if (r.index == 2) r.sync[Sensor::radar].verdict = "lossy: 50 % of the 60 expected frames";
+    if (r.index == 1)
+      r.sync[Sensor::depth].verdict = "lossy: 50 % of the 90 expected frames received";
+    if (r.index == 2)
+      r.sync[Sensor::radar].verdict = "lossy: 50 % of the 60 expected frames received";
     if (r.index == 3) r.sync[Sensor::spd].verdict = "weak: 12 clicks above the background";
   });
   Dataset data = load({dir / "a"});
@@ -144,7 +146,8 @@ TEST_CASE("train and evaluate print excluded records and the reasons") {
   const Folder dir;
   const auto doubtful = [](record::FusedRecord& r) {
     if (r.index < 8)
-      r.sync[Sensor::depth].verdict = "stands still: the same as in the record before";
+      r.sync[Sensor::depth].verdict =
+          "stands still: identical to the previous record in every pixel";
     if (r.index < 8) std::ranges::rotate(r.depth_mm, r.depth_mm.begin() + 12);  // another place
     if (r.index == 8) r.sync[Sensor::spd].verdict = "weak: 12 clicks above the background";
     if (r.index == 9) std::ranges::fill(r.spd, 0u);

@@ -74,7 +74,7 @@ TEST_CASE("the status of a map names doubtful sensors except the camera") {
   write_run(dir / "fresh", 4, 2, [](record::FusedRecord& r) {
     if (r.index == 1) r.sync[Sensor::spd].verdict = "weak: 12 clicks above the background";
     if (r.index == 2) r.sync[Sensor::depth].verdict = "stands still: the same as before";
-    if (r.index == 3) r.sync[Sensor::radar].verdict = "no peak: no bins stand out of the mean";
+    if (r.index == 3) r.sync[Sensor::radar].verdict = "no peak: no bins clearly exceed the mean";
   });
   const Outcome o = recon_program("reconstruct --format npy " + (dir / "m") + " " +
                                   (dir / "fresh") + " --out " + (dir / "o"));

@@ -145,7 +145,7 @@ TEST_CASE("a tagger overflow without an end causes a verdict and an event") {
     if (i == 16'000) out.push_back(tag(0, at, TagType::overflow_begin));
     ordinary(out, i, at);
   }});
-  CHECK_THAT(run.verdict(9), Catch::StartsWith("in overflow since "));
+  CHECK_THAT(run.verdict(9), Catch::StartsWith("in overflow for "));
   CHECK_FALSE(run.records[9].has(Sensor::spd));
   CHECK(std::ranges::any_of(run.events, [](const auto& e) {
     return e.find("1 overflows without an end within 3 s") != std::string::npos;

@@ -327,7 +327,7 @@ TEST_CASE("a camera that reconnects with another axis is not used, other devices
   CHECK(b.lab->record(b.run(20)) == ExitCode::ok);
   CHECK(b.records().front().valid.bits() == 7);
   CHECK(b.records().back().valid.bits() == 3);
-  CHECK(has(b.events("depth"), "reconnected with another axis"));
+  CHECK(has(b.events("depth"), "reconnected with different axes"));
 }
 
 TEST_CASE("a radar that reconnects with another clock is placed by that clock") {
