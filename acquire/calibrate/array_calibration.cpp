@@ -14,13 +14,14 @@
 namespace echofuse::acquire {
 namespace {
 
-using AntennaSamples = Eigen::MatrixXcd;  // antennas x frames
+using AntennaSamples = Eigen::MatrixXcd;  // rows: antennas; columns: frames
 
 constexpr std::size_t least_frames = 8;
 constexpr double least_snr_db = 10;
-constexpr double least_share = 0.9;  // minimum share of the power in one wave
+constexpr double least_share = 0.9;  // minimum fraction of the power that one wave contains
 constexpr double weakest_gain = 0.03;
-constexpr double rounding_power = 1.0 / 12;  // power of the rounding of a real or an imaginary part
+// Power of the rounding error of a real or imaginary part.
+constexpr double rounding_power = 1.0 / 12;
 
 template <class... Values>
 std::string format(const char* pattern, Values... values) {
@@ -33,7 +34,7 @@ std::complex<double> sample(const std::vector<std::int16_t>& frame, std::size_t 
   return {static_cast<double>(frame[2 * i + 1]), static_cast<double>(frame[2 * i])};
 }
 
-// Returns the total power of all antennas in each bin, averaged over the frames.
+// Returns the power in each bin, summed over the antennas and averaged over the frames.
 std::vector<double> powers_of(const ArrayFrames& frames, std::size_t antennas) {
   std::vector<double> powers(frames[0].size() / (2 * antennas));
   for (const auto& frame : frames)
@@ -44,7 +45,7 @@ std::vector<double> powers_of(const ArrayFrames& frames, std::size_t antennas) {
 
 double turn(double phase) { return std::remainder(phase, 2 * std::numbers::pi); }
 
-// Fits one wave to the samples x (antennas x frames), with errors.
+// Fits one wave to the samples x (antennas x frames) and estimates the standard errors.
 AntennaFit fit_wave(const AntennaSamples& x) {
   AntennaFit fit;
   const auto frames = static_cast<double>(x.cols()), antennas = static_cast<double>(x.rows());
@@ -58,13 +59,15 @@ AntennaFit fit_wave(const AntennaSamples& x) {
         100 * wave / all);
     return fit;
   }
-  const Eigen::VectorXcd a = solver.eigenvectors().col(x.rows() - 1);  // eigenvalues ascend
+  // The largest eigenvalue is the last.
+  const Eigen::VectorXcd a = solver.eigenvectors().col(x.rows() - 1);
   const double noise = antennas > 1 ? std::max(0.0, all - wave) / (antennas - 1) : 0;
   for (Eigen::Index m = 0; m < a.size(); ++m) {
     const std::complex<double> z = a[m] / a[0];
     if (!(std::abs(z) > weakest_gain && std::abs(z) < 1 / weakest_gain)) {
-      fit.refusal = format("antenna %d is at %.0f dB of antenna 0: one of them has no signal",
-                           static_cast<int>(m), 20 * std::log10(std::abs(z)));
+      fit.refusal = format(
+          "the gain of antenna %d relative to antenna 0 is %.0f dB: one of them has no signal",
+          static_cast<int>(m), 20 * std::log10(std::abs(z)));
       return fit;
     }
     const double inverse = (1 / std::norm(a[m]) + 1 / std::norm(a[0])) / wave;
@@ -141,8 +144,8 @@ std::string to_text(const AntennaFit& fit) {
   if (!fit.refusal.empty()) return "array  refused: " + fit.refusal + "\n";
   constexpr double degree = std::numbers::pi / 180;
   const AntennaGains& g = fit.gains;
-  std::string text =
-      format("array  %zu antennas, SNR %.0f dB; against antenna 0:\n", g.gain.size(), fit.snr_db);
+  std::string text = format("array  %zu antennas, SNR %.0f dB; relative to antenna 0:\n",
+                            g.gain.size(), fit.snr_db);
   for (std::size_t m = 1; m < g.gain.size(); ++m)
     text += format("array  antenna %zu: gain %.4f +- %.4f, phase %+.2f +- %.2f degrees\n", m,
                    g.gain[m], g.gain[m] * g.standard_error[m], g.phase_rad[m] / degree,

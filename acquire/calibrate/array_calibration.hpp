@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Gain and phase of each virtual antenna of the radar, from a reflector in a known direction.
-// Pure.
+// Measures gain and phase of each virtual antenna of the radar with a reflector in a known
+// direction. Pure.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -14,29 +14,29 @@ namespace echofuse::acquire {
 
 struct AntennaFit {
   AntennaGains gains;
-  double snr_db = 0;    // total power / median over the bins
-  std::string refusal;  // reason for a rejected fit; empty if accepted
+  double snr_db = 0;    // power in the bin of the reflector / median over the bins
+  std::string refusal;  // reason why the fit was rejected; empty if it was accepted
 };
 
-// Samples of several frames, in the layout of RadarFrame::array: bins x antennas.
+// Antenna samples of several frames, in the layout of RadarFrame::array: bins x antennas.
 using ArrayFrames = std::vector<std::vector<std::int16_t>>;
 
-// Fits the antenna gains to a reflector in this bin or a neighbouring one: the principal
-// eigenvector of the covariance over at least 8 frames. Phases may differ between frames. The
-// standard error is s / sqrt(2 N P) for N frames of power P and noise s^2 per antenna, combined
-// with that of antenna 0. It includes the residual and the rounding of the samples, which does not
-// average out.
+// Fits gain and phase of each antenna to the echo of a reflector in `bin` or a neighbouring bin.
+// They are the principal eigenvector of the covariance over at least 8 frames, so the phase of the
+// echo may differ between frames. The standard error of an antenna is s / sqrt(2 N P), combined
+// with that of antenna 0, for N frames of power P. The noise s^2 per antenna is estimated from the
+// residual. The rounding of the samples is added, because it does not average out.
 AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::size_t bin);
-// Subtracts the phases of the reflector's wave, which leaves those of the channels. Adds the errors
-// of the reflector's position to the standard errors.
+// Subtracts the phases that are due to the direction of the reflector, so that only those of the
+// antenna channels remain. Adds the errors of the reflector position to the standard errors.
 void remove_steering(AntennaGains& gains, const Steering& steering);
-// Replaces the errors by the scatter of the repeats where that is significantly larger.
+// Replaces a standard error with the scatter between the repeats if that is significantly larger.
 void widen(AntennaGains& all, const std::vector<AntennaGains>& repeats);
 
 // Returns the largest difference between a and b in standard errors; 0 if a or b is empty.
 double largest_residual(const AntennaGains& a, const AntennaGains& b);
 
-// Formats the fit, one line per item.
+// Formats the fit as text, with one line per antenna.
 std::string to_text(const AntennaFit& fit);
 
 }  // namespace echofuse::acquire

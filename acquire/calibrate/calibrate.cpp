@@ -26,10 +26,11 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr double spd_reach_m = 15;  // beyond the reflector, for delays of cables
+constexpr double spd_reach_m = 15;  // length of the axis beyond the reflector, for cable delays
 constexpr std::int64_t spd_bin_ps = 10;
 
-// Axis that starts at the laser's sync pulse: click times are relative to the preceding sync.
+// Returns a histogram axis with fine bins. It starts at the sync pulse of the laser, because click
+// times are relative to the preceding sync pulse.
 tdc::HistogramSettings fine_axis(const Config& config, double distance_m) {
   tdc::HistogramSettings s = config.histogram;
   s.bin_width_ps = spd_bin_ps;
@@ -38,7 +39,7 @@ tdc::HistogramSettings fine_axis(const Config& config, double distance_m) {
   return s;
 }
 
-// Collects the samples of a repeat.
+// Collects the samples of one repeat.
 class Gatherer final : public SampleSink {
  public:
   Gatherer(const Config& config, double distance_m) : histogram_(fine_axis(config, distance_m)) {}
@@ -61,12 +62,12 @@ class Gatherer final : public SampleSink {
       radar_axis = info.axes.at(0);
   }
   void on_firmware_bias(const FirmwareBias& bias) override { firmware.push_back(bias); }
-  // Prints warnings immediately while the devices start.
+  // Prints warnings while the devices start. Later warnings are ignored.
   void on_event(Sensor sensor, Severity severity, const std::string& text) override {
     if (severity != Severity::info && !running) spdlog::warn("{}: {}", name_of(sensor), text);
   }
 
-  // Returns the counts since the last call.
+  // Returns the histogram of the clicks since the last call.
   std::vector<std::uint32_t> take() {
     counts = histogram_.tag_counts();
     return histogram_.take();
@@ -77,7 +78,7 @@ class Gatherer final : public SampleSink {
   Axis radar_axis;
   TagCounts counts;
   std::vector<std::vector<std::uint16_t>> frames;
-  ArrayFrames arrays;  // cleared with each repeat
+  ArrayFrames arrays;  // antenna samples of the current repeat
   std::vector<FirmwareBias> firmware;
 
  private:
@@ -102,7 +103,7 @@ class Measurement {
     devices_.refuse_misconfigured();
     refuse_interrupted();
     if (!devices_[Sensor::spd].delivers() && !devices_[Sensor::radar].delivers())
-      throw Error(ExitCode::device, "no data from the devices to calibrate after " +
+      throw Error(ExitCode::device, "the devices to calibrate delivered no data within " +
                                         human_duration(config_.connect_timeout_s));
     Progress progress("calibrate", static_cast<std::size_t>(options_.repeats));
     gatherer_.running = true;
@@ -125,8 +126,8 @@ class Measurement {
     if (config_.configured().contains(Sensor::radar)) out.push_back(radar());
     return out;
   }
-  // Returns the fit without the phases of the reflector's direction; empty if the cfg has no
-  // heat map.
+  // Returns gains and phases of the antennas, without the phases that are due to the direction of
+  // the reflector. Returns no value if the radar cfg has no heat map.
   std::optional<AntennaFit> antennas() const {
     if (config_.antennas.empty()) return std::nullopt;
     AntennaFit fit = wave();
@@ -135,7 +136,7 @@ class Measurement {
         fit.gains, steering_of(reflector_, profile.pairs, speed_of_light_m_s / profile.carrier_hz));
     return fit;
   }
-  // Fits the reflector's wave at the antennas in the bin of the profile's peak.
+  // Fits the wave of the reflector across the antennas, in the range bin of the peak.
   AntennaFit wave() const {
     const Peak peak = options_.side ? echo(frames_) : radar().peak;
     AntennaFit all{.gains = {}, .snr_db = 0, .refusal = "no peak in the range profile"};
@@ -154,8 +155,8 @@ class Measurement {
     widen(all.gains, repeats);
     return all;
   }
-  // Fits the sensors' responses to the reflector; adds the reason for each missing value to
-  // `unstated`.
+  // Fits the responses of the sensors to the reflector. If a value cannot be measured, adds the
+  // reason to `unstated`.
   record::Response response(const std::vector<CalibrationResult>& results,
                             Unstated& unstated) const {
     record::Response out;
@@ -199,7 +200,7 @@ class Measurement {
   }
   void listen() { loop_.run_until(interrupted, loop_.now() + from_seconds(options_.time_s)); }
   Search search_of(Sensor sensor) const {
-    constexpr double side_window_m = 0.4;  // the reflector is moved by hand
+    constexpr double side_window_m = 0.4;  // wide, because the reflector is moved by hand
     if (options_.side)
       return {place_at(*options_.side, reflector_, config_.calibration.antennas.sine).range_m +
                   stored_offset_m(),
@@ -237,11 +238,12 @@ class Measurement {
   Peak echo(const Frames& frames, std::size_t least = least_echo_frames) const {
     return fit_echo(frames, echo_axis(), search_of(Sensor::radar), window_.window, least);
   }
-  // Fits all echoes with the window measured from the reflector, or Blackman's if that fit failed.
+  // Fits the echo of each repeat. The fit uses the window that was measured with the reflector, or
+  // a Blackman window if that measurement failed.
   void fit_window() {
     for (const Frames& some : repeats_) frames_.insert(frames_.end(), some.begin(), some.end());
     if (is_bridged())
-      window_.refusal = "the radar behind a bridge does not state its bandwidth";
+      window_.refusal = "the bandwidth of a radar behind a bridge is unknown";
     else
       window_ = fit_radar_response(frames_, echo_axis(), echo(frames_).range_m, radar_);
     for (const Frames& some : repeats_)
@@ -258,7 +260,8 @@ class Measurement {
     if (spd.refusal.empty()) spd_ranges_.push_back(spd.range_m);
     repeats_.push_back(std::exchange(gatherer_.frames, {}));
   }
-  // The spread between repeats needs the peak in at least half of them, and in three.
+  // Rejects the peak if fewer than three, or fewer than half, of the repeats show it. Their spread
+  // is unreliable then.
   void refuse_few(Peak& peak, std::size_t measured) const {
     const auto wanted = static_cast<std::size_t>(std::max<std::int64_t>(3, options_.repeats / 2));
     if (!peak.refusal.empty() || measured >= wanted) return;
@@ -308,7 +311,7 @@ class Measurement {
   WindowFit window_;
   record::Response radar_;
   std::vector<double> spd_ranges_, radar_ranges_;
-  std::vector<ArrayFrames> arrays_;  // by repeat
+  std::vector<ArrayFrames> arrays_;  // antenna samples of each repeat
 };
 
 Calibration to_calibration(const std::vector<CalibrationResult>& results,
@@ -334,7 +337,7 @@ Calibration to_calibration(const std::vector<CalibrationResult>& results,
   return out;
 }
 
-// Returns the configuration with only the ranging sensors to measure.
+// Returns the configuration without the ranging sensors that are not to be measured.
 Config with_chosen(const Config& all, const CalibrateOptions& options) {
   Config config = all;
   const auto only = options.side ? std::optional(Sensor::radar) : options.only;
@@ -349,7 +352,7 @@ void print(nlohmann::ordered_json json) {
               json.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace).c_str());
 }
 
-// Prints the results, then writes them or compares them with the file's.
+// Prints the results, then writes them to the calibration file or compares them with it.
 ExitCode finish(const Measurement& measurement, const Config& config,
                 const CalibrateOptions& options, const Reflector& reflector,
                 const Calibration& stored, const Clock& clock) {
@@ -403,8 +406,8 @@ ExitCode check_side(const Config& config, const CalibrateOptions& options,
                 "run.calibration with antenna gains and phases");
   const SidePlace place = place_at(*options.side, reflector, calibrated.sine);
   if (!options.json)
-    std::printf("expected reflector: x = %+.2f m, z = %.2f m: %.3f m from the radar\n", place.x_m,
-                reflector.distance_m, place.range_m);
+    std::printf("expected reflector position: x = %+.2f m, z = %.2f m, %.3f m from the radar\n",
+                place.x_m, reflector.distance_m, place.range_m);
   std::fflush(stdout);
   Measurement measurement(config, options, reflector, loop);
   measurement.run();
@@ -443,7 +446,7 @@ ExitCode calibrate(const Config& all, const CalibrateOptions& options, port::Loo
   const Config config = with_chosen(all, options);
   if ((config.configured() - SensorSet{Sensor::depth}).empty())
     throw Error(ExitCode::config, std::string("nothing to calibrate: set tdc.address or a radar") +
-                                      (options.only ? " for --only" : ""));
+                                      (options.only ? "; --only excludes the other sensor" : ""));
   if (options.check && config.calibration.entries.empty())
     throw Error(ExitCode::config, "--check needs run.calibration: no calibration to compare with");
   const Reflector reflector{.mounting = options.mounting,

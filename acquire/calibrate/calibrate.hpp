@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The `calibrate` command: measures a reflector at a known distance with the drivers of a run.
+// The `calibrate` command: measures range offsets, antenna phases and responses with a reflector at
+// a known distance.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -15,22 +16,24 @@
 namespace echofuse::acquire {
 
 struct CalibrateOptions {
-  Search search;  // distance of the reflector from the sensor behind it
+  Search search;  // distance and search window of the reflector
   Mounting mounting = Mounting::detector;
   double distance_error_m = Reflector().distance_error_m;
   double baseline_error_m = Reflector().baseline_error_m;
-  std::optional<Sensor> only;  // measure this sensor alone
-  std::optional<Side> side;    // check only for a swapped antenna row
+  std::optional<Sensor> only;  // measure only this sensor; no value: both
+  // If set, only checks for a swapped antenna row, with the reflector on this side.
+  std::optional<Side> side;
   std::int64_t repeats = 20;
-  double time_s = 1;   // per repeat
-  bool check = false;  // compare with run.calibration; do not write it
+  double time_s = 1;   // duration of a repeat
+  bool check = false;  // compare with run.calibration, but do not write it
   bool json = false;
 };
 
-// Writes the measured sensors to config.calibration_path and keeps the file's entries of the
-// others. Returns the device code if a sensor could not be measured. With `check`: failed if a
-// sensor differs by more than three standard errors. With `side`: failed if the antenna row is
-// swapped. Throws Error(config) before the measurement if the file exists but is unreadable.
+// Measures the sensors and writes their calibration to config.calibration_path. Entries of other
+// sensors in that file are kept. Returns ExitCode::device if a sensor could not be measured. If
+// `check` is set, writes nothing and returns ExitCode::failed if a sensor differs by more than
+// three standard errors. If `side` is set, returns ExitCode::failed if the antenna row is swapped.
+// Throws Error(config) before the measurement if the file exists but is unreadable.
 ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::Loop& loop);
 
 }  // namespace echofuse::acquire

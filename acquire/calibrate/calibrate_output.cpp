@@ -71,7 +71,7 @@ void say(const record::Response& r, const Unstated& unstated) {
     std::printf("spd    impulse response %.1f +- %.1f ps FWHM", r.irf_fwhm_ps.value,
                 r.irf_fwhm_ps.standard_error);
   if (r.irf_fwhm_ps.value > 0 && r.irf_tail_share.value > 0)
-    std::printf(", %.0f %% of the photons with a tail of %.0f +- %.0f ps",
+    std::printf(", %.0f %% of the photons have a tail of %.0f +- %.0f ps",
                 100 * r.irf_tail_share.value, r.irf_tail_ps.value, r.irf_tail_ps.standard_error);
   if (r.irf_fwhm_ps.value > 0) std::printf("\n");
   if (r.radar.known())

@@ -16,8 +16,8 @@ namespace echofuse::acquire {
 
 struct CalibrationResult {
   Sensor sensor{};
-  Peak peak;            // fit to all repeats together
-  double spread_m = 0;  // standard deviation of the repeats
+  Peak peak;            // peak fitted to the data of all repeats
+  double spread_m = 0;  // standard deviation of the ranges of the repeats
   std::string method;
   double true_range_m = 0;
   double reflector_error_m = 0;  // standard error of the true range
@@ -26,15 +26,16 @@ struct CalibrationResult {
   double standard_error_m() const { return std::hypot(peak.standard_error_m, reflector_error_m); }
 };
 
-// Prints the measured response, and the reason for each missing value.
+// Reason for each value that could not be measured, by the name of the value.
 using Unstated = std::map<std::string, std::string>;
 
 nlohmann::ordered_json json_of(const CalibrationResult& result);
 nlohmann::ordered_json json_of(const AntennaFit& fit);
 void say(const CalibrationResult& result);
 nlohmann::ordered_json json_of(const WindowFit& fit);
-// Prints the asymmetry of the response if it is significant.
+// Prints the asymmetry of the radar response if it is significant.
 void say(const WindowFit& fit);
+// Prints the measured response and the reason for each missing value.
 void say(const record::Response& response, const Unstated& unstated);
 
 }  // namespace echofuse::acquire

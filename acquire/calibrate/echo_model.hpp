@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Model of a radar's echo of one reflector, shared by the two fits of the echo. Pure.
+// Model of the radar echo of one reflector, used by peak.cpp and response_fit.cpp. Pure.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -13,18 +13,18 @@ namespace echofuse::acquire {
 // Terms of the firmware's Blackman window (SDK 3.x, mmwDemo_genWindow).
 inline constexpr std::array blackman{0.5 / 0.42, 0.08 / 0.42};
 
-// Window of the range transform: 1 + a cos x + b cos 2x + ... with x = 2 pi t over the sweep,
-// -1/2 < t < 1/2 (Harris, Proc. IEEE 66, 1978); terms: a, b, ... A ramp error adds the phase
-// skew_rad (y^3 - y/4), y = 2t, the cubic that shifts the lobe of a Hann window least. It makes
-// the lobe asymmetric.
+// Window of the range transform: 1 + a cos x + b cos 2x + ... with x = 2 pi t, -1/2 < t < 1/2 over
+// the sweep (Harris, Proc. IEEE 66, 1978). `terms` contains a, b, ... An error of the ramp adds the
+// phase skew_rad (y^3 - y/4) with y = 2t, which makes the lobe asymmetric. Of all cubics, this one
+// shifts the lobe of a Hann window least.
 struct Window {
   std::vector<double> terms{blackman.begin(), blackman.end()};
-  double adding = 0;  // 0: noise interferes with the echo; 1: noise power adds
+  double adding = 0;  // 0: noise interferes with the echo; 1: their powers add
   double skew_rad = 0;
-  double zero_cells = 0;  // offset of the range zero from that of the transform
+  double zero_cells = 0;  // offset of the range zero from the zero of the transform
 };
 
-// Transform of a window: the response to an echo, over cells of c / 2B.
+// Fourier transform of a window: the response to an echo at distance u, in cells of c / 2B.
 class Lobe {
  public:
   explicit Lobe(const Window& window) : zero_(window.zero_cells) {
@@ -49,25 +49,27 @@ class Lobe {
   double log2_power(double u) const { return std::log2(std::max(1e-12, power(u))); }
 
  private:
-  static constexpr std::size_t samples = 48;  // points over half the sweep
+  static constexpr std::size_t samples = 48;  // number of points over half of the sweep
   double zero_;
   std::array<double, samples> weights_, phases_;
 };
 
-// Returns signal / noise; the arguments are log2 of powers.
+// Returns the power ratio signal / noise. The arguments are log2 of the two powers.
 inline double power_over_noise(double log2_signal, double log2_noise) {
   return std::max(std::exp2(log2_signal - log2_noise), 1e-9);
 }
 
-// Returns the mean of log2 of the power of a signal in noise: log2(signal) + E1(x) / ln 2 with
-// x = signal / noise if the noise interferes; exp(x) E1(x) replaces E1(x) if the powers add.
+// Returns the mean of log2 of the power of a signal in noise. If they interfere (adding = 0), it is
+// log2(signal) + E1(x) / ln 2 with x = signal / noise. If their powers add (adding = 1), exp(x)
+// E1(x) replaces E1(x).
 inline double mean_log2_power(double over_noise, double log2_noise, double adding = 0) {
   const double x = over_noise, e1 = x < 50 ? -std::expint(-x) : 0,
                more = x < 50 ? std::exp(x) * e1 : 1 / x;
   return std::log2(x) + log2_noise + ((1 - adding) * e1 + adding * more) / std::numbers::ln2;
 }
 
-// For noise alone the mean of ln P is lower than ln of the mean by Euler's constant.
+// Returns log2 of the mean noise power. For noise alone, the mean of ln P is lower than ln of the
+// mean of P by Euler's constant.
 inline double log2_noise_of(double mean_log2) {
   return mean_log2 + std::numbers::egamma / std::numbers::ln2;
 }

@@ -16,11 +16,11 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr double pi = std::numbers::pi;
-constexpr double least_photon_snr = 10;  // amplitude over its standard error
+constexpr double least_photon_snr = 10;  // minimum ratio of the amplitude to its standard error
 constexpr double least_echo_db = 10;
 constexpr std::size_t least_bins = 8;
-// Error in bins of a parabola through log powers, for a Hann window or narrower lobe and one bin
-// per cell.
+// Error in bins of the vertex of a parabola through log powers, for one bin per cell and the lobe
+// of a Hann window or a narrower one.
 constexpr double parabola_error = 0.02;
 
 std::string at(const char* text, double range_m) {
@@ -33,7 +33,7 @@ bool inside(const Search& search, double range_m) {
   return std::abs(range_m - search.distance_m) <= search.window_m / 2;
 }
 
-// Rejects a peak at range_m, outside the window; `advice` names the likely cause.
+// Rejects a peak at range_m, which is outside the window. `advice` names the likely cause.
 void refuse_outside(Peak& peak, double range_m, const std::string& advice) {
   peak.range_m = range_m;
   peak.outside = true;
@@ -49,16 +49,18 @@ std::string delay_advice(const Search& search, double range_m) {
       (search.distance_m - range_m) * ps_per_m);
 }
 
-// ---- SPD
+// ---- SPD: fit of a pulse
 
 struct PhotonPeak {
-  double centre = 0, sigma = 1, photons = 0, floor = 0;  // bins, photons, counts per bin
+  // Centre and sigma in bins, number of photons, background in counts per bin.
+  double centre = 0, sigma = 1, photons = 0, floor = 0;
 };
 
 double normal(double u) { return 0.5 * std::erfc(-u / std::numbers::sqrt2); }
 double density(double u) { return std::exp(-u * u / 2) / std::sqrt(2 * pi); }
 
-// Returns the expected counts of bin i and their derivatives by centre, ln sigma, photons, floor.
+// Returns the expected counts of bin i. `slope`: derivatives with respect to centre, ln sigma,
+// photons and floor.
 double expected(const PhotonPeak& g, double i, Eigen::Vector4d& slope) {
   const double a = (i - g.centre) / g.sigma, b = (i + 1 - g.centre) / g.sigma;
   const double share = normal(b) - normal(a);
@@ -67,13 +69,13 @@ double expected(const PhotonPeak& g, double i, Eigen::Vector4d& slope) {
   return g.photons * share + g.floor;
 }
 
-// Bins [from, to) of a histogram.
+// Range [from, to) of histogram bins.
 struct BinRange {
   std::size_t from = 0, to = 0;
 };
 
-// Returns the moments of the excess around the maximum in `where`, after smoothing over `wide`
-// bins.
+// Estimates the peak from the moments of the counts above the background. Starts from the `wide`
+// adjacent bins in `where` that have the largest sum.
 PhotonPeak first_guess(std::span<const std::uint32_t> counts, std::size_t wide, BinRange where) {
   std::vector<double> sums(counts.size() + 1);
   for (std::size_t i = 0; i < counts.size(); ++i) sums[i + 1] = sums[i] + counts[i];
@@ -101,7 +103,8 @@ PhotonPeak first_guess(std::span<const std::uint32_t> counts, std::size_t wide, 
   return g;
 }
 
-// Makes one step of Fisher scoring over the bins [from, to); returns the information.
+// Computes the gradient of the log-likelihood over the bins [from, to). Returns the Fisher
+// information.
 Eigen::Matrix4d score(std::span<const std::uint32_t> counts, std::size_t from, std::size_t to,
                       const PhotonPeak& g, Eigen::Vector4d& gradient) {
   Eigen::Matrix4d information = Eigen::Matrix4d::Zero();
@@ -117,8 +120,8 @@ Eigen::Matrix4d score(std::span<const std::uint32_t> counts, std::size_t from, s
 
 struct PhotonPeakFit {
   PhotonPeak peak;
-  double centre_error = 0;  // bins
-  double snr = 0;           // photons over their standard error; 0: no fit
+  double centre_error = 0;  // standard error of the centre, bins
+  double snr = 0;           // number of photons / its standard error; 0: no fit
 };
 
 PhotonPeakFit fit_around(std::span<const std::uint32_t> counts, std::size_t wide, BinRange where) {
@@ -153,7 +156,7 @@ struct SecondPeak {
   double photons = 0, bin = 0;
 };
 
-// Finds the strongest second peak of the fitted width within `where`.
+// Finds the strongest second peak within `where`, assuming the fitted width.
 SecondPeak other_bump(std::span<const std::uint32_t> counts, const PhotonPeak& g, BinRange where) {
   const auto wide = static_cast<std::size_t>(std::max(1.0, 2 * g.sigma));
   SecondPeak best;
@@ -170,15 +173,15 @@ SecondPeak other_bump(std::span<const std::uint32_t> counts, const PhotonPeak& g
   return best;
 }
 
-// ---- radar
+// ---- radar: fit of an echo
 
-constexpr std::size_t near = 5;  // fitted bins of a lobe
+constexpr std::size_t near = 5;  // number of fitted bins of a lobe
 using Near = Eigen::Matrix<double, near, 1>;
 
 struct EchoPlace {
-  double top = 0;     // bins from the middle one
-  Near model, power;  // expected log2 of the power; power / noise
-  Near share;         // part of each bin's value in `top`
+  double top = 0;     // position of the peak, in bins from the middle bin
+  Near model, power;  // expected log2 of the power; ratio signal / noise
+  Near share;         // derivative of `top` with respect to the value of each bin
 };
 
 // Returns the vertex of the parabola through the middle bin and its neighbours.
@@ -186,7 +189,8 @@ double vertex(const Near& mean) {
   return (mean[1] - mean[3]) / 2 / (mean[1] - 2 * mean[2] + mean[3] - 1e-9);
 }
 
-// Fits amplitude and position by Gauss-Newton; each bin is weighted with its power.
+// Fits amplitude and position of the lobe by the Gauss-Newton method. The weight of each bin is its
+// power.
 EchoPlace fit_lobe(const Near& mean, double log2_noise, double cells_per_bin,
                    const Window& window) {
   const Lobe lobe(window);
@@ -228,8 +232,8 @@ EchoPlace fit_parabola(const Near& mean) {
   return fit;
 }
 
-// Returns the standard error of the position in bins: scatter of the frames, plus the code steps
-// if noise does not average them out.
+// Returns the standard error of the position in bins: the scatter of the frames, plus the code
+// steps if noise does not average them out.
 double place_error(const std::vector<std::vector<std::uint16_t>>& frames, const Profile& profile,
                    const EchoPlace& fit, std::size_t first, double log2_power_step) {
   const auto n = static_cast<double>(frames.size());
@@ -249,12 +253,13 @@ double place_error(const std::vector<std::vector<std::uint16_t>>& frames, const 
   return std::sqrt(squares / (n - 1) / n + steps);
 }
 
-// Detects two reflectors in one lobe from its shape.
+// Returns a reason if the shape of the lobe indicates two reflectors; otherwise an empty text.
 std::string unlike_one_echo(const Profile& profile, const EchoPlace& fit, std::size_t top,
                             std::size_t frames) {
-  constexpr double allowed = 0.66;        // 2 dB in log2 of the power
-  constexpr double weakest = 1 / 316.0;   // 25 dB below the peak, where side lobes begin
-  constexpr double least_over_noise = 4;  // below this, the mean depends on how noise adds
+  constexpr double allowed = 0.66;  // tolerated deviation: 2 dB as log2 of the power
+  // Bins more than 25 dB below the peak, where side lobes begin, are not tested.
+  constexpr double weakest = 1 / 316.0;
+  constexpr double least_over_noise = 4;  // below this ratio, the mean depends on how noise adds
   for (std::size_t i = 0; i < near; ++i) {
     const auto k = static_cast<Eigen::Index>(i);
     const double off = profile.mean[top - 2 + i] - fit.model[k];
@@ -268,7 +273,7 @@ std::string unlike_one_echo(const Profile& profile, const EchoPlace& fit, std::s
 }
 
 // Returns the bin of a second peak in [low, high] that is outside the main lobe (first null at 3
-// cells) and within 6 dB of it; 0 without one.
+// cells) and at most 6 dB weaker; 0 if there is none.
 std::size_t other_top(const std::vector<double>& mean, std::size_t low, std::size_t high,
                       std::size_t top, double cells_per_bin) {
   const auto width = static_cast<std::size_t>(std::ceil(3 / cells_per_bin));
@@ -321,7 +326,8 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
   }
   const auto wide = static_cast<std::size_t>(std::max(1.0, 200 / step_ps));
   const BinRange all{0, counts.size()};
-  // Extends the window by half a pulse on each side so that a pulse at its border is fitted whole.
+  // Extends the window by half a pulse on each side, so that a pulse at its border is fitted
+  // completely.
   BinRange window{bin_of(search.distance_m - search.window_m / 2),
                   bin_of(search.distance_m + search.window_m / 2)};
   window = {window.from - std::min(window.from, wide / 2),
@@ -342,14 +348,14 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
     refuse_outside(peak, peak.range_m, delay_advice(search, peak.range_m));
   } else if (bump.photons > 0.2 * fit.peak.photons &&
              bump.photons > 5 * std::sqrt(fit.peak.photons)) {
-    peak.refusal = at("two peaks: another one at %.3f m", range_of(bump.bin));
+    peak.refusal = at("two peaks: the second is at %.3f m", range_of(bump.bin));
   }
   return peak;
 }
 
 namespace {
 
-// The bin of the highest value from `first` to `last`.
+// Returns the bin with the highest value from `first` to `last`.
 std::size_t highest(const std::vector<double>& values, std::size_t first, std::size_t last) {
   const auto begin = values.begin() + static_cast<std::ptrdiff_t>(first);
   return first +
@@ -358,7 +364,8 @@ std::size_t highest(const std::vector<double>& values, std::size_t first, std::s
              begin);
 }
 
-// The top is cut off: two bins of one code, the same in every frame.
+// Returns true if the top of the lobe is clipped: two adjacent bins have the same code in every
+// frame.
 bool saturated(const std::vector<std::vector<std::uint16_t>>& frames, std::size_t top) {
   return std::all_of(frames.begin(), frames.end(), [&](const auto& f) {
     return f[top] == frames[0][top] && (f[top] == f[top - 1] || f[top] == f[top + 1]);
@@ -391,7 +398,8 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
   const std::size_t low = bin(search.distance_m - search.window_m / 2),
                     high = bin(search.distance_m + search.window_m / 2);
   std::size_t top = highest(mean, low, high);
-  while (top > 2 && mean[top - 1] > mean[top]) --top;  // the window truncates the lobe
+  // The border of the window may truncate the lobe, so the peak may be outside.
+  while (top > 2 && mean[top - 1] > mean[top]) --top;
   while (top < last && mean[top + 1] > mean[top]) ++top;
   peak.snr_db = db_over_floor(top);
   peak.range_m = axis.range_m(static_cast<double>(top));
@@ -420,7 +428,8 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
                                known ? 0 : parabola_error);
   if (known) peak.refusal = unlike_one_echo(profile, fit, top, frames.size());
   if (const std::size_t other = other_top(mean, low, high, top, cells_per_bin))
-    peak.refusal = at("two peaks: another one at %.3f m", axis.range_m(static_cast<double>(other)));
+    peak.refusal =
+        at("two peaks: the second is at %.3f m", axis.range_m(static_cast<double>(other)));
   if (!inside(search, peak.range_m)) refuse_outside(peak, peak.range_m, place_advice);
   return peak;
 }

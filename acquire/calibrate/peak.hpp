@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Range of one reflector in the data of the two ranging sensors. Pure.
+// Measures the range of one reflector in the data of the SPD and of the radar. Pure.
 #pragma once
 #include <cmath>
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace echofuse::acquire {
 
-// Search window: the reflector's true range and the full width.
+// Search window: the true range of the reflector, at its centre, and its full width.
 struct Search {
   double distance_m = 1, window_m = 0.2;
 };
@@ -19,44 +19,47 @@ struct Search {
 struct Peak {
   double range_m = 0;
   double standard_error_m = 0;
-  double snr_db = 0;     // SPD: amplitude over its standard error; radar: power over the median
-  bool outside = false;  // the strongest peak is outside the window
-  std::string refusal;   // reason for a rejected peak, or empty
+  // SPD: amplitude / its standard error; radar: power / median power.
+  double snr_db = 0;
+  bool outside = false;  // true if the strongest peak is outside the window
+  std::string refusal;   // reason why the peak was rejected; empty if it was accepted
 };
 
 // SPD: fits a Gaussian on a constant background to the Poisson counts in the window, by maximum
 // likelihood (Fisher scoring). Bin i of two-way time starts at start_ps + i*step_ps; the Gaussian
-// is integrated over each bin. The standard error is the Cramer-Rao bound. For an IRF with a tail,
-// the fitted centre is close to its mean, in runs as well.
+// is integrated over each bin. The standard error is the Cramer-Rao bound. If the IRF has a tail,
+// the fitted centre is close to the mean of the IRF, here and in runs.
 Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double step_ps,
                  const Search& search);
 
 struct EchoAxis {
-  double step_m = 0, resolution_m = 0;  // bin spacing; c / 2B, 0: unknown
-  double log2_power_step = 0;           // per code (drivers/core/log2_codes.hpp)
-  double start_m = 0;                   // range of bin 0
+  double step_m = 0, resolution_m = 0;  // bin spacing; range resolution c / 2B, 0: unknown
+  double log2_power_step = 0;  // log2 power ratio of adjacent codes (drivers/core/log2_codes.hpp)
+  double start_m = 0;          // range of bin 0
 
   double range_m(double bin) const { return start_m + bin * step_m; }
 };
 
-// Encodes linear power as 256 * (log2(power) + 128), limited to 60 dB below the frame's maximum.
+// Encodes linear power as 256 * (log2(power) + 128). Raises powers that are more than 60 dB below
+// the maximum of the frame to that limit.
 std::vector<std::uint16_t> power_codes(std::span<const float> power);
 inline constexpr double power_code_step = 1.0 / 256;
-// Mean and standard deviation per bin over the frames.
+// Mean and standard deviation of each bin over the frames.
 struct Profile {
   std::vector<double> mean, deviation;  // log2 of the power
-  double floor = 0;                     // median of the means
+  double floor = 0;                     // median of `mean` over the bins
 };
 
 Profile profile_of(const std::vector<std::vector<std::uint16_t>>& frames, double log2_power_step);
 
-// Radar: range profiles in log2_q8 codes, one per frame, at least max(`least`, 2). Fits the
-// window's transform, with free amplitude, to the mean codes of the strongest bin and two
-// neighbours on each side, by least squares weighted with the power. Default window: the firmware's
-// Blackman (SDK 3.x, mmwDemo_genWindow; Harris, Proc. IEEE 66, 1978). The mean of ln power is that
-// of a signal P in noise N: ln P + E1(P / N), N from the profile's median. If the resolution is
-// unknown, a parabola through the logarithms of three bins gives the range. The standard error is
-// from the scatter of the frames, plus the code steps if noise does not average them out.
+// Radar: fits the range of an echo to range profiles in log2_q8 codes, one per frame. Needs at
+// least max(`least`, 2) frames. Fits the transform of the window, with free amplitude, to the mean
+// codes of the strongest bin and two neighbours on each side, by least squares weighted with the
+// power. The default is the Blackman window of the firmware (SDK 3.x, mmwDemo_genWindow; Harris,
+// Proc. IEEE 66, 1978). In the model, the mean of ln power for a signal P in noise N is ln P + E1(P
+// / N); N is derived from the median of the profile. If the resolution is unknown, the range is the
+// vertex of a parabola through the logarithms of three bins. The standard error is the scatter of
+// the frames, plus the code steps if noise does not average them out.
 inline constexpr std::size_t least_echo_frames = 8;
 Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoAxis& axis,
               const Search& search, const Window& window = {},
@@ -70,8 +73,9 @@ inline double spread_of(const std::vector<double>& values) {
   return std::sqrt(squares / static_cast<double>(values.size() - 1));
 }
 
-// Returns the error of the mean of the repeats. If their spread exceeds `expected`, that of noise
-// alone, by more than four of its standard errors, something moved; the spread is then the error.
+// Returns the standard error of the mean of the repeats. This is `standard_error`, unless the
+// repeats scatter more than noise explains, by more than four standard errors of their spread.
+// Something has then moved, and the error is derived from the spread.
 inline double honest_error(double standard_error, const std::vector<double>& repeats) {
   const auto n = static_cast<double>(repeats.size());
   if (n < 3) return standard_error;

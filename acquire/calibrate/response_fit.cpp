@@ -28,12 +28,12 @@ struct Fitted {
   double error(Index k) const { return std::sqrt(std::max(covariance(k, k), 0.)); }
 };
 
-// Minimises sum w (y - f)^2 by Levenberg-Marquardt with numerical derivatives and bounded
-// parameters. The weights may depend on the model.
+// Weighted least-squares problem: minimise() minimises sum w (y - f)^2 by Levenberg-Marquardt with
+// numerical derivatives and bounded parameters. The weights may depend on the model.
 struct Problem {
   std::function<VectorXd(const VectorXd&)> model;
-  std::function<VectorXd(const VectorXd&)> weights;  // takes a model's values
-  std::function<double(const VectorXd&)> chi2;       // takes a model's values
+  std::function<VectorXd(const VectorXd&)> weights;  // weights for these model values
+  std::function<double(const VectorXd&)> chi2;       // chi2 of these model values
   VectorXd measured, least, most;
 };
 
@@ -57,7 +57,8 @@ Fitted minimise(const Problem& problem, VectorXd at) {
     }
     const VectorXd weights = problem.weights(value);
     const VectorXd pull = weights.cwiseProduct(problem.measured - value);
-    for (Index k = 0; k < at.size(); ++k)  // holds parameters at their bounds
+    for (Index k = 0; k < at.size();
+         ++k)  // holds parameters at a bound if the step would exceed it
       if (const double g = slope.col(k).dot(pull);
           (g < 0 && at[k] <= problem.least[k]) || (g > 0 && at[k] >= problem.most[k]))
         slope.col(k).setZero();
@@ -83,18 +84,19 @@ Fitted minimise(const Problem& problem, VectorXd at) {
   return out;
 }
 
-// ---- SPD
+// ---- SPD: fit of the impulse response
 
 double normal(double u) { return 0.5 * std::erfc(-u / std::numbers::sqrt2); }
 
-// Cumulative distribution at time t of a Gaussian with an exponential tail; times in units of its
-// standard deviation.
+// Returns the cumulative distribution at time t of a Gaussian with an exponential tail. Times are
+// in units of the standard deviation of the Gaussian.
 double before(double t, double tail) {
   if (tail < 0.05) return normal(t - tail);
   return normal(t) - std::exp(0.5 / (tail * tail) - t / tail) * normal(t - 1 / tail);
 }
 
-enum Parameter : Index { centre, log_sigma, log_photons, log_floor, share, log_tail };  // in bins
+// Times are in bins.
+enum Parameter : Index { centre, log_sigma, log_photons, log_floor, share, log_tail };
 
 VectorXd expected_counts(const VectorXd& p, Index bins) {
   const double sigma = std::exp(p[log_sigma]), photons = std::exp(p[log_photons]);
@@ -121,7 +123,7 @@ Fitted fit_counts(const VectorXd& counts, VectorXd start) {
   problem.measured = counts;
   problem.model = [bins](const VectorXd& p) { return expected_counts(p, bins); };
   problem.weights = [](const VectorXd& mean) { return VectorXd(mean.cwiseInverse()); };
-  problem.chi2 = [&counts](const VectorXd& mean) {  // the deviance
+  problem.chi2 = [&counts](const VectorXd& mean) {  // Poisson deviance
     double sum = 0;
     for (Index i = 0; i < mean.size(); ++i)
       sum += 2 * (mean[i] - counts[i] +
@@ -182,7 +184,8 @@ std::string fit_impulse_response(std::span<const std::uint32_t> counts, double s
 
 namespace {
 
-// Returns how far the window is below 0 or above 112 % of its centre value, as a fraction of it.
+// Returns by how much the window falls below 0 or exceeds 112 % of its centre value, as a fraction
+// of that value.
 double fault_of(std::span<const double> terms) {
   const auto window = [&](double x) {
     double value = 1, k = 0;
@@ -195,8 +198,9 @@ double fault_of(std::span<const double> terms) {
   return fault;
 }
 
-// Counts the bins of a flank without another echo: the response is symmetric and decreasing there.
-// `side`: below (-1) or above (1) `top`. Powers are relative to the peak.
+// Returns the number of bins of a flank that contain no other echo. The response is assumed to be
+// symmetric and decreasing. `side`: flank below (-1) or above (1) `top`. Powers are relative to the
+// peak.
 Index free_bins(const VectorXd& power, Index top, Index side, Index reach, double noise) {
   const auto at = [&](Index i) { return i >= 0 && i < power.size() ? power[i] : -1; };
   for (Index k = 1; k <= reach; ++k) {
@@ -215,8 +219,9 @@ namespace {
 // Least-squares fit of a window to the bins of an echo.
 class EchoFit {
  public:
-  enum : Index { place, log2_peak, adding, skew, terms };  // parameters; place in bins
-  static constexpr double most_misfit = 2;                 // chi2 / degrees of freedom
+  // Indices of the parameters; `place` is in bins.
+  enum : Index { place, log2_peak, adding, skew, terms };
+  static constexpr double most_misfit = 2;  // limit of chi2 / degrees of freedom
 
   EchoFit(const Profile& profile, const EchoAxis& axis, std::size_t frames, double range_m)
       : cells_per_bin_(axis.step_m / axis.resolution_m), log2_noise_(log2_noise_of(profile.floor)) {
@@ -226,7 +231,7 @@ class EchoFit {
     Index nearest = 0;
     highest_ = mean.segment(top_ - 1, 3).maxCoeff(&nearest);
     top_ += nearest - 1;
-    // Powers are relative to the peak.
+    // Power of each bin relative to the peak.
     const VectorXd power =
         (mean.array() - highest_).unaryExpr([](double v) { return std::exp2(v); });
     const double noise = std::exp2(log2_noise_ - highest_);
@@ -235,7 +240,7 @@ class EchoFit {
                        least_error + noise);
     };
     first_ = top_ - free_of(-1), count_ = top_ + free_of(1) + 1 - first_;
-    // The elements after the bins are priors: noise interferes (0) or adds (1); the window is
+    // The three elements after the bins are priors: `adding` is between 0 and 1, and the window is
     // within its bounds.
     problem_.measured = VectorXd(count_ + 3);
     problem_.measured << power.segment(first_, count_), 0.5, 0, 0;
@@ -258,13 +263,14 @@ class EchoFit {
   EchoFit(const EchoFit&) = delete;
   EchoFit& operator=(const EchoFit&) = delete;
 
-  // Returns false if another echo leaves too few bins of a flank.
+  // Returns false if a flank has too few bins without another echo.
   bool enough() const {
     constexpr Index least_bins = 2;
     return std::min(top_ - first_, first_ + count_ - 1 - top_) >= least_bins;
   }
-  // Fits windows with and without a phase error; each parameter must reduce chi2 by least_gain.
-  // Two echoes rarely fit a single window well.
+  // Fits windows with and without a phase error. Each additional parameter must reduce chi2 by
+  // least_gain. A phase error is rejected if the fit is bad, because two echoes rarely fit a single
+  // window well.
   void fit() {
     constexpr std::pair<double, double> shapes[] = {
         {0, 0}, {1, 0}, {blackman[0], blackman[1]}, {0.6, -0.3}, {1.9, 1.3}};
@@ -295,7 +301,8 @@ class EchoFit {
 
  private:
   static constexpr double reach_cells = 5, least_error = 1e-3, least_gain = 9;
-  static constexpr double model_error = 0.02;  // log2: the firmware's arithmetic
+  // Error of the firmware's arithmetic, as log2 of the power.
+  static constexpr double model_error = 0.02;
   static constexpr Index most_terms = 6;
 
   VectorXd values(const VectorXd& p) const {
@@ -350,7 +357,7 @@ class EchoFit {
 
 constexpr Index most_taps = 16;
 
-// Returns the taps, followed by zero, peak and asymmetry.
+// Returns the taps of the response, followed by its zero, peak and asymmetry.
 VectorXd shape_of(const Window& window) {
   const Lobe lobe(window);
   const record::Symmetry found =
@@ -365,7 +372,7 @@ VectorXd shape_of(const Window& window) {
   return out;
 }
 
-// Returns the standard errors of the shape, without the part for a bad fit.
+// Returns the standard errors of the shape, not yet increased for a bad fit.
 VectorXd shape_errors(const Fitted& fit, const VectorXd& shape) {
   constexpr double d = 1e-3;
   MatrixXd slope = MatrixXd::Zero(shape.size(), fit.parameters.size());
@@ -384,13 +391,14 @@ WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& fram
                              const EchoAxis& axis, double range_m, record::Response& out) {
   constexpr std::size_t least_frames = 8;
   constexpr const char* advice =
-      "remove other objects and place it farther away (with cells of 50 cm at 3 m)";
+      "remove other objects and place the reflector farther away (at 3 m for cells of 50 cm)";
   if (frames.size() < least_frames) return {{}, "fewer than 8 frames received"};
   EchoFit echo(profile_of(frames, axis.log2_power_step), axis, frames.size(), range_m);
-  if (!echo.enough()) return {{}, std::string("another echo overlaps the reflector's; ") + advice};
+  if (!echo.enough())
+    return {{}, std::string("another echo overlaps that of the reflector; ") + advice};
   echo.fit();
   if (!echo.of_one_point())
-    return {{}, std::string("the echo does not fit a single point; ") + advice};
+    return {{}, std::string("the echo is not that of a single point; ") + advice};
   WindowFit found{EchoFit::window_of(echo.best.parameters), {}};
   const VectorXd shape = shape_of(found.window),
                  errors = std::sqrt(echo.misfit()) * shape_errors(echo.best, shape);

@@ -11,14 +11,16 @@ namespace {
 
 double degrees(double sine) { return std::asin(sine) * 180 / std::numbers::pi; }
 
-// Directions are ambiguous by a phase of 2 pi between neighbours half a wavelength apart.
+// Returns the difference of two directions. Sines that differ by 2 are equivalent, because a phase
+// of 2 pi between antennas half a wavelength apart is ambiguous.
 double apart(double sine, double other) { return std::abs(std::remainder(sine - other, 2)); }
 
 }  // namespace
 
 SidePlace place_at(Side side, const Reflector& r, double sine) {
   const double moved = side == Side::right ? r.baseline_m : -r.baseline_m;
-  const double x = r.distance_m * std::tan(std::asin(sine)) + moved;  // from the radar
+  // Lateral position relative to the radar.
+  const double x = r.distance_m * std::tan(std::asin(sine)) + moved;
   const double range = std::hypot(r.distance_m, x);
   return {x - r.baseline_m, range, x / range};
 }
@@ -40,7 +42,7 @@ SideFinding find_side(Side side, const Reflector& reflector, const AntennaGains&
       sum += std::polar(1.0, seen.phase_rad[m] - calibrated.phase_rad[m] - phases[m]);
     if (std::abs(sum) > best) best = std::abs(sum), out.sine = u;
   }
-  constexpr double near = 0.12;  // difference of direction cosines
+  constexpr double near = 0.12;  // tolerated difference of the sines
   const double off = apart(out.sine, out.expected), off_swapped = apart(out.sine, out.if_swapped);
   out.swapped = off_swapped < off;
   if (std::min(off, off_swapped) > near) {

@@ -18,19 +18,20 @@ namespace echofuse::acquire {
 enum class Side { left, right };
 
 struct SidePlace {
-  double x_m = 0;      // from the detector
-  double range_m = 0;  // from the radar
+  double x_m = 0;      // lateral position relative to the detector
+  double range_m = 0;  // distance from the radar
   double sine = 0;     // sine of the direction from the radar
 };
-// `sine`: direction at the calibration.
+// Returns the expected position of the reflector after moving it to this side. `sine`: sine of its
+// direction in the calibration.
 SidePlace place_at(Side side, const Reflector& reflector, double sine);
 
 struct SideFinding {
   double sine = 0, expected = 0, if_swapped = 0;
   bool swapped = false;
-  std::string refusal;  // set if neither direction fits
+  std::string refusal;  // reason if neither direction fits; otherwise empty
 };
-// Finds the direction of the wave `seen` (from fit_antennas) with the calibrated antennas.
+// Finds the direction of the wave `seen`, measured by fit_antennas(), with the calibrated phases.
 SideFinding find_side(Side side, const Reflector& reflector, const AntennaGains& seen,
                       const AntennaGains& calibrated, std::span<const radar::AntennaPair> antennas,
                       double wavelength_m);

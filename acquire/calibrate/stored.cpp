@@ -12,7 +12,8 @@
 namespace echofuse::acquire {
 namespace {
 
-// The limit is four standard errors, because the largest of many antennas is tested.
+// Returns false if an antenna differs by more than four standard errors. The limit is higher than
+// for a single value, because the largest of many differences is tested.
 bool compare_antennas(const AntennaGains& now, const AntennaGains& then,
                       nlohmann::ordered_json& json, bool quiet) {
   if (now.empty()) return true;
@@ -21,7 +22,8 @@ bool compare_antennas(const AntennaGains& now, const AntennaGains& then,
   const bool holds = same && worst <= 4;
   json["array_residual"] = {{"standard_errors", worst}, {"holds", holds}};
   if (!quiet && !same)
-    std::printf("array  the calibration has %zu antennas; calibrate again\n", then.gain.size());
+    std::printf("array  the stored calibration has %zu antennas; calibrate again\n",
+                then.gain.size());
   else if (!quiet)
     std::printf("array  largest difference %.1f standard errors: the calibration of %s %s\n", worst,
                 then.date_utc.c_str(), holds ? "is valid" : "is outdated; calibrate again");
@@ -72,7 +74,7 @@ void store(const Calibration& fresh, const Calibration& stored, const std::strin
     json["kept"].push_back(
         {{"sensor", name_of(e.sensor)}, {"offset_m", e.offset_m}, {"date_utc", e.date_utc}});
     if (!quiet)
-      std::printf("%-6s kept: offset %+.2f mm of %s\n", name_of(e.sensor), 1e3 * e.offset_m,
+      std::printf("%-6s kept: offset %+.2f mm, measured %s\n", name_of(e.sensor), 1e3 * e.offset_m,
                   e.date_utc.c_str());
   }
   if (!quiet) std::printf("written to %s\n", printable(path).c_str());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Compares a new calibration with the one in run.calibration, and writes it.
+// Compares a new calibration with the one in run.calibration, and writes the new one.
 #pragma once
 #include <nlohmann/json.hpp>
 #include <string>
@@ -8,16 +8,17 @@
 
 namespace echofuse::acquire {
 
-// Prints the residuals unless `quiet`, and adds them to the JSON. Returns false if one exceeds
-// three standard errors.
+// Prints the differences between the two calibrations unless `quiet` is set, and adds them to the
+// JSON. Returns false if a difference exceeds three standard errors (four for antennas).
 bool compare(const Calibration& fresh, const Calibration& stored, nlohmann::ordered_json& json,
              bool quiet);
 
-// Reads the calibration file; empty if it is missing. Throws Error(config) if the file is
-// unreadable, because such a file is not overwritten.
+// Reads the calibration file; returns an empty calibration if it is missing. Throws Error(config)
+// if the file is unreadable, because it must not be overwritten then.
 Calibration stored_in(const std::string& path);
 
-// Writes the new calibration over the stored one and prints the sensors that keep the old one.
+// Writes the new calibration. Sensors that were not measured keep the stored one; prints them
+// unless `quiet` is set.
 void store(const Calibration& fresh, const Calibration& stored, const std::string& path,
            nlohmann::ordered_json& json, bool quiet);
 

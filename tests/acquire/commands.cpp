@@ -208,7 +208,7 @@ TEST_CASE("calibrate works without a calibration file and never overwrites an un
     CHECK(fs::file_size(folder / "c.toml") == text.size());
   }
   refuses(config + " --set run.calibration=new.toml", 4,
-          "no data from the devices to calibrate after 0.2 s");
+          "the devices to calibrate delivered no data within 0.2 s");
 }
 
 TEST_CASE("a run with silent devices reports each in one line and creates no file") {

@@ -197,8 +197,9 @@ TEST_CASE("records with lost start pulses are lossy if the laser rate is known")
                                {"tdc.laser_rate_hz=4000"});
   CHECK(lossy.verdict(1) == "ok");
   CHECK(lossy.records[9].has(Sensor::spd));
-  CHECK_THAT(lossy.verdict(9), Catch::StartsWith("lossy: ") &&
-                                   Catch::EndsWith(" % of the 4000 expected start pulses"));
+  CHECK_THAT(lossy.verdict(9),
+             Catch::StartsWith("lossy: ") &&
+                 Catch::EndsWith(" % of the 4000 expected start pulses received"));
 }
 
 TEST_CASE("a conditional filter, which passes only starts with a click, causes no event") {
