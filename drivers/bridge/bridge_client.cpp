@@ -6,8 +6,8 @@
 
 namespace echofuse::bridge {
 namespace {
-// A sender is silent for at most 1 s, plus delays of a busy machine. The limit also bounds the wait
-// for a block with a false length: 16 MiB arrive within it at 4 MB/s.
+// A working sender is silent for at most 1 s, plus delays of a busy machine. The timeout also
+// limits the wait for a block with a corrupt length field: at 4 MB/s, 16 MiB arrive within it.
 constexpr std::chrono::seconds check_pause{1};
 constexpr int timeout_checks = 4;
 
@@ -65,7 +65,8 @@ void BridgeClient::watch() {
   timer_.after(check_pause, [this] { check_liveness(); });
 }
 
-// Blocks before a hello do not count as heartbeat.
+// Considers the bridge alive if it sent a block since the last check. Blocks before a hello do not
+// count.
 void BridgeClient::check_liveness() {
   const bool alive =
       std::exchange(blocks_seen_, parser_.counts().blocks) != parser_.counts().blocks && greeted_;
@@ -80,10 +81,10 @@ void BridgeClient::check_liveness() {
   watch();
 }
 
-// Ignores blocks that the parser still delivers after stop() or a failure.
+// Ignores blocks that the parser still delivers after stop() or after a failure.
 void BridgeClient::on_block(Block block, HostTime received) {
   if (!running_ || !port_) return;
-  // Items reported missing by a hello or an early block are added to the next delivered block.
+  // Losses reported by a hello or by an early block are added to the next delivered block.
   lost_blocks_ += block.lost_blocks;
   dropped_items_ += block.dropped_items;
   if (block.kind == BlockKind::bye)
@@ -93,7 +94,8 @@ void BridgeClient::on_block(Block block, HostTime received) {
     ++lost_blocks_;
     return;
   }
-  // Not earlier: a bridge that closes after its hello is retried at growing intervals.
+  // Resets the back-off only after a data block, so that a bridge that closes after its hello is
+  // retried at growing intervals.
   backoff_.alive(received);
   block.lost_blocks = std::exchange(lost_blocks_, 0);
   block.dropped_items = std::exchange(dropped_items_, 0);
@@ -127,7 +129,7 @@ void BridgeClient::on_hello(const Block& block) {
   handlers_.state(DeviceState::streaming, hello_);
 }
 
-// May be called from inside the parser and the port; destroying the port there is safe.
+// May be called by a handler of the parser or the port: destroying the port there is safe.
 void BridgeClient::fail(const std::string& why) {
   if (!running_) return;
   port_.reset();

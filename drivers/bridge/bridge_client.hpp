@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Connection of all bridge drivers: connects, reads hello and blocks. Reconnects after a pause if
-// the bridge is silent, closes, or sends a damaged block.
+// Connection used by all bridge drivers. Connects, then reads the hello and the blocks. Reconnects
+// after a pause if the bridge is silent, closes the connection, or sends a damaged block.
 #pragma once
 #include <functional>
 #include <memory>
@@ -15,24 +15,26 @@
 
 namespace echofuse::bridge {
 
-// Threading: the loop's thread only. After stop() no handler is called; a handler may call stop().
+// Threading: call all functions on the loop's thread. stop() may be called by a handler. No handler
+// is called after stop().
 class BridgeClient {
  public:
   struct Handlers {
-    // called on each change: connecting, streaming (hello received), faulted
+    // Called when the state changes to connecting, streaming (hello received) or faulted.
     std::function<void(DeviceState, const Hello&)> state;
-    // Called for every block except hello and bye. Each reconnection adds one lost block, because
-    // the actual number is unknown.
+    // Called for every block except hello and bye. Each reconnection counts as one lost block,
+    // because the actual number is unknown.
     std::function<void(const Block&, HostTime)> block;
     std::function<void(Severity, const std::string&)> event;
   };
 
-  // `programs`: suggestion for the message about a refused connection; may be empty.
+  // `programs`: bridge programs to suggest if the connection is refused.
   BridgeClient(port::Loop& loop, port::ByteOpener opener, std::string programs);
   void start(Handlers handlers);
   void stop();
-  // Reports a delivered block of a wrong kind or payload, and adds it to the losses of the next
-  // block. `expected`: the driver's kind: "tags", "histograms", "depth frames" or "range profiles".
+  // Rejects a delivered block with an unexpected kind or an invalid payload. Counts it as lost
+  // before the next block. `expected`: kind that the driver expects: "tags", "histograms", "depth
+  // frames" or "range profiles".
   void reject(const Block& block, const char* expected);
   std::vector<Counter> counters() const;
 
@@ -52,12 +54,12 @@ class BridgeClient {
   Handlers handlers_;
   BlockParser parser_;
   Hello hello_;
-  std::uint64_t blocks_seen_ = 0, bytes_seen_ = 0;  // at the last check
+  std::uint64_t blocks_seen_ = 0, bytes_seen_ = 0;  // counts at the last check
   int quiet_checks_ = 0;
   bool running_ = false, faulted_ = false, greeted_ = false;
-  bool connected_ = false, told_kind_ = false;  // per connection
+  bool connected_ = false, told_kind_ = false;  // reset at each connection
   std::uint64_t connections_ = 0, bad_payloads_ = 0;
-  std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;  // not yet delivered
+  std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;  // losses not yet delivered
   std::unique_ptr<port::BytePort> port_;
 };
 

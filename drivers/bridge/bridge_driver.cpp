@@ -14,8 +14,8 @@ constexpr std::uint32_t longest_gap = 1u << 20;
 
 namespace fs = std::filesystem;
 
-// Returns the path of one of our bridges, installed or in the source tree; NAME if it is in
-// neither.
+// Returns the path of one of our bridges, installed or in the source tree. Returns its file name if
+// neither exists.
 std::string path_of(const std::string& bridge) {
   std::error_code none;
   const std::string name = "echofuse-bridge-" + bridge;
@@ -31,7 +31,7 @@ std::string path_of(const std::string& bridge) {
 std::string programs_for(Sensor sensor) {
   if (sensor == Sensor::spd) return path_of("timetagger");
   if (sensor == Sensor::depth) return path_of("orbbec") + " or " + path_of("realsense");
-  return "your own, like " + path_of("example");
+  return "your own bridge, for example based on " + path_of("example");
 }
 
 }  // namespace
@@ -60,7 +60,7 @@ void BridgeDriver::on_state(DeviceState state, const Hello& hello) {
     info_.model = hello.model;
     info_.serial = hello.serial;
     info_.firmware = hello.firmware;
-    info_.axes.clear();  // set by the first frame
+    info_.axes.clear();  // set again by the first frame
     if (info_.sensor != Sensor::spd || histograms_) return;
   }
   sink_->on_state(info_.sensor, state, info_);

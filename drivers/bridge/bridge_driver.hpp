@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Base of the drivers behind the bridge protocol. Axes arrive with the frames: a device is
-// `streaming` from its first frame, and again after a change of its axes. A tagger has no axes and
-// is `streaming` after its hello.
+// Base class of the drivers that use the bridge protocol. Axes arrive with the frames. So a device
+// is `streaming` from its first frame, and is announced again if its axes change. A tagger has no
+// axes and is `streaming` after its hello.
 #pragma once
 #include <optional>
 #include <string>
@@ -21,15 +21,15 @@ class BridgeDriver : public Driver {
   BridgeDriver(Sensor sensor, port::Loop& loop, std::string address, port::ByteOpener opener);
   virtual void on_block(const Block& block, HostTime received) = 0;
   void announce(std::vector<Axis> axes, const Zones& zones = {});
-  // Returns the frames missing before this one according to the device's numbers, which include
-  // losses before the bridge and between connections; implausible numbers are replaced by the
-  // bridge's.
+  // Returns the number of frames missing before this one, from the device's frame numbers. These
+  // include losses before the bridge and between connections. If the numbers are implausible,
+  // returns the losses counted by the bridge and the protocol.
   std::uint32_t lost_before(std::uint32_t number, const Block& block);
 
   BridgeClient client_;
   SampleSink* sink_ = nullptr;
-  bool histograms_ = false;  // announced in a detector's hello
-  Zones stated_zones_;       // stated in the hello
+  bool histograms_ = false;  // the hello announces histograms instead of tags
+  Zones stated_zones_;       // zones listed in the hello
   std::uint64_t items_ = 0, lost_ = 0;
 
  private:

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// C functions of a shared library. scripts/bridges/pack.py loads it, because a time tagger delivers
-// tags faster than Python packs them. Stateless, without errors: any bytes are valid tags.
+// C functions of a shared library that scripts/bridges/pack.py loads, because a time tagger
+// delivers tags faster than Python can pack them. The functions have no state and cannot fail: they
+// accept any bytes as tags.
 #include <cstddef>
 #include <cstdint>
 
@@ -11,7 +12,7 @@ using namespace echofuse;
 
 namespace {
 
-// Moves the tags of these channels and all markers to the front; returns their number.
+// Moves the tags of the two channels and all markers to the front. Returns their number.
 std::size_t keep(std::uint8_t* tags, std::size_t count, std::int32_t start, std::int32_t click) {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -29,27 +30,29 @@ std::size_t keep(std::uint8_t* tags, std::size_t count, std::int32_t start, std:
 #pragma GCC visibility push(default)
 extern "C" {
 
-// Version of these functions; callers check for equality.
+// Version of these functions. Callers require the same version.
 std::uint32_t echofuse_bridge_pack_version() { return 3; }
 
 struct EchofusePacked {
-  std::uint32_t kept, starts, overflows;  // counts: packed tags, start tags, overflow begins
+  // numbers of tags kept, of start tags, and of overflow_begin markers
+  std::uint32_t kept, starts, overflows;
 };
 
-// Copies the tags (drivers/core/sample.hpp) of two channels, and errors and overflows of any
-// channel, with reserved byte 0. `to` must have room for all tags and not overlap `from`.
+// Copies the tags (drivers/core/sample.hpp) of two channels, and the error and overflow markers of
+// all channels. Sets the reserved byte of each copy to 0. `to` must have room for `count` tags and
+// must not overlap `from`.
 void echofuse_pack_tags(const std::uint8_t* from, std::uint8_t* to, std::uint32_t count,
                         std::int32_t start_channel, std::int32_t click_channel,
                         EchofusePacked* packed) {
   using Words [[gnu::vector_size(sizeof(Tag))]] = std::int32_t;
   const Words click{0, click_channel, 0, 0};
   const Words sought{static_cast<std::int32_t>(TagType::overflow_begin), start_channel};
-  // Masks of a tag's four words: the first has type and reserved byte, the second the channel.
+  // Numbers of matching 32-bit words: word 0 of a tag contains the type, word 1 the channel.
   Words found{}, clicks{};
   for (std::size_t i = 0; i < count; ++i) {
     Words tag;
     std::memcpy(&tag, from + i * sizeof tag, sizeof tag);
-    found -= (tag & Words{0xff, -1, -1, -1}) == sought;  // true is -1
+    found -= (tag & Words{0xff, -1, -1, -1}) == sought;  // a match is -1
     clicks -= tag == click;
     tag &= Words{~0xff00, -1, -1, -1};
     std::memcpy(to + i * sizeof tag, &tag, sizeof tag);
@@ -62,7 +65,7 @@ void echofuse_pack_tags(const std::uint8_t* from, std::uint8_t* to, std::uint32_
   packed->overflows = static_cast<std::uint32_t>(found[0]);
 }
 
-// Continues the CRC-32C of earlier bytes (0: none).
+// Continues the CRC-32C `crc` of earlier bytes; `crc` is 0 for the first bytes.
 std::uint32_t echofuse_crc32c(const std::uint8_t* bytes, std::size_t count, std::uint32_t crc) {
   return crc32c({bytes, count}, crc);
 }

@@ -51,7 +51,7 @@ Axis tangent_axis(const char* name, std::uint32_t count, float start, float step
           .step = step};
 }
 
-// A tangent of 100 is 89.4 degrees off the axis.
+// Limits tangents to 100, an angle of 89.4 degrees from the optical axis.
 bool usable(const Axis& axis) {
   const double end = axis.start + axis.step * axis.count;
   return axis.count >= 1 && axis.count <= max_depth_side && std::abs(axis.start) <= 100 &&
@@ -75,16 +75,16 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
   const auto [end, differs] = std::mismatch(magic.begin(), magic.end(), bytes.begin(), bytes.end());
   if (end != magic.end() && differs != bytes.end()) {
     ++counts_.bad_headers;
-    return refuse("bytes are not a block; expected an echofuse bridge",
+    return refuse("received bytes are not a bridge block; expected an echofuse bridge",
                   static_cast<std::size_t>(differs - bytes.begin()) + 1);
   }
-  // An incomplete magic is compared, too, so that foreign bytes are reported at once.
+  // Compares even an incomplete magic, so that a foreign protocol is reported at its first bytes.
   if (bytes.size() < magic.size()) return {0, bytes.size() + 1};
   if (bytes.size() < header_bytes) return {0, header_bytes};
   const BlockHeader header = read_header(bytes);
   if (!header.plausible()) {
     ++counts_.bad_headers;
-    return refuse("block header is damaged or of another version", header_bytes);
+    return refuse("block header is damaged or has another version", header_bytes);
   }
   const std::size_t size = header_bytes + header.payload_bytes;
   if (bytes.size() < size) return {0, size};
@@ -114,7 +114,8 @@ void BlockParser::discard(std::size_t bytes) {
   counts_.junk_bytes += bytes;
 }
 
-// Number of blocks lost before this one; unknown if the sequence number decreases.
+// Returns the number of blocks lost before this one. Returns 1 if the sequence number decreased,
+// because the actual number is then unknown.
 std::uint64_t BlockParser::missing_before(std::uint32_t sequence) {
   const std::uint32_t ahead = sequence - expected_;
   expected_ = sequence + 1;
@@ -184,7 +185,7 @@ std::optional<ProfilePayload> read_profile(ByteView payload) {
   RadarFrame& frame = out.frame;
   const auto bins = in.get<std::uint32_t>();
   frame.frame_number = in.get<std::uint32_t>();
-  // In cycles of TI's counter, which wraps.
+  // Converts microseconds to cycles of TI's 200 MHz counter, which wraps at 2^32.
   frame.time_cpu_cycles = static_cast<std::uint32_t>(200 * in.get<std::uint64_t>());
   const auto start_m = in.get<float>(), step_m = in.get<float>();
   constexpr float farthest_m = 1e4F, least_step_m = 1e-6F;

@@ -1,38 +1,38 @@
 // SPDX-License-Identifier: MIT
-// The wire between a vendor's own library (in a small program that serves TCP) or a device on USB
-// and our drivers.
-// A stream of blocks from the server; the client sends nothing. Little-endian.
+// Protocol between our drivers and a sender: a small TCP server that uses a vendor's library, or a
+// USB device. The sender sends a stream of blocks; the driver sends nothing. Values are
+// little-endian.
 //
 //   off type   field
 //     0 u8[4]  "EFBR"
 //     4 u16    version = 1
 //     6 u16    kind: 0 hello, 1 tags, 2 depth, 3 bye, 4 histogram, 5 range profile
 //     8 u32    sequence: 0 for a connection's first block, +1 for each block, wraps
-//    12 u32    payload bytes, at most 16 MiB; of a hello at most 64 KiB
-//    16 u64    items (tags or frames) the sender dropped between the previous block and this one,
-//              at most 2^40
+//    12 u32    payload size in bytes, at most 16 MiB (64 KiB for a hello)
+//    16 u64    number of items (tags or frames) that the sender dropped between the previous block
+//              and this one, at most 2^40
 //    24 u32    reserved = 0
 //    28 u32    CRC-32C (RFC 3720) over header bytes 0..27 followed by the payload
 //    32        payload
 //
 //   hello  UTF-8 JSON {"model": "...", "serial": "...", "firmware": "..."}; other keys are ignored.
-//          The first block, and again about every second, as a heartbeat: a sender is silent for
-//          at most 1 s. Blocks before a hello are not used. A detector that sends histograms adds
-//          "sends": "histograms". One with several zones adds "zones", an array in the order of the
-//          counts of {"x", "y", "width", "zero_ps"}: tangents of its centre, tangent of its full
-//          width, and the time of range 0.
+//          It is the first block. It is repeated about every second as a heartbeat, so that the
+//          sender is never silent for more than 1 s. Blocks before a hello are ignored. A detector
+//          that sends histograms adds "sends": "histograms". A detector with several zones adds
+//          "zones", an array of {"x", "y", "width", "zero_ps"} in the order of the counts. x and y
+//          are tangents of the zone's centre, width is the tangent of its full width, and zero_ps
+//          is the time that corresponds to range 0.
 //   tags   n * 16 bytes as in drivers/core/sample.hpp; n may be 0
 //   depth  u32 width, u32 height, u64 device time in us, u32 frame index,
 //          f32 x_start, x_step, y_start, y_step (tangents, drivers/core/axis.hpp),
-//          then width * height (at most 8192 each) u16 z in mm, row-major, top row first, 0 = no
-//          measurement
+//          then width * height (at most 8192 each) u16 z in mm, row-major, top row first;
+//          0 means no measurement
 //   histogram  u32 zones (1 to 64), u32 bins, u64 device time in us at the end of the exposure,
 //          u64 laser pulses (0: unknown), f64 start of the first bin and f64 bin width in ps,
-//          u32 exposure in us (above 0), then zones * bins u32 counts, zone after zone
+//          u32 exposure in us (above 0), then zones * bins u32 counts, one zone after the other
 //   range profile  u32 bins, u32 frame number, u64 device time in us, f32 range of the first bin
-//   and
-//          f32 step in m, then bins f32 of linear power (any scale)
-//   bye    empty; the sender closes the connection
+//          in m, f32 step in m, then one f32 of linear power (any scale) per bin
+//   bye    no payload; the sender then closes the connection
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -59,37 +59,39 @@ enum class BlockKind : std::uint16_t { hello, tags, depth, bye, histogram, range
 struct Block {
   BlockKind kind{};
   std::uint32_t sequence = 0;
-  std::uint64_t dropped_items = 0;  // dropped by the sender before this block
-  std::uint64_t lost_blocks = 0;    // missing sequence numbers before this block
+  std::uint64_t dropped_items = 0;  // number of items that the sender dropped before this block
+  std::uint64_t lost_blocks = 0;    // number of missing sequence numbers before this block
   ByteView payload;                 // valid only during the call
 };
 
-// bytes == bytes of blocks + junk_bytes. Excludes an incomplete block, and bytes after the damage
-// that ended a connection.
+// Invariant: bytes == bytes of valid blocks + junk_bytes. `bytes` excludes an incomplete block in
+// the buffer, and bytes received after a fault.
 struct BlockCounts {
   std::uint64_t bytes = 0, blocks = 0;
-  std::uint64_t junk_bytes = 0;   // bytes of damaged or incomplete blocks
-  std::uint64_t bad_headers = 0;  // wrong magic, another version, or implausible
+  std::uint64_t junk_bytes = 0;   // bytes that do not belong to a valid block
+  std::uint64_t bad_headers = 0;  // headers with a wrong magic, version or other value
   std::uint64_t bad_crcs = 0;
-  std::uint64_t gaps = 0;         // gaps in the sequence numbers
-  std::uint64_t lost_blocks = 0;  // total of missing blocks
+  std::uint64_t gaps = 0;         // number of gaps in the sequence numbers
+  std::uint64_t lost_blocks = 0;  // total number of missing blocks
 };
 
 std::vector<Counter> counters_of(const BlockCounts& counts);
 
-// Parses bytes into blocks, up to the first invalid one. A connection neither loses nor reorders
-// bytes. So a damaged block indicates a faulty sender, and the start of the next block is unknown.
+// Parses bytes into blocks and stops at the first invalid block. The transport loses and reorders
+// no bytes. So a damaged block indicates a faulty sender, and the start of the next block is
+// unknown.
 class BlockParser {
  public:
   using OnBlock = std::function<void(const Block&)>;
 
   void feed(ByteView bytes, const OnBlock& on_block);
-  // Returns the fault of the stream, or null. Ignores bytes after a fault.
+  // Returns the fault that stopped the parser, or null. Bytes after a fault are ignored.
   const char* broken() const { return broken_; }
-  // Starts a connection: an incomplete block becomes junk, and the sequence starts at 0. Do not
-  // call from on_block.
+  // Prepares for a new connection: counts an incomplete block as junk and expects sequence number
+  // 0. Must not be called by on_block.
   void reset();
-  // Frees the memory of the largest block so far, which is otherwise kept for the next one.
+  // Frees the buffer's memory unless it contains an incomplete block. Without this call the memory
+  // is kept for later blocks.
   void give_back() { buffer_.give_back(); }
   std::size_t kept_bytes() const { return buffer_.kept_bytes(); }
   const BlockCounts& counts() const { return counts_; }
@@ -100,7 +102,8 @@ class BlockParser {
   void discard(std::size_t bytes);
   std::uint64_t missing_before(std::uint32_t sequence);
 
-  FrameBuffer buffer_{2 * (header_bytes + max_payload_bytes)};  // a vector's capacity doubles
+  // twice the largest block, because a vector's capacity grows by doubling
+  FrameBuffer buffer_{2 * (header_bytes + max_payload_bytes)};
   const char* broken_ = nullptr;
   BlockCounts counts_;
   std::uint32_t expected_ = 0;
@@ -108,39 +111,39 @@ class BlockParser {
 
 struct Hello {
   std::string model, serial, firmware;
-  std::string sends;  // "histograms"; empty: tags
-  Zones zones;        // empty: not stated
+  std::string sends;  // "histograms", or empty for tags
+  Zones zones;        // empty if the hello lists no zones
 };
-// Returns nothing for: not JSON, not an object, a known key of another type, an implausible zone,
-// more than 64 KiB, 64 zones, 1024 values or 8 levels.
+// Returns nullopt if the payload is not a JSON object, a known key has a value of the wrong type,
+// or a zone is implausible. Limits: 64 KiB, 64 zones, 1024 values, 8 levels of nesting.
 std::optional<Hello> read_hello(ByteView payload);
 
-// Returns the tags in place if the payload is aligned, otherwise a copy in `scratch`. Returns
-// nothing if a tag is incomplete.
+// Returns a view of the payload if it is aligned, otherwise of a copy in `scratch`. Returns nullopt
+// if the last tag is incomplete.
 std::optional<std::span<const Tag>> read_tags(ByteView payload, std::vector<Tag>& scratch);
 
 struct DepthPayload {
-  DepthFrame frame;  // without receive time and lost_before
+  DepthFrame frame;  // `received` and `lost_before` are not set
   Axis x, y;
 };
-// Returns nothing if the size does not match, a side is not 1 to 8192 pixels, a tangent exceeds
-// 100, or a step is below 1e-6 or not finite.
+// Returns nullopt if the payload has the wrong size, a side is not 1 to 8192 pixels, a tangent
+// exceeds 100, or a step is below 1e-6 or not finite.
 std::optional<DepthPayload> read_depth(ByteView payload);
 
 struct HistogramPayload {
-  HistogramFrame frame;  // without receive time and losses
+  HistogramFrame frame;  // `received` and `lost_before` are not set
   Axis axis;             // name "spd", quantity "counts", unit "ps"
 };
-// Returns nothing for: a wrong size, not 1 to 64 zones, no exposure, a start beyond 1e12 ps, or
-// bins not .001 to 1e9 ps wide.
+// Returns nullopt if the payload has the wrong size, the number of zones is not 1 to 64, the
+// exposure is 0, the axis starts beyond 1e12 ps, or the bin width is not 0.001 to 1e9 ps.
 std::optional<HistogramPayload> read_histogram(ByteView payload);
 
 struct ProfilePayload {
-  RadarFrame frame;  // includes `power`; without receive time and lost_before
+  RadarFrame frame;  // `power` is set; `range_profile`, `received`, `lost_before` are not
   Axis axis;         // name "radar", quantity "power", unit "m"
 };
-// Returns nothing for: a wrong size, fewer than 4 bins, a power below 0 or not finite, a range
-// beyond 10 km, or a step below 1 um.
+// Returns nullopt if the payload has the wrong size, there are fewer than 4 bins, a power is
+// negative or not finite, a range exceeds 10 km, or the step is below 1 um.
 std::optional<ProfilePayload> read_profile(ByteView payload);
 
 }  // namespace echofuse::bridge

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Writes blocks of bridge_protocol.hpp, for raw capture of a camera without a byte stream.
+// Writes blocks of the bridge protocol for the raw capture of a camera that has no byte stream.
 #pragma once
 #include <cstdint>
 
@@ -8,11 +8,11 @@
 
 namespace echofuse::bridge {
 
-// Returns header and payload.
+// Returns a block: its header followed by the payload.
 Bytes make_block(BlockKind kind, std::uint32_t sequence, std::uint64_t dropped_items,
                  ByteView payload);
 Bytes hello_payload(const DeviceInfo& info);
-// Axes must have the frame's width and height.
+// The axes must have as many points as the frame has columns and rows.
 Bytes depth_payload(const DepthFrame& frame, const Axis& x, const Axis& y);
 
 }  // namespace echofuse::bridge

@@ -12,8 +12,7 @@ namespace {
 constexpr int deepest = 8;
 constexpr int most_values = 1024;
 
-// SAX handler that keeps only the known texts and zones, so that memory does not grow with other
-// content.
+// SAX handler that stores only the known texts and zones, so that other content needs no memory.
 class HelloReader final : public nlohmann::json_sax<nlohmann::json> {
  public:
   Hello hello;
@@ -35,7 +34,7 @@ class HelloReader final : public nlohmann::json_sax<nlohmann::json> {
     text_ = nullptr;
     return true;
   }
-  // The top-level value must be an object.
+  // Accepts the top-level object, objects in the list of zones, and values of unknown keys.
   bool start_object(std::size_t) override {
     const bool zone = is_in_list() && hello.zones.size() < most_zones && count();
     if (zone) hello.zones.emplace_back();
@@ -78,14 +77,15 @@ class HelloReader final : public nlohmann::json_sax<nlohmann::json> {
     *std::exchange(number_, nullptr) = value;
     return count();
   }
-  // Handles a value that is neither text, number nor zone: returns false if one is expected.
+  // Handles null, a boolean, or a value of an unknown key. Returns false if a text, a number or a
+  // zone is expected here.
   bool other() { return !text_ && !number_ && !wants_zones_ && !is_in_list() && count(); }
   bool leave() {
     --depth_;
     return true;
   }
 
-  std::string* text_ = nullptr;  // target of the value after its key
+  std::string* text_ = nullptr;  // target of the value that follows the key; null for unknown keys
   double* number_ = nullptr;
   bool wants_zones_ = false, in_zones_ = false;
   int depth_ = 0, values_ = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Axis of a sensor's values: written once per run, checked by every reader.
+// Axis of a sensor's values. It is written once per run and checked by every reader.
 #pragma once
 #include <cmath>
 #include <cstdint>
@@ -8,17 +8,17 @@
 namespace echofuse {
 
 inline constexpr double speed_of_light_m_s = 299'792'458.0;
-inline constexpr double ps_per_m = 2e12 / speed_of_light_m_s;  // two-way
+inline constexpr double ps_per_m = 2e12 / speed_of_light_m_s;  // two-way time of flight
 
-// Regular axis. Bin i of the SPD covers [start + i*step, start + (i+1)*step). Point i of the radar
-// and pixel i of the depth map are *at* start + i*step.
+// Axis with equal steps. Bin i of the SPD covers [start + i*step, start + (i+1)*step). Point i of
+// the radar and pixel i of the depth map are *at* start + i*step.
 //   name      quantity                unit  meaning of the values along it
 //   spd       counts                  ps    detections per bin of two-way time of flight
 //   radar     power                   m     linear power (arbitrary scale)
 //   radar     binned_power            m     linear power, summed over one step around each point
 //   radar     log2_q8                 m     256*log2(magnitude), summed over `scale` virtual
 //                                   antennas, divided by the next power of two (TI SDK 3.x TLV 2)
-//   array     covariance            m     between the radar's `scale` virtual antennas
+//   array     covariance            m     covariances of the radar's `scale` virtual antennas
 //                                   (acquire/measurement/radar_array.hpp)
 //   depth_x   tangent                 1     x/z of a pixel column, x to the right
 //   depth_y   tangent                 1     y/z of a pixel row, y up (step is negative)
@@ -37,7 +37,7 @@ struct Axis {
   double at(double i) const { return start + i * step; }
 };
 
-// Compares all fields; positions may differ by up to 0.001 of a step.
+// Returns true if all fields are equal; start and end may differ by up to 0.001 of a step.
 inline bool same_axis(const Axis& a, const Axis& b) {
   const double tolerance = 1e-3 * std::abs(a.step);
   return a.name == b.name && a.quantity == b.quantity && a.unit == b.unit && a.count == b.count &&

@@ -11,7 +11,8 @@
 
 namespace echofuse {
 
-static_assert(std::endian::native == std::endian::little, "wire formats are read in place");
+static_assert(std::endian::native == std::endian::little,
+              "wire formats are little-endian and read without conversion");
 
 using Bytes = std::vector<std::uint8_t>;
 using ByteView = std::span<const std::uint8_t>;
@@ -28,7 +29,7 @@ class ByteReader {
     if (!raw.empty()) std::memcpy(&value, raw.data(), sizeof(T));
     return value;
   }
-  // Returns the next n bytes, or an empty view if fewer are left.
+  // Returns the next n bytes, or an empty view if fewer than n are left.
   ByteView take(std::size_t n) {
     if (n > bytes_.size()) {
       ok_ = false;
@@ -55,7 +56,7 @@ void put(Bytes& out, T value) {
   std::memcpy(out.data() + size, &value, sizeof(T));
 }
 
-// Converts raw bytes of a known type to values. Ignores trailing bytes that do not fill a value.
+// Converts raw bytes to values of type T. Ignores trailing bytes that do not fill a value.
 template <class T>
 std::vector<T> to_values(ByteView raw) {
   static_assert(std::is_trivially_copyable_v<T>);

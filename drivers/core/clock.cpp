@@ -17,7 +17,8 @@ const Clock& system_clock = the_system_clock;
 
 HostTime SystemClock::now() const { return std::chrono::steady_clock::now().time_since_epoch(); }
 
-// Uses clock_gettime because system_clock overflows in 2262. Clamps the seconds in 2260.
+// Uses clock_gettime because std::chrono::system_clock overflows in 2262. Clamps later times to the
+// year 2260.
 UtcTime SystemClock::utc() const {
   using Seconds = std::chrono::seconds;
   constexpr Seconds last =
@@ -28,8 +29,8 @@ UtcTime SystemClock::utc() const {
 }
 
 std::string iso8601(UtcTime time) {
-  // Computes the second by hand because floor<seconds> overflows for the earliest times of the
-  // type.
+  // floor<seconds> would overflow for the earliest times of the type, so the second is computed by
+  // hand.
   constexpr std::int64_t second = 1'000'000'000;
   const std::int64_t rest = (time.count() % second + second) % second;
   const std::time_t t = time.count() / second - (time.count() % second < 0 ? 1 : 0);

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: MIT
-// Clocks and the time of samples. Clocks are injected; code without a loop receives `system_clock`.
+// Clocks and time types. Objects receive their clock from the caller. Code without an event loop
+// uses `system_clock`.
 #pragma once
 #include <chrono>
 #include <string>
 
 namespace echofuse {
 
-// CLOCK_MONOTONIC since boot. Not comparable across a reboot; anchors in the run map it to UTC.
+// Time of CLOCK_MONOTONIC, which starts at boot. Not comparable across reboots; anchors stored in
+// the run map it to UTC.
 using HostTime = std::chrono::nanoseconds;
 // Nanoseconds since 1970-01-01T00:00:00Z.
 using UtcTime = std::chrono::nanoseconds;
@@ -26,7 +28,7 @@ class SystemClock final : public Clock {
 
 extern const Clock& system_clock;
 
-// Clock that a test advances.
+// Clock for tests, which advance it explicitly.
 class ManualClock final : public Clock {
  public:
   HostTime now() const override { return now_; }
@@ -39,7 +41,7 @@ class ManualClock final : public Clock {
   UtcTime utc_offset_{0};
 };
 
-// "2024-02-07T12:34:56.789Z" (ISO 8601)
+// Formats a time in ISO 8601, for example "2024-02-07T12:34:56.789Z".
 std::string iso8601(UtcTime time);
 
 inline double seconds(std::chrono::nanoseconds t) {

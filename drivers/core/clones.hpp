@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: MIT
-// Compiles inner loops for AVX2 and for older processors; both give identical bits.
+// Compiles inner loops twice, for AVX2 and for older processors. Both versions give bit-identical
+// results.
 #pragma once
 #include <cstddef>
 #include <cstring>
 
-// Without FMA, because contracted products change the bits. Off with sanitizers, which are not
-// initialised when the loader selects a clone.
+// The AVX2 version does not use FMA, because fused products change the results. Sanitizer builds
+// have one version, because the loader selects a version before the sanitizer is initialised.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
     !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define ECHOFUSE_CLONES __attribute__((target_clones("avx2", "default")))
@@ -15,8 +16,8 @@
 
 namespace echofuse {
 
-// Eight floats for SIMD, as a vector type of GCC and clang. Pass by reference: the calling
-// convention by value depends on the processor.
+// Eight floats as a SIMD vector type of GCC and clang. Pass it by reference, because the calling
+// convention for passing by value depends on the processor.
 inline constexpr std::size_t lanes = 8;
 using Eight [[gnu::vector_size(4 * lanes)]] = float;
 [[gnu::always_inline]] inline void load(Eight& to, const float* from) {

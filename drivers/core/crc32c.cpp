@@ -8,7 +8,8 @@
 namespace echofuse {
 
 std::uint32_t crc32c(ByteView bytes, std::uint32_t crc) {
-  constexpr std::size_t most = std::size_t{1} << 30;  // ISA-L takes the length as int
+  // limit, because ISA-L takes the length as an int
+  constexpr std::size_t most = std::size_t{1} << 30;
   for (crc = ~crc; !bytes.empty(); bytes = bytes.subspan(std::min(bytes.size(), most)))
     crc = ::crc32_iscsi(const_cast<std::uint8_t*>(bytes.data()),
                         static_cast<int>(std::min(bytes.size(), most)), crc);

@@ -10,20 +10,21 @@
 
 namespace echofuse {
 
-// In the states `faulted` and `misconfigured` the driver is not connected and tries again.
-// `misconfigured`: the configuration is wrong, so `run` and `calibrate` stop at the start.
+// A driver that is `faulted` or `misconfigured` is not connected and keeps retrying.
+// `misconfigured` means that the configuration is wrong. If this occurs at the start, `run` and
+// `calibrate` exit.
 enum class DeviceState : std::uint8_t { connecting, streaming, faulted, ended, misconfigured };
 inline const char* name_of(DeviceState s) {
   constexpr const char* names[] = {"connecting", "streaming", "faulted", "ended", "misconfigured"};
   return names[static_cast<std::size_t>(s)];
 }
 
-// Identity and axes of a device, available after its first answer.
+// Identity and axes of a device. They may be empty until the device responds.
 struct DeviceInfo {
   Sensor sensor{};
   std::string address, model, serial, firmware;
-  std::vector<Axis> axes;  // axes of the samples that it sends
-  Zones zones = {};        // empty for a single pixel
+  std::vector<Axis> axes;  // axes of the device's samples
+  Zones zones = {};        // zones of the field of view; empty for a single pixel
 };
 
 enum class Severity : std::uint8_t { info, warning, error };
@@ -33,7 +34,7 @@ struct Counter {
   std::uint64_t value;
 };
 
-// Receives samples and events. The default implementations ignore them.
+// Receives the samples and events of drivers. The default implementations do nothing.
 class SampleSink {
  public:
   virtual ~SampleSink() = default;
@@ -42,24 +43,23 @@ class SampleSink {
   virtual void on_radar(RadarFrame) {}
   virtual void on_depth(DepthFrame) {}
   virtual void on_state(Sensor, DeviceState, const DeviceInfo&) {}
-  virtual void on_firmware_bias(const FirmwareBias&) {}  // one line of the radar's calibration
+  virtual void on_firmware_bias(const FirmwareBias&) {}  // one result of the radar's calibration
   virtual void on_event(Sensor, Severity, const std::string& /*text*/) {}
 };
 
-// Threading: created, started, stopped and destroyed on the loop's thread; calls its sink only
-// there. A driver with its own threads copies and posts. Reconnects with back-off until stopped.
-// Stop all drivers before destroying one, because a destructor blocks.
+// Threading: create, start, stop and destroy a driver on the loop's thread. A driver calls its sink
+// only on that thread; if it has its own threads, they copy and post data to the loop. Reconnects
+// with back-off until stopped. Stop all drivers before destroying one, because a destructor blocks.
 class Driver {
  public:
   virtual ~Driver() = default;
   virtual void start(SampleSink& sink) = 0;
-  // Requests the end without waiting; the destructor waits.
+  // Requests a stop and returns at once. The destructor waits until the driver has stopped.
   virtual void stop() = 0;
-  // After stop(): returns true when the device has received all commands and the sink has received
+  // After stop(): returns true once the device has received all commands and the sink has received
   // all data. The caller runs the loop until then, or until its own timeout.
   virtual bool finished() const { return true; }
-  // Returns counters by cause since start (bytes, short, not_ours, corrupt, resynced, reconnects,
-  // ...).
+  // Returns counters since start(), for example bytes, frames, bad_headers and lost_frames.
   virtual std::vector<Counter> counters() const = 0;
 };
 

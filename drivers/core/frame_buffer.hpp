@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Buffer of a stream parser. Keeps the bytes of an incomplete frame; a frame that is complete in
-// one input is not copied.
+// Buffer of a stream parser. Keeps the bytes of an incomplete frame. A frame that is complete in
+// one input is parsed without a copy.
 #pragma once
 #include <algorithm>
 
@@ -10,16 +10,16 @@ namespace echofuse {
 
 // Result of one parser call on the buffered bytes.
 struct Step {
-  std::size_t used = 0;    // bytes consumed; 0: more are needed
-  std::size_t wanted = 0;  // total bytes before the next call can succeed (0: any number)
+  std::size_t used = 0;    // bytes consumed; 0 if more bytes are needed
+  std::size_t wanted = 0;  // bytes needed for the next call to succeed; 0 if unknown
 };
 
 class FrameBuffer {
  public:
-  // Keeps up to `most_kept` bytes of memory until clear() or give_back().
+  // An empty buffer keeps up to `most_kept` bytes of memory until clear() or give_back().
   explicit FrameBuffer(std::size_t most_kept = 1 << 20) : most_kept_(most_kept) {}
-  // Calls consume(view) with the unused bytes, in order and contiguous, until it needs more than
-  // are available. consume must return {0, wanted} at the latest when its view is empty.
+  // Calls consume(view) with the unconsumed bytes, in order and contiguous, until it needs more
+  // bytes than are available. For an empty view, consume must return {0, wanted}.
   template <class Consume>
   void feed(ByteView bytes, const Consume& consume) {
     while (!held().empty() && !bytes.empty()) {
@@ -42,18 +42,18 @@ class FrameBuffer {
     used_ = wanted_ = 0;
   }
   std::size_t kept_bytes() const { return held_.capacity(); }
-  // Frees the memory if no frame is incomplete.
+  // Frees the memory unless it contains an incomplete frame.
   void give_back() {
     if (held_.empty()) clear();
   }
 
  private:
-  // Calls consume again with the buffered bytes.
+  // Calls consume with the buffered bytes after bytes were added.
   template <class Consume>
   void again(const Consume& consume) {
     used_ += run(held(), consume);
-    // Drops consumed bytes only once they fill a quarter of the buffer. Otherwise each small frame
-    // would move all bytes behind it.
+    // Removes consumed bytes only once they fill a quarter of the buffer. Otherwise every small
+    // frame would move all bytes that follow it.
     if (used_ == held_.size()) {
       held_.clear();
       if (held_.capacity() > most_kept_) held_.shrink_to_fit();
@@ -79,7 +79,7 @@ class FrameBuffer {
 
   std::size_t most_kept_;
   Bytes held_;
-  std::size_t used_ = 0;  // consumed bytes at the beginning of held_
+  std::size_t used_ = 0;  // number of consumed bytes at the start of held_
   std::size_t wanted_ = 0;
 };
 

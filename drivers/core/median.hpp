@@ -6,7 +6,7 @@
 
 namespace echofuse {
 
-// Returns the upper median; values must not be empty.
+// Returns the median, or the upper one of two middle values. `values` must not be empty.
 template <class T>
 T median(std::vector<T> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Reproducible random streams: a pair (seed, stream) always gives the same numbers, on any thread
+// Reproducible random numbers. A pair (seed, stream) always gives the same sequence, on any thread
 // and in any order of the streams.
 #pragma once
 #include <cstdint>
@@ -7,7 +7,7 @@
 
 namespace echofuse {
 
-// One step of SplitMix64 (Steele, Lea, Flood 2014): spreads neighbouring seeds far apart.
+// One step of SplitMix64 (Steele, Lea, Flood 2014). Maps neighbouring seeds to unrelated values.
 inline std::uint64_t mix(std::uint64_t x) {
   x += 0x9e3779b97f4a7c15ULL;
   x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;

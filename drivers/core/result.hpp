@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Value or failure, for device and OS errors at run time.
+// Holds a value or a failure, for errors of devices and the operating system at run time.
 #pragma once
 #include <string>
 #include <system_error>
@@ -10,7 +10,7 @@ namespace echofuse {
 
 struct Failure {
   std::error_code code;
-  std::string what;  // failed action with its address or file
+  std::string what;  // failed action, with its address or file
 
   std::string text() const { return what + ": " + code.message(); }
 };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Samples of the three drivers, with raw device values and raw device clocks. The host time is the
-// monotonic time at which the last byte of the sample was read.
+// Samples of the three drivers, with unprocessed device values and device times. Unless noted,
+// `received` is the monotonic host time at which the last byte of the sample was read.
 #pragma once
 #include <cstdint>
 #include <numeric>
@@ -15,8 +15,10 @@
 
 namespace echofuse {
 
-// One 16-byte record of a time tagger, in memory as on the wire (Swabian time-tag stream).
-//   off 0 u8 type | 1 u8 0 | 2 u16 missed events (type 4) | 4 i32 channel | 8 i64 time in ps
+// One 16-byte record of a time tagger, with the same layout in memory and on the wire (Swabian
+// time-tag stream).
+//   offset 0 u8 type, 1 u8 reserved = 0, 2 u16 missed events (type 4), 4 i32 channel,
+//   8 i64 time in ps
 enum class TagType : std::uint8_t {
   time_tag = 0,
   error = 1,
@@ -28,10 +30,10 @@ struct Tag {
   TagType type = TagType::time_tag;
   std::uint8_t reserved = 0;
   std::uint16_t missed_events = 0;
-  std::int32_t channel = 0;  // rising edge n, falling edge -n
+  std::int32_t channel = 0;  // n for a rising edge at input n, -n for a falling edge
   std::int64_t time_ps = 0;  // wraps at 2^63 ps
 
-  // Returns true for a well-formed event; other records may contain any time.
+  // Returns true for a valid time tag. The time of other records may have any value.
   bool is_time_tag() const { return type == TagType::time_tag && reserved == 0; }
 };
 static_assert(sizeof(Tag) == 16);
@@ -39,17 +41,17 @@ static_assert(sizeof(Tag) == 16);
 struct TagBlock {
   HostTime received{};
   std::span<const Tag> tags;      // valid only during the call that delivers it
-  std::uint64_t lost_blocks = 0;  // transport blocks missing before this one
-  std::uint64_t lost_items = 0;   // tags dropped by the sender before this one, as it reports
+  std::uint64_t lost_blocks = 0;  // transport blocks missing before this block
+  std::uint64_t lost_items = 0;   // tags that the sender dropped before this block, as it reports
 };
 
-// Counts of one exposure from a detector without time tags.
+// Counts of one exposure of a detector that sends histograms instead of time tags.
 struct HistogramFrame {
   HostTime received{};
-  std::uint64_t device_time_us = 0;  // at the end of the exposure
+  std::uint64_t device_time_us = 0;  // device time at the end of the exposure
   std::uint32_t exposure_us = 0;
-  std::uint64_t pulses = 0;           // laser pulses; 0: unknown
-  std::uint32_t zones = 1;            // parts of the field of view
+  std::uint64_t pulses = 0;           // number of laser pulses; 0 if unknown
+  std::uint32_t zones = 1;            // number of zones of the field of view
   std::vector<std::uint32_t> counts;  // all bins of zone 0, then of zone 1, ...
   std::uint64_t lost_before = 0;      // histograms missing before this one
 
@@ -58,45 +60,47 @@ struct HistogramFrame {
   }
 };
 
-// TI mmWave demo, TLV 6 (SDK 3.x mmw_output.h): microseconds and per cent.
+// TLV 6 of TI's mmWave demo (SDK 3.x mmw_output.h): times in microseconds, loads in per cent.
 struct RadarStats {
   std::uint32_t inter_frame_processing_us, transmit_us, inter_frame_margin_us,
       inter_chirp_margin_us, active_frame_load_percent, inter_frame_load_percent;
 };
-// TLV 9: milliseconds since power-up and degrees Celsius (Rx0-3, Tx0-2, PM, Dig0, Dig1).
+// TLV 9 of TI's mmWave demo: milliseconds since power-up, and temperatures of Rx0-3, Tx0-2, PM,
+// Dig0 and Dig1 in degrees Celsius.
 struct RadarTemperature {
-  std::int32_t invalid;  // 0 means valid
+  std::int32_t invalid;  // 0 if the temperatures are valid
   std::uint32_t time_ms;
   std::int16_t celsius[10];
 };
 
 struct RadarFrame {
-  HostTime received{};                       // minus the known delay since the first chirp
-  std::uint32_t frame_number = 0;            // since power-up
-  std::uint32_t time_cpu_cycles = 0;         // 200 MHz, wraps every 21.47 s
-  std::uint32_t lost_before = 0;             // frame numbers missing before this one
-  std::uint32_t subframe = 0;                // subframes of one frame share its number
-  std::uint32_t subframes = 1;               // number per frame in the cfg
+  HostTime received{};                // read time minus known delay since the first chirp
+  std::uint32_t frame_number = 0;     // counts from power-up
+  std::uint32_t time_cpu_cycles = 0;  // device time in cycles of 200 MHz; wraps every 21.47 s
+  std::uint32_t lost_before = 0;      // frame numbers missing before this one
+  std::uint32_t subframe = 0;         // index; subframes of a frame share its number
+  std::uint32_t subframes = 1;        // number of subframes per frame in the cfg
   std::vector<std::uint16_t> range_profile;  // log2_q8 codes; empty if the frame had no TLV 2
-  std::vector<float> power;                  // linear; from a bridge, which sends no range_profile
-  // TLV 4 (azimuth antennas) or 8 (all antennas): for each range bin and virtual antenna the
-  // imaginary part, then the real part. Empty if the frame had neither.
+  std::vector<float> power;  // linear power; only bridges send it, without range_profile
+  // Heat map of TLV 4 (azimuth antennas) or TLV 8 (all antennas). Each range bin and virtual
+  // antenna has two values, the imaginary part and then the real part. Empty if the frame had
+  // neither TLV.
   std::vector<std::int16_t> array;
-  bool planar = false;  // true: TLV 8, false: TLV 4
+  bool planar = false;  // `array` is from TLV 8 (true) or TLV 4 (false)
   std::optional<RadarStats> stats;
   std::optional<RadarTemperature> temperature;
 };
 
-// Result of TI's calibration (measureRangeBiasAndRxChanPhase), or the mean of several. Intended for
-// the .cfg: the firmware applies it to its points, not to the range profile.
+// Result of TI's calibration (measureRangeBiasAndRxChanPhase), or the mean of several results.
+// Intended for the .cfg. The firmware applies it to its point cloud, not to the range profile.
 struct FirmwareBias {
   double range_bias_m = 0;
-  std::vector<double>
-      re_im;  // real and imaginary part of each virtual antenna, as in compRangeBiasAndRxChanPhase
-  std::int64_t lines = 0;
+  // real and imaginary part of each virtual antenna, as in compRangeBiasAndRxChanPhase
+  std::vector<double> re_im;
+  std::int64_t lines = 0;  // number of averaged results
 };
 
-// Drivers reject frames with a longer side.
+// Largest width and height of a depth frame. Drivers reject larger frames.
 inline constexpr std::uint32_t max_depth_side = 8192;
 
 struct DepthFrame {
@@ -105,7 +109,7 @@ struct DepthFrame {
   std::uint32_t frame_number = 0;
   std::uint32_t lost_before = 0;
   std::uint32_t width = 0, height = 0;
-  std::vector<std::uint16_t> depth_mm;  // z, row-major, 0 = no measurement
+  std::vector<std::uint16_t> depth_mm;  // z, row-major; 0 means no measurement
 };
 
 }  // namespace echofuse

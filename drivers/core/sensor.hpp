@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The three sensors, values per sensor, and sets of sensors.
+// The three sensors, arrays with one value per sensor, and sets of sensors.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -12,7 +12,7 @@ enum class Sensor : std::uint8_t { spd = 0, radar = 1, depth = 2 };
 inline constexpr std::size_t sensor_count = 3;
 inline constexpr Sensor all_sensors[] = {Sensor::spd, Sensor::radar, Sensor::depth};
 
-// One value per sensor, indexed by Sensor only.
+// Array with one value per sensor. Only a Sensor can be its index.
 template <class T>
 struct PerSensor : std::array<T, sensor_count> {
   constexpr T& operator[](Sensor s) { return this->data()[static_cast<std::size_t>(s)]; }
@@ -32,7 +32,7 @@ class SensorSet {
   constexpr SensorSet(std::initializer_list<Sensor> sensors) {
     for (const Sensor s : sensors) insert(s);
   }
-  // `bits`: mask as in files and messages: bit 0 SPD, 1 radar, 2 depth.
+  // `bits`: mask used in files and messages; bit 0 is SPD, bit 1 radar, bit 2 depth.
   static constexpr SensorSet from_bits(std::uint32_t bits) {
     SensorSet set;
     set.bits_ = bits;
@@ -44,7 +44,7 @@ class SensorSet {
   constexpr bool empty() const { return bits_ == 0; }
   constexpr void insert(Sensor s) { bits_ |= bit(s); }
   constexpr void erase(Sensor s) { bits_ &= ~bit(s); }
-  // Set difference.
+  // Returns the sensors of this set that are not in `other`.
   constexpr SensorSet operator-(SensorSet other) const { return from_bits(bits_ & ~other.bits_); }
   bool operator==(const SensorSet&) const = default;
 

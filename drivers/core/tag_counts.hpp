@@ -4,21 +4,23 @@
 
 namespace echofuse {
 
-// Tag counts by category: tags == starts + in_range + out_of_range + without_start + other.
+// Numbers of tags by category. Invariant: tags == starts + in_range + out_of_range + without_start
+// + other.
 struct TagCounts {
   std::uint64_t tags = 0;
   std::uint64_t starts = 0;
-  std::uint64_t in_range = 0;       // clicks in the histogram
-  std::uint64_t out_of_range = 0;   // clicks with a start, outside the axis
+  std::uint64_t in_range = 0;       // clicks counted in the histogram
+  std::uint64_t out_of_range = 0;   // clicks that have a start but lie outside the axis
   std::uint64_t without_start = 0;  // clicks before the first start
-  std::uint64_t other = 0;          // other channels, markers, and tags removed by the dead time
-  // Not part of the sum:
+  std::uint64_t other = 0;  // tags of other channels, markers, and tags removed by the dead time
+  // The sum excludes the following counters.
   std::uint64_t missed = 0;     // events on the two channels that the device reports as lost
   std::uint64_t overflows = 0;  // number of overflow periods
-  std::uint64_t errors = 0;     // error markers
-  std::uint64_t bad_tags = 0;   // unknown type, or reserved byte not 0; included in `other`
+  std::uint64_t errors = 0;     // number of error markers
+  // tags of unknown type or with a reserved byte other than 0; included in `other`
+  std::uint64_t bad_tags = 0;
   std::uint64_t backwards = 0;  // time tags earlier than their predecessor
-  std::uint64_t removed = 0;    // removed by the dead time; included in `other`
+  std::uint64_t removed = 0;    // tags removed by the dead time; included in `other`
 
   TagCounts& operator+=(const TagCounts& more) {
     tags += more.tags;

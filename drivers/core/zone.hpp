@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Zone of a detector: a part of its field of view that has a histogram of its own.
+// Zone of a detector: a part of its field of view with its own histogram.
 #pragma once
 #include <cmath>
 #include <cstddef>
@@ -10,15 +10,15 @@ namespace echofuse {
 
 inline constexpr std::size_t most_zones = 64;
 
-// Counts of a record are those of zone after zone, each on the axis spd. A detector that states no
-// zones is a single pixel.
+// A record contains the counts of all bins of the first zone, then of the second, and so on. A
+// detector without zones in its hello is a single pixel.
 struct Zone {
-  // Tangents of the centre (x to the right, y up) and of the full width; NaN: not known.
+  // Tangents of the zone's centre (x to the right, y up) and of its full width; NaN if unknown.
   double x = std::numeric_limits<double>::quiet_NaN(), y = x, width = x;
-  double zero_ps = 0;  // two-way time of range 0
+  double zero_ps = 0;  // two-way time that corresponds to range 0
 
   bool has_direction() const { return std::isfinite(x); }
-  // A tangent of 100 is 89.4 degrees off the axis.
+  // Limits tangents to 100, an angle of 89.4 degrees from the optical axis.
   bool plausible() const {
     const bool unknown = std::isnan(x) && std::isnan(y) && std::isnan(width);
     return std::abs(zero_ps) <= 1e12 &&
@@ -36,7 +36,7 @@ inline bool operator==(const Zone& a, const Zone& b) {
 using Zones = std::vector<Zone>;
 inline std::size_t histograms_of(const Zones& zones) { return zones.empty() ? 1 : zones.size(); }
 
-// Counts of the bins over all zones. Time zeros are not applied.
+// Returns the counts of each bin, summed over all zones. Does not correct the zones' zero_ps.
 template <class T>
 std::vector<T> sum_of_zones(const std::vector<T>& counts, std::size_t bins) {
   std::vector<T> out(bins);

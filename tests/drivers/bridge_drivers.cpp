@@ -141,7 +141,7 @@ TEST_CASE("a server without the bridge protocol is refused and reported once") {
   driver->start(b.sink);
   const auto [bytes, text] = GENERATE_COPY(
       std::pair(Bytes{'S', 'S', 'H', '-', '2', '.', '0', '\r', '\n'},
-                std::string("bytes are not a block; expected an echofuse bridge")),
+                std::string("received bytes are not a bridge block; expected an echofuse bridge")),
       std::pair(test::make_block(bridge::BlockKind::hello, 0, test::view_of("[1]")),
                 std::string(
                     "hello is not valid; expected a JSON object with model, serial and firmware")));
