@@ -59,7 +59,7 @@ std::unique_ptr<Driver> make_tdc(port::Loop& loop, const TdcConfig& config, port
 
 namespace {
 
-// Checks the roles of the ports before opening them.
+// Returns a warning for each port that is known to have the other role, without opening ports.
 std::vector<std::string> radar_warnings(const RadarConfig& config) {
   using inventory::RadarPort;
   const auto is = [](const std::string& text, RadarPort wanted) {
@@ -69,10 +69,11 @@ std::vector<std::string> radar_warnings(const RadarConfig& config) {
   };
   std::vector<std::string> out;
   if (is(config.cli, RadarPort::data))
-    out.push_back("radar.cli = \"" + config.cli + "\" is the board's data port; are they swapped?");
+    out.push_back("radar.cli = \"" + config.cli +
+                  "\" is the board's data port; are radar.cli and radar.data swapped?");
   if (is(config.data, RadarPort::command))
     out.push_back("radar.data = \"" + config.data +
-                  "\" is the board's command port; are they swapped?");
+                  "\" is the board's command port; are radar.cli and radar.data swapped?");
   return out;
 }
 

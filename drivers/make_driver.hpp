@@ -5,7 +5,7 @@
 //          bridge:tcp://HOST:PORT
 //   depth  openni:[URI or file.oni] | bridge:tcp://HOST:PORT
 // A bad or unsupported address, or an invalid radar cfg, throws Error(ExitCode::config) at
-// start-up. DeviceState reports later whether the device answers.
+// start-up. DeviceState later reports whether the device responds.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -26,29 +26,32 @@ struct TdcConfig {
 };
 
 struct RadarConfig {
-  std::string cli, data;                             // addresses of the two ports
-  std::string cfg_text;                              // sent unchanged, line by line
-  std::string cfg_name;                              // for messages: usually the file name
-  static constexpr std::uint32_t cli_baud = 115200;  // TI's out-of-box demo
+  std::string cli, data;  // addresses of command port and data port
+  std::string cfg_text;   // sent unchanged, line by line
+  std::string cfg_name;   // name of the cfg in messages, usually its file name
+  static constexpr std::uint32_t cli_baud = 115200;  // rate of TI's out-of-box demo
   std::uint32_t data_baud = 921600;
-  std::string board = "isk";  // name in drivers/radar/board_antennas.hpp
+  std::string board = "isk";  // name listed in drivers/radar/board_antennas.hpp
   bool keep_running = false;  // do not stop the sensor at the end
-  std::string address = {};   // bridge of another radar; the fields above are then unused
+  std::string address = {};   // address of a bridge; if it is set, the fields above are not used
 };
 
 struct DepthConfig {
   std::string address;
-  std::uint32_t width = 0, height = 0, fps = 0;  // OpenNI2 only; 0: camera's default
+  // OpenNI2 cameras only; 0 selects the camera's default
+  std::uint32_t width = 0, height = 0, fps = 0;
 };
 
-// Checks an address without opening it; throws like make_tdc() and the others.
+// Checks an address without opening the device. Throws Error(config) for an invalid or unsupported
+// address.
 void check_tdc(const std::string& address);
 void check_radar(const std::string& address);
 void check_radar_port(const std::string& address, std::uint32_t baud);
 void check_depth(const std::string& address);
 
-// `loop` and `raw` must outlive the driver. With `raw`, the device's bytes are stored in
-// radar-001.dat and radar-cli-001.txt or radar-001.blocks, tags-001.blocks, depth-001.blocks.
+// `loop` and `raw` must outlive the driver. If `raw` is set, it stores the received bytes: those of
+// bridges in tags-001.blocks, radar-001.blocks and depth-001.blocks, and those of a TI radar in
+// radar-001.dat and radar-cli-001.txt.
 std::unique_ptr<Driver> make_tdc(port::Loop& loop, const TdcConfig& config,
                                  port::RawKeeper* raw = nullptr);
 std::unique_ptr<Driver> make_radar(port::Loop& loop, const RadarConfig& config,

@@ -8,7 +8,7 @@
 namespace echofuse::depth {
 namespace {
 
-constexpr std::uint16_t invalid_mm = 65535;  // marks pixels without a return in some cameras
+constexpr std::uint16_t invalid_mm = 65535;  // value of pixels without a return in some cameras
 
 }  // namespace
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Depth camera behind the bridge protocol.
+// Depth camera that uses the bridge protocol.
 #pragma once
 #include <string>
 

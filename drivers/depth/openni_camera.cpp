@@ -19,14 +19,16 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto wait_limit = 100ms;
-constexpr auto silence_limit = 3s;  // a live camera without a complete frame is reopened
-constexpr auto recording_end = 1s;  // a recording of unknown length ends after this silence
+// a live camera that sends no complete frame for this time is reopened
+constexpr auto silence_limit = 3s;
+// a recording of unknown length ends after this time without a frame
+constexpr auto recording_end = 1s;
 constexpr int max_queued = 4;
 
 }  // namespace
 
-// State shared by the loop and the camera's thread. Threading: start(), stop(), finished() and
-// join() on the loop's thread; other functions on the camera's.
+// State shared by the loop's thread and the camera's thread. Threading: start(), stop(), finished()
+// and join() run on the loop's thread, all other functions on the camera's thread.
 struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
   explicit Shared(port::Loop& l) : loop(l) {}
 
@@ -42,22 +44,23 @@ struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
       });
     });
   }
-  // Ends pauses; posted actions still run.
+  // Requests the camera's thread to end, and ends its pause. Posted actions still run.
   void stop() {
     const std::lock_guard lock(mutex);
     stopping = true;
     wake.notify_all();
   }
   bool finished() const { return ended || !thread; }
-  // Discards posted actions.
+  // Stops and joins the camera's thread. Discards posted actions.
   void join() {
     stop();
     sink = nullptr;
     thread.reset();
   }
 
-  // Runs sessions with pauses between them. A session returns why the camera failed, or an empty
-  // text at the end of a recording. `info`: camera of the current session.
+  // Runs sessions until the driver is stopped, with a pause after each failure. `session` returns
+  // why the camera failed, or an empty text at the end of a recording. `info` describes the camera
+  // of the current session.
   void run(const DeviceInfo& info, port::Backoff& backoff,
            const std::function<std::string()>& session) {
     do {
@@ -69,28 +72,28 @@ struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
       report(info, DeviceState::faulted);
     } while (pause(backoff.next()));
   }
-  // Reports a state once until it changes.
+  // Reports the state if it has changed since the last report.
   void report(const DeviceInfo& info, DeviceState now) {
     if (std::exchange(state, now) == now) return;
     post([now, info](SampleSink& to) { to.on_state(info.sensor, now, info); });
   }
-  // Runs the action on the loop's thread with the driver's sink.
+  // Runs the action on the loop's thread and passes the driver's sink to it.
   void post(std::function<void(SampleSink&)> action) {
     loop.post([self = shared_from_this(), action = std::move(action)] {
       if (self->sink) action(*self->sink);
     });
   }
-  // Returns false if the thread should end.
+  // Waits for this time. Returns false if the driver is stopped.
   bool pause(std::chrono::nanoseconds time) {
     std::unique_lock lock(mutex);
     return !wake.wait_for(lock, time, [this] { return stopping.load(); });
   }
 
   port::Loop& loop;
-  SampleSink* sink = nullptr;  // loop's thread only
-  bool ended = false;          // loop's thread only
+  SampleSink* sink = nullptr;  // used on the loop's thread only
+  bool ended = false;          // used on the loop's thread only
   std::unique_ptr<port::Worker> thread;
-  DeviceState state = DeviceState::connecting;  // camera's thread only
+  DeviceState state = DeviceState::connecting;  // used on the camera's thread only
   std::mutex mutex;
   std::condition_variable wake;
   std::atomic<bool> stopping{false};
@@ -99,7 +102,7 @@ struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
       connections{0};
 };
 
-// Runs on the camera's thread.
+// Captures frames. run() and the functions that it calls run on the camera's thread.
 class OpenNiCamera::CaptureThread {
  public:
   CaptureThread(std::shared_ptr<Shared> shared, DeviceInfo info, std::string uri,
@@ -119,7 +122,7 @@ class OpenNiCamera::CaptureThread {
  private:
   using Read = OpenNiSession::Read;
 
-  // Returns why the camera failed, or an empty text at the end of a recording.
+  // Runs one session. Returns why the camera failed, or an empty text at the end of a recording.
   std::string run_session() {
     OpenNiSession session;
     if (std::string wrong = session.open(uri_, options_); !wrong.empty()) return wrong;
@@ -172,15 +175,17 @@ class OpenNiCamera::CaptureThread {
     });
   }
 
-  // Returns missing frames by the camera's index. Many cameras count frames while closed; a camera
-  // that restarted its count has lost at least one.
+  // Returns the number of frames missing before `index`, according to the camera's frame indices.
+  // Many cameras count frames while they are closed. If a reopened camera restarted its count, at
+  // least one frame was lost.
   std::uint32_t lost_before(std::uint32_t index) {
     const bool rejoined = std::exchange(rejoined_, false);
     if (last_index_ && index > *last_index_) return index - *last_index_ - 1;
     return rejoined;
   }
 
-  // Writes one file per session, which starts with a hello block.
+  // Stores the frame in the raw capture. Each session has its own file, which starts with a hello
+  // block.
   void keep(const DepthFrame& frame) {
     if (!raw_) return;
     using bridge::BlockKind;
@@ -200,7 +205,7 @@ class OpenNiCamera::CaptureThread {
       raw_->note("depth", at, "bytes", static_cast<std::int64_t>(block.size()));
   }
 
-  // Delays a recording's frame until its time and until the queue has space. Returns false if
+  // Waits until a recording's frame is due and the queue has space. Returns false if the driver is
   // stopped.
   bool hold_back(std::uint64_t device_time_us) {
     const auto now = std::chrono::steady_clock::now();
@@ -225,7 +230,7 @@ class OpenNiCamera::CaptureThread {
   DeviceInfo info_;
   port::Backoff backoff_;
   std::optional<std::uint32_t> last_index_;
-  bool rejoined_ = false;  // no frame since the camera was reopened
+  bool rejoined_ = false;  // true until the first frame after a reopening
   std::uint32_t dropped_since_ = 0;
   std::optional<std::pair<std::chrono::steady_clock::time_point, std::uint64_t>> pace_;
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Depth camera that OpenNI2 supports, or an OpenNI2 recording (.oni).
+// Driver of a depth camera supported by OpenNI2, or of an OpenNI2 recording (.oni).
 #pragma once
 #include <memory>
 #include <string>
@@ -19,29 +19,30 @@ struct OpenNiDevice {
   std::string uri, model;
 };
 
-// Lists the cameras that OpenNI2's modules detect. Throws Error(device) if there are no modules.
+// Lists the cameras that OpenNI2's modules detect. Throws Error(device) if no modules are
+// installed.
 std::vector<OpenNiDevice> list_openni_devices();
 
 struct OpenNiOptions {
-  // Plays recordings in real time; false: as fast as frames are processed. Each frame is delivered
-  // once, then the state is `ended`.
+  // Recordings only. True: play in real time. False: play as fast as frames are processed. Each
+  // frame is delivered once; then the state becomes `ended`.
   bool paced = true;
-  // Mode of a live camera; 0: camera's default.
+  // Mode of a live camera; 0 selects the camera's default.
   std::uint32_t width = 0, height = 0, fps = 0;
   port::Backoff backoff{};
 };
 
-// Driver of an OpenNI2 camera. A camera with a bus address (VENDOR/PRODUCT@BUS/ADDRESS) that
-// reappears at another address is found if it is the only one of its kind.
-// Threading: as every driver. An own thread calls OpenNI, copies, and posts to the loop. At most 4
-// frames are queued; further frames of a live camera are dropped and counted. With `raw`, every
-// frame is stored as a depth block of the bridge protocol.
+// A camera with a bus address (VENDOR/PRODUCT@BUS/ADDRESS) may reappear at another address. It is
+// then found if it is the only camera of its kind. Threading: as for every driver. The driver's own
+// thread calls OpenNI, copies each frame and posts it to the loop. At most 4 frames are queued;
+// further frames of a live camera are dropped and counted. If `raw` is set, every frame is stored
+// as a depth block of the bridge protocol.
 class OpenNiCamera final : public Driver {
  public:
-  // Loads OpenNI's modules; throws Error(device) if there are none.
+  // Loads OpenNI2's modules. Throws Error(device) if no modules are installed.
   OpenNiCamera(port::Loop& loop, std::string address, std::string uri, OpenNiOptions options = {},
                port::RawKeeper* raw = nullptr);
-  ~OpenNiCamera() override;  // waits up to 0.1 s for the thread
+  ~OpenNiCamera() override;  // waits up to about 0.1 s for the camera's thread
   void start(SampleSink& sink) override;
   void stop() override;
   bool finished() const override;

@@ -16,17 +16,19 @@ namespace {
 using openni::OpenNI;
 using openni::Status;
 
-// Delay before a stream is destroyed. The player thread of OpenNI's file module (2.2,
-// PlayerDevice::MainLoop) iterates its streams without a lock, and crashes if one is destroyed.
-// Without a started stream it polls every 10 ms; 15 ms is half way between two polls.
+// Delay between stopping and destroying a recording's stream. The player thread of OpenNI's file
+// module (2.2, PlayerDevice::MainLoop) iterates over its streams without a lock and crashes if one
+// is destroyed. If no stream is started, it polls every 10 ms, and a delay of 15 ms ends half way
+// between two polls.
 constexpr std::chrono::milliseconds player_rest{15};
 
-// Joins OpenNI's error text, which has several lines with tabs.
+// Returns the failed action with OpenNI's error text, on one line. OpenNI's text has several lines
+// with tabs.
 std::string failure(const char* doing) {
   std::istringstream words(OpenNI::getExtendedError());
   std::string text;
   for (std::string word; words >> word;) text += ' ' + word;
-  return std::string(doing) + (text.empty() ? " failed" : ":" + text);
+  return std::string(doing) + (text.empty() ? "" : ":" + text);
 }
 
 bool is_depth(openni::PixelFormat format) {
@@ -38,8 +40,8 @@ std::string describe_mode(const openni::VideoMode& mode) {
          " at " + std::to_string(mode.getFps()) + (is_depth(mode.getPixelFormat()) ? "" : " (raw)");
 }
 
-// Returns the current URI of the camera that was at `uri`: the only one with the same text before
-// "@".
+// Returns the current URI of a camera that had the address `uri`. Its URI must be the only one with
+// the same text before "@"; otherwise returns an empty text.
 std::string moved(const std::string& uri) {
   const std::size_t at = uri.find('@');
   if (at == uri.npos) return {};
@@ -55,7 +57,7 @@ std::string moved(const std::string& uri) {
   return found;
 }
 
-// Returns an error text if the empty address matches several cameras.
+// Returns an error text if several cameras are attached, so that an empty address is ambiguous.
 std::string several_cameras() {
   openni::Array<openni::DeviceInfo> all;
   OpenNI::enumerateDevices(&all);
@@ -64,13 +66,14 @@ std::string several_cameras() {
   for (int i = 0; i < all.getSize(); ++i) {
     const std::string uri = all[i].getUri();
     std::error_code none;
-    if (std::filesystem::is_regular_file(uri, none)) continue;  // a recording that was opened
+    // OpenNI also lists recordings that were opened
+    if (std::filesystem::is_regular_file(uri, none)) continue;
     list += (count++ > 0 ? ", openni:" : "openni:") + uri;
   }
   return count > 1 ? "the address matches several cameras; expected one of " + list : "";
 }
 
-// Pixel i of `count` is at tangent (i - (count - 1) / 2) * step.
+// Returns an axis on which pixel i is at tangent (i - (count - 1) / 2) * step.
 Axis tangent_axis(const char* name, int count, double field_of_view, double sign) {
   const double step = sign * 2 * std::tan(field_of_view / 2) / count;
   return {.name = name,
@@ -115,8 +118,8 @@ bool OpenNiSession::open_device(const std::string& uri) {
 std::string OpenNiSession::open(const std::string& uri, const OpenNiOptions& wanted) {
   if (uri.empty())
     if (std::string several = several_cameras(); !several.empty()) return several;
-  // isFile() and similar calls crash on a device that is not open.
-  if (!open_device(uri)) return failure("open");
+  // Returns early, because isFile() and similar calls crash on a device that is not open.
+  if (!open_device(uri)) return failure("cannot open the camera");
   uri_ = device_.getDeviceInfo().getUri();
   recording_ = device_.isFile();
   if (!recording_) listening_ = OpenNI::addDeviceDisconnectedListener(this) == openni::STATUS_OK;
@@ -126,14 +129,15 @@ std::string OpenNiSession::open(const std::string& uri, const OpenNiOptions& wan
 std::string OpenNiSession::open_stream(const OpenNiOptions& wanted) {
   if (!device_.hasSensor(openni::SENSOR_DEPTH)) return "camera has no depth sensor";
   if (stream_.create(device_, openni::SENSOR_DEPTH) != openni::STATUS_OK)
-    return failure("create the depth stream");
+    return failure("cannot create the depth stream");
   std::string wrong = set_up(wanted);
   if (wrong.empty() && stream_.start() != openni::STATUS_OK)
-    wrong = failure("start the depth stream");
+    wrong = failure("cannot start the depth stream");
   return wrong;
 }
 
-// Keeps the camera's current mode if it matches, otherwise sets the first match.
+// Keeps the camera's current mode if it matches `wanted`, otherwise sets the first mode that
+// matches.
 std::string OpenNiSession::choose_mode(const OpenNiOptions& wanted) {
   const auto like = [](std::uint32_t wish, int is) {
     return wish == 0 || wish == static_cast<std::uint32_t>(is);
@@ -147,7 +151,9 @@ std::string OpenNiSession::choose_mode(const OpenNiOptions& wanted) {
   std::string offered;
   for (int i = 0; i < modes.getSize(); ++i) {
     if (fits(modes[i]))
-      return stream_.setVideoMode(modes[i]) == openni::STATUS_OK ? "" : failure("set the mode");
+      return stream_.setVideoMode(modes[i]) == openni::STATUS_OK
+                 ? ""
+                 : failure("cannot set the depth mode");
     offered += (offered.empty() ? "" : ", ") + describe_mode(modes[i]);
   }
   return "camera does not support this depth mode; it offers " + offered;
@@ -157,25 +163,27 @@ std::string OpenNiSession::set_up(const OpenNiOptions& wanted) {
   if (recording_) {
     openni::PlaybackControl* playback = device_.getPlaybackControl();
     playback->setRepeatEnabled(false);
-    // Speed -1: readFrame() produces the next frame, so that each is delivered once. A recording
-    // that was not closed has no length: it plays in real time and ends by silence.
+    // At speed -1, readFrame() produces the next frame, so that each frame is delivered once. A
+    // recording that was not closed has no length. It plays in real time and ends when no more
+    // frames arrive.
     frames_left_ = playback->getNumberOfFrames(stream_);
     stepped_ = frames_left_ > 0 && playback->setSpeed(-1) == openni::STATUS_OK;
   } else {
     if (std::string wrong = choose_mode(wanted); !wrong.empty()) return wrong;
     stream_.setMirroringEnabled(false);
   }
-  mirrored_ = stream_.getMirroringEnabled();  // if still set, rows are mirrored here
+  mirrored_ = stream_.getMirroringEnabled();  // if still on, convert() reverses the rows
   const openni::VideoMode mode = stream_.getVideoMode();
   const openni::PixelFormat format = mode.getPixelFormat();
   if (!is_depth(format))
-    return "pixel format " + std::to_string(format) + " is not a depth in mm or 0.1 mm";
+    return "pixel format " + std::to_string(format) +
+           " is not supported (expected depth in mm or 0.1 mm)";
   units_per_mm_ = format == openni::PIXEL_FORMAT_DEPTH_100_UM ? 10 : 1;
   const double h = stream_.getHorizontalFieldOfView(), v = stream_.getVerticalFieldOfView();
   if (!(h > 0 && h < 3.1 && v > 0 && v < 3.1)) return "camera does not report its field of view";
   for (const int side : {mode.getResolutionX(), mode.getResolutionY()})
     if (side < 1 || side > static_cast<int>(max_depth_side))
-      return "frames have a side of " + std::to_string(side) + " pixels (limit 1 to " +
+      return "frame width or height is " + std::to_string(side) + " pixels (limit 1 to " +
              std::to_string(max_depth_side) + ")";
   describe(mode);
   return {};
@@ -216,7 +224,7 @@ OpenNiSession::Read OpenNiSession::read(std::chrono::milliseconds timeout, Depth
   return convert(raw, frame) ? Read::frame : Read::bad_frame;
 }
 
-// Returns false if the frame contradicts the stream's mode.
+// Converts a frame of OpenNI. Returns false if its size differs from the stream's mode.
 bool OpenNiSession::convert(const openni::VideoFrameRef& raw, DepthFrame& frame) const {
   const std::uint32_t width = info_.axes[0].count, height = info_.axes[1].count;
   const auto stride = static_cast<std::size_t>(raw.getStrideInBytes());

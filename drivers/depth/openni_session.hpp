@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Opened OpenNI2 depth stream, live or recorded.
+// OpenNI2 depth stream of a camera or a recording, from open() to destruction.
 #pragma once
 #include <OpenNI.h>
 
@@ -12,14 +12,15 @@
 
 namespace echofuse::depth {
 
-// Loads the camera modules once per process; they are unloaded at its end. Changes the working
-// directory during the load, so call it before other threads use relative paths. Throws
-// Error(device).
+// Loads OpenNI2's modules once per process; they are unloaded when the process ends. The call
+// temporarily changes the working directory, so call it before other threads use relative paths.
+// Throws Error(device).
 void initialize_openni();
 
-// Single-use session. readFrame() blocks for ever on an unplugged camera, so it is called only when
-// a frame is available. Never seeks, because PlaybackControl::seek() crashes in OpenNI 2.2.
-// Threading: one thread, apart from onDeviceDisconnected.
+// Opens and reads one stream; create another object to reopen it. readFrame() blocks forever if the
+// camera is unplugged, so it is called only when a frame is available. Never seeks, because
+// PlaybackControl::seek() crashes in OpenNI 2.2. Threading: one thread, except for
+// onDeviceDisconnected.
 class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
  public:
   OpenNiSession() = default;
@@ -27,8 +28,8 @@ class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
   OpenNiSession(const OpenNiSession&) = delete;
   OpenNiSession& operator=(const OpenNiSession&) = delete;
 
-  // `uri`: device URI, file name of a recording, or empty for the only camera. Returns an error
-  // text, or an empty string.
+  // `uri`: device URI, file name of a recording, or empty to open the only camera. Returns an error
+  // text, or an empty text on success.
   std::string open(const std::string& uri, const OpenNiOptions& wanted);
 
   enum class Read { frame, nothing, bad_frame, end, gone };
@@ -36,7 +37,7 @@ class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
   Read read(std::chrono::milliseconds timeout, DepthFrame& frame);
 
   bool recording() const { return recording_; }
-  const DeviceInfo& info() const { return info_; }  // without address
+  const DeviceInfo& info() const { return info_; }  // address is empty
 
  private:
   void onDeviceDisconnected(const openni::DeviceInfo* info) override;
@@ -53,8 +54,8 @@ class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
   std::string uri_;
   std::uint16_t units_per_mm_ = 1;
   bool recording_ = false, mirrored_ = false, listening_ = false;
-  int frames_left_ =
-      0;  // frames left of a recording of known length, which is stepped frame by frame
+  // number of remaining frames, for a recording that is stepped frame by frame
+  int frames_left_ = 0;
   bool stepped_ = false;
   std::atomic<bool> gone_{false};
 };

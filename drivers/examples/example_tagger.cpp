@@ -24,7 +24,8 @@ void ExampleTagger::start(SampleSink& sink) {
   connect();
 }
 
-// Calls the library in the loop. A call that blocks belongs to a thread, which posts to the loop.
+// Calls the vendor's library on the loop's thread. If its functions block, call them on a separate
+// thread that posts to the loop.
 void ExampleTagger::connect() {
   if (!board_.open()) {
     timer_.after(pause_, [this] { connect(); });

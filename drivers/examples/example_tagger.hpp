@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Driver to copy for a time tagger with a C library: an imaginary one. To record with yours:
-//   1. copy example_tagger.* to drivers/tdc/ and rename the class; call your library in
-//   VendorBoard;
-//   2. add the source to drivers/tdc/CMakeLists.txt, and your library to its links;
-//   3. add an address to drivers/port/address.hpp, and its line to drivers/make_driver.cpp;
-//   4. `echofuse-acquire devices` shows the device, `run` records it.
+// Example driver for an imaginary time tagger with a C library. To support your own tagger:
+//   1. Copy example_tagger.* to drivers/tdc/, rename the class, and call your library there.
+//   2. Add the source file and your library to drivers/tdc/CMakeLists.txt.
+//   3. Add an address type to drivers/port/address.hpp, and create the driver for it in
+//      drivers/make_driver.cpp.
+//   4. Check that `echofuse-acquire devices` lists the device. `run` then records it.
 #pragma once
 #include <chrono>
 #include <functional>
@@ -16,10 +16,10 @@
 
 namespace echofuse::examples {
 
-// Calls of the vendor's library.
+// Functions of the vendor's library that the driver calls.
 struct VendorBoard {
-  std::function<bool()> open;                                        // false: not attached
-  std::function<bool(std::vector<Tag>&, std::uint64_t& lost)> read;  // false: unplugged
+  std::function<bool()> open;                                        // false if not attached
+  std::function<bool(std::vector<Tag>&, std::uint64_t& lost)> read;  // false if unplugged
 };
 
 class ExampleTagger final : public Driver {
@@ -37,10 +37,10 @@ class ExampleTagger final : public Driver {
   VendorBoard board_;
   DeviceInfo info_;
   SampleSink* sink_ = nullptr;
-  std::chrono::milliseconds pause_{};  // before the next attempt to connect
+  std::chrono::milliseconds pause_{};  // pause before the next attempt to connect
   std::vector<Tag> tags_;
   std::uint64_t items_ = 0, lost_ = 0, reconnects_ = 0;
-  port::Timer timer_;  // last: its action must not outlive the members above
+  port::Timer timer_;  // last member, because its action uses the members above
 };
 
 }  // namespace echofuse::examples

@@ -18,23 +18,25 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Reads the kernel's USB devices under /sys/bus/usb/devices, without a library.
+// Interface of a USB device, as described by the kernel's files in /sys/bus/usb/devices.
 struct UsbInterface {
   unsigned number = 0, device_class = 0, subclass = 0, protocol = 0;
-  std::vector<std::string> nodes;  // names below /dev: "ttyACM0", "hidraw3"
+  std::vector<std::string> nodes;  // names in /dev, for example "ttyACM0" or "hidraw3"
 };
 
 struct UsbDevice {
   std::uint16_t vendor = 0, product = 0, release_bcd = 0;
   unsigned bus = 0, number = 0;
-  std::string place;  // on the bus: "1-2"
+  std::string place;  // position on the bus, for example "1-2"
   std::string model, serial;
-  std::vector<UsbInterface> interfaces;  // by number
+  std::vector<UsbInterface> interfaces;  // in the order of their numbers
 };
 
-constexpr int deepest_node = 5;  // 1-2:1.0/0003:10C4:EA80.0001/hidraw/hidraw0, with a margin
+// Number of folder levels to search below an interface. The deepest known node is
+// 1-2:1.0/0003:10C4:EA80.0001/hidraw/hidraw0.
+constexpr int deepest_node = 5;
 
-// Returns the first line of an attribute; empty if it cannot be read.
+// Returns the first line of a sysfs attribute, or an empty text if it cannot be read.
 std::string text_of(const fs::path& file) {
   std::ifstream in(file);
   std::string line;
@@ -49,7 +51,8 @@ unsigned number_of(const fs::path& file, int base) {
   return value;
 }
 
-// Returns sorted entries, so that a listing does not depend on the file system; empty on errors.
+// Returns the entries of a folder, sorted so that a listing does not depend on the file system.
+// Returns an empty list if the folder cannot be read.
 std::vector<fs::path> entries(const fs::path& folder) {
   std::vector<fs::path> out;
   std::error_code error;
@@ -64,8 +67,8 @@ bool real_folder(const fs::path& path) {
   return fs::is_directory(fs::symlink_status(path, error));
 }
 
-// Collects character devices, which are in a folder named after their class: .../tty/ttyUSB0,
-// .../hidraw/hidraw0.
+// Collects the names of character devices. The kernel lists them in folders named after their
+// class: .../tty/ttyUSB0, .../hidraw/hidraw0.
 void find_nodes(const fs::path& folder, int depth, std::vector<std::string>& nodes) {
   for (const fs::path& entry : entries(folder)) {
     if (!real_folder(entry)) continue;
@@ -106,7 +109,8 @@ UsbDevice read_device(const fs::path& folder) {
   return d;
 }
 
-// Returns all devices by their place in the tree; empty if it cannot be read.
+// Returns all USB devices, sorted by their position on the bus. Returns an empty list if sysfs
+// cannot be read.
 std::vector<UsbDevice> read_usb_tree(const std::string& sys_root) {
   std::vector<UsbDevice> out;
   for (const fs::path& entry : entries(fs::path(sys_root) / "bus/usb/devices")) {
@@ -116,7 +120,7 @@ std::vector<UsbDevice> read_usb_tree(const std::string& sys_root) {
   return out;
 }
 
-// Device that owns a node ("ttyACM0"), and the interface of the node.
+// USB device to which a device node such as "ttyACM0" belongs, and the node's interface.
 struct NodeOwner {
   UsbDevice device;
   unsigned interface_number = 0;
@@ -132,12 +136,13 @@ std::optional<NodeOwner> owner_of(const std::string& node, const std::string& sy
 enum class Transport { serial, hid, usb };
 
 struct KnownDevice {
-  std::uint16_t vendor, product;  // product 0: any of this vendor
+  std::uint16_t vendor, product;  // product 0 matches all products of the vendor
   const char* name;
   Transport access;
-  unsigned data_interface;  // radar boards: interface of the data port; the command port is 00
+  // data port's interface on radar boards; the command port has interface 0
+  unsigned data_interface;
   const char* advice;
-  const char* model = "";  // part of the product's name; empty: any
+  const char* model = "";  // text contained in the product's name; empty matches all names
 };
 
 constexpr KnownDevice kinds[] = {
@@ -155,7 +160,8 @@ constexpr KnownDevice kinds[] = {
      "RealSense"},
 };
 
-// Identified by its interface, for any vendor (drivers/README.md, "Over USB").
+// USB devices with block streams. They are identified by their interface, so the vendor may be any
+// (drivers/README.md, "Over USB").
 constexpr KnownDevice tag_stream{0, 0, "USB time tagger", Transport::usb, 0, ""};
 
 bool streams_tags(const UsbDevice& d) {
@@ -185,8 +191,8 @@ std::string firmware_of(unsigned bcd) {
   return text;
 }
 
-// Returns the path that survives replugging, or the node itself if udev made none. by-id names of
-// devices with the same serial number are ambiguous.
+// Returns a path that remains valid after replugging, or the node itself if udev made no such path.
+// Uses by-path for devices with the same serial number, because their by-id names are ambiguous.
 std::string stable_path(const std::string& node, const Roots& roots, bool shared_serial) {
   std::error_code error;
   const fs::path folder = fs::path(roots.dev) / (shared_serial ? "serial/by-path" : "serial/by-id");
@@ -302,7 +308,8 @@ std::string two_boards(const std::string& command_path, const std::string& data_
 
 std::optional<RadarPort> radar_port(const std::string& path, const Roots& roots) {
   const std::string name = fs::path(path).filename().string();
-  // "usb-Texas_Instruments_XDS110_..._R0081038-if03", "usb-Silicon_Labs_CP2105_...-if01-port0"
+  // Reads the interface number from by-id names such as
+  // "usb-Texas_Instruments_XDS110_..._R0081038-if03" or "usb-Silicon_Labs_CP2105_...-if01-port0".
   if (const std::size_t at = name.rfind("-if"); at != name.npos) {
     const unsigned data = name.find("XDS110") != name.npos   ? 3
                           : name.find("CP2105") != name.npos ? 1

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Attached USB devices of supported kinds, as the kernel lists them: how a program reaches them,
-// and their lines for lab.toml. Does not open or query devices.
+// Lists the attached USB devices of supported kinds as the kernel reports them, with the lines for
+// lab.toml that select them. Does not open or query devices.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -9,38 +9,41 @@
 
 namespace echofuse::inventory {
 
-// Root folders of the kernel's files; tests replace them.
+// Root folders of the kernel's files. Tests use their own folders.
 struct Roots {
   std::string sys = "/sys", dev = "/dev";
 };
 
 struct Node {
-  std::string path;     // /dev/ttyACM0; empty: no node exists
-  std::string key;      // key in lab.toml ("radar.cli"); empty: no key
-  std::string address;  // its value: "serial:/dev/serial/by-id/..."
-  std::string missing;  // missing driver, node or permission; or empty
+  std::string path;     // for example "/dev/ttyACM0"; empty if there is no node
+  std::string key;      // key in lab.toml, for example "radar.cli"; may be empty
+  std::string address;  // value for the key: "serial:/dev/serial/by-id/..."
+  std::string missing;  // missing driver, node or permission; empty if none is missing
 };
 
 struct Attached {
   std::uint16_t vendor = 0, product = 0;
-  std::string kind;      // "TI XDS110 (radar board)"
-  std::string model;     // the device's own product string
-  std::string serial;    // empty: none
-  std::string firmware;  // bcdDevice: "1.00"
-  std::string advice;    // next step; may be empty
+  std::string kind;      // supported kind, for example "TI XDS110 (radar board)"
+  std::string model;     // product text reported by the device
+  std::string serial;    // empty if the device has none
+  std::string firmware;  // bcdDevice as text, for example "1.00"
+  std::string advice;    // advice on the next step; may be empty
   std::vector<Node> nodes;
 };
 
-// Returns devices of supported kinds in the kernel's order; empty if the tree cannot be read.
+// Returns the devices of supported kinds in the order in which the kernel lists them. Returns an
+// empty list if sysfs cannot be read.
 std::vector<Attached> list_attached(const Roots& roots = {});
 
 enum class RadarPort { command, data };
 
-// Returns the radar port of a path (a by-id link or a device node), if it can be determined.
-// XDS110: interface 00 is the command port and 03 the data port; CP2105: 00 and 01.
+// Returns which radar port a path (by-id link or device node) is, or nullopt if this is unknown. On
+// the XDS110, interface 0 is the command port and interface 3 the data port; on the CP2105,
+// interfaces 0 and 1.
 std::optional<RadarPort> radar_port(const std::string& path, const Roots& roots = {});
 
-// Names both boards if these serial ports belong to two radar boards. Empty: one board, or unknown.
+// Returns the names of both boards if the two serial ports belong to different radar boards.
+// Returns an empty text if they belong to one board, or if a board is unknown.
 std::string two_boards(const std::string& command_path, const std::string& data_path,
                        const Roots& roots = {});
 

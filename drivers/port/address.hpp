@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 // Address syntax of the configuration.
-//   bridge:tcp://HOST:PORT      HOST a name, an IPv4 address or an IPv6 address in brackets
+//   bridge:tcp://HOST:PORT      HOST is a name, an IPv4 address or an IPv6 address in brackets
 //   usb:VVVV:PPPP[:serial]      vendor and product in hexadecimal
 //   hid:VVVV:PPPP[:serial]
 //   serial:/dev/...             any absolute path
-//   openni:[URI or file.oni]    empty: the only camera
+//   openni:[URI or file.oni]    without a URI: the only attached camera
 #pragma once
 #include <cstdint>
 #include <string>
@@ -38,7 +38,7 @@ struct OpenNiAddress {
 };
 using Address = std::variant<BridgeAddress, UsbAddress, HidAddress, SerialAddress, OpenNiAddress>;
 
-// Throws Error(config) with the text and the expected syntax.
+// Throws Error(config) with the text and the expected syntax if the address is invalid.
 Address parse_address(std::string_view text);
 
 }  // namespace echofuse::port

@@ -8,9 +8,9 @@
 
 namespace echofuse::port {
 
-// Retry policy of all drivers: the pause before the next attempt, and whether to report a failure.
-// Pauses grow from 100 ms to 2 s by doubling and are reset only after 5 s without failure. So a
-// device that answers once and fails is retried at growing intervals.
+// Retry policy of all drivers: determines the pause before the next attempt, and whether to report
+// a failure. The pause doubles from 100 ms up to 2 s. It is reset only after 5 s without a failure,
+// so a device that responds once and fails is retried at growing intervals.
 class Backoff {
  public:
   using Time = std::chrono::nanoseconds;
@@ -19,14 +19,14 @@ class Backoff {
                    std::chrono::milliseconds longest = std::chrono::seconds(2))
       : first_(first), longest_(longest), next_(first) {}
 
-  // Returns true if this failure is not a repetition of the last one and should be reported.
+  // Returns true if this failure differs from the last one, so that it should be reported.
   bool is_news(const std::string& why) { return std::exchange(reason_, why) != why; }
-  // Returns the pause before the next attempt.
+  // Returns the pause before the next attempt, and doubles the following one.
   std::chrono::milliseconds next() {
     healthy_since_.reset();
     return std::exchange(next_, std::min(2 * next_, longest_));
   }
-  // Records that the device delivered data at this time (of a monotonic clock).
+  // Records that the device delivered data at this monotonic time.
   void alive(Time now) {
     reason_.clear();
     if (!healthy_since_) healthy_since_ = now;
@@ -36,7 +36,7 @@ class Backoff {
  private:
   std::chrono::milliseconds first_, longest_, next_;
   std::optional<Time> healthy_since_;
-  std::string reason_;  // last failure since the device delivered data
+  std::string reason_;  // last failure; cleared when the device delivers data
 };
 
 }  // namespace echofuse::port

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT
-// Reports of a Silicon Labs CP2110 HID-to-UART bridge (application note AN434). The first byte is
-// the report number:
+// HID reports of a Silicon Labs CP2110 HID-to-UART bridge (application note AN434). The first byte
+// is the report number:
 //
-//   0x01..0x3f  data, both ways: the number is the count of bytes that follow (1..63)
+//   0x01..0x3f  data in either direction; the report number is the number of data bytes (1..63)
 //   0x41        feature: UART enable {u8 on}
 //   0x42        feature: UART status {u16 TX fill, u16 RX fill, u8 errors, u8 break}; reading it
 //               clears the errors: bit 0 parity, bit 1 overrun
 //   0x43        feature: purge the buffers {u8 bit 0 TX, bit 1 RX}
 //   0x50        feature: UART config {u32 baud, BIG-endian, u8 parity, u8 flow control,
-//               u8 data bits - 5, u8 stop bits (0: one)}
+//               u8 data bits - 5, u8 stop bits (0 means one)}
 #pragma once
 #include <algorithm>
 #include <array>
@@ -19,10 +19,10 @@
 
 namespace echofuse::port::cp2110 {
 
-inline constexpr std::size_t report_bytes = 64;  // a full-speed interrupt packet
+inline constexpr std::size_t report_bytes = 64;  // size of a full-speed interrupt packet
 inline constexpr std::size_t max_data = 63;
 inline constexpr std::uint32_t min_baud = 300, max_baud = 1'000'000;
-// Throughput of one report per millisecond, the frame of full-speed USB.
+// Throughput of one report per frame of full-speed USB, 1 ms.
 inline constexpr std::uint32_t pipe_bytes_per_s = 1000 * max_data;
 
 inline constexpr std::array<std::uint8_t, 2> enable_report{0x41, 1};
@@ -30,7 +30,7 @@ inline constexpr std::array<std::uint8_t, 2> purge_report{0x43, 3};
 inline constexpr std::uint8_t status_id = 0x42;
 inline constexpr std::size_t status_bytes = 7;
 
-// UART configuration: 8N1, no flow control.
+// Report that configures the UART: 8N1, no flow control.
 inline std::array<std::uint8_t, 9> config_report(std::uint32_t baud) {
   const auto byte = [baud](unsigned shift) { return static_cast<std::uint8_t>(baud >> shift); };
   return {0x50, byte(24), byte(16), byte(8), byte(0), 0, 0, 3, 0};
@@ -39,21 +39,21 @@ inline std::array<std::uint8_t, 9> config_report(std::uint32_t baud) {
 struct UartStatus {
   bool parity_error, overrun;
 };
-// Returns nullopt unless the bytes are a complete status report.
+// Returns nullopt if the bytes are not a complete status report.
 inline std::optional<UartStatus> parse_status(ByteView report) {
   if (report.size() < status_bytes || report[0] != status_id) return std::nullopt;
   return UartStatus{(report[5] & 1) != 0, (report[5] & 2) != 0};
 }
 
-// Returns the payload of a data report from the bridge; empty for other reports. Limits the count
-// to the bytes received.
+// Returns the payload of a data report from the bridge, or an empty view for other reports. Its
+// size is limited to the bytes received.
 inline ByteView data_of(ByteView report) {
   if (report.empty() || report[0] < 1 || report[0] > max_data) return {};
   return report.subspan(1, std::min<std::size_t>(report[0], report.size() - 1));
 }
 
-// Removes the next bytes from `rest` and returns them as a zero-padded data report. `rest` must not
-// be empty.
+// Removes the next bytes from `rest` and returns them as a data report, padded with zeros. `rest`
+// must not be empty.
 inline std::array<std::uint8_t, report_bytes> next_data_report(ByteView& rest) {
   std::array<std::uint8_t, report_bytes> report{};
   const std::size_t count = std::min(rest.size(), max_data);

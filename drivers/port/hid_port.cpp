@@ -22,10 +22,10 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr auto status_period = std::chrono::seconds(1);
-constexpr int read_wait_ms = 2;                 // longest wait before pending bytes are sent
-constexpr std::size_t max_waiting = 256 << 10;  // 4 s at the maximum rate
+constexpr int read_wait_ms = 2;                 // longest delay of bytes that wait to be sent
+constexpr std::size_t max_waiting = 256 << 10;  // bytes received in 4 s at the maximum rate
 
-// hidraw allows several readers. A lock on the node excludes our other programs.
+// Several processes can read a hidraw node. A lock on the node excludes other echofuse programs.
 struct CloseDevice {
   int lock = -1;
   void operator()(hid_device* device) const {
@@ -48,7 +48,7 @@ std::string narrow(const wchar_t* text) {
   return out;
 }
 
-// Finds the /dev/hidraw node of the only match.
+// Returns the path of the /dev/hidraw node if exactly one device matches.
 Result<std::string> find_node(const HidAddress& address) {
   hid_device_info* list = hid_enumerate(address.vendor, address.product);
   std::string node, others;
@@ -95,10 +95,10 @@ Result<HidDevice> open_device(const HidAddress& address) {
 
 struct HidLink : ThreadLink {
   using ThreadLink::ThreadLink;
-  std::mutex mutex;  // guards the members below
+  std::mutex mutex;  // protects the members below
   Bytes in, out;
   bool posted = false;
-  std::uint64_t dropped = 0;  // in either direction, not yet reported
+  std::uint64_t dropped = 0;  // bytes dropped in both directions since the last report
 };
 using HidLinkPtr = std::shared_ptr<HidLink>;
 
@@ -118,25 +118,26 @@ void deliver(HidLink& link) {
   link.handlers.bytes(bytes);
 }
 
-// Owns the device on its own thread.
+// Opens and uses the device on the port's own thread.
 class HidWorker {
  public:
   HidWorker(HidLinkPtr link, HidAddress address, std::uint32_t baud)
       : link_(std::move(link)), address_(std::move(address)), baud_(baud) {}
 
-  // Runs until the port is closed (returns nullopt) or the device fails (returns the failure).
+  // Runs until the port is closed or the device fails. Returns nullopt or the failure.
   std::optional<Failure> serve() {
     Result<HidDevice> opened = open_device(address_);
     if (!opened) return opened.failure();
     device_ = std::move(*opened);
     if (!send_feature(cp2110::config_report(baud_)) || !send_feature(cp2110::enable_report) ||
         !send_feature(cp2110::purge_report))
-      return failed("configure (is it a CP2110?)");
+      return failed("cannot configure the bridge (is it a CP2110?)");
     discard();
     post_opened(link_);
     if (baud_ / 10 > cp2110::pipe_bytes_per_s)
       warn(std::to_string(baud_) + " baud delivers up to " + std::to_string(baud_ / 10) +
-               " bytes/s, but the USB pipe carries 63000: keep frames short or lower the baud rate",
+               " bytes/s, but USB carries at most 63000 bytes/s: use shorter frames or a lower "
+               "baud rate",
            0);
     auto next_status = SteadyClock::now() + status_period;
     while (!link_->stopping) {
@@ -151,7 +152,7 @@ class HidWorker {
   }
 
  private:
-  // Discards reports that arrived between open and purge; the kernel buffers 64.
+  // Discards reports that arrived between open and purge. The kernel buffers up to 64 reports.
   void discard() {
     std::array<std::uint8_t, cp2110::report_bytes> report;
     for (int i = 0; i < 64; ++i)
@@ -198,14 +199,15 @@ class HidWorker {
     return true;
   }
 
-  // Polls the UART status. A failed request is only a warning, because a read detects a missing
-  // bridge.
+  // Polls the UART status. A failed request causes only a warning, because a disconnected bridge is
+  // detected by read().
   void check() {
     std::array<std::uint8_t, cp2110::status_bytes> report{cp2110::status_id};
     const int n = hid_get_feature_report(device_.get(), report.data(), report.size());
     const auto size = static_cast<std::size_t>(std::max(n, 0));
     const auto status = cp2110::parse_status(ByteView(report).first(std::min(size, report.size())));
-    if (!status) return warn("does not report its status; overruns are not detected", 0);
+    if (!status)
+      return warn("the bridge does not report its status; UART overruns are not detected", 0);
     if (status->overrun) warn("overrun: the bridge lost bytes", 1);
     if (status->parity_error) warn("parity errors: the bridge received damaged bytes", 1);
   }

@@ -17,8 +17,8 @@
 
 namespace echofuse::port {
 
-// Runs posted actions before due timers, because a timer may wait for an action. Limited to 32 in a
-// row, so that a flood of actions does not delay timers.
+// Runs posted actions before due timers, because a timer may wait for the effect of an action.
+// After 32 actions in a row a due timer runs, so that a flood of actions does not delay timers.
 void Loop::run_until(const std::function<bool()>& done, HostTime until) {
   constexpr int most_before_a_timer = 32;
   for (int before = 0; !done();) {
@@ -83,7 +83,7 @@ class Thread final : public Worker {
       jobs_.pop_front();
       lock.unlock();
       job();
-      job = nullptr;  // frees its captures now, not after the wait
+      job = nullptr;  // frees the job's captures before the next wait
       lock.lock();
     }
   }
@@ -100,9 +100,9 @@ class Thread final : public Worker {
 struct SystemLoop::Impl {
   boost::asio::io_context io;
   boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work{
-      io.get_executor()};  // keeps run_one() waiting without pending operations
+      io.get_executor()};  // makes run_one() wait even if no operation is pending
   boost::asio::steady_timer timer{io};
-  std::optional<HostTime> armed;  // expiry of the wait timer
+  std::optional<HostTime> armed;  // expiry time of `timer`, if it is running
 };
 
 SystemLoop::SystemLoop() : parts_(std::make_unique<Impl>()) {}
@@ -126,10 +126,10 @@ boost::asio::io_context& SystemLoop::io() { return parts_->io; }
 bool SystemLoop::poll() { return parts_->io.poll_one() > 0; }
 
 void SystemLoop::wait(HostTime until) {
-  // Wakes every 20 ms, because signals only set a flag that `done` polls.
+  // Returns after at most 20 ms, because signals only set a flag that `done` polls.
   constexpr std::chrono::milliseconds longest{20};
   const HostTime end = std::min(until, now() + longest);
-  // Not run_one_until(), which waits in whole milliseconds.
+  // Uses its own timer instead of run_one_until(), which waits in whole milliseconds.
   if (Impl& p = *parts_; !p.armed || end < *p.armed) {
     p.armed = end;
     p.timer.expires_at(std::chrono::steady_clock::time_point(end));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Event loop: clock, timers and ports to the devices. Programs use one loop on Boost.Asio; tests
-// use a loop with virtual time.
+// Event loop: clock, timers, and ports to the devices. Programs use one loop based on Boost.Asio.
+// Tests use a loop with virtual time.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -16,42 +16,45 @@ namespace echofuse::port {
 
 using Action = std::function<void()>;
 
-// Runs jobs in sequence, outside the loop.
+// Runs jobs one after the other, outside the loop.
 class Worker {
  public:
-  virtual ~Worker() = default;       // waits for queued jobs
-  virtual void put(Action job) = 0;  // must not throw
+  virtual ~Worker() = default;       // waits until queued jobs are done
+  virtual void put(Action job) = 0;  // `job` must not throw
 };
 
-// Threading: one thread runs the loop; post() may be called from any thread. An exception of an
-// action leaves run_until(), which can be called again.
+// Threading: one thread runs the loop; post() may be called by any thread. If an action throws,
+// run_until() throws the exception and can be called again.
 class Loop : public Clock {
  public:
-  // Runs the action in the loop, never inside post().
+  // Queues the action. The loop runs it later, never inside post().
   virtual void post(Action action) = 0;
-  // Runs until `done` returns true, checked after each action, or until this time.
+  // Runs until `done` returns true or until this time. `done` is checked after each action.
   void run_until(const std::function<bool()>& done, HostTime until = HostTime::max());
   void run_for(std::chrono::nanoseconds time);
-  // With true, freezes now() for the calling thread.
+  // If `hold` is true, now() returns a constant time to the calling thread until hold_time(false).
   virtual void hold_time(bool /*hold*/) {}
 
   virtual std::unique_ptr<Worker> make_worker() = 0;
-  // Throws Error(config) for an address without a byte stream, or an unsupported baud rate.
+  // Throws Error(config) if the address has no byte stream, or if its port does not support the
+  // baud rate.
   virtual ByteOpener opener(const std::string& address, std::uint32_t baud = 115200) = 0;
 
  private:
   friend class Timer;
   using Alarms = std::multimap<HostTime, Action>;
-  // Runs one posted action, or waits for one until this time; may return early.
+  // Runs one posted action. If no action is posted, waits for one until this time. May return
+  // early.
   virtual void wait(HostTime until) = 0;
-  // Runs one posted action; returns false if no action was posted.
+  // Runs one posted action. Returns false if no action is posted.
   virtual bool poll() = 0;
 
   Alarms alarms_;
 };
 
-// Runs an action once. Threading: loop's thread only. The loop must outlive it. After cancel(), a
-// new at() or destruction the old action does not run, even if it is already due.
+// Runs an action once. The loop must outlive the timer. After cancel(), another at(), or
+// destruction, the earlier action does not run, even if it is already due. Threading: the loop's
+// thread only.
 class Timer {
  public:
   explicit Timer(Loop& loop) : loop_(loop) {}
@@ -70,7 +73,7 @@ class Timer {
   std::optional<Loop::Alarms::iterator> alarm_;
 };
 
-// Loop on Boost.Asio and the system clocks; its workers are threads.
+// Loop that uses Boost.Asio, the system clocks, and threads as workers.
 class SystemLoop final : public Loop {
  public:
   SystemLoop();
@@ -81,7 +84,7 @@ class SystemLoop final : public Loop {
   void post(Action action) override;
   std::unique_ptr<Worker> make_worker() override;
   ByteOpener opener(const std::string& address, std::uint32_t baud) override;
-  // Access for parts that need Asio itself.
+  // Returns the context for code that uses Asio directly.
   boost::asio::io_context& io();
 
  private:

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Opens ports of all transports. Threading: see BytePort. HID and USB ports have one thread each,
-// which makes all calls of the library.
+// Opens ports of all transports. Threading: see BytePort. Each HID or USB port has its own thread,
+// which makes all calls to hidapi or libusb.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -10,43 +10,45 @@
 
 namespace echofuse::port {
 
-// Throws Error(config) for an address without a byte stream, or a baud rate that a HID bridge does
-// not support.
+// Throws Error(config) if the address has no byte stream, or if a HID bridge does not support the
+// baud rate.
 ByteOpener byte_opener(boost::asio::io_context& io, const std::string& address, std::uint32_t baud);
 
-// Opens a serial port, 8N1, no flow control, exclusively (flock, TIOCEXCL). Discards bytes received
-// before. `baud` must be a termios rate (9600 ... 115200, 921600, 3000000).
+// Opens a serial port with 8N1 and no flow control. Other programs cannot open it (flock,
+// TIOCEXCL). Discards bytes received before it was opened. `baud` must be a termios rate (9600 ...
+// 115200, 921600, 3000000).
 std::unique_ptr<BytePort> make_serial_port(boost::asio::io_context& io, const std::string& path,
                                            std::uint32_t baud);
 
-// Connects as a client. Resolving and connecting do not block and have no timeout; drivers detect
-// silence.
+// Connects as a TCP client. Name resolution and connection run in the background without a timeout;
+// drivers detect silence.
 std::unique_ptr<BytePort> make_tcp_port(boost::asio::io_context& io, const std::string& host,
                                         std::uint16_t port);
 
-// Opens a UART behind a CP2110 HID bridge (cp2110.hpp) with hidapi's hidraw backend, exclusively,
-// 8N1, no flow control. Discards bytes received before. Selects by serial number, or the only
-// device if the address has none. Warns if the baud rate exceeds the USB pipe, and if the io thread
-// reads too late. Polls the bridge once a second and warns of overruns. The destructor waits for
-// the current transfer.
+// Opens the UART of a CP2110 HID bridge (cp2110.hpp) with 8N1 and no flow control, using hidapi's
+// hidraw backend. The bridge is locked against other echofuse programs. Discards bytes received
+// before it was opened. Without a serial number in the address, exactly one bridge must match.
+// Warns if the baud rate exceeds the throughput of USB, or if the loop's thread reads too late.
+// Polls the bridge once a second and warns of overruns. The destructor waits up to 0.2 s for the
+// current transfer.
 std::unique_ptr<BytePort> make_hid_port(boost::asio::io_context& io, const HidAddress& address,
                                         std::uint32_t baud);
-// Throws Error(config) for a rate that the bridge does not support.
+// Throws Error(config) if the bridge does not support the rate.
 void check_hid_baud(const HidAddress& address, std::uint32_t baud);
 
-// Opens a device that streams over a USB bulk endpoint (drivers/README.md, "Over USB"), with
-// libusb, exclusively. Selects by vendor, product and serial number, or the only device if the
-// address has no serial number. Writes are ignored. A failed transfer or a halted endpoint closes
-// the port, because bytes are missing. Requests no data while 64 MiB wait for the loop's thread;
-// the device then drops what it cannot buffer.
+// Opens a device that streams over a USB bulk endpoint (drivers/README.md, "Over USB") with libusb.
+// Other programs cannot use its interface. Without a serial number in the address, exactly one
+// device must match. Writes are ignored. A failed transfer or a halted endpoint closes the port,
+// because bytes are missing. While 64 MiB wait for the loop's thread, the port requests no data,
+// and the device drops data that it cannot buffer.
 std::unique_ptr<BytePort> make_usb_port(boost::asio::io_context& io, const std::string& name,
                                         const UsbAddress& address);
 
-// USB interface descriptor of a block stream.
+// Class codes of a USB interface with a block stream.
 inline constexpr std::uint8_t usb_class = 0xff, usb_subclass = 0x45, usb_protocol = 0x01;
-// Vendor requests to the interface, without data: bmRequestType and bRequest.
+// Vendor requests to the interface, without data: bmRequestType, then the values of bRequest.
 inline constexpr std::uint8_t usb_vendor_out = 0x41, usb_start = 1, usb_stop = 2;
-// usbfs memory of a port's transfers, bytes.
+// Memory that a port's transfers need in usbfs, bytes.
 inline constexpr std::size_t usb_ring_bytes = std::size_t{2} << 20;
 
 }  // namespace echofuse::port

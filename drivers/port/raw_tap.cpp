@@ -24,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::chrono::seconds finish_timeout{2};
-constexpr std::uint64_t look_at_room_every = 16u << 20;  // bytes
+constexpr std::uint64_t look_at_room_every = 16u << 20;  // bytes between two checks of free space
 
 }  // namespace
 
@@ -35,18 +35,18 @@ struct RawKeeper::Shared {
 
   const std::string folder;
   const RawLimits limits;
-  std::uint64_t unlooked = look_at_room_every;  // bytes since the last check of free space
+  std::uint64_t unlooked = look_at_room_every;  // bytes stored since the last check of free space
 
-  std::mutex mutex;  // guards the members below
+  std::mutex mutex;  // protects the members below
   std::condition_variable done;
-  std::size_t queued_bytes = 0;  // including those being written
+  std::size_t queued_bytes = 0;  // includes bytes that are being written
   Counts counts;
   std::map<std::string, int> numbers;
   std::string trouble;
-  bool closing = false, ended = false;  // ended: writing has stopped
+  bool closing = false, ended = false;  // ended: no more bytes are written
 };
 
-// Runs on the worker.
+// Writes the bytes and updates the counts, on the worker's thread.
 void RawKeeper::Shared::take(const std::string& name, ByteView bytes) {
   std::unique_lock lock(mutex);
   const bool keeps = !ended;
@@ -62,7 +62,7 @@ void RawKeeper::Shared::take(const std::string& name, ByteView bytes) {
   done.notify_all();
 }
 
-// Returns an error text, or an empty string.
+// Checks the free space and appends the bytes. Returns an error text, or an empty text on success.
 std::string RawKeeper::Shared::write(const std::string& path, ByteView bytes) {
   unlooked += bytes.size();
   if (unlooked >= look_at_room_every) {
@@ -94,7 +94,7 @@ RawKeeper::RawKeeper(std::string folder, std::unique_ptr<Worker> worker, RawLimi
   if (error) throw Error(ExitCode::disk, dir + ": " + error.message());
 }
 
-// A blocked disk holds the worker's thread, not the end of the run.
+// If the disk blocks, the worker's thread is detached, so that the run can end.
 RawKeeper::~RawKeeper() {
   finish();
   const std::lock_guard lock(shared_->mutex);
@@ -167,7 +167,7 @@ class TapPort final : public BytePort {
         ending_(std::move(ending)) {}
   void open(PortHandlers handlers) override {
     keeper_->note(name_, loop_.now(), "open");
-    // A running handler keeps these objects alive after the port is destroyed.
+    // The handlers hold copies of these members, because a running handler may destroy the port.
     handlers.opened = [&loop = loop_, keeper = keeper_, name = name_,
                        next = std::move(handlers.opened)] {
       const HeldTime held(loop);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Raw capture: stores the received bytes of each device in files, so that `import` can
-// repeat the run. NAME.times logs the port's events, one line each, "HOST_NS WHAT VALUE":
-//   open 0      start of a connection attempt, up to the next "open"
-//   opened 0    the port is open
+// Raw capture: stores the bytes received from each device in files, so that `import` can repeat the
+// run. NAME.times lists the events of the port, one per line, as "HOST_NS WHAT VALUE":
+//   open 0      a connection attempt started; it lasts up to the next "open"
+//   opened 0    the port was opened
 //   bytes N     the next N bytes of the connection's file were received
-//   gone ERRNO  the port was closed
+//   gone ERRNO  the port was closed by an error
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -17,34 +17,37 @@
 namespace echofuse::port {
 
 struct RawLimits {
-  std::size_t queue_bytes = 64u << 20;     // queue limit; more bytes are dropped, and counted
-  std::uint64_t reserve_bytes = 1u << 30;  // free space reserved for the run
+  std::size_t queue_bytes = 64u << 20;  // limit of the queue; further bytes are dropped and counted
+  std::uint64_t reserve_bytes = 1u << 30;  // free disk space reserved for the run
 };
 
-// Threading: put(), take_trouble() and finish() from any thread; only finish() waits for the disk.
-// The worker writes. The first failure (disk full, folder removed) ends the capture only.
+// Threading: any thread may call put(), take_trouble() and finish(); only finish() waits for the
+// disk. The worker writes the files. The first failure (disk full, folder removed) ends the raw
+// capture, but not the run.
 class RawKeeper {
  public:
-  // Creates the folder. Throws Error(usage) if it is not empty, Error(disk) if it cannot be
-  // created.
+  // Creates the folder. Throws Error(usage) if the folder is not empty, and Error(disk) if it
+  // cannot be created.
   RawKeeper(std::string folder, std::unique_ptr<Worker> worker, RawLimits limits = {});
   ~RawKeeper();
   RawKeeper(const RawKeeper&) = delete;
   RawKeeper& operator=(const RawKeeper&) = delete;
 
-  // Appends to FOLDER/NAME, created with its first bytes. Returns false if the bytes are dropped.
+  // Appends the bytes to FOLDER/NAME, which is created if it does not exist. Returns false if the
+  // bytes are dropped.
   bool put(const std::string& name, ByteView bytes);
   void put_text(const std::string& name, const std::string& text);
-  // Adds a line to FOLDER/NAME.times.
+  // Appends a line to FOLDER/NAME.times.
   void note(const std::string& name, HostTime at, const char* what, std::int64_t value = 0);
-  // Returns a file name for the device's next connection: NAME-001.dat with the ending ".dat".
+  // Returns the file name for the next connection of the device, for example NAME-001.dat for the
+  // ending ".dat".
   std::string next_name(const std::string& name, const std::string& ending);
-  // Returns the reason once after the capture has stopped; otherwise empty.
+  // Returns the reason why the capture stopped, once; otherwise an empty text.
   std::string take_trouble();
   struct Counts {
-    std::uint64_t kept = 0, dropped = 0;  // bytes
+    std::uint64_t kept = 0, dropped = 0;  // numbers of bytes
   };
-  // Writes the queue, for at most 2 s, and ends the capture.
+  // Waits up to 2 s for queued bytes to be written, then ends the capture.
   Counts finish();
 
  private:
@@ -53,9 +56,9 @@ class RawKeeper {
   std::unique_ptr<Worker> worker_;
 };
 
-// Wraps the opener's ports: each also stores the received bytes in a file of next_name(), with the
-// receive time of the driver. Returns the opener itself without a keeper. `loop` and `keeper` must
-// outlive the ports.
+// Returns an opener of ports that also store the received bytes in files of next_name(). NAME.times
+// contains the receive times that the driver uses. Returns `opener` itself if `keeper` is null.
+// `loop` and `keeper` must outlive the ports.
 ByteOpener tap(Loop& loop, ByteOpener opener, RawKeeper* keeper, std::string name,
                std::string ending);
 

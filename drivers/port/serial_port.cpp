@@ -22,9 +22,9 @@ using boost::system::error_code;
 
 error_code last_error() { return {errno, boost::system::system_category()}; }
 
-// Takes an exclusive lock that also excludes root, unlike TIOCEXCL. A failed open leaves the other
-// program's settings and buffers unchanged. Skips TIOCEXCL on a pseudo-terminal, because the master
-// would keep the flag after we close.
+// Locks the port and sets raw mode. flock() also excludes root, unlike TIOCEXCL. If it fails, the
+// other program's settings and buffers are unchanged. TIOCEXCL is skipped for a pseudo-terminal,
+// because its master would keep the flag after we close the port.
 error_code make_ours(int fd) {
   struct stat is {};
   if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
@@ -74,15 +74,16 @@ class SerialPort final : public StreamPort<serial_port> {
   void open(PortHandlers handlers) override {
     link_->handlers = std::move(handlers);
     const error_code error = set_up(link_->stream, path_, baud_);
-    // Only the baud rate may be unsupported; other settings always succeed.
+    // Only the baud rate can be unsupported; the other settings are always accepted.
     const bool unknown_rate = error == boost::asio::error::invalid_argument;
     const bool taken = error == boost::system::errc::device_or_resource_busy;
     const bool denied = error == boost::system::errc::permission_denied;
-    const std::string doing = unknown_rate ? "baud rate " + std::to_string(baud_) +
-                                                 " (115200, 921600 or another usual one)"
-                              : taken  ? "open (in use by another program)"
-                              : denied ? "open (" + permission_hint(path_) + ")"
-                                       : "open";
+    const std::string doing =
+        unknown_rate ? "baud rate " + std::to_string(baud_) +
+                           " is not supported (expected a standard rate such as 115200 or 921600)"
+        : taken  ? "open (in use by another program)"
+        : denied ? "open (" + permission_hint(path_) + ")"
+                 : "open";
     boost::asio::post(link_->stream.get_executor(), [link = link_, error, doing] {
       if (error) return link->fail(error, doing.c_str());
       begin(link);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Common part of all Asio streams. Include only in .cpp files of this folder, because it includes
-// Asio.
+// Common part of all ports based on Asio streams. Only .cpp files in this folder may include this
+// header, because it includes Asio.
 #pragma once
 #include <boost/asio/buffer.hpp>
 #include <boost/asio/post.hpp>
@@ -12,8 +12,8 @@
 
 namespace echofuse::port {
 
-// Pending operations share the connection's state, so that their handlers can use it after the port
-// is destroyed.
+// Pending operations share ownership of the connection's state, so that their handlers can use it
+// after the port is destroyed.
 template <class Stream>
 class StreamPort : public BytePort {
  public:

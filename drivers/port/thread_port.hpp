@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Common part of all ports with a device thread. Includes Asio, so only .cpp files of this folder
-// may include this header.
+// Common part of all ports whose device has its own thread. Only .cpp files in this folder may
+// include this header, because it includes Asio.
 #pragma once
 #include <atomic>
 #include <boost/asio/io_context.hpp>
@@ -20,8 +20,7 @@
 
 namespace echofuse::port {
 
-// State shared by both threads. `handlers`, `open` and `closed` belong to the loop's thread. The
-// loop waits for posted work even if nothing else is pending.
+// State shared by both threads. Only the loop's thread uses `handlers`, `open` and `closed`.
 struct ThreadLink {
   explicit ThreadLink(boost::asio::io_context& context) : io(&context) {}
 
@@ -32,7 +31,7 @@ struct ThreadLink {
   std::atomic<bool> stopping{false};
 };
 
-// Posts the action to the loop's thread; it is skipped if the port is destroyed.
+// Posts the action to the loop's thread. The action does not run if the port is closed by then.
 template <class Link, class Action>
 void post(const std::shared_ptr<Link>& link, Action action) {
   const std::lock_guard lock(link->io_mutex);
@@ -54,8 +53,8 @@ inline Failure failure(std::errc code, std::string what) {
   return {std::make_error_code(code), std::move(what)};
 }
 
-// `Worker` is constructed from the link and the further constructor arguments. Its serve() runs the
-// device on the port's thread and returns nullopt once the link is `stopping`, or the failure.
+// `Worker` is constructed from the link and the constructor's other arguments. serve() runs on the
+// port's thread. It returns the failure of the device, or nullopt once the link is `stopping`.
 template <class Link, class Worker>
 class ThreadPort : public BytePort {
  public:
@@ -63,8 +62,8 @@ class ThreadPort : public BytePort {
   explicit ThreadPort(boost::asio::io_context& io, const Args&... args)
       : link_(std::make_shared<Link>(io)), worker_(std::make_unique<Worker>(link_, args...)) {}
   ~ThreadPort() override {
-    // Limits the wait of the loop's thread, because a request to a faulty device may take seconds
-    // and would block other devices.
+    // Limits how long the loop's thread waits here. A request to a faulty device may take seconds
+    // and would block the other devices.
     constexpr auto close_timeout = std::chrono::milliseconds(200);
     link_->closed = true;
     link_->stopping = true;

@@ -14,14 +14,14 @@ constexpr std::size_t transfer_count = 8, transfer_bytes = usb_ring_bytes / tran
 constexpr std::size_t most_queued = 64u << 20;
 constexpr unsigned request_limit_ms = 500;
 constexpr auto cancel_limit = std::chrono::seconds(2);
-constexpr int turn_ms = 10;  // longest time that a closed port holds the device
+constexpr int turn_ms = 10;  // longest time for which a closed port still uses the device
 
 struct UsbLink : ThreadLink {
   using ThreadLink::ThreadLink;
-  std::atomic<std::size_t> queued{0};  // bytes posted to the loop's thread, not yet delivered
+  std::atomic<std::size_t> queued{0};  // bytes posted to the loop's thread but not yet delivered
 };
 
-// Owns the device on its own thread.
+// Opens and uses the device on the port's own thread.
 class UsbWorker {
  public:
   UsbWorker(std::shared_ptr<UsbLink> link, std::string name, UsbAddress address)
@@ -30,7 +30,7 @@ class UsbWorker {
     stopping_ = true;
     cancel();
     if (started_) request(usb_stop);
-    if (any_busy()) {  // libusb still writes into these buffers: leak them
+    if (any_busy()) {  // if libusb may still write into these buffers, leak them
       for (Transfer& slot : slots_) new Bytes(std::move(slot.buffer));
       static_cast<void>(handle_.release());
       static_cast<void>(context_.release());
@@ -68,7 +68,7 @@ class UsbWorker {
     bool busy = false;
   };
 
-  // Keeps the first failure; returns false.
+  // Stores the failure unless there is an earlier one. Returns false.
   bool fail(std::errc code, const std::string& why) {
     if (!failure_) failure_ = failure(code, name_ + ": " + why);
     return false;
@@ -79,7 +79,7 @@ class UsbWorker {
         return fail(std::errc::permission_denied,
                     doing + " (install config/70-echofuse.rules and join the group plugdev)");
       case LIBUSB_ERROR_BUSY:
-        return fail(std::errc::device_or_resource_busy, doing + " (another program uses it)");
+        return fail(std::errc::device_or_resource_busy, doing + " (in use by another program)");
       case LIBUSB_ERROR_NO_MEM:
         return fail(std::errc::not_enough_memory,
                     doing +
@@ -94,11 +94,11 @@ class UsbWorker {
 
   bool open() {
     libusb_context* context = nullptr;
-    if (const int error = libusb_init(&context)) return fail("start libusb", error);
+    if (const int error = libusb_init(&context)) return fail("cannot start libusb", error);
     context_.reset(context);
     libusb_device** list = nullptr;
     const auto count = libusb_get_device_list(context_.get(), &list);
-    if (count < 0) return fail("list devices", static_cast<int>(count));
+    if (count < 0) return fail("cannot list USB devices", static_cast<int>(count));
     std::string serials, others;
     libusb_device* only = nullptr;
     int fitting = 0;
@@ -124,7 +124,7 @@ class UsbWorker {
     else
       found = open_device(only) && find_interface(only);
     libusb_free_device_list(list, 1);
-    if (found) failure_.reset();  // drop the failure of another device that could not be opened
+    if (found) failure_.reset();  // discard the failure of another device that could not be opened
     return found;
   }
 
@@ -146,7 +146,7 @@ class UsbWorker {
   bool find_interface(libusb_device* device) {
     libusb_config_descriptor* config = nullptr;
     if (const int error = libusb_get_active_config_descriptor(device, &config))
-      return fail("read its descriptors", error);
+      return fail("cannot read the USB descriptors", error);
     bool found = false;
     for (int i = 0; i < config->bNumInterfaces && !found; ++i) {
       const libusb_interface& interface = config->interface[i];
@@ -168,8 +168,9 @@ class UsbWorker {
                          "no interface for blocks (class ff, subclass 45, protocol 01)");
   }
 
-  // Starts an interface that a previous program may have left halted or running. Requests no data
-  // before the device answered the start, because older data are discarded by then.
+  // Starts the stream. A previous program may have left the interface halted or running. Requests
+  // no data before the device has responded to the start request, because the device discards older
+  // data until then.
   bool start() {
     if (const int error = libusb_claim_interface(handle_.get(), interface_))
       return fail("claim", error);
@@ -199,7 +200,7 @@ class UsbWorker {
                                 static_cast<int>(slot.buffer.size()), completed, &slot, 0);
       const int error = libusb_submit_transfer(slot.transfer);
       slot.busy = error == 0;
-      if (error != 0) fail("queue a transfer", error);
+      if (error != 0) fail("cannot queue a transfer", error);
     }
   }
 
@@ -209,9 +210,9 @@ class UsbWorker {
     slot.worker->on_completed(slot);
   }
 
-  // Takes the transfer's bytes whatever its status, because the device sent them before it stalled
-  // or disconnected. After a disconnect libusb completes the transfers in any order, and one may
-  // contain bytes.
+  // Delivers the transfer's bytes whatever its status, because the device sent them before it
+  // stalled or disconnected. After a disconnection libusb completes the transfers in any order, and
+  // one of them may contain bytes.
   void on_completed(const Transfer& slot) {
     const libusb_transfer& t = *slot.transfer;
     const bool in_order = !failure_ || t.status == LIBUSB_TRANSFER_NO_DEVICE;
@@ -224,7 +225,7 @@ class UsbWorker {
     else if (t.status == LIBUSB_TRANSFER_STALL)
       fail(std::errc::broken_pipe, "endpoint halted");
     else
-      fail(std::errc::io_error, "a transfer failed");
+      fail(std::errc::io_error, "USB transfer failed");
   }
 
   void hand_over(Bytes bytes) {

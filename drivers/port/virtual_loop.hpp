@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Loop with virtual time: time is constant while actions are pending, then jumps to the next timer.
-// A simulated day or a replayed recording takes seconds, in a deterministic order.
+// Simulating a day or replaying a recording takes seconds, and the order of actions is
+// deterministic.
 #pragma once
 #include <algorithm>
 #include <deque>
@@ -15,16 +16,16 @@
 
 namespace echofuse::port {
 
-// Threading: one thread.
+// Threading: use it on one thread only.
 class VirtualLoop final : public Loop {
  public:
-  // Starts at 1 s, because sample times must not be 0.
+  // Time starts at 1 s, because sample times must not be 0.
   explicit VirtualLoop(UtcTime utc = {}, HostTime now = std::chrono::seconds(1))
       : now_(now), utc_offset_(utc) {}
 
   HostTime now() const override { return now_; }
   UtcTime utc() const override { return utc_offset_ + now_; }
-  // Steps the system clock, like an administrator or NTP.
+  // Changes the UTC time abruptly, as an administrator or NTP may do.
   void step_utc(std::chrono::nanoseconds by) { utc_offset_ += by; }
 
   void post(Action action) override { posted_.push_back(std::move(action)); }
@@ -37,7 +38,7 @@ class VirtualLoop final : public Loop {
     };
   }
 
-  std::map<std::string, ByteOpener> ports;  // attached ports, by address
+  std::map<std::string, ByteOpener> ports;  // openers of the attached ports, by address
 
  private:
   struct NoPort final : BytePort {

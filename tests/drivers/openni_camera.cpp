@@ -348,7 +348,7 @@ TEST_CASE("a truncated OpenNI recording is refused without a crash") {
   Bench b(recording.path, {.paced = false});
   b.start();
   REQUIRE(b.reaches(DeviceState::faulted));
-  CHECK(b.sink.events.at(0) == "open failed");
+  CHECK(b.sink.events.at(0) == "cannot open the camera");
   CHECK(b.sink.depth.empty());
 }
 
@@ -356,7 +356,7 @@ TEST_CASE("a missing OpenNI recording is reported once and retried") {
   Bench b("/nowhere/at-all.oni");
   b.start();
   REQUIRE(b.reaches(DeviceState::faulted));
-  CHECK_THAT(b.sink.events.at(0), Catch::StartsWith("open:"));
+  CHECK_THAT(b.sink.events.at(0), Catch::StartsWith("cannot open the camera: "));
   b.loop.run_for(350ms);
   CHECK(b.sink.events.size() == 1);
   CHECK(b.sink.states.size() == 2);

@@ -293,7 +293,7 @@ TEST_CASE("a USB tagger that cannot be opened is reported in one line") {
     KeepingSink sink;
     second->start(sink);
     REQUIRE(run_until(b.loop, [&] { return sink.state() == DeviceState::faulted; }));
-    CHECK_THAT(sink.events.at(0), Catch::Contains("another program uses it"));
+    CHECK_THAT(sink.events.at(0), Catch::Contains("in use by another program"));
     second->stop();
     b.device.send(b.tags(1));
     CHECK(b.arrived(1));
