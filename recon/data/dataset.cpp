@@ -38,21 +38,21 @@ namespace {
 
 Error map_error(const std::string& path, const record::MapGrid& found,
                 const record::MapGrid& wanted, const std::string& owner) {
-  return {ExitCode::failed, printable(path) + ": its depth map is " + found.text() + ", " +
+  return {ExitCode::failed, printable(path) + ": depth maps are " + found.text() + "; " +
                                 printable(owner) + " has " + wanted.text()};
 }
 
-// Requests large pages, because page faults of 4 KiB take a sixth of the loading time.
+// Asks the kernel for huge pages, because page faults of 4 KiB pages take a sixth of the loading
+// time. The kernel may refuse.
 void advise_large_pages(void* begin, std::size_t size) {
   constexpr std::size_t page = 4096;
   auto* const first = static_cast<std::byte*>(begin);
   const std::size_t before = -reinterpret_cast<std::uintptr_t>(begin) % page;
-  if (size > before + page)
-    ::madvise(first + before, (size - before) / page * page, MADV_HUGEPAGE);  // the kernel may
-                                                                              // refuse
+  if (size > before + page) ::madvise(first + before, (size - before) / page * page, MADV_HUGEPAGE);
 }
 
-class Appender {  // appends one run to a Dataset
+// Appends the records of one run to a Dataset.
+class Appender {
  public:
   Appender(Dataset& data, const record::RunReader& run, SensorSet sensors, DepthCheck* depths)
       : data_(data), path_(run.path()), sensors_(sensors), depths_(depths) {
@@ -89,9 +89,9 @@ class Appender {  // appends one run to a Dataset
     const record::RunInfo info = run.info();
     for (const Source& other : data.sources)
       if (other.uuid == info.uuid)
-        throw Error(ExitCode::failed, printable(path_) + ": is the same run as " +
-                                          printable(other.path) +
-                                          "; remove the copy, or its records leak into the test");
+        throw Error(ExitCode::failed,
+                    printable(path_) + ": is the same run as " + printable(other.path) +
+                        "; remove the copy, or its records leak into the test set");
     const auto response = record::response_of(info.meta).radar;
     Source& source = data.sources.emplace_back(
         Source{path_, info.uuid, data.size(), 0, radar_offset_m, response});
@@ -100,8 +100,8 @@ class Appender {  // appends one run to a Dataset
     source.baseline_m = record::radar_baseline_m(info.meta);
   }
 
-  // Reserves memory in advance, because growing would copy the table. Grows by doubling, so that
-  // many runs do not each reallocate.
+  // Reserves memory for the given number of records, because reallocation would copy the tables. At
+  // least doubles the capacity, so that loading many runs needs few reallocations.
   void make_room(std::size_t records) {
     const auto reserve = [&](Matrix& table, std::size_t cols) {
       const std::size_t wanted = table.values.size() + records * cols;
@@ -114,7 +114,7 @@ class Appender {  // appends one run to a Dataset
     reserve(data_.depth, depth_columns());
   }
 
-  // Returns why the record is invalid, or nothing.
+  // Appends one record. Returns why the record is invalid; empty if it was added.
   std::string add(const record::FusedRecord& r) {
     if (const std::string fault = absurd_counts(r); !fault.empty()) return fault;
     double a_pulse = clicks_a_pulse(r);
@@ -123,7 +123,7 @@ class Appender {  // appends one run to a Dataset
     if (r.has(Sensor::radar)) radar = linear(r);
     std::vector<float> lags = lags_of(r);
     if (!std::ranges::all_of(radar, is_power) || !std::ranges::all_of(lags, is_power))
-      return "a radar code is too large for a power";
+      return "a radar code is too large to be converted to power";
     to_common(radar, radar_, data_.radar_axis, 1);
     if (depths_ && r.has(Sensor::depth)) depths_->add(r.depth_mm, data_.map.far_m);
     if (zones_.empty()) {
@@ -153,13 +153,14 @@ class Appender {  // appends one run to a Dataset
     return sensors_.contains(Sensor::depth) ? data_.map.pixels() : 0;
   }
   std::size_t zone_columns() const { return zones_.size() * data_.spd_axis.count; }
-  // Returns the photons of each zone at true ranges, on the common axis. Sets `a_pulse` to 0 if
-  // pile-up is corrected.
+  // Returns the photon counts of all zones, at true ranges on the common axis. Sets `a_pulse`
+  // (clicks per laser pulse) to 0 if pile-up was corrected.
   std::vector<float> photons(const record::FusedRecord& r, double& a_pulse) const {
     if (!r.has(Sensor::spd)) return {};
     const auto clicks = static_cast<double>(r.spd_counts.in_range + r.spd_counts.out_of_range);
     const double pulses = pile_up_.known() && a_pulse > 0 ? clicks / a_pulse : 0;
-    double ready = 1;  // smallest share of pulses with a ready zone
+    // Fraction of laser pulses for which the detector is ready, in its least ready zone and bin.
+    double ready = 1;
     std::vector<float> out;
     for (std::size_t z = 0; z < shifts_.size(); ++z) {
       const auto first = r.spd.begin() + static_cast<std::ptrdiff_t>(z * spd_.count);
@@ -172,12 +173,14 @@ class Appender {  // appends one run to a Dataset
       else
         out.insert(out.end(), zone.begin(), zone.end());
     }
-    constexpr double hardly_any = 0.03;  // below this, the correction amplifies noise only
+    // Minimum ready fraction for a reliable correction; below it, mainly noise is amplified.
+    constexpr double hardly_any = 0.03;
     if (pulses > 0 && ready > hardly_any) a_pulse = 0;
     return out;
   }
   static std::string absurd_counts(const record::FusedRecord& r) {
-    constexpr double most_a_second = 1e8;  // detections per second; beyond any detector and tagger
+    // Detections per second; above the rate of any detector or time tagger.
+    constexpr double most_a_second = 1e8;
     const double slot_s = seconds(r.slot_end - r.slot_start);
     for (std::size_t i = 0; i < r.spd.size(); ++i)
       if (r.spd[i] == std::numeric_limits<std::uint32_t>::max() ||
@@ -196,10 +199,10 @@ class Appender {  // appends one run to a Dataset
     }
     return out;
   }
-  // Returns 0 for a histogram that another record could repeat by chance. Two records of the same
-  // light have equal counts in a bin of n counts with probability 1 / (2 sqrt(pi n)).
+  // Returns a hash of the counts, for finding copied records; 0 if another record could have equal
+  // counts by chance. Two Poisson counts of mean n are equal with probability 1 / (2 sqrt(pi n)).
   static std::int64_t hash_of(const record::FusedRecord& r) {
-    constexpr double least_clicks = 100;  // above the background
+    constexpr double least_clicks = 100;  // minimum number of clicks above the background
     constexpr double most_log_chance = -30;
     if (!r.has(Sensor::spd)) return r.radar.empty() ? 0 : hash_of_words(r.radar);
     const std::string kind = record::verdict_kind(r.sync[Sensor::spd].verdict);
@@ -211,13 +214,14 @@ class Appender {  // appends one run to a Dataset
     std::vector<float> values(counts.begin(), counts.end());
     const double clicks = std::accumulate(values.begin(), values.end(), 0.0);
     const double background = double{quantile(values, 0.5)} * static_cast<double>(values.size());
-    double log_chance = 0;  // each bin lowers it
+    // Logarithm of the probability that another record of the same scene has equal counts.
+    double log_chance = 0;
     for (auto n = values.begin(); n < values.end() && log_chance > most_log_chance; ++n)
       if (*n > 0) log_chance -= std::log(4 * M_PI * double{*n}) / 2;
     const bool known = clicks - background >= least_clicks && log_chance <= most_log_chance;
     return known ? hash_of_words(counts) : 0;
   }
-  // FNV-1a over words instead of bytes.
+  // Computes an FNV-1a hash of 32-bit words instead of bytes.
   template <class Words>
   static std::int64_t hash_of_words(const Words& words) {
     std::uint64_t hash = 0xcbf29ce484222325;
@@ -227,10 +231,12 @@ class Appender {  // appends one run to a Dataset
     }
     return static_cast<std::int64_t>(hash);
   }
-  // The limit leaves a margin for interpolation.
+  // Returns true if the power is in range. The limit is below the largest float, so that
+  // interpolation cannot overflow.
   static bool is_power(float v) { return std::abs(v) < 1e38f; }
-  // For imported runs, which have only counts. If nearly all starts have a click, a filter dropped
-  // the others; their number is unknown.
+  // Returns the recorded clicks per laser pulse. Imported runs contain only counts, so the value is
+  // computed from these; 0 (unknown) if there are at least 0.95 clicks per start, because a filter
+  // has then dropped the starts without a click.
   static double clicks_a_pulse(const record::FusedRecord& r) {
     constexpr double filtered = 0.95;
     if (r.signal.clicks_a_pulse) return *r.signal.clicks_a_pulse;
@@ -251,7 +257,8 @@ class Appender {  // appends one run to a Dataset
       throw axis_error(path_, found, common, data_.sources.front().path);
     }
   }
-  // Directions may differ by 0.01, as between two boards of the same type.
+  // Adopts the zones of the first run. Throws Error(failed) if another run has other zones.
+  // Tangents of the directions may differ by 0.01, as between two boards of the same type.
   void adopt_zones() {
     if (data_.sources.empty()) data_.zones = zones_;
     const auto near = [](const Zone& a, const Zone& b) {
@@ -282,14 +289,14 @@ class Appender {  // appends one run to a Dataset
     if (data_.sources.empty()) data_.map = found;
     if (!(found == data_.map)) throw map_error(path_, found, data_.map, data_.sources.front().path);
   }
-  // Fills the row with zeros if the sensor is missing.
+  // Appends a row to the table; the row of a missing sensor contains zeros.
   static void add_row(Matrix& table, std::span<const float> row, std::size_t cols) {
     table.cols = cols;
     table.add_row(row.first(std::min(row.size(), cols)));
     table.values.resize(table.rows * cols);
   }
-  // Subtracts the median of powers from codes, because codes include the receiver's noise, which
-  // dominates most points.
+  // Converts radar codes to linear power. Subtracts the median power of the profile, because codes
+  // include the receiver noise, which dominates most points. Linear profiles are not changed.
   std::vector<float> linear(const record::FusedRecord& r) const {
     std::vector<float> out = r.radar;
     if (raw_radar_.quantity != "log2_q8") return out;
@@ -297,7 +304,7 @@ class Appender {  // appends one run to a Dataset
     return subtract_median(out), out;
   }
 
-  // Returns no lags for a record without antenna samples.
+  // Returns the spatial lags on the common axis; empty if the record has no antenna samples.
   std::vector<float> lags_of(const record::FusedRecord& r) const {
     const Axis& axis = data_.array_axis;
     std::vector<float> out;
@@ -311,19 +318,20 @@ class Appender {  // appends one run to a Dataset
   Dataset& data_;
   std::string path_;
   SensorSet sensors_;
-  DepthCheck* depths_;  // may be null
+  DepthCheck* depths_;  // null: depth images are not checked
   Axis spd_, raw_radar_, radar_, x_, y_, array_, own_lags_;
   SpatialLags lags_;
   PileUp pile_up_;
   Zones zones_;
   double spd_offset_ps_ = 0;
-  std::vector<std::optional<Shift>> shifts_;  // one per histogram; none if already at true ranges
+  std::vector<std::optional<Shift>> shifts_;  // one per zone; empty if no shift is needed
 };
 
 void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,
             SensorSet sensors, const OnBadRecord& on_bad,
             const record::RunReader::InParallel& in_parallel = {}, DepthCheck* depths = nullptr) {
-  // Created during reading, because a run in progress may get an axis with its next record.
+  // Created when the first record is read, because a run in progress may get further axes until
+  // then.
   std::optional<Appender> appender;
   const auto to = [&]() -> Appender& {
     if (appender) return *appender;
@@ -423,8 +431,8 @@ void rebin_radar(Dataset& data, const Axis& bins) {
       from.at(from.count - 0.5) < bins.at(bins.count - 0.5))
     throw Error(ExitCode::failed, (data.sources.empty() ? "run" : data.sources.front().path) +
                                       ": radar axis is " + describe(from) +
-                                      ", which cannot be summed into " + describe(bins));
-  // Bin edges: bin j is [j, j + 1].
+                                      "; it cannot be summed into bins of " + describe(bins));
+  // Converts index i of the profile to units of the new bins; bin j covers [j, j + 1].
   const auto edge = [&](double i) { return (from.at(i) - bins.at(-0.5)) / bins.step; };
   const double width = from.step / bins.step;
   Matrix table(data.size(), bins.count);

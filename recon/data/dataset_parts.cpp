@@ -165,9 +165,9 @@ void require_memory(const std::vector<std::string>& paths) {
   if (records * bytes_a_record <= memory) return;
   const auto gigabytes = [](double bytes) { return std::to_string(std::lround(bytes / 1e9)); };
   throw Error(ExitCode::failed, printable(paths.front()) + ": " +
-                                    std::to_string(std::lround(records)) + " records take about " +
+                                    std::to_string(std::lround(records)) + " records need about " +
                                     gigabytes(records * bytes_a_record) +
-                                    " GB, and this machine's memory is " + gigabytes(memory) +
+                                    " GB of memory, but this machine has " + gigabytes(memory) +
                                     " GB; use fewer records");
 }
 

@@ -22,8 +22,8 @@ std::string length_text(double m) {
 
 void DepthCheck::add(std::span<const std::uint16_t> mm, double far_m) {
   std::size_t p = 0;
-  // Neighbouring pixels use different counters, because they often have equal depth and
-  // incrementing the same counter twice in a row is slow.
+  // Neighbouring pixels use different counters: they often have equal depth, and incrementing the
+  // same counter twice in a row is slow.
   for (; p + 4 <= mm.size(); p += 4)
     if ((mm[p] | mm[p + 1] | mm[p + 2] | mm[p + 3]) != 0)
       for (std::size_t k = 0; k < 4; ++k) ++counts_[k][mm[p + k]];
@@ -56,12 +56,12 @@ std::string DepthCheck::text(const std::string& path, const Axis& spd) const {
   const std::string run = printable(path) + ": ";
   if (median < nearest_m)
     throw Error(ExitCode::failed, run + "the median depth is " + length_text(median) +
-                                      "; expected metres (millimetres in the images)");
+                                      "; expected metres in arrays, millimetres in images");
   std::string out;
   if (records_beyond_ > 0)
     out = formatted(
         "%zu of %zu records have depths beyond %.4g m, treated as no return (%.3g %% of "
-        "all depths; median %s); map_z_max_m is the map's range",
+        "all depths; median depth %s); map_z_max_m sets this limit",
         records_beyond_, records_, far_m_,
         100 * static_cast<double>(farther_than(std::lround(1000 * far_m_))) /
             static_cast<double>(returns),

@@ -12,16 +12,17 @@ namespace echofuse::recon {
 
 class DepthCheck {
  public:
-  // Adds one record's image, in millimetres, of a map with range far_m.
+  // Adds the depth image of one record. `mm`: pixels in millimetres; `far_m`: range of the map.
   void add(std::span<const std::uint16_t> mm, double far_m);
-  // Returns a warning about depths beyond the range, or beyond the histogram's range; empty if
-  // there are none. Throws Error(failed) if the median is below 5 cm.
+  // Returns a warning if depths exceed the range of the map, or the median depth is outside the
+  // range of the histogram; otherwise empty. Throws Error(failed) if the median depth is below 5
+  // cm.
   std::string text(const std::string& path, const Axis& spd) const;
 
  private:
   double median_m() const;
-  std::uint64_t farther_than(std::int64_t mm) const;  // pixels with a return
-  // Number of pixels at each depth in millimetres, in four parts.
+  std::uint64_t farther_than(std::int64_t mm) const;  // number of pixels with a greater depth
+  // Number of pixels at each depth in millimetres; the sum of the four counters is the result.
   std::array<std::array<std::uint64_t, 65536>, 4> counts_{};
   std::size_t records_ = 0, records_beyond_ = 0;
   double far_m_ = 0;

@@ -15,7 +15,7 @@ void normalise(std::span<float> values) {
   const float background = quantile(sorted, 0.5);
   for (float& v : values) v -= background;
   const double sum = std::accumulate(values.begin(), values.end(), 0.0);
-  // An empty scene, without values above the background, stays an empty profile.
+  // If the sum above the background is not positive (empty scene), all values become zero.
   const double factor = sum > 0 ? 1 / sum : 0;
   for (float& v : values) v = static_cast<float>(v * factor);
 }
@@ -28,7 +28,7 @@ void bring_to_strength(std::span<float> values, const std::string& scaling) {
     for (float& v : values) v = std::sqrt(std::max(v, 0.f));
 }
 
-// Returns the factor that scales columns of these variances to a total of `wanted`.
+// Returns the gain that scales columns of these variances to a total variance of `wanted`.
 float gain_for(std::span<const double> variances, double wanted) {
   const double sum = std::accumulate(variances.begin(), variances.end(), 0.0);
   return sum > 0 ? static_cast<float>(std::sqrt(wanted / sum)) : 1;

@@ -15,18 +15,19 @@
 
 namespace echofuse::recon {
 
-// Normalisation of one record's inputs, before the scaling learnt from the training set: plain
-// none
-//   sqrt    square root, which gives Poisson counts equal noise in every bin
-//   raw     none, and no scaling by the training set either (for models with their own scaling)
-//   record  minus the record's median (background), divided by the sum: independent of laser power,
-//   exposure and radar gain
-//   root    square root of "record", 0 below the background
+// Scaling of the inputs of each record, before centre and gains learnt from the training set:
+//   plain   no scaling
+//   sqrt    square root, after which Poisson counts have the same noise in every bin
+//   raw     no scaling, centre or gains, for models that scale their inputs themselves
+//   record  subtracts the record's median (background) and divides by the sum, which makes inputs
+//           independent of laser power, exposure and radar gain
+//   root    square root of "record"; 0 below the background
 inline const std::vector<std::string> scaling_names = {"plain", "sqrt", "record", "root"};
 
 inline const std::string raw_scaling = "raw";
 
-// Applies "record" to one sensor's values. All become zero if none is above the background.
+// Applies the scaling "record" to the values of one sensor. All values become zero if their sum
+// above the background is not positive.
 void normalise(std::span<float> values);
 
 struct Features {
@@ -36,11 +37,12 @@ struct Features {
   }
   Inputs inputs = Inputs::fused;
   std::string scaling = "record";
-  Axis spd_axis, radar_axis;           // required axes of a record
-  std::vector<float> centre;           // offset subtracted from each input
-  float spd_gain = 1, radar_gain = 1;  // factors applied to each input
-  Axis array_axis = {};                // count 0: not an input
-  std::size_t zones = 0;               // 0: one histogram, the sum of any zones
+  Axis spd_axis, radar_axis;           // axes that records must have
+  std::vector<float> centre;           // subtracted from each input
+  float spd_gain = 1, radar_gain = 1;  // factors for the inputs of SPD and radar
+  Axis array_axis = {};                // count 0: spatial lags are not inputs
+  // Number of zones with separate histograms as inputs; 0: one histogram, summed over any zones.
+  std::size_t zones = 0;
 
   std::size_t spd_count() const {
     return inputs == Inputs::radar ? 0 : spd_axis.count * std::max<std::size_t>(zones, 1);
@@ -48,18 +50,21 @@ struct Features {
   std::size_t radar_count() const { return inputs == Inputs::spd ? 0 : radar_axis.count; }
   std::size_t array_count() const { return lag_columns(array_axis); }
   std::size_t count() const { return spd_count() + radar_count() + array_count(); }
-  // Returns unscaled [SPD ++ radar] of each of `rows`. Throws like require_zones().
+  // Returns unscaled inputs [rows x count()], SPD first. Throws Error(failed) if the detector does
+  // not have this number of zones.
   Matrix raw_inputs(const Dataset& data, const Rows& rows) const;
-  // Inputs of the rows with `scaling` only.
+  // Returns the inputs after the scaling of each record, before centre and gains are applied.
   Matrix normalised_inputs(const Dataset& data, const Rows& rows) const;
-  // Returns the model's inputs: one row of count() values per row.
+  // Returns the inputs of the model [rows x count()]: scaled per record, centred, multiplied by the
+  // gains.
   Matrix apply(const Dataset& data, const Rows& rows) const;
 };
 
-// Throws Error(failed) unless the detector has this number of zones; 0: any number.
+// Throws Error(failed) if the detector does not have this number of zones; 0 allows any number.
 void require_zones(const Dataset& data, std::size_t zones);
 
-// Learns centre and gains from `rows`, if not empty: all sensors get the same total variance.
+// Learns centre and gains from `rows`, so that all sensors have the same total variance. If `rows`
+// is empty or the scaling is "raw", the centre is 0 and the gains are 1.
 Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
                       const std::string& scaling);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Reading and writing of whole files, with errors that name them.
+// Reads and writes whole files. Errors contain the file name.
 #pragma once
 #include <string>
 #include <vector>
@@ -8,12 +8,13 @@
 
 namespace echofuse::recon {
 
-Bytes read_file(const std::string& path);                     // throws Error(failed)
-std::string read_text(const std::string& path);               // throws Error(failed)
-void write_file(const std::string& path, ByteView contents);  // like write_atomically()
-void make_folder(const std::string& path);                    // throws Error(disk)
+Bytes read_file(const std::string& path);        // throws Error(failed)
+std::string read_text(const std::string& path);  // throws Error(failed)
+// Replaces the file atomically (write_atomically()).
+void write_file(const std::string& path, ByteView contents);
+void make_folder(const std::string& path);  // throws Error(disk)
 
-// Fields of a CSV line; quotes may hold commas.
+// Splits a CSV line into fields. A quoted field may contain commas.
 std::vector<std::string> csv_fields(const std::string& line);
 
 }  // namespace echofuse::recon

@@ -9,14 +9,15 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double same_place = 0.01;  // half wavelengths
+constexpr double same_place = 0.01;  // tolerance of antenna positions, in half wavelengths
 
 std::complex<float> response(const record::Antenna& a) {
   return std::polar(static_cast<float>(a.gain), static_cast<float>(a.phase_rad));
 }
 
-// Returns the distance of a from b along one line, in whole half wavelengths; 0 if they are not on
-// one line.
+// Returns the spacing of two antennas in whole half wavelengths, from their distance along and
+// across a line. Returns 0 if the spacing is not a whole number or the antennas are not on one
+// line.
 std::size_t spacing_of(double along, double aside) {
   const double spacing = std::round(along);
   const bool lag = spacing >= 1 && spacing <= static_cast<double>(most_lags) &&

@@ -22,22 +22,23 @@
 
 namespace echofuse::recon {
 
-// Largest lag in use; boards have at most 7.
+// Largest lag in use, in half wavelengths; supported boards have lags up to 7.
 inline constexpr std::size_t most_lags = 16;
 
 class SpatialLags {
  public:
   SpatialLags() = default;
   explicit SpatialLags(const record::Antennas& antennas);
-  // D: number of lags, c_1..c_across of horizontal pairs, then those of vertical pairs. 0 without a
-  // horizontal pair.
+  // Returns the number of lags, D: c_1..c_across belong to horizontal antenna pairs, the others to
+  // vertical pairs. D is 0 if there is no horizontal pair.
   std::size_t longest() const { return across_ + up_; }
-  // Quantity of the axis: "lags", "lags, 3 up" (with lags_up), or "lags 1 3" if lag 2 is missing.
+  // Returns the quantity of the lag axis: "lags", "lags, 3 up" with three vertical lags (lags_up),
+  // or "lags 1 3" if there is no pair with lag 2.
   std::string quantity() const;
-  // Writes c_0, then the real and imaginary parts of c_1..c_D; c_d is 0 without a pair at distance
-  // d.
+  // Writes c_0, then the real and imaginary parts of c_1..c_D. c_d is 0 if no antenna pair has
+  // spacing d.
   void operator()(const record::ArrayBin& bin, std::span<float> out) const;
-  // Same for each bin of a record's array, for all bins that fit in `out`.
+  // Writes the lags of each bin of a record's array, until `out` is full.
   void operator()(std::span<const float> array, std::size_t antennas, std::span<float> out) const;
 
  private:
@@ -50,18 +51,19 @@ class SpatialLags {
   std::vector<Pair> pairs_;
 };
 
-// Axis with this quantity; its scale is D.
+// Returns the number of lags, D, which is stored as the scale of the axis.
 inline std::size_t longest_lag(const Axis& lags) { return static_cast<std::size_t>(lags.scale); }
 inline std::size_t lag_values(std::size_t longest) { return 2 * longest + 1; }
-// Returns the number of values per record.
+// Returns the number of lag values per record.
 inline std::size_t lag_columns(const Axis& lags) {
   return lags.count > 0 ? lags.count * lag_values(longest_lag(lags)) : 0;
 }
 
-// Returns the lag axis for a run's array; count 0 if the array cannot measure the azimuth.
+// Returns the lag axis for a run's antenna axis; its count is 0 if the antennas cannot measure the
+// azimuth.
 Axis lags_axis(const Axis& array, const SpatialLags& lags);
 
-// Shifts a record's lags in range.
+// Shifts the lags of a record along the range axis.
 void move_lags(std::span<float> lags, const Axis& axis, const Shift& shift);
 
 }  // namespace echofuse::recon

@@ -14,9 +14,10 @@ namespace {
 
 constexpr std::size_t least_pairs = 30;
 constexpr double least_correlation = 0.3;
-constexpr double clear = 5;  // standard errors of Fisher's z between two correlations
+// Minimum difference of two correlations, in standard errors of Fisher's z.
+constexpr double clear = 5;
 
-// Mean bin of the counts above the median; NaN without any.
+// Returns the mean bin, weighted by the counts above the median; NaN if there are none.
 double mean_bin(std::span<const float> counts) {
   std::vector<float> over(counts.begin(), counts.end());
   subtract_median(over);
@@ -28,7 +29,7 @@ double mean_bin(std::span<const float> counts) {
   return weight > 0 ? sum / weight : NAN;
 }
 
-// Mean depth of the pixels with a return; NaN without any.
+// Returns the mean depth of the pixels with a return; NaN if there are none.
 double mean_depth(std::span<const float> map) {
   double sum = 0, pixels = 0;
   for (const float z : map)
@@ -48,11 +49,12 @@ double correlation(const std::vector<double>& a, const std::vector<double>& b) {
 
 double fisher_z(double correlation) { return std::atanh(std::clamp(correlation, -0.999, 0.999)); }
 
-// Returns the warning for one run, or nothing. `range` and `depth` have a value per row.
+// Returns the warning for one run, or an empty text. `range` (bins) and `depth` (m) have one value
+// per row of the data.
 std::string late_truth_of(const Dataset& data, const Source& run, const std::vector<double>& range,
                           const std::vector<double>& depth) {
-  // Uses only rows for which all three maps are known, so that all lags are compared on the same
-  // rows.
+  // Uses only rows for which the previous, the own and the next map are known, so that all three
+  // correlations use the same rows.
   std::vector<double> ranges;
   std::vector<std::vector<double>> depths(3);
   for (std::size_t row = run.first + 1; row + 1 < run.first + run.count; ++row) {
@@ -70,9 +72,9 @@ std::string late_truth_of(const Dataset& data, const Source& run, const std::vec
   if (best < least_correlation || fisher_z(best) - fisher_z(own) < clear * error) return {};
   return printable(run.path) +
          formatted(
-             ": the histogram's range fits the depth map of the record %s (correlation %.2f) "
-             "better than its own (%.2f): the maps are one record %s; shift them by one",
-             after > before ? "after" : "before", best, own, after > before ? "late" : "early");
+             ": histogram ranges fit the depth maps of the %s records (correlation %.2f) "
+             "better than their own (%.2f): the maps are one record %s; shift them by one record",
+             after > before ? "next" : "previous", best, own, after > before ? "late" : "early");
 }
 
 }  // namespace

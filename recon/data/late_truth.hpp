@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Detects depth maps assigned to the previous or next record, e.g. of arrays shifted by one.
+// Detects depth maps that belong to the previous or next record, e.g. if an imported array of maps
+// is shifted by one record.
 #pragma once
 #include <string>
 
@@ -7,9 +8,9 @@
 
 namespace echofuse::recon {
 
-// Compares the histogram's mean range with the mean depth of the maps of the same, the previous and
-// the next record. Returns a line with a remedy for each run in which a neighbouring map clearly
-// fits better. Ignores doubtful rows.
+// Correlates the mean range of the histograms with the mean depth of the maps of the previous, the
+// same and the next record. Returns one warning line for each run in which the maps of a
+// neighbouring record fit clearly better. Ignores doubtful rows.
 std::string late_truth(const Dataset& data);
 
 }  // namespace echofuse::recon

@@ -10,11 +10,11 @@
 namespace echofuse::recon {
 namespace {
 
-// Names what is_near() refuses.
+// Describes the differences because of which is_near() is false.
 std::string difference(const Axis& found, const Axis& wanted) {
-  if (found.count == 0 || wanted.count == 0) return "only one has this axis";
+  if (found.count == 0 || wanted.count == 0) return "the axis is missing on one side";
   if (found.quantity != wanted.quantity || found.unit != wanted.unit)
-    return "quantity or unit differ";
+    return "quantity or unit differs";
   if (found.scale != wanted.scale)
     return formatted("scale is %.4g, expected %.4g", found.scale, wanted.scale);
   std::string out;
@@ -23,7 +23,7 @@ std::string difference(const Axis& found, const Axis& wanted) {
   const double limit = std::abs(wanted.step);
   if (off(0) > limit) add(formatted("start differs by %.4g bins (limit 1)", off(0) / limit));
   if (const double drift = wanted.count * std::abs(found.step - wanted.step); drift > limit)
-    add(formatted("step differs, by %.4g bins at the end (limit 1)", drift / limit));
+    add(formatted("step differs: %.4g bins at the end of the axis (limit 1)", drift / limit));
   if (found.count < wanted.count)
     add(formatted("too short: %u bins, expected %u", found.count, wanted.count));
   return out.empty() ? formatted("end differs by %.4g bins (limit 1)", off(wanted.count) / limit)
@@ -122,8 +122,8 @@ void match_array(Dataset& data, const Axis& array) {
   if (data.array_axis.count == 0)
     throw Error(ExitCode::failed,
                 printable(path) +
-                    ": no antenna samples of the radar, which the model needs; for such "
-                    "runs train with --inputs fused-profile");
+                    ": no antenna samples of the radar, but the model needs them; for such "
+                    "runs train a model with --inputs fused-profile");
   if (!covers(data.array_axis, array)) {
     if (!is_near(data.array_axis, array))
       throw axis_error(path, data.array_axis, array, "the model's");

@@ -18,11 +18,12 @@ PileUp::PileUp(const record::RunReader& run, const Axis& spd) {
 
 double PileUp::correct(std::span<float> counts, double pulses) const {
   if (!known() || !(pulses > 0)) return 1;
-  // before[i]: clicks before the left edge of bin i.
+  // before[i]: number of clicks before the left edge of bin i.
   std::vector<double> before(counts.size() + 1);
   for (std::size_t i = 0; i < counts.size(); ++i) before[i + 1] = before[i] + double{counts[i]};
   const double all = before.back(), bins = static_cast<double>(counts.size());
-  const auto up_to = [&](double at) {  // in bins
+  // Returns the number of clicks before position `at`, in bins.
+  const auto up_to = [&](double at) {
     const double x = std::clamp(at, 0.0, bins);
     const auto i = std::min(static_cast<std::size_t>(x), counts.size() - 1);
     return before[i] + (x - static_cast<double>(i)) * (before[i + 1] - before[i]);
@@ -33,8 +34,8 @@ double PileUp::correct(std::span<float> counts, double pulses) const {
   double least = 1;
   for (std::size_t i = 0; i < counts.size(); ++i) {
     const double middle = static_cast<double>(i) + 0.5, since = middle - rest;
-    // Detections that make the detector dead in bin i: earlier ones of the same pulse, those of the
-    // previous pulse within the dead time, and those of all whole periods within it.
+    // Number of clicks that make the detector dead in bin i: earlier clicks of the same pulse,
+    // clicks of the previous pulse within the dead time, and `whole` complete periods.
     double blocked = before[i] - std::min(up_to(since), before[i]) + whole * all;
     if (!std::isinf(dead)) blocked += all - up_to(since + period);
     const auto found = double{counts[i]};

@@ -18,19 +18,19 @@ namespace echofuse::recon {
 class PileUp {
  public:
   PileUp() = default;  // unknown detector: no correction
-  // Detector as stated in the run (record::detector_of). Unknown if the run states none, or if the
-  // axis `spd` is not in ps.
+  // Uses the detector that the run states (record::detector_of). The detector is unknown if the run
+  // states none, or if the axis `spd` is not in ps.
   PileUp(const record::RunReader& run, const Axis& spd);
 
-  // With an infinite dead time the detector is ready at the next pulse. `window_s`: length of the
-  // slot.
+  // An infinite dead time means that only the first photon of each pulse counts, and the detector
+  // is ready at the next pulse. `window_s`: slot length, s.
   PileUp(double dead_time_ps, double window_s, double bin_width_ps)
       : dead_time_ps_(dead_time_ps), window_ps_(1e12 * window_s), bin_width_ps_(bin_width_ps) {}
 
   bool known() const { return dead_time_ps_ > 0; }
-  // Converts counts per bin to photons per bin in place, for `pulses` laser pulses in the slot (0:
-  // unknown, no correction). Returns the smallest share of pulses that found the detector ready;
-  // near zero the result is unreliable.
+  // Converts counts per bin to photons per bin in place. `pulses`: number of laser pulses in the
+  // slot (0: unknown, no correction). Returns the fraction of pulses for which the detector is
+  // ready, in the least ready bin; if it is near zero, the result is unreliable.
   double correct(std::span<float> counts, double pulses) const;
 
  private:

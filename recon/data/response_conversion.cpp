@@ -16,15 +16,16 @@ namespace echofuse::recon {
 namespace {
 
 constexpr double reach_cells = 3;
-constexpr std::ptrdiff_t most_reach = 48;  // points
-// A twin of any window has an IoU of .49 at .67 of Blackman's width as recorded and .45 converted;
-// at .8 it has .44 and .45.
+constexpr std::ptrdiff_t most_reach = 48;  // maximum half length of the filter, points
+// Maximum ratio of widths at which a model for any response uses a run as recorded. With a digital
+// twin, IoU is .49 as recorded and .45 converted at .67 of the Blackman window's width; at .8 of
+// it, .44 and .45.
 constexpr double much_narrower = 0.75;
-constexpr int parts = 8;                  // subdivisions of a step for the comparison of responses
-constexpr double noise_to_signal = 1e-3;  // energy of the noise in eight points, relative to the
-                                          // peak's
+constexpr int parts = 8;  // points per step at which the responses are compared
+// Sum of the squared noise in eight points, relative to the squared peak.
+constexpr double noise_to_signal = 1e-3;
 
-// Filters every `stride`-th value.
+// Convolves each of the `stride` interleaved columns of a row with the weights.
 void filter(std::span<float> row, std::size_t stride, const std::vector<double>& weights) {
   const auto reach = std::ssize(weights) / 2,
              count = std::ssize(row) / static_cast<std::ptrdiff_t>(stride);
@@ -47,7 +48,8 @@ double sinc(double u) {
   return std::abs(u) < 1e-9 ? 1 : std::sin(x) / x;
 }
 
-// Window cos^(2 order) = sum over k of C(2 order, order + k) cos(2 pi k t), up to a factor.
+// Returns the response of the window cos^(2 order), which up to a factor is the sum over k of C(2
+// order, order + k) cos(2 pi k t).
 record::RadarResponse response_of_cosine(int order, double cell_m) {
   constexpr int taps = 24;
   record::RadarResponse out{cell_m, {}};
@@ -63,8 +65,9 @@ record::RadarResponse response_of_cosine(int order, double cell_m) {
   return out;
 }
 
-// Returns the standard deviation in the quietest quarter of the columns first, first + stride, ...
-// Uses the lower half of each column's values, because the upper half contains echoes.
+// Returns the noise deviation of the columns first, first + stride, ...: the lower quartile of the
+// columns' deviations. A column's deviation is its median minus its 15.87 % quantile, because
+// values above the median contain echoes.
 float quiet_deviation(const Matrix& table, const Rows& rows, std::size_t first,
                       std::size_t stride) {
   constexpr double one_deviation_below = 0.1587;
@@ -78,7 +81,7 @@ float quiet_deviation(const Matrix& table, const Rows& rows, std::size_t first,
   return deviations.empty() ? 0 : quantile(deviations, 0.25);
 }
 
-// Number of values per bin in the table of lags; 0 without lags.
+// Returns the number of lag values per range bin; 0 if there are no lags.
 std::size_t lags_of(const Dataset& data) {
   return data.array_axis.count > 0 ? lag_values(longest_lag(data.array_axis)) : 0;
 }

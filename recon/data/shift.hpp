@@ -7,14 +7,15 @@
 
 namespace echofuse::recon {
 
-// Lanczos interpolation over eight values with weights that add up to 1. It keeps the width of the
-// narrowest possible peak; linear interpolation would blur it by as much as the offset.
+// Lanczos interpolation over eight values with weights that add up to 1. It preserves the width of
+// the narrowest possible peak, which linear interpolation would broaden.
 class Shift {
  public:
-  // Shifts the values by this many steps towards the start of the axis.
+  // Prepares a shift by this number of steps towards the start of the axis.
   explicit Shift(double steps = 0);
-  // Values beyond both ends are 0. A constant row, from a dead sensor, is not changed; otherwise
-  // zeros at its ends would hide the fault (Dataset::fault_of).
+  // Returns the shifted values. Values from beyond the ends of the axis are 0. A constant row (dead
+  // sensor) is not changed, because zeros at its ends would hide the fault from
+  // Dataset::fault_of().
   std::vector<float> apply(const std::vector<float>& values) const;
 
  private:

@@ -10,11 +10,11 @@
 namespace echofuse::recon {
 
 struct SplitOptions {
-  // random: for independent scenes (the paper's 9:1). blocked: for sequences, where neighbours in
-  // time are alike: training records, a gap, validation, a gap, test, in the order of the records.
+  // random: for independent scenes (9:1 in the paper). blocked: for sequences in which successive
+  // records are alike; in record order: training, gap, validation, gap, test.
   std::string kind = "random";
   double test_share = 0.1;
-  double validation_share = 0.05;  // share of the records that are not in the test
+  double validation_share = 0.05;  // fraction of the records outside the test set
   std::size_t gap = 10;            // records dropped between blocks
   std::uint64_t seed = 1;
 };
@@ -27,13 +27,15 @@ struct Split {
 // mix(mix(seed ^ mix(stream)) ^ row); mix() is one step of SplitMix64 (drivers/core/random.hpp).
 Rows drawn(Rows rows, std::uint64_t seed, std::uint64_t stream);
 
-// Splits `rows`; a random split takes the end of drawn() for validation and test. Throws
-// Error(failed) if too few are left for training.
+// Splits `rows` into training, validation and test. A random split uses the last rows of drawn()
+// for test and validation. Throws Error(failed) if fewer than two rows remain for training.
 Split make_split(const Rows& rows, const SplitOptions& options);
 
-// Fold: block `fold` of `folds` is the test; training rows within `gap` records of it are dropped.
+// Returns a fold of the cross-validation: block `fold` of `folds` is the test set; training rows
+// within `gap` records of it are dropped.
 Split make_fold(const Rows& rows, std::size_t fold, std::size_t folds, std::size_t gap);
-// Returns all folds: blocked, with as much of the gap as the number of records allows, or random.
+// Returns all folds. Blocked folds keep options.gap, or a smaller gap if there are few records;
+// random folds have no gap.
 std::vector<Split> make_folds(Rows rows, std::size_t folds, const SplitOptions& options,
                               std::uint64_t stream);
 

@@ -186,9 +186,9 @@ TEST_CASE("a longer radar axis is cropped, other axes are refused") {
   CHECK_THAT(refused(spd, {"radar", "power", "m", 24, 0.3, 0.25, 1}, Inputs::radar),
              Catch::EndsWith(": start differs by 1.2 bins (limit 1)"));
   CHECK_THAT(refused(spd, {"radar", "power", "m", 24, 0, 0.2, 1}, Inputs::radar),
-             Catch::EndsWith(": step differs, by 6 bins at the end (limit 1)"));
+             Catch::EndsWith(": step differs: 6 bins at the end of the axis (limit 1)"));
   CHECK_THAT(refused(spd, {"radar", "power", "cm", 24, 0, 0.25, 1}, Inputs::radar),
-             Catch::EndsWith(": quantity or unit differ"));
+             Catch::EndsWith(": quantity or unit differs"));
   CHECK_THAT(refused(spd, {"radar", "power", "m", 24, 0, 0.25, 2}, Inputs::radar),
              Catch::EndsWith(": scale is 1, expected 2"));
   CHECK_THAT(refused({"spd", "counts", "ps", 30, 16000, 500, 1}, radar_axis(40), Inputs::spd),

@@ -51,7 +51,7 @@ TEST_CASE("runs with different map grids, and invalid map axes, are refused") {
   write_mapped(dir / "b", 2, {32, 0.55}, 2);
   CHECK(error_of([&] {
           load({dir / "a", dir / "b"});
-        }) == dir / "b" + ": its depth map is 32 x 32 over tangents of +-0.55, up to 6 m, " +
+        }) == dir / "b" + ": depth maps are 32 x 32 over tangents of +-0.55, up to 6 m; " +
                   dir / "a" + " has 64 x 64 over tangents of +-0.55, up to 6 m");
   write_mapped(dir / "same", 2, {}, 3);
   CHECK(load({dir / "a", dir / "same"}).size() == 4);
@@ -92,7 +92,7 @@ TEST_CASE("a model uses its training's map grid and refuses others") {
     const Outcome judged = recon_program("evaluate " + m + " " + (dir / "other"));
     CHECK(judged.code == 1);
     CHECK_THAT(judged.text,
-               Catch::Contains("its depth map is 64 x 64 over tangents of +-0.55, up to 6 m, "
+               Catch::Contains("depth maps are 64 x 64 over tangents of +-0.55, up to 6 m; "
                                "the model has 24 x 24 over tangents of +-0.55, up to 6 m"));
     const Outcome drawn = recon_program("reconstruct -q " + m + " " + (dir / "other") + out);
     CAPTURE(drawn.text);

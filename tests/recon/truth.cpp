@@ -35,8 +35,7 @@ TEST_CASE("train and evaluate report depth maps delayed by one record") {
   const Folder dir;
   write_run(dir / "good", 120, 1), write_run(dir / "late", 120, 1, late_by(1));
   write_run(dir / "two", 120, 1, late_by(2));
-  const auto said =
-      (dir / "late") + ": the histogram's range fits the depth map of the record after";
+  const auto said = (dir / "late") + ": histogram ranges fit the depth maps of the next records";
   CHECK(late_truth(load({dir / "good"})).empty());
   CHECK(late_truth(load({dir / "two"})).empty());
   CHECK_THAT(late_truth(load({dir / "late"})),

@@ -157,7 +157,7 @@ TEST_CASE("tuning accepts axes that differ from the model's by less than a bin")
   Dataset longer = plates(20, 5, false);
   longer.radar_axis.step *= 1 + 1.5 / longer.radar_axis.count;
   CHECK_THAT(error_of([&] { match_for_tuning(old, "m", longer); }),
-             Catch::EndsWith(": step differs, by 1.5 bins at the end (limit 1)"));
+             Catch::EndsWith(": step differs: 1.5 bins at the end of the axis (limit 1)"));
 }
 
 TEST_CASE("every tuned model can be saved, loaded and evaluated") {
