@@ -141,7 +141,7 @@ double largest_residual(const AntennaGains& a, const AntennaGains& b) {
 }
 
 std::string to_text(const AntennaFit& fit) {
-  if (!fit.refusal.empty()) return "array  refused: " + fit.refusal + "\n";
+  if (!fit.refusal.empty()) return "array  rejected: " + fit.refusal + "\n";
   constexpr double degree = std::numbers::pi / 180;
   const AntennaGains& g = fit.gains;
   std::string text = format("array  %zu antennas, SNR %.0f dB; relative to antenna 0:\n",

@@ -29,7 +29,7 @@ nlohmann::ordered_json json_of(const CalibrationResult& r) {
 void say(const CalibrationResult& r) {
   const Peak& p = r.peak;
   if (!p.refusal.empty())
-    std::printf("%-6s refused: %s\n", name_of(r.sensor), printable(p.refusal).c_str());
+    std::printf("%-6s rejected: %s\n", name_of(r.sensor), printable(p.refusal).c_str());
   else
     std::printf(
         "%-6s %.4f m, offset %+.2f mm +- %.2f mm (measurement %.2f, reflector %.2f); spread of the "

@@ -58,7 +58,7 @@ SideFinding find_side(Side side, const Reflector& reflector, const AntennaGains&
 }
 
 std::string to_text(Side side, const SideFinding& f) {
-  if (!f.refusal.empty()) return "array  refused: " + f.refusal + "\n";
+  if (!f.refusal.empty()) return "array  rejected: " + f.refusal + "\n";
   char text[240];
   std::snprintf(text, sizeof text, "array  echo on the %s at %+.0f degrees (expected %+.0f): ",
                 side == Side::right ? "right" : "left", degrees(f.sine), degrees(f.expected));

@@ -17,14 +17,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Limits of the values per record of a histogram or profile, and of a depth image.
+// Maximum number of values per record: for a histogram or profile, and for a depth image.
 constexpr std::size_t most_points = 1u << 24, most_pixels = 1u << 23;
 
-// Returns the smallest factor up to 1000 that makes these counts whole, or 0. It is f for a mean of
-// f exposures.
+// Returns the smallest factor up to 1000 that makes all counts whole, or 0 if there is none. If the
+// counts are means of f exposures, the factor is f.
 std::uint32_t factor_of(const std::vector<double>& counts) {
   constexpr std::uint32_t most = 1000;
-  constexpr double rounding = 1e-6;  // relative error of a float
+  constexpr double rounding = 1e-6;  // relative rounding error of a float
   const auto whole = [](double v, double count) {
     return std::abs(v - std::round(v)) <= rounding * std::max(100.0, v) && (v >= 0.5 || count == 0);
   };
@@ -34,8 +34,8 @@ std::uint32_t factor_of(const std::vector<double>& counts) {
   return 0;
 }
 
-// Returns true if the values may be in dB. Linear power spans more, and is negative only if noise
-// was subtracted.
+// Returns true if the values may be in dB: some are negative, or they span a ratio below 6. Linear
+// power spans more, and is negative only if noise was subtracted.
 bool looks_like_db(const std::vector<float>& power) {
   constexpr float least_ratio = 6;
   const auto [low, high] = std::ranges::minmax(power);
@@ -70,23 +70,22 @@ Zone zone_of(const std::string& text, const std::string& path) {
 }  // namespace
 
 void bind(Settings& settings, ArraySettings& s) {
-  settings.add("run", s.run,
-               "source run of the records: values without an array are copied from it");
+  settings.add("run", s.run, "source run; values for which there is no array are copied from it");
   settings.add("window_s", s.window_s, 1e-6, 1e6, "slot length");
   settings.add("label", s.label, "label of all records");
-  settings.add("labels", s.labels, "labels, one per record; replaces label");
-  settings.add("notes", s.notes, "origin of the arrays");
+  settings.add("labels", s.labels, "labels, one per record; override `label`");
+  settings.add("notes", s.notes, "notes, such as the origin of the arrays");
   settings.add("spd.first_bin_ps", s.first_bin_ps, -1e9, 1e9, "start of bin 0, two-way time");
   settings.add("spd.bin_width_ps", s.bin_width_ps, 1e-3, 1e9, "width of a bin, two-way time");
   settings.add("spd.irf_fwhm_ps", s.irf_fwhm_ps, 0, 1e6,
-               "FWHM of the impulse response; 0: not stated");
+               "FWHM of the impulse response; 0: unknown");
   settings.add("spd.zones", s.zones,
                "zones of spd.npy [n, zones, bins]: tangents of centre and width, optionally "
                "the time zero in ps; nan nan nan: unknown direction");
   settings.add("radar.first_m", s.first_m, -1e4, 1e4, "range of point 0");
   settings.add("radar.step_m", s.step_m, 1e-6, 1e4, "distance between points");
   settings.add("radar.cell_m", s.radar_cell_m, 0, 1e3,
-               "range resolution c / 2B; 0: response not stated");
+               "range resolution c / 2B; 0: response unknown");
   settings.add("radar.taps", s.radar_taps,
                "power at 0, 1/4, 2/4 ... of a cell, relative to the peak");
   settings.add(
@@ -94,11 +93,12 @@ void bind(Settings& settings, ArraySettings& s) {
       "antennas of array.npy: x and y in half wavelengths, optionally gain and phase in rad");
   for (const Sensor sensor : {Sensor::spd, Sensor::radar})
     settings.add(std::string(name_of(sensor)) + ".offset_m", s.offset_m[sensor], -1e3, 1e3,
-                 "range bias to subtract, in addition to that of the run");
-  settings.add("depth.unit", s.depth_unit, "default: mm for integers, m for floats",
-               {"", "mm", "m"});
+                 "range bias to subtract, in addition to that of the source run");
+  settings.add("depth.unit", s.depth_unit,
+               "unit of depth.npy; default: mm for integers, m for floats", {"", "mm", "m"});
   settings.add("depth.half_tangent", s.half_tangent, record::least_map_half_tangent,
-               record::most_map_half_tangent, "|x/z| at the left and right edges");
+               record::most_map_half_tangent,
+               "|x/z| at the left and right edges of the depth image");
   settings.add("depth.map_z_max_m", s.far_m, record::least_map_far_m, record::most_map_far_m,
                "largest depth; farther pixels have no return");
   settings.add("depth.map_size", s.map_size, 0, record::most_map_size,
@@ -126,15 +126,15 @@ ArrayFolder::ArrayFolder(const std::string& folder, const ArraySettings& setting
     config_error(of_run ? "depth.npy and array.npy cannot be combined with `run`"
                         : "index.npy and valid.npy need `run`");
   if (!settings_.labels.empty() && settings_.labels.size() != rows_)
-    config_error(std::to_string(settings_.labels.size()) + " labels for " + std::to_string(rows_) +
-                 " records");
+    config_error(std::to_string(settings_.labels.size()) + " labels, but there are " +
+                 std::to_string(rows_) + " records");
   if (settings_.map_size > 0 && settings_.map_size < record::least_map_size)
     config_error("depth.map_size = " + std::to_string(settings_.map_size) +
                  "; expected 0 or 3 to 256");
   if (array_ && (!radar_ || antennas_.empty() || array_->shape()[1] != axes().back().count ||
                  array_->shape()[2] != record::values_of_bin(antennas_.size())))
     refuse(*array_, "its shape is " + array_->shape_text() +
-                        "; expected that of radar.npy and of radar.antennas, with " +
+                        "; expected one that matches radar.npy and radar.antennas, with " +
                         std::to_string(record::values_of_bin(antennas_.size())) +
                         " values per bin up to " +
                         std::to_string(std::lround(record::array_end_m)) + " m");
@@ -179,7 +179,7 @@ Zones ArrayFolder::stated_zones() const {
     throw Error(ExitCode::config,
                 printable(folder_) + "/run.toml: spd.zones has " + std::to_string(out.size()) +
                     " zones; expected " +
-                    (spd_ ? std::to_string(histograms) + " as spd.npy " + spd_->shape_text()
+                    (spd_ ? std::to_string(histograms) + ", as in spd.npy " + spd_->shape_text()
                           : "spd.npy [n, zones, bins]"));
   return out;
 }
@@ -190,7 +190,7 @@ void ArrayFolder::refuse(const NpyFile& file, const std::string& what) const {
 
 std::vector<Axis> ArrayFolder::axes() const {
   std::vector<Axis> out;
-  const auto count = [](const NpyFile& f, std::size_t k) {  // open() limits it
+  const auto count = [](const NpyFile& f, std::size_t k) {  // fits, because open() limits the size
     return static_cast<std::uint32_t>(f.shape()[k]);
   };
   const ArraySettings& s = settings_;
@@ -219,15 +219,16 @@ std::vector<Axis> ArrayFolder::axes() const {
 
 void ArrayFolder::require_shapes(const std::vector<Axis>& axes, const Zones& zones) const {
   if (spd_ && histograms_of(zones_) != histograms_of(zones))
-    refuse(*spd_, "its shape is " + spd_->shape_text() + "; the run has " +
+    refuse(*spd_, "its shape is " + spd_->shape_text() + "; the source run has " +
                       std::to_string(histograms_of(zones)) + " zones");
   for (const auto& [file, name] : {std::pair{spd_.get(), "spd"}, {radar_.get(), "radar"}}) {
     const auto axis = std::ranges::find(axes, name, &Axis::name);
     const std::size_t wanted = axis == axes.end() ? 0 : axis->count;
     const std::size_t values = wanted * (file == spd_.get() ? histograms_of(zones) : 1);
     if (file && file->row_size() != values)
-      refuse(*file, "has " + std::to_string(file->row_size()) + " values per record; the run's " +
-                        name + " has " + std::to_string(values));
+      refuse(*file, "has " + std::to_string(file->row_size()) +
+                        " values per record; in the source run, " + name + " has " +
+                        std::to_string(values));
   }
 }
 
@@ -236,7 +237,8 @@ std::int64_t ArrayFolder::next_index() {
       index_ ? next_whole(*index_, static_cast<double>(record::max_index)) : row_);
 }
 
-// Returns the next row's only value. Refuses fractions, and values not from 0 to `most`.
+// Returns the only value of the next row. Throws Error(failed) if it is not a whole number from 0
+// to `most`.
 std::uint64_t ArrayFolder::next_whole(NpyFile& file, double most) const {
   const double value = file.next_row().at(0);
   if (value >= 0 && value <= most && value == std::floor(value))
@@ -267,8 +269,8 @@ void ArrayFolder::take_row(record::FusedRecord& r) {
   ++row_;
 }
 
-// Returns the next row of numbers of at least `least`; empty for a row of NaN. Noise can make power
-// negative.
+// Returns the values of the next row; empty if all are NaN. Throws Error(failed) if a value is
+// below `least`, which is negative for power because noise subtraction can make power negative.
 std::vector<double> ArrayFolder::read(NpyFile& file, double least, const char* what) const {
   std::vector<double> values = file.next_row();
   if (std::ranges::all_of(values, [](double v) { return std::isnan(v); })) return {};
@@ -279,7 +281,7 @@ std::vector<double> ArrayFolder::read(NpyFile& file, double least, const char* w
                    what + ", or NaN in the whole row for a missing sensor");
 }
 
-// A record of a run with unchanged values keeps its verdict and times.
+// Marks the sensor as valid. A record that comes from a source run keeps its verdict and times.
 void ArrayFolder::mark(record::FusedRecord& r, Sensor sensor, std::uint64_t used) const {
   if (!settings_.run.empty()) return;
   r.valid.insert(sensor);
@@ -291,7 +293,7 @@ void ArrayFolder::put_counts(record::FusedRecord& r) {
   if (values.empty()) return;
   const std::string row = "row " + std::to_string(row_);
   if (std::ranges::max(values) > std::numeric_limits<std::uint32_t>::max())
-    refuse(*spd_, row + " has a count of more than 32 bits");
+    refuse(*spd_, row + " has a count that exceeds 32 bits");
   const std::uint32_t factor = spd_->is_integer() ? 1 : factor_of(values);
   if (factor != 1)
     refuse(*spd_, row + " has counts that are not whole; expected photons per bin: " +
@@ -342,7 +344,7 @@ void ArrayFolder::put_depth(record::FusedRecord& r) {
     first_odd_ = printable(depth_->path()) + ": row " + std::to_string(row_) + ": " + odd;
 }
 
-// Returns why the depth map is implausible, or an empty text.
+// Fills the depth map of the record. Returns why the map is implausible, or an empty text.
 std::string ArrayFolder::take_depth(record::FusedRecord& r,
                                     const std::vector<double>& values) const {
   constexpr double most_mm = std::numeric_limits<std::uint16_t>::max(), least_median_mm = 20;
@@ -352,15 +354,15 @@ std::string ArrayFolder::take_depth(record::FusedRecord& r,
     if (!(mm >= 0 && mm <= most_mm))
       return "a depth of " + std::to_string(mm / 1000) + " m; expected 0 to 65.5 m" +
              (millimetres_ ? "" : ", or depth.unit = \"mm\"");
-    if (millimetres_ && mm == most_mm) mm = 0;  // cameras' value for no return
+    if (millimetres_ && mm == most_mm) mm = 0;  // value that cameras use for no return
     r.depth_mm.push_back(static_cast<std::uint16_t>(std::lround(mm)));
     if (r.depth_mm.back() > 0) returns.push_back(mm);
   }
   if (returns.empty()) return {};
   const double median_mm = median(std::move(returns));
   if (median_mm >= least_median_mm) return {};
-  return "its median is " + std::to_string(std::lround(median_mm)) + " mm; expected " +
-         (millimetres_ ? "millimetres (of metres: depth.unit = \"m\")" : "metres");
+  return "its median is " + std::to_string(std::lround(median_mm)) + " mm; expected depths in " +
+         (millimetres_ ? "millimetres (for metres set depth.unit = \"m\")" : "metres");
 }
 
 std::vector<std::string> ArrayFolder::doubts() const {
@@ -372,7 +374,7 @@ std::vector<std::string> ArrayFolder::doubts() const {
                   "dB? Expected linear power, 10^(dB/10)");
   if (odd_maps_ > 0)
     out.push_back("depth: " + std::to_string(odd_maps_) + " of " + std::to_string(maps_) +
-                  " maps are implausible and omitted; the first: " + first_odd_);
+                  " maps are implausible and were omitted; the first: " + first_odd_);
   return out;
 }
 

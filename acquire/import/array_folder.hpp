@@ -4,10 +4,10 @@
 //   radar.npy   [n, points] linear power; a row of NaN: no radar
 //   array.npy   [n, bins, values] of the antennas, as ArrayBin (measurement/radar_array.hpp)
 //   depth.npy   [n, rows, columns] z, whole millimetres or float metres; 0, NaN, 65535: no return
-//   index.npy   [n], with `run`: record number of each row; default: all records
-//   valid.npy   [n], with `run`: bits of the sensors that remain valid
+//   index.npy   [n], only with the key `run`: record number of each row; default: all records
+//   valid.npy   [n], only with the key `run`: bits of the sensors that remain valid
 //   run.toml    axes with units, slot length, labels: bind() in array_folder.cpp
-// One of spd.npy and radar.npy is required.
+// At least one of spd.npy and radar.npy is required, unless run.toml has the key `run`.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -35,26 +35,27 @@ struct ArraySettings {
 };
 void bind(Settings& settings, ArraySettings& s);
 
-// Threading: one thread at a time.
+// Threading: only one thread at a time may use an object.
 class ArrayFolder {
  public:
-  // Throws Error(failed) if an array is missing, damaged, too large or differs from the first one
-  // in the number of rows; Error(config) if run.toml does not match the arrays.
+  // Throws Error(failed) if an array is missing, damaged or too large, or if the arrays differ in
+  // their number of rows. Throws Error(config) if run.toml does not match the arrays.
   ArrayFolder(const std::string& folder, const ArraySettings& settings);
 
   std::size_t rows() const { return rows_; }
-  const std::string& newest() const { return newest_; }  // most recently changed array
+  const std::string& newest() const { return newest_; }  // most recently modified array
   const record::Antennas& antennas() const { return antennas_; }
   const Zones& zones() const { return zones_; }
   std::vector<Axis> axes() const;
   // Throws Error(failed) if the arrays do not match these axes and zones.
   void require_shapes(const std::vector<Axis>& axes, const Zones& zones) const;
-  // Record number of the next row, from index.npy.
+  // Returns the record number of the next row, which is read from index.npy if that file exists.
   std::int64_t next_index();
-  // Copies the next row's values into the record. Throws Error(failed) for counts that are not
-  // whole and for impossible values.
+  // Copies the values of the next row into the record. Throws Error(failed) if counts are not whole
+  // or values are impossible.
   void take_row(record::FusedRecord& r);
-  // Returns warnings, after the last row. Throws Error(failed) if most depth maps are implausible.
+  // Returns the warnings about the data; call after the last row. Throws Error(failed) if most
+  // depth maps are implausible.
   std::vector<std::string> doubts() const;
 
  private:

@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Formats a number so that reading restores the same value.
+// Formats a number with the fewest digits that restore the same value when they are read.
 std::string shortest_text(double value) {
   char text[32];
   return {text, std::to_chars(text, text + sizeof text, value).ptr};
@@ -53,7 +53,7 @@ record::RunInfo info_of(const ArraySettings& s, const Settings& settings, const 
   return info;
 }
 
-// Description of the source run, the key `run` of run.toml.
+// Returns the metadata of the source run (key `run` of run.toml) for a new run.
 record::RunInfo info_of(const record::RunReader& base) {
   record::RunInfo info = base.info();
   info.uuid.clear(), info.ended_utc.clear();
@@ -86,12 +86,13 @@ record::FusedRecord fresh(std::size_t row, double window_s, UtcTime began) {
 RunStart beginning_of(const std::optional<UtcTime>& given, const record::RunReader* base,
                       const ArrayFolder& arrays) {
   if (base && given)
-    throw Error(ExitCode::usage, "--began cannot be combined with `run`, which has the times");
+    throw Error(ExitCode::usage,
+                "--began cannot be combined with `run`, because that run has a start time");
   if (base) return {parse_utc(base->info().started_utc), {}};
   if (given) return {*given, {}};
   const std::string file = fs::path(arrays.newest()).filename().string();
   return {modified(arrays.newest()),
-          "start time unknown: the time of " + file + " is used; --began UTC sets it"};
+          "start time unknown: the modification time of " + file + " is used; --began UTC sets it"};
 }
 
 }  // namespace

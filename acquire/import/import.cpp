@@ -41,9 +41,8 @@ class Slots final : public SampleSink {
   void on_tags(const TagBlock& block) override {
     tag_check_.take(block, [this](const TagBlock& repaired) { take_tags(repaired); });
   }
-  void on_radar(RadarFrame frame) override {
-    windows_.add(frame);
-  }  // already has the time of the board
+  // The frame already has the time of the board.
+  void on_radar(RadarFrame frame) override { windows_.add(frame); }
   Windows& windows() { return windows_; }
   void flush() {
     tag_check_.flush([this](const TagBlock& rest) { take_tags(rest); });
@@ -53,7 +52,8 @@ class Slots final : public SampleSink {
     tag_check_.finish();
     return tag_faults_;
   }
-  // Closes the slots that end by `now`; with `last` also the current one.
+  // Closes the slots that have ended at `now`. If `last` is true, also closes the slot that
+  // contains `now`.
   void close(HostTime now, bool last, const std::function<void(record::FusedRecord)>& take) {
     for (; grid_.end(next_) <= now || (last && grid_.start(next_) <= now); ++next_) {
       if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was written");
@@ -79,22 +79,24 @@ void take_cfg(Config& config, const std::string& recording, const std::string& c
   const std::string path =
       cfg.empty() && fs::exists(adjacent) ? adjacent : here_or_installed(cfg).string();
   if (path.empty()) {
-    config.radar.cfg_text.clear();  // the recording needs the cfg of its board
+    // The configured cfg is not used, because the recording needs the cfg of its own board.
+    config.radar.cfg_text.clear();
   } else {
     config.radar.cfg_name = path;
     config.radar.cfg_text = RegularFile(path, ExitCode::config).rest<std::string>(1 << 20);
   }
   if (config.radar.cfg_text.empty())
     throw Error(ExitCode::config, printable(recording) +
-                                      ": the board's .cfg is missing: copy it to " +
-                                      printable(adjacent) + ", or name it with --cfg");
+                                      ": the board's .cfg is missing; copy it to " +
+                                      printable(adjacent) + ", or give its path with --cfg");
   record::Antennas antennas;
   for (const auto& place : parse_profile(config.radar).array)
     antennas.push_back({.x = static_cast<double>(place.x), .y = static_cast<double>(place.y)});
   if (antennas.size() != config.antennas.size()) config.antennas = antennas;
 }
 
-// Stores counters and doubts of each recording, and ends the run. Returns its path.
+// Stores the counters and warnings of each recording, then finishes the run. Returns the text of
+// ImportedRun::finish().
 std::string conclude(ImportedRun& import, const std::vector<std::unique_ptr<Recording>>& recordings,
                      const std::vector<std::string>& faults) {
   for (const auto& text : faults) import.doubt("spd: " + text);
@@ -118,7 +120,7 @@ std::string conclude(ImportedRun& import, const std::vector<std::unique_ptr<Reco
                printable(causes + (causes.empty() || verdict.empty() ? "" : "; ") + verdict);
   }
   if (empty == recordings.size()) throw Error(ExitCode::failed, nothing);
-  if (recordings.size() > 1) import.doubt("assumed: the recordings begin at the same time");
+  if (recordings.size() > 1) import.doubt("the recordings are assumed to begin at the same time");
   if (import.tags().out_of_range > 0 && import.tags().in_range == 0)
     import.doubt("spd: no click is within the histogram (tdc.first_bin_ps, tdc.bins)");
   const std::string made = import.finish();
@@ -126,7 +128,8 @@ std::string conclude(ImportedRun& import, const std::vector<std::unique_ptr<Reco
   return made;
 }
 
-// Imports recordings that may differ in length; records after the end of one lack its sensor.
+// Imports recordings, which may differ in length. Records after the end of a recording lack its
+// sensor.
 std::string import_streams(const Config& config, const ImportOptions& options,
                            const RunStart& began,
                            const std::vector<std::unique_ptr<Recording>>& recordings) {
@@ -141,7 +144,9 @@ std::string import_streams(const Config& config, const ImportOptions& options,
   for (const Sensor s : all_sensors)
     if (config.configured().contains(s)) import.writer().put_policy(s, "optional");
   Slots slots(config, {HostTime{}, from_seconds(config.window_s)});
-  double longest_s = 1000 * config.window_s;  // plus one slot per byte: no recorder writes less
+  // Latest plausible time: 1000 slots, plus one slot per byte of the files, because no recorder
+  // writes less than a byte per slot.
+  double longest_s = 1000 * config.window_s;
   for (const auto& file : options.files)
     longest_s += static_cast<double>(fs::file_size(file)) * config.window_s;
   for (const auto& r : recordings) {
@@ -186,7 +191,7 @@ std::string import_streams(const Config& config, const ImportOptions& options,
 }  // namespace
 
 UtcTime parse_utc(const std::string& text) {
-  const Error refused(ExitCode::usage, printable(text) + ": expected a time like " +
+  const Error refused(ExitCode::usage, printable(text) + ": expected a time such as " +
                                            "2024-02-07T12:34:56Z or 2024-02-07T13:34:56+01:00");
   std::tm tm{};
   const char* rest = ::strptime(text.c_str(), "%Y-%m-%d", &tm);
@@ -212,7 +217,7 @@ UtcTime parse_utc(const std::string& text) {
   } else if (*rest == 'Z') {
     ++rest;
   }
-  if (*rest != '\0' || tm.tm_mday != day) throw refused;  // timegm converts 30 February to 1 March
+  if (*rest != '\0' || tm.tm_mday != day) throw refused;  // timegm() turns 30 February into 1 March
   return std::chrono::seconds(local_s) - east + from_seconds(fraction);
 }
 
@@ -226,14 +231,14 @@ std::string lower_case_extension(const std::string& path) {
 }
 
 [[noreturn]] void refuse_kind(const std::string& path, const std::string& kind) {
-  throw Error(
-      ExitCode::usage,
-      printable(path) + (kind == ".ttbin" ? ": only the Time Tagger's library reads .ttbin: start "
-                                            "`echofuse-bridge-timetagger --file` with it and record"
-                         : kind == ".phu" ? ": convert histograms with echofuse.write_run "
-                                            "(Python), or as a folder of arrays"
-                         : fs::exists(path) ? ": expected NAME.dat (radar), NAME.ptu or one folder"
-                                            : ": no such file or folder"));
+  throw Error(ExitCode::usage,
+              printable(path) +
+                  (kind == ".ttbin"   ? ": only the Time Tagger library can read .ttbin; start "
+                                        "`echofuse-bridge-timetagger --file FILE` and record from it"
+                   : kind == ".phu"   ? ": convert histograms with echofuse.write_run "
+                                        "(Python), or as a folder of arrays"
+                   : fs::exists(path) ? ": expected NAME.dat (radar), NAME.ptu or one folder"
+                                      : ": no such file or folder"));
 }
 
 // Imports a raw capture of `run --keep-raw`, or a folder of arrays.
@@ -243,7 +248,7 @@ std::string import_folder(Config config, const ImportOptions& options) {
   if (!options.cfg.empty()) throw Error(ExitCode::usage, "--cfg cannot be used with a folder");
   if (kept && !options.began.empty())
     throw Error(ExitCode::usage,
-                "--began cannot be used with raw captures, which contain their times");
+                "--began cannot be used with raw captures, because they contain the start time");
   if (kept) return import_kept(std::move(config), folder, options.out);
   return import_arrays(
       folder, options.out,
@@ -265,9 +270,11 @@ std::string import_recordings(Config config, const ImportOptions& options) {
     if (options.began.empty() && began.doubt.empty() && utc) began = {*utc, doubt};
   };
   constexpr const char* local_time =
-      "start time: PicoQuant's local time, read in this machine's time zone; --began UTC sets it";
+      "start time: local time in the PicoQuant file, in this machine's time zone; --began UTC sets "
+      "it";
   constexpr const char* local_time_twice =
-      "start time: PicoQuant's local time, which occurred twice at the end of summer time: it may "
+      "start time: local time in the PicoQuant file, which occurred twice at the end of summer "
+      "time: it may "
       "be an hour later; --began UTC sets it";
   for (const std::string& path : options.files) {
     const std::string kind = lower_case_extension(path);
@@ -291,14 +298,16 @@ std::string import_recordings(Config config, const ImportOptions& options) {
     }
   }
   begins(config.radar.data.empty() ? std::optional(modified(config.tdc.address)) : std::nullopt,
-         "start time unknown: the file's time is used; --began UTC sets it");
-  if (options.began.empty() && began.doubt.empty()) {  // the file time is that of the last write
+         "start time unknown: the file's modification time is used; --began UTC sets it");
+  // The modification time of the file is that of its last write, so the length is subtracted.
+  if (options.began.empty() && began.doubt.empty()) {
     RadarRecording whole(config.radar.data, parse_profile(config.radar));
     SampleSink nobody;
     while (whole.next(nobody)) {
     }
-    begins(modified(config.radar.data) - whole.at(),
-           "start time unknown: the file's time is used as its end; --began UTC sets it");
+    begins(
+        modified(config.radar.data) - whole.at(),
+        "start time unknown: the file's modification time is used as the end; --began UTC sets it");
   }
   return import_streams(config, options, began, recordings);
 }

@@ -3,8 +3,9 @@
 //   .dat        bytes of the radar's data port, with the board's .cfg
 //   .ptu        PicoQuant time tags
 //   a folder    NumPy arrays or a raw capture of `run --keep-raw`
-// A record contains the samples of its slot, as in a live run. Times are those of the recording;
-// slot 0 begins with it. Two recordings, one per sensor, are assumed to begin at the same time.
+// A record contains the samples of its slot, as in a live run. Times are taken from the recording;
+// slot 0 begins at its start. Two recordings, one per sensor, are assumed to begin at the same
+// time.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -18,43 +19,45 @@ namespace echofuse::acquire {
 
 struct ImportOptions {
   std::vector<std::string> files{};
-  std::string cfg{};       // radar cfg; empty: next to its recording
-  std::string began{};     // UTC, ISO 8601; empty: start time of the files
-  std::int32_t start = 0;  // input of the laser's pulses; 0 is the sync
-  std::int32_t click = 1;  // input of the detector
+  std::string cfg{};       // radar cfg; empty: the one next to the recording
+  std::string began{};     // start time, UTC, ISO 8601; empty: start time in the files
+  std::int32_t start = 0;  // tagger input of the laser pulses; 0: sync
+  std::int32_t click = 1;  // tagger input of the detector
   std::string out{};       // path of the new run
 };
 
-// "2024-02-07T12:34:56Z" or "...+01:00", with or without a fraction or the time. Throws
-// Error(usage), also for a day that the month does not have.
+// Parses a time such as "2024-02-07T12:34:56Z" or "2024-02-07T12:34:56.5+01:00"; the time of day is
+// optional. Throws Error(usage) for other texts and for a day that does not exist in that month.
 UtcTime parse_utc(const std::string& text);
 
-// Creates the run. Returns its contents and its missing or assumed data, one per line; these lines
-// are also events of the run. `config` gives slots, histogram, board and calibration; its addresses
-// are ignored. Throws Error(failed) if a file is unreadable, of an unknown type or gives no valid
-// record, or if the run exists; Error(disk) if the run cannot be written; Error(partial) if the run
-// is written but one file gives no valid record.
+// Creates a run from recordings. Returns a line about its contents, then one line for each missing
+// or assumed item; these lines are also written to the run as events. Slots, histogram, board and
+// calibration are those of `config`; its addresses are ignored. Throws Error(usage) for an unknown
+// file type; Error(failed) if a file is unreadable or gives no valid record, or if the run exists;
+// Error(disk) if the run cannot be written. Throws Error(partial) if the run was written but one of
+// the files gives no valid record.
 std::string import_recordings(Config config, const ImportOptions& options);
 
-// Converts a folder of NumPy arrays (array_folder.hpp) into the run file `out`. Only this function
-// writes runs from arrays. Slot i begins i slot lengths after `began`, or after the time of the
-// newest array. With the key `run` in run.toml the arrays replace those of that run; its axes,
-// calibration, antennas, labels, times and metadata are copied.
-// Returns the contents of the run, then warnings, one per line. Throws Error(config) if run.toml
-// does not match the arrays; Error(failed) if arrays are unreadable, do not match each other or
-// give no valid record; Error(disk).
+// Converts a folder of NumPy arrays (array_folder.hpp) into the run file `out`. No other function
+// writes runs from arrays. Slot i begins i slot lengths after `began` or, if it has no value, after
+// the modification time of the newest array. If run.toml has the key `run`, the arrays replace the
+// values of that run; its axes, calibration, antennas, labels, times and metadata are copied.
+// Returns a line about the contents of the run, then the warnings, one per line. Throws
+// Error(config) if run.toml does not match the arrays; Error(failed) if arrays are unreadable, do
+// not match each other or give no valid record; Error(disk) if the run cannot be written.
 std::string import_arrays(const std::string& folder, const std::string& out,
                           std::optional<UtcTime> began);
 
-// Raw captures of `run --keep-raw` (raw_tap.hpp) are replayed: ports deliver the bytes at their
-// receive times. The loop's time jumps.
-bool is_kept(const std::string& folder);  // true for a raw capture
+// Returns true if the folder is a raw capture of `run --keep-raw` (raw_tap.hpp).
+bool is_kept(const std::string& folder);
 
-// Returns the configuration of the live run, changed by `assignments`.
+// Returns the configuration of the captured run, changed by `assignments`.
 Config kept_config(const std::string& folder, const std::vector<std::string>& assignments);
 
-// Creates the run `out` with the slots of the live run; returns one line about it. Throws
-// Error(failed) if files of the folder are missing or damaged, and the errors of record_run.
+// Creates the run `out` with the slots of the captured run; returns one line about it. Replays the
+// capture: ports deliver the bytes at their receive times, and the time of the loop jumps from one
+// event to the next. Throws Error(failed) if files of the folder are missing or damaged, and the
+// errors of record_run().
 std::string import_kept(Config config, const std::string& folder, const std::string& out);
 
 }  // namespace echofuse::acquire

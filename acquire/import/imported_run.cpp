@@ -51,7 +51,8 @@ void ImportedRun::put(record::FusedRecord record, const SignalCheck::RecordingEn
     flush();
 }
 
-void ImportedRun::flush() {  // one transaction, because each waits for the disk
+// Writes the batch in one transaction, because each transaction waits for the disk.
+void ImportedRun::flush() {
   run_->append(batch_);
   batch_.clear(), batch_bytes_ = 0;
 }
@@ -78,7 +79,7 @@ std::string ImportedRun::finish() {
   const std::string text = std::to_string(run_->records()) + " records" + counts;
   if (counts.empty())
     throw Error(ExitCode::failed, printable(file_.place()) + ": nothing to import: " +
-                                      printable(text + causes) + ", none with a valid sensor");
+                                      printable(text + causes) + "; none has a valid sensor");
   run_->close_as_one_file("complete");
   file_.publish();
   return printable(file_.place()) + ": " + text + lines_;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Writer of imported runs. All imports use it, so that records get the verdicts of a live run
-// (signal_check.hpp).
+// Writes imported runs. Imports of all kinds use it, so that their records get the same verdicts as
+// those of a live run (signal_check.hpp). Raw captures are replayed as live runs instead.
 #pragma once
 #include <functional>
 #include <memory>
@@ -17,18 +17,18 @@ namespace echofuse::acquire {
 // Time at which the first slot begins.
 struct RunStart {
   UtcTime utc{};
-  std::string doubt;  // reason for a doubtful time; empty if --began is given
+  std::string doubt;  // why the time is uncertain; empty if --began is given
 };
 
 // Returns the modification time of a file.
 UtcTime modified(const std::string& path);
 
-// Threading: one thread at a time.
+// Threading: only one thread at a time may use an object.
 class ImportedRun {
  public:
   using MakeWriter =
       std::function<std::unique_ptr<record::RunWriter>(const std::string& path, const Clock&)>;
-  // Throws Error: `out` exists (failed) or cannot be written (disk).
+  // Throws Error(failed) if `out` exists, or Error(disk) if it cannot be written.
   ImportedRun(const std::string& out, const RunStart& began, const SignalCheck& check,
               const MakeWriter& make);
 
@@ -40,14 +40,15 @@ class ImportedRun {
   void put_counters(Sensor sensor, const std::vector<Counter>& counters);
   const TagCounts& tags() const { return tags_; }
   std::int64_t valid(Sensor s) const { return valid_[s]; }
-  const std::string& verdict(Sensor s) const { return verdict_[s]; }  // last verdict without data
+  // Returns the last verdict of a record in which the sensor is not valid.
+  const std::string& verdict(Sensor s) const { return verdict_[s]; }
   UtcTime utc_of(HostTime t) const { return clock_.began + t; }
-  // Publishes the run. Returns its contents, then the doubts, one per line. If no record has a
-  // valid sensor, writes nothing and throws Error(failed).
+  // Publishes the run file. Returns a line about its contents, then the warnings, one per line. If
+  // no record has a valid sensor, publishes nothing and throws Error(failed).
   std::string finish();
 
  private:
-  // Clock with the time of the recording, for the metadata of the file.
+  // Clock that returns the time of the recording, for the metadata of the file.
   struct RecordingClock final : Clock {
     HostTime now() const override { return at; }
     UtcTime utc() const override { return utc_at; }
@@ -65,7 +66,7 @@ class ImportedRun {
   PerSensor<std::int64_t> valid_{};
   TagCounts tags_;
   PerSensor<std::string> verdict_{};
-  std::vector<record::FusedRecord> batch_;  // not yet written
+  std::vector<record::FusedRecord> batch_;  // records not yet written
   std::size_t batch_bytes_ = 0;
   std::string lines_;
 };

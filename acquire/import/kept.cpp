@@ -23,12 +23,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::int64_t most_bytes = 64 << 20;  // largest delivery of a port
-// Limits of times since the machine's start (36 years) and of UTC (year 2116). Their sums and
-// differences fit into 64 bits.
+constexpr std::int64_t most_bytes = 64 << 20;  // largest block that a port delivers, bytes
+// Limits of the time since the start of the machine (36 years) and of UTC (year 2116). Sums and
+// differences of such times fit into 64 bits.
 constexpr std::int64_t longest_ns = std::int64_t{1} << 60, most_value = std::int64_t{1} << 62;
 
-// Reads NAME.times of the folder line by line; ignores a truncated last line.
+// Reads NAME.times of the folder line by line. Ignores a truncated last line.
 class TimesFile {
  public:
   struct Line {
@@ -59,7 +59,7 @@ class TimesFile {
   std::ifstream in_;
 };
 
-// Bytes of all connections of one port.
+// Recorded bytes of all connections of one port.
 class CapturedPort {
  public:
   CapturedPort(port::Loop& l, std::string folder, const std::string& name, std::string ending)
@@ -73,7 +73,7 @@ class CapturedPort {
     if (line_) line_ = times_.next();
     file_.reset();
   }
-  // Returns the next line; empty at the end of a connection.
+  // Returns the next line of the connection; no value at its end.
   std::optional<TimesFile::Line> next() {
     if (!line_ || line_->what == "open") return std::nullopt;
     return std::exchange(line_, times_.next());
@@ -96,7 +96,7 @@ class CapturedPort {
   TimesFile times_;
   std::string stem_, ending_;
   std::optional<TimesFile::Line> line_ = times_.next();
-  std::optional<RegularFile> file_;  // file of the connection, once it has bytes
+  std::optional<RegularFile> file_;  // bytes of the connection; opened when the first are read
   int files_ = 0;
 };
 
@@ -119,7 +119,8 @@ class KeptPort final : public port::BytePort {
   void write(ByteView) override {}
 
  private:
-  struct PortState {  // outlives the port while a handler runs
+  // State that outlives the port while a handler runs.
+  struct PortState {
     CapturedPort& stream;
     port::Timer timer;
     port::PortHandlers handlers;
@@ -141,7 +142,7 @@ class KeptPort final : public port::BytePort {
   std::shared_ptr<PortState> link_;
 };
 
-// Times of the live run: start, first slot, clock offset.
+// Times of the captured run: start, first slot, offset from host time to UTC.
 struct LiveRun {
   std::optional<HostTime> started, first_slot;
   UtcTime utc_offset{};
@@ -161,16 +162,17 @@ LiveRun read_live_run(const std::string& folder) {
   if (!run.started || !run.first_slot || run.slots == 0)
     throw Error(ExitCode::failed,
                 printable(times.path()) + ": the raw capture has no complete slot");
-  // A damaged number must not cause an unbounded number of slots, or years before the first one.
+  // A damaged number must not cause an unlimited number of slots, or a wait of years before slot 0.
   const double slot_s = seconds(HostTime(run.slot_ns)), lasted_s = seconds(ended - *run.first_slot),
                wait_s = seconds(*run.first_slot - *run.started);
-  constexpr double shortest_s = 0.05, longest_s = 3600;  // run.window_s
+  constexpr double shortest_s = 0.05, longest_s = 3600;  // limits of run.window_s
   constexpr double longest_wait_s =
-      3 * 3600;  // limits of run.connect_timeout_s and --countdown, and a margin
+      // Sum of the limits of run.connect_timeout_s and --countdown, plus a margin.
+      3 * 3600;
   if (!(wait_s >= 0 && wait_s <= longest_wait_s))
-    throw Error(ExitCode::failed, printable(times.path()) + ": its first slot begins " +
+    throw Error(ExitCode::failed, printable(times.path()) + ": the first slot begins " +
                                       std::to_string(wait_s) +
-                                      " s after its start: is a number damaged?");
+                                      " s after the start of the run: is a number damaged?");
   if (!(slot_s >= shortest_s && slot_s <= longest_s) ||
       static_cast<double>(run.slots) * slot_s > lasted_s + slot_s)
     throw Error(ExitCode::failed, printable(times.path()) + ": lists " + std::to_string(run.slots) +
@@ -211,7 +213,7 @@ std::string import_kept(Config config, const std::string& folder, const std::str
   attach(config.radar.data, "radar", ".dat");
   attach(config.depth.address, "depth", ".blocks");
   if (streams.empty())
-    throw Error(ExitCode::failed, printable(folder) + ": has no data of a configured device");
+    throw Error(ExitCode::failed, printable(folder) + ": contains no data of a configured device");
   config.policy = {"optional", "optional", "optional"};
   refuse_bad_target(out);
   NewFile file(out, NewFile::Staged{});
@@ -227,7 +229,8 @@ std::string import_kept(Config config, const std::string& folder, const std::str
     throw Error(ExitCode::interrupted, printable(out) + ": interrupted; nothing was written");
   const record::RunSummary made = record::RunReader(file.path()).summary();
   if (std::ranges::all_of(all_sensors, [&](Sensor s) { return made.valid[s] == 0; }))
-    throw Error(ExitCode::failed, printable(folder) + ": nothing to import: none of " +
+    throw Error(ExitCode::failed, printable(folder) +
+                                      ": nothing was imported, because none of the " +
                                       std::to_string(made.records) + " records has a valid sensor");
   file.publish();
   return printable(out) + ": converted from the raw capture";

@@ -16,13 +16,13 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr std::size_t chunk_records = 16384;
-constexpr std::int64_t block_ps = 10'000'000'000;  // divides every slot's length in ms
+constexpr std::int64_t block_ps = 10'000'000'000;  // block length: 10 ms
 constexpr std::int64_t all = std::numeric_limits<std::uint32_t>::max();
-constexpr long double longest_ps = 9.1e18L;  // below 2^63
+constexpr long double longest_ps = 9.1e18L;  // limit of times, below 2^63
 constexpr long double ps_per_s = 1e12L;
 constexpr double rate_share = 0.05;  // tolerated relative difference of pulse rates
 
-// Returns true if a is later than b by more than the difference of two clocks.
+// Returns true if a is later than b by more than two clocks may differ.
 bool later(long double a_s, long double b_s) { return a_s > 1.01L * b_s + 0.1L; }
 
 DeviceInfo device_of(const TaggedFile& file) {
@@ -55,7 +55,8 @@ PicoquantRecords::PicoquantRecords(std::uint32_t type, double global_resolution_
                                       "TimeHarp 260 or MultiHarp)");
   pico_harp_ = device == 3;
   t3_ = mode == 3;
-  // In ns as in .pt3 and .ht3, also for the PicoHarp, although its library uses ps.
+  // The offset is in ns, as in .pt3 and .ht3 files. This also holds for the PicoHarp, although its
+  // library uses ps.
   if (t3_ && offset > 0 && offset < 1e9) offset_ps_ = offset * 1000;
   once_ = pico_harp_ || (device == 4 && type >> 24 == 0);
   wrap_ = pico_harp_ ? (t3_ ? 65536u : 210'698'240u)
@@ -65,7 +66,7 @@ PicoquantRecords::PicoquantRecords(std::uint32_t type, double global_resolution_
   const auto possible = [](long double ps) { return ps > 0 && ps <= ps_per_s; };
   if (!possible(unit_ps_) || (t3_ && !possible(dtime_ps_)))
     throw Error(ExitCode::failed, "resolution is not between 0 and 1 s");
-  // As doubles, 1e-12 and 4e-12 are not exactly whole picoseconds.
+  // Rounds to whole picoseconds, because 1e-12 s and 4e-12 s are not exact as doubles.
   for (long double* v : {&unit_ps_, &dtime_ps_})
     if (std::abs(*v - std::round(*v)) < 1e-9L * *v) *v = std::round(*v);
 }
@@ -86,7 +87,7 @@ bool PicoquantRecords::add(std::uint32_t record, std::vector<Tag>& out) {
     special = record >> 31 == 1;
     overflow = special && channel == 63;
     if (special && channel == 0 && !t3_)
-      special = false;  // the sync
+      special = false;  // channel 0 is the sync
     else if (!special)
       ++channel;
   }
@@ -142,7 +143,7 @@ PicoquantTags::PicoquantTags(const std::string& path, const tdc::HistogramSettin
   if (mode == (records_.is_t3() ? t2 : t3))
     throw Error(ExitCode::failed, printable(path) +
                                       ": contradictory header: Measurement_Mode is T" +
-                                      number_text(mode) + ", TTResultFormat_TTTRRecType is T" +
+                                      number_text(mode) + ", but TTResultFormat_TTTRRecType is T" +
                                       number_text(records_.is_t3() ? t3 : t2));
   const auto length_s = [&](const char* name) {
     return std::clamp(file_->number(name).value_or(0) / 1e3, 0.0, 1e9);
@@ -159,7 +160,7 @@ std::optional<UtcTime> PicoquantTags::began() const { return file_->time("File_C
 
 bool PicoquantTags::began_twice() const { return file_->came_twice("File_CreatingTime"); }
 
-// Appends the tags of the next record; returns false at the end.
+// Appends the tags of the next record. Returns false at the end of the data.
 bool PicoquantTags::read_record() {
   if (in_chunk_ == chunk_.size()) {
     chunk_.resize(chunk_records);
@@ -187,10 +188,10 @@ bool PicoquantTags::read_record() {
 }
 
 bool PicoquantTags::next(SampleSink& sink) {
-  std::size_t known = tags_.size();  // tags left from the previous block
+  std::size_t known = tags_.size();  // number of tags left from the previous block
   const auto block_of = [](const Tag& tag) { return tag.time_ps / block_ps; };
   bool more = true;
-  constexpr std::size_t most_tags = std::size_t{1} << 20;  // in a block
+  constexpr std::size_t most_tags = std::size_t{1} << 20;  // limit of tags per block
   while (more && known < most_tags &&
          (known == 0 || block_of(tags_.back()) <= block_of(tags_.front()))) {
     known = tags_.size();
@@ -199,7 +200,7 @@ bool PicoquantTags::next(SampleSink& sink) {
   if (!more) known = tags_.size();
   if (known == 0) {
     if (beyond_) return false;
-    // A recording may end in the dark, with overflows only.
+    // A recording without light may end with overflows only, which then give its end time.
     const auto end_s = static_cast<double>(end_ps() / ps_per_s);
     at_ = std::max(at_, from_seconds(header_s_ > 0 ? std::min(end_s, header_s_) : end_s) -
                             std::chrono::nanoseconds(1));
@@ -207,7 +208,8 @@ bool PicoquantTags::next(SampleSink& sink) {
   }
   std::int64_t last_ps = 0;
   for (std::size_t i = 0; i < known; ++i) last_ps = std::max(last_ps, tags_[i].time_ps);
-  // The block's time never decreases: a tag out of order stays with its neighbours.
+  // The time of a block never decreases, because an out-of-order tag stays in the block of its
+  // neighbours.
   at_ = std::max(at_, HostTime(last_ps / 1000));
   TagBlock block;
   block.received = at_;
@@ -221,7 +223,8 @@ std::vector<Counter> PicoquantTags::counters() const {
   return {{"records", count_}, {"markers", records_.markers()}};
 }
 
-// Returns a warning if a selected input has no events; lists the inputs with events.
+// Returns a warning that lists the inputs with events if a selected input has none; otherwise an
+// empty text.
 std::string PicoquantTags::missing_input() const {
   const auto has = [&](std::int32_t c) {
     return c >= 0 && c < std::ssize(by_channel_) && by_channel_[static_cast<std::size_t>(c)] > 0;
@@ -230,14 +233,16 @@ std::string PicoquantTags::missing_input() const {
   std::vector<std::string> there;
   for (std::int32_t c = 0; c < std::ssize(by_channel_); ++c)
     if (has(c)) there.push_back(std::to_string(c));
-  std::string text =
-      "no event on " + (has(use_.start_channel) ? "--click " + std::to_string(use_.click_channel)
-                                                : "--start " + std::to_string(use_.start_channel));
+  std::string text = "no events on the input of " +
+                     (has(use_.start_channel) ? "--click " + std::to_string(use_.click_channel)
+                                              : "--start " + std::to_string(use_.start_channel));
   for (const auto& c : there) text += (&c == there.data() ? "; inputs with events: " : ", ") + c;
-  return there.size() < 2 ? text : text + ": --start " + there[0] + " --click " + there[1] + "?";
+  return there.size() < 2
+             ? text
+             : text + "; did you mean --start " + there[0] + " --click " + there[1] + "?";
 }
 
-// Compares the pulse rate in the header with that of the records.
+// Returns a warning if the pulse rate in the header contradicts the time resolution or the records.
 std::vector<std::string> PicoquantTags::rate_doubts() const {
   const double rate_hz = file_->number("TTResult_SyncRate").value_or(0);
   if (rate_hz <= 0) return {};
@@ -256,8 +261,8 @@ std::vector<std::string> PicoquantTags::rate_doubts() const {
   const auto between_s = static_cast<double>((last_sync_ps_ - first_sync_ps_) / ps_per_s);
   const double counted_hz = static_cast<double>(pulses - 1) / between_s;
   if (alike(counted_hz, rate_hz) || alike(counted_hz, rate_hz / divider)) return {};
-  return {"pulse rate: TTResult_SyncRate is " + number_text(rate_hz) + " Hz, the records have " +
-          number_text(counted_hz) + " Hz"};
+  return {"pulse rate: TTResult_SyncRate is " + number_text(rate_hz) +
+          " Hz, but the records contain " + number_text(counted_hz) + " Hz"};
 }
 
 std::vector<std::string> PicoquantTags::doubts() const {
@@ -269,28 +274,30 @@ std::vector<std::string> PicoquantTags::doubts() const {
   if (behind || (stopped_s_ > 0 && (later(end_s, stopped_s_) ||
                                     later(stopped_s_, end_s + records_.wrap_ps() / ps_per_s))))
     out.push_back(
-        "duration: header " + number_text(stated_s) + " s, records " + number_text(end_s) + " s" +
-        (behind ? ": records after the header's end are omitted; is a record damaged?" : ""));
+        "duration: " + number_text(stated_s) + " s in the header, " + number_text(end_s) +
+        " s in the records" +
+        (behind ? ": records after the end time in the header are omitted; is a record damaged?"
+                : ""));
   for (auto& text : rate_doubts()) out.push_back(std::move(text));
   if (records_.offset_ps() > 0)
     out.push_back("MeasDesc_Offset: " + number_text(records_.offset_ps() / 1000) +
-                  " ns, subtracted from the click times by the device, are added");
+                  " ns, which the device subtracted from the click times, are added back");
   if (records_.behind_period() > 0)
     out.push_back(std::to_string(records_.behind_period()) +
-                  " clicks are later than the sync period of " +
+                  " clicks have times beyond the sync period of " +
                   number_text(records_.unit_ps() / ps_per_s) + " s: is MeasDesc_Resolution right?");
   if (const std::string text = comb_text(records_.step_ps(), use_.bin_width_ps); !text.empty())
     out.push_back(text);
   const double stated = file_->number("TTResult_NumberOfRecords").value_or(0);
   if (stated > 0 && stated != static_cast<double>(count_))
-    out.push_back("the header states " + std::to_string(std::llround(stated)) +
-                  " records, the file has " + std::to_string(count_));
+    out.push_back("the header specifies " + std::to_string(std::llround(stated)) +
+                  " records, but the file has " + std::to_string(count_));
   if (bytes_cut_ > 0) out.push_back("the last record is truncated");
   if (beyond_) out.push_back("time exceeds 106 days: the remaining records are omitted");
   const double divider = file_->number("HWSync_Divider").value_or(1);
   if (divider > 1 && !records_.is_t3())
     out.push_back("sync divider " + std::to_string(std::llround(divider)) +
-                  ": the file contains only this fraction of the laser pulses");
+                  ": the file contains only the corresponding fraction of the laser pulses");
   std::string inputs;
   for (std::size_t c = 0; c < by_channel_.size(); ++c)
     if (by_channel_[c] > 0)

@@ -2,18 +2,18 @@
 // Reads PicoQuant time tags (.ptu) as the tags of a tagger.
 // Source: Read_PTU.py of PicoQuant's demos. A record is a u32:
 //   HydraHarp, TimeHarp 260, MultiHarp, generic
-//     T2  31 special, 30:25 channel, 24:0 time    special 63: overflow of 33,554,432, as often as
-//                                                 `time` says (0: once; version 1: once, of
-//                                                 33,552,000), 0: sync, 1 to 15: marker
-//     T3  31 special, 30:25 channel, 24:10 dtime, 9:0 nsync    special 63: overflow of 1024, as
-//                                                 often as `nsync` says, 1 to 15: marker
+//     T2  31 special, 30:25 channel, 24:0 time    special 63: overflow of 33,554,432, `time` times
+//                                                 (0: once; version 1: once, of 33,552,000),
+//                                                 0: sync, 1 to 15: marker
+//     T3  31 special, 30:25 channel, 24:10 dtime, 9:0 nsync    special 63: overflow of 1024,
+//                                                 `nsync` times (0: once), 1 to 15: marker
 //   PicoHarp
 //     T2  31:28 channel, 27:0 time                channel 15: marker, or overflow of 210,698,240
 //                                                 if its last four bits are 0
 //     T3  31:28 channel, 27:16 dtime, 15:0 nsync  channel 15: marker, or overflow of 65536 if dtime
 //                                                 is 0
-// T2 times are in units of MeasDesc_GlobalResolution; of T3 that is the period of the sync, and
-// MeasDesc_Resolution the unit of dtime.
+// In T2 mode, times are in units of MeasDesc_GlobalResolution. In T3 mode, that is the period of
+// the sync, and dtime is in units of MeasDesc_Resolution.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -29,27 +29,29 @@
 
 namespace echofuse::acquire {
 
-// Channel of the sync; input n has channel n.
+// Channel number of the sync; input n has channel number n.
 inline constexpr std::int32_t sync_channel = 0;
 
-// Pure.
+// Converts PicoQuant records into tags. Pure.
 class PicoquantRecords {
  public:
-  // Throws Error(failed) for an unknown type or a resolution that is not positive.
-  // `offset`: MeasDesc_Offset, ns, which the device subtracted from the times of T3 clicks.
+  // Throws Error(failed) if the record type is unknown or a resolution is not positive. `offset`:
+  // MeasDesc_Offset, ns, which the device subtracted from the times of T3 clicks.
   PicoquantRecords(std::uint32_t type, double global_resolution_s, double resolution_s,
                    double offset = 0);
   bool is_t3() const { return t3_; }
-  // Appends the record's tags: none, one, or in T3 start and click of a pulse. T3 files omit pulses
-  // without a click, like a conditional filter. Returns false if the time exceeds 2^63 ps.
+  // Appends the tags of a record: none, one or, in T3 mode, the start and the click of a pulse. T3
+  // files contain only pulses with a click, as after a conditional filter. Returns false if the
+  // time exceeds 2^63 ps.
   bool add(std::uint32_t record, std::vector<Tag>& out);
   std::uint64_t markers() const { return markers_; }
-  std::uint64_t behind_period() const { return behind_period_; }  // T3 clicks
+  // Number of T3 clicks later than one sync period.
+  std::uint64_t behind_period() const { return behind_period_; }
   long double offset_ps() const { return offset_ps_; }
-  // Time of the last overflow, and the overflow period, ps.
+  // Return the time of the last overflow, and the overflow period, ps.
   long double overflowed_ps() const { return static_cast<long double>(base_) * unit_ps_; }
   long double wrap_ps() const { return static_cast<long double>(wrap_) * unit_ps_; }
-  // Unit of the times, and of the time from start to click, ps.
+  // Return the unit of the times, and the unit of the time from start to click, ps.
   long double unit_ps() const { return unit_ps_; }
   long double step_ps() const { return t3_ ? dtime_ps_ : unit_ps_; }
 
@@ -58,14 +60,14 @@ class PicoquantRecords {
   bool pico_harp_ = false, t3_ = false, once_ = false;
   std::uint64_t wrap_ = 0, base_ = 0, markers_ = 0, behind_period_ = 0;
   long double offset_ps_ = 0;
-  std::uint64_t pulse_ = ~std::uint64_t{0};  // number of the last start
+  std::uint64_t pulse_ = ~std::uint64_t{0};  // number of the last pulse with a start tag
   long double unit_ps_, dtime_ps_;
 };
 
-// Reads blocks of at most 10 ms. `use` contains the inputs and the bins of the histogram. Tags
-// after the end time in the header are omitted, because one damaged overflow can shift times by
-// days. Throws Error(failed) if the file is not a .ptu, has unknown records or a header of the
-// other mode.
+// Reads a .ptu file in blocks of at most 10 ms. `use` contains the selected inputs and the
+// histogram bins. Tags after the end time in the header are omitted, because a single damaged
+// overflow can shift times by days. Throws Error(failed) if the file is not a .ptu file, has
+// unknown records, or has a header that contradicts the mode (T2 or T3) of the records.
 class PicoquantTags final : public Recording {
  public:
   PicoquantTags(const std::string& path, const tdc::HistogramSettings& use);
@@ -75,8 +77,9 @@ class PicoquantTags final : public Recording {
   HostTime at() const override { return at_; }
   std::vector<Counter> counters() const override;
   std::vector<std::string> doubts() const override;
-  std::optional<UtcTime> began() const;  // local time in the file
-  bool began_twice() const;              // summer time ended in that hour
+  std::optional<UtcTime> began() const;  // start time; local time in the file
+  // Returns true if that local time occurred twice because summer time ended.
+  bool began_twice() const;
 
  private:
   struct File;
@@ -87,10 +90,12 @@ class PicoquantTags final : public Recording {
   std::unique_ptr<File> file_;
   PicoquantRecords records_;
   tdc::HistogramSettings use_;
-  double stopped_s_ = 0, header_s_ = 0;  // duration in the header, s: measured, limit; 0: unknown
-  long double last_ps_ = 0;              // time of the last tag
+  // Measured duration in the header, and limit of the times, s; 0: unknown.
+  double stopped_s_ = 0, header_s_ = 0;
+  long double last_ps_ = 0;  // time of the latest tag, ps
   std::int64_t first_sync_ps_ = -1, last_sync_ps_ = 0;
-  std::vector<Tag> tags_;  // the block, then tags of its last record that belong to the next block
+  // Tags of the block, then tags that belong to the next block.
+  std::vector<Tag> tags_;
   std::vector<std::uint32_t> chunk_;
   std::size_t in_chunk_ = 0;
   HostTime at_{};

@@ -46,8 +46,9 @@ RadarRecording::FrameTime RadarRecording::read(const RadarFrame& frame) const {
           frame.time_cpu_cycles};
 }
 
-// Dates a frame after a restart of the board one period later, because the counter does not measure
-// the gap. A frame number is damaged if the next one does not follow it.
+// Determines the time of a frame. After a restart of the board the frame is dated one period after
+// the previous one, because the counter does not measure the gap. A frame number counts as damaged
+// if the next one does not follow it.
 void RadarRecording::step(FrameTime now, const FrameTime* next) {
   const std::uint32_t usual = 101 * profile_.subframes, most = profile_.subframes << 20;
   const std::uint32_t to_now = now.position - last_->position;
@@ -79,7 +80,7 @@ void RadarRecording::step(FrameTime now, const FrameTime* next) {
   if (next && !damaged && to_now >= most && to_next <= usual) {
     step_s = period_s * profile_.subframes;
     restarts_.add("between " + between + " at " + at);
-  } else if (goes_on && !goes_on_without && !confirmed_) {  // the first frame's time is damaged
+  } else if (goes_on && !goes_on_without && !confirmed_) {  // time of the first frame is damaged
     impossible_.add("frame " + std::to_string(last_->frame_number) + " at the start");
     step_s = n * period_s;
   } else if (goes_on_without ? right && goes_on : right || even) {
@@ -108,7 +109,8 @@ void RadarRecording::take(std::optional<RadarFrame> next, SampleSink& sink) {
   const std::size_t bins = frame->range_profile.size();
   if (bins > 0 && bins != profile_.bins) ++others_, other_bins_ = bins;
   frame->received = at_;
-  // Equal numbers before and after a restart are different frames.
+  // Frame numbers repeat after a restart. The number of restarts makes the device times of such
+  // frames different.
   epoch_ += frame->frame_number < std::exchange(number_, frame->frame_number);
   frame->time_cpu_cycles += epoch_;
   frame->subframes = profile_.subframes;
@@ -152,18 +154,19 @@ std::vector<std::string> RadarRecording::doubts() const {
                   " frames have no range profile");
   if (others_ > 0)
     out.push_back(std::to_string(others_) + " frames have " + std::to_string(other_bins_) +
-                  " bins; the cfg gives " + std::to_string(profile_.bins) +
+                  " bins; expected from the cfg: " + std::to_string(profile_.bins) +
                   (other_bins_ == profile_.bins + 4
                        ? ": the lengths of its TLVs include their headers, as in SDK 1"
-                       : ": is it the recording's cfg?"));
+                       : ": was the recording made with this cfg?"));
   add(restarts_, " restarts of the board", ": the gaps have unknown length and are omitted");
   add(paused_, " gaps in which the board's clock may have wrapped",
-      ": their lengths are ambiguous, the shortest are used");
+      ": their lengths are ambiguous; the shortest possible ones are used");
   if (2 * stood_ > c.frames)
     out.push_back("the board's clock stopped for " + std::to_string(stood_ + 1) +
-                  " frames: their numbers and the cfg give the times");
+                  " frames: their times are computed from frame numbers and cfg");
   else
-    add(impossible_, " frames have impossible times", ": their numbers and the cfg give the times");
+    add(impossible_, " frames have impossible times",
+        ": their times are computed from frame numbers and cfg");
   if (c.lost_frames > 0) out.push_back(std::to_string(c.lost_frames) + " frames are missing");
   const std::uint64_t broken = c.truncated_frames + c.bad_headers + c.bad_tlvs;
   if (broken > 0 || c.junk_bytes > 0)
@@ -174,7 +177,8 @@ std::vector<std::string> RadarRecording::doubts() const {
   if (std::abs(period_s - expected_s) > 0.05 * expected_s) {
     char text[120];
     std::snprintf(text, sizeof text,
-                  "frame period %.1f ms; expected %.1f ms from the cfg: is it the recording's cfg?",
+                  "frame period %.1f ms; expected %.1f ms from the cfg: was the recording made "
+                  "with this cfg?",
                   1e3 * period_s, 1e3 * expected_s);
     out.emplace_back(text);
   }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Reads the bytes of a radar's data port, recorded by TI's Visualizer (.dat) or `run --keep-raw`.
-// Times are from the board's cycle counter, which wraps every 21.47 s. A step of the counter is
-// used if frame number and cfg, or the next frame's counter, confirm it; otherwise frame number and
-// cfg give the step.
+// Times are derived from the cycle counter of the board, which wraps every 21.47 s. A step of the
+// counter is accepted if frame number and cfg, or the counter of the next frame, confirm it.
+// Otherwise the step is computed from frame number and cfg.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -27,33 +27,37 @@ class RadarRecording final : public Recording {
 
  private:
   struct FrameTime {
-    std::uint32_t position, frame_number, cycles;  // position: of the subframe, from frame 0 on
+    // position: number of the subframe, counted from frame 0.
+    std::uint32_t position, frame_number, cycles;
   };
   struct Irregularity {
     std::uint64_t count = 0;
-    std::string places;  // first five, as text
+    std::string places;  // first five occurrences, as text
     void add(const std::string& place);
   };
   FrameTime read(const RadarFrame& frame) const;
   void step(FrameTime now, const FrameTime* next);
-  void take(std::optional<RadarFrame> next, SampleSink& sink);  // passes on the previous frame
+  // Passes the previous frame to the sink and holds `next`.
+  void take(std::optional<RadarFrame> next, SampleSink& sink);
   std::string path_;
   RegularFile file_;
   radar::RadarProfile profile_;
   radar::FrameParser parser_;
   bool ended_ = false;
-  Bytes beginning_;                 // start of the file
-  std::optional<RadarFrame> held_;  // until the next frame confirms its time
+  Bytes beginning_;                 // first bytes of the file
+  std::optional<RadarFrame> held_;  // frame held until the next one confirms its time
   std::optional<FrameTime> last_;   // last frame with an accepted time
   HostTime last_at_{}, at_{};
   Irregularity restarts_, paused_, impossible_;
-  bool confirmed_ = false;                // a step was accepted
-  std::uint64_t stood_ = 0;               // frames with the time of the last accepted one
-  std::uint64_t others_ = 0;              // frames with another number of bins
-  std::size_t other_bins_ = 0;            // the last of these numbers
-  std::uint32_t number_ = 0, epoch_ = 0;  // last frame number; restarts so far
+  bool confirmed_ = false;  // true after a step of the counter was accepted
+  // Number of frames with the same time as the last accepted frame.
+  std::uint64_t stood_ = 0;
+  std::uint64_t others_ = 0;              // number of frames with a wrong number of bins
+  std::size_t other_bins_ = 0;            // last wrong number of bins
+  std::uint32_t number_ = 0, epoch_ = 0;  // last frame number; number of restarts
   double steps_ = 0,
-         stepped_s_ = 0;  // number of periods by frame number, and their duration by the clock
+         // Accepted steps: number of frame periods by frame number, and duration by the counter.
+      stepped_s_ = 0;
 };
 
 }  // namespace echofuse::acquire

@@ -12,14 +12,14 @@ class Recording {
  public:
   virtual ~Recording() = default;
   virtual DeviceInfo device() const = 0;
-  // Passes the next samples, and no other events, to the sink. Their receive time is that of the
-  // last sample, relative to the start of the recording. Returns false at the end. Throws
-  // Error(failed) on a read error.
+  // Passes the next samples to the sink, but no other events. Their receive time is the time of the
+  // last of them, relative to the start of the recording. Returns false at the end of the
+  // recording. Throws Error(failed) on a read error.
   virtual bool next(SampleSink& sink) = 0;
-  // Host time of the last samples.
+  // Returns the host time of the last samples.
   virtual HostTime at() const = 0;
   virtual std::vector<Counter> counters() const = 0;
-  // Texts about missing or doubtful data, after the end of the recording.
+  // Returns warnings about missing or doubtful data; call after the end of the recording.
   virtual std::vector<std::string> doubts() const = 0;
 };
 

@@ -17,18 +17,22 @@ namespace echofuse::acquire {
 
 class TaggedFile {
  public:
-  // Reads the tags. Throws Error(failed) for another file type or damaged tags.
+  // Reads the tags of the header. Throws Error(failed) if the file has another type or a tag is
+  // damaged.
   explicit TaggedFile(const std::string& path);
 
-  // Returns the number of a tag without an index; empty if the tag or its number is missing.
+  // Returns the number in a tag that has no index; no value if the tag is missing or contains no
+  // finite number.
   std::optional<double> number(const std::string& name) const;
-  // Returns the number of a tag. Throws Error(failed) with the tag's name if it is missing.
+  // Returns the number in a tag. If it is missing, throws Error(failed) with the name of the tag.
   double require(const std::string& name) const;
-  // Like require(), for integers from `least` to `most`.
+  // Returns the number in a tag as an integer. Throws Error(failed) if it is missing or not from
+  // `least` to `most`.
   std::int64_t whole(const std::string& name, std::int64_t least, std::int64_t most) const;
-  std::string text(const std::string& name) const;  // empty if missing
-  // Returns the time of a tag, stored as local days since 1899-12-30 and read in this machine's
-  // time zone. Empty if the tag is missing or its time is not between 1970 and 2250.
+  std::string text(const std::string& name) const;  // empty if the tag is missing
+  // Returns the time in a tag, which is stored as local days since 1899-12-30 and interpreted in
+  // the time zone of this machine. No value if the tag is missing or its time is not between 1970
+  // and 2250.
   std::optional<UtcTime> time(const std::string& name) const;
   // Returns true if that local time occurred twice because summer time ended.
   bool came_twice(const std::string& name) const;

@@ -140,7 +140,7 @@ TEST_CASE("import: T2 and T3 recordings of the same photons give equal records")
       {.files = {folder / "a.ptu"}, .began = "2024-02-07T12:34:56.5Z", .out = folder / "a.sqlite"});
   const std::string said =
       acquire::import_recordings(config, {.files = {folder / "b.ptu"}, .out = folder / "b.sqlite"});
-  CHECK(has(said, "the header states 218 records, the file has 209"));
+  CHECK(has(said, "the header specifies 218 records, but the file has 209"));
   CHECK(has(said, "start time unknown"));
   const record::RunReader a(folder / "a.sqlite"), b(folder / "b.sqlite");
   CHECK(a.info().started_utc == "2024-02-07T12:34:56.500Z");
@@ -212,7 +212,7 @@ TEST_CASE("import: the header of a .ptu file is checked against its records") {
   CHECK((said.first == ExitCode::ok && has(said.second, "2 records, spd in 2\n")));
 
   says(header(is_t2, 1e-12, 0).whole("Measurement_Mode", 3).end().data(light), ExitCode::failed,
-       "Measurement_Mode is T3, TTResultFormat_TTTRRecType is T2");
+       "Measurement_Mode is T3, but TTResultFormat_TTTRRecType is T2");
   says(header(is_t3, 1e-4, 1e-12).whole("Measurement_Mode", 2).end().data(light), ExitCode::failed,
        "Measurement_Mode is T2");
   // the dark period is as long as its overflows
@@ -221,28 +221,30 @@ TEST_CASE("import: the header of a .ptu file is checked against its records") {
       import(header(is_t2, 1e-12, 0).whole("TTResult_StopAfter", 3000).end().data(dark));
   CHECK((has(ended.second, "6 records, spd in 2\n") && !has(ended.second, "duration")));
   says(header(is_t2, 1e-12, 0).whole("TTResult_StopAfter", 5000).end().data(dark), ExitCode::ok,
-       "spd: duration: header 5 s, records 3 s\n");
+       "spd: duration: 5 s in the header, 3 s in the records\n");
   // an overflow of 1126 s
   auto jumps = light;
   jumps.insert(jumps.begin() + std::ssize(jumps) * 3 / 4, special | t2(63, 0x1ffffff));
   says(header(is_t2, 1e-12, 0).whole("MeasDesc_AcquisitionTime", 1000).end().data(jumps),
        ExitCode::ok, "2 records, spd in 1\n");
   says(header(is_t2, 1e-12, 0).whole("MeasDesc_AcquisitionTime", 1000).end().data(jumps),
-       ExitCode::ok, "spd: duration: header 1 s, records 1126.9 s: records after");
+       ExitCode::ok, "spd: duration: 1 s in the header, 1126.9 s in the records: records after");
   jumps.assign({special, 5000, special | t2(63, 0x1ffffff), special, 5000});
   says(header(is_t2, 1e-12, 0).end().data(jumps), ExitCode::failed,
        "its times reach 1126 s, with more slots than the file has bytes");
 
   says(header(is_t2, 1e-12, 0).end().data(words(0, t2(0, 0), t2(1, 0))), ExitCode::failed,
-       "no event on --start 0; inputs with events: 1, 2: --start 1 --click 2?");
+       "no events on the input of --start 0; inputs with events: 1, 2; did you mean --start 1 "
+       "--click 2?");
   says(header(is_t2, 1e-12, 0).end().data(words(0, special, t2(2, 0))), ExitCode::failed,
-       "no event on --click 1; inputs with events: 0, 3: --start 0 --click 3?");
+       "no events on the input of --click 1; inputs with events: 0, 3; did you mean --start 0 "
+       "--click 3?");
   // a tenth of a slot
   std::vector<std::uint32_t> begun(light.begin(), light.begin() + std::ssize(light) / 20);
   begun.push_back(special | t2(63, 100'000));
   says(header(is_t2, 1e-12, 0).end().data(begun), ExitCode::failed, "nothing to import: ");
   says(header(is_t2, 1e-12, 0).end(), ExitCode::failed,
-       "no event on --start 0; events by input: none");
+       "no events on the input of --start 0; events by input: none");
   says(header(is_t2, 1e-12, 0).end().data(light).data(std::vector<std::uint8_t>{1, 2, 3}),
        ExitCode::ok, "the last record is truncated");
   for (const char* why :
@@ -259,12 +261,12 @@ TEST_CASE("import: the header of a .ptu file is checked against its records") {
               "TTResult_SyncRate") == (rate_hz == 1e6));
 
   says(header(is_t2, 1e-12, 0).real("TTResult_SyncRate", 80e6).end().data(light), ExitCode::ok,
-       "pulse rate: TTResult_SyncRate is 8e+07 Hz, the records have 1000 Hz");
+       "pulse rate: TTResult_SyncRate is 8e+07 Hz, but the records contain 1000 Hz");
   CHECK_FALSE(
       has(import(header(is_t2, 1e-12, 0).real("TTResult_SyncRate", 1e3).end().data(light)).second,
           "TTResult_SyncRate"));
   says(header(is_t3, 1e-6, 25e-9).end().data(pulses), ExitCode::failed,
-       "1000 clicks are later than the sync period of 1e-06 s: is MeasDesc_Resolution right?");
+       "1000 clicks have times beyond the sync period of 1e-06 s: is MeasDesc_Resolution right?");
   auto swapped = light;
   for (std::size_t i = 1; i < swapped.size(); ++i)
     if (swapped[i] >> 25 == 0 && swapped[i - 1] >> 25 == special >> 25)
@@ -340,7 +342,7 @@ TEST_CASE("import: invalid recordings are refused in one line") {
   refuses("a.dat", 3, "the board's .cfg is missing");
   write_file(folder / "a.phu", "");
   refuses("a.phu", 2, "convert histograms with echofuse.write_run");
-  refuses("a.ttbin", 2, "only the Time Tagger's library reads .ttbin");
+  refuses("a.ttbin", 2, "only the Time Tagger library can read .ttbin");
   refuses("lab.toml", 2, "expected NAME.dat (radar), NAME.ptu or one folder");
   refuses("nowhere", 2, "nowhere: no such file or folder");
   testing::fs::create_directory(folder / "kept");

@@ -121,7 +121,8 @@ TEST_CASE("import: radar times come from the device clock and are checked agains
         "1 gaps in which the board's clock may have wrapped (between frames 40 and 41 at 1.95 s by "
         "1.05 s + n "
         "x 21.47 s): their lengths are ambiguous");
-  const std::string other = " ms; expected 50.0 ms from the cfg: is it the recording's cfg?";
+  const std::string other =
+      " ms; expected 50.0 ms from the cfg: was the recording made with this cfg?";
   check(RadarFile{.period_s = 0.0998}.frames(1, 20), {11, 9}, "frame period 99.8" + other);
   check(RadarFile{.period_s = 0.499}.frames(1, 20), {3, 2, 2, 2, 2, 2, 2, 2, 2, 1},
         "frame period 499.0" + other);
@@ -154,7 +155,7 @@ TEST_CASE("import: a radar recording without a range profile is refused with the
   refuses(RadarFile{.tlv = 1}.frames(1, 20).bytes,
           "no frame has a range profile: guiMonitor's third");
   refuses(RadarFile{.bins = 256}.frames(1, 20).bytes,
-          "20 frames have 256 bins; the cfg gives 64: is it");
+          "20 frames have 256 bins; expected from the cfg: 64: was it");
   Bytes part = RadarFile().frames(1, 1).bytes;
   part.resize(100);
   refuses(part, "it contains only a part of a frame");

@@ -57,16 +57,16 @@ def test_nan_row_marks_the_sensor_invalid(tmp_path):
     ("multiply by 16 if each row is a mean of that number", {"spd": np.arange(15).reshape(3, 5) / 16}),
     ("multiply a normalised histogram by its photon number", {"spd": np.random.default_rng(1).random((3, 5))}),
     ("spd: has no rows", {"spd": np.ones((0, 5))}),
-    ("nothing to import: 3 records, none with a valid sensor", {"spd": np.full((3, 5), np.nan)}),
-    ("expected that of radar.npy and of radar.antennas",
+    ("nothing to import: 3 records; none has a valid sensor", {"spd": np.full((3, 5), np.nan)}),
+    ("expected one that matches radar.npy and radar.antennas",
      {"radar": np.ones((3, 5)), "array": np.ones((3, 5, 7)), "antennas": [(0, 0)]}),
     ("\"1.0\"; expected at most 12 texts", {"radar": np.ones((3, 5)), "antennas": [(1,)]}),
-    ("more than 32 bits", {"spd": np.full((3, 5), 2.0 ** 33)}),
+    ("exceeds 32 bits", {"spd": np.full((3, 5), 2.0 ** 33)}),
     ("expected finite power", {"radar": np.array([[1, np.inf, 1]])}),
     ("expected little-endian numbers", {"spd": np.ones((3, 5), complex)}),
-    ("2 labels for 3 records", {"spd": np.ones((3, 5)), "labels": ["a", "b"]}),
+    ("2 labels, but there are 3 records", {"spd": np.ones((3, 5)), "labels": ["a", "b"]}),
     ("expected 0 to 65.5 m", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 2900.0)}),
-    ("its median is 3 mm; expected millimetres", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 3)}),
+    ("its median is 3 mm; expected depths in millimetres", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 3)}),
 ])
 def test_invalid_arrays_are_refused_with_the_expected_form(tmp_path, said, arrays):
     with pytest.raises(RuntimeError) as refused:
@@ -147,9 +147,9 @@ def test_began_sets_the_start_time(tmp_path):
     listed = subprocess.run([ACQUIRE, "list", tmp_path, "--json"], capture_output=True, text=True, check=True).stdout
     assert "2024-02-07T12:00:00" in listed
     assert events(write(tmp_path / "today", **scene())) == [
-        "start time unknown: the time of radar.npy is used; --began UTC sets it"]
+        "start time unknown: the modification time of radar.npy is used; --began UTC sets it"]
     for text in ("2024-02-30", "2024-02-07T13:00:00+25:00", "2024-02-07T13:00:00+1", "noon"):
-        with pytest.raises(RuntimeError, match="expected a time like"):
+        with pytest.raises(RuntimeError, match="expected a time such as"):
             write(tmp_path / "other", began=text, **scene())
 
 
@@ -250,7 +250,7 @@ def test_sensor_without_an_array_is_not_configured(tmp_path):
     ("radar: has 4 rows; spd has 3", {"spd": np.ones((3, 5)), "radar": np.ones((4, 4))}),
     ("depth_m: row 0: a depth of 2900", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 2900.0)}),
     ("spd: row 1 has nan", {"spd": np.array([[1.0, 1], [np.nan, 1]])}),
-    ("2 labels for 3 records", {"spd": np.ones((3, 5)), "labels": ["a", "b"]}),
+    ("2 labels, but there are 3 records", {"spd": np.ones((3, 5)), "labels": ["a", "b"]}),
 ])
 def test_errors_name_the_argument_instead_of_a_temporary_file(tmp_path, said, arrays):
     with pytest.raises(RuntimeError) as refused:

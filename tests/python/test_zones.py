@@ -62,8 +62,8 @@ def test_derived_run_keeps_the_zones(tmp_path):
 
 
 @pytest.mark.parametrize("said, arrays", [
-    ("spd.zones has 2 zones; expected 3 as spd.npy [3, 3, 30]", {"spd": counts(histograms=3), "zones": TWO}),
-    ("spd.zones has 2 zones; expected 1 as spd.npy [3, 30]", {"spd": counts()[:, 0], "zones": TWO}),
+    ("spd.zones has 2 zones; expected 3, as in spd.npy [3, 3, 30]", {"spd": counts(histograms=3), "zones": TWO}),
+    ("spd.zones has 2 zones; expected 1, as in spd.npy [3, 30]", {"spd": counts()[:, 0], "zones": TWO}),
     ("spd.zones has 2 zones; expected spd.npy [n, zones, bins]", {"radar": np.ones((3, 5)), "zones": TWO}),
     ("has 65 zones; expected at most 64", {"spd": counts(histograms=65)}),
     ("expected \"X Y WIDTH\" or \"X Y WIDTH ZERO_PS\"", {"spd": counts(), "zones": [(0, 0, 0.1), (0, 0, 0)]}),

@@ -169,7 +169,7 @@ TEST_CASE("a raw capture without a slot, with missing bytes or with a damaged ti
   }
   SECTION("first slot years after the start") {
     name = "run.times",
-    why = "run.times: its first slot begins 1000000000.000000 s after its start";
+    why = "run.times: the first slot begins 1000000000.000000 s after the start of the run";
     text = "0 start 0\n1000000000000000000 slots 1000000000\n1000000001000000000 closed 0\n";
   }
   std::ofstream(run.keep_raw + "/" + name) << text;
