@@ -273,7 +273,7 @@ std::string unlike_one_echo(const Profile& profile, const EchoPlace& fit, std::s
 }
 
 // Returns the bin of a second peak in [low, high] that is outside the main lobe (first null at 3
-// cells) and at most 6 dB weaker; 0 if there is none.
+// cells) and at most 6 dB weaker; 0 if it does not exist.
 std::size_t other_top(const std::vector<double>& mean, std::size_t low, std::size_t high,
                       std::size_t top, double cells_per_bin) {
   const auto width = static_cast<std::size_t>(std::ceil(3 / cells_per_bin));

@@ -20,8 +20,8 @@ namespace fs = std::filesystem;
 // Maximum number of values per record: for a histogram or profile, and for a depth image.
 constexpr std::size_t most_points = 1u << 24, most_pixels = 1u << 23;
 
-// Returns the smallest factor up to 1000 that makes all counts whole, or 0 if there is none. If the
-// counts are means of f exposures, the factor is f.
+// Returns the smallest factor up to 1000 that makes all counts whole, or 0 if no factor does. If
+// the counts are means of f exposures, the factor is f.
 std::uint32_t factor_of(const std::vector<double>& counts) {
   constexpr std::uint32_t most = 1000;
   constexpr double rounding = 1e-6;  // relative rounding error of a float
@@ -70,7 +70,7 @@ Zone zone_of(const std::string& text, const std::string& path) {
 }  // namespace
 
 void bind(Settings& settings, ArraySettings& s) {
-  settings.add("run", s.run, "source run; values for which there is no array are copied from it");
+  settings.add("run", s.run, "source run; values without an array are copied from it");
   settings.add("window_s", s.window_s, 1e-6, 1e6, "slot length");
   settings.add("label", s.label, "label of all records");
   settings.add("labels", s.labels, "labels, one per record; override `label`");

@@ -81,8 +81,8 @@ std::vector<Axis> Windows::axes() const {
   return all;
 }
 
-// Returns the open slot that contains the time `taken`. If there is none, counts `amount` tags or
-// frames as early or late and returns nullptr.
+// Returns the open slot that contains the time `taken`. If this slot is not open, counts `amount`
+// tags or frames as early or late and returns nullptr.
 Windows::Slot* Windows::find(Sensor sensor, HostTime taken, std::uint64_t amount) {
   const std::int64_t k = grid_.slot_of(taken);
   if (k >= next_) return &open_[k];

@@ -2,7 +2,7 @@
 // Combines samples into one fused record per slot. Pure: no clock, device or file.
 //
 // Time of a sample: its device time, converted to host time by ClockFit, or the time of receipt if
-// there is no sound fit. The time of a sample is never later than its receipt.
+// the fit is not sound. The time of a sample is never later than its receipt.
 // A sample belongs to the open slot that contains its time, regardless of when it arrives. The
 // exceptions are counted under these names and, unless stated otherwise, not used:
 //   early         the sample is from before slot 0
@@ -147,7 +147,7 @@ class Windows {
   const SensorClocks& clocks_;
   SensorSet configured_, required_;
   std::shared_ptr<tdc::Histogram> histogram_;  // histogram of the slot that got the last tags
-  // Start of the current overflow; no value if there is none.
+  // Start of the current overflow; no value outside an overflow.
   std::optional<HostTime> overflow_from_;
   std::map<std::string, Axis> axes_;  // by name: array, depth_x, depth_y, radar, spd
   Zones zones_;                       // announced together with axis "spd"
