@@ -23,8 +23,8 @@ using ArrayFrames = std::vector<std::vector<std::int16_t>>;
 
 // Fits gain and phase of each antenna to the echo of a reflector in `bin` or a neighbouring bin.
 // They are the principal eigenvector of the covariance over at least 8 frames, so the phase of the
-// echo may differ between frames. The standard error of an antenna is s / sqrt(2 N P), combined
-// with that of antenna 0, for N frames of power P. The noise s^2 per antenna is estimated from the
+// echo may differ between frames. The standard error of an antenna is s / sqrt(2 N P) for N frames
+// of power P, combined with that of antenna 0. The noise s^2 per antenna is estimated from the
 // residual. The rounding of the samples is added, because it does not average out.
 AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::size_t bin);
 // Subtracts the phases that are due to the direction of the reflector, so that only those of the

@@ -19,8 +19,8 @@ constexpr double pi = std::numbers::pi;
 constexpr double least_photon_snr = 10;  // minimum ratio of the amplitude to its standard error
 constexpr double least_echo_db = 10;
 constexpr std::size_t least_bins = 8;
-// Error in bins of the vertex of a parabola through log powers, for one bin per cell and the lobe
-// of a Hann window or a narrower one.
+// Error, in bins, of the vertex of a parabola through log powers. Valid for one bin per cell and
+// the lobe of a Hann window or a narrower lobe.
 constexpr double parabola_error = 0.02;
 
 std::string at(const char* text, double range_m) {
@@ -272,8 +272,8 @@ std::string unlike_one_echo(const Profile& profile, const EchoPlace& fit, std::s
   return {};
 }
 
-// Returns the bin of a second peak in [low, high] that is outside the main lobe (first null at 3
-// cells) and at most 6 dB weaker; 0 if it does not exist.
+// Returns the bin of a second peak in [low, high]; 0 if it does not exist. A second peak is outside
+// the main lobe (first null at 3 cells) and at most 6 dB weaker.
 std::size_t other_top(const std::vector<double>& mean, std::size_t low, std::size_t high,
                       std::size_t top, double cells_per_bin) {
   const auto width = static_cast<std::size_t>(std::ceil(3 / cells_per_bin));

@@ -54,12 +54,13 @@ Profile profile_of(const std::vector<std::vector<std::uint16_t>>& frames, double
 
 // Radar: fits the range of an echo to range profiles in log2_q8 codes, one per frame. Needs at
 // least max(`least`, 2) frames. Fits the transform of the window, with free amplitude, to the mean
-// codes of the strongest bin and two neighbours on each side, by least squares weighted with the
-// power. The default is the Blackman window of the firmware (SDK 3.x, mmwDemo_genWindow; Harris,
-// Proc. IEEE 66, 1978). In the model, the mean of ln power for a signal P in noise N is ln P + E1(P
-// / N); N is derived from the median of the profile. If the resolution is unknown, the range is the
-// vertex of a parabola through the logarithms of three bins. The standard error is the scatter of
-// the frames, plus the code steps if noise does not average them out.
+// codes of the strongest bin and of two neighbours on each side. The fit is by least squares
+// weighted with the power. The default is the Blackman window of the firmware (SDK 3.x,
+// mmwDemo_genWindow; Harris, Proc. IEEE 66, 1978). In the model, the mean of ln power for a signal
+// P in noise N is ln P + E1(P / N); N is derived from the median of the profile. If the resolution
+// is unknown, the range is the vertex of a parabola through the logarithms of three bins. The
+// standard error is the scatter of the frames, plus the code steps if noise does not average them
+// out.
 inline constexpr std::size_t least_echo_frames = 8;
 Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoAxis& axis,
               const Search& search, const Window& window = {},

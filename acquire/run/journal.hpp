@@ -86,7 +86,7 @@ class Journal {
   std::optional<std::uint64_t> free_bytes() const;
 
   // Completes the waiting jobs and closes the run with this status. If a job failed, closes the run
-  // as "stopped:disk" or, for other reasons, "stopped:failed", and throws the Error of that job
+  // as "stopped:disk" or, for other reasons, "stopped:failed". Then throws the Error of that job,
   // with the number of missing records. Returns false if another program that reads the run
   // prevents merging the WAL into the file (RunWriter::close).
   bool finish(const std::string& status);

@@ -138,7 +138,7 @@ std::string SignalCheck::assess_spd(record::FusedRecord& r, const Axis& axis) {
            swap_question(c);
   if (even) return "no peak: no bins clearly exceed the mean";
   if (clicks < limits_.spd_clicks)
-    return format("weak: %.0f clicks above the background (at least %.0f needed)", clicks,
+    return format("weak: %.0f clicks above the background (minimum %.0f)", clicks,
                   limits_.spd_clicks);
   return beside;
 }
@@ -166,7 +166,7 @@ std::string SignalCheck::assess_radar(record::FusedRecord& r, const Axis& axis) 
   last_radar_ = r.radar;
   if (repeats) return still + std::string("bin");
   if (snr_db < limits_.radar_snr_db)
-    return format("no peak: %.1f dB above the median bin (at least %.1f dB needed)", snr_db,
+    return format("no peak: %.1f dB above the median bin (minimum %.1f dB)", snr_db,
                   limits_.radar_snr_db);
   // Two equal bins at the top of an average over several frames indicate that every frame is
   // clipped. The verdict requires this in two successive records, because a frozen frame may have
@@ -190,8 +190,8 @@ std::string SignalCheck::assess_depth(record::FusedRecord& r) {
   last_depth_ = mm;
   if (repeats) return still + std::string("pixel");
   if (share < limits_.depth_share)
-    return format("weak: %.2f %% of the pixels have a return (at least %.2g %% needed)",
-                  100 * share, 100 * limits_.depth_share);
+    return format("weak: %.2f %% of the pixels have a return (minimum %.2g %%)", 100 * share,
+                  100 * limits_.depth_share);
   return beside;
 }
 

@@ -258,7 +258,7 @@ TEST_CASE("the response of an extended reflector is refused with the reason") {
   };
   const Amplitude turned = std::polar(0.5, 1.);
   CHECK_THAT(refusal(fine, {{}, {0.08, turned}}), Catch::Contains("is not that of a single point"));
-  CHECK_THAT(refusal({0.25, 0.27, 0.5}, {{}}), Catch::Contains("with cells of 50 cm at 3 m"));
+  CHECK_THAT(refusal({0.25, 0.27, 0.5}, {{}}), Catch::Contains("at 3 m for cells of 50 cm"));
   record::Response found;
   CHECK(fit_radar_response({}, fine.axis(), 1, found).refusal == "fewer than 8 frames received");
   // A wall behind the reflector is excluded.

@@ -47,7 +47,7 @@ TEST_CASE("doubtful records are excluded from training") {
     if (r.index == 1) r.sync[Sensor::depth].verdict = "stands still: the same as before";
     if (r.index == 2) r.sync[Sensor::radar].verdict = "weak: the echo is 0.05 of the usual";
     if (r.index == 3) r.sync[Sensor::spd].verdict = "no peak: no bins clearly exceed the mean";
-    if (r.index == 4) r.sync[Sensor::spd].verdict = "saturated: 0.2 clicks a laser pulse";
+    if (r.index == 4) r.sync[Sensor::spd].verdict = "saturated: 0.2 clicks per laser pulse";
   });
   const Dataset data = load({dir / "a"});
   CHECK(data.doubt_of(0, Inputs::fused).empty());

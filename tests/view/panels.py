@@ -19,7 +19,7 @@ from selenium.webdriver.common.action_chains import ActionChains
 # Gives lamps and status their longest texts. Returns the visible elements with cut text, or outside the window: at the bottom too if it does not scroll.
 CUT = """
   for (const lamp of document.querySelectorAll('.lamp'))
-    for (const [part, text] of [['strong', 'CHECK'], ['.verdict', 'weak: 123 clicks above the background, 1000 wanted'], ['.age', 'last data 12.3 s ago']])
+    for (const [part, text] of [['strong', 'CHECK'], ['.verdict', 'weak: 123 clicks above the background (minimum 1000)'], ['.age', 'last data 12.3 s ago']])
       lamp.querySelector(part).textContent = text, lamp.classList.remove('long');
   document.getElementById('status').textContent = 'recording; check SPD, radar, depth camera';
   const scrolls = getComputedStyle(document.body).overflowY !== 'hidden', out = [];
