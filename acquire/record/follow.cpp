@@ -13,8 +13,8 @@ void follow(const std::string& path, const std::function<bool(const RunReader&)>
     bool open = false;
     {
       const RunReader run(path);
-      open = run.info().status ==
-             "open";  // read before take(), so that the last records are not missed
+      // Read before take(), so that the last records are not missed.
+      open = run.info().status == "open";
       if (take(run)) continue;
     }
     if (!open) return;

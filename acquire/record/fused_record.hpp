@@ -36,10 +36,10 @@ struct ClockState {
 struct Signal {
   // Clicks per laser pulse, even if the time tagger sends only some of the starts.
   std::optional<double> clicks_a_pulse;
-  std::optional<double> spd_clicks,
-      spd_peak_m;  // clicks above the background; range of the highest bin
-  std::optional<double> radar_snr_db,
-      radar_peak_m;                   // peak/median of the profile; range of the peak
+  // Clicks above the background; range of the highest bin.
+  std::optional<double> spd_clicks, spd_peak_m;
+  // Ratio of peak to median of the range profile; range of the peak.
+  std::optional<double> radar_snr_db, radar_peak_m;
   std::optional<double> depth_share;  // fraction of the pixels with a return
 
   bool operator==(const Signal&) const = default;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Run file: one SQLite database (WAL, synchronous=FULL), one transaction per append. Survives
-// kill -9, power loss and a full disk with every committed record. Can be read while it is written.
+// Run file: an SQLite database (WAL, synchronous=FULL) with one transaction per append. Committed
+// records survive kill -9, power loss and a full disk. The file can be read while it is written.
 //   PRAGMA application_id = 0x4543464d ("ECFM"), user_version = 3
 //   tables: rows.hpp; record.spd u32 LE counts [zones, bins] | radar f32 LE | depth u16 LE
 //   millimetres, deflated
@@ -28,74 +28,77 @@ class Statement;
 struct WriterLock;
 struct Budget;
 
-inline constexpr int application_id = 0x4543464d;  // "ECFM"
+inline constexpr int application_id = 0x4543464d;  // "ECFM" in ASCII
 inline constexpr int format_version = 3;
-// Largest index of a record, so that index + 1 cannot overflow.
+// Largest allowed index of a record; index + 1 cannot overflow.
 inline constexpr std::int64_t max_index = std::int64_t{1} << 53;
 
 struct CounterRow {
-  std::string source, name;  // sensor, name of the counter
+  std::string source, name;  // source: a sensor or "run"
   std::uint64_t value = 0;
 };
 
-// Waiting time of writers while another program holds a write transaction. CLOCK_MONOTONIC, ns.
+// Times of a writer that waits for another program's write transaction: CLOCK_MONOTONIC, ns.
 // Threading: any thread.
 struct Patience {
   std::atomic<std::int64_t> give_up_ns = std::numeric_limits<std::int64_t>::max();
-  std::atomic<std::int64_t> waited_ns = 0;  // last wait of a writer
+  std::atomic<std::int64_t> waited_ns = 0;  // last time at which a writer was waiting
   bool tried() const;                       // true while a writer is waiting
 };
 
-// Threading: one thread at a time. Every member throws Error (disk for a full disk or a failed
-// write, failed for anything else). A failed append leaves the file unchanged. Every member first
-// checks that the file still exists, unchanged and sound; close() reads all of it. Otherwise they
-// throw Error(disk), and close() rescues the committed records into a copy named in its Error.
+// Writes a run file. Threading: one thread at a time. Every member throws Error: disk for a full
+// disk or a failed write, otherwise failed. A failed append leaves the file unchanged. Every member
+// first checks that the file still exists and is undamaged; close() checks all of it. If the check
+// fails, the member throws Error(disk). close() then also copies the committed records to another
+// file, which its Error names.
 class RunWriter {
  public:
-  // Refuses a path that exists. Sets a missing uuid. `clock` must outlive the writer; it gives the
-  // times of begin and end. The file is published when it contains the rows put by `begin`; kill -9
-  // before that leaves PATH-new, which the next writer removes.
+  // Throws if the path exists. Creates a uuid if `info` has none. `clock` supplies the start and
+  // end times and must outlive the writer. The file appears at `path` after `begin` has written its
+  // rows. kill -9 before that leaves PATH-new, which the next writer removes.
   using Begin = std::function<void(RunWriter&)>;
   RunWriter(const std::string& path, const RunInfo& info, const Clock& clock = system_clock,
             const Begin& begin = {});
-  ~RunWriter();  // without close(): status remains "open", shown by readers as crashed
+  // Without close() the status remains "open", and readers report the run as crashed.
+  ~RunWriter();
   RunWriter(const RunWriter&) = delete;
   RunWriter& operator=(const RunWriter&) = delete;
 
   // Call once per axis name, before the first record that needs it.
   void put_axis(const Axis& axis);
-  void put_device(const DeviceInfo& device);    // adds a row if the sensor had answered before
-  void put_antennas(const Antennas& antennas);  // replaces those of the array axis
-  void put_zones(const Zones& zones);           // once, before the first record
+  void put_device(const DeviceInfo& device);    // adds another row after the first answer
+  void put_antennas(const Antennas& antennas);  // replaces the antennas stored before
+  void put_zones(const Zones& zones);           // call once, before the first record
   void put_calibration(const CalibrationEntry& entry);
-  void put_policy(Sensor sensor, const std::string& policy);  // required or optional
+  void put_policy(Sensor sensor, const std::string& policy);  // "required" or "optional"
   void put_anchor(HostTime mono, UtcTime utc);
-  // Call at the end with all counters: one transaction.
+  // Writes all counters in one transaction. Call at the end of the run.
   void put_counters(std::span<const CounterRow> counters);
-  // Adds late samples to the counts of these records, in one transaction.
+  // Adds the late samples to the counts of their records, in one transaction.
   void put_late(const LateCounts& late);
   void put_event(UtcTime utc, Severity severity, const std::string& source,
                  const std::string& text);
   void append(const FusedRecord& record);
-  // Returns the last label written by put_label() since the last call and before this time, or
-  // nothing. After close(): the last one written until then.
+  // Returns the last label that put_label() wrote before this time and since the previous call;
+  // nothing if it wrote none. After close(), returns the last label that was written before
+  // closing.
   std::optional<std::string> new_label(UtcTime before);
-  void append(std::span<const FusedRecord> batch);  // one transaction; for simulated data sets
-  // Folds the WAL back, which leaves a single file. Throws Error(failed) at the end if another
-  // program added tables, because readers would refuse the file. Returns false if another program
-  // is still reading the run after half a second; the last records then remain in the WAL until
-  // recover() or a writer folds them back. `unwritten`: number of records that could not be
-  // written, stated by an event and the counter run/unwritten.
+  void append(std::span<const FusedRecord> batch);  // uses one transaction; for simulated data sets
+  // Stores the status and merges the WAL into the database, which leaves a single file. Returns
+  // false if another program is still reading the run after half a second. The last records then
+  // remain in the WAL until recover() or a writer merges them. Throws Error(failed) at the end if
+  // another program added tables, because readers would refuse the file. `unwritten`: number of
+  // records that could not be written; an event and the counter run/unwritten report it.
   bool close(const std::string& status, std::int64_t unwritten = 0);
-  void close_as_one_file(const std::string& status);  // like close(), but throws Error(failed)
-                                                      // instead of returning false
-  bool lost() const { return !harm_.empty(); }        // result of the last call
-  // Reserves disk space again, so that the status can be written on a full disk.
+  // Like close(), but throws Error(failed) instead of returning false.
+  void close_as_one_file(const std::string& status);
+  // Returns true if the last call found the file missing or damaged.
+  bool lost() const { return !harm_.empty(); }
+  // Reserves disk space again, so that the status can be written even if the disk is full.
   void reserve() const;
 
-  // Sets the time limit for waiting while another program holds a write transaction: until
-  // `patience` ends it, by default 30 s. Then the call throws Error(disk). `patience` must outlive
-  // the writer.
+  // Makes the writer wait for another program's write transaction until patience.give_up_ns,
+  // instead of at most 30 s. Then the call throws Error(disk). `patience` must outlive the writer.
   void wait_with(Patience& patience) { patience_ = &patience; }
   const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }
@@ -123,136 +126,139 @@ class RunWriter {
   std::unique_ptr<sqlite3, int (*)(sqlite3*)> handle_;
   sqlite3* db_ = nullptr;
   std::unique_ptr<FileWatch> watch_;
-  bool touched_ = false;  // written by another program before our checkpoint
-  std::string harm_;      // fault of the file
+  bool touched_ = false;  // another program wrote to the file before our checkpoint
+  std::string harm_;      // fault of the file; empty if undamaged
   Patience* patience_ = nullptr;
   std::int64_t waits_since_ns_ = 0;
-  std::optional<std::string> left_label_;  // last label at the end
+  std::optional<std::string> left_label_;  // last label before the run was closed
   std::vector<Axis> axes_;
-  std::size_t histograms_ = 1;  // number per record
+  std::size_t histograms_ = 1;  // histograms per record, one per zone
   std::int64_t records_ = 0, last_event_ = 0;
 };
 
 struct Event {
   std::string utc, level, source, text;
-  std::optional<std::int64_t> id = {};  // set by SQLite, in the order of the events
+  std::optional<std::int64_t> id = {};  // assigned by SQLite in the order of the events
 };
 
-struct Anchor {  // same moment on both clocks
+struct Anchor {  // one moment on both clocks
   HostTime mono{};
   UtcTime utc{};
 };
 
-// Statistics of a run that do not need the sensors' data.
+// Statistics of a run that can be computed without reading the sensor data.
 struct RunSummary {
-  std::int64_t records = 0, all_valid = 0;  // all_valid: records with all three sensors
-  std::int64_t incomplete = 0;              // records without a required sensor
-  std::int64_t doubtful = 0;                // records with a verdict other than ok
-  PerSensor<std::int64_t> valid{};          // records with a valid SPD, radar, depth
-  PerSensor<std::int64_t> lost{};           // tags, radar frames, depth frames
+  // all_valid: number of records with valid data of all three sensors.
+  std::int64_t records = 0, all_valid = 0;
+  std::int64_t incomplete = 0;      // records in which a required sensor is missing
+  std::int64_t doubtful = 0;        // records with at least one verdict other than ok
+  PerSensor<std::int64_t> valid{};  // records with valid data of the sensor
+  PerSensor<std::int64_t> lost{};   // lost tags, radar frames and depth frames
   std::int64_t tags = 0;
-  std::int64_t arrays = 0, array_frames = 0;           // records with antenna data; their frames
-  std::int64_t last_index = -1;                        // largest index
-  UtcTime first_utc{}, last_utc{};                     // start of the first slot, end of the last
-  std::map<std::string, std::int64_t> labels, events;  // records by label, events by level
-  std::map<std::string, std::string> policies;         // by sensor
-  // Records by sensor and verdict, without the figures after a verdict's colon.
+  std::int64_t arrays = 0, array_frames = 0;  // records with antenna data; frames in these records
+  std::int64_t last_index = -1;               // largest index of a record; -1 without records
+  UtcTime first_utc{}, last_utc{};            // start of the first slot; end of the last slot
+  // Number of records by label; number of events by level.
+  std::map<std::string, std::int64_t> labels, events;
+  std::map<std::string, std::string> policies;  // "required" or "optional", by sensor
+  // Number of records by sensor and verdict. Details after the colon of a verdict are omitted.
   PerSensor<std::map<std::string, std::int64_t>> verdicts;
-  PerSensor<std::optional<ClockState>> clocks;  // from the last record that has them
+  PerSensor<std::optional<ClockState>> clocks;  // of the last record with a clock fit of the sensor
 };
 
 // Returns e.g. "28 of 75 doubtful: radar missing 11, weak 10; camera frozen 7"; empty if all are
 // ok.
 std::string doubts_of(const RunSummary& sum);
-// Returns a verdict without the figures after its colon.
+// Returns the part of a verdict before its colon.
 std::string verdict_kind(const std::string& verdict);
-// Counts one record's verdicts in `verdicts` and `doubtful`.
+// Adds the verdicts of one record to sum.verdicts and sum.doubtful.
 void count_verdicts(RunSummary& sum, const PerSensor<std::string>& verdicts);
 
-// Status of a copy of an unclosed run without its -wal, which contains the last records. A run that
-// was killed at its start looks the same.
+// Status of an unclosed run without the -wal that contains its last records, usually an incomplete
+// copy. A run that was killed at its start looks the same.
 inline constexpr const char* crashed_without_wal = "crashed, no -wal";
-// Status of a copy made by SQLite of an open run (VACUUM INTO): a closed file with the records of
-// that moment.
+// Status of a copy that SQLite made of an open run (VACUUM INTO). It is a closed file with the
+// records of that moment.
 inline constexpr const char* copy_of_open = "copy of an open run";
 
 // Reads closed, live and crashed runs. Threading: one thread at a time.
 class RunReader {
  public:
-  // Throws Error(failed) if the file is missing, not a run file, of another format, damaged, or
-  // contains anything else than a run's tables. The file's size bounds the cost of reading it. A
-  // closed run is immutable: side files of SQLite are not read. On a network file system only
-  // closed runs are read.
+  // Throws Error(failed) if the file is missing, damaged, of another format or not a run file, or
+  // if it contains anything but the tables of a run. The size of the file limits the time and
+  // memory for reading it. A closed run does not change, so side files of SQLite are ignored. On a
+  // network file system only closed runs can be read.
   explicit RunReader(const std::string& path);
-  RunReader(const std::string& path, const std::string& network);  // `network`: result of
-                                                                   // network_of(path)
+  // `network`: result of network_of(path).
+  RunReader(const std::string& path, const std::string& network);
   ~RunReader();
   RunReader(const RunReader&) = delete;
   RunReader& operator=(const RunReader&) = delete;
 
   const std::string& path() const { return path_; }
-  // SQLite's side files next to a closed run, which are ignored.
+  // Returns SQLite's side files next to a closed run; they are ignored.
   std::vector<std::string> leftovers() const;
-  // Changes status "open" to "crashed", crashed_without_wal or copy_of_open if no writer holds the
-  // run.
+  // Returns the row of the table run. If the status is "open", but no process is writing the run,
+  // it is replaced by "crashed", crashed_without_wal or copy_of_open.
   RunInfo info() const;
   std::vector<DeviceInfo> devices() const;
-  std::map<std::string, std::string> policies() const;  // by sensor
+  std::map<std::string, std::string> policies() const;  // "required" or "optional"
   std::vector<Anchor> anchors() const;
   std::vector<CalibrationEntry> calibrations() const;
   Antennas antennas() const;  // empty if the radar sent no antenna samples
   Zones zones() const;        // empty for a single pixel
   std::vector<Event> events() const;
-  std::vector<Event> last_events(std::size_t most) const;  // oldest first
+  std::vector<Event> last_events(std::size_t most) const;  // the last `most` events, oldest first
   std::vector<CounterRow> counters() const;
   std::vector<Axis> axes() const;
   std::optional<Axis> axis(const std::string& name) const;
   std::int64_t count() const;
   RunSummary summary() const;
-  // Returns the records from index `first` on, in order, without the sensors' data.
+  // Returns the records from index `first` on, in order, but without the sensor data.
   std::vector<FusedRecord> outlines(std::int64_t first) const;
-  PerSensor<std::int64_t> late() const;  // tags, radar frames, depth frames received after their
-                                         // slot
-  // Calls visit for records in index order from `first` on until it returns false. For a record
-  // with blobs of a wrong size or non-finite values it throws Error with the record's number, or,
-  // with `on_bad`, calls that and skips the record. Sensors not in `sensors` are not decoded and
-  // not valid. in_parallel(n, work) must call work(0) ... work(n - 1) in any order; it decodes the
-  // depth images of several records at a time. Callbacks are still called in order on this thread.
+  // Returns how many tags, radar frames and depth frames were received after their slot was closed.
+  PerSensor<std::int64_t> late() const;
+  // Calls `visit` for the records from index `first` on, in order, until it returns false. A record
+  // with data of a wrong size or non-finite values is skipped after a call of `on_bad`; without
+  // `on_bad`, Error is thrown with the index of the record. Only the sensors in `sensors` are
+  // decoded; others are not valid. in_parallel(n, work) must call work(0) ... work(n - 1) in any
+  // order, possibly on several threads; work(i) decodes a depth image. `visit` and `on_bad` are
+  // still called in order on this thread.
   using InParallel = std::function<void(std::size_t, const std::function<void(std::size_t)>&)>;
   void for_each(const std::function<bool(const FusedRecord&)>& visit, std::int64_t first = 0,
                 const std::function<void(std::int64_t, const std::string&)>& on_bad = {},
                 SensorSet sensors = {Sensor::spd, Sensor::radar, Sensor::depth},
                 const InParallel& in_parallel = {}) const;
   FusedRecord read(std::int64_t index) const;
-  // Returns the result of SQLite's integrity check; empty if sound.
+  // Runs SQLite's integrity check. Returns the faults; empty if undamaged.
   std::string check() const;
 
  private:
   void open(const std::string& network);
   void check_axis(const Axis& axis) const;
-  Statement ask(const std::string& sql) const;  // with the whole budget
+  Statement ask(const std::string& sql) const;  // restarts the budget
   std::vector<FusedRecord> records(const std::string& which) const;
   template <class T>
-  std::vector<T> rows(const std::string& tail = {}) const;  // rows of T's table
-  std::string path_, file_, shown_;                         // as given; behind links; printable
+  std::vector<T> rows(const std::string& tail = {}) const;  // `tail`: end of the SELECT
+  std::string path_, file_, shown_;  // as given; with resolved links; printable
   sqlite3* db_ = nullptr;
-  bool closed_ = false;      // is_closed(): immutable
-  bool lacks_wal_ = false;   // not being written, and its -wal is missing or empty
-  std::uint64_t bytes_ = 0;  // size when opened
+  bool closed_ = false;      // result of is_closed()
+  bool lacks_wal_ = false;   // no process is writing, and the -wal is missing or empty
+  std::uint64_t bytes_ = 0;  // size of the file and its -wal when opened
   std::unique_ptr<Budget> budget_;
 };
 
-// Adds an event of level "note" to a run; `who`: its source. For a run in progress it is a
-// transaction. A closed run is replaced by a copy with the note, of the same mode and owner, under
-// the run's lock and without side files. Throws Error(disk) without space for the copy, and
-// Error(failed) for a run that lacks its -wal.
+// Adds an event of level "note" to a run. `who`: source of the event. In an open run the event is
+// added by a transaction. A closed run is replaced, while its lock is held, by a copy that contains
+// the note and has the same mode and owner. Throws Error(disk) if the disk does not have enough
+// space for the copy, and Error(failed) if the -wal of the run is missing.
 void put_note(const std::string& path, const std::string& text, const std::string& who);
-// Adds an event of level "label": the recording process labels its records with it, from the
+// Adds an event of level "label". The recording process uses this label for all records from the
 // current slot on. Throws Error(failed) if the run is not being recorded.
 void put_label(const std::string& path, const std::string& label, const std::string& who);
 
-// Marks a run left "open" by a crash as "crashed", and folds back its WAL. Does nothing for files
-// that are not a run, damaged, open in another program, or not writable.
+// Changes the status of a crashed run from "open" to "crashed" and merges its WAL. Does nothing if
+// the file is not a run, damaged, not writable or in use by another program.
 void recover(const std::string& path);
 
 }  // namespace echofuse::record

@@ -27,8 +27,8 @@ Budget Budget::of_file(std::uint64_t bytes) {
   const auto size = static_cast<std::int64_t>(bytes);
   Budget out;
   out.all = out.left = steps_at_least + size / instructions_a_step * instructions_a_byte;
-  out.bytes = 2 * size + 64 * mib;  // room for growth of a live run
-  // 128 MiB: an SPD histogram of 2^24 bins and a depth image of 2^23 pixels.
+  out.bytes = 2 * size + 64 * mib;  // a live run may grow while it is read
+  // 128 MiB can hold an SPD histogram of 2^24 bins and a depth image of 2^23 pixels.
   out.longest_value = static_cast<int>(std::clamp(size, 16 * mib, 128 * mib));
   return out;
 }
@@ -51,8 +51,8 @@ int probe(sqlite3* db) {
   return sqlite3_exec(db, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr);
 }
 
-// Returns true if the file begins like a safetensors file: the header's length in 8 bytes, then
-// "{".
+// Returns true if the file begins like a safetensors file: 8 bytes with the length of the header,
+// then "{".
 bool is_model(const std::string& path) {
   const auto start = RegularFile(path, ExitCode::failed).rest<std::string>(9);
   return start.size() > 8 && start[8] == '{';
@@ -81,7 +81,8 @@ void check_identity(sqlite3* db, const std::string& path) {
                                             : "use the echofuse that recorded it"));
 }
 
-// Tables created by ANALYZE and PRAGMA optimize, which another program may run.
+// Returns true for the statistics tables of ANALYZE and PRAGMA optimize, which another program may
+// have created.
 bool is_statistics(const std::string& sql) {
   for (const char* columns : {"1(tbl,idx,stat)", "2(tbl,idx,sampleno,sample)",
                               "3(tbl,idx,neq,nlt,ndlt,sample)", "4(tbl,idx,neq,nlt,ndlt,sample)"})
@@ -89,7 +90,7 @@ bool is_statistics(const std::string& sql) {
   return false;
 }
 
-// SQL statement that removes this entry from the schema.
+// Returns the advice to remove an entry from the schema, with the SQL statement for it.
 std::string removal(const std::string& type, const std::string& name) {
   std::string quoted;
   for (const char c : name) quoted += c == '"' ? "\"\"" : std::string(1, c);
@@ -98,8 +99,8 @@ std::string removal(const std::string& type, const std::string& name) {
   return "; remove it with: DROP " + printable(kind, 20) + " \"" + printable(quoted, 80) + "\"";
 }
 
-// Compares the tables' definitions word by word, so that queries never access anything else in a
-// file.
+// Requires that the SQL definition of each table is identical to ours, so that our queries cannot
+// access anything else in the file.
 void check_tables(sqlite3* db, const std::string& path) {
   static const auto known = [] {
     std::map<std::string, std::string> out;
@@ -125,7 +126,7 @@ void check_tables(sqlite3* db, const std::string& path) {
   }
   for (const Row* table : tables())
     if (!found.contains(table->name()))
-      refuse("has no table " + table->name() + "; expected those of a run");
+      refuse("has no table " + table->name() + "; expected all tables of a run");
 }
 
 }  // namespace echofuse::record

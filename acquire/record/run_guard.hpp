@@ -9,31 +9,32 @@ struct sqlite3;
 
 namespace echofuse::record {
 
-// Limits per statement. Pages of a crafted file may form endless loops, and values may have any
-// length.
+// Limits for each SQL statement, because a crafted file may contain endless loops of pages and
+// values of any length.
 struct Budget {
-  std::int64_t all = 0, left = 0;  // in units of instructions_a_step
-  std::int64_t bytes = 0;          // total of texts and blobs
-  int longest_value = 0;           // bytes
+  std::int64_t all = 0, left = 0;  // allowed and remaining steps of instructions_a_step
+  std::int64_t bytes = 0;          // total size of texts and blobs
+  int longest_value = 0;           // size of a row or value, bytes
 
   static constexpr int instructions_a_step = 10'000;
-  // Budget for a run of `bytes`. Reading a whole run takes SQLite less than one instruction per
-  // byte.
+  // Returns the budget for a run file of `bytes`. SQLite needs less than one instruction per byte
+  // to read a whole run.
   static Budget of_file(std::uint64_t bytes);
 };
 
-// Call before the first statement. Disables everything in the file that could be executed.
+// Disables everything in the file that SQLite could execute, such as views and triggers. Call
+// before the first statement.
 void harden(sqlite3* db);
-// A statement that exceeds the budget ends with SQLITE_INTERRUPT. The budget must outlive the
-// database.
+// Applies the budget: a statement that exceeds it fails with SQLITE_INTERRUPT. `budget` must
+// outlive the database connection.
 void limit(sqlite3* db, Budget& budget);
 
-// Returns SQLITE_OK if SQLite can read the names of the file's tables.
+// Returns SQLITE_OK if SQLite can read the schema of the file.
 int probe(sqlite3* db);
-// Throws Error(failed) unless it is a run file of this format.
+// Throws Error(failed) unless the file is a run file of format_version.
 void check_identity(sqlite3* db, const std::string& path);
-// Throws Error(failed) unless the file contains exactly the tables of a run (rows.hpp) as we define
-// them: no views, triggers, additional indices, virtual tables or computed columns.
+// Throws Error(failed) unless the file contains exactly the tables of a run, as defined in
+// rows.hpp. Views, triggers, additional indices, virtual tables and computed columns are refused.
 void check_tables(sqlite3* db, const std::string& path);
 
 }  // namespace echofuse::record

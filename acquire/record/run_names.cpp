@@ -17,17 +17,16 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr const char* extension = ".sqlite";
-// Fields of strftime; %% is a percent sign.
+// Supported time fields of strftime; %% is a percent sign.
 constexpr std::string_view fields = "YmdHMSyjFT%";
 
-// Returns the fault of the name, or nothing: a percent sign must begin a field.
+// Returns an error message if a percent sign does not begin a supported field; otherwise empty.
 std::string bad_field(const std::string& pattern) {
   for (std::size_t at = 0; (at = pattern.find('%', at)) != pattern.npos; at += 2)
     if (at + 1 == pattern.size() || fields.find(pattern[at + 1]) == fields.npos)
       return printable(pattern.substr(at, 2)) +
-             " is not a field of the time; expected %Y, %m, %d, %H, %M, %S, %y, %j, %F or %T, or "
-             "%% "
-             "for a percent sign";
+             " is not a supported time field; expected %Y, %m, %d, %H, %M, %S, %y, %j, %F or %T, "
+             "or %% for a percent sign";
   return {};
 }
 
@@ -40,7 +39,7 @@ std::string with_date(const std::string& pattern) {
   return name;
 }
 
-// Returns FOLDER/STEM-NNN.sqlite with a number above all existing ones.
+// Returns FOLDER/STEM-NNN.sqlite, with NNN one above the highest existing number.
 std::string numbered(const fs::path& folder, const std::string& stem) {
   const std::string begin = stem + "-";
   int last = 0;

@@ -35,12 +35,11 @@ std::uint64_t bytes_of(const std::string& path) {
   return ::stat(path.c_str(), &file) == 0 ? static_cast<std::uint64_t>(file.st_size) : 0;
 }
 
-// A slot must end at least a year before the end of UtcTime's range (2262), so that times within a
-// year of it can be computed.
+// Latest end of a slot: one year before UtcTime ends (2262), so that times up to a year later do
+// not overflow.
 constexpr UtcTime last_slot_end = UtcTime::max() - std::chrono::years(1);
 
-// Returns the fault of the record's slot; empty if sums and differences of its times cannot
-// overflow.
+// Returns the fault of the slot's times; empty if their sums and differences cannot overflow.
 std::string fault_of_slot(const FusedRecord& r) {
   constexpr std::chrono::nanoseconds zero{0};
   const bool sound = r.slot_start >= zero && r.slot_end >= r.slot_start && r.slot_utc >= zero &&
@@ -48,11 +47,12 @@ std::string fault_of_slot(const FusedRecord& r) {
                      r.slot_end - r.slot_start <= last_slot_end - r.slot_utc;
   if (sound) return {};
   return "its slot is from " + std::to_string(r.slot_start.count()) + " to " +
-         std::to_string(r.slot_end.count()) + " ns, at " + std::to_string(r.slot_utc.count()) +
-         " ns of UTC; expected an end after the start, and the years 1970 to 2261";
+         std::to_string(r.slot_end.count()) + " ns, its start at " +
+         std::to_string(r.slot_utc.count()) +
+         " ns UTC; expected an end after the start, in the years 1970 to 2261";
 }
 
-// Sizes of a record's data by the run's axes, looked up once per pass.
+// Sizes of the data of a record, computed once from the axes of the run.
 struct DataSizes {
   DataSizes(const std::vector<Axis>& axes, std::size_t histograms) {
     for (const auto& a : axes) {
@@ -64,7 +64,7 @@ struct DataSizes {
     }
   }
   std::uint64_t pixels() const { return std::uint64_t{width} * height; }
-  // Number of records worth a thread's start, at most 16 M pixels in total.
+  // Returns how many records to decode at once: at most 64, and at most 16 M pixels.
   std::size_t records_at_once() const {
     constexpr std::uint64_t most = 64, most_pixels = std::uint64_t{1} << 24;
     return static_cast<std::size_t>(
@@ -76,11 +76,11 @@ struct DataSizes {
   std::size_t array = 0, antennas = 0;
 };
 
-// Reads a record in two steps: all columns, then the decoding of the depth image. Decoding takes
+// Reads a record in two steps: first all columns, then the depth image. Decoding the image takes
 // most of the time and may run on another thread.
 struct RecordDecoder {
   FusedRecord record;
-  std::string fault;  // empty: none
+  std::string fault;  // empty if the record is valid
   Bytes depth;
 
   void read(Statement& row, const DataSizes& shapes, SensorSet sensors) {
@@ -92,7 +92,7 @@ struct RecordDecoder {
     if (fault.empty()) fault = decode(stored.blobs, shapes);
   }
   std::string decode(const Blobs& blobs, const DataSizes& shapes);
-  void decode_depth(const DataSizes& shapes) {  // for a record without a fault
+  void decode_depth(const DataSizes& shapes) {  // does nothing after a fault
     if (!fault.empty() || !record.has(Sensor::depth)) return;
     if (shapes.pixels() <= max_depth_pixels)
       record.depth_mm = inflated<std::uint16_t>(depth, shapes.pixels());
@@ -174,15 +174,15 @@ void RunReader::open(const std::string& network) {
     require_own_wal(file_);
     lacks_wal_ = lacks_wal(file_) && bytes_of(file_ + "-journal") == 0;
   }
-  // Read-only, but a WAL left by a live or crashed writer needs its shared-memory file next to it.
-  // Without a WAL or on a read-only medium no writer exists, and `immutable` reads without one.
+  // Even a read-only connection needs a shared-memory file next to a WAL. Without a WAL, or on a
+  // read-only medium, no process is writing, and an immutable connection needs no such file.
   int code = try_to_open(file_, SQLITE_OPEN_READONLY);
-  // Killed while starting or closing, with one page half written: only a writer can roll it back.
+  // A writer was killed while starting or closing. Only a writable connection can roll it back.
   if (code == SQLITE_READONLY) code = try_to_open(file_, SQLITE_OPEN_READWRITE);
-  closed_ = journal_version(db_) == 1;  // the writer may have closed it in the meantime
+  closed_ = journal_version(db_) == 1;  // the writer may have closed the run after is_closed()
   if (closed_) return unchanging();
   if (code == SQLITE_CANTOPEN || code == SQLITE_READONLY) {
-    // `immutable` would hide the records in a WAL, and a journal to roll back.
+    // An immutable connection would ignore the records in a WAL, and a journal to be rolled back.
     for (const char* beside : {"-wal", "-journal"})
       if (bytes_of(file_ + beside) > 0 && !lacks_wal_)
         throw Error(ExitCode::failed, shown_ + ": was not closed, and its last records are in " +
@@ -261,7 +261,7 @@ Antennas RunReader::antennas() const {
     if (!sound || i == most_antennas)
       throw Error(ExitCode::failed,
                   shown_ + ": damaged: antenna " + std::to_string(i) +
-                      " is not valid; expected at most 12 with place, gain and phase");
+                      " is not valid; expected at most 12 antennas with position, gain and phase");
   }
   const auto array = axis("array");
   if (array && !out.empty() && out.size() != antennas_of(*array))
@@ -271,8 +271,7 @@ Antennas RunReader::antennas() const {
   return out;
 }
 
-// Looks for a table with exactly this definition, because a live run may create it after it was
-// opened.
+// Compares the definition of the table, because a live run may create it after check_tables().
 Zones RunReader::zones() const {
   const Row& table = table_of<Zone>();
   Statement stored = ask("SELECT sql FROM sqlite_schema WHERE name = '" + table.name() + "'");
@@ -304,7 +303,7 @@ std::vector<Axis> RunReader::axes() const {
   return out;
 }
 
-// Refuses axes that would require more memory over all records than the file's size allows.
+// Throws if the data of all records on this axis would need more memory than the file size allows.
 void RunReader::check_axis(const Axis& axis) const {
   const std::int64_t points = axis.count;
   const auto refuse = [&](const std::string& what) {
@@ -320,15 +319,14 @@ void RunReader::check_axis(const Axis& axis) const {
            short_text(axis.step) + " and " + short_text(axis.scale) +
            "; expected finite numbers, |step| of at least 1e-15, scale above 0");
   const double most = std::max(1e9, 256 * static_cast<double>(bytes_));
-  // A map has the same height and width.
+  // The size of map_x is both the width and the height of the map.
   double values = std::pow(static_cast<double>(points), axis.name == "map_x" ? 2 : 1);
   if (axis.name == "spd") values *= static_cast<double>(histograms_of(zones()));
   const std::size_t antennas = axis.name == "array" ? antennas_of(axis) : 1;
   if (antennas == 0) refuse("has " + short_text(axis.scale) + " antennas; expected 1 to 12");
   if (axis.name == "array") values *= static_cast<double>(values_of_bin(antennas)) / 2;
   const auto too_many = [&](double records) { return 4 * values * records > most; };
-  // Counting takes time, so it is done only if the indices, which are fast to look up, exceed the
-  // limit.
+  // Checks the range of indices first, because counting the records takes more time.
   Statement s = ask("SELECT (SELECT min(idx) FROM record), (SELECT max(idx) FROM record)");
   s.step();
   const auto first = static_cast<double>(s.integer()), last = static_cast<double>(s.integer());
@@ -343,7 +341,7 @@ std::optional<Axis> RunReader::axis(const std::string& name) const {
   return std::nullopt;
 }
 
-// count(idx), not count(*), which reads pages without asking the budget.
+// Uses count(idx), because count(*) reads pages without checking the budget.
 std::int64_t RunReader::count() const {
   Statement s = ask("SELECT count(idx) FROM record");
   return s.step() ? s.integer() : 0;
@@ -357,7 +355,8 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
   std::optional<DataSizes> known;
   std::optional<std::int64_t> before;
   std::vector<RecordDecoder> some;
-  // Returns true if more records are wanted.
+  // Decodes the collected records and passes them on. Returns false if `visit` wants no more
+  // records.
   const auto hand_over = [&] {
     const auto decode_one = [&](std::size_t i) { some[i].decode_depth(*known); };
     if (in_parallel && some.size() > 1)
@@ -374,7 +373,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
     }
     return true;
   };
-  // Delivers the records before a fault of the file.
+  // Passes on the records before a fault of the file.
   const auto step = [&] {
     try {
       return row.step();
@@ -384,7 +383,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
     }
   };
   while (step()) {
-    // Read during the records, so that the first record finds a live run's new axis.
+    // Reads the axes after the first row, so that they include those that a live run added with it.
     if (!known) known.emplace(axes(), histograms_of(zones()));
     RecordDecoder one;
     one.read(row, *known, sensors);
@@ -433,14 +432,14 @@ RunSummary RunReader::summary() const {
     for (auto* n : {&sum.tags, &sum.incomplete, &sum.arrays, &sum.array_frames, &sum.last_index})
       *n = totals.integer();
   }
-  // First and last by index, not by time, because the clock may have been set back between them.
+  // Uses the index to find the first and last record, because the clock may have been set back.
   const std::vector<FusedRecord> ends =
       records("idx IN ((SELECT min(idx) FROM record), (SELECT max(idx) FROM record))");
   if (!ends.empty()) {
     sum.first_utc = ends.front().slot_utc;
     sum.last_utc = ends.back().slot_utc + (ends.back().slot_end - ends.back().slot_start);
   }
-  // Not by GROUP BY, which would sort a copy of all rows.
+  // Counts rows here, because GROUP BY would sort a copy of all rows.
   const auto count_by = [&](const char* sql, std::map<std::string, std::int64_t>& into) {
     Statement rows = ask(sql);
     while (rows.step()) ++into[rows.text()];
@@ -467,7 +466,7 @@ std::vector<FusedRecord> RunReader::records(const std::string& which) const {
   Statement row = ask(table_of<FusedRecord>().select() + " WHERE " + which + " ORDER BY idx");
   while (row.step()) {
     FusedRecord& r = out.emplace_back();
-    static_cast<void>(take(row, r));  // an invalid number counts as none
+    static_cast<void>(take(row, r));  // invalid numbers are ignored
     if (const std::string fault = fault_of_slot(r); !fault.empty())
       throw Error(ExitCode::failed, shown_ + ": record " + std::to_string(r.index) + ": " + fault);
   }

@@ -38,13 +38,13 @@ void refuse_existing(const std::string& path) {
               path + ": exists already; runs are never overwritten, choose another name");
 }
 
-// Other processes may add labels and notes.
+// Maximum wait for another process that adds a label or a note.
 constexpr std::int64_t longest_wait_ns = 30'000'000'000;
 constexpr auto retry_pause = std::chrono::milliseconds(10);
-// Cache of SQLite, which a run fills in its first minutes. It holds all pages of the WAL, so that
-// data not yet in the database exist twice.
+// Page cache of SQLite. It is large enough for all pages of the WAL, so that data not yet in the
+// database exist twice. A run fills it in the first minutes.
 constexpr const char* page_cache = "PRAGMA cache_size=-2000";  // KiB
-constexpr int checkpoint_pages = 400;                          // pages of 4 KiB
+constexpr int checkpoint_pages = 400;  // length of the WAL, in pages of 4 KiB
 
 std::string damage_during_the_run(sqlite3* db, const std::string& path) {
   const std::string fault = damage(db, path);
@@ -52,7 +52,7 @@ std::string damage_during_the_run(sqlite3* db, const std::string& path) {
 }
 
 // Returns the error that readers of the run would throw because another program changed its tables;
-// empty if none.
+// empty if readers accept the run.
 std::string refusal_of_readers(sqlite3* db, const std::string& path) {
   try {
     check_identity(db, path);
@@ -67,7 +67,7 @@ std::int64_t now_ns() {
   return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-// Throws Error(failed) for a valid sensor with data that do not match its axis.
+// Inserts a record. Throws Error(failed) if the data of a valid sensor do not match its axis.
 void append_row(Statement& row, const std::string& path, const std::vector<Axis>& axes,
                 std::size_t histograms, const FusedRecord& r) {
   const std::string place = path + ": record " + std::to_string(r.index) + ": ";
@@ -78,7 +78,7 @@ void append_row(Statement& row, const std::string& path, const std::vector<Axis>
   const auto expect = [&](const char* what, std::size_t got, std::size_t wanted) {
     if (got != wanted)
       throw Error(ExitCode::failed, place + what + " has " + std::to_string(got) +
-                                        " values, but its axis " + std::to_string(wanted));
+                                        " values, but its axis has " + std::to_string(wanted));
   };
   Blobs blobs;
   Bytes array, depth;
@@ -101,7 +101,7 @@ void append_row(Statement& row, const std::string& path, const std::vector<Axis>
     expect("depth", r.depth_mm.size(), count_of("depth_x") * count_of("depth_y"));
     if (!r.depth_mm.empty() && r.depth_mm.size() <= max_depth_pixels)
       depth = deflated(as_bytes(r.depth_mm), depth_level);
-    if (depth.empty()) {  // data of a camera never end a run
+    if (depth.empty()) {  // a bad depth image does not end the run
       FusedRecord without = r;
       without.valid.erase(Sensor::depth);
       without.sync[Sensor::depth].verdict = "cannot be stored";
@@ -131,7 +131,7 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& 
     begin_writing();
   } catch (...) {
     handle_.reset();
-    if (ours) ::unlink(path.c_str()), remove_side_files(path);  // without a record
+    if (ours) ::unlink(path.c_str()), remove_side_files(path);  // the file has no records yet
     throw;
   }
 }
@@ -152,10 +152,10 @@ void RunWriter::make(const RunInfo& info, const Begin& begin) {
   insert(db_, path_, own);
   if (begin) begin(*this);
   execute(db_, path_, "COMMIT", "cannot create the run file");
-  use_wal();  // before other processes can read it
+  use_wal();  // before the file is visible to other processes
 }
 
-// From here on the WAL is bound to the run and watched.
+// Opens the published file, binds the WAL to the run and starts to watch both files.
 void RunWriter::begin_writing() {
   open(path_);
   reserve();
@@ -213,7 +213,7 @@ void RunWriter::use_wal() {
   execute(db_, path_, "PRAGMA synchronous=FULL", "cannot set up");
 }
 
-// After the first write, which creates the WAL.
+// Starts to watch the files. Call after the first write, which creates the WAL.
 void RunWriter::ready() {
   watch_ = std::make_unique<FileWatch>(path_);
   const auto hook = [](void* self, sqlite3*, const char*, int pages) {
@@ -221,7 +221,7 @@ void RunWriter::ready() {
     if (pages >= checkpoint_pages) static_cast<RunWriter*>(self)->checkpoint();
     return SQLITE_OK;
   };
-  sqlite3_wal_hook(db_, hook, this);  // replaces SQLite's own checkpoints, so that ours are known
+  sqlite3_wal_hook(db_, hook, this);  // replaces SQLite's automatic checkpoints
 }
 
 void RunWriter::checkpoint() {
@@ -232,13 +232,14 @@ void RunWriter::checkpoint() {
   if (taken_over != in_wal) watch_->note_commit();
 }
 
-// Ends like a killed process: keeps the -wal, which marks an unclosed run.
+// Without close(), keeps the -wal like a killed process, because it marks a run that was not
+// closed.
 RunWriter::~RunWriter() {
   if (db_) sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
 }
 
 void RunWriter::in_transaction(const std::function<void()>& body) {
-  if (!watch_) return body();  // transaction of the constructor
+  if (!watch_) return body();  // the constructor has its own transaction
   require_sound();
   execute(db_, path_, "BEGIN IMMEDIATE", "cannot write");
   try {
@@ -248,7 +249,7 @@ void RunWriter::in_transaction(const std::function<void()>& body) {
     const int code = sqlite3_errcode(db_);
     if (code == SQLITE_CORRUPT || code == SQLITE_NOTADB)
       harm_ = std::string("was damaged during the run: ") + sqlite3_errstr(code);
-    // A full disk may already have caused a rollback.
+    // SQLite may already have rolled back, e.g. because the disk is full.
     if (!sqlite3_get_autocommit(db_)) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
     throw;
   }
@@ -269,22 +270,22 @@ std::optional<std::string> RunWriter::new_label(UtcTime before) {
   require_sound();
   Statement s(db_, path_, "SELECT id, level, utc, text FROM event WHERE id > ? ORDER BY id");
   s.bind(last_event_);
-  const std::string end = iso8601(before);  // texts of one format sort like their times
+  const std::string end = iso8601(before);  // ISO 8601 times sort as text
   std::optional<std::string> label;
   while (s.step()) {
     const std::int64_t id = s.integer();
     const bool is_label = s.text() == "label";
-    if (is_label && s.text() >= end) break;  // label of a later slot
+    if (is_label && s.text() >= end) break;  // a label for a later slot
     last_event_ = id;
     if (is_label) label = s.text();
   }
   return label;
 }
 
-// Throws if the file is not a sound database any more. Allows writes of other programs, such as
-// their checkpoints.
+// Throws if a file of the run is missing, replaced or damaged. Other programs may write to the
+// database, e.g. in a checkpoint.
 void RunWriter::require_sound() {
-  if (!watch_) return;  // during creation, unknown to other processes
+  if (!watch_) return;  // during creation, before other processes can open the file
   watch_->restore_index();
   if (harm_.empty()) harm_ = watch_->lost();
   const bool touched = std::exchange(touched_, false) || watch_->touched();
@@ -297,12 +298,14 @@ void RunWriter::require_sound() {
   throw_harm();
 }
 
-// Before the WAL is emptied, because that would make damage permanent.
+// Throws unless the database is undamaged and complete. Call before the WAL is emptied, because
+// emptying it would make damage permanent.
 void RunWriter::require_whole() {
   harm_ = damage_during_the_run(db_, path_);
   if (harm_.empty())
     if (const std::int64_t found = count_records(db_, path_); found != records_)
-      harm_ = "holds " + std::to_string(found) + " records of " + std::to_string(records_);
+      harm_ =
+          "contains " + std::to_string(found) + " records instead of " + std::to_string(records_);
   throw_harm();
 }
 
@@ -317,8 +320,8 @@ bool RunWriter::close(const std::string& status, std::int64_t unwritten) {
   } catch (const Error&) {
     leave(status);
   }
-  // Two ways on a full disk: empty the WAL, or, if the file cannot grow for that, free the reserve
-  // first.
+  // On a full disk, the status needs free space. Emptying the WAL frees it if the database need not
+  // grow; otherwise the reserve is freed.
   sqlite3_busy_timeout(db_, 0);
   unbind_wal(db_, path_);
   sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
@@ -349,7 +352,7 @@ void RunWriter::put_unwritten(std::int64_t records) {
     put_counters({&counted, 1});
     put_event(clock_.utc(), Severity::error, "run",
               "its last " + std::to_string(records) + " records are not written");
-  } catch (const Error&) {  // no space for the event either
+  } catch (const Error&) {  // the disk has no space for the event
   }
 }
 
@@ -359,7 +362,8 @@ void RunWriter::close_as_one_file(const std::string& status) {
                                       "are not in this file but in " + path_ + "-wal");
 }
 
-// Gives a reader that follows the run time to see its end and close.
+// Merges the WAL. Retries for half a second, so that a program that follows the run can read its
+// end and close the file.
 bool RunWriter::fold() {
   sqlite3_busy_timeout(db_, 0);
   constexpr auto pause = std::chrono::milliseconds(20);
@@ -371,7 +375,8 @@ bool RunWriter::fold() {
   return false;
 }
 
-// Does not touch the file at this path, which may belong to another program now.
+// Copies the committed records and closes. Does not write to the file at this path, because it may
+// belong to another program.
 void RunWriter::leave(const std::string& status) {
   lock_->empty();
   const Rescue kept = rescue(db_, path_, status, clock_.utc(), records_);
@@ -383,7 +388,8 @@ void RunWriter::leave(const std::string& status) {
   throw Error(ExitCode::disk, path_ + ": " + harm_ + "; " + kept.text);
 }
 
-// Space for the row of the run, including the configuration, and for a reader's index file.
+// Reserves space for the row of the run, with its configuration, and for the index file of a
+// reader.
 void RunWriter::reserve() const { lock_->reserve(128 << 10); }
 
 void RunWriter::put_axis(const Axis& axis) {
@@ -391,7 +397,7 @@ void RunWriter::put_axis(const Axis& axis) {
   axes_.push_back(axis);
 }
 
-// Replaces the row without an answer written by put_policy().
+// Replaces the row that put_policy() wrote before the device answered.
 void RunWriter::put_device(const DeviceInfo& device) {
   in_transaction([&] {
     const std::string name = name_of(device.sensor);

@@ -17,9 +17,9 @@ namespace echofuse::record {
 namespace {
 
 using FileHead = std::array<std::uint8_t, 32>;
-constexpr std::size_t most_of_journal = 1 << 18;  // more than a sector and a page
+constexpr std::size_t most_of_journal = 1 << 18;  // exceeds the size of a sector and a page
 
-// Reads the first bytes of a file, padded with zeros.
+// Returns the first bytes of a file, padded with zeros.
 FileHead header_of(const RegularFile& file) {
   FileHead out{};
   static_cast<void>(file.read(out));
@@ -43,7 +43,7 @@ std::string text_of(std::optional<std::uint32_t> key) {
   return text;
 }
 
-// Without a stored key any -wal is accepted.
+// Compares the key of a -wal with the stored key. Accepts any -wal if the run has no stored key.
 bool is_own(std::uint32_t found, const std::string& stored) {
   constexpr std::int64_t most_restarts = 1 << 16;
   std::uint32_t expected = 0;
@@ -60,7 +60,7 @@ std::string key_in(sqlite3* db, const std::string& path) {
   return key.step() ? key.text() : "";
 }
 
-// Readers without WAL access can then see the key.
+// Writes the key into the database file, for readers without access to the WAL.
 void checkpoint(sqlite3* db, const std::string& path) {
   if (sqlite3_wal_checkpoint_v2(db, nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr) !=
       SQLITE_OK)
@@ -68,12 +68,12 @@ void checkpoint(sqlite3* db, const std::string& path) {
 }
 
 struct BoundKey {
-  std::string key;       // empty: missing
-  bool records = false;  // true if it has content
+  std::string key;       // empty if missing
+  bool records = false;  // true if the run has records
 };
 
-// Reads the database file alone, without side files. Returns nothing if it is not a run, or
-// damaged.
+// Reads the key from the database file, without its side files. Returns nothing if the file is
+// damaged or not a run.
 std::optional<BoundKey> stored_in(const std::string& path) {
   std::error_code none;
   Budget budget = Budget::of_file(std::filesystem::file_size(path, none));
@@ -87,7 +87,7 @@ std::optional<BoundKey> stored_in(const std::string& path) {
   try {
     Statement records(db, path, "SELECT EXISTS(SELECT 1 FROM record)");
     return BoundKey{.key = key_in(db, path), .records = records.step() && records.integer() != 0};
-  } catch (const Error&) {  // a reader reports why
+  } catch (const Error&) {  // a reader of the run reports the reason
     return std::nullopt;
   }
 }
@@ -101,7 +101,7 @@ std::optional<BoundKey> stored_in(const std::string& path) {
 
 std::optional<std::uint32_t> wal_key(const std::string& path) {
   const FileHead header = wal_header(path);
-  constexpr std::uint32_t magic = 0x377f0682;  // the last bit is the byte order of checksums
+  constexpr std::uint32_t magic = 0x377f0682;  // the last bit is set for big-endian checksums
   if ((big_endian(header.data()) & ~1u) != magic) return std::nullopt;
   return big_endian(header.data() + 16) - big_endian(header.data() + 12);
 }
@@ -114,8 +114,9 @@ bool lacks_wal(const std::string& path) {
   return !unbound;
 }
 
-// The first write creates the header; SQLite writes nothing for an unchanged value. TRUNCATE
-// restarts the count of this connection: at 0 SQLite may choose new salts.
+// The first write creates the header of the WAL; it must change the value, because SQLite does not
+// write an unchanged one. The TRUNCATE checkpoint raises the checkpoint count of this connection
+// above 0, because SQLite chooses new salts at 0.
 void bind_wal(sqlite3* db, const std::string& path) {
   put_key(db, path, "none");
   const std::string key = text_of(wal_key(path));
@@ -127,7 +128,7 @@ void bind_wal(sqlite3* db, const std::string& path) {
 void unbind_wal(sqlite3* db, const std::string& path) {
   try {
     put_key(db, path, "none");
-  } catch (const Error&) {  // full disk: the key stays until the run is closed
+  } catch (const Error&) {  // full disk: the key remains until the run is closed
   }
 }
 
@@ -154,7 +155,7 @@ void require_own_journal(const std::string& path) {
   if (bytes.size() < sizeof(FileHead) ||
       std::string_view(reinterpret_cast<const char*>(bytes.data()), magic.size()) != magic)
     return;
-  // Layout: a header of one sector, then page number, page and checksum.
+  // A journal has a header of one sector, then the page number, the page and its checksum.
   const std::size_t sector = big_endian(bytes.data() + 20), page = big_endian(bytes.data() + 24);
   if (!lacks_wal(path)) refuse(path, name, "a run with a -wal must not have one");
   if (bytes.size() > sector + page + 8) refuse(path, name, "it has more than one page");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// SQLite's side files of an open run, which are applied only if they belong to it.
+// Checks that SQLite's side files of an open run belong to this run before SQLite applies them.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -9,32 +9,34 @@ struct sqlite3;
 
 namespace echofuse::record {
 
-// Member of run.meta of an open run: the key of its -wal, 8 hexadecimal digits.
+// Key in the metadata of an open run. Its value identifies the -wal: 8 hexadecimal digits.
 inline constexpr const char* wal_key_name = "wal_key";
-// Assignment that removes the key, when the run closes.
+// SQL assignment that removes the key when the run is closed.
 inline constexpr const char* without_wal_key = "meta = json_remove(meta, '$.wal_key')";
 
-// Returns the key of the -wal of the run `path`: (salt 1 - checkpoint number) mod 2^32 of its
-// header. The key is constant while one connection restarts the -wal. Other connections change it
-// by a number of restarts, because SQLite counts them per connection. Returns nothing if the file
-// or its header is missing.
+// Returns the key of the -wal of the run `path`, (salt 1 - checkpoint number) mod 2^32 from its
+// header; nothing if the file or its header is missing. The key is constant while the same
+// connection restarts the -wal. Another connection changes the key by a number of restarts, because
+// SQLite counts restarts per connection.
 std::optional<std::uint32_t> wal_key(const std::string& path);
-// Returns true if the -wal is missing, empty or zeros, and the run was bound to one or has records:
-// some may be lost. A run killed before bind_wal() wrote its key has lost none.
+// Returns true if the -wal is missing, empty or filled with zeros, although the run was bound to
+// one or has records. Records may then be lost. A run that was killed before bind_wal() wrote its
+// key has lost no records.
 bool lacks_wal(const std::string& path);
-// Creates the -wal of a run that this process begins to write, and stores its key in the run.
+// Creates the -wal of a new run and stores the key of the -wal in the run.
 void bind_wal(sqlite3* db, const std::string& path);
-// Call before the -wal is emptied to close the run, so that a kill loses nothing.
+// Marks the run as not bound to a -wal. Call before the -wal is emptied at the end, so that readers
+// accept the run if the process is then killed.
 void unbind_wal(sqlite3* db, const std::string& path);
 // Stores the key again if another connection created a new header, e.g. by a TRUNCATE checkpoint.
 void rebind_wal(sqlite3* db, const std::string& path);
 
-// Throws Error(failed) if the key of the -wal is more than 65 536 restarts from the run's key.
-// Accepts any -wal for a run without a key. Call before SQLite opens the run, while no process
-// writes it.
+// Throws Error(failed) if the key of the -wal differs from the key in the run by more than 65 536
+// restarts. Accepts any -wal for a run without a key. Call before SQLite opens the run, and only
+// while no process is writing it.
 void require_own_wal(const std::string& path);
-// Throws Error(failed) for a -journal next to a -wal, or with more than the first page. SQLite
-// writes only that page, and without a -wal, when it closes a run.
+// Throws Error(failed) if the -journal is next to a -wal or contains more than the first page. When
+// SQLite closes a run, its -journal contains only this page, and the -wal does not exist.
 void require_own_journal(const std::string& path);
 
 }  // namespace echofuse::record

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The SQLite calls in use, with exceptions for errors.
+// Wrappers for the SQLite calls in use. Errors become exceptions.
 #pragma once
 #include <sqlite3.h>
 #include <unistd.h>
@@ -18,12 +18,13 @@
 
 namespace echofuse::record {
 
-// Error for a database that returns rows without end.
+// Returns the error for a database that yields more data than its size allows.
 inline Error damaged(const std::string& path) {
   return {ExitCode::failed, printable(path) + ": damaged: it contains more than its size allows"};
 }
 
-// Throws with the file's name; ExitCode::disk for a full disk or a failed write.
+// Throws Error with the file name and the message of SQLite. Its code is ExitCode::disk for a full
+// disk, a locked file or a failed write.
 [[noreturn]] inline void sqlite_fail(sqlite3* db, const std::string& path, const char* doing) {
   const int code = sqlite3_errcode(db);
   if (code == SQLITE_INTERRUPT) throw damaged(path);
@@ -36,7 +37,7 @@ inline Error damaged(const std::string& path) {
           (held ? "another program holds a write transaction" : printable(sqlite3_errmsg(db))));
 }
 
-// Returns SQLite's side files of this database name.
+// Returns the existing side files of a database.
 inline std::vector<std::string> side_files(const std::string& path) {
   std::vector<std::string> out;
   for (const char* suffix : {"-wal", "-shm", "-journal"})
@@ -44,7 +45,7 @@ inline std::vector<std::string> side_files(const std::string& path) {
   return out;
 }
 
-// Checks every file that SQLite would open for an unclosed database of this name.
+// Throws unless the database and its side files are regular files.
 inline void require_regular_files(const std::string& path) {
   if (::access(path.c_str(), F_OK) == 0) require_regular(path, ExitCode::failed);
   for (const std::string& file : side_files(path)) require_regular(file, ExitCode::failed);
@@ -52,8 +53,9 @@ inline void require_regular_files(const std::string& path) {
 
 using DatabaseHandle = std::unique_ptr<sqlite3, int (*)(sqlite3*)>;
 
-// Returns byte 18 of the header if byte 19 is equal: 1 for a closed run, 2 for one with a WAL;
-// otherwise 0. Uses SQLite's own descriptor, because closing another one would release its locks.
+// Returns the file format version from bytes 18 and 19 of the header: 1 for a closed run, 2 for a
+// run with a WAL, 0 if the bytes differ. Reads through SQLite's file descriptor, because closing
+// another descriptor of the file would release SQLite's locks.
 inline int journal_version(sqlite3* db) {
   sqlite3_file* file = nullptr;
   std::uint8_t versions[2] = {};
@@ -62,7 +64,8 @@ inline int journal_version(sqlite3* db) {
   return versions[0] == versions[1] ? versions[0] : 0;
 }
 
-// A closed run is immutable: side files are not applied. Returns false if it cannot be opened.
+// Returns true for a closed run, to which side files are not applied. Returns false if the file
+// cannot be opened.
 inline bool is_closed(const std::string& path) {
   sqlite3* db = nullptr;
   const int code = sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READONLY, nullptr);
@@ -70,7 +73,7 @@ inline bool is_closed(const std::string& path) {
   return code == SQLITE_OK && journal_version(db) == 1;
 }
 
-// Returns a URI by which SQLite reads the database file alone.
+// Returns a URI with which SQLite reads only the database file, without side files.
 inline std::string immutable_uri(const std::string& path) {
   std::string uri = "file:";
   for (const char c : path)
@@ -78,8 +81,8 @@ inline std::string immutable_uri(const std::string& path) {
   return uri + "?immutable=1";
 }
 
-// Opens an existing file for reading and writing; `flags`: further SQLITE_OPEN_* flags. Throws like
-// sqlite_fail().
+// Opens an existing database for reading and writing. `flags`: additional SQLITE_OPEN_* flags.
+// Throws the same errors as sqlite_fail().
 inline DatabaseHandle open_database(const std::string& path, const char* doing, int flags = 0) {
   require_regular_files(path);
   sqlite3* db = nullptr;
@@ -89,10 +92,11 @@ inline DatabaseHandle open_database(const std::string& path, const char* doing, 
   return out;
 }
 
-// Prepared statement; bind and column work in order, from the first.
+// Prepared statement. Parameters are bound and columns are read in order, beginning with the first.
 class Statement {
  public:
-  // Throws if a row's texts and blobs together exceed most_bytes.
+  // `most_bytes`: limit for the total size of the texts and blobs that are read. Throws Error
+  // beyond it.
   Statement(sqlite3* db, const std::string& path, const char* sql,
             std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max())
       : db_(db), path_(path), bytes_left_(most_bytes) {
@@ -114,13 +118,13 @@ class Statement {
     return check(sqlite3_bind_text(handle_, ++bound_, v.data(), static_cast<int>(v.size()),
                                    SQLITE_TRANSIENT));
   }
-  // Stores an empty view as NULL (missing sensor). The bytes must live until run().
+  // Binds an empty view as NULL (missing sensor). The bytes must remain valid until run().
   Statement& bind(ByteView v) {
     return check(v.empty() ? sqlite3_bind_null(handle_, ++bound_)
                            : sqlite3_bind_blob(handle_, ++bound_, v.data(),
                                                static_cast<int>(v.size()), SQLITE_STATIC));
   }
-  // Steps to the next row; returns false at the end.
+  // Advances to the next row. Returns false after the last row.
   bool step() {
     column_ = 0;
     const int code = sqlite3_step(handle_);
@@ -128,7 +132,7 @@ class Statement {
     if (code == SQLITE_DONE) return false;
     sqlite_fail(db_, path_, "cannot read or write");
   }
-  // Runs to the end, then resets all parameters to NULL.
+  // Executes the whole statement, then resets all parameters to NULL.
   void run() {
     while (step()) {
     }

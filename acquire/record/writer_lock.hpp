@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Lock of a run's writer, which holds RUN-lock while it lives. Readers use it to distinguish a live
-// run from a crashed one. A separate file, because closing any descriptor of the database itself
-// would release SQLite's locks.
+// Lock file RUN-lock, which the process that writes a run holds until it ends. Readers use it to
+// distinguish a live run from a crashed one. It is a separate file, because closing any descriptor
+// of the database file would release SQLite's locks.
 #pragma once
 #include <string>
 

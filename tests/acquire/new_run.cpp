@@ -27,7 +27,7 @@ TEST_CASE("a run name may contain dots, and percent signs only in time fields") 
   for (const char* name : {"laser_50%_gain", "50%", "50%gain", "100% on"}) {
     const auto [code, text] = error_of([&] { record::new_run(name); });
     CHECK(code == ExitCode::usage);
-    CHECK(has(text, "is not a field of the time; expected %Y,"));
+    CHECK(has(text, "is not a supported time field; expected %Y,"));
   }
 }
 

@@ -235,7 +235,8 @@ TEST_CASE("a run with missing records does not get status complete") {
   std::string said;
   SECTION("rows deleted") {
     sql(open(path), "DELETE FROM record WHERE idx = 4");
-    said = "holds 5 records of 6; 5 of its 6 records are in " + folder / "a.rescued.sqlite";
+    said =
+        "contains 5 records instead of 6; 5 of its 6 records are in " + folder / "a.rescued.sqlite";
   }
   SECTION("rows deleted, then the file without its -wal") {
     sql(open(path), "DELETE FROM record WHERE idx = 4");

@@ -188,7 +188,7 @@ TEST_CASE("an array that does not match its axis is not written") {
   r.array.resize(5);
   const auto [code, text] = error_of([&] { writer.append(r); });
   CHECK(code == ExitCode::failed);
-  CHECK_THAT(text, Catch::Contains("record 0: array has 5 values, but its axis 164"));
+  CHECK_THAT(text, Catch::Contains("record 0: array has 5 values, but its axis has 164"));
 }
 
 TEST_CASE("beamforming recovers direction and power of a wave despite channel errors") {

@@ -292,7 +292,7 @@ TEST_CASE("a record that does not match its axes is not written") {
   put_axes(run);
   auto record = small_record(0);
   record.spd.pop_back();
-  CHECK(has(error_of([&] { run.append(record); }).second, "spd has 7 values, but its axis 8"));
+  CHECK(has(error_of([&] { run.append(record); }).second, "spd has 7 values, but its axis has 8"));
   run.append(small_record(0));
   CHECK(run.records() == 1);
 }
