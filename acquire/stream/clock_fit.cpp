@@ -23,7 +23,8 @@ constexpr double late_limit_s = 0.1;
 constexpr double other_rate = 0.05;
 constexpr auto late_long = 3s;
 constexpr unsigned late_samples = 10;
-// A damaged time may have any value; as nanoseconds it must still fit in 64 bits.
+// Limit for host times, because a damaged device time may have any value, but nanoseconds must fit
+// in 64 bits.
 constexpr double farthest_s = 1e9;
 
 }  // namespace
@@ -118,7 +119,7 @@ void ClockFit::take(const ClockSample& sample) {
 }
 
 void ClockFit::fit() {
-  std::vector<ClockSample> hull;  // lower hull, by Andrew's monotone chain
+  std::vector<ClockSample> hull;  // lower convex hull, by Andrew's monotone chain
   double middle_s = 0;
   for (const Least& least : history_) {
     const ClockSample& p = least.sample;
@@ -164,7 +165,7 @@ HostTime ClockFit::taken(std::uint64_t ticks, HostTime received) const {
 
 std::optional<record::ClockState> ClockFit::state(HostTime at) const {
   if (!sound()) return std::nullopt;
-  // Device time at that moment: solves d + line(d) = host.
+  // Solves device_s + line(device_s) = host_s for the device time.
   const double host_s = seconds(at - began_);
   const double device_s = (host_s - intercept_s_) / (1 + slope_);
   return record::ClockState{.offset_s = seconds(at) - (first_s_ + device_s),
@@ -173,7 +174,7 @@ std::optional<record::ClockState> ClockFit::state(HostTime at) const {
                             .samples = samples_};
 }
 
-// The last event of a block is used, because it waited least before the block was sent.
+// Uses only the last event of a block, because it was delayed least by the collection of the block.
 void SensorClocks::observe(const TagBlock& block) {
   const auto last =
       std::find_if(block.tags.rbegin(), block.tags.rend(), std::mem_fn(&Tag::is_time_tag));

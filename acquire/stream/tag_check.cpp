@@ -15,7 +15,8 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::uint64_t sorted_within_ps = 1'000'000;
-constexpr std::size_t most_moves = 1000;  // entries per event
+// Maximum distance by which sorting moves an event, in events.
+constexpr std::size_t most_moves = 1000;
 constexpr std::size_t most_events = 20'000;
 constexpr auto clock_time = 2s, overflow_time = 3s;
 constexpr double clock_share = 0.1, like_before = 0.05;
@@ -44,7 +45,8 @@ bool near(double value, double wanted, double share) {
   return std::abs(value - wanted) <= share * wanted;
 }
 
-// Returns the shortest frequent gap, because a damaged time does not repeat. The gaps are sorted.
+// Returns the shortest frequent gap. Rare gaps are ignored, because damaged times cause them. The
+// gaps must be sorted.
 double shortest_often(const std::vector<std::uint64_t>& gaps_ps) {
   for (std::size_t i = 0; i + enough <= gaps_ps.size(); ++i) {
     const auto from = static_cast<double>(gaps_ps[i]);
@@ -61,7 +63,7 @@ std::uint64_t count_near(const std::vector<std::uint64_t>& values, double wanted
 }  // namespace
 
 std::string comb_text(long double step_ps, std::int64_t bin_width_ps) {
-  // Bins of few steps are uneven: some contain one step more than their neighbours.
+  // With fewer steps per bin it matters if some bins contain one step more than their neighbours.
   constexpr long double few = 20;
   const long double steps = static_cast<long double>(bin_width_ps) / step_ps;
   if (steps >= few || std::abs(steps - std::round(steps)) <= 1e-6L * steps) return {};
@@ -75,7 +77,7 @@ TagCheck::TagCheck(const tdc::HistogramSettings& use, bool live, ReportFault rep
     : use_(use), live_(live), report_(std::move(report)) {}
 
 void TagCheck::take(const TagBlock& block, const Output& out) {
-  if (block.lost_blocks > 0) {  // previous connection
+  if (block.lost_blocks > 0) {  // the state may be that of a previous connection
     last_ps_.reset(), clock_from_.reset(), clock_ratio_.reset(), overflow_from_.reset();
     highest_ps_ = offset_ps_ = 0;
   }
@@ -121,7 +123,8 @@ void TagCheck::pass(const TagBlock& block, const Output& out, bool plain) {
   out(block);
 }
 
-// Returns true for time tags in order only. Without branches, because each tag of a run is tested.
+// Returns true if the block contains only time tags, and these are in order. The loop has no
+// branches, because every tag of a run is tested.
 bool TagCheck::is_plain(const TagBlock& block) const {
   if (block.tags.empty()) return true;
   auto last = last_ps_.value_or(static_cast<std::uint64_t>(block.tags.front().time_ps));
@@ -134,7 +137,8 @@ bool TagCheck::is_plain(const TagBlock& block) const {
   return !odd;
 }
 
-// Returns the number of events that no event of the next block can precede.
+// Returns the number of events that need not wait, because later blocks cannot contain earlier
+// events.
 std::size_t TagCheck::ready() const {
   std::size_t count = repaired_.size();
   const auto may_be_preceded = [&](const Tag& tag) {
@@ -164,7 +168,7 @@ bool TagCheck::in_order(const TagBlock& block) const {
   return true;
 }
 
-// Moves an event after the wraps before it.
+// Detects wraps and steps back. Adds the offset of all previous wraps to the time of the event.
 void TagCheck::repair(Tag& tag) {
   const auto time = static_cast<std::uint64_t>(tag.time_ps);
   const auto step = static_cast<std::int64_t>(time - last_ps_.value_or(time));
@@ -239,8 +243,11 @@ void TagCheck::check_second(HostTime received) {
   if (live_) check_clock(received);
   check_overflow(received);
   if (wrapped_ > 0)
-    found(wrap, std::exchange(wrapped_, 0),
-          format("restarts of the tagger's time at 2^%u ps, continued in the run", wrap_bits_));
+    found(
+        wrap, std::exchange(wrapped_, 0),
+        format(
+            "restarts of the tagger's time at 2^%u ps; times in the run continue without a restart",
+            wrap_bits_));
   if (sorted_ > 0)
     found(order, std::exchange(sorted_, 0), "events out of order by up to 1 us, sorted");
   check_starts();
@@ -249,7 +256,7 @@ void TagCheck::check_second(HostTime received) {
     found(back, std::exchange(stepped_back_, 0),
           "steps back of the tagger's time by up to " +
               time_text(static_cast<double>(farthest_back_ps_)) +
-              "; check for a wrap or a restart");
+              "; check whether its counter wraps or restarts");
   sample_ = {};
   last_start_ps_.reset();
   second_from_ = received;
@@ -273,9 +280,11 @@ void TagCheck::check_clock(HostTime received) {
   const double slower = std::round(1 / ratio);
   const std::string at = ratio < 1 && near(1 / ratio, slower, 0.03) ? format("1/%.0f of", slower)
                                                                     : format("%.4g times", ratio);
-  found(clock, 1,
-        "intervals of 2 s in which the tagger's clock runs at " + at +
-            " the host's; expected times in ps. Samples use the time of receipt");
+  found(
+      clock, 1,
+      "intervals of 2 s in which the tagger's clock runs at " + at +
+          " the rate of the host clock; check that its times are in ps. Times of receipt are used "
+          "instead");
 }
 
 void TagCheck::check_overflow(HostTime received) {
@@ -292,7 +301,7 @@ void TagCheck::check_starts() {
   const auto count = static_cast<double>(gaps.size());
   const bool filtered = sample_.starts < 2 * sample_.firsts;
   double period_ps = shortest_often(gaps);
-  // A second start splits a period into a short gap and the rest.
+  // A doubled start splits the period into a short gap and a long gap.
   const double long_ps = static_cast<double>(gaps[gaps.size() * 9 / 10]) / 4;
   const auto border = std::ranges::lower_bound(gaps, static_cast<std::uint64_t>(long_ps));
   std::vector<std::uint64_t> shorts(gaps.begin(), border), longs(border, gaps.end());
@@ -305,12 +314,12 @@ void TagCheck::check_starts() {
             0.8 * static_cast<double>(shorts.size())) {
       found(doubled, shorts.size(),
             "starts followed by a second one after " + time_text(usual_ps) +
-                "; check for a reflection on the start line, and the trigger level");
+                "; check the trigger level, and the start line for a reflection");
       period_ps = static_cast<double>(gaps.back());
     }
   }
-  // Nearly all gaps must be whole numbers of periods; otherwise the starts are not periodic, or too
-  // few.
+  // Nearly all gaps must be whole multiples of the period. Otherwise the starts are not periodic,
+  // or there are too few of them.
   std::uint64_t lost = 0;
   double whole = 0, next = 0;
   for (const std::uint64_t gap : gaps) {
@@ -329,7 +338,8 @@ void TagCheck::check_starts() {
               rate_text(1e12 / period_ps));
   period_ps_ = period_ps;
   const double share = static_cast<double>(lost) / (static_cast<double>(lost) + count);
-  // Lost starts are isolated, unlike a change of the rate. Steps back displace starts.
+  // Lost starts are isolated gaps, whereas a change of the rate affects all gaps. Steps back in
+  // time also displace starts.
   std::uint64_t changes = 0;
   for (std::size_t i = 1; i < in_time.size(); ++i)
     changes += near(static_cast<double>(in_time[i - 1]), period_ps, 0.1) !=
@@ -358,11 +368,13 @@ void TagCheck::check_clicks() {
   });
   if (static_cast<double>(around) < 0.5 * static_cast<double>(sample_.seconds)) return;
   if (delay_ps < static_cast<double>(use_.dead_time_ps)) return;
-  found(second, sample_.seconds,
-        "clicks are followed by a second one after " + time_text(delay_ps) +
-            format(", a second peak %.2f m behind the first: afterpulses or a reflection; "
-                   "tdc.dead_time_ps removes it",
-                   delay_ps / ps_per_m));
+  found(
+      second, sample_.seconds,
+      "clicks are followed by a second one after " + time_text(delay_ps) +
+          format(
+              ", which causes a second peak %.2f m behind the first: afterpulses or a reflection; "
+              "tdc.dead_time_ps removes it",
+              delay_ps / ps_per_m));
 }
 
 void TagCheck::found(FaultType kind, std::uint64_t count, const std::string& cause) {

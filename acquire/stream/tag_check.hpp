@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: MIT
-// Checks a time tagger's stream, and repairs two faults. Pure.
-//   wrap         times restart at 2^32 or 2^40 ps: continued
-//   order        an event is up to 1 us earlier than its predecessor: sorted. Therefore events of
-//   the last 1 us of a block wait for the next block, in the first second and after any disorder
-//   back         other steps back
-//   clock        the device's clock runs at another rate than the host's
-//   overflow     an overflow does not end
-//   missing      gaps of several laser periods between starts, without a conditional filter
-//   doubled      a start is followed by a second one within its period
-//   period       the laser's period changes
-//   steps        the step of the tags does not divide the bin width
-//   second       a click is followed by a second one after a fixed time
+// Checks the event stream of a time tagger for faults, and repairs the first two. Pure.
+//   wrap         times restart at 2^32 or 2^40 ps; an offset is added to the later times
+//   order        an event is up to 1 us earlier than its predecessor; events are sorted. For this,
+//                events in the last 1 us of a block wait for the next block, in the first second
+//                and after any event out of order
+//   back         times go back for another reason
+//   clock        the device clock runs at another rate than the host clock
+//   overflow     an overflow does not end within 3 s
+//   missing      gaps between starts are several laser periods long, but starts are not filtered
+//   doubled      a start is followed by a second start within its period
+//   period       the laser period changes
+//   steps        the bin width is not a multiple of the time step of the tags
+//   second       a click is followed by a second click after a fixed time
 // The last five faults are tested on the first 20,000 events of each second.
 #pragma once
 #include <array>
@@ -25,23 +26,24 @@
 
 namespace echofuse::acquire {
 
-// Returns a warning that bins are uneven for tags in steps of `step_ps`, with a suitable bin width;
-// empty if they are even.
+// Returns a warning with a suitable bin width if tags in steps of `step_ps` make the bins uneven;
+// otherwise an empty string.
 std::string comb_text(long double step_ps, std::int64_t bin_width_ps);
 
 class TagCheck {
  public:
   using ReportFault = std::function<void(const std::string&)>;
-  // `live`: reports each fault immediately, and tests the device's clock. For a recording, time is
-  // that of its tags.
+  // `live`: reports each fault immediately, and checks the device clock. In a recording, the times
+  // of receipt come from the tags themselves.
   TagCheck(const tdc::HistogramSettings& use, bool live, ReportFault report);
 
   using Output = std::function<void(const TagBlock&)>;
-  // Calls `out` with the waiting events, then with those of the block; times are repaired.
+  // Calls `out` with the events that waited for this block, then with the events of the block.
+  // Times are repaired.
   void take(const TagBlock& block, const Output& out);
-  // Calls `out` with the remaining events at the end of the stream.
+  // Calls `out` with the events that are still waiting. Call at the end of the stream.
   void flush(const Output& out);
-  // Reports faults not reported yet, and the counts of repeated ones.
+  // Reports the faults that were not reported yet, and the counts of repeated faults.
   void finish();
 
  private:
@@ -62,10 +64,11 @@ class TagCheck {
     std::uint64_t count = 0, reported = 0;
     std::string cause;
   };
-  struct SecondCounts {  // counts of the current second
+  struct SecondCounts {  // statistics of the first 20,000 events of a second
     std::size_t events = 0;
     std::uint64_t starts = 0, firsts = 0, seconds = 0;
-    std::vector<std::uint64_t> gaps_ps, delays_ps;  // between starts; from first to second click
+    // Gaps between starts; delays from the first to the second click after a start.
+    std::vector<std::uint64_t> gaps_ps, delays_ps;
     std::uint64_t step_ps = 0;
   };
 
@@ -74,7 +77,7 @@ class TagCheck {
   void repair(Tag& tag);
   void sort();
   std::size_t ready() const;
-  // `plain`: the result of is_plain().
+  // Checks the events and calls `out` with them. `plain`: result of is_plain().
   void pass(const TagBlock& block, const Output& out, bool plain = false);
   void check_tag(const Tag& tag, HostTime received);
   void take_marker(const Tag& tag, HostTime received);
@@ -93,9 +96,9 @@ class TagCheck {
   std::vector<Tag> repaired_, held_;
   HostTime held_received_{};
   bool hold_ = true;
-  std::optional<std::uint64_t> last_ps_;  // as sent by the device
+  std::optional<std::uint64_t> last_ps_;  // last time sent by the device, without repair
   std::uint64_t highest_ps_ = 0, offset_ps_ = 0;
-  // Counts of the current second.
+  // Counts of the faults in the current second.
   std::uint64_t wrapped_ = 0, stepped_back_ = 0, sorted_ = 0, farthest_back_ps_ = 0;
   unsigned wrap_bits_ = 0;
   struct ClockReading {
@@ -107,10 +110,10 @@ class TagCheck {
   std::optional<HostTime> second_from_, overflow_from_;
   bool overflow_told_ = false;
   std::optional<std::uint64_t> last_start_ps_, last_click_ps_;
-  unsigned clicks_ = 0;  // since the last start
+  unsigned clicks_ = 0;  // clicks since the last start
   SecondCounts sample_;
-  double period_ps_ = 0;   // start period; 0: unknown
-  double next_share_ = 0;  // share of starts followed by the start of the next pulse
+  double period_ps_ = 0;   // period of the starts; 0 if unknown
+  double next_share_ = 0;  // fraction of starts that are followed by the start of the next pulse
 };
 
 }  // namespace echofuse::acquire

@@ -127,8 +127,8 @@ TEST_CASE("backward steps of tag times are counted") {
 }
 
 TEST_CASE("a tagger clock that drifts from the host's is reported") {
-  const auto [divisor, text] =
-      GENERATE(table<std::int64_t, const char*>({{1000, "1/1000 of the host's"}, {2, "1/2 of"}}));
+  const auto [divisor, text] = GENERATE(table<std::int64_t, const char*>(
+      {{1000, "1/1000 of the rate of the host clock"}, {2, "1/2 of"}}));
   const Outcome run =
       run_of({.pulse = ordinary, .time = [d = divisor](std::int64_t t) { return t / d; }});
   CHECK(std::ranges::any_of(run.events, [&, t = std::string(text)](const auto& e) {
@@ -228,8 +228,9 @@ TEST_CASE("afterpulses cause an event that names the second peak") {
     ordinary(out, i, at);
     if (i % 25 == 0) out.push_back(tag(2, at + click_after(i) + 15 * ns));
   }});
-  CHECK_THAT(run.events.at(0), Catch::Contains("clicks are followed by a second one after 15 ns, "
-                                               "a second peak 2.25 m behind the first"));
+  CHECK_THAT(run.events.at(0),
+             Catch::Contains("clicks are followed by a second one after 15 ns, "
+                             "which causes a second peak 2.25 m behind the first"));
 }
 
 TEST_CASE("tags out of order by up to 1 us are sorted and counted") {
