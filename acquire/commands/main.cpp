@@ -133,7 +133,7 @@ ExitCode run(Options& o) {
   if (!o.align) o.run.on_doubt = config.on_doubt;
   if (!o.run.keep_raw.empty()) o.run.keep_raw = std::filesystem::absolute(o.run.keep_raw).string();
   catch_interrupts();
-  // Otherwise the allocator would never release the memory of the largest burst of samples.
+  // Makes the allocator return memory to the system after a large burst of samples.
   mallopt(M_TRIM_THRESHOLD, 256 << 10);
   std::optional<Viewer> viewer;
   if (o.view)
@@ -226,7 +226,8 @@ ExitCode annotate(const Options& o) {
   return ExitCode::ok;
 }
 
-// Lists FOLDER; by default run.folder of the configuration, or the working directory.
+// Lists the runs in FOLDER. Its default is run.folder of the configuration, or the working
+// directory.
 ExitCode list(const Options& o) {
   std::string folder = o.folder;
   if (folder.empty()) {

@@ -65,7 +65,7 @@ CLI::Option* add_time(CLI::App& command, const char* name, double& into_s, const
 }
 
 void add_run(CLI::App& app, Options& o) {
-  auto* c = app.add_subcommand("run", "record one fused record per slot, until Ctrl-C");
+  auto* c = app.add_subcommand("run", "record a run: one fused record per slot, until Ctrl-C");
   c->add_flag("-v,--verbose", o.verbose, "print one line per record on stderr");
   c->add_flag("--json", o.json, "print events on stdout as one JSON object per line");
   auto* out = c->add_option("--out", o.run.out, out_help)->type_name("RUN");

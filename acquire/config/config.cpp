@@ -178,7 +178,7 @@ class ConfigChecker {
   void attempt(std::initializer_list<const char*> keys, Body body) {
     try {
       body();
-    } catch (const Error& e) {  // its text has one error per line
+    } catch (const Error& e) {  // each line of the text is one error
       std::istringstream lines(e.what());
       for (std::string line; std::getline(lines, line);) complain(keys, line);
     }
@@ -241,7 +241,8 @@ void calibrate_antennas(Config& c) {
   }
 }
 
-// Throws if the baseline differs from that of the calibration, on which the radar offset depends.
+// Throws if the baseline is not the one during the calibration, because the radar offset depends on
+// it.
 void refuse_other_baseline(const Config& c) {
   constexpr double allowed_m = 5e-3;
   const double measured_m = c.calibration.baseline_m;

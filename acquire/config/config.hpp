@@ -42,7 +42,7 @@ struct Config {
   record::MapGrid map;
   SignalLimits signal;
   record::AlertLimits alert;
-  // Program and arguments of alert.on_doubt. Not part of `resolved`, which is stored in runs.
+  // Program and arguments of alert.on_doubt. `resolved` omits them, because runs store it.
   std::vector<std::string> on_doubt;
   Calibration calibration;       // contents of the file named by run.calibration
   record::Antennas antennas;     // calibrated antennas of the heat map; empty without a heat map
@@ -57,7 +57,7 @@ struct Config {
   std::string shown;     // like `resolved`, but with the origin of each value
 
   SensorSet configured() const;  // sensors with an address
-  SensorSet required() const;    // sensors required to start the run
+  SensorSet required() const;    // sensors that must answer before a run starts
   // Returns the configured rates of starts, radar frames and camera frames, per second; 0 if
   // unknown.
   PerSensor<double> nominal_hz() const;

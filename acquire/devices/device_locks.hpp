@@ -14,7 +14,7 @@ namespace echofuse::acquire {
 
 struct Holder {
   std::string who;  // e.g. "echofuse-acquire run, pid 4711, run /data/monday.sqlite"
-  std::string run;  // run file that this process writes; may be empty
+  std::string run;  // run file that the process writes; may be empty
 };
 
 // Returns the folder of the lock files. All users share it, so that each program sees the locks of

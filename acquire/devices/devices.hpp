@@ -83,7 +83,7 @@ class Devices final : private SampleSink {
   PerSensor<Status> status_;
   PerSensor<std::string> identities_;  // serial number, or model if it is unknown
   PerSensor<std::unique_ptr<Driver>> drivers_;
-  PerSensor<std::vector<Counter>> last_counters_;  // of drivers that have ended
+  PerSensor<std::vector<Counter>> last_counters_;  // counters of drivers that have ended
 };
 
 }  // namespace echofuse::acquire

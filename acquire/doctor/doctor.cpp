@@ -140,7 +140,7 @@ std::vector<Finding> findings_of(const Answer& answer, const Capture& capture, c
              .found = answer.text,
              .advice = "correct the configuration; `devices` lists the ports of each board",
              .failure = ExitCode::config}};
-  if (!answer.delivers) {  // the text contains the driver's last warning or error
+  if (!answer.delivers) {  // answer.text contains the driver's last warning or error
     const bool answered = !answer.status.info.firmware.empty();
     return {{check, Grade::problem, answer.text,
              answered ? "" : "check its power, its cable and its address; see `devices`"}};

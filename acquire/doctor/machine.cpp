@@ -137,7 +137,7 @@ std::vector<Finding> check_permissions(const std::optional<Config>& config,
                    {{"nodes", count}}});
   const bool installed = rules_installed(roots);
   for (const Finding& finding : out)
-    if (finding.advice == install_rules) return out;  // this advice includes the udev rules
+    if (finding.advice == install_rules) return out;  // the advice already covers the udev rules
   const bool fine = installed || inventory::list_attached(roots.devices).empty();
   out.push_back({"udev rules", fine ? Grade::ok : Grade::warning,
                  std::string(rules) + (installed ? " is installed"

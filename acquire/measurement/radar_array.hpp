@@ -42,7 +42,7 @@ struct ArrayBin {
   std::complex<float> mean(std::size_t m) const { return pair(2 * m); }
   std::complex<float> covariance(std::size_t m, std::size_t n) const;  // E[x_m conj(x_n)]
   std::complex<float> lag() const { return pair(values.size() - 2); }
-  float power() const;  // sum over all antennas
+  float power() const;  // sum of the powers of all antennas
 
  private:
   std::complex<float> pair(std::size_t i) const { return {values[i], values[i + 1]}; }

@@ -17,7 +17,7 @@ struct RunEntry {
   std::vector<std::string> leftovers;  // side files of SQLite next to a closed run
 
   std::string name() const;  // file name without extension
-  double length_s() const;   // from the start of the first slot to the end of the last one
+  double length_s() const;   // time from the start of the first slot to the end of the last slot
 };
 
 RunEntry entry_of(const RunReader& run);

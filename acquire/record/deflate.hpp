@@ -12,7 +12,7 @@ Bytes deflated(ByteView data, int level);
 inline constexpr int depth_level = 6;
 // Decompresses into `out`. Returns false unless the decompressed data fill `out` exactly.
 bool inflate(ByteView data, std::span<std::uint8_t> out);
-// Decompresses `count` values. Returns an empty vector if the data contain another number of
+// Decompresses `count` values. Returns an empty vector if the data contain a different number of
 // values.
 template <class T = std::uint8_t>
 std::vector<T> inflated(ByteView data, std::size_t count) {

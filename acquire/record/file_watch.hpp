@@ -14,8 +14,8 @@ class FileWatch {
   // Call while the database is open and has a WAL.
   explicit FileWatch(std::string path);
 
-  // Returns the fault of the database file, its WAL or the WAL index; empty if all paths still lead
-  // to the same files.
+  // Returns an error message if the database file, its WAL or the WAL index was removed or
+  // replaced; otherwise an empty string.
   std::string lost() const;
   // Returns true if the database file has changed since note().
   bool touched() const;

@@ -62,7 +62,7 @@ void put_end(sqlite3* db, const std::string& path, const std::string& status, Ut
 
 std::string damage(sqlite3* db, const std::string& path) {
   try {
-    sqlite3_db_release_memory(db);  // cached pages would hide damage of the file
+    sqlite3_db_release_memory(db);  // cached pages would hide damage in the file
     Statement check(db, path, "PRAGMA quick_check(1)");
     const std::string verdict = check.step() ? check.text() : "no answer";
     return verdict == "ok" ? "" : verdict.substr(verdict.rfind('\n') + 1);

@@ -25,7 +25,8 @@ Rescue rescue(sqlite3* db, const std::string& path, const std::string& status, U
 // Sets status and end time of the run. Throws Error.
 void put_end(sqlite3* db, const std::string& path, const std::string& status, UtcTime ended);
 
-// Runs SQLite's quick check on the database file. Returns the first fault; empty if undamaged.
+// Runs SQLite's quick check on the database file. Returns the first error; empty if the file is
+// undamaged.
 std::string damage(sqlite3* db, const std::string& path);
 
 std::int64_t count_records(sqlite3* db, const std::string& path);

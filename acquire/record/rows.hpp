@@ -32,7 +32,7 @@ class Row {
   void operator()(std::string_view name, std::string& value) { visit(name, "TEXT", value); }
   void operator()(std::string_view name, ByteView& value) { visit(name, "BLOB", value); }
   void operator()(std::string_view name, Sensor& value);     // stored as the name of the sensor
-  void operator()(std::string_view name, SensorSet& value);  // stored as bits
+  void operator()(std::string_view name, SensorSet& value);  // stored as a bit mask
   void operator()(std::string_view name, std::chrono::nanoseconds& value);
   template <std::integral T>
   void operator()(std::string_view name, T& value) {
@@ -89,7 +89,8 @@ class Row {
   Statement* statement_ = nullptr;
   Purpose does_ = Purpose::list;
   const char* key_ = "";
-  bool absent_ = false, seen_ = false;  // current group: is empty; has a column that is not NULL
+  // absent_: the group to be written is empty. seen_: a column that was read is not NULL.
+  bool absent_ = false, seen_ = false;
   std::string fault_, table_, names_, declared_, values_;
 };
 
@@ -157,7 +158,8 @@ void insert(sqlite3* db, const std::string& path, const T& row, const std::strin
   insert(statement, row);
 }
 
-// Reads the current row of a SELECT from table_of<T>(). Returns its fault; empty if it is valid.
+// Reads the current row of a SELECT from table_of<T>(). Returns an error message; empty if the row
+// is valid.
 template <class T>
 std::string take(Statement& statement, T& value) {
   Row row(statement, Row::Purpose::read);

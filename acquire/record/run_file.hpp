@@ -55,7 +55,7 @@ class RunWriter {
  public:
   // Throws if the path exists. Creates a uuid if `info` has none. `clock` supplies the start and
   // end times and must outlive the writer. The file appears at `path` after `begin` has written its
-  // rows. kill -9 before that leaves PATH-new, which the next writer removes.
+  // rows. A process killed before that leaves PATH-new, which the next writer removes.
   using Begin = std::function<void(RunWriter&)>;
   RunWriter(const std::string& path, const RunInfo& info, const Clock& clock = system_clock,
             const Begin& begin = {});
@@ -66,7 +66,7 @@ class RunWriter {
 
   // Call once per axis name, before the first record that needs it.
   void put_axis(const Axis& axis);
-  void put_device(const DeviceInfo& device);    // adds another row after the first answer
+  void put_device(const DeviceInfo& device);    // adds a row for each answer of a device
   void put_antennas(const Antennas& antennas);  // replaces the antennas stored before
   void put_zones(const Zones& zones);           // call once, before the first record
   void put_calibration(const CalibrationEntry& entry);
@@ -127,7 +127,7 @@ class RunWriter {
   sqlite3* db_ = nullptr;
   std::unique_ptr<FileWatch> watch_;
   bool touched_ = false;  // another program wrote to the file before our checkpoint
-  std::string harm_;      // fault of the file; empty if undamaged
+  std::string harm_;      // error message if the file is missing or damaged
   Patience* patience_ = nullptr;
   std::int64_t waits_since_ns_ = 0;
   std::optional<std::string> left_label_;  // last label before the run was closed
@@ -163,7 +163,7 @@ struct RunSummary {
   std::map<std::string, std::string> policies;  // "required" or "optional", by sensor
   // Number of records by sensor and verdict. Details after the colon of a verdict are omitted.
   PerSensor<std::map<std::string, std::int64_t>> verdicts;
-  PerSensor<std::optional<ClockState>> clocks;  // of the last record with a clock fit of the sensor
+  PerSensor<std::optional<ClockState>> clocks;  // clock fits of the last record that has them
 };
 
 // Returns e.g. "28 of 75 doubtful: radar missing 11, weak 10; camera frozen 7"; empty if all are
@@ -199,7 +199,7 @@ class RunReader {
   // Returns SQLite's side files next to a closed run; they are ignored.
   std::vector<std::string> leftovers() const;
   // Returns the row of the table run. If the status is "open", but no process is writing the run,
-  // it is replaced by "crashed", crashed_without_wal or copy_of_open.
+  // the status is replaced by "crashed", crashed_without_wal or copy_of_open.
   RunInfo info() const;
   std::vector<DeviceInfo> devices() const;
   std::map<std::string, std::string> policies() const;  // "required" or "optional"
@@ -221,26 +221,26 @@ class RunReader {
   // Calls `visit` for the records from index `first` on, in order, until it returns false. A record
   // with data of a wrong size or non-finite values is skipped after a call of `on_bad`; without
   // `on_bad`, Error is thrown with the index of the record. Only the sensors in `sensors` are
-  // decoded; others are not valid. in_parallel(n, work) must call work(0) ... work(n - 1) in any
-  // order, possibly on several threads; work(i) decodes a depth image. `visit` and `on_bad` are
-  // still called in order on this thread.
+  // decoded; the others are marked as not valid. in_parallel(n, work) must call work(0) ... work(n
+  // - 1) in any order, possibly on several threads; work(i) decodes a depth image. `visit` and
+  // `on_bad` are still called in order on this thread.
   using InParallel = std::function<void(std::size_t, const std::function<void(std::size_t)>&)>;
   void for_each(const std::function<bool(const FusedRecord&)>& visit, std::int64_t first = 0,
                 const std::function<void(std::int64_t, const std::string&)>& on_bad = {},
                 SensorSet sensors = {Sensor::spd, Sensor::radar, Sensor::depth},
                 const InParallel& in_parallel = {}) const;
   FusedRecord read(std::int64_t index) const;
-  // Runs SQLite's integrity check. Returns the faults; empty if undamaged.
+  // Runs SQLite's integrity check. Returns its errors; empty if the file is undamaged.
   std::string check() const;
 
  private:
   void open(const std::string& network);
   void check_axis(const Axis& axis) const;
-  Statement ask(const std::string& sql) const;  // restarts the budget
+  Statement ask(const std::string& sql) const;  // prepares a statement and restarts the budget
   std::vector<FusedRecord> records(const std::string& which) const;
   template <class T>
   std::vector<T> rows(const std::string& tail = {}) const;  // `tail`: end of the SELECT
-  std::string path_, file_, shown_;  // as given; with resolved links; printable
+  std::string path_, file_, shown_;  // path as given, with resolved links, and printable
   sqlite3* db_ = nullptr;
   bool closed_ = false;      // result of is_closed()
   bool lacks_wal_ = false;   // no process is writing, and the -wal is missing or empty

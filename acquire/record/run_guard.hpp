@@ -12,7 +12,7 @@ namespace echofuse::record {
 // Limits for each SQL statement, because a crafted file may contain endless loops of pages and
 // values of any length.
 struct Budget {
-  std::int64_t all = 0, left = 0;  // allowed and remaining steps of instructions_a_step
+  std::int64_t all = 0, left = 0;  // allowed and remaining steps of 10,000 instructions
   std::int64_t bytes = 0;          // total size of texts and blobs
   int longest_value = 0;           // size of a row or value, bytes
 

@@ -39,7 +39,8 @@ std::uint64_t bytes_of(const std::string& path) {
 // not overflow.
 constexpr UtcTime last_slot_end = UtcTime::max() - std::chrono::years(1);
 
-// Returns the fault of the slot's times; empty if their sums and differences cannot overflow.
+// Returns an error message for invalid slot times. Sums and differences of valid times cannot
+// overflow.
 std::string fault_of_slot(const FusedRecord& r) {
   constexpr std::chrono::nanoseconds zero{0};
   const bool sound = r.slot_start >= zero && r.slot_end >= r.slot_start && r.slot_utc >= zero &&
@@ -92,7 +93,7 @@ struct RecordDecoder {
     if (fault.empty()) fault = decode(stored.blobs, shapes);
   }
   std::string decode(const Blobs& blobs, const DataSizes& shapes);
-  void decode_depth(const DataSizes& shapes) {  // does nothing after a fault
+  void decode_depth(const DataSizes& shapes) {  // does nothing if `fault` is set
     if (!fault.empty() || !record.has(Sensor::depth)) return;
     if (shapes.pixels() <= max_depth_pixels)
       record.depth_mm = inflated<std::uint16_t>(depth, shapes.pixels());
@@ -120,7 +121,7 @@ std::string RecordDecoder::decode(const Blobs& blobs, const DataSizes& shapes) {
   if (r.has(Sensor::depth)) depth.assign(blobs.depth.begin(), blobs.depth.end());
   const std::optional<double>& clicks = r.signal.clicks_a_pulse;
   if (clicks && !(*clicks >= 0 && *clicks < 1e9))
-    return "its clicks per pulse are not from 0 to 1e9";
+    return "its clicks per laser pulse are not a number from 0 to 1e9";
   if (blobs.array.empty() || shapes.array == 0 || !r.has(Sensor::radar)) return {};
   return unpack_array(blobs.array, shapes.array, shapes.antennas, r.array);
 }
@@ -332,7 +333,7 @@ void RunReader::check_axis(const Axis& axis) const {
   const auto first = static_cast<double>(s.integer()), last = static_cast<double>(s.integer());
   if (too_many(last - first + 1) && too_many(static_cast<double>(count())))
     refuse(std::to_string(points) + " points in each of its records do not fit in " +
-           std::to_string(bytes_) + " bytes of file");
+           std::to_string(bytes_) + " bytes, the size of the file");
 }
 
 std::optional<Axis> RunReader::axis(const std::string& name) const {
@@ -373,7 +374,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
     }
     return true;
   };
-  // Passes on the records before a fault of the file.
+  // If the file is damaged, passes on the preceding records before throwing.
   const auto step = [&] {
     try {
       return row.step();

@@ -44,7 +44,7 @@ constexpr auto retry_pause = std::chrono::milliseconds(10);
 // Page cache of SQLite. It is large enough for all pages of the WAL, so that data not yet in the
 // database exist twice. A run fills it in the first minutes.
 constexpr const char* page_cache = "PRAGMA cache_size=-2000";  // KiB
-constexpr int checkpoint_pages = 400;  // length of the WAL, in pages of 4 KiB
+constexpr int checkpoint_pages = 400;  // maximum length of the WAL, in pages of 4 KiB
 
 std::string damage_during_the_run(sqlite3* db, const std::string& path) {
   const std::string fault = damage(db, path);
@@ -221,7 +221,7 @@ void RunWriter::ready() {
     if (pages >= checkpoint_pages) static_cast<RunWriter*>(self)->checkpoint();
     return SQLITE_OK;
   };
-  sqlite3_wal_hook(db_, hook, this);  // replaces SQLite's automatic checkpoints
+  sqlite3_wal_hook(db_, hook, this);  // the hook replaces SQLite's automatic checkpoints
 }
 
 void RunWriter::checkpoint() {
@@ -320,8 +320,8 @@ bool RunWriter::close(const std::string& status, std::int64_t unwritten) {
   } catch (const Error&) {
     leave(status);
   }
-  // On a full disk, the status needs free space. Emptying the WAL frees it if the database need not
-  // grow; otherwise the reserve is freed.
+  // Writing the status needs free space on a full disk. Emptying the WAL provides it unless the
+  // database must grow; then freeing the reserve does.
   sqlite3_busy_timeout(db_, 0);
   unbind_wal(db_, path_);
   sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);

@@ -174,7 +174,8 @@ std::optional<record::ClockState> ClockFit::state(HostTime at) const {
                             .samples = samples_};
 }
 
-// Uses only the last event of a block, because it was delayed least by the collection of the block.
+// Uses only the last event of a block, because it spent the least time waiting for the block to be
+// sent.
 void SensorClocks::observe(const TagBlock& block) {
   const auto last =
       std::find_if(block.tags.rbegin(), block.tags.rend(), std::mem_fn(&Tag::is_time_tag));

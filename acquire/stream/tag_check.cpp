@@ -77,7 +77,7 @@ TagCheck::TagCheck(const tdc::HistogramSettings& use, bool live, ReportFault rep
     : use_(use), live_(live), report_(std::move(report)) {}
 
 void TagCheck::take(const TagBlock& block, const Output& out) {
-  if (block.lost_blocks > 0) {  // the state may be that of a previous connection
+  if (block.lost_blocks > 0) {  // the time tagger may have been reconnected
     last_ps_.reset(), clock_from_.reset(), clock_ratio_.reset(), overflow_from_.reset();
     highest_ps_ = offset_ps_ = 0;
   }
