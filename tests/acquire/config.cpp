@@ -27,7 +27,8 @@ TEST_CASE("the shipped configuration can be loaded with its radar cfg") {
   CHECK(has(config.text, "# Configuration of the daemon"));
   CHECK(has(config.resolved, "window_s = 0.5"));
   REQUIRE(config.unfinished.size() == 2);  // serial numbers of the template
-  CHECK(has(config.unfinished[0], "config/lab.toml:38:1: radar.cli: still has the template's XXX"));
+  CHECK(has(config.unfinished[0],
+            "config/lab.toml:38:1: radar.cli: still contains the template's XXX"));
   CHECK(has(config.unfinished[1], "config/lab.toml:39:1: radar.data: still has"));
 }
 
@@ -83,9 +84,10 @@ TEST_CASE("inconsistent configuration keys are refused") {
   const std::string path = folder / "a.toml";
   SECTION("no device") {
     write_file(path, "");
-    CHECK(has(refusal(path).second, path + ": no device; expected at least one of tdc.address"));
+    CHECK(has(refusal(path).second,
+              path + ": no device is configured; expected at least one of tdc.address"));
     write_file(path, "\n[radar]\ncli = \"\"\n");
-    CHECK(has(refusal(path).second, path + ":3:1: radar.cli: no device; expected"));
+    CHECK(has(refusal(path).second, path + ":3:1: radar.cli: no device is configured; expected"));
   }
   SECTION("invalid addresses, all reported") {
     write_file(path,

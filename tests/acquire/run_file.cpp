@@ -330,5 +330,5 @@ TEST_CASE("only closed runs are read on a network file system") {
   CHECK_THROWS_WITH(RunReader(open, "NFS"),
                     Catch::Contains("is on a network file system (NFS) and is being written, or "
                                     "was not closed: its last records are in ") &&
-                        Catch::Contains("copy both to a local disk"));
+                        Catch::Contains("copy both files to a local disk"));
 }

@@ -129,11 +129,11 @@ TEST_CASE("doctor compares the radar's frame rate with frameCfg and checks losse
   after_loss.lost_before = 1;
   CHECK(radar_verdict(due, after_loss).grade == Grade::warning);
   CHECK(has(radar_verdict(due, radar_frame(0)).advice, "guiMonitor"));
-  CHECK(has(radar_verdict(due, radar_frame(32)).advice, "32 bins, but the .cfg gives 64"));
+  CHECK(has(radar_verdict(due, radar_frame(32)).advice, "32 bins, but radar.cfg defines 64"));
   RadarFrame flat = radar_frame();
   flat.range_profile[7] = 2000;
   CHECK(has(radar_verdict(due, flat).advice, "all bins are equal"));
-  CHECK(has(radar_verdict(0, flat).advice, "sends less"));
+  CHECK(has(radar_verdict(0, flat).advice, "frame rate is lower"));
 }
 
 TEST_CASE("doctor reports a camera's rate and share of valid pixels") {
@@ -142,7 +142,7 @@ TEST_CASE("doctor reports a camera's rate and share of valid pixels") {
   CHECK(fact(good, "valid_share") == Approx(0.995));
   CHECK(has(good.found, "10 frames/s of 10, 0 lost; 20 x 10 pixels"));
   CHECK(depth_verdict(10, depth_frame(3000)).grade == Grade::problem);
-  CHECK(has(depth_verdict(0, depth_frame(3000)).advice, "sends less"));
+  CHECK(has(depth_verdict(0, depth_frame(3000)).advice, "frame rate is lower"));
   const Finding covered = depth_verdict(20, depth_frame(0));
   CHECK(covered.grade == Grade::warning);
   CHECK(has(covered.advice, "covered"));
