@@ -151,7 +151,8 @@ Calibration read_calibration(const std::string& path) {
   }
   settings.add("firmware.line", line,
                "mean of the compRangeBiasAndRxChanPhase lines that the radar reported");
-  settings.add("firmware.lines", firmware.lines, 0, 1'000'000'000, "number of lines in this mean");
+  settings.add("firmware.lines", firmware.lines, 0, 1'000'000'000,
+               "number of lines averaged in firmware.line");
   Calibration out;
   settings.add(baseline_key, out.baseline_m, 0, most_baseline_m, baseline_text);
   AntennaTexts texts;
@@ -201,7 +202,8 @@ void write_calibration(const std::string& path, const Calibration& calibration) 
     lines = f->lines;
     settings.add("firmware.line", line,
                  "mean of the compRangeBiasAndRxChanPhase lines that the radar reported");
-    settings.add("firmware.lines", lines, 0, 1'000'000'000, "number of lines in this mean");
+    settings.add("firmware.lines", lines, 0, 1'000'000'000,
+                 "number of lines averaged in firmware.line");
   }
   AntennaGains antennas = calibration.antennas;
   AntennaTexts texts{text_of(antennas.gain), text_of(antennas.phase_rad),

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Calibration file (TOML), written by `calibrate` and named in run.calibration. One section per
-// ranging sensor with its range offset (measured minus true). Section antennas: gain and phase
-// errors of the radar's antennas. Section response: response of the sensors to a point
-// (acquire/measurement/response.hpp). Section axes: axes of the recordings, with the keys of
-// echofuse-sim. Older files lack the last three.
+// Calibration file (TOML), written by `calibrate` and named in run.calibration. It has one section
+// per ranging sensor, with the range offset (measured minus true). Section antennas contains the
+// gain and phase errors of the radar's antennas. Section response contains the response of the
+// sensors to a point target (acquire/measurement/response.hpp). Section axes contains the axes of
+// the recordings, with the keys of echofuse-sim. Older files lack the last three sections.
 #pragma once
 #include <optional>
 #include <string>

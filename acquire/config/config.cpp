@@ -103,7 +103,8 @@ void bind_radar(Settings& s, Config& c, Keys& k) {
         "type of radar board; it determines the antenna positions of the heat map",
         radar::board_names());
   s.add("radar.baseline_m", c.baseline_m, 0, most_baseline_m,
-        "distance of the centre of the radar's antennas to the left of the detector's axis");
+        "distance from the detector's axis to the centre of the radar's antennas, which are to its "
+        "left");
   s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "baud rate of the data port");
   s.add("radar.keep_running", c.radar.keep_running,
         "do not send sensorStop at the end, so that the sensor keeps transmitting");

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Projects a camera's depth image onto a run's depth map; the same for real and simulated cameras.
+// Resamples a camera's depth image to the grid of a run's depth maps, for real and simulated
+// cameras.
 #pragma once
 #include <array>
 #include <cstddef>

@@ -2,8 +2,8 @@
 // Run file: an SQLite database (WAL, synchronous=FULL) with one transaction per append. Committed
 // records survive kill -9, power loss and a full disk. The file can be read while it is written.
 //   PRAGMA application_id = 0x4543464d ("ECFM"), user_version = 3
-//   tables: rows.hpp; record.spd u32 LE counts [zones, bins] | radar f32 LE | depth u16 LE
-//   millimetres, deflated
+//   tables: see rows.hpp; data of table record: spd u32 LE counts [zones, bins], radar f32 LE,
+//   array as written by pack_array(), depth u16 LE millimetres, deflated
 #pragma once
 #include <atomic>
 #include <functional>

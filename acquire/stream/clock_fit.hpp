@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Converts a device's clock to the host's clock.
+// Converts times of a device's clock to times of the host's clock.
 //
 // A sample has the device time d of its measurement and the host time h of its receipt: h = taken +
 // delay, with delay >= 0 and a long tail (buffers, scheduling). So the line taken = a + b d is on
@@ -14,7 +14,7 @@
 // be separated from a clock offset. It remains in `offset_s`, and "taken" is late by that delay,
 // unless there is another reference.
 //
-// The history restarts if the device's clock does:
+// The history restarts if the device's clock may have restarted:
 //   gap    no samples for 10 s, so that a counter that wraps after 21 s remains unambiguous
 //   jump   two consecutive samples agree with each other, but according to the fit they were
 //          received 0.25 s before their measurement, or their times are more than 1 s earlier than
