@@ -25,18 +25,18 @@
 namespace echofuse::radar {
 
 enum class Board { isk, aop, ods };
-// Names for radar.board of the configuration.
+// Returns the names that radar.board accepts in the configuration.
 std::vector<std::string> board_names();
 std::optional<Board> board_named(std::string_view name);
 
-// Planar arrays are sent as TLV 8 with all antennas, linear arrays as TLV 4 with the antennas of
-// one row.
+// The firmware sends the heat map of a planar array as TLV 8 with all antennas, and that of a
+// linear array as TLV 4 with the antennas of one row.
 constexpr bool is_planar(Board board) { return board != Board::isk; }
 
 constexpr double half_wavelength_m = speed_of_light_m_s / (2 * 62e9);
 
 struct AntennaPlace {
-  int x = 0, y = 0;  // half wavelengths
+  int x = 0, y = 0;  // position in half wavelengths
   bool operator==(const AntennaPlace&) const = default;
 };
 
@@ -44,13 +44,14 @@ struct AntennaPair {
   AntennaPlace tx, rx;
 };
 
-// Returns the antenna pairs of the heat map requested by guiMonitor, in the order of its TLV. All
-// receivers of the first transmitter come first, then those of the next. `tx`: transmitters from 0,
-// in chirp order. With a linear array the firmware uses the first N transmitters, N being the
-// number in the row (SDK 3.4, AoAProcDSP_RangeAzimuthHeatmap). `rx`: mask of enabled receivers.
+// Returns the antenna pairs of the heat map that guiMonitor requests, in the order of the TLV: all
+// receivers of the first transmitter, then all receivers of the next. With a linear array the
+// firmware uses the first N transmitters, where N is the number of transmitters in the row (SDK
+// 3.4, AoAProcDSP_RangeAzimuthHeatmap). `tx`: indices of the transmitters from 0, in chirp order.
+// `rx`: mask of enabled receivers.
 std::vector<AntennaPair> heat_map_pairs(Board board, std::span<const std::uint32_t> tx,
                                         std::uint32_t rx);
-// Returns the positions of heat_map_pairs().
+// Returns the positions of the virtual antennas formed by heat_map_pairs().
 std::vector<AntennaPlace> heat_map_antennas(Board board, std::span<const std::uint32_t> tx,
                                             std::uint32_t rx);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Radar behind the bridge protocol: range profiles of linear power.
+// Radar that uses the bridge protocol and sends range profiles of linear power.
 #pragma once
 #include <string>
 

@@ -15,9 +15,10 @@
 namespace echofuse::radar {
 namespace {
 
-constexpr std::size_t max_line = 255, max_words = 40;  // SDK, utils/cli and UART text mode
+// limits of the firmware: SDK, utils/cli and UART text mode
+constexpr std::size_t max_line = 255, max_words = 40;
 
-// The cfgs of TI's demos have 1 to 4 kB.
+// Size limit. The cfgs of TI's demos have 1 to 4 kB.
 constexpr std::size_t max_cfg_bytes = 64 << 10;
 
 std::string quoted(std::string_view word) { return std::string(1, '\'').append(word) += '\''; }
@@ -37,7 +38,7 @@ std::string miscounted(const CfgCommand& c) {
 
 }  // namespace
 
-// Rejects encoding faults that an editor may have introduced.
+// Rejects wrong encodings and line ends, which an editor may have introduced.
 void require_plain_text(std::string_view text, const std::string& name) {
   const auto fail = [&](const std::string& what) {
     throw Error(ExitCode::config, printable(name + ":" + what));
@@ -45,7 +46,8 @@ void require_plain_text(std::string_view text, const std::string& name) {
   if (text.size() > max_cfg_bytes)
     fail(" has " + std::to_string(text.size()) + " bytes; expected a cfg of at most " +
          std::to_string(max_cfg_bytes));
-  if (text.find('\0') != text.npos) fail(" is UTF-16, or not text; save it as UTF-8 or ASCII");
+  if (text.find('\0') != text.npos)
+    fail(" is UTF-16 or not a text file; save it as UTF-8 or ASCII");
   for (std::size_t at = 0; (at = text.find('\r', at)) != text.npos; ++at)
     if (at + 1 < text.size() && text[at + 1] != '\n' && text[at + 1] != '\r')
       fail(std::to_string(1 + std::ranges::count(text.substr(0, at), '\n')) +
@@ -122,7 +124,8 @@ std::uint32_t Cfg::integer(const CfgCommand& c, std::size_t i, double min, doubl
   return static_cast<std::uint32_t>(value);
 }
 
-// The firmware splits words at spaces only. Other separators are reported and then read as spaces.
+// Splits the line into words and stores the command. The firmware splits words at spaces only.
+// Other separators are reported and then treated as spaces.
 void Cfg::add(const CfgLine& line) {
   CfgCommand c{line.number, {}};
   const std::string_view text = line.text;
@@ -142,8 +145,8 @@ void Cfg::add(const CfgLine& line) {
                                                                        : "character beyond ASCII") +
            "; the firmware splits words at spaces only");
   if (text.size() > max_line)
-    fail(c, "line has " + std::to_string(text.size()) + " characters; the firmware takes 255");
-  if (c.words.size() > max_words) fail(c, "line has more than the 40 words the firmware takes");
+    fail(c, "line has " + std::to_string(text.size()) + " characters (limit of the firmware: 255)");
+  if (c.words.size() > max_words) fail(c, "line has more than 40 words, the limit of the firmware");
   if (c.words.empty()) return;
   check_words(c);
   commands_[std::string(c.words[0])].push_back(c);

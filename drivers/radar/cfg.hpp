@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A .cfg file split into commands, with errors that name its lines.
+// Splits a .cfg file into commands. Errors contain the file name and the line number.
 #pragma once
 #include <map>
 #include <string>
@@ -11,21 +11,22 @@
 
 namespace echofuse::radar {
 
-// Throws Error(config) for UTF-16, or a CR without LF.
+// Throws Error(config) if the text is UTF-16 or too long, or if a CR is not followed by an LF.
 void require_plain_text(std::string_view text, const std::string& name);
 
 struct CfgCommand {
   int line = 0;
-  std::vector<std::string_view> words;  // command name first
+  std::vector<std::string_view> words;  // command name, then its arguments
 };
 
 class Cfg {
  public:
-  // Adds the commands. Records refusals of the board and unknown commands in the profile, which
-  // must outlive this object. Throws Error(config) for a cfg of another demo.
+  // Adds the commands of these lines. Stores in `profile` why a board would refuse them, and
+  // warnings about unknown commands. `profile` must outlive this object. Throws Error(config) if
+  // the cfg is for another demo.
   Cfg(const std::vector<CfgLine>& lines, std::string name, RadarProfile& profile);
 
-  // Runs body and collects its fault, so that later checks still run.
+  // Runs `body` and stores the error that it throws, so that later checks still run.
   template <class Body>
   void attempt(Body body) const {
     try {
@@ -35,25 +36,27 @@ class Cfg {
       refuse(e.what());
     }
   }
-  // If there is a fault, throws it together with the board's refusals.
+  // Throws all stored errors and refusals if there is an error.
   void stop_if_faulty() const;
   void refuse(const std::string& line) const;
   std::string complaint(const CfgCommand& c, const std::string& what) const;
   [[noreturn]] void fail(const CfgCommand& c, const std::string& what) const;
 
-  // Returns all commands of this name; an error if there are none.
+  // Returns all commands of this name. Throws Error(config) if there are none.
   const std::vector<CfgCommand>& all(const std::string& command) const;
-  // Returns the last command of this name, which is the effective one in the firmware.
+  // Returns the last command of this name, because the firmware uses the last one.
   const CfgCommand& last(const std::string& command) const { return all(command).back(); }
   bool has(const std::string& command) const { return commands_.count(command) != 0; }
-  // Returns true for frames with subframes (advFrameCfg), from dfeDataOutputMode.
+  // Returns true if the cfg uses subframes (advFrameCfg), according to dfeDataOutputMode.
   bool advanced() const {
     return has("dfeDataOutputMode") && number(last("dfeDataOutputMode"), 1) == 3;
   }
 
-  // Returns the i-th argument, from 1.
+  // Returns the i-th argument, counted from 1. Throws Error(config) if it is missing or not a
+  // number.
   double number(const CfgCommand& c, std::size_t i) const;
-  // Allows a wider range than any board, but keeps the range axis finite.
+  // Returns the i-th argument if it is from 1e-6 to 1e9, otherwise throws. This range exceeds that
+  // of all boards but keeps the range axis finite.
   double positive(const CfgCommand& c, std::size_t i, const char* meaning) const;
   std::uint32_t integer(const CfgCommand& c, std::size_t i, double min, double max) const;
   const std::string& name() const { return name_; }

@@ -9,9 +9,10 @@
 namespace echofuse::radar {
 namespace {
 
-constexpr std::string_view prompt_end = ":/>";  // "mmwDemo:/>"; lab demos have another prefix
+// end of "mmwDemo:/>"; the prompt of lab demos has another name
+constexpr std::string_view prompt_end = ":/>";
 constexpr std::size_t max_line = 512, max_answer_lines = 64;
-constexpr std::size_t longest_answer = 4096;  // limit for the answer to sensorStop, bytes
+constexpr std::size_t longest_answer = 4096;  // limit of the answer to sensorStop, bytes
 constexpr int max_tries = 3;
 
 std::string trimmed(std::string_view text) {
@@ -20,7 +21,7 @@ std::string trimmed(std::string_view text) {
   return std::string(text.substr(first, text.find_last_not_of(" \t") + 1 - first));
 }
 
-// Shortens UART text to one line for messages.
+// Returns UART text as one line of limited length, for messages.
 std::string shown(std::string_view text) { return printable(text, 256); }
 
 bool has(const std::vector<std::string>& lines, std::string_view whole) {
@@ -33,7 +34,7 @@ bool is_refusal(const std::string& line) {
   return line.find("is not recognized as a CLI command") != line.npos;
 }
 
-// Joins the lines that explain a failure.
+// Returns the lines of the answer that explain a failure, as one text.
 std::string explanation(const std::vector<std::string>& answer) {
   std::string text;
   for (const std::string& line : answer)
@@ -110,7 +111,8 @@ void CommandDialogue::on_line() {
   const std::string line = trimmed(line_);
   if (line.find_first_not_of('*') == line.npos || state_ == State::failed) return;
   const bool commanding = state_ == State::commanding;
-  // Sent once per frame while measureRangeBiasAndRxChanPhase is on; may interrupt an echo.
+  // The firmware sends this line once per frame while measureRangeBiasAndRxChanPhase is on. It may
+  // interrupt an echo.
   const std::size_t calibration = line.find("compRangeBiasAndRxChanPhase ");
   if (line.find("Exception:") != line.npos) {
     fail(shown(line) + " (the firmware has stopped: reset the board" +
@@ -120,7 +122,7 @@ void CommandDialogue::on_line() {
   } else if (is_banner(line) && state_ != State::draining) {
     fail("the board was reset");
   } else if (commanding && line == trimmed(commands_[next_].text)) {
-    return;  // the echo
+    return;  // the line is the echo of the command
   } else if (calibration != line.npos) {
     const std::string told = line.substr(calibration);
     report(Severity::info, told);
@@ -147,12 +149,14 @@ void CommandDialogue::on_prompt(HostTime now) {
   }
 }
 
-// A prompt without a verdict belongs to an earlier command; the current answer follows.
+// Called at each prompt. If no verdict precedes the prompt, it belongs to an earlier command, and
+// the answer to the current command follows.
 void CommandDialogue::check_answer(HostTime now) {
   const bool refused = std::any_of(answer_.begin(), answer_.end(), is_refusal);
   if (has(answer_, "Done") || has(answer_, "Skipped")) {
     const std::string& command = commands_[next_].text;
-    const bool stop = command.find("sensorStop") != command.npos;  // refused at a cold start
+    // the firmware refuses sensorStop before the first start
+    const bool stop = command.find("sensorStop") != command.npos;
     for (const std::string& line : answer_)
       if (line.starts_with("Ignored") || line.starts_with("Error"))
         report(stop ? Severity::info : Severity::warning, command + ": " + line);
@@ -164,7 +168,7 @@ void CommandDialogue::check_answer(HostTime now) {
   } else if (refused && is_probe() && tries_ < 2) {
     send_command(now);
   } else if (refused && is_probe()) {
-    next_command(now);  // the firmware does not know `version`
+    next_command(now);  // the firmware does not have the command `version`
   } else if (const std::string why = explanation(answer_); !why.empty() && send_ == Send::restart) {
     report(Severity::info, "restart refused, sending the cfg again: " + why);
     send_whole_cfg();
@@ -206,8 +210,9 @@ void CommandDialogue::next_command(HostTime now) {
   deadline_.reset();
 }
 
-// Reads "mmWave SDK Version      : 03.04.00.03", "Platform                : xWR68xx", or the
-// start-up banner "xWR68xx MMW Demo 03.04.00.03" (or xWR64xx).
+// Reads the firmware's platform and SDK version from "mmWave SDK Version      : 03.04.00.03",
+// "Platform                : xWR68xx", or the start-up banner "xWR68xx MMW Demo 03.04.00.03" (or
+// xWR64xx).
 void CommandDialogue::read_version(const std::string& line) {
   const std::size_t colon = line.find(':'), demo = line.find(" MMW Demo ");
   if (is_banner(line)) {

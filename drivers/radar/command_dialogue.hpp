@@ -2,25 +2,29 @@
 // Dialogue with the command line of TI's mmWave demos (SDK utils/cli): a state machine without
 // ports or clocks.
 //
-//   we send   the firmware answers (echo on; text mode puts CR after LF)
-//   "\n"      ["\n\r"] "mmwDemo:/>"                          repeated until no more input arrives
-//   "version\n"  echo, lines, "Done\n\r", "mmwDemo:/>"       sent up to twice, if garbage precedes
-//   it "LINE\n"    echo, then one of                            for each line of the cfg, unchanged
-//               Done                                         good
-//               Ignored: ... / Done                          good, reported
-//               Skipped                                      good (a comment)
-//               Error -1 (often an explaining line before)   failed; alone: front end limit
-//               exceeded 'LINE' is not recognized as a CLI command    failed; sdk.hpp explains it
-//               ... Exception: FILE, line N.                 failed: the firmware has stopped
-//               nothing, or lines without a verdict          failed; the lines are reported
-//             "mmwDemo:/>"                                   required before the next line: the
-//                                                            firmware's receiver has no buffer
-// Unsolicited lines (calibration results) are reported unchanged. A banner in the middle of a
-// dialogue means that the board was reset, and is a failure.
+//   we send      the firmware answers (echo is on; in text mode a CR follows each LF)
+//   "\n"         ["\n\r"] "mmwDemo:/>"
+//                The line is repeated until no more input arrives.
+//   "version\n"  echo, lines, "Done\n\r", "mmwDemo:/>"
+//                The command is repeated once if other input precedes it.
+//   "LINE\n"     echo, one of the following answers, then "mmwDemo:/>"
+//                Done                                 success
+//                Ignored: ... / Done                  success; the line is reported
+//                Skipped                              success (a comment)
+//                Error: REASON / Error -1             failure
+//                Error -1 without a reason            failure: a front end limit is exceeded
+//                'LINE' is not recognized as a CLI command
+//                                                     failure; sdk.hpp explains it
+//                ... Exception: FILE, line N.         failure: the firmware has stopped
+//                nothing, or lines without a verdict  failure; the lines are reported
+// Each line of the cfg is sent unchanged. The prompt must arrive before the next line is sent,
+// because the firmware's receiver has no buffer. Unsolicited lines (calibration results) are
+// reported unchanged. A banner in the middle of a dialogue means that the board was reset, which is
+// a failure.
 //
-// A restart sends `sensorStop` and `sensorStart 0` instead of the cfg. The firmware reuses its
-// stored cfg, and refuses if it has none (after a reset) or an incomplete one. The whole cfg is
-// then sent.
+// A restart sends `sensorStop` and `sensorStart 0` instead of the cfg. The firmware then reuses its
+// stored cfg. It refuses if it has no cfg (after a reset) or an incomplete one. In this case the
+// whole cfg is sent.
 #pragma once
 #include <optional>
 #include <string>
@@ -37,11 +41,14 @@
 namespace echofuse::radar {
 
 struct DialogueTimeouts {
-  std::chrono::milliseconds quiet{60};     // silence after a prompt, before the first command
-  std::chrono::milliseconds prompt{1000};  // for the answer to an empty line; 3 attempts
-  std::chrono::milliseconds answer{2000};  // for a command; sensorStop waits for the end of a frame
-  std::chrono::milliseconds start{8000};   // for sensorStart, which calibrates for several seconds
-  std::chrono::milliseconds pause{0};  // shortest time from the answer to sensorStop to the start
+  std::chrono::milliseconds quiet{60};     // required silence between prompt and first command
+  std::chrono::milliseconds prompt{1000};  // limit for the answer to an empty line; 3 attempts
+  // limit for the answer to a command; sensorStop waits for the end of a frame
+  std::chrono::milliseconds answer{2000};
+  // limit for the answer to sensorStart, which calibrates for several seconds
+  std::chrono::milliseconds start{8000};
+  // shortest time from the answer to sensorStop until sensorStart is sent
+  std::chrono::milliseconds pause{0};
 };
 
 class CommandDialogue {
@@ -60,23 +67,25 @@ class CommandDialogue {
   void start(HostTime now);
   void receive(ByteView bytes, HostTime now);
   void tick(HostTime now);
-  // Latest time for tick(); no value once done or failed.
+  // Time at which tick() must be called; nullopt after success or failure.
   std::optional<HostTime> deadline() const { return deadline_; }
 
   State state() const { return state_; }
-  // Time of the answer to sensorStop; no value once sensorStart is sent.
+  // Time of the answer to sensorStop; nullopt again when sensorStart is sent.
   std::optional<HostTime> stopped() const { return stopped_; }
-  // Returns the method used: Send::cfg also after a refused restart.
+  // Returns what was sent: the restart commands or the cfg. The cfg is also sent after a refused
+  // restart.
   Send sent() const { return send_; }
   bool answered() const { return answered_; }              // at least one prompt was received
-  const std::string& failure() const { return failure_; }  // one line, names the cfg line
-  // Returns the bytes to write and clears them.
+  const std::string& failure() const { return failure_; }  // one line that contains the cfg line
+  // Returns the bytes to be written to the port, and clears them.
   std::string take_output() { return std::exchange(output_, {}); }
   std::vector<LogLine> take_events() { return std::exchange(events_, {}); }
-  // Returns the results of the board's calibration and clears them.
+  // Returns the results of the board's calibration, and clears them.
   std::vector<FirmwareBias> take_biases() { return std::exchange(biases_, {}); }
   const std::string& remark() const { return remark_; }  // "Debug: ..." of a successful command
-  // From the answer to `version`: "xWR68xx" and "mmWave SDK 03.04.00.03"; empty if unknown.
+  // Platform and firmware according to the answer to `version`: "xWR68xx" and "mmWave SDK
+  // 03.04.00.03". Empty if unknown.
   const std::string& platform() const { return platform_; }
   const std::string& firmware() const { return firmware_; }
 
@@ -97,26 +106,29 @@ class CommandDialogue {
 
   std::string cfg_name_;
   DialogueTimeouts timeouts_;
-  std::vector<CfgLine> cfg_, commands_;  // `version` first, as line 0
+  // commands_: lines to send; `version` is the first, with line number 0
+  std::vector<CfgLine> cfg_, commands_;
   Send send_;
-  std::size_t next_ = 0;  // command that waits for its answer
+  std::size_t next_ = 0;  // index of the command that waits for its answer
   int tries_ = 0;
   State state_ = State::draining;
   bool heard_ = false, answered_ = false;
-  std::optional<HostTime> deadline_, drain_end_;  // drain_end_: set by the first prompt
+  // drain_end_: latest end of the wait for silence; set by the first prompt
+  std::optional<HostTime> deadline_, drain_end_;
   std::optional<HostTime> stopped_;
-  std::string line_;                 // received since the last line end or prompt
+  std::string line_;                 // text received since the last line end or prompt
   std::vector<std::string> answer_;  // lines received since the command was sent
   std::string failure_, remark_, output_, platform_, firmware_;
   std::vector<LogLine> events_;
   std::vector<FirmwareBias> biases_;
 };
 
-// Sends `sensorStop` before the connection ends, so that the radar stops transmitting. Has no port
-// or clock; the caller sets the time limit.
+// Sends `sensorStop` before the connection ends, so that the radar stops transmitting. Uses no port
+// or clock; the caller limits the time.
 class StopDialogue {
  public:
-  // `busy`: the firmware is executing a command and cannot buffer another one before its prompt.
+  // `busy`: the firmware is executing a command and cannot buffer another command before the next
+  // prompt.
   explicit StopDialogue(bool busy) : sent_(!busy) {
     if (sent_) output_ = line;
   }

@@ -15,9 +15,9 @@ constexpr std::size_t tlv_header_bytes = 8;
 constexpr std::uint32_t max_packet_bytes = 64u << 10;
 constexpr std::uint32_t max_tlvs = 16;
 constexpr std::size_t padding_limit = 32;
-// Larger jumps of the frame number are corruption or a restart, not a loss.
+// A larger jump of the frame number indicates corruption or a restart, not lost frames.
 constexpr std::uint32_t max_lost_frames = 1u << 20;
-constexpr std::uint32_t usual_gap = 100;  // a larger gap needs confirmation by the next number
+constexpr std::uint32_t usual_gap = 100;  // the next frame number must confirm a larger gap
 constexpr std::size_t max_types = 64;
 
 std::uint32_t between(std::uint32_t earlier, std::uint32_t later) { return later - earlier - 1; }
@@ -31,7 +31,8 @@ bool starts_with_part_of_magic(ByteView bytes) {
   return std::equal(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n), magic.begin());
 }
 
-// Position at or after `from` of the next magic, or of a partial magic at the end.
+// Returns the position of the first magic at or after `from`. Returns that of a partial magic at
+// the end, or the number of bytes if there is none.
 std::size_t find_magic(ByteView bytes, std::size_t from) {
   while (from < bytes.size()) {
     const void* first = std::memchr(bytes.data() + from, magic[0], bytes.size() - from);
@@ -65,8 +66,8 @@ bool read_tlv(std::uint32_t type, ByteView payload, RadarFrame& frame) {
   return false;
 }
 
-// Returns true if the TLVs fill the packet, for this header length and with `extra` bytes in each
-// TLV length.
+// Returns true if the TLVs fill the packet, assuming this header length and TLV lengths that are
+// larger by `extra` bytes.
 bool fill(ByteView packet, std::size_t header, std::size_t extra) {
   std::size_t at = header;
   while (packet.size() >= at + padding_limit) {
@@ -81,18 +82,19 @@ bool fill(ByteView packet, std::size_t header, std::size_t extra) {
 }  // namespace
 
 std::string why_no_frames(ByteView bytes) {
-  if (bytes.empty()) return "it is empty";
+  if (bytes.empty()) return "file is empty";
   const std::size_t first = find_magic(bytes, 0);
   const std::size_t end = find_magic(bytes, std::min(first + 1, bytes.size()));
   if (first == bytes.size()) {
     const std::string text(bytes.begin(), bytes.end());
     if (text.find(":/>") != text.npos)
-      return "it is text of the command port; expected the data port's bytes";
+      return "file contains text of the command port; expected the data port's bytes";
     const bool plain = std::ranges::all_of(text, [](char c) { return c >= '\t' && c <= '~'; });
-    return plain ? "it is text; expected the data port's bytes"
-                 : "it contains no frame: was it recorded at the data port's baud rate?";
+    return plain ? "file contains text; expected the data port's bytes"
+                 : "no frame header found: was the file recorded at the data port's baud rate?";
   }
-  constexpr std::ptrdiff_t enough = 4;  // the platform field contains a line feed in each frame
+  // required number of line feeds; the platform field of each frame contains one
+  constexpr std::ptrdiff_t enough = 4;
   const auto feeds = std::ranges::count(bytes, '\n');
   std::ptrdiff_t pairs = 0;
   for (std::size_t i = 1; i < bytes.size(); ++i) pairs += bytes[i] == '\n' && bytes[i - 1] == '\r';
@@ -106,11 +108,11 @@ std::string why_no_frames(ByteView bytes) {
   for (const std::size_t header : {44u, 48u, 52u, 56u})
     if (fill(packet, header, 0) || fill(packet, header, tlv_header_bytes))
       return "frames are from another demo (header of " + std::to_string(header) + " bytes)";
-  return end == bytes.size() ? "it contains only a part of a frame"
+  return end == bytes.size() ? "file contains only a part of a frame"
                              : "frames are from another demo";
 }
 
-// Header fields in wire order.
+// Fields of the header, in wire order.
 struct FrameParser::Header {
   std::array<std::uint8_t, 8> magic_word;
   std::uint32_t version, packet_bytes, platform, frame_number, cpu_cycles, objects, tlvs, subframe;
@@ -127,7 +129,7 @@ struct FrameParser::Header {
   }
 };
 
-// Needs at least header_bytes.
+// Returns nullopt if the header is not plausible. `bytes` must contain at least header_bytes.
 std::optional<FrameParser::Header> FrameParser::read_header(ByteView bytes) {
   static_assert(sizeof(Header) == header_bytes);
   const auto header = ByteReader(bytes).get<Header>();
@@ -143,7 +145,8 @@ void FrameParser::resolve(const OnFrame& on_frame) {
   if (!complete_) return;
   const HostTime received = *complete_;
   const Bytes held(buffer_.held().begin(), buffer_.held().end());
-  if (held.size() < header_bytes) return forget_progress();  // the consumer threw in between
+  // possible if on_frame threw an exception
+  if (held.size() < header_bytes) return forget_progress();
   const Header header = *read_header(held);
   buffer_.clear();
   forget_progress();
@@ -204,8 +207,8 @@ Step FrameParser::skip_truncated(std::size_t bytes) {
   return {bytes, 0};
 }
 
-// Returns the start of a later frame inside this one, otherwise the end of the packet. With fewer
-// than header_bytes there the result is not certain.
+// Returns the position of a later frame inside this packet, or the end of the packet if there is
+// none. The position is uncertain if fewer than header_bytes follow it.
 std::size_t FrameParser::find_successor(ByteView bytes, const Header& header) {
   const std::size_t end = std::min<std::size_t>(bytes.size(), header.packet_bytes);
   searched_ = std::max(searched_, magic.size());
@@ -236,9 +239,9 @@ void FrameParser::deliver(ByteView packet, const Header& header, HostTime receiv
   on_frame(std::move(frame));
 }
 
-// Returns false for broken structure: a TLV exceeds the packet, or the rest is longer than padding.
-// One TLV too many within the padding is only a wrong count, because some guiMonitor values make
-// the firmware announce a TLV that it does not send.
+// Returns false if the structure is broken: a TLV exceeds the packet, or the rest is longer than
+// padding. An excess TLV that would start within the padding is accepted as a wrong TLV count. Some
+// guiMonitor values make the firmware announce a TLV that it does not send.
 bool FrameParser::read_tlvs(ByteView body, std::uint32_t count, RadarFrame& frame) {
   ByteReader in(body);
   for (std::uint32_t i = 0; i < count; ++i) {
@@ -274,7 +277,7 @@ std::uint32_t FrameParser::lost_before(std::uint32_t number) {
   const std::uint32_t onwards = number_before_ ? number - *number_before_ : 0;
   std::uint32_t lost = 0;
   if ((jump || !follows) && number_before_ && onwards <= usual_gap + 1) {
-    // The previous number was corrupt or stale: continue from the one before it.
+    // The previous number was corrupt or stale, so the count continues from the number before it.
     lost = jump && onwards > 2 ? onwards - 2 : 0;
     counts_.lost_frames += lost;
     return lost;

@@ -33,8 +33,8 @@
 // plausible header (magic, len <= 64 KiB, <= 16 TLVs that fit) the parser searches for the next
 // magic.
 //
-// Frame numbers have no checksum, so a jump is accepted once the next number confirms it. A jump
-// ahead is then a loss, a jump back a reset of the board.
+// Frame numbers have no checksum, so a jump is accepted only if the next number confirms it. A jump
+// forward then counts as lost frames, and a jump back as a reset of the board.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -53,43 +53,45 @@ namespace echofuse::radar {
 // Invariant: bytes == frame_bytes + junk_bytes + truncated_bytes + buffered bytes.
 struct FrameCounts {
   std::uint64_t bytes = 0;
-  std::uint64_t frames = 0;            // complete and delivered
-  std::uint64_t frame_bytes = 0;       // complete packets, including those rejected for their TLVs
-  std::uint64_t range_profiles = 0;    // frames with TLV 2
-  std::uint64_t arrays = 0;            // frames with TLV 4 or 8
-  std::uint64_t junk_bytes = 0;        // between frames
-  std::uint64_t truncated_frames = 0;  // shorter than the header states; never delivered
+  std::uint64_t frames = 0;  // complete and delivered frames
+  // bytes of complete packets, including packets that were rejected because of their TLVs
+  std::uint64_t frame_bytes = 0;
+  std::uint64_t range_profiles = 0;    // frames with a range profile (TLV 2)
+  std::uint64_t arrays = 0;            // frames with a heat map (TLV 4 or 8)
+  std::uint64_t junk_bytes = 0;        // bytes between frames
+  std::uint64_t truncated_frames = 0;  // frames shorter than their header announces; not delivered
   std::uint64_t truncated_bytes = 0;
-  std::uint64_t bad_headers = 0;  // a magic with an implausible header
-  std::uint64_t bad_tlvs = 0;     // TLVs exceed or do not fill the packet
+  std::uint64_t bad_headers = 0;  // magics followed by an implausible header
+  std::uint64_t bad_tlvs = 0;     // packets whose TLVs exceed or do not fill them
   std::uint64_t other_tlvs = 0;
-  std::uint64_t resyncs = 0;      // magic found again after junk
-  std::uint64_t lost_frames = 0;  // gaps in the frame numbers
-  std::uint64_t restarts = 0;     // frame numbers restarted
+  std::uint64_t resyncs = 0;      // frames found again after junk
+  std::uint64_t lost_frames = 0;  // missing frame numbers
+  std::uint64_t restarts = 0;     // restarts of the frame number
   std::optional<std::uint32_t> first_frame_number, last_frame_number;
-  // Well-formed TLVs by type; counts only the first 64 distinct types.
+  // Number of well-formed TLVs by type. Only the first 64 distinct types are counted.
   std::map<std::uint32_t, std::uint64_t> tlvs;
 };
 
-// Explains why the beginning of a stream contains no frame.
+// Returns the reason why the beginning of a stream contains no frame.
 std::string why_no_frames(ByteView beginning);
 
-// All counters except frame numbers and TLVs by type.
+// Returns all counters except the frame numbers and the TLVs by type.
 std::vector<Counter> counters_of(const FrameCounts& counts);
 
 class FrameParser {
  public:
   using OnFrame = std::function<void(RadarFrame)>;
 
-  // Accepts pieces of any size; `received` is the time at which the piece was read.
+  // Parses the next bytes of the stream, in pieces of any size. `received`: time at which they were
+  // read.
   void feed(ByteView bytes, HostTime received, const OnFrame& on_frame);
-  // Returns true if the frame has its full length but its last bytes may be the start of a later
-  // frame. Further bytes, or resolve(), decide.
+  // Returns true if a frame has its full length but its last bytes may be the start of a later
+  // frame. The doubt ends when more bytes arrive or resolve() is called.
   bool in_doubt() const { return complete_.has_value(); }
-  // Delivers the frame in doubt; call it after a period without bytes.
+  // Delivers the frame in doubt. Call it after a period without bytes.
   void resolve(const OnFrame& on_frame);
-  // End of input: delivers a frame in doubt and counts the rest as truncated or junk. feed() may
-  // follow; counters and frame numbers continue.
+  // Ends the input: delivers a frame in doubt, and counts the other buffered bytes as truncated or
+  // junk. feed() may be called again; counters and frame numbers continue.
   void finish(const OnFrame& on_frame);
   const FrameCounts& counts() const { return counts_; }
 
@@ -109,12 +111,13 @@ class FrameParser {
   FrameBuffer buffer_;
   FrameCounts counts_;
   bool in_junk_ = false;
-  std::optional<std::uint32_t> number_before_;  // predecessor of counts_.last_frame_number
-  // Unconfirmed jump to the last frame number, modulo 2^32; a large one is a step back.
+  std::optional<std::uint32_t> number_before_;  // frame number before counts_.last_frame_number
+  // Frames missing between the last two frame numbers, if the next number must confirm the gap.
+  // Modulo 2^32, so that a step back is a large value.
   std::optional<std::uint32_t> jump_;
-  std::uint32_t owed_ = 0;  // lost at the end of a connection; for the next frame
-  // Search state of the first buffered frame: bytes searched for its successor, and the time at
-  // which it was complete.
+  std::uint32_t owed_ = 0;  // frames lost at the end of a connection; reported with the next frame
+  // Search state of the first buffered frame: number of bytes searched for a later frame, and the
+  // time at which the frame was complete.
   std::size_t searched_ = 0;
   std::optional<HostTime> complete_;
 };

@@ -16,16 +16,17 @@ namespace {
 
 struct EnabledAntennas {
   std::uint32_t receivers = 0;              // mask of enabled receivers
-  std::vector<std::uint32_t> transmitters;  // from 0, in the order of the frame's chirps
+  std::vector<std::uint32_t> transmitters;  // indices from 0, in the order of the frame's chirps
   std::uint32_t virtuals() const {
     return static_cast<std::uint32_t>(std::popcount(receivers)) *
            static_cast<std::uint32_t>(transmitters.size());
   }
 };
 
-// frameCfg <first chirp> <last chirp> <loops> <frames> <period, ms> ...
-// subFrameCfg <number> <forced profile> <first chirp> <chirps> <loops> <burst's period, ms>
-//   <chirps' offset> <bursts> <loops of bursts> <period, ms>
+// A frame, or a subframe if `sub` is true:
+//   frameCfg <first chirp> <last chirp> <loops> <frames> <period, ms> ...
+//   subFrameCfg <number> <forced profile> <first chirp> <chirps> <loops> <burst period, ms>
+//     <chirp offset> <bursts> <burst loops> <period, ms>
 struct FrameCfg {
   CfgCommand line;
   bool sub = false;
@@ -57,13 +58,13 @@ std::vector<FrameCfg> read_frames(const Cfg& cfg) {
   return frames;
 }
 
-// Source: SDK, mmwdemo_rfparser.c.
+// Returns the antennas that the frame uses. Source: SDK, mmwdemo_rfparser.c.
 EnabledAntennas read_antennas(const Cfg& cfg, const FrameCfg& of) {
   const CfgCommand& channels = cfg.last("channelCfg");
   const CfgCommand& frame = of.line;
   const auto enabled = cfg.integer(channels, 2, 1, 7);
   const auto first = of.first_chirp(cfg), last = of.last_chirp(cfg);
-  std::multimap<std::uint32_t, std::uint32_t> used;  // masks by first chirp
+  std::multimap<std::uint32_t, std::uint32_t> used;  // transmitter masks by first chirp
   for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
     const auto begin = cfg.integer(chirp, 1, 0, 511), end = cfg.integer(chirp, 2, 0, 511);
     if (begin <= last && end >= first)
@@ -78,15 +79,15 @@ EnabledAntennas read_antennas(const Cfg& cfg, const FrameCfg& of) {
   return out;
 }
 
-// Parameters that define the range axis.
+// Parameters that determine the range axis.
 struct RampSampling {
   std::uint32_t samples = 0;
-  double slope_mhz_us = 0, rate_ksps = 0;  // slope in the chip's steps
+  double slope_mhz_us = 0, rate_ksps = 0;  // slope in multiples of the chip's step
   bool operator==(const RampSampling&) const = default;
 };
 
-// Returns the profile of the first subframe's first chirp, otherwise the last profile, as in the
-// firmware.
+// Returns the profile that determines the range axis in the firmware. With subframes it is the
+// profile of the subframe's first chirp, otherwise the last profile.
 const CfgCommand& profile_of(const Cfg& cfg, const FrameCfg& frame) {
   const CfgCommand* found = &cfg.last("profileCfg");
   if (!cfg.advanced()) return *found;
@@ -119,7 +120,8 @@ const CfgCommand* chirp_cfg_of(const Cfg& cfg, std::uint32_t number) {
   return nullptr;
 }
 
-// Returns the last command that defines the chirp's profile, as in the firmware, or nullptr.
+// Returns the command that defines the chirp's profile, or nullptr. Like the firmware, uses the
+// last one.
 const CfgCommand* profile_cfg_of(const Cfg& cfg, const CfgCommand& chirp) {
   const CfgCommand* found = nullptr;
   for (const CfgCommand& c : cfg.all("profileCfg"))
@@ -132,8 +134,8 @@ Ramp ramp_of(const Cfg& cfg, const CfgCommand& profile) {
   return {n(2), n(3), n(4), n(5), n(8), n(10), n(11)};
 }
 
-// chirpCfg <first> <last> <profile> <start, Hz> <slope, kHz/us> <idle, us> <ADC start, us> <tx>:
-// the four middle values are added to the profile's.
+// Returns the ramp of a chirp. The four middle values are added to those of the profile:
+//   chirpCfg <first> <last> <profile> <start, Hz> <slope, kHz/us> <idle, us> <ADC start, us> <tx>
 Ramp ramp_of(const Cfg& cfg, const CfgCommand& profile, const CfgCommand& chirp) {
   Ramp ramp = ramp_of(cfg, profile);
   ramp.start_ghz += 1e-9 * cfg.number(chirp, 4);
@@ -143,7 +145,7 @@ Ramp ramp_of(const Cfg& cfg, const CfgCommand& profile, const CfgCommand& chirp)
   return ramp;
 }
 
-// Returns the sum of idle times and ramps of all chirps of a frame.
+// Returns the sum of the idle times and ramps of a frame's chirps, s.
 double active_s(const Cfg& cfg, const FrameCfg& frame) {
   double sum_us = 0;
   for (std::uint32_t k = frame.first_chirp(cfg); k <= frame.last_chirp(cfg); ++k) {
@@ -155,7 +157,7 @@ double active_s(const Cfg& cfg, const FrameCfg& frame) {
   return 1e-6 * frame.loops(cfg) * sum_us;
 }
 
-// The front end checks all profiles and chirps, including unused ones.
+// Checks all profiles and chirps, because the front end checks unused ones, too.
 void check_ramps(const Cfg& cfg) {
   for (const CfgCommand& profile : cfg.all("profileCfg"))
     for (const auto& words : refusals_of(ramp_of(cfg, profile)))
@@ -164,7 +166,7 @@ void check_ramps(const Cfg& cfg) {
     const CfgCommand* profile = profile_cfg_of(cfg, chirp);
     if (!profile) {
       cfg.refuse(cfg.complaint(
-          chirp, "takes profile " + std::string(chirp.words[3]) + ", which no profileCfg defines"));
+          chirp, "uses profile " + std::string(chirp.words[3]) + ", which no profileCfg defines"));
     } else if (refusals_of(ramp_of(cfg, *profile)).empty()) {
       for (const auto& words : refusals_of(ramp_of(cfg, *profile, chirp)))
         cfg.refuse(cfg.complaint(chirp, words));
@@ -182,7 +184,7 @@ void check_frame(const Cfg& cfg, const FrameCfg& frame) {
     cfg.refuse(cfg.complaint(frame.line, words));
 }
 
-// The firmware uses one profile for the range axis, even if other chirps have another.
+// Requires one range axis for all chirps of a frame, because the firmware uses one profile for all.
 void require_one_axis(const Cfg& cfg, const FrameCfg& frame) {
   const CfgCommand& used = profile_of(cfg, frame);
   for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
@@ -191,13 +193,14 @@ void require_one_axis(const Cfg& cfg, const FrameCfg& frame) {
       continue;
     for (const CfgCommand& c : cfg.all("profileCfg"))
       if (cfg.number(c, 1) == cfg.number(chirp, 3) && sampling_of(cfg, c) != sampling_of(cfg, used))
-        cfg.fail(chirp, "takes profileCfg " + std::string(c.words[1]) +
-                            ", but other chirps of the frame take " + std::string(used.words[1]) +
+        cfg.fail(chirp, "uses profileCfg " + std::string(c.words[1]) +
+                            ", but other chirps of the frame use " + std::string(used.words[1]) +
                             ": their range axes differ");
   }
 }
 
-// Requires the same range axis and antennas in all subframes, because a record is their mean.
+// Requires the same range axis and antennas in all subframes, because a record is the mean of all
+// subframes.
 void require_alike(const Cfg& cfg, const std::vector<FrameCfg>& frames) {
   const auto of = [&](const FrameCfg& f) {
     const EnabledAntennas antennas = read_antennas(cfg, f);
@@ -207,7 +210,7 @@ void require_alike(const Cfg& cfg, const std::vector<FrameCfg>& frames) {
   for (const FrameCfg& f : frames)
     if (of(f) != of(frames.front()))
       cfg.fail(f.line,
-               "has another range axis, or other antennas, than subframe 0; a record is "
+               "has a different range axis or different antennas than subframe 0; a record is "
                "the mean of all subframes");
   const CfgCommand& gui = cfg.last("guiMonitor");
   if (cfg.advanced() && cfg.number(gui, 1) != -1)
@@ -220,7 +223,7 @@ void read_gui_monitor(const Cfg& cfg, RadarProfile& profile) {
   if (!profile.range_profile_on)
     profile.warnings.push_back(
         cfg.where(gui.line) + "guiMonitor does not send the range profile (its third number is 0)");
-  for (const std::size_t flag : {6u, 7u}) {  // range-Doppler heat map, stats
+  for (const std::size_t flag : {6u, 7u}) {  // flags of range-Doppler heat map and stats
     const double value = cfg.number(gui, flag);
     if (value != 0 && value != 1)
       profile.warnings.push_back(cfg.where(gui.line) +
@@ -244,11 +247,12 @@ void read_heat_map(const Cfg& cfg, const EnabledAntennas& antennas, Board board,
         "mixes neighbouring bins");
   if (profile.planar || in_row) return;
   profile.warnings.push_back(cfg.where(cfg.last("chirpCfg").line) +
-                             "chirpCfg has transmitter 2 before 3: the heat map uses the frame's "
+                             "chirpCfg uses transmitter 2 before 3: the heat map uses the frame's "
                              "first transmitters, which are not in one row");
 }
 
-// Sizes of the packet's parts, from SDK's MmwDemo_transmitProcessedOutput.
+// Returns the packet size for the outputs that guiMonitor enables. Source: SDK,
+// MmwDemo_transmitProcessedOutput.
 std::uint32_t frame_bytes(const Cfg& cfg, const RadarProfile& profile, std::uint32_t loops) {
   const std::uint32_t bins = profile.bins;
   const auto samples = static_cast<std::uint32_t>(profile.array.size()) * bins;
@@ -257,10 +261,10 @@ std::uint32_t frame_bytes(const Cfg& cfg, const RadarProfile& profile, std::uint
   const auto on = [&](std::size_t flag) { return cfg.number(gui, flag) != 0; };
   constexpr std::uint32_t header = 40, tlv = 8, unit = 32;
   std::uint32_t bytes = header;
-  if (on(2)) bytes += tlv;                // header of the point list; its points are not included
-  if (on(3)) bytes += tlv + 2 * bins;     // range profile
-  if (on(4)) bytes += tlv + 2 * bins;     // noise profile
-  if (on(5)) bytes += tlv + 4 * samples;  // heat map
+  if (on(2)) bytes += tlv;                            // header of the point list, without points
+  if (on(3)) bytes += tlv + 2 * bins;                 // range profile
+  if (on(4)) bytes += tlv + 2 * bins;                 // noise profile
+  if (on(5)) bytes += tlv + 4 * samples;              // heat map
   if (on(6)) bytes += tlv + 2 * bins * doppler_bins;  // range-Doppler heat map
   if (on(7)) bytes += tlv + 24 + tlv + 28;            // stats and temperature
   return (bytes + unit - 1) / unit * unit;
@@ -273,7 +277,7 @@ std::string milliseconds(double s) {
 }
 
 void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud) {
-  constexpr std::uint32_t firmware_baud = 921600;  // before configDataPort
+  constexpr std::uint32_t firmware_baud = 921600;  // rate of the firmware before configDataPort
   const bool given = cfg.has("configDataPort");
   const std::uint32_t baud =
       given ? cfg.integer(cfg.last("configDataPort"), 1, 1, 1e9) : firmware_baud;
@@ -282,7 +286,7 @@ void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud)
         (given
              ? cfg.where(cfg.last("configDataPort").line) + "configDataPort sets the data port to "
              : cfg.name() + ": without configDataPort the firmware sends at ") +
-        std::to_string(baud) + " baud, radar.data_baud is " + std::to_string(data_baud));
+        std::to_string(baud) + " baud, but radar.data_baud is " + std::to_string(data_baud));
   const double transmit_s = profile.frame_bytes * 10.0 / baud;
   if (transmit_s < profile.frame_period_s) return;
   const std::string command = cfg.advanced() ? "subFrameCfg" : "frameCfg";
@@ -290,7 +294,7 @@ void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud)
                            ", but a frame of " + std::to_string(profile.frame_bytes) +
                            " bytes takes " + milliseconds(transmit_s) + " at " +
                            std::to_string(baud) + " baud";
-  // If the heat map is late, the demo stops sending completely.
+  // An error, because the demo stops sending if a heat map is late.
   const CfgCommand& gui = cfg.last("guiMonitor");
   if (cfg.number(gui, 5) != 0 || cfg.number(gui, 6) != 0)
     cfg.fail(cfg.last(command), what +
@@ -304,11 +308,11 @@ void read_warnings(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_bau
   const std::size_t count = cfg.advanced() ? 3 : 4, trigger = cfg.advanced() ? 4 : 6;
   const std::string where = cfg.where(frame.line) + std::string(frame.words[0]);
   if (cfg.number(frame, count) != 0)
-    profile.warnings.push_back(where + " ends after " + std::string(frame.words[count]) +
-                               " frames; 0 is endless");
+    profile.warnings.push_back(where + " stops after " + std::string(frame.words[count]) +
+                               " frames (0 means no limit)");
   if (cfg.number(frame, trigger) != 1)
     profile.warnings.push_back(where + " trigger " + std::string(frame.words[trigger]) +
-                               " waits for a pulse at the board's pin for each frame; 1 does not");
+                               " waits for an external pulse before each frame (1 does not wait)");
   if (cfg.has("clutterRemoval")) {
     const CfgCommand& c = cfg.last("clutterRemoval");
     if (cfg.number(c, 2) != 0)

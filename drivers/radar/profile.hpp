@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Range axis and heat map that a TI mmWave .cfg file (SDK 3.x) produces.
+// Range axis and heat map that result from a TI mmWave .cfg file (SDK 3.x).
 #pragma once
 #include <cstdint>
 #include <string>
@@ -11,55 +11,59 @@
 
 namespace echofuse::radar {
 
-// Line to send. BOM and CR are removed, leading spaces kept. Blank lines and % comments are not
-// included.
+// Line of the cfg to be sent. BOM and CR are removed, leading spaces are kept. Blank lines and
+// comments (%) are not included.
 struct CfgLine {
-  int number = 0;  // line number in the file, from 1
+  int number = 0;  // line number in the file, counted from 1
   std::string text;
 };
 std::vector<CfgLine> command_lines(std::string_view cfg_text);
 
 struct RadarProfile {
   std::uint32_t adc_samples = 0;
-  // Next power of two of adc_samples; 1022 for 1024 with 12 antennas (SDK, mss_main.c).
+  // Number of range bins: adc_samples rounded up to a power of two, but 1022 instead of 1024 with
+  // 12 antennas (SDK, mss_main.c).
   std::uint32_t bins = 0;
-  double range_step_m = 0;     // between bins (ramp.hpp)
-  double resolution_m = 0;     // c / 2B of the sampled sweep
-  std::uint32_t antennas = 0;  // virtual: Rx enabled * Tx used by the frame's chirps
-  // Number of subframes, 1 to 4 (advFrameCfg), each sent as a separate packet. They differ only in
-  // their start frequency.
+  double range_step_m = 0;     // distance between bins (ramp.hpp)
+  double resolution_m = 0;     // range resolution c / 2B of the sampled sweep
+  std::uint32_t antennas = 0;  // virtual antennas: enabled Rx * Tx used by the frame's chirps
+  // Number of subframes, 1 to 4 (advFrameCfg). Each is sent as a separate packet. They may differ
+  // only in their start frequency.
   std::uint32_t subframes = 1;
   double frame_period_s = 0;  // period of the shortest subframe, s
-  double active_s = 0;        // time per frame in which chirps are sent, s
-  double carrier_hz = 0;      // centre of the sampled sweep
-  // Frame size for the outputs enabled in guiMonitor, without detected points, rounded up to 32
-  // bytes.
+  double active_s = 0;        // total time of a frame's chirps, s
+  double carrier_hz = 0;      // centre frequency of the sampled sweep
+  // Size of a frame with the outputs that guiMonitor enables, without detected points, rounded up
+  // to 32 bytes.
   std::uint32_t frame_bytes = 0;
-  bool range_profile_on = false;  // guiMonitor sends TLV 2
-  // Antennas of the heat map (TLV 4; on planar boards TLV 8), in its order; empty if not sent.
+  bool range_profile_on = false;  // guiMonitor enables TLV 2
+  // Antenna positions of the heat map, in the order of its TLV (4, or 8 on planar boards). Empty if
+  // the heat map is not enabled.
   std::vector<AntennaPlace> array;
   std::vector<AntennaPair> pairs;  // transmitter and receiver of each antenna
-  bool planar = false;             // true: the heat map is TLV 8
+  bool planar = false;             // the heat map is TLV 8 (true) or TLV 4 (false)
   std::vector<std::string> warnings;
-  // Reasons why a board would refuse the cfg, one line "NAME:LINE: ..." each. Not an error for a
-  // recording of another board or SDK, because its axis is still defined.
+  // Reasons why a board would refuse the cfg, one line "NAME:LINE: ..." each. They are not errors
+  // for a recording of another board or SDK, because its range axis is still defined.
   std::vector<std::string> refusals;
 };
 
-// Throws Error(config) with one line "NAME:LINE: ..." per fault:
-//   a missing command, one with too few numbers, or one of another demo
-//   a line that exceeds the firmware's buffer (255 characters, 40 words)
-//   profiles in a frame or its subframes that differ in range axis or antennas
-//   UTF-16, or line ends other than LF and CR LF
-// `data_baud`: rate at which the data port will be read, for the warnings. `board` selects the
-// antennas of the heat map, because one cfg runs on all boards.
+// Reads a cfg. Throws Error(config) with one line "NAME:LINE: ..." per fault:
+//   - a missing command, a command with too few numbers, or a command of another demo
+//   - a line that exceeds the firmware's buffer (255 characters, 40 words)
+//   - a frame whose chirps or subframes differ in range axis or antennas
+//   - UTF-16, or line ends other than LF and CR LF
+// `data_baud`: rate at which the data port will be read, used for warnings. `board` selects the
+// antennas of the heat map, because the cfg does not depend on the board.
 RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
                            std::uint32_t data_baud = 921600, Board board = Board::isk);
 
-// name "radar", quantity "log2_q8" (drivers/core/log2_codes.hpp), unit "m", scale = antennas. Bin i
-// is at i * range_step_m, because the firmware does not apply its range bias to the profile.
+// Returns the axis with name "radar", quantity "log2_q8" (drivers/core/log2_codes.hpp), unit "m",
+// and the number of virtual antennas as scale. Bin i is at i * range_step_m, because the firmware
+// does not apply its range bias to the profile.
 Axis radar_axis(const RadarProfile& profile);
-// name "array", quantity "covariance", the same bins, scale = antennas of the heat map.
+// Returns the axis with name "array", quantity "covariance", the same bins, and the number of
+// antennas of the heat map as scale.
 Axis array_axis(const RadarProfile& profile);
 
 }  // namespace echofuse::radar

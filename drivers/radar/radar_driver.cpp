@@ -7,15 +7,15 @@
 
 namespace echofuse::radar {
 namespace {
-// After a longer absence another program may have changed the board's cfg.
+// Time for which an unplugged board keeps our cfg. Later, another program may have changed it.
 constexpr std::chrono::seconds cfg_keeps{10};
-// Longest gap within a frame, because USB bridges hold bytes for up to 16 ms.
+// A frame ends after this silence. USB bridges hold bytes back for up to 16 ms.
 constexpr std::chrono::milliseconds quiet{20};
-// A stopped board sends the rest of one frame, and bridges hold it back. The second frame, or any
-// frame after the longest transmission, is another board's.
+// A stopped board still sends the rest of one frame, which USB bridges hold back. A second frame,
+// or any frame after the longest transmission, is from another board.
 constexpr std::chrono::milliseconds held_back{50}, longest_transmission{250}, least_pause{300};
 
-// Time in which a board with this frame period sends two frames.
+// Returns the time in which a board with this frame period would send two frames.
 std::chrono::milliseconds pause_for(double frame_period_s) {
   return std::max(least_pause,
                   held_back + std::chrono::milliseconds(std::lround(2100 * frame_period_s)));
@@ -53,7 +53,7 @@ void RadarDriver::stop() {
   const bool connected = cli_ && dialogue_;
   if (!connected || setup_.keep_running) return disconnect();
   stop_timers();
-  drop_data();  // later bytes are neither passed on nor captured
+  drop_data();  // later bytes are neither parsed nor captured
   last_words_.emplace(dialogue_->state() == CommandDialogue::State::commanding);
   advance_last_words();
 }
@@ -104,7 +104,7 @@ void RadarDriver::on_opened() {
   advance();
 }
 
-// Executes the pending actions of the dialogue.
+// Executes the actions that the dialogue has requested.
 void RadarDriver::advance() {
   for (const auto& event : dialogue_->take_events()) {
     sink_->on_event(Sensor::radar, event.severity, event.text);
@@ -122,7 +122,7 @@ void RadarDriver::advance() {
       info_.firmware = dialogue_->firmware();
     }
     const bool before = std::exchange(answered_, answered_ || answered);
-    return fail(before && !answered ? "no more answers, reset the board" : failure);
+    return fail(before && !answered ? "the firmware stopped responding; reset the board" : failure);
   }
   if (const auto deadline = dialogue_->deadline())
     return dialogue_timer_.after(*deadline - loop_.now(), [this] {
@@ -171,7 +171,7 @@ void RadarDriver::on_data(ByteView bytes) {
     });
 }
 
-// A fault that a frame shows ends the connection after the parser has returned.
+// Ends the connection if a frame showed a fault. Must be called after the parser has returned.
 void RadarDriver::check_frames() {
   if (const auto fault = std::exchange(fault_, {})) fail(fault->reason, fault->state);
 }
@@ -201,8 +201,8 @@ void RadarDriver::on_frame(RadarFrame frame) {
   check_period(frame);
   if (!running_) return;
   frame.subframes = profile_.subframes;
-  // Sets the time of the first chirp. Chirps, the firmware's processing and the transmission (25 to
-  // 96 ms with a heat map) follow it.
+  // Converts the receive time to the time of the first chirp. Subtracts the time of the chirps, of
+  // the firmware's processing, and of the transmission (25 to 96 ms with a heat map).
   const double work_s = frame.stats ? 1e-6 * frame.stats->inter_frame_processing_us : 0;
   frame.received -= from_seconds(profile_.active_s + std::min(work_s, profile_.frame_period_s) +
                                  profile_.frame_bytes * 10.0 / setup_.data_baud);
@@ -217,14 +217,15 @@ void RadarDriver::check_array(RadarFrame& frame) {
   ++bad_arrays_;
   const std::string text = "heat map has " + std::to_string(frame.array.size() / 2) +
                            " samples in TLV " + (frame.planar ? "8" : "4") +
-                           ", but the cfg and radar.board give " + std::to_string(wanted / 2) +
+                           ", but the cfg and radar.board require " + std::to_string(wanted / 2) +
                            " in TLV " + (profile_.planar ? "8" : "4") + "; heat map ignored";
   frame.array.clear();
   if (std::exchange(array_told_, true)) return;
   sink_->on_event(Sensor::radar, Severity::warning, text);
 }
 
-// Warns if three successive frames are not a frame period apart by the board's clock.
+// Warns if three successive frame intervals differ from the frame period, measured by the board's
+// clock.
 void RadarDriver::check_period(const RadarFrame& frame) {
   constexpr double clock_hz = 200e6;
   constexpr int enough = 3;
@@ -237,12 +238,12 @@ void RadarDriver::check_period(const RadarFrame& frame) {
   if (odd_periods_ < enough) return;
   const auto ms = [](double s) { return std::to_string(std::lround(1e3 * s)) + " ms"; };
   sink_->on_event(Sensor::radar, Severity::warning,
-                  "a frame comes every " + ms(period_s) + ", the cfg gives " + ms(expected_s) +
-                      ": is radar.data a port of another board?");
+                  "frames arrive every " + ms(period_s) + ", but the cfg requests " +
+                      ms(expected_s) + ": is radar.data a port of another board?");
 }
 
-// Drops a frame of an earlier connection, before the cfg was accepted, or after a fault: it may
-// belong to another cfg. It counts as lost, except before the first connection.
+// Drops a frame that may belong to another cfg: a frame of an earlier connection, before the cfg
+// was accepted, or after a fault. It counts as lost, except before the first accepted cfg.
 void RadarDriver::discard(const RadarFrame& frame) {
   ++early_frames_;
   if (configured_ > 0) discarded_ += 1 + frame.lost_before;
@@ -260,7 +261,8 @@ void RadarDriver::detect_other_board(const RadarFrame& frame) {
             DeviceState::misconfigured};
 }
 
-// Ignores a restart within the first two frames of a start, which may follow a known reset.
+// Returns true if the frame number has restarted. Ignores a restart within the first two frames
+// after a start, which may follow a known reset.
 bool RadarDriver::board_was_reset() {
   const FrameCounts& counts = parser_.counts();
   const bool again = counts.restarts > restarts_seen_;

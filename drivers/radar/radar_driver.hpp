@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// TI mmWave radar on two byte ports: sends the cfg to the command port and reads frames from the
-// data port.
+// Driver of a TI mmWave radar with two byte ports. Sends the cfg to the command port and reads
+// frames from the data port.
 #pragma once
 #include <chrono>
 #include <cstdint>
@@ -21,27 +21,27 @@
 
 namespace echofuse::radar {
 
-// Diagnoses a radar that accepted its cfg but sends no frames, by queries on the command port:
-//   queryDemoStatus         "Sensor State: 2" if the sensor is running
-//   sensorStop              required before configDataPort
+// Finds out why a radar accepted its cfg but sends no frames. Sends commands to the command port:
+//   queryDemoStatus         answers "Sensor State: 2" if the sensor is running
+//   sensorStop              is required before configDataPort
 //   configDataPort BAUD 1   sends 16 bytes FF to the data port (SDK 3.x, mmw_cli.c)
-// Has no ports or clocks; the caller waits for `time`.
+// Uses no ports or clocks; the caller waits for `time`.
 class Silence {
  public:
   static constexpr std::chrono::seconds time{2};
-  // `bytes`: received on the data port since the cfg was sent.
+  // `bytes`: number of bytes received on the data port since the cfg was sent.
   Silence(std::uint32_t data_baud, std::uint64_t bytes);
   void receive_cli(ByteView bytes);
   void receive_data(ByteView bytes);
   std::string take_output();
-  // Returns cause and remedy in one line.
+  // Returns the cause and the remedy in one line.
   std::string verdict() const;
 
  private:
   std::uint32_t data_baud_;
   std::uint64_t bytes_;
-  int answered_ = 0;       // answered commands
-  std::size_t pings_ = 0;  // FF bytes received on the data port
+  int answered_ = 0;       // number of answered commands
+  std::size_t pings_ = 0;  // number of FF bytes received on the data port
   bool runs_ = false;
   std::string line_, output_;
 };
@@ -50,25 +50,25 @@ struct RadarSetup {
   std::string address;  // addresses of both ports, for DeviceInfo
   port::ByteOpener cli, data;
   std::string cfg_text, cfg_name;
-  std::vector<std::string> warnings{};  // reported at the start
-  std::uint32_t data_baud = 921600;     // for the checks of the cfg
+  std::vector<std::string> warnings{};  // reported by start()
+  std::uint32_t data_baud = 921600;     // rate of the data port, for checks of the cfg
   Board board = Board::isk;             // selects the antennas of the heat map
   port::Backoff backoff{};
   DialogueTimeouts timeouts{};
   bool keep_running = false;  // do not stop the sensor at the end
 };
 
-// Each connection opens both ports and sends the whole cfg. If a port was away for less than 10 s
-// without another fault, it restarts the sensor with the stored cfg instead. The state is
-// `streaming` after the first frame. Without frames, Silence determines the reason.
-// The state becomes `faulted`, and the driver reconnects, if the data port is silent, a port
-// closes, a command is refused, or the board was reset (banner, or frame numbers that restart).
-// The state becomes `misconfigured` if frames arrive while the sensor is stopped.
-// stop() sends `sensorStop`; finished() is true when the firmware confirms it. A frame with a heat
-// map that contradicts cfg and board is delivered without the heat map, and counted.
+// Each connection opens both ports and sends the whole cfg. If a port was unplugged for less than
+// 10 s and there was no other fault, the driver restarts the sensor with its stored cfg instead.
+// The state is `streaming` from the first frame. If no frame arrives, Silence determines the
+// reason. The state becomes `faulted`, and the driver reconnects, if the data port is silent, a
+// port closes, a command is refused, or the board was reset (banner, or restarted frame numbers).
+// The state becomes `misconfigured` if frames arrive while the sensor is stopped. stop() sends
+// `sensorStop`; finished() returns true once the firmware has confirmed it. If the heat map of a
+// frame contradicts cfg and board, the frame is counted and delivered without it.
 class RadarDriver final : public Driver {
  public:
-  // Throws Error(config) for an invalid cfg.
+  // Throws Error(config) if the cfg is invalid.
   RadarDriver(port::Loop& loop, RadarSetup setup);
   void start(SampleSink& sink) override;
   void stop() override;
@@ -106,19 +106,21 @@ class RadarDriver final : public Driver {
   port::Backoff backoff_;
   FrameParser parser_;
   std::optional<CommandDialogue> dialogue_;
-  std::optional<Silence> silence_;  // exists during the diagnosis of a missing first frame
+  // exists while the reason for a missing first frame is determined
+  std::optional<Silence> silence_;
   std::optional<StopDialogue> last_words_;
   SampleSink* sink_ = nullptr;
-  bool answered_ = false;  // since the driver was created
-  std::string said_;       // first failure since the last frame; later failures do not replace it
-  std::set<std::string> reported_;     // warnings of the ports, each reported once
-  std::optional<HostTime> unplugged_;  // time of an unplug with our cfg in the firmware
+  bool answered_ = false;  // true if the firmware has ever answered this driver
+  std::string said_;       // first failure since the last frame; later failures are appended to it
+  std::set<std::string> reported_;  // warnings of the ports that have been reported
+  // time at which a port was unplugged while the firmware had our cfg
+  std::optional<HostTime> unplugged_;
   std::uint64_t restarts_seen_ = 0, frames_before_ = 0, bytes_before_ = 0;
   struct FrameCount {
     std::uint32_t number = 0, cycles = 0;
   };
   FrameCount last_frame_;
-  int odd_periods_ = 0;  // successive ones; stays at the number that was reported
+  int odd_periods_ = 0;  // successive frames with a wrong interval; constant after the warning
   struct DriverFault {
     std::string reason;
     DeviceState state = DeviceState::faulted;
@@ -127,8 +129,8 @@ class RadarDriver final : public Driver {
   std::optional<std::uint32_t> frame_after_stop_;  // number of the first frame after sensorStop
   int open_ports_ = 0;
   bool running_ = false, faulted_ = false, streaming_ = false, array_told_ = false;
-  HostTime alive_{};             // time of the last frame, or of the start
-  std::uint32_t discarded_ = 0;  // dropped frames, not yet reported as lost
+  HostTime alive_{};             // time of the last frame, or of the sensor's start
+  std::uint32_t discarded_ = 0;  // number of dropped frames that are not yet reported as lost
   std::uint64_t connections_ = 0, configured_ = 0, restarted_ = 0, early_frames_ = 0,
                 port_losses_ = 0, bad_arrays_ = 0;
   std::unique_ptr<port::BytePort> cli_, data_;

@@ -15,8 +15,8 @@ constexpr double start_step_ghz = 2.7 / (1 << 26);
 constexpr double slope_step_mhz_us = 2.7e3 * 900 / (1 << 26);
 constexpr double time_step_us = 0.01;
 
-// Truncates to a multiple of `step`. The margin keeps exact multiples despite rounding of the
-// quotient.
+// Rounds towards 0 to a multiple of `step`. The margin keeps exact multiples unchanged despite the
+// rounding error of the quotient.
 double truncated(double value, double step) { return std::trunc(value / step + 1e-6) * step; }
 
 std::string digits(double value, double unit = 1e-3) {
@@ -53,13 +53,14 @@ std::vector<std::string> refusals_of(const Ramp& ramp) {
   std::vector<std::string> out;
   const Ramp r = ramp.in_steps();
   const double end_ghz = r.start_ghz + 1e-3 * r.slope_mhz_us * r.end_us;
-  // TI's tool rounds the end of a full sweep to the time step, e.g. 60 MHz/us over 66.67 us.
+  // Tolerance for TI's tool, which rounds the end of a full sweep to the time step, for example to
+  // 60 MHz/us over 66.67 us.
   const double rounding_ghz = 1e-3 * r.slope_mhz_us * time_step_us / 2;
   constexpr double unit_ghz = 1e-4;
   if (r.start_ghz < band_start_ghz - 2 * start_step_ghz || end_ghz > band_end_ghz + rounding_ghz)
     out.push_back("sweeps " + digits(r.start_ghz, unit_ghz) + " to " + digits(end_ghz, unit_ghz) +
-                  " GHz; the chip has 60 to 64 GHz" +
-                  (r.start_ghz > 75 ? ": a cfg for xWR14xx, 16xx or 18xx?" : ""));
+                  " GHz (limits 60 to 64 GHz)" +
+                  (r.start_ghz > 75 ? "; is the cfg for xWR14xx, 16xx or 18xx?" : ""));
   if (r.sampled_until_us() > r.end_us + 1e-6)
     out.push_back("samples from " + digits(r.adc_start_us) + " to " + digits(r.sampled_until_us()) +
                   " us, but the ramp ends at " + digits(r.end_us) + " us");
@@ -68,10 +69,10 @@ std::vector<std::string> refusals_of(const Ramp& ramp) {
 
 std::vector<std::string> frame_refusals_of(double chirps, double active_ms, double period_ms) {
   if (period_ms < shortest_period_ms || period_ms > longest_period_ms)
-    return {"has a period of " + digits(period_ms) + " ms; limits 0.3 to 1342 ms"};
+    return {"has a period of " + digits(period_ms) + " ms (limits 0.3 to 1342 ms)"};
   if (active_ms >= period_ms)
     return {"has " + digits(chirps) + " chirps, which take " + digits(active_ms) +
-            " ms, in a period of " + digits(period_ms) + " ms"};
+            " ms, but a period of " + digits(period_ms) + " ms"};
   return {};
 }
 

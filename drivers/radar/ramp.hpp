@@ -19,19 +19,20 @@ struct Ramp {
   double start_ghz = 0, idle_us = 0, adc_start_us = 0, end_us = 0, slope_mhz_us = 0;
   double samples = 0, rate_ksps = 0;
 
-  Ramp in_steps() const;            // with values in the chip's steps
-  double sampled_until_us() const;  // end of the last sample
-  double carrier_hz() const;        // centre of the sampled sweep
-  // Returns the distance between the points of a transform of this many samples,
+  Ramp in_steps() const;            // ramp with values rounded towards 0 to the chip's steps
+  double sampled_until_us() const;  // end time of the last sample
+  double carrier_hz() const;        // centre frequency of the sampled sweep
+  // Returns the distance between the points of a range FFT of this length,
   //   c * sample rate / (2 * slope * points)
-  // with the slope in the chip's steps; the demo and its documents take 3.0e8 and the slope as
-  // given. With points = samples it is the range resolution c / 2B.
+  // with the slope in multiples of the chip's step. TI's demo and documents use c = 3.0e8 m/s and
+  // the slope of the cfg instead. If `points` is the number of samples, the result is the range
+  // resolution c / 2B.
   double range_step_m(double points) const;
 };
 
-// Returns the limits that the ramp, in the chip's steps, exceeds, with values.
+// Returns one text for each limit that the ramp exceeds. Values are in the chip's steps.
 std::vector<std::string> refusals_of(const Ramp& ramp);
-// Returns the exceeded limits of a frame with this number of chirps, which take active_ms in total.
+// Returns one text for each limit that the frame exceeds. All chirps together take active_ms.
 std::vector<std::string> frame_refusals_of(double chirps, double active_ms, double period_ms);
 constexpr const char* front_end_limits =
     "sweeps within 60 to 64 GHz, samples within the ramp, chirps within the frame's period, and "

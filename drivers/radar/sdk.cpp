@@ -23,7 +23,7 @@ std::string first_word(const std::string& line) {
 
 constexpr std::string_view dsp_command = "bpmCfg";
 
-// Commands with their number of arguments, from their parsers (mmw_cli.c, utils/cli).
+// Commands of the demo, each with its number of arguments. Source: SDK, mmw_cli.c and utils/cli.
 constexpr std::string_view demo_commands =
     " sensorStart 0 sensorStop 0 version 0 queryDemoStatus 0 configDataPort 2 flushCfg 0 "
     "dfeDataOutputMode 1 channelCfg 3 adcCfg 2 adcbufCfg 5 lowPower 2 profileCfg 14 chirpCfg 8 "
@@ -52,7 +52,7 @@ bool has_command(const std::vector<CfgLine>& cfg, std::string_view command) {
                      [&](const CfgLine& line) { return first_word(line.text) == command; });
 }
 
-// Suggests the equivalent file of config/radar, from the cfg's name.
+// Returns the corresponding file of config/radar for another SDK, selected by the cfg's name.
 std::string other_file(std::string_view cfg_name, bool for_old_sdk) {
   const bool fine = cfg_name.find("44mm") != cfg_name.npos;
   const std::string end = for_old_sdk ? "_sdk3.4.cfg" : ".cfg";
@@ -62,7 +62,7 @@ std::string other_file(std::string_view cfg_name, bool for_old_sdk) {
   return std::string("config/radar/xwr68xx_") + (fine ? "44mm" : "paper_50cm") + end;
 }
 
-// Suggests a file for a board with the hardware-accelerator demo.
+// Returns the files of config/radar for boards with the hardware-accelerator demo.
 std::string of_accelerator(std::string_view cfg_name, bool old_sdk) {
   const std::string end = std::string(cfg_name.find("44mm") != cfg_name.npos ? "_44mm" : "_50cm") +
                           (old_sdk ? "_sdk3.4.cfg" : ".cfg");
@@ -105,12 +105,12 @@ std::string advice_for_unknown(const std::string& command, std::string_view firm
            "(AOP, ODS): use " +
            of_accelerator(cfg_name, sdk && *sdk < new_sdk);
   if (first_word(command) == "dfeDataOutputMode")
-    return "; is it an xWRL6432 or xWRL6844? Their demo has other commands, which this "
+    return "; is the board an xWRL6432 or xWRL6844? Their demo has other commands, which this "
            "program "
            "does not support";
   if (first_word(command) != new_command)
     return firmware.empty() ? "" : "; " + radar_has(firmware) + ": is the cfg for another demo?";
-  return "; SDK 3.5 and 3.6 know this command, " + radar_has(firmware) +
+  return "; only SDK 3.5 and 3.6 have this command, but " + radar_has(firmware) +
          ": use a cfg for SDK 3.4, " + other_file(cfg_name, true);
 }
 
@@ -121,10 +121,11 @@ std::string advice_for_start(const std::vector<CfgLine>& cfg, std::string_view f
     return "; the chip's front end refuses the chirps or the frame; limits: " +
            std::string(front_end_limits);
   if (sdk && *sdk >= new_sdk && !has_command(cfg, new_command))
-    return "; the cfg is for SDK 3.4, as it has no calibData, and " + radar_has(firmware) +
+    return "; the cfg is for SDK 3.4, because it has no calibData, but " + radar_has(firmware) +
            ": use a cfg for SDK 3.5, " + other_file(cfg_name, false);
   if (!has_command(cfg, dsp_command) && has_command(cfg, "aoaFovCfg"))
-    return "; this is a cfg of the hardware-accelerator demo (AOP, ODS), as it has no bpmCfg; does "
+    return "; this is a cfg of the hardware-accelerator demo (AOP, ODS), because it has no bpmCfg; "
+           "does "
            "the board run the DSP demo (ISK)? Then use " +
            other_file(cfg_name.find("44mm") == cfg_name.npos ? "50cm" : "44mm",
                       sdk && *sdk < new_sdk);
@@ -146,7 +147,7 @@ std::string to_line(const FirmwareBias& bias) {
   char text[32];
   std::snprintf(text, sizeof text, " %.7f", bias.range_bias_m);
   std::string line = std::string(bias_command) + text;
-  for (const double v : bias.re_im) {  // more decimals overflow the firmware's line buffer
+  for (const double v : bias.re_im) {  // more decimals would overflow the firmware's line buffer
     std::snprintf(text, sizeof text, " %.5f", v);
     line += text;
   }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Release and demo of TI's mmWave SDK for a cfg or firmware. From SDK 3.5 the demo requires a
-// `calibData` line before the first start; 3.4 does not know this command. The ISK runs the DSP
-// demo, which requires a `bpmCfg` line. AOP and ODS run the hardware-accelerator demo, which does
-// not know this command. config/radar has cfgs for all of them.
+// Determines for which release and demo of TI's mmWave SDK a cfg or firmware is. Since SDK 3.5 the
+// demo requires a `calibData` line before the first start; SDK 3.4 does not have this command. The
+// ISK runs the DSP demo, which requires a `bpmCfg` line. AOP and ODS run the hardware-accelerator
+// demo, which does not have this command. config/radar contains cfgs for all of them.
 #pragma once
 #include <optional>
 #include <string>
@@ -15,26 +15,29 @@
 
 namespace echofuse::radar {
 
-// Returns {3, 4} for "mmWave SDK 03.04.00.03" or "MMW Demo 03.04.00.03".
+// Reads the SDK release: {3, 4} for "mmWave SDK 03.04.00.03" or "MMW Demo 03.04.00.03".
 std::optional<std::pair<int, int>> sdk_of(std::string_view firmware);
 
-// Returns the number of arguments of a demo command, SDK 3.4 to 3.6; nullopt for an unknown
-// command.
+// Returns the number of arguments that a command has in the demo of SDK 3.4 to 3.6, or nullopt if
+// the demo does not have the command.
 std::optional<std::size_t> numbers_of(std::string_view command);
-// Names the demo that has this command, if the command is unique to another demo; otherwise empty.
+// Returns the name of the other demo to which the command belongs. Empty if the command is not
+// specific to another demo.
 std::string_view other_demo_of(std::string_view command);
 
-// Returns advice if the firmware did not know `command`: SDK or demo of cfg and firmware, and the
-// file to send instead. Empty if neither is the reason. `firmware`: its version text; may be empty.
+// Returns advice if the firmware does not have `command`. The advice explains for which SDK or demo
+// cfg and firmware are, and which file to send instead. Empty if cfg and firmware match.
+// `firmware`: version text of the firmware; may be empty.
 std::string advice_for_unknown(const std::string& command, std::string_view firmware,
                                std::string_view cfg_name);
-// Returns advice for a failed start: SDK or demo of the cfg, or the limits of the front end.
+// Returns advice for a failed start, if cfg and firmware are for different SDKs or demos, or if the
+// front end gives no reason for its refusal (`without_reason`).
 std::string advice_for_start(const std::vector<CfgLine>& cfg, std::string_view firmware,
                              std::string_view cfg_name, bool without_reason);
 
-// Line in which the firmware reports its calibration and a .cfg sets it:
-//   compRangeBiasAndRxChanPhase <bias in m> <re> <im> ... (a pair for each virtual antenna)
-// Returns nullopt for other lines, and for incomplete pairs.
+// Parses a calibration result. The firmware reports it as, and a .cfg contains it as:
+//   compRangeBiasAndRxChanPhase <bias in m> <re> <im> ... (one pair per virtual antenna)
+// Returns nullopt for other lines and for incomplete pairs.
 std::optional<FirmwareBias> parse_firmware_bias(const std::string& line);
 std::string to_line(const FirmwareBias& bias);
 

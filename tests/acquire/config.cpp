@@ -128,7 +128,7 @@ TEST_CASE("inconsistent configuration keys are refused") {
     std::string far =
         shell("cat " + echofuse::test::source_dir + "/config/radar/xwr68xx_44mm.cfg").text;
     write_file(folder / "r.cfg", far.replace(far.find("profileCfg 0 6"), 14, "profileCfg 0 7"));
-    CHECK(has(refusal(path).second, "GHz; the chip has 60 to 64 GHz"));
+    CHECK(has(refusal(path).second, "GHz (limits 60 to 64 GHz)"));
     write_file(folder / "r.cfg", "sensorStop\nprofileCfg 0 60\n");
     CHECK(
         has(refusal(path).second, path + ":4:1: radar.cfg: " + folder / "r.cfg: has no frameCfg"));

@@ -136,9 +136,9 @@ TEST_CASE("import: a radar recording without a range profile is refused with the
     CHECK(std::ranges::count(i.said, '\n') == 0);
   };
   const auto text = [](const std::string& t) { return Bytes(t.begin(), t.end()); };
-  refuses({}, "it is empty");
-  refuses(text("{\"frame\": 1}\n"), "it is text; expected the data port's bytes");
-  refuses(text("sensorStart\r\nDone\r\nmmwDemo:/>"), "it is text of the command port");
+  refuses({}, "file is empty");
+  refuses(text("{\"frame\": 1}\n"), "file contains text; expected the data port's bytes");
+  refuses(text("sensorStart\r\nDone\r\nmmwDemo:/>"), "file contains text of the command port");
   const Bytes whole = RadarFile().frames(1, 20).bytes;
   Bytes mangled;
   for (const std::uint8_t b : whole) {
@@ -158,5 +158,5 @@ TEST_CASE("import: a radar recording without a range profile is refused with the
           "20 frames have 256 bins; expected from the cfg: 64: was it");
   Bytes part = RadarFile().frames(1, 1).bytes;
   part.resize(100);
-  refuses(part, "it contains only a part of a frame");
+  refuses(part, "file contains only a part of a frame");
 }

@@ -262,7 +262,8 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
     for (std::uint32_t i = 1; i < 3; ++i)
       server.send(test::make_block(bridge::BlockKind::histogram, i, zones));
     REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 2; }));
-    CHECK(b.sink.events == std::vector<std::string>{"histograms have 5 zones; the hello states 1"});
+    CHECK(b.sink.events ==
+          std::vector<std::string>{"histograms have 5 zones, but the hello lists 1"});
     CHECK(b.sink.histograms.empty());
     server.send(test::make_block(bridge::BlockKind::histogram, 3, counts));
     REQUIRE(run_until(b.loop, [&] { return b.sink.histograms.size() == 1; }));

@@ -24,29 +24,28 @@ TEST_CASE("cfg values that the board would refuse are reported, and the range ax
   const std::vector<std::array<std::string, 3>> cases{
       {"% a", "% b", ""},
       {"0 60 7", "0 77 7",
-       "x.cfg:5: profileCfg sweeps 77 to 80.9837 GHz; the chip has 60 to 64 GHz: a cfg for "
-       "xWR14xx, "
-       "16xx or 18xx?"},
+       "x.cfg:5: profileCfg sweeps 77 to 80.9837 GHz (limits 60 to 64 GHz); is the cfg for "
+       "xWR14xx, 16xx or 18xx?"},
       {"0 60 7", "0 60.5 7",
-       "x.cfg:5: profileCfg sweeps 60.5 to 64.4837 GHz; the chip has 60 to 64 GHz"},
+       "x.cfg:5: profileCfg sweeps 60.5 to 64.4837 GHz (limits 60 to 64 GHz)"},
       {"1 256 12500", "1 512 12500",
        "x.cfg:5: profileCfg samples from 3 to 43.96 us, but the ramp ends at 24 us"},
       {"0 100 1", "0 2.5 1",
-       "x.cfg:9: frameCfg has 96 chirps, which take 2.976 ms, in a period of 2.5 ms"},
-      {"0 100 1", "0 1500 1", "x.cfg:9: frameCfg has a period of 1500 ms; limits 0.3 to 1342 ms"},
+       "x.cfg:9: frameCfg has 96 chirps, which take 2.976 ms, but a period of 2.5 ms"},
+      {"0 100 1", "0 1500 1", "x.cfg:9: frameCfg has a period of 1500 ms (limits 0.3 to 1342 ms)"},
       {"frameCfg 0 2", "frameCfg 0 3", "x.cfg:9: frameCfg has chirp 3, which no chirpCfg defines"},
       {"chirpCfg 1 1 0", "chirpCfg 1 1 4",
-       "x.cfg:7: chirpCfg takes profile 4, which no profileCfg defines"},
+       "x.cfg:7: chirpCfg uses profile 4, which no profileCfg defines"},
       {"chirpCfg 1 1 0 0", "chirpCfg 1 1 0 50000000",
-       "x.cfg:7: chirpCfg sweeps 60.05 to 64.0337 GHz; the chip has 60 to 64 GHz"},
+       "x.cfg:7: chirpCfg sweeps 60.05 to 64.0337 GHz (limits 60 to 64 GHz)"},
       {"chirpCfg 1 1 0 0 0", "chirpCfg 1 1 0 0 1200",
-       "x.cfg:7: chirpCfg sweeps 60 to 64.0123 GHz; the chip has 60 to 64 GHz"},
+       "x.cfg:7: chirpCfg sweeps 60 to 64.0123 GHz (limits 60 to 64 GHz)"},
       {"chirpCfg 1 1 0 0 0 0 0", "chirpCfg 1 1 0 0 0 0 3",
        "x.cfg:7: chirpCfg samples from 6 to 26.48 us, but the ramp ends at 24 us"},
       {"chirpCfg 1 1 0 0 0 0", "chirpCfg 1 1 0 0 0 3100",
-       "x.cfg:9: frameCfg has 96 chirps, which take 102.176 ms, in a period of 100 ms"},
+       "x.cfg:9: frameCfg has 96 chirps, which take 102.176 ms, but a period of 100 ms"},
       {"chirpCfg 0", "profileCfg 1 63.5 7 3 24 0 0 166 1 256 12500 0 0 30\nchirpCfg 0",
-       "x.cfg:6: profileCfg sweeps 63.5 to 67.4837 GHz; the chip has 60 to 64 GHz"},
+       "x.cfg:6: profileCfg sweeps 63.5 to 67.4837 GHz (limits 60 to 64 GHz)"},
       {"frameCfg 0", "frameCfg\t0",
        "x.cfg:9: column 9 has a tab; the firmware splits words at spaces only"},
       {"sensorStop", "\tsensorStop",
@@ -83,7 +82,7 @@ TEST_CASE("a chirp's end frequency is computed in the chip's register steps") {
   }
   CHECK(parse_profile(with(profile, "0 60 84 7 88.89 0 0 45.04 1 176 2175 0 0 158"), "x.cfg")
             .refusals.at(0) ==
-        "x.cfg:5: profileCfg sweeps 60 to 64.0008 GHz; the chip has 60 to 64 GHz");
+        "x.cfg:5: profileCfg sweeps 60 to 64.0008 GHz (limits 60 to 64 GHz)");
 }
 
 TEST_CASE("a cfg saved with another text encoding is read or refused in one line") {
@@ -93,7 +92,8 @@ TEST_CASE("a cfg saved with another text encoding is read or refused in one line
   std::erase(other, '\r');
   CHECK(parse_profile(other, "x.cfg").refusals.empty());
   for (const char c : other) (wide += c) += '\0';
-  CHECK(refusal("\xff\xfe" + wide) == "x.cfg: is UTF-16, or not text; save it as UTF-8 or ASCII");
+  CHECK(refusal("\xff\xfe" + wide) ==
+        "x.cfg: is UTF-16 or not a text file; save it as UTF-8 or ASCII");
   std::ranges::replace(other, '\n', '\r');
   const std::string ends =
       ": has a carriage return without a line feed; expected lines that end in LF or CR LF";
@@ -131,6 +131,6 @@ TEST_CASE("two profiles in a frame are refused unless their sampling is equal") 
   CHECK(parse_profile(add("profileCfg 1 60.01 7 3 24 0 0 166 1 256 12500 0 0 30"), "x.cfg").bins ==
         256);
   CHECK(refusal(add("profileCfg 1 60 7 3 24 0 0 83 1 256 12500 0 0 30")) ==
-        "x.cfg:7: chirpCfg takes profileCfg 0, but other chirps of the frame take 1: their range "
+        "x.cfg:7: chirpCfg uses profileCfg 0, but other chirps of the frame use 1: their range "
         "axes differ");
 }

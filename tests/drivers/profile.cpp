@@ -113,9 +113,9 @@ TEST_CASE("cfg settings with unwanted effects cause warnings") {
   CHECK_THAT(warnings(with("sensorStart", "clutterRemoval -1 1\nsensorStart")).at(0),
              Catch::StartsWith("x.cfg:11: clutterRemoval"));
   CHECK(warnings(with("0 100 1 0", "30 100 2 0")) ==
-        std::vector<std::string>{"x.cfg:9: frameCfg ends after 30 frames; 0 is endless",
-                                 "x.cfg:9: frameCfg trigger 2 waits for a pulse at the board's pin "
-                                 "for each frame; 1 does not"});
+        std::vector<std::string>{"x.cfg:9: frameCfg stops after 30 frames (0 means no limit)",
+                                 "x.cfg:9: frameCfg trigger 2 waits for an external pulse before "
+                                 "each frame (1 does not wait)"});
   CHECK(warnings(with("sensorStart", "myCfg 1\nsensorStart")) ==
         std::vector<std::string>{"x.cfg:11: myCfg is not a command of the demo of SDK 3.4 to 3.6"});
   CHECK_THAT(warnings(with("1 256 12500", "1 1024 12500")).at(0),
@@ -131,10 +131,10 @@ TEST_CASE("the data rate must match the cfg, the configuration and the frame per
   CHECK(warnings(slow, 460800).empty());
   CHECK(warnings(slow, 921600) ==
         std::vector<std::string>{"x.cfg:11: configDataPort sets the data port to 460800 baud, "
-                                 "radar.data_baud is 921600"});
+                                 "but radar.data_baud is 921600"});
   CHECK(warnings(stock, 460800) ==
         std::vector<std::string>{"x.cfg: without configDataPort the firmware sends at 921600 baud, "
-                                 "radar.data_baud is 460800"});
+                                 "but radar.data_baud is 460800"});
   CHECK(warnings(with("0 100 1 0", "0 5 1 0"), 921600) ==
         std::vector<std::string>{
             "x.cfg:9: frameCfg requests a frame every 5 ms, but a frame of 640 bytes "
@@ -290,10 +290,10 @@ TEST_CASE("subframes that differ in more than the start frequency are refused wi
            {"0 0 18.75 1 60 2000 0 0 30\nchirp", "0 0 15 1 60 2000 0 0 30\nchirp"},  // slope
            {"1 60 2000 0 0 30\nchirp", "1 64 2000 0 0 30\nchirp"},                   // samples
            {"subFrameCfg 3 0 9 3", "subFrameCfg 3 0 9 2"}})                          // antennas
-    CHECK(refusal(changed(from, to)) ==
-          "x.cfg:" + std::to_string(33) +
-              ": subFrameCfg has another range axis, or other antennas, than subframe 0; a record "
-              "is the mean of all subframes");
+    CHECK(refusal(changed(from, to)) == "x.cfg:" + std::to_string(33) +
+                                            ": subFrameCfg has a different range axis or different "
+                                            "antennas than subframe 0; a record "
+                                            "is the mean of all subframes");
   CHECK(refusal(changed("guiMonitor -1", "guiMonitor 2")) ==
         "x.cfg:34: guiMonitor selects one subframe; expected -1 for all");
   CHECK(refusal(changed("subFrameCfg 2 0", "subFrameCfg 1 0")) ==

@@ -182,7 +182,7 @@ TEST_CASE("a heat map of another board is dropped, its range profile is kept") {
   CHECK(test::counter(*driver, "bad_arrays") == 1);
   CHECK(b.sink.events ==
         std::vector<std::string>{"heat map has 48 samples in TLV 8, but the cfg and radar.board "
-                                 "give 32 in TLV 4; heat map ignored"});
+                                 "require 32 in TLV 4; heat map ignored"});
   driver->stop();
 }
 

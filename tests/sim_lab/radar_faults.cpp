@@ -158,7 +158,7 @@ TEST_CASE("the board's last error is reported until a frame arrives") {
   b.board.cli.cut = true;
   REQUIRE(b.until(
       [&] { return b.reported("Exception: mmw_cli.c, line 263. (the firmware has stopped"); }));
-  const std::string then = "; then: no more answers, reset the board";
+  const std::string then = "; then: the firmware stopped responding; reset the board";
   REQUIRE(b.until([&] { return b.sink.events.back().ends_with(then); }));
   CHECK(b.sink.events.back().starts_with("Exception: mmw_cli.c, line 263."));
   b.board.power_up();
@@ -427,7 +427,8 @@ TEST_CASE("a frame period that differs from the cfg causes one warning") {
     run_until(
         b.loop, [] { return false; }, 50ms);
   }
-  const std::string text = "a frame comes every 500 ms, the cfg gives 50 ms: is radar.data a port";
+  const std::string text =
+      "frames arrive every 500 ms, but the cfg requests 50 ms: is radar.data a port";
   CHECK(std::ranges::count_if(b.sink.events,
                               [&](const std::string& e) { return e.starts_with(text); }) == odd);
   CHECK(b.frames() >= 8);
