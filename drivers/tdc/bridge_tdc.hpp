@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Detector behind the bridge protocol, over TCP or USB. Its hello states whether it sends tags or
-// histograms.
+// Detector that uses the bridge protocol, over TCP or USB. Its hello determines whether it sends
+// tags or histograms.
 #pragma once
 #include <string>
 #include <vector>

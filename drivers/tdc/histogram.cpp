@@ -13,13 +13,14 @@
 namespace echofuse::tdc {
 namespace {
 
-// Extra cells after the axis. out_of_range comes first, because its index equals the bin at a
-// distance of exactly `bins` bins.
+// Additional cells after those of the bins. out_of_range is the first, because a distance of `bins`
+// or more bins has this index.
 enum ExtraCell : std::uint32_t { out_of_range, without_start, start, other, cells };
 
 constexpr std::uint32_t max_bins = 1u << 24;
 
-// Largest range for which (distance + 0.5) / width in double never rounds across a bin border.
+// Largest range for which (distance + 0.5) / width, computed in double, never crosses a bin border
+// by rounding.
 constexpr std::uint64_t max_range_ps = 1ull << 50;
 
 void check(const HistogramSettings& s) {
@@ -78,8 +79,8 @@ void Histogram::count(std::span<const Tag> tags) {
   while (!tags.empty()) {
     const std::size_t taken =
         has_start_ ? count_groups(tags.data(), tags.size(), click_bins_, run_, bins_.data()) : 0;
-    // A marker costs the fast path its group. The doubled step avoids calling it where it never
-    // succeeds.
+    // The fast path cannot process a group that contains a marker. The doubled step avoids calling
+    // it again and again without success.
     step = taken > 0 ? max_group : 2 * step;
     const auto few = tags.subspan(taken, std::min(step, tags.size() - taken));
     count_singly(few);
@@ -88,8 +89,8 @@ void Histogram::count(std::span<const Tag> tags) {
   commit(all);
 }
 
-// Every time tag increments exactly one cell, selected without branches, because the sequence of
-// starts and clicks is unpredictable for the processor.
+// Every time tag increments exactly one cell. The cell is selected without branches, because the
+// processor cannot predict the sequence of starts and clicks.
 void Histogram::count_singly(std::span<const Tag> tags) {
   const std::uint32_t bins = settings_.bins;
   const ClickBins click_bins = click_bins_;
@@ -97,7 +98,7 @@ void Histogram::count_singly(std::span<const Tag> tags) {
   TagRun run = run_;
   bool has_start = has_start_, serves = !in_overflow_;
   for (const Tag& tag : tags) {
-    // Tests type and reserved byte in one comparison, so that valid streams lose no time.
+    // Tests type and reserved byte in one comparison, so that valid streams are not slowed down.
     std::uint16_t head;
     std::memcpy(&head, &tag, sizeof head);
     if (head != 0) [[unlikely]] {
@@ -115,7 +116,7 @@ void Histogram::count_singly(std::span<const Tag> tags) {
     index = has_start ? index : bins + without_start;
     index = tag.channel == click_bins.click_channel ? index : bins + other;
     index = is_start ? bins + start : index;
-    // Arithmetic instead of ?:, which GCC 12 compiles to a branch.
+    // Arithmetic instead of the operator ?:, because GCC 12 compiles that to a branch.
     run.last_start_ps ^= (run.last_start_ps ^ time) & -std::uint64_t{is_start};
     has_start |= is_start & serves;
     ++cell[index];
@@ -140,7 +141,7 @@ void Histogram::add_marker(const Tag& tag) {
   has_start_ = false;
 }
 
-// Moves the sums and the 32-bit extra cells to the totals after each block.
+// Moves the sums of one add() and the additional 32-bit cells to the totals.
 void Histogram::commit(std::size_t tags) {
   const auto take_cell = [this](ExtraCell c) {
     return std::exchange(bins_[std::size_t{settings_.bins} + c], 0u);
@@ -203,8 +204,8 @@ void StartGaps::add(std::span<const Tag> tags) {
     if (gaps_ps_.size() == enough) return;
     if (!tag.is_time_tag()) has_last_ = false;
     if (!tag.is_time_tag() || tag.channel != channel_) continue;
-    const auto time = static_cast<std::uint64_t>(tag.time_ps);  // unsigned, because differences may
-                                                                // wrap
+    // Times are unsigned, because their differences may wrap.
+    const auto time = static_cast<std::uint64_t>(tag.time_ps);
     const auto gap = static_cast<std::int64_t>(time - last_ps_);
     if (has_last_ && gap > 0) gaps_ps_.push_back(gap);
     last_ps_ = time;
@@ -216,7 +217,7 @@ std::optional<double> StartGaps::share() const {
   constexpr std::int64_t enough = 20;
   if (gaps_ps_.empty()) return std::nullopt;
   auto gaps = gaps_ps_;
-  // The laser's period; a low percentile tolerates a few damaged times.
+  // Estimates the laser period. A low percentile tolerates a few wrong times.
   const auto shortest = gaps.begin() + static_cast<std::ptrdiff_t>(gaps.size() / 200);
   std::nth_element(gaps.begin(), shortest, gaps.end());
   const std::int64_t period_ps = *shortest;

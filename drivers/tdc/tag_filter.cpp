@@ -6,7 +6,7 @@
 namespace echofuse::tdc {
 namespace {
 
-// Bound of the reorder buffer (1 ms at 1 Gtag/s); reached only if time stamps stop or run
+// Limit of the reorder buffer (1 ms at 1 Gtag/s). It is reached only if time stamps stop or run
 // backwards.
 constexpr std::size_t max_waiting = 1u << 20;
 
@@ -30,7 +30,8 @@ std::span<const Tag> TagFilter::feed(std::span<const Tag> tags) {
     release(waiting_.size());
     return ready_;
   }
-  // Later tags cannot have an earlier delayed time. Signed differences handle the wrap.
+  // Earliest delayed time that later tags can have. Signed differences handle the wrap of the
+  // times.
   const std::uint64_t settled =
       newest_ + static_cast<std::uint64_t>(std::min(click_delay_ps_, std::int64_t{0}));
   const auto end = std::find_if(waiting_.begin(), waiting_.end(), [&](const Tag& tag) {
@@ -77,7 +78,7 @@ void TagFilter::take(Tag tag) {
   waiting_.push_back(tag);
 }
 
-// Sorts by the distance from one tag, which is correct across the wrap.
+// Sorts by the difference from the time of one tag, which is correct even if the times wrap.
 void TagFilter::sort_waiting() {
   if (waiting_.empty()) return;
   const std::uint64_t base = time_of(waiting_.front());

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT
-// Delays the clicks and applies a dead time before the histogram, for taggers without these
-// functions.
+// Delays clicks and applies a dead time before the histogram, for taggers that cannot do this.
 //
-// Dead time: removes a tag less than dead_time_ps after the last KEPT tag of its channel
-// (non-extending). Applies to start and click channel separately.
-// Delay: added to the times of the click channel. This changes the order, so tags wait until no
-// earlier one can follow. A marker reports missing time information: all waiting tags are released
-// before it.
+// Dead time: a tag less than dead_time_ps after the last KEPT tag of its channel is removed
+// (non-extending). The start and click channels are treated separately.
 //
-// With both zero, feed() returns its input without a copy.
+// Delay: it is added to the times of the click channel. This changes the order, so tags wait until
+// no earlier tag can follow. Before a marker, which reports missing time information, all waiting
+// tags are released.
+//
+// If both are zero, feed() returns its input without a copy.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -25,15 +25,15 @@ struct FilterSettings {
   std::int64_t dead_time_ps = 0;
 };
 
-// tags fed == tags returned + removed + waiting
+// Invariant: tags fed == tags returned + removed + waiting.
 class TagFilter {
  public:
   explicit TagFilter(const FilterSettings& settings);
 
-  // Adds tags; returns those that are ready, in the order of delayed times. Valid until the next
-  // call.
+  // Adds tags. Returns the tags that are ready, sorted by delayed time. The result is valid until
+  // the next call.
   std::span<const Tag> feed(std::span<const Tag> tags);
-  // Returns the waiting tags. Call if tags are missing next, or at the end of a slot.
+  // Returns all waiting tags. Must be called at the end of a slot, or if tags are missing next.
   std::span<const Tag> flush();
   bool passes_all() const { return pass_through_; }
   // Returns the number of tags removed by the dead time since the last call.
@@ -54,7 +54,7 @@ class TagFilter {
   std::int64_t click_delay_ps_;
   std::uint64_t dead_time_ps_;
   bool pass_through_;
-  std::uint64_t newest_ = 0;  // time of the last tag, without delay
+  std::uint64_t newest_ = 0;  // time of the last tag before its delay
   std::vector<Tag> waiting_, ready_;
   std::uint64_t removed_ = 0;
 };

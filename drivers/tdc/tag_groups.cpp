@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/tdc/tag_groups.hpp"
 
-// Compiles the kernel for each instruction set, then for that of the whole build.
+// Compiles the kernel for the other instruction sets. The include below compiles it for the
+// instruction set of the whole build.
 #define HWY_TARGET_INCLUDE "drivers/tdc/tag_groups_kernel.hpp"
 #include <hwy/foreach_target.h>
 

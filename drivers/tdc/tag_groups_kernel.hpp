@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// count_groups() for one instruction set. tag_groups.cpp includes this file once per set, hence no
-// include guard. Do not call functions of std here: the linker would merge one set's copy into the
-// others.
+// Implementation of count_groups() for one instruction set. tag_groups.cpp includes this file once
+// per instruction set, so there is no include guard. Do not call functions of std here: the linker
+// could use code for one instruction set on processors that do not support it.
 #include <hwy/highway.h>
 
 #include <bit>
@@ -17,10 +17,12 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Times = hn::CappedTag<std::uint64_t, max_group>;
 using Bins = hn::Rebind<std::int32_t, Times>;
 constexpr std::size_t group = hn::MaxLanes(Times());
-constexpr unsigned sets = 1u << group;  // number of subsets of lanes, as bit masks
+constexpr unsigned sets =
+    1u << group;  // number of subsets of a vector's lanes, which are bit masks
 
-// For each subset, the source of each lane's content, in pieces of `bytes` bytes: 4 for AVX2
-// permutations across a vector, 1 within 16 bytes.
+// Table of permutations with one row for each subset of lanes. For each lane the row contains its
+// source, in pieces of `bytes` bytes. AVX2 permutes 4-byte pieces across a vector, and single bytes
+// within 16 bytes.
 template <std::size_t bytes, std::size_t lane_bytes, unsigned rows>
 struct Permutations {
   static constexpr unsigned pieces = lane_bytes / bytes;
@@ -34,12 +36,13 @@ struct Permutations {
   }
 };
 
-// Last lane of the subset at or before this lane; arbitrary before the first.
+// Source of each lane: the last lane of the subset up to this lane. Arbitrary before the first lane
+// of the subset.
 alignas(64) constexpr Permutations<4, 8, sets> last_of([](unsigned set, unsigned lane) {
   const unsigned upto = set & ((2u << lane) - 1);
   return upto == 0 ? 0u : static_cast<unsigned>(std::bit_width(upto)) - 1;
 });
-// Previous lane; the last lane for the first one.
+// Source of each lane: the previous lane. The source of the first lane is the last lane.
 alignas(64) constexpr Permutations<4, 8, 1> before([](unsigned, unsigned lane) {
   return (lane + group - 1) % group;
 });
@@ -53,7 +56,7 @@ HWY_INLINE hn::Vec<Times> permute(hn::Vec<Times> lanes, const std::uint8_t* from
 }
 
 HWY_INLINE unsigned set_of(hn::Mask<Times> lanes) {
-  std::uint8_t bits[8] = {};  // size required by Highway
+  std::uint8_t bits[8] = {};  // Highway requires 8 bytes
   hn::StoreMaskBits(Times(), lanes, bits);
   return bits[0];
 }
@@ -63,12 +66,12 @@ HWY_INLINE hn::Mask<Times> mask_of(unsigned set) {
   return hn::LoadMaskBits(Times(), bits);
 }
 
-// Packs the bins of the subset to the front; the rest is arbitrary.
+// Moves the bins of the subset's lanes to the front. The other lanes are arbitrary.
 HWY_INLINE hn::Vec<Bins> pack(hn::Vec<Bins> bins, unsigned set) {
 #if HWY_TARGET <= HWY_AVX3
   const std::uint8_t bits[8] = {static_cast<std::uint8_t>(set)};
   return hn::CompressBits(bins, bits);
-#else  // equals CompressBits, but GCC 12 copies its table to the stack on each call
+#else  // same result as CompressBits, for which GCC 12 copies a table to the stack on each call
   alignas(64) static constexpr Permutations<1, 4, sets> packed([](unsigned lanes, unsigned lane) {
     for (; lane > 0; --lane) lanes &= lanes - 1;
     return lanes == 0 ? 0u : static_cast<unsigned>(std::countr_zero(lanes));
@@ -80,7 +83,7 @@ HWY_INLINE hn::Vec<Bins> pack(hn::Vec<Bins> bins, unsigned set) {
 
 constexpr std::size_t chunk = 2048;
 
-// Needed because the processor's prefetcher stops at each page border.
+// Prefetches explicitly, because the processor's prefetcher stops at page borders.
 HWY_INLINE void prefetch_next_page(const Tag* tags) {
   const auto ahead = reinterpret_cast<std::uintptr_t>(tags) + 4096;
   for (std::size_t i = 0; i < group * sizeof(Tag); i += 64)
@@ -95,21 +98,22 @@ std::size_t take_groups(const Tag* tags, std::size_t count, const ClickBins& bin
     return hn::Set(d, std::uint64_t{static_cast<std::uint32_t>(channel)} << 32);
   };
   const auto start_word = word_of(bins.start_channel), click_word = word_of(bins.click_channel);
-  const auto channel_bits = word_of(-1), head_bits = hn::Set(d, 0xffff);  // type and reserved byte
+  // head_bits: type and reserved byte
+  const auto channel_bits = word_of(-1), head_bits = hn::Set(d, 0xffff);
   const auto first_bin = hn::Set(d, bins.first_bin_ps), range = hn::Set(d, bins.range_ps);
-  // Adding an integer to the double 2^52 puts its bits into the lowest bits.
+  // The bitwise OR of an integer and the double 2^52 is the double 2^52 + integer.
   const auto two_52 = hn::Set(d, 0x4330000000000000);
   const auto two_52_less_half = hn::Set(df, 0x1p52 - 0.5);
   const auto bins_per_ps = hn::Set(df, bins.bins_per_ps);
   const auto first_lane = hn::FirstN(d, 1);
 
-  auto start = hn::Set(d, run.last_start_ps);    // in every lane
-  auto previous = hn::Set(d, run.last_time_ps);  // in the first lane
+  auto start = hn::Set(d, run.last_start_ps);    // same time in all lanes
+  auto previous = hn::Set(d, run.last_time_ps);  // only the first lane is used
   auto backwards = hn::Zero(d);
   std::size_t taken = 0, starts = 0, all_clicks = 0;
   bool sound = true;
   while (sound && count - taken >= group) {
-    HWY_ALIGN std::int32_t clicked[chunk + group];  // bins
+    HWY_ALIGN std::int32_t clicked[chunk + group];  // bins of the clicks in this chunk
     std::size_t clicks = 0;
     const std::size_t end = taken + HWY_MIN(chunk, (count - taken) / group * group);
     for (; taken < end; taken += group) {

@@ -17,7 +17,7 @@
 namespace echofuse {
 namespace {
 
-// Returns the option of this name in the command or its parents.
+// Returns the option with this name of the command or its parents, or nullptr.
 const CLI::Option* option_named(const CLI::App* app, const std::string& name) {
   for (; app != nullptr; app = app->get_parent())
     if (const CLI::Option* option = app->get_option_no_throw(name)) return option;
@@ -47,7 +47,7 @@ std::vector<std::string> commands_of(const CLI::App* app) {
       CLI::ExitCodes::ExtrasError);
 }
 
-// Refuses the first unknown command and the first unknown option.
+// Throws CLI::ExtrasError for the first unknown command or option.
 void check_names(CLI::App& app, const std::vector<std::string>& words) {
   CLI::App* command = &app;
   for (std::size_t i = 0; i < words.size(); ++i) {
@@ -74,22 +74,23 @@ void check_names(CLI::App& app, const std::vector<std::string>& words) {
   }
 }
 
-// Shortens CLI11's messages, which print the limits of a range with all digits.
+// Rewrites messages of CLI11, which print the limits of a range with all digits.
 std::string readable(std::string text) {
   const auto at = text.find(" not in range ");
   if (text.find(" 17976931348623157", std::min(at, text.size())) != text.npos)
     return text.substr(0, at) + ": expected a positive number";
   if (at != text.npos)
     text = std::regex_replace(text, std::regex(R"((\.\d*[1-9])0+\b|\.0+\b)"), "$1");
-  // CLI11 reports a value that is not a number as out of range, too.
+  // CLI11 also reports a value that is not a number as out of range.
   text = std::regex_replace(
       text, std::regex(R"(Value (-?[\d.]+)([A-Za-z]+) not in range (\S+) to (\S+)$)"),
       "$1$2: expected a number from $3 to $4, without a unit");
-  text = std::regex_replace(text, std::regex(" excludes "), " does not go with ");
+  text = std::regex_replace(text, std::regex(" excludes "), " cannot be combined with ");
   return std::regex_replace(text, std::regex("^Could not convert: (.*)"), "$1: expected a number");
 }
 
-// Formats CLI11's help for the terminal width, with "(1 to 9)" for ":INT in [1 - 9]".
+// Formats CLI11's help for the width of the terminal, and prints "(1 to 9)" instead of ":INT in [1
+// - 9]".
 class Readable final : public CLI::Formatter {
   std::string make_help(const CLI::App* app, std::string name,
                         CLI::AppFormatMode mode) const override {
@@ -97,7 +98,7 @@ class Readable final : public CLI::Formatter {
     const std::size_t known = columns_of_stdout(), columns = known > 0 ? known : 100;
     std::string out, line;
     for (bool examples = false; std::getline(lines, line);) {
-      if (line.empty() && out.ends_with("\n\n")) continue;  // keep a single blank line
+      if (line.empty() && out.ends_with("\n\n")) continue;  // keep only one blank line
       examples = examples ? !line.empty() : line == "Examples:";
       out += examples ? line + '\n' : wrapped(line + '\n', columns);
     }
@@ -116,19 +117,20 @@ class Readable final : public CLI::Formatter {
     for (const auto& [was, now] : plain) text = std::regex_replace(text, std::regex(was), now);
     text = text.substr(0, std::min(text.find(" Needs:"), text.find(" Excludes:")));
     if (option->get_positional() && std::isupper(option->get_name(true).front()) != 0)
-      text.erase(0, text.find(' ', 1));  // drop CLI11's type name
+      text.erase(0, text.find(' ', 1));  // remove CLI11's type name
     return text;
   }
   std::string make_option_desc(const CLI::Option* option) const override {
     std::string others;
     for (const CLI::Option* other : option->get_excludes())
       others += (others.empty() ? "; not with " : " or ") + other->get_name();
-    for (const CLI::Option* other : option->get_needs()) others += "; with " + other->get_name();
+    for (const CLI::Option* other : option->get_needs())
+      others += "; requires " + other->get_name();
     return option->get_description() + others;
   }
 };
 
-// `above`: names the help that lists the inherited options.
+// `above`: lines that refer to the parents' options, for the end of the help.
 void set_up(CLI::App& app, const std::shared_ptr<CLI::FormatterBase>& formatter,
             const std::string& above = {}, const std::string& path = {}) {
   app.formatter(formatter);

@@ -7,16 +7,16 @@
 
 namespace echofuse {
 
-// Parses like app.parse(). CLI::ParseError suggests the nearest name for an unknown command or
-// option, and states ranges in plain words. `help` as the first word means --help. Commands accept
-// the options of their parents, and their --help lists these.
+// Parses like app.parse(). For an unknown command or option, the text of CLI::ParseError suggests
+// the nearest name. Error texts describe ranges in plain words. `help` as the first word means
+// --help. Commands accept the options of their parents, and list them in their --help.
 void parse_command_line(CLI::App& app, int argc, const char* const* argv);
 
 // Moves these options to the group "More options" at the end of --help.
 void more_options(CLI::App& command, std::initializer_list<const char*> names);
 
-// Adds example command lines and the exit codes to the end of --help and to the manual page.
-// `codes`: those besides 0, 1 and 2, as "3 config, 6 disk".
+// Adds examples and exit codes to the end of --help and to the manual page. `codes`: exit codes
+// other than 0, 1 and 2, for example "3 config, 6 disk".
 void add_examples(CLI::App& command, std::initializer_list<const char*> lines,
                   const std::string& codes = {});
 

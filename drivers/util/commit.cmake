@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-# cmake -DSOURCE=ROOT -DOUT=commit.cpp -P commit.cmake: the commit of the sources as a function. Of an archive that
-# git made it is in commit.txt; "+" behind it: the sources were changed since.
+# Writes a function that returns the commit of the sources: cmake -DSOURCE=ROOT -DOUT=commit.cpp -P commit.cmake
+# In an archive made by git, commit.txt contains the commit. "+" after the commit means that the sources were modified.
 cmake_policy(VERSION 3.20)
 file(READ ${SOURCE}/drivers/util/commit.txt commit)
 string(STRIP "${commit}" commit)

@@ -33,7 +33,7 @@ void on_signal(int number) {
 int run_main(const std::string& program, const std::function<ExitCode()>& body) {
   const auto complain = [&](const char* what, ExitCode code) {
     std::string text = program + ": " + printable_lines(what);
-    if (stderr_is_journal()) {  // each line is a journal entry
+    if (stderr_is_journal()) {  // each line becomes a journal entry with its own priority
       constexpr const char* error = "<3>";
       for (std::size_t at = 0; at != text.npos; at = text.find('\n', at + 1))
         text.insert(at == 0 ? 0 : at + 1, error);
@@ -45,7 +45,7 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
     const bool failed = std::ferror(stdout) != 0;
     errno = 0;
     if (std::fflush(stdout) == 0 && !failed) return static_cast<int>(code);
-    if (errno == 0) {  // a long text failed: write again to get errno
+    if (errno == 0) {  // after a long text errno is not known: write again to get it
       std::clearerr(stdout);
       std::fputc('\n', stdout);
       std::fflush(stdout);
@@ -65,8 +65,8 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
   }
 }
 
-// Compares device and inode, as sd_journal's documentation requires: a child process with another
-// stderr inherits the variable too.
+// Compares device and inode, as the documentation of sd_journal requires. A child process inherits
+// the variable even if its stderr is another file.
 bool stderr_is_journal() {
   const char* stream = std::getenv("JOURNAL_STREAM");
   struct stat is {};
@@ -83,7 +83,7 @@ void catch_interrupts() {
   struct sigaction hangup {};
   sigaction(SIGHUP, nullptr, &hangup);
   if (hangup.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
-  action.sa_handler = [](int) {};  // child processes do not inherit a handler
+  action.sa_handler = [](int) {};  // a handler, because child processes would inherit SIG_IGN
   sigaction(SIGPIPE, &action, nullptr);
 }
 
@@ -103,7 +103,8 @@ Progress::~Progress() {
 
 std::string progress_line(const std::string& title, double share, const std::string& counts,
                           const std::string& text, std::size_t columns) {
-  constexpr std::size_t widest = 30, narrowest = 5, brackets = 4;  // brackets and spaces
+  // `brackets`: width of the bar's brackets and spaces
+  constexpr std::size_t widest = 30, narrowest = 5, brackets = 4;
   const auto room = [&](const std::string& behind) {
     const std::size_t taken = title.size() + brackets + behind.size();
     return columns > taken ? std::min(columns - taken, widest) : 0;

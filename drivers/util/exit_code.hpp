@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Exit codes of all programs, and the exception that carries one to main.
+// Exit codes of all programs, and the exception that passes an exit code to main.
 #pragma once
 #include <stdexcept>
 #include <string>
@@ -17,8 +17,8 @@ enum class ExitCode : int {
   interrupted = 130,
 };
 
-// Thrown at start-up and in batch programs; only main catches it. The text is one line: file, line
-// or key, fault, expected value. Several faults make several lines.
+// Thrown at start-up and by batch programs; only main catches it. The text has one line per fault.
+// A line contains the file, line or key, the fault, and the expected value.
 class Error : public std::runtime_error {
  public:
   Error(ExitCode code, const std::string& text) : std::runtime_error(text), code_(code) {}

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// One part of a job that the tasks of a cluster's job array share. The number of a part determines
-// its pieces, so parts need no communication.
+// One part of a job that is divided among the tasks of a cluster's job array. The number of a part
+// determines its pieces, so parts do not communicate.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -9,12 +9,12 @@ namespace echofuse {
 
 class JobPart {
  public:
-  // Parses "K/N", 1 <= K <= N <= 100000. Throws Error(usage).
+  // Parses "K/N" with 1 <= K <= N <= 100000. Throws Error(usage) if the text is invalid.
   static JobPart of(const std::string& text);
 
-  std::string name() const;  // "part-2-of-4", for file names
+  std::string name() const;  // "part-2-of-4", used in file names
 
-  // Consecutive pieces [begin, end).
+  // Range [begin, end) of consecutive pieces.
   struct IndexRange {
     std::int64_t begin, end;
     std::int64_t size() const { return end - begin; }

@@ -23,16 +23,17 @@ constexpr int flags = O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC;
 constexpr off_t most_bytes = 1 << 20;
 
 struct flock whole_file() {
-  struct flock lock {};  // F_OFD_SETLK requires l_pid 0
+  struct flock lock {};  // l_pid must be 0 for F_OFD_SETLK
   lock.l_type = F_WRLCK;
   lock.l_whence = SEEK_SET;
   return lock;
 }
 
-// Opens without O_CREAT first, because the kernel may refuse O_CREAT for another user's file in a
-// shared folder.
+// Tries to open the file without O_CREAT first, because in a shared folder the kernel may refuse
+// O_CREAT for another user's file.
 int open_or_make(const std::string& path, mode_t mode) {
-  for (int tries = 0; tries < 10; ++tries) {  // the holder may remove the file in between
+  // the lock's holder may remove the file between the two calls of open()
+  for (int tries = 0; tries < 10; ++tries) {
     int fd = ::open(path.c_str(), flags | O_RDWR);
     if (fd >= 0 || errno != ENOENT) return fd;
     fd = ::open(path.c_str(), flags | O_RDWR | O_CREAT | O_EXCL, mode ? mode : 0644);
@@ -50,8 +51,8 @@ std::string contents(int fd, off_t bytes) {
   return text;
 }
 
-// Returns true for an empty file, zeros from reserve(), or a beginning of our header, which the
-// holder may be writing.
+// Returns true if the file is empty, contains only zeros from reserve(), or begins with our header
+// or its first part, which the holder may be writing.
 bool is_ours(int fd) {
   struct stat is {};
   if (::fstat(fd, &is) != 0 || !S_ISREG(is.st_mode) || is.st_nlink > 1 || is.st_size > most_bytes)
@@ -85,7 +86,7 @@ Lock::Lock(std::string path, mode_t mode) : path_(std::move(path)) {
     if (!held_ && errno != EAGAIN && errno != EACCES)
       fail(std::string("file system does not support locks: ") + std::strerror(errno));
     if (!held_ || stands_at(path_, fd_)) return;
-    ::close(fd_);  // file that a previous holder removed
+    ::close(fd_);  // a previous holder has removed this file: try again
   }
 }
 
@@ -110,7 +111,7 @@ void Lock::reserve(off_t bytes) const {
 }
 
 void Lock::empty() const {
-  if (held_ && ::ftruncate(fd_, 0) != 0) return;  // no space: later writes report it
+  if (held_ && ::ftruncate(fd_, 0) != 0) return;  // without space, later writes report the error
 }
 
 void Lock::remove() const {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Lock between processes: an open file description lock (fcntl) on a separate file.
+// Lock between processes, implemented as an open file description lock (fcntl) on a separate file.
 #pragma once
 #include <sys/types.h>
 
@@ -8,28 +8,29 @@
 
 namespace echofuse {
 
-// Released by the destructor or at the end of the process. The empty file stays unless the holder
-// removes it.
+// Lock on a file, released by the destructor or at the end of the process. The file remains, empty,
+// unless the holder removes it.
 class Lock {
  public:
-  // Takes the lock if it is free. A new file gets `mode`, whatever the umask; with mode 0 the umask
-  // applies and the group may read.
-  // Throws Error(failed) if PATH is not a lock file (a link, a folder, a file with contents), and
-  // leaves it unchanged. Throws Error(disk) if the file can neither be opened nor created.
+  // Takes the lock if it is free. A new file gets `mode`, whatever the umask. If `mode` is 0, the
+  // umask applies and the group may read the file. Throws Error(failed) if PATH is not a lock file
+  // (a link, a folder, a file with other contents), and leaves it unchanged. Throws Error(disk) if
+  // the file can be neither opened nor created.
   Lock(std::string path, mode_t mode);
   ~Lock();
   Lock(const Lock&) = delete;
   Lock& operator=(const Lock&) = delete;
 
   bool held() const { return held_; }
-  void write(const std::string& text) const;  // space for later writes; all or nothing
-  void reserve(
-      off_t bytes) const;  // reserves space for later writes on a full disk; all or nothing
+  // Replaces the text in the lock file.
+  void write(const std::string& text) const;
+  // Reserves space, so that later writes succeed even if the disk is full. Reserves all or nothing.
+  void reserve(off_t bytes) const;
   void empty() const;
   void remove() const;
 
-  // Returns the text of the lock's holder, or nullopt if the lock is free. Does not take the lock,
-  // so that concurrent callers do not find it held.
+  // Returns the text that the lock's holder has written, or nullopt if the lock is free. Does not
+  // take the lock, so that it does not appear as held to concurrent callers.
   static std::optional<std::string> holder(const std::string& path);
 
  private:

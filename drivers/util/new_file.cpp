@@ -32,8 +32,9 @@ fs::path folder_of(const std::string& path) {
   return folder.empty() ? "." : folder;
 }
 
-// Returns a name that all processes creating this file share, and that differs for other files. It
-// contains the machine name, because locks may not work between machines with a shared folder.
+// Returns the name of the unfinished file. All processes that create the same file use the same
+// name, and different files have different names. The name contains the machine name, because locks
+// may not work between machines that share a folder.
 std::string unfinished(const fs::path& place) {
   const std::string whole = fs::absolute(place).lexically_normal().string();
   char hash[12];
@@ -42,7 +43,8 @@ std::string unfinished(const fs::path& place) {
   return "." + place.filename().string() + "." + machine_name() + "-" + hash + ".unfinished";
 }
 
-// Renames without replacing. Takes two steps if the file system has no RENAME_NOREPLACE.
+// Renames a file without replacing an existing one. If the file system does not support
+// RENAME_NOREPLACE, this needs two steps and is not atomic.
 bool rename_to_new(const char* from, const char* to) {
   if (::renameat2(AT_FDCWD, from, AT_FDCWD, to, RENAME_NOREPLACE) == 0) return true;
   if (errno != EINVAL && errno != ENOSYS) return false;
@@ -50,8 +52,8 @@ bool rename_to_new(const char* from, const char* to) {
   return std::rename(from, to) == 0;
 }
 
-// Syncs the folder, so that a power cut does not undo a rename. Does nothing if the folder cannot
-// be read or its file system does not support fsync of folders.
+// Writes the folder to disk, so that a power failure does not undo a rename. Returns true without
+// effect if the folder is not readable or its file system does not support fsync of folders.
 bool sync_folder(const std::string& path) {
   const int fd = ::open(folder_of(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (fd < 0) return errno == EACCES;
@@ -61,13 +63,13 @@ bool sync_folder(const std::string& path) {
   return fault == 0 || fault == EINVAL || fault == ENOTSUP;
 }
 
-// Renames a non-empty -wal or -journal without a database, because it belongs to another program.
-// The -shm holds no data.
+// Renames a -wal or -journal that contains data, because it belongs to another database that had
+// this name. The -shm contains no data.
 void move_side_files_away(const std::string& database) {
   for (const char* suffix : {"-wal", "-journal"}) {
     const std::string file = database + suffix;
     struct stat found {};
-    constexpr off_t header = 32;  // size of a -wal without frames
+    constexpr off_t header = 32;  // size of a -wal file without frames
     if (::lstat(file.c_str(), &found) != 0 || found.st_size <= (suffix[1] == 'w' ? header : 0))
       continue;
     std::string kept = file + ".kept";
@@ -83,7 +85,7 @@ void move_side_files_away(const std::string& database) {
   remove_side_files(database);
 }
 
-// Returns the folder for temporary files: $TMPDIR, otherwise the folder of `place`.
+// Returns the folder for temporary files: $TMPDIR, or the folder of `place` if TMPDIR is not set.
 fs::path scratch_folder(const std::string& place) {
   const char* const given = std::getenv("TMPDIR");
   return given && *given ? fs::path(given) : folder_of(place);
@@ -133,7 +135,7 @@ void NewFile::remove() const {
 void NewFile::create() {
   fd_ = ::open(path_.c_str(), flags, 0644);
   if (fd_ < 0) fail();
-  let_group_read(fd_);  // SQLite copies these permissions to -wal and -shm
+  let_group_read(fd_);  // SQLite gives -wal and -shm the same permissions
 }
 
 void NewFile::append(std::string_view text) {

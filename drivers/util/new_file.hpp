@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Files that are published atomically: the path holds the complete old file or the complete new
-// one.
+// Files that are published atomically: at any time the path contains the complete old file or the
+// complete new file.
 #pragma once
 #include <memory>
 #include <string>
@@ -10,35 +10,35 @@ namespace echofuse {
 
 class Lock;
 
-// Threading: one thread at a time.
+// File that is written under another name until it is complete. Threading: one thread at a time.
 class NewFile {
  public:
-  // Writes to PLACE.RANDOM.part, so that no existing link is followed. A killed process leaves this
-  // file.
+  // Writes to PLACE.RANDOM.part. The random name ensures that no existing link is followed. If the
+  // process is killed, this file remains.
   explicit NewFile(std::string place);
-  // Writes to `path`, which must not be used by other processes. Removes a file that a killed
-  // process left there. May be a database, which must not inherit the side files of an older one.
+  // Writes to `path`, which other processes must not use. If a killed process left a file there,
+  // removes it. The file may be a database. So its old side files are removed, too.
   NewFile(std::string place, std::string path);
   // Writes in $TMPDIR on a local disk, because SQLite's WAL does not work on network file systems.
-  // Without TMPDIR it writes in the folder of `place`. Restarts a file that a killed process left.
-  // Throws Error(failed) if another process of this machine creates the same file.
+  // If TMPDIR is not set, writes in the folder of `place`. Overwrites a file that a killed process
+  // left. Throws Error(failed) if another process on this machine is creating the same file.
   struct Staged {};
   NewFile(const std::string& place, Staged);
-  ~NewFile();  // removes an unpublished file
+  ~NewFile();  // removes the file unless it was published or kept
   NewFile(const NewFile&) = delete;
   NewFile& operator=(const NewFile&) = delete;
 
   const std::string& path() const { return path_; }  // path of the unpublished file
   const std::string& place() const { return place_; }
-  void create();                       // creates it empty; throws Error(disk)
+  void create();                       // creates an empty file; throws Error(disk)
   void append(std::string_view text);  // throws Error(disk)
-  void keep() { keep_ = true; }        // keeps an unpublished file
-  // Moves the file, which must be closed everywhere, to its place and replaces an existing file.
-  // File and name are then on disk: fsync of the file, rename, fsync of the folder. Renames a -wal
-  // or -journal of another database at its place, with a warning. Throws Error(disk).
+  void keep() { keep_ = true; }        // the destructor does not remove the file
+  // Moves the file to `place` and replaces an existing file. No process may have the file open.
+  // Afterwards contents and name are on the disk: fsync of the file, rename, fsync of the folder.
+  // If another database left a -wal or -journal there, renames it with a warning. Throws
+  // Error(disk).
   void publish();
-  // Publishes without replacing: returns false if the place is taken. Takes two steps on some file
-  // systems.
+  // Like publish(), but returns false if `place` exists. On some file systems this is not atomic.
   bool publish_new();
 
  private:
@@ -51,18 +51,18 @@ class NewFile {
   bool database_ = false, keep_ = false;
 };
 
-// Writes the whole file. On failure PATH is unchanged. Throws Error(disk).
+// Writes the whole file atomically. If this fails, PATH is unchanged and Error(disk) is thrown.
 void write_atomically(const std::string& path, std::string_view text);
 
-// Waits until the written data are on the disk. Throws Error(disk).
+// Waits until the file's data are on the disk. Throws Error(disk).
 void sync_file(const std::string& path);
 
-// Adds read permission for the file's group, whatever the umask, because a measuring PC has several
-// users. Skips files of other users.
+// Allows the file's group to read it, whatever the umask, because a measuring PC has several users.
+// Has no effect on files of other users.
 void let_group_read(int file);
 
-// Removes SQLite's side files of this database name. SQLite would apply those of an older database
-// to the new one.
+// Removes SQLite's side files of this database. SQLite would apply the side files of an older
+// database to a new one with the same name.
 void remove_side_files(const std::string& database);
 
 }  // namespace echofuse

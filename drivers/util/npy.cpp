@@ -13,7 +13,8 @@
 namespace echofuse {
 namespace {
 
-// Returns the value of a header key, up to the comma or bracket that ends it; empty if missing.
+// Returns the value of a key in the header, up to the comma or bracket that ends it. Returns an
+// empty text if the key is missing.
 std::string value_of(const std::string& header, const std::string& key) {
   const auto at = header.find("'" + key + "':");
   if (at == std::string::npos) return "";
@@ -80,7 +81,7 @@ void NpyFile::read_header() {
   const std::size_t begin = 8 + (wide ? 4U : 2U) + length;
   if (file_.size() != begin + values * item_bytes_)
     refuse("has " + std::to_string(file_.size() - std::min(begin, file_.size())) +
-           " bytes of values; its shape " + shape_text() + " needs " +
+           " bytes of values, but shape " + shape_text() + " requires " +
            std::to_string(values * item_bytes_));
 }
 
@@ -121,7 +122,7 @@ std::string npy_header(const std::string& type, std::uint64_t rows,
                        const std::vector<std::size_t>& row_shape) {
   std::string shape = std::to_string(rows) + ",";
   for (const std::size_t n : row_shape) shape += " " + std::to_string(n) + ",";
-  // Version 1.0, then the length of the rest: 118 bytes.
+  // Format version 1.0, then the length of the header text: 118 bytes.
   std::string out("\x93NUMPY\x01\x00\x76\x00", 10);
   out += "{'descr': '" + type + "', 'fortran_order': False, 'shape': (" + shape + "), }";
   out.resize(127, ' ');

@@ -11,20 +11,23 @@
 
 namespace echofuse {
 
-// Reads numbers in C order: bool, integers of 1 to 8 bytes, floats of 4 and 8 bytes, little-endian.
+// Reads a .npy file of little-endian numbers in C order: bool, integers of 1 to 8 bytes, or floats
+// of 4 or 8 bytes.
 class NpyFile {
  public:
-  // Throws Error(failed): not a .npy file, unsupported type or order, or a size that contradicts
-  // the header.
+  // Throws Error(failed) if the file is not a .npy file, if its type or order is not supported, or
+  // if its size contradicts the header.
   explicit NpyFile(const std::string& path);
 
   const std::string& path() const { return path_; }
   const std::vector<std::size_t>& shape() const { return shape_; }  // at least one dimension
   std::size_t rows() const { return shape_[0]; }
-  std::size_t row_size() const { return row_size_; }  // values per row; 1 for a plain list
+  std::size_t row_size() const {
+    return row_size_;
+  }  // values per row; 1 for a one-dimensional array
   bool is_integer() const { return kind_ != 'f'; }
-  std::string shape_text() const;  // "[300, 64, 64]"
-  // Returns the values of the next row. Throws Error(failed) past the last row.
+  std::string shape_text() const;  // for example "[300, 64, 64]"
+  // Returns the values of the next row. Throws Error(failed) after the last row.
   std::vector<double> next_row();
 
  private:
@@ -34,11 +37,11 @@ class NpyFile {
   RegularFile file_;
   std::vector<std::size_t> shape_;
   std::size_t row_size_ = 1, item_bytes_ = 0;
-  char kind_ = 'f';  // NumPy's kind: b, i, u, f
+  char kind_ = 'f';  // type letter of NumPy: b, i, u or f
 };
 
-// Returns a header of 128 bytes. The fixed length allows the number of rows to be written last.
-// `type` is NumPy's ("<f4", "<i8", "|u1").
+// Returns a header of 128 bytes. Its length is constant, so that it can be overwritten when the
+// number of rows is known. `type` is a NumPy type: "<f4", "<i8" or "|u1".
 std::string npy_header(const std::string& type, std::uint64_t rows,
                        const std::vector<std::size_t>& row_shape);
 

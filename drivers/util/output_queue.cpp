@@ -18,14 +18,14 @@ namespace {
 
 constexpr std::chrono::seconds patience{1};
 
-// Returns 0 or errno.
+// Writes the whole text. Returns 0 or errno.
 int write_all(int descriptor, std::string_view text) {
   while (!text.empty()) {
     const ssize_t n = ::write(descriptor, text.data(), text.size());
     pollfd ready{descriptor, POLLOUT, 0};
     if (n >= 0)
       text.remove_prefix(static_cast<std::size_t>(n));
-    else if (errno == EAGAIN)  // another program set the terminal non-blocking
+    else if (errno == EAGAIN)  // another program has made the terminal non-blocking
       ::poll(&ready, 1, -1);
     else if (errno != EINTR)
       return errno;
@@ -113,7 +113,7 @@ int OutputQueue::close() {
   std::unique_lock lock(s.mutex);
   s.ending = true;
   s.changed.notify_all();
-  // Allows one second per text.
+  // Waits at most one second for each text.
   for (std::size_t before = s.written; !s.done; before = s.written)
     if (!s.changed.wait_for(lock, patience, [&] { return s.done || s.written != before; })) break;
   const auto [done, error] = std::pair(s.done, s.error);

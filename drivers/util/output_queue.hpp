@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Output that never blocks its writer, even if the terminal is stopped (Ctrl-S) or a pipe is not
-// read.
+// Output queue that never blocks the calling thread, even if the terminal is stopped (Ctrl-S) or
+// the reader of a pipe does not read.
 #pragma once
 #include <cstddef>
 #include <cstdio>
@@ -11,9 +11,9 @@
 
 namespace echofuse {
 
-// Writes texts to one file descriptor in order, on its own thread. Keeps the newest 1 MiB of
-// unwritten text; `note` makes the text that replaces N dropped ones.
-// Threading: put() and the stream from any thread.
+// Writes texts to a file descriptor in order, on its own thread. At most 1 MiB of unwritten text is
+// kept; older texts are dropped. `note` returns the text that replaces N dropped texts. Threading:
+// any thread may call put() and use the stream.
 class OutputQueue {
  public:
   static constexpr std::size_t most_bytes = 1 << 20;
@@ -23,18 +23,19 @@ class OutputQueue {
   OutputQueue(const OutputQueue&) = delete;
   OutputQueue& operator=(const OutputQueue&) = delete;
 
-  // Returns false if older texts were dropped. A `state` replaces the previous state if that is not
-  // yet written.
+  // Returns false if texts were dropped. If `state` is true, the text replaces an unwritten earlier
+  // text with `state`.
   bool put(std::string text, bool state = false);
-  // Stream that puts its text when flushed. Closed with the queue.
+  // Returns a stream that puts its text into the queue when it is flushed. It is closed with the
+  // queue.
   std::FILE* stream() const { return stream_; }
-  // Waits until all text is written, or until nothing was written for 1 s; later texts are dropped.
-  // Returns the errno of the last failed write, or 0.
+  // Waits until all text is written, or until no text was written for 1 s. Text that is not yet
+  // written is then dropped. Returns the errno of the last failed write, or 0.
   int close();
 
  private:
   struct Shared;
-  std::shared_ptr<Shared> shared_;  // outlives this object while a write blocks
+  std::shared_ptr<Shared> shared_;  // outlives this object if a write blocks the thread
   std::FILE* stream_;
   std::thread thread_;
 };

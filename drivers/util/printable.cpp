@@ -14,7 +14,7 @@ struct Character {
   bool valid = false;
 };
 
-// Decodes the first character (RFC 3629: no overlong forms, no surrogates).
+// Decodes the first UTF-8 character according to RFC 3629: without overlong forms and surrogates.
 Character first_of(std::string_view text) {
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   const std::uint32_t lead = byte(0);
@@ -32,8 +32,8 @@ Character first_of(std::string_view text) {
   return {bytes, code, true};
 }
 
-// Control characters (C0, delete, C1), line separators and characters that change the text
-// direction.
+// Returns true for characters that affect a terminal: control characters (C0, delete, C1), line
+// separators, and characters that change the text direction.
 bool is_obeyed(std::uint32_t c) {
   return c < 0x20 || (c >= 0x7f && c < 0xa0) || c == 0x61c || (c >= 0x200e && c <= 0x200f) ||
          (c >= 0x2028 && c <= 0x202e) || (c >= 0x2066 && c <= 0x2069) || c == 0xfeff;

@@ -6,8 +6,8 @@
 
 namespace echofuse {
 
-// Quotes a text as a CSV cell (RFC 4180). An apostrophe before =, +, -, @ and similar characters
-// prevents a spreadsheet from evaluating it as a formula.
+// Quotes a text as a CSV cell (RFC 4180). If the text begins with =, +, -, @ or a similar
+// character, inserts an apostrophe, because a spreadsheet would evaluate the text as a formula.
 inline std::string csv_text(std::string_view text) {
   constexpr std::string_view begins_formula = "=+-@\t\r\n|%";
   std::string out = "\"";
@@ -17,15 +17,15 @@ inline std::string csv_text(std::string_view text) {
 }
 
 // Makes external text (from a file, device or command line) safe for a terminal, log or message.
-// Returns valid UTF-8 in one line. Escapes control characters, characters that reorder the line
-// (\n, \x1b, \u202e) and bytes that are not UTF-8 (\xff). Cuts texts longer than `longest` bytes at
-// a character and appends "...".
+// Returns one line of valid UTF-8. Escapes control characters, characters that change the text
+// direction (\n, \x1b, \u202e), and bytes that are not UTF-8 (\xff). Cuts texts longer than
+// `longest` bytes between two characters and appends "...".
 std::string printable(std::string_view text, std::size_t longest = std::string_view::npos);
 
-// Like printable(), but keeps line breaks: for messages of several lines.
+// Like printable(), but keeps line breaks, for messages of several lines.
 std::string printable_lines(std::string_view text);
 
-// Escapes only bytes that are not UTF-8 (\xff), for a name in JSON.
+// Escapes only bytes that are not UTF-8 (\xff), for names in JSON.
 std::string utf8_text(std::string_view text);
 
 }  // namespace echofuse

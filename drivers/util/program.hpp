@@ -12,42 +12,45 @@
 namespace echofuse {
 
 struct ProgramOptions {
-  std::string folder{};  // working directory; empty: inherited
-  int output = 1;        // file descriptor used as standard output
-  // True: its own process group, input from /dev/null, output to stderr.
+  std::string folder{};  // working directory; empty: inherited from this program
+  int output = 1;        // file descriptor that becomes its standard output
+  // If true, the program has its own process group, reads from /dev/null and writes to our stderr.
   bool background = false;
-  std::vector<std::string> environment{};  // NAME=value each, in addition to ours
+  std::vector<std::string> environment{};  // NAME=value each, added to our environment
 };
 
 // Returns the folder of the running executable.
 std::filesystem::path program_folder();
-// Returns the folder of the installed files: radar/*.cfg, lab.toml. A build folder has links to
-// them.
+// Returns the folder of the installed files lab.toml and radar/*.cfg. A build folder contains links
+// to these files.
 std::filesystem::path data_folder();
-// Returns FOLDER/NAME if it exists, otherwise the installed file of this name. A .cfg is also found
-// by its file name alone.
+// Returns FOLDER/NAME if it exists, otherwise the path of the installed file with this name. The
+// name of an installed .cfg need not include the folder `radar`.
 std::filesystem::path here_or_installed(const std::filesystem::path& name,
                                         const std::filesystem::path& folder = {});
-// Returns the effective user's name; under sudo, the caller's.
+// Returns the name of the effective user; under sudo, the name of the user who called sudo.
 std::string login_name();
 // Returns the number of cores available to this program (taskset, cpusets); at least 1.
 unsigned usable_cores();
-// Returns how this user can get access to a device node: by the node's group, or by our udev rules.
+// Returns how the user can get access to a device node: by joining the node's group, or by
+// installing our udev rules.
 std::string permission_hint(const std::string& node);
 // Returns the host name.
 std::string machine_name();
-// Returns the path of our program in the folder of this one, otherwise NAME for a search in PATH.
+// Returns the path of a program in the folder of this program. If it does not exist, returns NAME,
+// which is then searched in PATH.
 std::string program_beside(const std::string& name);
 
-// Returns why start_program() cannot start a program of this name; empty if it can.
+// Returns why start_program() cannot start a program with this name, or an empty text if it can.
 std::string fault_of_program(const std::string& name);
 
-// Starts words[0], found in PATH, with the other words as arguments. Passes only the three standard
-// files, because an inherited descriptor would keep an unplugged port open.
+// Starts words[0], which is searched in PATH, with the other words as arguments. The new program
+// inherits only the three standard files, because another inherited descriptor would keep an
+// unplugged port open.
 Result<pid_t> start_program(const std::vector<std::string>& words,
                             const ProgramOptions& options = {});
 
-// Waits for the program. Returns its exit code, or 128 plus the signal number.
+// Waits until the program ends. Returns its exit code, or 128 plus the signal number.
 int wait_for_program(pid_t program);
 
 }  // namespace echofuse

@@ -18,7 +18,7 @@ namespace {
   throw Error(code, printable(path) + ": cannot read: " + std::strerror(errno));
 }
 
-// `failed`: return value of stat() or fstat().
+// Throws Error(code) unless the file is regular. `failed`: return value of stat() or fstat().
 void check_file(int failed, const struct stat& file, const std::string& path, ExitCode code) {
   if (failed) cannot_read(path, code);
   if (S_ISREG(file.st_mode)) return;
@@ -43,8 +43,8 @@ std::string real_path(const std::string& path) {
   return error ? path : found.string();
 }
 
-// Checks before opening, because opening some devices has an effect, and after opening, because the
-// file may have been replaced.
+// Checks the file before opening it, because opening a device may have an effect. Checks it again
+// afterwards, because the file may have been replaced.
 RegularFile::RegularFile(const std::string& path, ExitCode code) : path_(path), code_(code) {
   require_regular(path, code);
   fd_ = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);

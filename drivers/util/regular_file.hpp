@@ -12,16 +12,16 @@
 namespace echofuse {
 
 // Throws Error(code), "PATH: is a FIFO; expected a regular file", unless PATH is a regular file or
-// a link to one. Does not open the file: closing any descriptor of a database would release
-// SQLite's locks of this process.
+// a link to one. Does not open the file, because closing a descriptor of a database releases this
+// process's SQLite locks.
 void require_regular(const std::string& path, ExitCode code);
 
-// Path of the file behind links, or PATH if nothing is there. SQLite makes -wal and -journal next
-// to that file.
+// Resolves links in PATH. Returns PATH if it does not exist. SQLite creates -wal and -journal next
+// to the resolved file.
 std::string real_path(const std::string& path);
 
-// Regular file, open for reading. Does not block if the file is replaced by a FIFO during the
-// check.
+// Regular file that is open for reading. Opening does not block, even if the file is replaced by a
+// FIFO after the check.
 class RegularFile {
  public:
   RegularFile(const std::string& path, ExitCode code);
@@ -29,11 +29,11 @@ class RegularFile {
   RegularFile(const RegularFile&) = delete;
   RegularFile& operator=(const RegularFile&) = delete;
   std::size_t size() const;
-  // Fills `out` with the next bytes. Returns their number, which is smaller at the end. Throws
-  // Error(code).
+  // Fills `out` with the next bytes of the file. Returns the number of bytes read, which is smaller
+  // at the end of the file. Throws Error(code).
   std::size_t read(std::span<std::uint8_t> out) const;
-  // Reads the rest as std::string or Bytes: at most `most` + 1 bytes, so that the caller detects a
-  // longer file.
+  // Reads the rest of the file into a std::string or Bytes. Reads at most `most` + 1 bytes, so that
+  // the caller can detect a longer file.
   template <class Contents>
   Contents rest(std::size_t most = std::size_t{1} << 62) const {
     Contents out;

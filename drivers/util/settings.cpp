@@ -14,7 +14,7 @@
 namespace echofuse {
 namespace {
 
-// Shortest decimal text (15 or 17 digits) that reads back as the same number.
+// Returns the number as text with 15 digits, or 17 if 15 do not read back as the same number.
 std::string text_of(double v) {
   char text[32];
   std::snprintf(text, sizeof text, "%.15g", v);
@@ -27,8 +27,8 @@ std::string literal(double v) {
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }
 
-// Quotes and escapes a text on one line. The library's printer writes some texts over several lines
-// and cannot read them back.
+// Returns the text quoted and escaped on one line. The TOML library prints some texts on several
+// lines and cannot read them back.
 std::string in_quotes(const std::string& text) {
   constexpr char digits[] = "0123456789abcdef";
   std::string out = "\"";
@@ -42,12 +42,12 @@ std::string in_quotes(const std::string& text) {
   return out + '"';
 }
 
-// Parses a value; a bare word is a string. Throws toml::parse_error if it is not UTF-8.
+// Parses a TOML value. A bare word is a string. Throws toml::parse_error if the text is not UTF-8.
 toml::table parse_value(const std::string& value) {
   try {
     return toml::parse("v = " + value);
   } catch (const toml::parse_error&) {
-    std::string comment = "#" + value;  // checks the encoding
+    std::string comment = "#" + value;  // parsed only to check the encoding
     std::replace_if(
         comment.begin(), comment.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
     static_cast<void>(toml::parse(comment));
@@ -55,7 +55,8 @@ toml::table parse_value(const std::string& value) {
   }
 }
 
-// Returns the shortest known name that begins with this text, or empty.
+// Returns the shortest known name that begins with this text. Empty if there is none or the text is
+// short.
 std::string begun_by(const std::vector<std::string>& known, const std::string& text) {
   constexpr std::size_t telling = 3;
   std::string out;
@@ -80,14 +81,14 @@ std::string place(const std::string& name, const toml::source_position& where) {
   return name + ":" + std::to_string(where.line) + ":" + std::to_string(where.column);
 }
 
-// Returns line n, from 1; empty past the end.
+// Returns line n, counted from 1. Empty after the last line.
 std::string_view line_of(std::string_view text, std::size_t n) {
   while (--n > 0) text.remove_prefix(std::min(text.find('\n'), text.size() - 1) + 1);
   return text.substr(0, text.find('\n'));
 }
 
-// Blanks a line that is not TOML. Returns false if later lines depend on it: a section header, or
-// an open multi-line string.
+// Removes the contents of a line that is not TOML. Returns false if later lines depend on it, as
+// after a section header or in an open multi-line string.
 bool blank_out(std::string& text, std::size_t n) {
   const std::string_view line = line_of(text, n);
   const std::size_t first = line.find_first_not_of(" \t\r");
@@ -186,7 +187,7 @@ std::string Settings::expectation(const Setting& entry) {
   return list;
 }
 
-// Sets the entry from a TOML node. Returns the expected value if the node is invalid.
+// Sets the entry from a TOML node. If the node is not valid, returns a description of valid values.
 template <class Node>
 std::string Settings::assign(Setting& entry, const Node& node, const std::string& origin) {
   bool fits = false;
@@ -226,7 +227,7 @@ std::string Settings::assign(Setting& entry, const Node& node, const std::string
   return fits ? "" : expectation(entry);
 }
 
-// Returns the fault text of an unknown key.
+// Returns the message for an unknown key.
 template <class Node>
 std::string Settings::unknown(const std::string& key, const Node& node) const {
   if (is_section(key)) return key + " is a section; expected [" + key + "] and its keys below";
@@ -241,7 +242,8 @@ std::string Settings::unknown(const std::string& key, const Node& node) const {
 template <class Table>
 void Settings::read_table(const Table& table, const std::string& prefix, const std::string& name,
                           FaultList& faults) {
-  std::vector<typename Table::const_iterator> order;  // the table is sorted by name
+  // order of the keys in the file, because the table is sorted by name
+  std::vector<typename Table::const_iterator> order;
   for (auto it = table.cbegin(); it != table.cend(); ++it) order.push_back(it);
   std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) {
     return a->first.source().begin < b->first.source().begin;
@@ -276,7 +278,7 @@ void Settings::parse(std::string text, const std::string& name, FaultList& fault
       whole_ = false;
       const auto where = e.source().begin;
       if (where.line <= last) return;
-      // Ignores the continuation lines of a value with a bad first line.
+      // Does not report the continuation lines of a value if the value's first line is faulty.
       if (last == 0 || line_of(text, where.line).find('=') != std::string_view::npos)
         faults.push_back(place(name, where) + ": not TOML: " + std::string(e.description()));
       if (!blank_out(text, where.line)) return;
@@ -296,7 +298,7 @@ void Settings::take(const std::string& assignment, FaultList& faults) {
   try {
     const std::string value = assignment.substr(equals + 1);
     toml::table table = parse_value(value);
-    // Accepts a text without quotes even if it looks like a number.
+    // Accepts a text without quotes, even if it looks like a number.
     if (std::holds_alternative<TextTarget>(entry->target) && table.get("v")->is_value() &&
         !table.get("v")->is_string())
       table.insert_or_assign("v", value);
@@ -343,8 +345,8 @@ std::string Settings::value_of(const Setting& entry) {
   return in_quotes(*std::get<TextTarget>(entry.target).value);
 }
 
-// Returns keys without a section first, then each section once in binding order, because TOML
-// rejects repeated sections.
+// Returns the keys without a section first, then the keys of each section. TOML rejects repeated
+// sections. Sections and keys keep the order in which they were added.
 std::vector<const Settings::Setting*> Settings::by_section() const {
   std::vector<std::string> sections{""};
   std::vector<const Setting*> out;
@@ -377,7 +379,7 @@ std::string Settings::resolved(bool with_docs) const { return print(with_docs, f
 
 std::string Settings::with_origins() const { return print(true, true); }
 
-// Our numbers, strings and booleans have the same syntax in TOML and JSON.
+// value_of() prints TOML, which is also valid JSON for our numbers, strings and booleans.
 std::string Settings::json() const {
   std::string out;
   for (const Setting& e : entries_) {
@@ -400,7 +402,7 @@ std::string Settings::json() const {
 
 namespace {
 
-// Edit distance: insertion, deletion, substitution, swap of neighbours.
+// Returns the edit distance. Edits are insertion, deletion, substitution and swap of neighbours.
 std::size_t edit_distance(const std::string& a, const std::string& b) {
   std::vector<std::vector<std::size_t>> at(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
   for (std::size_t i = 0; i <= a.size(); ++i)

@@ -12,57 +12,58 @@
 
 namespace echofuse {
 
-// Reads a whole configuration file; throws Error(config) if it cannot be read.
+// Reads a whole configuration file. Throws Error(config) if the file cannot be read.
 std::string read_config_text(const std::string& path);
 
-// Limit of listed faults: a text with more is probably not TOML.
+// Maximum number of reported faults. A text with more faults is probably not TOML.
 inline constexpr std::size_t max_faults = 20;
 
-// Throws Error(config) with the first max_faults of these faults, one per line.
+// Throws Error(config) with the faults, one per line. Only the first max_faults are included.
 [[noreturn]] void refuse(const std::vector<std::string>& faults);
 
-// Returns the shortest known word that begins with `word` (of 3 letters or more), otherwise the one
-// with the smallest edit distance. The distance counts half if one word contains the other. Empty
-// if it exceeds half of the word's length.
+// Returns the known word that is most similar to `word`. If known words begin with `word` (3
+// letters or more), returns the shortest of them. Otherwise returns the known word with the
+// smallest edit distance. The distance counts half if one word contains the other. Returns an empty
+// text if the distance exceeds half of the length of `word`.
 std::string nearest(const std::vector<std::string>& known, const std::string& word);
 
 class Settings {
  public:
-  // Binds a dotted key ("tdc.bins"). The reference must outlive this object.
+  // Adds a setting with a dotted key, for example "tdc.bins". `value` must outlive this object.
   void add(std::string key, double& value, double min, double max, std::string doc);
   void add(std::string key, std::int64_t& value, std::int64_t min, std::int64_t max,
            std::string doc);
   void add(std::string key, bool& value, std::string doc);
-  // Any text, or one of `allowed` if that is not empty.
+  // If `allowed` is not empty, the text must be one of its elements.
   void add(std::string key, std::string& value, std::string doc,
            std::vector<std::string> allowed = {});
-  void add(std::string key, std::vector<std::string>& value, std::string doc);  // list of strings
+  void add(std::string key, std::vector<std::string>& value, std::string doc);  // a list of strings
 
-  // Reads the text, then the assignments, which override it ("key=value" from a command line; a
-  // bare word is a string). Sets valid values and returns all faults, one per line. After a line
-  // that is not TOML it continues with the next line, unless the bad line is a section header.
+  // Reads the text, then the assignments, which override it. An assignment is "key=value" from a
+  // command line; a bare word is a string. Sets valid values and returns all faults, one per line.
+  // Continues after a line that is not TOML, unless this line is a section header.
   std::vector<std::string> read(const std::string& text, const std::string& name,
                                 const std::vector<std::string>& assignments);
-  // Variants of read(); each throws Error(ExitCode::config) with all faults.
+  // Variants of read(). They throw Error(ExitCode::config) with all faults.
   void read_file(const std::string& path);
   void read_text(const std::string& text, const std::string& name);
   void set(const std::string& assignment);
 
   bool given(const std::string& key) const { return !origin(key).empty(); }
-  // Returns the origin of a key's value: "FILE:line:column", "--set key=value", or empty for the
-  // default.
+  // Returns where a key's value was set: "FILE:line:column" or "--set key=value". Empty for the
+  // default value.
   std::string origin(const std::string& key) const;
-  // refused(): the key's value is invalid. whole(): no line was skipped as not TOML. A cross-check
-  // requires whole(), and !refused() for each of its keys.
+  // refused() returns true if the key's value is not valid. whole() returns true if all lines were
+  // TOML. A check of several keys requires whole(), and !refused() for each of these keys.
   bool refused(const std::string& key) const;
   bool whole() const { return whole_; }
-  // Returns all values as TOML that read_text accepts, optionally with each key's meaning and range
-  // as a comment.
+  // Returns all values as TOML that read_text() accepts. If `with_docs` is set, comments contain
+  // the meaning and range of each key.
   std::string resolved(bool with_docs = false) const;
-  // Like resolved() with docs, and with the origin after each value.
+  // Like resolved(true), with the origin of each value in a comment.
   std::string with_origins() const;
-  // Returns a JSON object: {KEY: {"value", "help", "min" and "max" of a number, "allowed" of an
-  // enumeration}, ...}.
+  // Returns all settings as JSON: {"schema": 1, "settings": {KEY: {...}, ...}}. Each key has
+  // "value" and "help". Numbers also have "min" and "max", and enumerations have "allowed".
   std::string json() const;
 
  private:

@@ -181,7 +181,7 @@ TEST_CASE("option --rows reconstructs only the given or held-out records") {
   refused("run", "3,x", 2, "--rows: \"x\": expected record indices, e.g. 3,7, or test");
   refused("run", "3,900", 1, "--rows: the run has no record 900");
   refused("fresh", "test", 1, "the model was not trained on this run");
-  refused("run", "3 --follow", 2, "--rows does not go with --follow");
+  refused("run", "3 --follow", 2, "--rows cannot be combined with --follow");
 }
 
 TEST_CASE("a model compared with maps is scored only on records outside its training") {

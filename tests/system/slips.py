@@ -60,7 +60,7 @@ sim lab --dir new --hold 3s | 2 | --hold
 acquire run --model nomodel | 2 | --model requires --view
 acquire run --view --model nomodel | 2 | --model nomodel: no such file
 acquire run --duration 5 | 2 | --duration: expected numbers with units, e.g. 2h
-acquire run --count 3 --duration 5s | 2 | --count does not go with --duration
+acquire run --count 3 --duration 5s | 2 | --count cannot be combined with --duration
 acquire run --duration 99999999999h | 2 | --duration: expected at most 87660h (ten years)
 acquire calibrate --distance -1 | 2 | --distance: Value -1 not in range 0.1 to 100
 acquire calibrate --distance 1m | 2 | --distance: 1m: expected a number from 0.1 to 100, without a unit
