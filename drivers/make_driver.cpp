@@ -59,7 +59,8 @@ std::unique_ptr<Driver> make_tdc(port::Loop& loop, const TdcConfig& config, port
 
 namespace {
 
-// Returns a warning for each port that is known to have the other role, without opening ports.
+// Returns a warning for each port that is known to have the opposite role (command or data). Does
+// not open the ports.
 std::vector<std::string> radar_warnings(const RadarConfig& config) {
   using inventory::RadarPort;
   const auto is = [](const std::string& text, RadarPort wanted) {

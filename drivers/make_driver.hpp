@@ -29,7 +29,8 @@ struct RadarConfig {
   std::string cli, data;  // addresses of command port and data port
   std::string cfg_text;   // sent unchanged, line by line
   std::string cfg_name;   // name of the cfg in messages, usually its file name
-  static constexpr std::uint32_t cli_baud = 115200;  // rate of TI's out-of-box demo
+  // rate of the command port in TI's out-of-box demo
+  static constexpr std::uint32_t cli_baud = 115200;
   std::uint32_t data_baud = 921600;
   std::string board = "isk";  // name listed in drivers/radar/board_antennas.hpp
   bool keep_running = false;  // do not stop the sensor at the end

@@ -47,7 +47,7 @@ void echofuse_pack_tags(const std::uint8_t* from, std::uint8_t* to, std::uint32_
   using Words [[gnu::vector_size(sizeof(Tag))]] = std::int32_t;
   const Words click{0, click_channel, 0, 0};
   const Words sought{static_cast<std::int32_t>(TagType::overflow_begin), start_channel};
-  // Numbers of matching 32-bit words: word 0 of a tag contains the type, word 1 the channel.
+  // Counts matching 32-bit words. Word 0 of a tag contains the type, word 1 the channel.
   Words found{}, clicks{};
   for (std::size_t i = 0; i < count; ++i) {
     Words tag;

@@ -12,7 +12,7 @@ namespace echofuse::bridge {
 Bytes make_block(BlockKind kind, std::uint32_t sequence, std::uint64_t dropped_items,
                  ByteView payload);
 Bytes hello_payload(const DeviceInfo& info);
-// The axes must have as many points as the frame has columns and rows.
+// The number of points of x and y must equal the width and the height of the frame.
 Bytes depth_payload(const DepthFrame& frame, const Axis& x, const Axis& y);
 
 }  // namespace echofuse::bridge

@@ -17,7 +17,7 @@ const Clock& system_clock = the_system_clock;
 
 HostTime SystemClock::now() const { return std::chrono::steady_clock::now().time_since_epoch(); }
 
-// Uses clock_gettime because std::chrono::system_clock overflows in 2262. Clamps later times to the
+// Uses clock_gettime because std::chrono::system_clock overflows in 2262. Limits the time to the
 // year 2260.
 UtcTime SystemClock::utc() const {
   using Seconds = std::chrono::seconds;

@@ -42,7 +42,7 @@ class FrameBuffer {
     used_ = wanted_ = 0;
   }
   std::size_t kept_bytes() const { return held_.capacity(); }
-  // Frees the memory unless it contains an incomplete frame.
+  // Frees the buffer's memory unless it contains an incomplete frame.
   void give_back() {
     if (held_.empty()) clear();
   }

@@ -74,14 +74,14 @@ struct RadarTemperature {
 };
 
 struct RadarFrame {
-  HostTime received{};                // read time minus known delay since the first chirp
-  std::uint32_t frame_number = 0;     // counts from power-up
+  HostTime received{};                // receive time minus the known delay since the first chirp
+  std::uint32_t frame_number = 0;     // number of the frame since power-up
   std::uint32_t time_cpu_cycles = 0;  // device time in cycles of 200 MHz; wraps every 21.47 s
   std::uint32_t lost_before = 0;      // frame numbers missing before this one
-  std::uint32_t subframe = 0;         // index; subframes of a frame share its number
+  std::uint32_t subframe = 0;         // index of the subframe within its frame
   std::uint32_t subframes = 1;        // number of subframes per frame in the cfg
   std::vector<std::uint16_t> range_profile;  // log2_q8 codes; empty if the frame had no TLV 2
-  std::vector<float> power;  // linear power; only bridges send it, without range_profile
+  std::vector<float> power;  // linear power; only bridges send it, instead of range_profile
   // Heat map of TLV 4 (azimuth antennas) or TLV 8 (all antennas). Each range bin and virtual
   // antenna has two values, the imaginary part and then the real part. Empty if the frame had
   // neither TLV.

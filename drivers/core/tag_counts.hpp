@@ -13,7 +13,7 @@ struct TagCounts {
   std::uint64_t out_of_range = 0;   // clicks that have a start but lie outside the axis
   std::uint64_t without_start = 0;  // clicks before the first start
   std::uint64_t other = 0;  // tags of other channels, markers, and tags removed by the dead time
-  // The sum excludes the following counters.
+  // The invariant above does not contain the counters below.
   std::uint64_t missed = 0;     // events on the two channels that the device reports as lost
   std::uint64_t overflows = 0;  // number of overflow periods
   std::uint64_t errors = 0;     // number of error markers

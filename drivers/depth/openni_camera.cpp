@@ -83,7 +83,7 @@ struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
       if (self->sink) action(*self->sink);
     });
   }
-  // Waits for this time. Returns false if the driver is stopped.
+  // Waits for the given time. Returns false if the driver is stopped.
   bool pause(std::chrono::nanoseconds time) {
     std::unique_lock lock(mutex);
     return !wake.wait_for(lock, time, [this] { return stopping.load(); });

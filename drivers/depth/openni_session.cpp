@@ -40,8 +40,8 @@ std::string describe_mode(const openni::VideoMode& mode) {
          " at " + std::to_string(mode.getFps()) + (is_depth(mode.getPixelFormat()) ? "" : " (raw)");
 }
 
-// Returns the current URI of a camera that had the address `uri`. Its URI must be the only one with
-// the same text before "@"; otherwise returns an empty text.
+// Returns the current URI of a camera that was attached at `uri` before. The part before "@" must
+// match exactly one attached camera; otherwise returns an empty text.
 std::string moved(const std::string& uri) {
   const std::size_t at = uri.find('@');
   if (at == uri.npos) return {};
@@ -172,7 +172,8 @@ std::string OpenNiSession::set_up(const OpenNiOptions& wanted) {
     if (std::string wrong = choose_mode(wanted); !wrong.empty()) return wrong;
     stream_.setMirroringEnabled(false);
   }
-  mirrored_ = stream_.getMirroringEnabled();  // if still on, convert() reverses the rows
+  // if mirroring is still on, convert() reverses each row
+  mirrored_ = stream_.getMirroringEnabled();
   const openni::VideoMode mode = stream_.getVideoMode();
   const openni::PixelFormat format = mode.getPixelFormat();
   if (!is_depth(format))

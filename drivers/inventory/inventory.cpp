@@ -160,8 +160,8 @@ constexpr KnownDevice kinds[] = {
      "RealSense"},
 };
 
-// USB devices with block streams. They are identified by their interface, so the vendor may be any
-// (drivers/README.md, "Over USB").
+// USB devices with block streams. They are identified by their interface, so their vendor and
+// product can be any (drivers/README.md, "Over USB").
 constexpr KnownDevice tag_stream{0, 0, "USB time tagger", Transport::usb, 0, ""};
 
 bool streams_tags(const UsbDevice& d) {
@@ -265,7 +265,7 @@ Attached describe(const KnownDevice& kind, const UsbDevice& d, const Roots& root
   if (kind.access == Transport::serial) out.nodes = serial_nodes(kind, d, roots, shared_serial);
   if (kind.access == Transport::serial && shared_serial)
     out.advice = "another board has the same serial number " + d.serial +
-                 ", so these names identify the USB socket: keep each board in its socket";
+                 ", so these addresses identify USB sockets: keep each board in its socket";
   if (kind.access == Transport::hid) out.nodes = hid_nodes(d, roots);
   if (kind.access == Transport::usb) out.nodes = usb_nodes(d, roots);
   return out;

@@ -15,7 +15,7 @@ struct Roots {
 };
 
 struct Node {
-  std::string path;     // for example "/dev/ttyACM0"; empty if there is no node
+  std::string path;     // for example "/dev/ttyACM0"; may be empty
   std::string key;      // key in lab.toml, for example "radar.cli"; may be empty
   std::string address;  // value for the key: "serial:/dev/serial/by-id/..."
   std::string missing;  // missing driver, node or permission; empty if none is missing
@@ -37,9 +37,9 @@ std::vector<Attached> list_attached(const Roots& roots = {});
 
 enum class RadarPort { command, data };
 
-// Returns which radar port a path (by-id link or device node) is, or nullopt if this is unknown. On
-// the XDS110, interface 0 is the command port and interface 3 the data port; on the CP2105,
-// interfaces 0 and 1.
+// Returns whether a path (by-id link or device node) is the command port or the data port of a
+// radar board. Returns nullopt if this is unknown. On the XDS110, interface 0 is the command port
+// and interface 3 the data port; on the CP2105, interfaces 0 and 1.
 std::optional<RadarPort> radar_port(const std::string& path, const Roots& roots = {});
 
 // Returns the names of both boards if the two serial ports belong to different radar boards.

@@ -32,7 +32,7 @@ class Loop : public Clock {
   // Runs until `done` returns true or until this time. `done` is checked after each action.
   void run_until(const std::function<bool()>& done, HostTime until = HostTime::max());
   void run_for(std::chrono::nanoseconds time);
-  // If `hold` is true, now() returns a constant time to the calling thread until hold_time(false).
+  // If `hold` is true, now() returns the same time to the calling thread until hold_time(false).
   virtual void hold_time(bool /*hold*/) {}
 
   virtual std::unique_ptr<Worker> make_worker() = 0;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Common part of all ports whose device has its own thread. Only .cpp files in this folder may
-// include this header, because it includes Asio.
+// Common part of the ports that use a device on a separate thread. Only .cpp files in this folder
+// may include this header, because it includes Asio.
 #pragma once
 #include <atomic>
 #include <boost/asio/io_context.hpp>

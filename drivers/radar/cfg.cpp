@@ -38,7 +38,7 @@ std::string miscounted(const CfgCommand& c) {
 
 }  // namespace
 
-// Rejects wrong encodings and line ends, which an editor may have introduced.
+// Rejects encodings and line ends that an editor may have introduced by mistake.
 void require_plain_text(std::string_view text, const std::string& name) {
   const auto fail = [&](const std::string& what) {
     throw Error(ExitCode::config, printable(name + ":" + what));

@@ -9,7 +9,7 @@
 namespace echofuse::radar {
 namespace {
 
-// end of "mmwDemo:/>"; the prompt of lab demos has another name
+// end of the prompt "mmwDemo:/>"; lab demos use another word than mmwDemo
 constexpr std::string_view prompt_end = ":/>";
 constexpr std::size_t max_line = 512, max_answer_lines = 64;
 constexpr std::size_t longest_answer = 4096;  // limit of the answer to sensorStop, bytes

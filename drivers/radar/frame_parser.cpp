@@ -17,7 +17,8 @@ constexpr std::uint32_t max_tlvs = 16;
 constexpr std::size_t padding_limit = 32;
 // A larger jump of the frame number indicates corruption or a restart, not lost frames.
 constexpr std::uint32_t max_lost_frames = 1u << 20;
-constexpr std::uint32_t usual_gap = 100;  // the next frame number must confirm a larger gap
+// the next frame number must confirm a gap larger than this
+constexpr std::uint32_t usual_gap = 100;
 constexpr std::size_t max_types = 64;
 
 std::uint32_t between(std::uint32_t earlier, std::uint32_t later) { return later - earlier - 1; }
@@ -31,8 +32,8 @@ bool starts_with_part_of_magic(ByteView bytes) {
   return std::equal(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n), magic.begin());
 }
 
-// Returns the position of the first magic at or after `from`. Returns that of a partial magic at
-// the end, or the number of bytes if there is none.
+// Returns the position of the first magic at or after `from`, or of a partial magic at the end. If
+// neither exists, returns the number of bytes.
 std::size_t find_magic(ByteView bytes, std::size_t from) {
   while (from < bytes.size()) {
     const void* first = std::memchr(bytes.data() + from, magic[0], bytes.size() - from);

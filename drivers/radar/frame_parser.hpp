@@ -62,7 +62,7 @@ struct FrameCounts {
   std::uint64_t truncated_frames = 0;  // frames shorter than their header announces; not delivered
   std::uint64_t truncated_bytes = 0;
   std::uint64_t bad_headers = 0;  // magics followed by an implausible header
-  std::uint64_t bad_tlvs = 0;     // packets whose TLVs exceed or do not fill them
+  std::uint64_t bad_tlvs = 0;     // packets with TLVs that exceed or do not fill the packet
   std::uint64_t other_tlvs = 0;
   std::uint64_t resyncs = 0;      // frames found again after junk
   std::uint64_t lost_frames = 0;  // missing frame numbers

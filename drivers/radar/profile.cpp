@@ -294,7 +294,7 @@ void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud)
                            ", but a frame of " + std::to_string(profile.frame_bytes) +
                            " bytes takes " + milliseconds(transmit_s) + " at " +
                            std::to_string(baud) + " baud";
-  // An error, because the demo stops sending if a heat map is late.
+  // A late heat map is an error, because the demo then stops sending completely.
   const CfgCommand& gui = cfg.last("guiMonitor");
   if (cfg.number(gui, 5) != 0 || cfg.number(gui, 6) != 0)
     cfg.fail(cfg.last(command), what +

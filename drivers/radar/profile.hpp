@@ -51,7 +51,7 @@ struct RadarProfile {
 // Reads a cfg. Throws Error(config) with one line "NAME:LINE: ..." per fault:
 //   - a missing command, a command with too few numbers, or a command of another demo
 //   - a line that exceeds the firmware's buffer (255 characters, 40 words)
-//   - a frame whose chirps or subframes differ in range axis or antennas
+//   - chirps or subframes of a frame that differ in range axis or antennas
 //   - UTF-16, or line ends other than LF and CR LF
 // `data_baud`: rate at which the data port will be read, used for warnings. `board` selects the
 // antennas of the heat map, because the cfg does not depend on the board.

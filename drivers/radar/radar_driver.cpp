@@ -9,7 +9,7 @@ namespace echofuse::radar {
 namespace {
 // Time for which an unplugged board keeps our cfg. Later, another program may have changed it.
 constexpr std::chrono::seconds cfg_keeps{10};
-// A frame ends after this silence. USB bridges hold bytes back for up to 16 ms.
+// A frame is complete after this silence. USB bridges hold bytes back for up to 16 ms.
 constexpr std::chrono::milliseconds quiet{20};
 // A stopped board still sends the rest of one frame, which USB bridges hold back. A second frame,
 // or any frame after the longest transmission, is from another board.

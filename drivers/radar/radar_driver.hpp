@@ -65,7 +65,7 @@ struct RadarSetup {
 // port closes, a command is refused, or the board was reset (banner, or restarted frame numbers).
 // The state becomes `misconfigured` if frames arrive while the sensor is stopped. stop() sends
 // `sensorStop`; finished() returns true once the firmware has confirmed it. If the heat map of a
-// frame contradicts cfg and board, the frame is counted and delivered without it.
+// frame contradicts cfg and board, it is removed and counted; the rest of the frame is delivered.
 class RadarDriver final : public Driver {
  public:
   // Throws Error(config) if the cfg is invalid.
@@ -112,7 +112,7 @@ class RadarDriver final : public Driver {
   SampleSink* sink_ = nullptr;
   bool answered_ = false;  // true if the firmware has ever answered this driver
   std::string said_;       // first failure since the last frame; later failures are appended to it
-  std::set<std::string> reported_;  // warnings of the ports that have been reported
+  std::set<std::string> reported_;  // port warnings that have been reported
   // time at which a port was unplugged while the firmware had our cfg
   std::optional<HostTime> unplugged_;
   std::uint64_t restarts_seen_ = 0, frames_before_ = 0, bytes_before_ = 0;

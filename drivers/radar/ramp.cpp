@@ -53,8 +53,8 @@ std::vector<std::string> refusals_of(const Ramp& ramp) {
   std::vector<std::string> out;
   const Ramp r = ramp.in_steps();
   const double end_ghz = r.start_ghz + 1e-3 * r.slope_mhz_us * r.end_us;
-  // Tolerance for TI's tool, which rounds the end of a full sweep to the time step, for example to
-  // 60 MHz/us over 66.67 us.
+  // Tolerance for TI's tool, which rounds the end of a full sweep to the time step: 66.67 us at 60
+  // MHz/us.
   const double rounding_ghz = 1e-3 * r.slope_mhz_us * time_step_us / 2;
   constexpr double unit_ghz = 1e-4;
   if (r.start_ghz < band_start_ghz - 2 * start_step_ghz || end_ghz > band_end_ghz + rounding_ghz)

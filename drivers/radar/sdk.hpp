@@ -25,9 +25,9 @@ std::optional<std::size_t> numbers_of(std::string_view command);
 // specific to another demo.
 std::string_view other_demo_of(std::string_view command);
 
-// Returns advice if the firmware does not have `command`. The advice explains for which SDK or demo
-// cfg and firmware are, and which file to send instead. Empty if cfg and firmware match.
-// `firmware`: version text of the firmware; may be empty.
+// Returns advice if the firmware does not have `command`: the SDK or demo of cfg and firmware, and
+// the file to send instead. Empty if cfg and firmware match. `firmware`: version text of the
+// firmware; may be empty.
 std::string advice_for_unknown(const std::string& command, std::string_view firmware,
                                std::string_view cfg_name);
 // Returns advice for a failed start, if cfg and firmware are for different SDKs or demos, or if the
@@ -35,7 +35,7 @@ std::string advice_for_unknown(const std::string& command, std::string_view firm
 std::string advice_for_start(const std::vector<CfgLine>& cfg, std::string_view firmware,
                              std::string_view cfg_name, bool without_reason);
 
-// Parses a calibration result. The firmware reports it as, and a .cfg contains it as:
+// Parses a calibration result, which has the same form in the firmware's output and in a .cfg:
 //   compRangeBiasAndRxChanPhase <bias in m> <re> <im> ... (one pair per virtual antenna)
 // Returns nullopt for other lines and for incomplete pairs.
 std::optional<FirmwareBias> parse_firmware_bias(const std::string& line);

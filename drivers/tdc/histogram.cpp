@@ -79,8 +79,8 @@ void Histogram::count(std::span<const Tag> tags) {
   while (!tags.empty()) {
     const std::size_t taken =
         has_start_ ? count_groups(tags.data(), tags.size(), click_bins_, run_, bins_.data()) : 0;
-    // The fast path cannot process a group that contains a marker. The doubled step avoids calling
-    // it again and again without success.
+    // The fast path cannot process a group that contains a marker. The doubled step avoids repeated
+    // calls of count_groups() without success.
     step = taken > 0 ? max_group : 2 * step;
     const auto few = tags.subspan(taken, std::min(step, tags.size() - taken));
     count_singly(few);

@@ -62,7 +62,7 @@ struct HistogramSettings {
   std::int64_t bin_width_ps = 100;
   std::int64_t first_bin_ps = 13343;  // start of bin 0; may be negative because of cable delays
   std::uint32_t bins = 336;
-  // for taggers that cannot apply them (tag_filter.hpp)
+  // for taggers that cannot delay clicks or apply a dead time (tag_filter.hpp)
   std::int64_t click_delay_ps = 0, dead_time_ps = 0;
 };
 

@@ -21,7 +21,7 @@ namespace echofuse::tdc {
 
 struct FilterSettings {
   std::int32_t start_channel = 1, click_channel = 2;
-  std::int64_t click_delay_ps = 0;  // may be negative
+  std::int64_t click_delay_ps = 0;  // delay added to clicks; may be negative
   std::int64_t dead_time_ps = 0;
 };
 

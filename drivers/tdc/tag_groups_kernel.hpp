@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Implementation of count_groups() for one instruction set. tag_groups.cpp includes this file once
-// per instruction set, so there is no include guard. Do not call functions of std here: the linker
-// could use code for one instruction set on processors that do not support it.
+// per instruction set. Therefore this file must not have an include guard. Do not call functions of
+// std here: the linker could use code for one instruction set on processors that do not support it.
 #include <hwy/highway.h>
 
 #include <bit>
@@ -17,8 +17,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Times = hn::CappedTag<std::uint64_t, max_group>;
 using Bins = hn::Rebind<std::int32_t, Times>;
 constexpr std::size_t group = hn::MaxLanes(Times());
-constexpr unsigned sets =
-    1u << group;  // number of subsets of a vector's lanes, which are bit masks
+constexpr unsigned sets = 1u << group;  // number of subsets of lanes
 
 // Table of permutations with one row for each subset of lanes. For each lane the row contains its
 // source, in pieces of `bytes` bytes. AVX2 permutes 4-byte pieces across a vector, and single bytes

@@ -45,7 +45,7 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
     const bool failed = std::ferror(stdout) != 0;
     errno = 0;
     if (std::fflush(stdout) == 0 && !failed) return static_cast<int>(code);
-    if (errno == 0) {  // after a long text errno is not known: write again to get it
+    if (errno == 0) {  // after a long text errno is unknown, so write again to get it
       std::clearerr(stdout);
       std::fputc('\n', stdout);
       std::fflush(stdout);
@@ -83,7 +83,8 @@ void catch_interrupts() {
   struct sigaction hangup {};
   sigaction(SIGHUP, nullptr, &hangup);
   if (hangup.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
-  action.sa_handler = [](int) {};  // a handler, because child processes would inherit SIG_IGN
+  // a handler instead of SIG_IGN, which child processes would inherit
+  action.sa_handler = [](int) {};
   sigaction(SIGPIPE, &action, nullptr);
 }
 

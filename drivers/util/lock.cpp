@@ -111,7 +111,7 @@ void Lock::reserve(off_t bytes) const {
 }
 
 void Lock::empty() const {
-  if (held_ && ::ftruncate(fd_, 0) != 0) return;  // without space, later writes report the error
+  if (held_ && ::ftruncate(fd_, 0) != 0) return;  // if the disk is full, later writes report it
 }
 
 void Lock::remove() const {

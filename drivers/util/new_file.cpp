@@ -135,7 +135,7 @@ void NewFile::remove() const {
 void NewFile::create() {
   fd_ = ::open(path_.c_str(), flags, 0644);
   if (fd_ < 0) fail();
-  let_group_read(fd_);  // SQLite gives -wal and -shm the same permissions
+  let_group_read(fd_);  // SQLite copies these permissions to -wal and -shm
 }
 
 void NewFile::append(std::string_view text) {

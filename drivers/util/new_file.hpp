@@ -17,7 +17,7 @@ class NewFile {
   // process is killed, this file remains.
   explicit NewFile(std::string place);
   // Writes to `path`, which other processes must not use. If a killed process left a file there,
-  // removes it. The file may be a database. So its old side files are removed, too.
+  // removes it. Also removes the side files of an older database.
   NewFile(std::string place, std::string path);
   // Writes in $TMPDIR on a local disk, because SQLite's WAL does not work on network file systems.
   // If TMPDIR is not set, writes in the folder of `place`. Overwrites a file that a killed process

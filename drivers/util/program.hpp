@@ -25,7 +25,7 @@ std::filesystem::path program_folder();
 // to these files.
 std::filesystem::path data_folder();
 // Returns FOLDER/NAME if it exists, otherwise the path of the installed file with this name. The
-// name of an installed .cfg need not include the folder `radar`.
+// name of an installed .cfg may omit the folder `radar`.
 std::filesystem::path here_or_installed(const std::filesystem::path& name,
                                         const std::filesystem::path& folder = {});
 // Returns the name of the effective user; under sudo, the name of the user who called sudo.

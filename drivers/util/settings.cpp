@@ -55,8 +55,8 @@ toml::table parse_value(const std::string& value) {
   }
 }
 
-// Returns the shortest known name that begins with this text. Empty if there is none or the text is
-// short.
+// Returns the shortest known name that begins with this text. Returns an empty text if no name
+// does, or if the text has fewer than 3 letters.
 std::string begun_by(const std::vector<std::string>& known, const std::string& text) {
   constexpr std::size_t telling = 3;
   std::string out;
