@@ -228,7 +228,7 @@ TEST_CASE("an unusable heat map causes a warning, one too large for the frame pe
       "chirpCfg 1 1 0 0 0 0 0 2\r\nchirpCfg 2 2 0 0 0 0 0 4\r\n";  // transmitter 2 comes second
   const std::string usual = "chirpCfg 1 1 0 0 0 0 0 4\r\nchirpCfg 2 2 0 0 0 0 0 2\r\n";
   CHECK_THAT(warnings(usual, other, Board::isk).at(0),
-             Catch::StartsWith("x.cfg:8: chirpCfg has transmitter 2 before 3"));
+             Catch::StartsWith("x.cfg:8: chirpCfg uses transmitter 2 before 3"));
   CHECK_THAT(refusal("0 100 1 0", Board::ods),
              Catch::Contains("takes"));  // 12.9 kB need more than 100 ms
 }
