@@ -12,11 +12,12 @@ namespace echofuse::recon {
 namespace {
 
 constexpr float b1 = 0.9f, b2 = 0.999f, epsilon = 1e-8f;
-// Flushes gradients and moments below this to 0: they are far below epsilon and change no weight,
-// but subnormal products are slow. Keeps NaN.
+// Gradients and moments below these limits are set to 0. They are far below epsilon and change no
+// weight, but calculations with subnormal numbers are slow. NaN is kept.
 constexpr float least_gradient = 1e-16f, least_moment = 1e-30f;
 
-// Separate function, because the compiler vectorises only over plain arguments.
+// Updates n parameters p, moments m and v, and gradients g. A separate function, because the
+// compiler vectorises the loop only for plain arguments.
 inline __attribute__((always_inline)) void step_each(std::size_t n, float* p, float* m, float* v,
                                                      float* g, float keep, float rate) {
   for (std::size_t i = 0; i < n; ++i) {
@@ -31,7 +32,7 @@ inline __attribute__((always_inline)) void step_each(std::size_t n, float* p, fl
 }
 
 #if defined(__x86_64__)
-// Gives equal bits on all processors, because it is compiled without FMA.
+// Gives the same bits as the version for other processors, because it is compiled without FMA.
 __attribute__((target("avx2"))) void step_avx2(std::size_t n, float* p, float* m, float* v,
                                                float* g, float keep, float rate) {
   step_each(n, p, m, v, g, keep, rate);

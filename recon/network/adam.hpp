@@ -10,12 +10,12 @@ namespace echofuse::recon {
 struct Adam {
   Adam(std::size_t parameters, double weight_decay)
       : decay(static_cast<float>(weight_decay)), first(parameters), second(parameters) {}
-  // Updates the parameters and resets the gradient to zero for the next backward().
+  // Updates the parameters by one step, and sets the gradient to zero for the next backward().
   void step(std::vector<float>& parameters, std::vector<float>& gradient, double learning_rate);
 
   float decay;
   std::size_t steps = 0;
-  std::vector<float> first, second;  // running moments of the gradient
+  std::vector<float> first, second;  // running means of the gradient and of its square
 };
 
 }  // namespace echofuse::recon

@@ -15,11 +15,13 @@ class Classifier {
  public:
   struct Options {
     std::vector<std::size_t> hidden;  // width of each hidden layer
-    std::size_t steps, batch;         // half of each batch from each class
-    double learning_rate;             // initial rate; decreases to zero
+    // Number of steps; size of a batch, half of which is from each class.
+    std::size_t steps, batch;
+    double learning_rate;  // initial rate; decreases to zero
     std::uint64_t seed;
   };
-  // One example per row. An interrupt ends the fit early.
+  // Fits the network to examples of two classes, one example per row. An interrupt ends the fit
+  // early.
   void fit(const Matrix& usual, const Matrix& other, const Options& options);
   bool known() const { return !parameters_.empty(); }
   // Returns the log odds of the class `other`, for equally frequent classes.
@@ -33,7 +35,7 @@ class Classifier {
 
   Network network_;
   std::vector<float> parameters_;
-  std::vector<float> centre_, spread_;  // centre and spread of the inputs
+  std::vector<float> centre_, spread_;  // mean and scale of each input
 };
 
 }  // namespace echofuse::recon

@@ -12,17 +12,18 @@ namespace echofuse::recon {
 
 class Ensemble {
  public:
-  // Runs Regression::fit for `networks` networks with separate random streams. Returns the log of
-  // the last one.
+  // Fits this number of networks by Regression::fit, each with its own random stream. Returns the
+  // training log of the last one.
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   Training training, std::size_t networks, const std::string& title);
-  // Run Regression::correct and Regression::tune for each network.
+  // correct() and tune() call the function of this name of each network (Regression).
   void correct(const Examples& train);
   void tune(const Examples& train, Training training, const std::string& title);
-  // Returns one row of outputs per row of `inputs`.
+  // Returns the mean output of all networks, one row per row of `inputs`.
   Matrix predict(const Matrix& inputs) const;
   Cost cost() const;
-  void archive(Archive archive, std::size_t inputs, std::size_t outputs);  // groups "0", "1", ...
+  // Stores the networks as groups "0", "1", ...
+  void archive(Archive archive, std::size_t inputs, std::size_t outputs);
 
  private:
   std::vector<Regression> networks_;

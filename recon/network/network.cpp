@@ -21,8 +21,8 @@ ECHOFUSE_CLONES void add_row(const float* row, std::size_t count, float* sums) {
 }
 void add_row(const double* row, std::size_t count, double* sums) { add_each(row, count, sums); }
 
-// The derivative of the rectifier is 0 where its output is 0. Writes all slopes, because branches
-// on such signs are slower.
+// Sets the slopes to 0 where the output of the rectifier is 0, because its derivative is 0 there.
+// Writes all slopes, because branches on unpredictable signs would be slower.
 template <class T>
 [[gnu::always_inline]] inline void pass_slopes_each(const T* x, std::size_t count,
                                                     T* __restrict__ slopes) {
@@ -84,7 +84,7 @@ void backward(const Network& network, const std::vector<T>& parameters, const T*
   gradient.resize(network.parameters);
   for (std::size_t l = network.layers.size(); l-- > 0;) {
     const Layer& layer = network.layers[l];
-    const auto& slope = activations[l];  // dL/d(output of layer l)
+    const auto& slope = activations[l];  // derivative of the loss by the output of layer l
     const T* x = l > 0 ? activations[l - 1].data() : inputs;
     multiply({layer.inputs, layer.outputs, batch, Transpose::yes, Transpose::no, T{1}, T{1}}, x,
              slope.data(), gradient.data() + layer.weights);
@@ -110,7 +110,7 @@ template void backward(const Network&, const std::vector<double>&, const double*
 
 namespace {
 
-// Reads or writes layer l. Its position in the parameters is known when it is written.
+// Reads or writes the weights and biases of a layer, at its offsets in `parameters`.
 void archive_layer(Archive archive, const Layer& layer, std::vector<float>& parameters) {
   Matrix weights(layer.inputs, layer.outputs);
   std::vector<float> biases(layer.outputs);
@@ -136,13 +136,15 @@ void archive(Archive archive, Network& network, std::vector<float>& parameters, 
   }
   archive.values("widths", widths, Archive::any);
   if (archive.reading()) {
-    archive.require(
-        widths.size() >= 2 && widths.size() <= 16 &&
-            std::all_of(widths.begin(), widths.end(),
-                        [](auto w) { return w > 0 && w <= 1 << 20; }) &&
-            std::cmp_equal(widths.front(), inputs) && std::cmp_equal(widths.back(), outputs),
-        "widths", "expected from " + std::to_string(inputs) + " to " + std::to_string(outputs));
-    // Checks the tensors of the file before allocating memory for the sizes in its header.
+    archive.require(widths.size() >= 2 && widths.size() <= 16 &&
+                        std::all_of(widths.begin(), widths.end(),
+                                    [](auto w) { return w > 0 && w <= 1 << 20; }) &&
+                        std::cmp_equal(widths.front(), inputs) &&
+                        std::cmp_equal(widths.back(), outputs),
+                    "widths",
+                    "expected first and last width " + std::to_string(inputs) + " and " +
+                        std::to_string(outputs));
+    // Checks the shapes of the tensors before memory is allocated for the widths in the file.
     for (std::size_t l = 0; l + 1 < widths.size(); ++l)
       archive.in("layer" + std::to_string(l))
           .require_shape("weights", {static_cast<std::size_t>(widths[l]),

@@ -10,7 +10,8 @@
 
 namespace echofuse::recon {
 
-// y = x W + b. W (inputs x outputs, row-major) and b start at these offsets in the parameters.
+// Layer of a network: y = x W + b. W (inputs x outputs, row-major) begins at offset `weights` of
+// the parameters, b at offset `biases`.
 struct Layer {
   std::size_t inputs, outputs, weights, biases;
 };
@@ -18,32 +19,37 @@ struct Layer {
 struct Network {
   std::vector<Layer> layers;
   std::size_t parameters = 0;
-  std::size_t weights = 0;  // multiply-adds of one forward pass
+  std::size_t weights = 0;  // number of weights; equals the multiply-adds of a forward pass
 };
 
-// `widths`: number of inputs, of units in each hidden layer, and of outputs.
+// Returns a network. `widths`: number of inputs, number of units in each hidden layer, number of
+// outputs.
 Network make_network(const std::vector<std::size_t>& widths);
 
-// Returns initial parameters (He et al., ICCV 2015): normal weights of variance 2 / inputs. Biases
-// and the last layer's weights are zero, so that training starts from the mean map.
+// Returns random initial parameters: normally distributed weights with variance 2 / inputs (He et
+// al., ICCV 2015). Biases and the weights of the last layer are zero, so that all outputs are 0 at
+// first (the mean of the targets, see regression.hpp).
 std::vector<float> initial_parameters(const Network& network, Rng& rng);
 
-// Outputs of each layer for a batch, row-major [batch x outputs].
+// Outputs of each layer for a batch: row-major tables [batch x outputs].
 template <class T>
 using Activations = std::vector<std::vector<T>>;
 
-// Fully connected network. Instantiated for float (training) and double (checking the gradient).
+// Forward pass: computes the outputs of all layers for a batch of inputs [batch x inputs].
+// Instantiated for float (training) and double (gradient test).
 template <class T>
 void forward(const Network& network, const std::vector<T>& parameters, const T* inputs,
              std::size_t batch, Activations<T>& activations);
 
-// Adds dL/d(parameters) to the gradient; an empty gradient counts as zeros. On entry
-// activations.back() must contain dL/d(output). Overwrites the activations.
+// Backward pass: adds dL/d(parameters) to the gradient, where L is the loss. An empty gradient is
+// first set to zeros. On entry, activations.back() must contain dL/d(output). Overwrites the
+// activations.
 template <class T>
 void backward(const Network& network, const std::vector<T>& parameters, const T* inputs,
               std::size_t batch, Activations<T>& activations, std::vector<T>& gradient);
 
-// Reads or writes the weights and biases of each layer as "layer0", "layer1", ...
+// Reads or writes weights and biases as groups "layer0", "layer1", ... Throws Error(failed) if the
+// number of inputs or outputs in the file is wrong.
 void archive(Archive archive, Network& network, std::vector<float>& parameters, std::size_t inputs,
              std::size_t outputs);
 

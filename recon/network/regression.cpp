@@ -14,22 +14,26 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::uint64_t weight_stream = 1, order_stream = 2, redraw_stream = 0x7475726e;  // "turn"
+// ASCII "turn"
+constexpr std::uint64_t weight_stream = 1, order_stream = 2, redraw_stream = 0x7475726e;
 
-// Cosine annealing from the full rate to zero (Loshchilov and Hutter, ICLR 2017).
+// Returns the learning rate at a fraction `progress` of the training: cosine annealing from `rate`
+// to zero (Loshchilov and Hutter, ICLR 2017).
 double annealed(double rate, double progress) {
   return rate * 0.5 * (1 + std::cos(M_PI * progress));
 }
 
 double square(double v) { return v * v; }
 
-// Targets of one row, and the factors from errors to slopes. per_spread is 1 / spread.
+// Targets of one row, with mean (centre) and 1 / spread (per_spread) of each column. `times`:
+// factor from an error to the slope of the loss.
 struct RowTargets {
   const float *truth, *centre, *per_spread;
   float times;
 };
 
-// Replaces a row of outputs by the loss's slopes; returns the sum of the squared errors.
+// Replaces a row of outputs by the slopes of the squared error; returns the sum of the squared
+// errors, in units of the spread.
 double to_slopes(const RowTargets& row_targets, std::size_t columns, float* outputs) {
   const auto count = static_cast<Eigen::Index>(columns);
   const auto row = [&](const float* values) {
@@ -42,7 +46,7 @@ double to_slopes(const RowTargets& row_targets, std::size_t columns, float* outp
   return sum;
 }
 
-constexpr std::size_t values_at_once = 1 << 16;  // values of a batch per part
+constexpr std::size_t values_at_once = 1 << 16;  // number of output values in one part of a batch
 constexpr double most = 1e18;                    // largest value allowed in a model file
 
 bool sound(const std::vector<float>& values) {
@@ -65,7 +69,8 @@ Training training_of(const FitOptions& o) {
           {}};
 }
 
-// Uses steps of equal size, because a small last step would be noisy.
+// Returns the training options for this number of records. All batches have nearly the same size,
+// because a small last batch would make a noisy step.
 Training training_of(const Tuning& t, std::size_t records) {
   const std::size_t a_pass = std::max<std::size_t>(1, (records + t.batch - 1) / t.batch);
   Training out{};
@@ -115,7 +120,8 @@ TrainingLog Regression::fit(const Examples& train, const Examples& validation, S
                   .log = {},
                   .least = most};
   s.best = s.parameters;
-  // Keeps the mean of the targets unless some weights are better.
+  // The initial weights predict the mean of the targets. They are kept unless an epoch has a lower
+  // validation loss.
   if (!validation.rows.empty()) s.least = rms_error(validation, training.loss, s.parameters);
   while (s.epoch < training.epochs && s.epoch - s.log.best_epoch < training.patience) {
     train_epoch(train, training, s);
@@ -147,13 +153,14 @@ void Regression::tune(const Examples& train, const Training& training, const std
   if (!interrupted()) parameters_ = std::move(s.parameters);
 }
 
-// Slope: median over all pairs of records (Theil, Indagationes Math. 12, 85, 1950). Medians are
-// robust against the few bodies placed on the wrong side.
+// Estimates the slope of targets over outputs as the median over pairs of records (Theil,
+// Indagationes Math. 12, 85, 1950). Medians are robust against the few bodies that are placed on
+// the wrong side.
 void Regression::correct(const Examples& train) {
   constexpr double least_scale = 0.5, most_scale = 2;
   const Matrix found = predict(take_rows(train.inputs, train.rows));
   const double share = Tuning::shrinkage(found.rows);
-  constexpr std::size_t most_paired = 500;  // more records hardly change a median
+  constexpr std::size_t most_paired = 500;  // limit of paired records; more hardly change a median
   const std::size_t step = found.rows / most_paired + 1;
   for (std::size_t c = 0; c < centre_.size() && found.rows > 2; ++c) {
     const auto answer = [&](std::size_t i) { return found.row(i)[c]; };
@@ -184,13 +191,13 @@ void Regression::move_centre(const Examples& train) {
   for (std::size_t c = 0; c < sum.size(); ++c) centre_[c] += static_cast<float>(share * sum[c]);
 }
 
-// L2 penalty: adds the slope towards the weights at the start of the training.
+// Adds the slope of the L2 penalty, which pulls the weights to their values before the training.
 void Regression::shrink_to_start(const std::vector<float>& parameters, float l2_penalty) {
   for (std::size_t i = 0; i < parameters.size(); ++i)
     gradient_[i] += l2_penalty * (parameters[i] - parameters_[i]);
 }
 
-// Trains to the end of the epoch or an interrupt.
+// Trains until the epoch ends or the user interrupts.
 void Regression::train_epoch(const Examples& train, const Training& training, TrainingState& s) {
   std::shuffle(s.order.begin(), s.order.end(), s.order_rng);
   const std::span<const std::size_t> rows(s.order);
@@ -205,17 +212,17 @@ void Regression::train_epoch(const Examples& train, const Training& training, Tr
   }
 }
 
-// Ends the epoch: logs the losses, and keeps the weights if their validation loss is the best so
+// Ends the epoch: logs the losses, and stores the weights if their validation loss is the lowest so
 // far.
 void Regression::end_epoch(const Examples& validation, const Loss& loss, TrainingState& s,
                            const std::string& title) {
   const double values = static_cast<double>(std::max<std::size_t>(s.row, 1) * centre_.size());
   s.log.loss.push_back(std::sqrt(s.squares / values) * unit_);
-  // Without validation records the last epoch counts as the best.
+  // If there are no validation records, the last epoch counts as the best.
   const bool unvalidated = validation.rows.empty();
   const double score =
       unvalidated ? -static_cast<double>(s.epoch) : rms_error(validation, loss, s.parameters);
-  // The loss does not include the effect of the last step yet.
+  // Checks the weights as well, because the loss was computed before the last step.
   if (!(s.log.loss.back() <= most && score <= most) || !sound(s.parameters))
     throw Error(ExitCode::failed, title + " diverged in epoch " + std::to_string(s.epoch + 1) +
                                       ": weights are not finite; use a smaller "
@@ -225,7 +232,7 @@ void Regression::end_epoch(const Examples& validation, const Loss& loss, Trainin
   if (score < s.least) s.least = score, s.best = s.parameters, s.log.best_epoch = s.epoch;
 }
 
-// Takes one step; returns the sum of squared errors in units of the spread.
+// Makes one training step; returns the sum of the squared errors, in units of the spread.
 double Regression::train_batch(const Examples& train, std::span<const std::size_t> rows,
                                const Training& training, TrainingState& s, double learning_rate) {
   batch_inputs_ = take_rows(train.inputs, {rows.begin(), rows.end()});
@@ -275,7 +282,8 @@ Matrix Regression::outputs_of(const Matrix& inputs, const std::vector<float>& pa
   return out;
 }
 
-// Replaces a row of the network's outputs by the loss's slopes and returns the loss.
+// Replaces a row of network outputs by the slopes of a custom loss, times a factor; returns the
+// loss.
 double Regression::to_slopes(const Loss& loss, std::span<const float> target,
                              std::span<float> outputs, float times) const {
   for (std::size_t c = 0; c < outputs.size(); ++c)

@@ -15,44 +15,48 @@
 
 namespace echofuse::recon {
 
-// Row i of both tables is one example; `rows` selects the examples in use.
+// Examples for a fit: row i of `inputs` and row i of `targets` are one example. `rows` lists the
+// examples to use.
 struct Examples {
   const Matrix& inputs;
   const Matrix& targets;
   const Rows& rows;
 };
 
-// Unit of an error: common to all columns (pixels of a map), or each column's standard deviation.
+// Unit of errors. common: one for all columns (pixels of a map); each: the standard deviation of
+// the column.
 enum class Spread : bool { common, each };
 
-// Data augmentation: replaces a batch of examples by random variants, different in each epoch,
-// without memory for copies. Row i of both tables is example rows[i]; `rng` is the training's
-// random stream.
+// Data augmentation: replaces a batch of examples by random variants, which differ in each epoch
+// and need no memory for copies. Row i of `inputs` and `targets` is example rows[i]; `rng` is a
+// random stream of the training.
 using Redraw = std::function<void(std::span<const std::size_t> rows, Matrix& inputs,
                                   Matrix& targets, Rng& rng)>;
 
-// Loss that replaces the squared error.
+// Custom loss, used instead of the squared error.
 struct Loss {
-  std::vector<float> centre, spread;  // output = centre + spread x network output
-  // Replaces the outputs by the loss's slopes and returns the loss. Threading: any thread.
+  // The output of column c is centre[c] + spread[c] x network output.
+  std::vector<float> centre, spread;
+  // Replaces a row of outputs by the slopes of the loss and returns the loss. Threading: must be
+  // callable from any thread.
   std::function<double(std::span<const float> target, std::span<float> outputs)> to_slopes;
 };
 
 struct Training {
   std::vector<std::size_t> hidden;  // width of each hidden layer
   std::size_t epochs, patience;
-  double learning_rate, weight_decay;  // initial rate; decreases to zero
+  double learning_rate, weight_decay;  // initial learning rate, which decreases to zero
   std::size_t batch;
   std::uint64_t seed;
   bool quiet;
   Redraw redraw = {};               // empty: no augmentation
-  std::vector<float> weights = {};  // weight of each column's squared errors; empty: 1
-  double l2_penalty = 0;            // weight of half the squared distance from the initial weights
-  Loss loss = {};                   // without to_slopes: squared error
+  std::vector<float> weights = {};  // weight of the squared errors of each column; empty: 1
+  double l2_penalty = 0;            // factor of half the squared distance from the initial weights
+  Loss loss = {};  // custom loss; if it has no to_slopes, the squared error is used
 };
 
 Training training_of(const Tuning& tuning, std::size_t records);
-// Requires options completed by candidate_of().
+// Returns the training options; all values must have been set (candidate_of() does this).
 Training training_of(const FitOptions& options);
 
 struct TrainingState {
@@ -61,24 +65,26 @@ struct TrainingState {
   Rows order;  // order of the records in this epoch
   Rng order_rng, redraw_rng;
   TrainingLog log;
-  double least;                    // validation loss of the best epoch
-  std::size_t epoch = 0, row = 0;  // completed epochs, and records done in the current one
-  double squares = 0;              // sum of squared errors of these records
+  double least;                    // lowest validation loss so far
+  std::size_t epoch = 0, row = 0;  // completed epochs; records processed in the current epoch
+  double squares = 0;              // sum of the squared errors of the records processed
 };
 
 class Regression {
  public:
-  // Logs in units of the targets (common) or of their standard deviations (each); for a custom
-  // loss, the root of its mean. Calls on_epoch after each epoch. If training diverges, throws
-  // Error(failed) with a text that begins with the title.
+  // Trains the network. Losses are logged in units of the targets (Spread::common) or of their
+  // standard deviations (Spread::each); a custom loss is logged as the root of its mean. Calls
+  // on_epoch after each epoch. Throws Error(failed) if training diverges; the message begins with
+  // the title.
   using OnEpoch = std::function<void(std::size_t epochs, double validation_loss)>;
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   const Training& training, const std::string& title, const OnEpoch& on_epoch = {});
-  // Shifts the outputs by part of their median error, and scales them by part of the median slope
-  // (Tuning::shrinkage).
+  // Adapts offset and scale of the outputs to other records: adds the median error and multiplies
+  // by the median slope of targets over outputs, both reduced by Tuning::shrinkage().
   void correct(const Examples& train);
-  // Continues training from the current weights, with their scaling. Shifts the outputs by part of
-  // their mean error first. Trains all epochs or until an interrupt.
+  // Continues training from the current weights, with the current scaling. First adds the mean
+  // error, reduced by Tuning::shrinkage(), to the outputs. Trains all epochs; an interrupt keeps
+  // the previous weights.
   void tune(const Examples& train, const Training& training, const std::string& title);
   Matrix predict(const Matrix& inputs) const;
   Cost cost() const { return {network_.weights, network_.parameters}; }
@@ -102,8 +108,8 @@ class Regression {
 
   Network network_;
   std::vector<float> parameters_;
-  std::vector<float> centre_, spread_;   // per column, in units of the targets
-  double unit_ = 1;                      // unit of the log
+  std::vector<float> centre_, spread_;   // mean and scale of each column, in units of the targets
+  double unit_ = 1;                      // factor from an error of the network to a logged loss
   Matrix batch_inputs_, batch_targets_;  // scratch memory of train_batch
   Activations<float> activations_;
   std::vector<float> gradient_;

@@ -9,49 +9,51 @@
 
 namespace echofuse::recon {
 
-// Missing options take the defaults of the model kind (ModelKind::own).
+// Options of a fit. Missing values are replaced by the defaults of the model kind (ModelKind::own).
 struct FitOptions {
   std::optional<std::vector<std::size_t>> hidden = {};  // mlp: width of each hidden layer
-  std::optional<std::size_t> basis = {};  // pca, factorised: components; nearest: records
+  // Pca, factorised: number of components; nearest: number of records.
+  std::optional<std::size_t> basis = {};
   std::optional<std::size_t> epochs = {};
   std::optional<double> learning_rate = {}, weight_decay = {};
-  // epochs without a better validation loss before training stops
+  // Training stops after this number of epochs without a lower validation loss.
   std::optional<std::size_t> patience = {};
   std::optional<std::size_t> batch = {};
   std::uint64_t seed = 1;
   bool quiet = false;
 };
 
-// Root mean square errors, one entry per epoch; empty for models fitted in one step. Units: metres
-// for an mlp, coefficients of the components for a pca-mlp, units of the position's spread for a
-// factorised model.
+// Root mean square error of each epoch; empty for models that are fitted in one step. Units: metres
+// for mlp, coefficients of the components for pca-mlp, standard deviations of the position for
+// factorised.
 struct TrainingLog {
   std::vector<double> loss, validation_loss;
-  std::size_t best_epoch = 0;  // kept epoch, counted from 1; 0: none beat the mean
+  // Epoch of the kept weights, counted from 1; 0: no epoch was better than the mean of the targets.
+  std::size_t best_epoch = 0;
   bool interrupted = false;
 };
 
-// Options of fine-tuning: the adaptation of a trained model to records of another room.
+// Options of fine-tuning, which adapts a trained model to records of another room.
 struct Tuning {
-  // Weight of the mean squared distance from the old weights, times the number of records. INFINITY
-  // keeps the networks unchanged.
+  // L2 penalty: the mean loss is increased by l2_penalty / records times half the squared distance
+  // from the old weights. INFINITY keeps the networks unchanged.
   double l2_penalty = 1;
-  // With unchanged networks a model that places a body still learns the new mean body. True: it
-  // also learns offset and scale of the positions.
+  // Applies if the networks stay unchanged. A model that places a body then learns the mean body of
+  // the new records; if this is true, also offset and scale of the positions.
   bool correct = false;
-  std::size_t steps = 200, batch = 64;  // a step uses at most `batch` records
+  std::size_t steps = 200, batch = 64;  // number of steps; maximum number of records per step
   double learning_rate = 4e-3;          // initial rate; decreases to zero
   std::uint64_t seed = 1;
   bool networks_stay() const { return std::isinf(l2_penalty); }
-  // Factor, 0 to 1, that shrinks the mean residual of this number of records before its use as a
-  // correction.
+  // Returns the factor (0 to 1) by which the mean residual of this number of records is reduced
+  // before it is used as a correction.
   static double shrinkage(std::size_t records) {
     return static_cast<double>(records) / static_cast<double>(records + 10);
   }
 };
 
 struct Cost {
-  std::size_t multiply_adds = 0;  // per map
+  std::size_t multiply_adds = 0;  // multiply-adds per map
   std::size_t parameters = 0;
   Cost& operator+=(const Cost& other) {
     multiply_adds += other.multiply_adds, parameters += other.parameters;

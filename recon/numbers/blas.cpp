@@ -11,10 +11,10 @@
 #include "drivers/util/exit_code.hpp"
 #include "recon/numbers/parallel.hpp"
 
-// Only OpenBLAS exports these; with another BLAS they are not called.
+// Only OpenBLAS exports these functions. With another BLAS the weak symbols are null.
 extern "C" void openblas_set_num_threads(int) __attribute__((weak));
 extern "C" int blas_thread_shutdown_() __attribute__((weak));
-// Functions of LAPACK, which is part of OpenBLAS.
+// Functions of LAPACK, which OpenBLAS contains.
 extern "C" void sgeqrf_(const int* m, const int* n, float* a, const int* lda, float* tau,
                         float* work, const int* work_size, int* info);
 extern "C" void sorgqr_(const int* m, const int* n, const int* k, float* a, const int* lda,
@@ -26,22 +26,21 @@ extern "C" void dgesdd_(const char* job, const int* m, const int* n, double* a, 
 namespace echofuse::recon {
 namespace {
 
-// We use our own threads (parallel.hpp). OpenBLAS starts its threads on loading; their busy waiting
-// costs 30 ms of CPU time per start of a program.
+// Ends the threads that OpenBLAS starts when it is loaded, because their busy waiting costs 30 ms
+// of CPU time per program start. Parallel parts run on our own threads (parallel.hpp).
 const bool one_thread = [] {
   if (openblas_set_num_threads) openblas_set_num_threads(1);
   if (blas_thread_shutdown_) blas_thread_shutdown_();
   return true;
 }();
 
-// Part of the product that one call computes: `rows` x `cols` of C from row `row` and column `col`
-// on.
+// Part of a product that one call computes: `rows` x `cols` elements of C, from (row, col) on.
 struct Strip {
   std::size_t row, col, rows, cols;
 };
 
-// The parts are strips across the longer side of C. Each strip packs the other factor again, so a
-// small product gets few strips, for two threads at most.
+// Returns the parts of a product: strips across the longer side of C. A small product has one or
+// two strips, a large one up to eight, because each strip packs the other factor again.
 std::vector<Strip> parts_of(std::size_t m, std::size_t n, std::size_t k) {
   constexpr std::size_t small = 4'000'000, narrowest = 128, few = 2, most = 8;
   const std::size_t work = m * n * k;
@@ -65,8 +64,8 @@ void gemm(CBLAS_TRANSPOSE ta, CBLAS_TRANSPOSE tb, int m, int n, int k, double al
   cblas_dgemm(CblasRowMajor, ta, tb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc);
 }
 
-// Computes y += alpha x B, where B is k x n, with one pass over B. For a small B a call of BLAS
-// costs as much as the product.
+// Computes y += alpha x B in one pass over B (k x n), for the row vectors x and y. For a small B,
+// the overhead of a BLAS call is as large as the product.
 ECHOFUSE_CLONES void add_row_times(std::size_t k, std::size_t n, float alpha, const float* x,
                                    const float* b, float* __restrict__ y) {
   std::size_t i = 0;
@@ -80,7 +79,7 @@ ECHOFUSE_CLONES void add_row_times(std::size_t k, std::size_t n, float alpha, co
     for (std::size_t c = 0; c < n; ++c) y[c] += alpha * x[i] * b[c];
 }
 
-// Computes y = alpha op(B) x + beta y, where B is rows x cols in memory.
+// Computes y = alpha op(B) x + beta y. B is stored as rows x cols, row-major.
 void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, float alpha, const float* b, const float* x,
           float beta, float* y) {
   if (tb == CblasTrans && beta == 1)
@@ -93,7 +92,7 @@ void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, double alpha, const double* b,
   cblas_dgemv(CblasRowMajor, tb, rows, cols, alpha, b, cols, x, 1, beta, y, 1);
 }
 
-// Selects the kernels. Call it before any function of BLAS.
+// Selects the kernels (blas_kernels). Must be called before any BLAS function.
 void choose_kernels() {
   static const bool chosen = one_thread && !blas_kernels().empty();
   static_cast<void>(chosen);
@@ -103,8 +102,8 @@ template <class T>
 void multiply_parts(const Product<T>& p, const T* a, const T* b, T* c) {
   choose_kernels();
   const bool ta = p.a_transposed == Transpose::yes, tb = p.b_transposed == Transpose::yes;
-  // One row: reads each value of B once. A matrix product would first repack B, which takes 5 times
-  // as long as reading it.
+  // If A has one row, a matrix-vector product reads each value of B once. A matrix product would
+  // first repack B, which takes 5 times as long as reading it.
   if (p.m == 1) {
     const std::size_t rows = tb ? p.n : p.k, cols = tb ? p.k : p.n;
     gemv(tb ? CblasNoTrans : CblasTrans, static_cast<int>(rows), static_cast<int>(cols), p.alpha, b,
@@ -132,9 +131,9 @@ void multiply(const Product<double>& p, const double* a, const double* b, double
   multiply_parts(p, a, b, c);
 }
 
-// LAPACK is column-major, so it takes our rows as columns.
+// LAPACK is column-major, so our rows are its columns.
 void orthonormalise_rows(std::size_t rows, std::size_t cols, float* values) {
-  constexpr std::size_t at_once = 64;  // block size for LAPACK, columns
+  constexpr std::size_t at_once = 64;  // block size of the workspace, columns
   choose_kernels();
   const int m = static_cast<int>(cols), n = static_cast<int>(rows);
   std::vector<float> scales(rows), work(rows * at_once);
@@ -142,7 +141,7 @@ void orthonormalise_rows(std::size_t rows, std::size_t cols, float* values) {
   int info = 0;
   sgeqrf_(&m, &n, values, &m, scales.data(), work.data(), &work_size, &info);
   sorgqr_(&m, &n, &n, values, &m, scales.data(), work.data(), &work_size, &info);
-  assert(info == 0);  // otherwise an argument is wrong
+  assert(info == 0);  // a nonzero value would mean a wrong argument
 }
 
 void decompose(std::size_t m, std::size_t n, double* x, double* s, double* u, double* vt) {
@@ -155,7 +154,7 @@ void decompose(std::size_t m, std::size_t n, double* x, double* s, double* u, do
     dgesdd_("S", &rows, &cols, x, &rows, s, u, &rows, vt, &rank, work.data(), &room, places.data(),
             &info);
   };
-  call(-1);  // workspace query
+  call(-1);  // only queries the size of the workspace
   work.resize(static_cast<std::size_t>(work[0]));
   call(static_cast<int>(work.size()));
   if (info != 0)

@@ -12,8 +12,8 @@ namespace echofuse::recon {
 
 enum class Transpose : bool { no, yes };
 
-// Computes C = alpha op(A) op(B) + beta C, all row-major and dense: op(A) is m x k, op(B) k x n, C
-// m x n.
+// Describes the product C = alpha op(A) op(B) + beta C, where op() is the matrix or its transpose.
+// All matrices are row-major and dense: op(A) is m x k, op(B) is k x n, C is m x n.
 template <class T>
 struct Product {
   std::size_t m, n, k;
@@ -22,20 +22,23 @@ struct Product {
 };
 void multiply(const Product<float>& p, const float* a, const float* b, float* c);
 void multiply(const Product<double>& p, const double* a, const double* b, double* c);
-// Replaces the rows by an orthonormal basis of their span (QR); 1 <= rows <= cols.
+// Replaces the rows of a table by an orthonormal basis of their span (QR decomposition). Requires 1
+// <= rows <= cols.
 void orthonormalise_rows(std::size_t rows, std::size_t cols, float* values);
-// Computes the thin decomposition X = U S V' of an m x n table. X, U and V' are column-major; X is
-// overwritten. k = min(m, n): U is m x k, V' k x n.
+// Computes the thin singular value decomposition X = U S V' of an m x n table. With k = min(m, n),
+// U is m x k, S has k values, V' is k x n. X, U and V' are column-major; X is overwritten. Throws
+// Error(failed) if X contains NaN or infinity.
 void decompose(std::size_t m, std::size_t n, double* x, double* s, double* u, double* vt);
 
-// OpenBLAS 0.3.21 selects its kernels by the processor's model number and uses SSE ("Prescott") for
-// unknown models. Here they are selected by the processor's features (CPUID).
-//
-// Returns the kernels in use ("SkylakeX" is AVX-512, "Haswell" AVX2; "BLAS" if the library is not
-// OpenBLAS or was built for one processor type). They are selected at the first call, which must
-// come before the first product. OPENBLAS_CORETYPE in the environment takes precedence.
+// Returns the name of the OpenBLAS kernels in use, e.g. "SkylakeX" (AVX-512) or "Haswell" (AVX2);
+// "BLAS" if the library is not OpenBLAS or was built for one processor type. The first call selects
+// the kernels and must precede the first product.
+// OpenBLAS 0.3.21 selects kernels by the model number of the processor, and uses SSE ("Prescott")
+// for unknown models. This function selects them by the processor's features (CPUID) instead. The
+// environment variable OPENBLAS_CORETYPE takes precedence.
 const std::string& blas_kernels();
-// Returns the instruction set of the kernels: AVX-512, AVX2, AVX or SSE; "unknown" for "BLAS".
+// Returns the instruction set of the kernels: AVX-512, AVX2, AVX or SSE; "unknown" if their name is
+// "BLAS".
 std::string blas_instructions();
 
 }  // namespace echofuse::recon

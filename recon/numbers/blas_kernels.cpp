@@ -4,8 +4,8 @@
 
 #include "recon/numbers/blas.hpp"
 
-// An OpenBLAS with run-time dispatch exports these, although they are not an official interface.
-// Without them the library's own choice is kept.
+// An OpenBLAS with run-time dispatch exports these functions, which are not an official interface.
+// If they are missing, OpenBLAS selects the kernels itself.
 extern "C" {
 char* openblas_get_corename() __attribute__((weak));
 void gotoblas_dynamic_quit() __attribute__((weak));
@@ -26,8 +26,8 @@ bool is_avx512(const std::string& core) {
 }
 bool is_avx2(const std::string& core) { return is_one_of(core, {"Haswell", "Zen", "Excavator"}); }
 
-// Returns the kernels that OpenBLAS should use, or nothing if its own choice is as good. Names from
-// its driver/others/dynamic.c.
+// Returns the name of the kernels that OpenBLAS should use, or null if its own choice is as good.
+// The names are those in driver/others/dynamic.c of OpenBLAS.
 const char* better_than(const std::string& core) {
   if (is_avx512(core)) return nullptr;
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
@@ -42,8 +42,8 @@ std::string choose() {
   if (!openblas_get_corename || !gotoblas_dynamic_quit || !gotoblas_dynamic_init) return "BLAS";
   if (!std::getenv("OPENBLAS_CORETYPE")) {
     if (const char* core = better_than(openblas_get_corename())) {
-      // The variable is the only way to select the kernels. It is restored, so that child processes
-      // make their own choice.
+      // OpenBLAS allows a choice of kernels only by this environment variable. The variable is
+      // removed afterwards, so that child processes make their own choice.
       ::setenv("OPENBLAS_CORETYPE", core, 1);
       gotoblas_dynamic_quit();
       gotoblas_dynamic_init();

@@ -15,7 +15,8 @@ namespace {
 
 constexpr std::size_t spare_directions = 10;
 constexpr int iterations = 6;
-constexpr std::size_t most_centred = 1024;  // rows centred at a time, to bound the memory
+// number of rows centred at a time, which limits the memory
+constexpr std::size_t most_centred = 1024;
 
 using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
@@ -60,7 +61,8 @@ Components principal_components(Matrix table, std::size_t count, std::uint64_t s
   const Eigen::MatrixXd in = as_eigen(seen).cast<double>();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(in.transpose() * in /
                                                              static_cast<double>(table.rows));
-  Matrix turn(count, q.rows);  // eigenvalues are in ascending order
+  // Eigenvalues are in ascending order, so the strongest component is the last eigenvector.
+  Matrix turn(count, q.rows);
   for (std::size_t k = 0; k < count; ++k) {
     const auto last = eigen.eigenvalues().size() - 1 - static_cast<Eigen::Index>(k);
     out.deviation.push_back(

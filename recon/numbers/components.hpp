@@ -15,16 +15,18 @@ struct Components {
   std::vector<float> deviation;  // standard deviation of the table along each direction
 };
 
-// Returns min(count, rows, columns) components. Uses subspace iteration (Halko, Martinsson and
-// Tropp, SIAM Rev. 53, 217, 2011), which is fast for few components of many columns.
+// Returns the min(count, rows, columns) strongest principal components. Uses subspace iteration
+// (Halko, Martinsson and Tropp, SIAM Rev. 53, 217, 2011), which is fast for few components of many
+// columns.
 Components principal_components(Matrix table, std::size_t count, std::uint64_t seed);
 
-// Computes (table - mean) basis': one row of coordinates per row.
+// Returns (table - mean) basis', the coordinates of the table: one row of coordinates per row.
 Matrix coordinates(const Components& components, const Matrix& table);
-// Inverse of coordinates() within the span of the basis: mean + amounts basis.
+// Returns mean + amounts basis. This is the inverse of coordinates() within the span of the basis.
 Matrix from_coordinates(const Components& components, const Matrix& amounts);
 
-// Common scale of the coordinates, so that several sets of components have equal weight in a loss.
+// Returns the largest standard deviation, as a common scale of the coordinates. If each set of
+// components is divided by its scale, all sets have equal weight in a loss.
 float unit_of(const Components& components);
 
 // Reads or writes the components of a table with this number of columns.

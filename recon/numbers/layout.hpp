@@ -9,8 +9,9 @@
 
 namespace echofuse::recon {
 
-// Returns how many lags of such an axis (data/lags.hpp) belong to vertical pairs of antennas; they
-// come last. Read from the axis's quantity: "lags", or "lags, 3 up".
+// Returns the number of lags of an axis (data/lags.hpp) that belong to vertical antenna pairs; they
+// follow the horizontal ones. The number is part of the axis quantity: "lags" (none), or "lags, 3
+// up".
 inline std::size_t lags_up(const Axis& lags) {
   const std::size_t comma = std::min(lags.quantity.find(", "), lags.quantity.size());
   std::size_t out = 0;
@@ -19,9 +20,9 @@ inline std::size_t lags_up(const Axis& lags) {
   return out;
 }
 
-// Columns of the inputs: the SPD's bins, then the radar's, then for each bin of its array c_0 and
-// the real and imaginary parts of `scale` more lags (data/lags.hpp). The bins of the SPD's zones
-// come last, zone after zone. A count of 0 means that the sensor is missing.
+// Columns of the inputs of a model, in this order: SPD bins; radar bins; for each bin of the
+// antenna axis, c_0 and the real and imaginary parts of `scale` more lags (data/lags.hpp); bins of
+// each SPD zone. An axis has count 0 if the sensor is missing.
 struct Layout {
   Axis spd, radar;
   Axis array = {};

@@ -12,7 +12,8 @@
 namespace echofuse::recon {
 namespace {
 
-// A late thread finds no part left in its job, even if the next job has begun.
+// Parts of one calculation. A thread that begins late finds no part left in its job, even if the
+// next job is already running.
 struct ParallelJob {
   ParallelJob(std::size_t part_count, const std::function<void(std::size_t)>& what)
       : parts(part_count), work(what) {}
@@ -31,7 +32,7 @@ struct ParallelJob {
   }
 };
 
-// Threads in addition to the caller of for_each_part().
+// Threads in addition to the one that calls for_each_part().
 struct Helpers {
   explicit Helpers(std::size_t threads) : count(threads), pool(threads) {}
   std::size_t count;

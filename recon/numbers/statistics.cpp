@@ -69,7 +69,8 @@ double upper_limit(std::vector<float> values, double share_above) {
 }
 
 Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng) {
-  constexpr std::size_t pose_records = 10;  // half a minute; a pose may last that long
+  // half a minute, because a person may keep a pose this long
+  constexpr std::size_t pose_records = 10;
   constexpr std::size_t least_blocks = 5;
   const std::size_t block = std::clamp<std::size_t>(of / least_blocks, 1, pose_records);
   std::uniform_int_distribution<std::size_t> any(0, of - 1);
@@ -95,7 +96,8 @@ void subtract_median(std::span<float> values) {
 }
 
 std::vector<float> column_quantile(const Matrix& table, const Rows& rows, double share) {
-  constexpr std::size_t at_once = 16;  // columns: one cache line of each row
+  // Number of columns processed at a time: one cache line of each row.
+  constexpr std::size_t at_once = 16;
   std::vector<float> out(table.cols);
   std::vector<std::vector<float>> columns(at_once, std::vector<float>(rows.size()));
   for (std::size_t first = 0; first < table.cols; first += at_once) {

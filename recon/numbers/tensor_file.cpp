@@ -55,7 +55,7 @@ ByteView as_bytes(const std::string& text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 
-// Returns the number of values, or nothing if a file cannot hold as much.
+// Returns the number of values, or TensorFile::any if the product of the dimensions overflows.
 std::size_t size_of(const TensorShape& shape) {
   std::size_t out = 1;
   for (const std::size_t n : shape)
@@ -115,14 +115,14 @@ TensorFile::TensorFile(std::string path, ByteView contents) : path_(std::move(pa
   parse(header, values);
 }
 
-// Converts exceptions of the JSON library into our errors.
+// Converts exceptions of the JSON library to Error(failed).
 void TensorFile::parse(const std::string& header, ByteView values) try {
   std::vector<std::tuple<std::size_t, std::size_t, Bytes*>> places;
   const json head = json::parse(header);
   for (const auto& [name, entry] : head.items()) {
     if (name == "__metadata__") continue;
     const json &shape = entry.at("shape"), &offsets = entry.at("data_offsets");
-    // The JSON library would convert any number to an unsigned one.
+    // Refuses other numbers, because the JSON library would convert any number to an unsigned one.
     for (const json* list : {&shape, &offsets})
       if (!std::all_of(list->begin(), list->end(),
                        [](const json& n) { return n.is_number_unsigned(); }))
@@ -130,7 +130,7 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
     Tensor tensor{entry.at("dtype").get<std::string>(), shape.get<TensorShape>(), {}};
     const auto begin = offsets.at(0).get<std::size_t>(), end = offsets.at(1).get<std::size_t>();
     const std::size_t width = bytes_of(tensor.type), count = size_of(tensor.shape);
-    if (width == 0) refuse(name, "type " + tensor.type + ", expected F32, F64, I64, U32 or U8");
+    if (width == 0) refuse(name, "type " + tensor.type + "; expected F32, F64, I64, U32 or U8");
     if (tensor.shape.size() > most_rank)
       refuse(name,
              "has " + std::to_string(tensor.shape.size()) + " dimensions; expected at most 4");
@@ -147,7 +147,8 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
     at = end;
   }
   if (at != values.size()) refuse("data_offsets", "the file has bytes that belong to no tensor");
-  // Copies only after this check: tensors do not overlap, so all of them fit in the file's size.
+  // Copies the values only after these checks: the tensors do not overlap, so their total size is
+  // at most the size of the file.
   for (const auto& [begin, end, own] : places)
     own->assign(values.begin() + static_cast<std::ptrdiff_t>(begin),
                 values.begin() + static_cast<std::ptrdiff_t>(end));

@@ -31,21 +31,21 @@ using TensorShape = std::vector<std::size_t>;
 
 class TensorFile {
  public:
-  // Length of an unchecked dimension.
+  // Matches any length of a dimension.
   static constexpr std::size_t any = std::numeric_limits<std::size_t>::max();
   using Fact = std::variant<std::int64_t, double, std::string>;
 
-  TensorFile() = default;  // empty, for writing
-  // Checks the whole file first. `path` appears in messages. Throws Error(failed) with the fault
-  // and the expected value.
+  TensorFile() = default;  // creates an empty file, for writing
+  // Checks and parses the whole file. `path` appears in messages. Throws Error(failed) with the
+  // fault and the expected value.
   TensorFile(std::string path, ByteView contents);
   Bytes to_bytes() const;
 
-  // T is float, double, std::int64_t, std::uint32_t or std::uint8_t.
+  // Adds a tensor. T is float, double, std::int64_t, std::uint32_t or std::uint8_t.
   template <class T>
   void write(const std::string& name, std::span<const T> values, const TensorShape& shape);
-  // Throws Error(failed) unless the tensor exists, has type T and this shape, and holds finite
-  // numbers up to 1e18.
+  // Returns the values of a tensor. Throws Error(failed) unless the tensor exists, has type T and
+  // this shape, and contains finite numbers up to 1e18.
   template <class T>
   std::vector<T> read(const std::string& name, const TensorShape& shape) const;
   bool has(const std::string& name) const { return tensors_.count(name) > 0; }
@@ -67,15 +67,15 @@ class TensorFile {
   std::map<std::string, Tensor> tensors_;
 };
 
-// Visits the members of an object, either to write them or to read and check them, so that one
-// function of each class does both:
+// Either writes the members of an object, or reads and checks them. Each class needs only one
+// function for both directions:
 //
 //   void Ridge::archive(Archive& a) {
 //     a.table("weights", weights_, inputs, outputs);
 //     a.number("penalty", penalty_, 0, 1e18);
 //   }
 //
-// Every member throws Error(failed) if a value read is invalid.
+// When reading, every function throws Error(failed) if a value is invalid.
 class Archive {
  public:
   enum class Direction : bool { write, read };
@@ -84,7 +84,7 @@ class Archive {
   Archive(TensorFile& file, Direction direction, std::string group = {})
       : file_(&file), direction_(direction), group_(std::move(group)) {}
   bool reading() const { return direction_ == Direction::read; }
-  // Returns an archive that prefixes names with "group/".
+  // Returns an archive that adds the prefix "GROUP/" to all names.
   Archive in(const std::string& group) const { return {*file_, direction_, group_ + group + "/"}; }
 
   template <class T>
@@ -98,13 +98,13 @@ class Archive {
     whole_number(name, whole, least, most);
     value = static_cast<Integer>(whole);
   }
-  // The text must be one of `allowed`; an empty list allows any.
+  // Reads or writes a text, which must be one of `allowed`; an empty list allows any text.
   void text(const std::string& name, std::string& value, const std::vector<std::string>& allowed);
-  // Writes, or reads and returns, whether an optional part exists.
+  // Reads or writes whether an optional part exists, and returns this.
   bool part(const std::string& name, bool there);
-  // On reading, refuses the file unless it has a tensor of this shape.
+  // When reading, throws Error(failed) unless the file has a tensor of this shape.
   void require_shape(const std::string& name, const TensorShape& shape) const;
-  // On reading, refuses the file unless `sound` is true.
+  // When reading, throws Error(failed) unless `sound` is true.
   void require(bool sound, const std::string& name, const std::string& expected) const;
 
  private:

@@ -129,7 +129,7 @@ const std::vector<Hostile> hostile_files = {
      shape_of(map_name, {1, 1, 1, 1, 4096})},
     {"another shape", "ridge", "0/scene/background_m: has shape 64 x 64; expected 4096",
      shape_of(map_name, {64, 64})},
-    {"an unknown type", "ridge", "0/scene/background_m: type F16, expected F32",
+    {"an unknown type", "ridge", "0/scene/background_m: type F16; expected F32",
      [](auto& m) { m.head[map_name]["dtype"] = "F16"; }},
     {"another type", "ridge", "0/scene/background_m: has type U32; expected F32",
      [](auto& m) { m.head[map_name]["dtype"] = "U32"; }},
