@@ -12,10 +12,10 @@
 namespace echofuse::recon {
 namespace {
 
-// Returns the background: the part common to all records. For each column: the low quantile minus
-// its distance to the median; zero where bodies are present in many records. A count that varies
-// only by photon noise is all background: its median. `steadiness` is 0 for values that are not
-// counts.
+// Returns the background, which all records have in common, for each column: the low quantile minus
+// its distance to the median, or 0 where many records contain bodies. If a count varies only by
+// photon noise, it contains no bodies, and the background is its median. `steadiness`: limit of
+// this variation, in Poisson standard deviations; 0 for values that are not counts.
 std::vector<float> background_of(std::span<const float> low, std::span<const float> median,
                                  double steadiness) {
   std::vector<float> out(low.size());
@@ -73,8 +73,9 @@ Alignment::Alignment(const Layout& layout, const Matrix& observations, const Row
                                     method::steadiness);
 }
 
-// Per bin: averages the lags of the records with the least power, and scales them to the background
-// power. Static echoes keep their directions; noise averages out.
+// Learns the lags of the background in each bin: averages the lags of the records with the least
+// power, and scales them to the background power. Static echoes keep their directions; noise
+// averages out.
 void Alignment::learn_array_background(const Matrix& observations, const Rows& rows) {
   const std::size_t first = counts_background_.size() + power_background_.size();
   for (std::size_t at = 0; at < lags_background_.size(); at += lag_values_) {
@@ -206,7 +207,7 @@ void Alignment::archive(Archive archive, const Layout& layout) {
 
 namespace {
 
-constexpr int parts = 4;  // parts of a histogram bin, because clicks may lie anywhere in it
+constexpr int parts = 4;  // subdivisions of a histogram bin, because clicks are spread over the bin
 
 double power_of(double in_resolutions) {
   const double x = M_PI * in_resolutions;

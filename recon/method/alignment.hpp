@@ -14,77 +14,80 @@
 
 namespace echofuse::recon {
 
-// Correlation of radar profile and histogram for each shift between them. The expected profile of a
-// body is its histogram, blurred by the radar's point spread. Its correlation with the profile
-// contains most of the information about the body's side. It is a product of both inputs, which a
-// small network would otherwise have to learn.
+// Correlation between the radar profile and the profile expected from the histogram, over shifts in
+// range. The expected profile of a body is its histogram convolved with the radar's point spread
+// function. The correlation contains most of the information on which side the body is. It is a
+// product of both inputs, which a small network would otherwise have to learn.
 class ShiftCorrelation {
  public:
-  // `count` points at first_m + i * step_m, m from the body's range.
+  // Points at first_m + i * step_m for i < count, in metres relative to the range of the body.
   struct Points {
     double first_m, step_m;
     std::size_t count;
   };
   ShiftCorrelation() = default;
-  // resolution_m: c/2B of the radar. The profile is shifted to longer ranges by shift_from_m to
-  // shift_to_m, m.
+  // resolution_m: range resolution c/2B of the radar. shift_from_m, shift_to_m: smallest and
+  // largest shift of the profile to longer ranges, m.
   ShiftCorrelation(const Points& histogram, const Points& profile, double resolution_m,
                    double shift_from_m, double shift_to_m);
 
   std::size_t shifts() const { return shifts_; }
-  std::size_t cost() const;  // multiply-adds
-  // Computes the cosine similarity between the profile and that expected from the histogram, for
-  // each shift, from the longest to the shortest.
+  std::size_t cost() const;  // multiply-adds per record
+  // Computes the cosine similarity between the profile and the one expected from the histogram for
+  // each shift, in order from the longest to the shortest shift.
   void operator()(std::span<const float> histogram, std::span<const float> profile,
                   std::span<float> out) const;
 
  private:
   std::size_t shifts_ = 0;
-  Matrix blur_;  // histogram bins x points of the expected profile
+  // Radar response to each histogram bin: [histogram bins x points of the expected profile].
+  Matrix blur_;
 };
 
-// Value i of a sensor is at slant range first_m + i * step_m. For the SPD this is the centre of bin
-// i.
+// Slant ranges of a sensor: value i belongs to first_m + i * step_m. For the SPD this is the centre
+// of bin i.
 struct AlignmentRanges {
   double first_m, step_m;
 };
 
-inline constexpr std::ptrdiff_t profile_taps = 8;  // terms of the sinc series on each side
+// number of terms of the sinc series on each side
+inline constexpr std::ptrdiff_t profile_taps = 8;
 
-// Columns of a view. T is float or const float.
+// Groups of columns of a view. T is float or const float.
 template <class T>
 struct ViewColumns {
-  std::span<T> correlation;  // between both sensors, from the longest to the shortest shift
-  std::span<T> histogram;    // shares of the counts about the range
-  std::span<T> zones;        // same for each zone in wider bins; shares of the total counts
-  std::span<T> profile;      // shares of the power
-  std::span<T> antennas;     // described in array_view.hpp
-  T& range_m;                // 0: no body
+  std::span<T> correlation;  // correlation of both sensors, from the longest to the shortest shift
+  std::span<T> histogram;    // fractions of the counts in bins around the range of the body
+  std::span<T> zones;     // same in wider bins for each zone; fractions of the counts of all zones
+  std::span<T> profile;   // fractions of the power around the range of the body
+  std::span<T> antennas;  // features of the antennas (array_view.hpp)
+  T& range_m;             // range of the body; 0: no body
 };
 using AlignmentColumns = ViewColumns<float>;
 
-// Returns true if a view, complete or from its histogram on, shows a body.
+// Returns true if a view shows a body. The view may lack its correlation.
 inline bool shows_body(std::span<const float> view) { return view.back() != 0; }
 
-// Threading: a const object may be shared.
+// Aligns records to the range of the body. Threading: several threads may use a const object.
 class Alignment {
  public:
   Alignment() = default;
-  // Learns the background from observations (counts, power, lags: method.hpp). The profile is empty
-  // without a radar. Throws Error(usage) without a histogram.
+  // Learns the background from observations, which contain counts, power and lags (method.hpp). The
+  // view has no profile if there is no radar. Throws Error(usage) if there is no histogram.
   Alignment(const Layout& layout, const Matrix& observations, const Rows& rows);
 
   bool known() const { return !counts_background_.empty(); }
   std::size_t cost() const;  // multiply-adds per record
   AlignmentRanges spd_ranges() const { return {spd_first_m_, spd_step_m_}; }
-  double resolution_m() const;  // c/2B of the radar
+  double resolution_m() const;  // range resolution c/2B of the radar
 
   std::size_t histogram_bins() const;
-  std::size_t zone_bins() const;  // wider bins, per zone
+  std::size_t zone_bins() const;  // number of (wider) bins per zone
   std::size_t zone_features() const { return zones_ * zone_bins(); }
-  std::size_t profile_points() const;                           // 0 without a radar
-  std::size_t array_features() const { return array_.size(); }  // 0 without antennas
-  // Number of values of a view, without and with the correlation, which comes first.
+  std::size_t profile_points() const;                           // 0 if there is no radar
+  std::size_t array_features() const { return array_.size(); }  // 0 if there are no antennas
+  // size(): number of values of a view without its correlation. inputs(): number including the
+  // correlation, which comes first.
   std::size_t size() const {
     return histogram_bins() + zone_features() + profile_points() + array_features() + 1;
   }
@@ -94,40 +97,43 @@ class Alignment {
     return columns_of<const float>(view);
   }
 
-  // Equation (1): writes the counts minus their background, and the power minus its background.
+  // Equation (1) of method.cpp: writes the counts minus background and median, and the power minus
+  // background.
   void subtract_background(std::span<const float> observation, std::vector<float>& counts,
                            std::vector<float>& power) const;
-  // Returns these counts for each zone, one zone per row.
+  // Returns the counts minus background and median for each zone, one zone per row.
   Matrix zone_counts(std::span<const float> observation) const;
-  // Equation (4), for power above the background. The shares add up to 1. `points`: all points of
-  // the view.
+  // Equation (4) of method.cpp, for power above the background: writes all points of a view's
+  // profile. The sum of the points is 1.
   void profile_about(double range_m, std::span<const float> power, std::span<float> points) const;
-  // Equation (6), for the columns of a view.
+  // Equation (6) of method.cpp: writes the correlation of a view.
   void correlate(std::span<const float> histogram, std::span<const float> profile,
                  std::span<float> out) const;
-  // Equation (7), for lags as recorded. Without lags the features are those of zero signal.
+  // Equation (7) of method.cpp: writes the antenna features of a view from lags as recorded. If
+  // there are no lags, writes the features of zero signal.
   void antennas_about(double range_m, std::span<const float> lags, std::span<float> out) const;
 
-  // Replaces the profile in a view of the same record, as if the body were `farther_m` farther from
-  // the radar. Used for rotation augmentation (rotation.hpp).
+  // Replaces profile and correlation in a view of the same record, as if the body were `farther_m`
+  // farther from the radar. Used for rotation augmentation (rotation.hpp).
   void move_profile(std::span<const float> recorded_power, double farther_m,
                     std::span<float> view) const;
-  // Same for the antennas' features; the direction cosine increases by `by_cosine`.
+  // Replaces the antenna features in the same way, and increases the direction cosine by
+  // `by_cosine`.
   void move_array(std::span<const float> recorded_lags, double farther_m, double by_cosine,
                   std::span<float> view) const;
-  // Replaces the profile in a view by a sum of profiles, each shifted to longer ranges. Does not
-  // change the correlation.
+  // Replaces the profile in a view by a sum of profiles, each shifted to longer ranges by
+  // farther_m. Does not change the correlation.
   struct MovedProfile {
     std::span<const float> recorded_power;
     double farther_m;
   };
   void add_profiles(std::span<const MovedProfile> profiles, std::span<float> view) const;
-  // Returns the radar's range minus the body's range, m: centroid of the squared profile, because
-  // noise and side lobes hardly affect it.
+  // Returns the range of the radar echo minus the range of the body, m. The radar range is the
+  // centroid of the squared profile, because noise and side lobes hardly affect it.
   double displacement_m(std::span<const float> view) const;
 
-  // Background in the layout of an observation. Setting that of an empty room replaces the learnt
-  // one.
+  // background() returns the background in the layout of an observation. set_background() replaces
+  // the learnt background, e.g. by that of an empty room.
   std::vector<float> background() const;
   void set_background(std::span<const float> observation);
 
@@ -151,7 +157,7 @@ class Alignment {
 
   double spd_first_m_ = 0, spd_step_m_ = 1, radar_first_m_ = 0, radar_step_m_ = 1;
   double profile_step_m_ = 1;
-  // Radar steps per profile point, or points per step; one of the two is 1.
+  // Profile points per radar step, and radar steps per profile point; at least one of them is 1.
   std::ptrdiff_t points_a_step_ = 1, steps_a_point_ = 1;
   ShiftCorrelation correlation_;
   ArrayView array_;

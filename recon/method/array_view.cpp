@@ -47,7 +47,8 @@ void ArrayView::add(std::span<const float> bin, double weight, Lags& to) const {
     to[d] += weight * std::complex<double>(bin[2 * d - 1], bin[2 * d]);
 }
 
-// Returns the direction of the beam's maximum: a grid search, then Newton steps.
+// Returns the direction cosine of the beam's maximum power, found by a grid search and Newton
+// steps.
 double ArrayView::direction_of(const Lags& sum) const {
   const auto antennas = static_cast<double>(across_ + 1);
   double best = 0, most = -INFINITY;
@@ -83,7 +84,7 @@ void ArrayView::operator()(std::span<const float> lags, double range_m,
   std::vector<Lags> parts(parts_, Lags(lags_in_all + 1));
   for (std::size_t b = 0; b < bins_; ++b) {
     const double at_m = first_m_ + static_cast<double>(b) * step_m_ - range_m;
-    // A bin at the edge counts by its share within the window.
+    // A bin at the edge of the window is weighted by its fraction inside the window.
     const double within = std::clamp(
         std::min(at_m - method::profile_from_m, method::profile_to_m - at_m) / step_m_ + 0.5, 0.0,
         1.0);

@@ -18,18 +18,18 @@ namespace echofuse::recon {
 class ArrayView {
  public:
   ArrayView() = default;
-  explicit ArrayView(const Axis& lags);  // count 0: no antennas
+  explicit ArrayView(const Axis& lags);  // an axis with count 0 means no antennas
 
-  std::size_t size() const;                       // number of features of a body; 0 without
-                                                  // antennas
-  static constexpr std::size_t of_direction = 2;  // number of features before the lags
-  std::size_t cost() const;                       // multiply-adds
-  // Computes size() features from a record's lags above the background: the direction cosine u; u
-  // times the range (m); the lags of the window about the body and of its parts, divided by the
-  // power of the window. Horizontal lags are rotated by exp(-i pi d u). All are zero if the window
-  // has no power.
+  // Returns the number of features of a body; 0 if there are no antennas.
+  std::size_t size() const;
+  static constexpr std::size_t of_direction = 2;  // direction features, before the lags
+  std::size_t cost() const;                       // multiply-adds per record
+  // Writes size() features, computed from a record's lags above the background: the direction
+  // cosine u; u times the range, m; the lags of the window around the body; the lags of its parts.
+  // All lags are divided by the power of the window, and horizontal lags are multiplied by exp(-i
+  // pi d u). All features are 0 if the window has no power.
   void operator()(std::span<const float> lags, double range_m, std::span<float> out) const;
-  // Converts the features to those of the same body in another direction.
+  // Converts the features to those of the same body with a direction cosine that is larger by `by`.
   static void turn(double by, double range_m, std::span<float> features);
 
  private:
@@ -37,7 +37,7 @@ class ArrayView {
   void add(std::span<const float> bin, double weight, Lags& to) const;
   double direction_of(const Lags& sum) const;
 
-  // Returns the number of lags in use, at most `most` of each kind.
+  // Returns the number of lags in use: at most `most` horizontal and at most `most` vertical ones.
   std::size_t lags_of(std::size_t most) const;
 
   std::size_t across_ = 0, up_ = 0, bins_ = 0, parts_ = 0;

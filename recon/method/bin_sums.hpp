@@ -8,15 +8,16 @@
 namespace echofuse::recon {
 
 struct BinSums {
-  double counts = 0;  // above the background
-  double all = 0;     // including background
-  double moment = 0;  // sum of counts x bin
+  double counts = 0;  // sum of the counts above the background
+  double all = 0;     // sum of the counts including the background
+  double moment = 0;  // sum of bin index x counts above the background
 };
 
-// Treatment of a bin with fewer counts than the background: as 0, or as a negative number.
+// Treatment of a bin with fewer counts than the background: counted as 0, or as a negative number.
 enum class Negative : bool { left_out, counted };
 
-// Sums the bins [from, to) of both arrays, which have the same length.
+// Sums the bins [from, to). `counts`: counts above the background; `all`: counts including it. Both
+// arrays have the same length.
 BinSums bin_sums(std::span<const float> counts, std::span<const float> all, std::size_t from,
                  std::size_t to, Negative negative);
 

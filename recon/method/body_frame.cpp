@@ -15,15 +15,15 @@ namespace {
 
 constexpr std::size_t most_side = record::most_map_size, most_cells = most_side * 3 / 2;
 
-// Positions of points of one grid in another, along one side. Point i is between low[i] and low[i]
-// + 1, at the fraction part[i].
+// Positions of the points of one grid in the cells of another, along one side. Point i lies between
+// cells low[i] and low[i] + 1, at the fraction part[i].
 struct CellInterpolation {
   std::array<std::int32_t, most_cells> low;
   std::array<float, most_cells> part;
 };
 
-// Point i is at first + i * step. Positions that are not finite or too far away become outside: low
-// < 0.
+// Sets the position of point i to first + i * step. A position that is not finite or too far away
+// is marked as outside: low < 0.
 ECHOFUSE_CLONES void place_along(double first, double step, std::size_t count,
                                  CellInterpolation& out) {
   for (std::size_t i = 0; i < count; ++i) {
@@ -75,8 +75,8 @@ BodyFrame::BodyFrame(const Matrix& maps, std::span<const float> background, cons
     }
   }
   const std::size_t most = std::size_t{grid.size} * 3 / 2;
-  pitch_m_ = x.step * depth;  // pixel pitch at the mean depth of bodies; a finer pitch adds no
-                              // detail
+  // Pixel pitch at the mean depth of the bodies; a finer pitch adds no detail.
+  pitch_m_ = x.step * depth;
   const auto cells = [&](double extent) {
     return std::clamp<std::size_t>(static_cast<std::size_t>(extent / pitch_m_) + 2, 2, most);
   };
@@ -115,12 +115,12 @@ void BodyFrame::cut(std::span<const float> map, std::span<const float> backgroun
 
 namespace {
 
-// Points [first, last) of the map.
+// Pixels [first, last) along one side of the map.
 struct Span {
   std::size_t first, last;
 };
 
-// Returns the range of points between two cells of `cells`.
+// Returns the range of points that lie between two cells, if there are `cells` cells.
 Span within(const CellInterpolation& along, std::size_t points, std::size_t cells) {
   Span out{points, 0};
   for (std::size_t i = 0; i < points; ++i)
@@ -130,22 +130,23 @@ Span within(const CellInterpolation& along, std::size_t points, std::size_t cell
 }
 
 struct Drawing {
-  const float *mask, *relief;  // values per cell
-  std::size_t columns, side;   // columns of cells; side of the map in pixels
+  const float *mask, *relief;  // values of each cell
+  std::size_t columns, side;   // number of columns of cells; side of the map, pixels
   CellInterpolation across, down;
   Span map_columns, map_rows;
   float depth_m, least;
 };
 
-// Writes the body's depth where its mask is above `least`. If `share` is not null, writes the mask
-// there.
+// Writes the depth of the body to each pixel with a mask above `least`. If `share` is not null,
+// writes the mask of each pixel there.
 ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
   const std::size_t first = d.map_columns.first, count = d.map_columns.last - first;
   const std::int32_t* const low = &d.across.low[first];
   const float* const part = &d.across.part[first];
-  const std::int32_t nearest = low[0];  // first cell
+  const std::int32_t nearest = low[0];  // first cell of the row
   const auto cells = static_cast<std::size_t>(low[count - 1] + 2 - nearest);
-  std::array<std::size_t, most_cells + 1> from;  // for each cell, the first point at or after it
+  // For each cell, the first pixel at or after it.
+  std::array<std::size_t, most_cells + 1> from;
   std::size_t cell = 0;
   for (std::size_t c = 0; c < count; ++c)
     while (cell <= static_cast<std::size_t>(low[c] - nearest)) from[cell++] = c;
@@ -162,7 +163,7 @@ ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
       relief_row[c] = relief_above[c] + down * (relief_below[c] - relief_above[c]);
     }
     std::size_t begin = 0, end = count;
-    if (!share) {  // limits the row to cells above the threshold
+    if (!share) {  // limits the row to pixels near cells above the threshold
       std::size_t some = 0, last = cells;
       while (some < cells && mask_row[some] <= d.least) ++some;
       while (last > some && mask_row[last - 1] <= d.least) --last;
@@ -211,7 +212,7 @@ void BodyFrame::draw(std::span<const float> mask, std::span<const float> relief,
 void BodyFrame::draw_soft(std::span<const float> mask, std::span<const float> relief,
                           const Place& place, std::span<float> share,
                           std::span<float> depth) const {
-  constexpr float least_share = 0.1f;  // below this, relief / mask is noise
+  constexpr float least_share = 0.1f;  // if the mask is smaller, relief / mask is mostly noise
   std::fill(share.begin(), share.end(), 0.f);
   std::fill(depth.begin(), depth.end(), place.depth_m);
   draw_onto(mask, relief, place, least_share, depth, share);

@@ -14,33 +14,34 @@
 namespace echofuse::recon {
 
 struct Place {
-  float tangent = 0;  // x / z of the foreground's centroid
-  float depth_m = 0;  // its mean z
+  float tangent = 0;  // mean x / z of the foreground
+  float depth_m = 0;  // mean z of the foreground
 };
 
-// Returns the place of a true map's foreground (metrics/scene_model.hpp), or nothing without a
-// foreground.
+// Returns the position of the foreground in a true map (metrics/scene_model.hpp), or nothing if the
+// map has no foreground.
 std::optional<Place> place_of(std::span<const float> map, std::span<const float> background,
                               const record::MapGrid& grid);
 
 class BodyFrame {
  public:
   BodyFrame() = default;
-  // Sets the size of the frame to that of the bodies in these maps, and the size of its cells to
-  // that of their pixels. places[i] belongs to rows[i].
+  // Makes the frame large enough for the bodies in these maps, with cells as large as a pixel at
+  // the mean depth of the bodies. places[i] belongs to rows[i].
   BodyFrame(const Matrix& maps, std::span<const float> background, const Rows& rows,
             const std::vector<Place>& places, const record::MapGrid& grid);
 
   std::size_t size() const { return columns_ * rows_; }
-  // Writes the foreground share of each cell to `mask`, and that share times (z - place.depth_m) to
-  // `relief`.
+  // Cuts the body out of a map: writes the foreground fraction of each cell to `mask`, and that
+  // fraction times (z - place.depth_m) to `relief`.
   void cut(std::span<const float> map, std::span<const float> background, const Place& place,
            std::span<float> mask, std::span<float> relief) const;
-  // Draws onto a background map. Pixels with a mask above the threshold are foreground, at depth_m
-  // + relief / mask.
+  // Draws a body onto a background map. Pixels with a mask above the threshold become foreground,
+  // at the depth place.depth_m + relief / mask.
   void draw(std::span<const float> mask, std::span<const float> relief, const Place& place,
             float threshold, std::span<float> map) const;
-  // Same without a threshold: writes the mask (0 to 1) and the depth of each pixel.
+  // Draws without a threshold: writes the mask (0 to 1) of each pixel to `share`, and the depth of
+  // the body to `depth`.
   void draw_soft(std::span<const float> mask, std::span<const float> relief, const Place& place,
                  std::span<float> share, std::span<float> depth) const;
   // Returns the multiply-adds of one draw().
@@ -49,14 +50,15 @@ class BodyFrame {
   void archive(Archive archive, const record::MapGrid& grid);
 
  private:
-  // Draws pixels with a mask above `least`. Writes the mask of all pixels to `share` unless it is
-  // empty.
+  // Draws the body on pixels with a mask above `least`. If `share` is not empty, writes the mask of
+  // all pixels there.
   void draw_onto(std::span<const float> mask, std::span<const float> relief, const Place& place,
                  float least, std::span<float> map, std::span<float> share) const;
 
   record::MapGrid grid_;  // grid of the maps
   std::size_t columns_ = 0, rows_ = 0;
-  double left_m_ = 0, top_m_ = 0, pitch_m_ = 1;  // centre of cell (0, 0); size of a cell
+  // Position of the centre of cell (0, 0), and side of a cell.
+  double left_m_ = 0, top_m_ = 0, pitch_m_ = 1;
 };
 
 }  // namespace echofuse::recon

@@ -42,9 +42,9 @@ using ConstValues = Eigen::Map<const Eigen::ArrayXf>;
 Values values(std::span<float> v) { return {v.data(), std::ssize(v)}; }
 ConstValues values(std::span<const float> v) { return {v.data(), std::ssize(v)}; }
 
-// (2) Returns the range in metres. `counts`: above the background, in bins at scene.spd_ranges();
-// `all`: including it. Returns 0 if the body's counts are below `significance` standard deviations
-// of all counts.
+// Equation (2): returns the range of the body in metres; 0 if its counts are below `significance`
+// standard deviations of all counts. `counts`: counts above the background, in bins at
+// scene.spd_ranges(); `all`: counts including the background.
 float detected_range_m(std::span<const float> counts, std::span<const float> all,
                        const Alignment& scene) {
   const auto [first_m, step_m] = scene.spd_ranges();
@@ -52,7 +52,7 @@ float detected_range_m(std::span<const float> counts, std::span<const float> all
   double from = 0, to = bins, centre = 0;
   BinSums in;
   for (int pass = 0; pass <= method::centroid_passes; ++pass) {
-    // The first pass includes all bins, and ignores negative counts, because noise of both signs
+    // The first pass includes all bins. It ignores negative counts, because noise of both signs
     // would displace the centroid.
     in = bin_sums(counts, all, static_cast<std::size_t>(from), static_cast<std::size_t>(to),
                   pass == 0 ? Negative::left_out : Negative::counted);
@@ -65,8 +65,8 @@ float detected_range_m(std::span<const float> counts, std::span<const float> all
   return detected ? static_cast<float>(first_m + centre * step_m) : 0;
 }
 
-// (3) Fills bins of this width about the range; returns the sum of their counts. Counts between two
-// ranges are differences of the cumulative sum, interpolated.
+// Equation (3): writes the counts in bins of width `bin_m` around the range; returns their sum.
+// Counts between two edges are differences of the interpolated cumulative sum.
 float counts_about(float range_m, std::span<const float> counts, const Alignment& scene,
                    double bin_m, std::span<float> out) {
   std::vector<float> running(counts.size() + 1);
@@ -90,7 +90,7 @@ float counts_about(float range_m, std::span<const float> counts, const Alignment
   return before - first;
 }
 
-// (3) for the sum and each zone.
+// Equation (3) for the sum over the zones, and for each zone.
 void histograms_about(float range_m, std::span<const float> counts, const Matrix& of_zones,
                       const Alignment& scene, const AlignmentColumns& at) {
   const float sum = counts_about(range_m, counts, scene, method::histogram_step_m, at.histogram);
@@ -103,7 +103,8 @@ void histograms_about(float range_m, std::span<const float> counts, const Matrix
 
 }  // namespace
 
-// Step 1: H_spd and H_radar of the paper, the lags of the antennas, and H_spd of the zones.
+// Step 1. Order of the values: H_spd and H_radar of the paper, lags of the antennas, H_spd of each
+// zone.
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors) {
   require_zones(data, sensors.zones);
   const Layout layout = sensors.layout();
@@ -119,7 +120,7 @@ Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors) {
   return out;
 }
 
-// Step 2 for one record.
+// Step 2 for one record. Numbers in parentheses refer to the equations above.
 void align(std::span<const float> observation, const Alignment& scene, std::span<float> view) {
   const AlignmentColumns at = scene.columns(view);
   values(view) = 0;
@@ -161,10 +162,11 @@ float range_of(std::span<const float> standard_view, const BodyModel& model) {
   return standard_view.back() * model.deviation.back() + model.centre.back();
 }
 
-// Step 3, equation (8). Network outputs: lateral position of the body at its range, m; its mean
-// depth minus that range, m, usually negative. Place contains x / z and z.
+// Step 3, equation (8). The networks estimate the lateral position of the body at its range (m),
+// and its mean depth minus that range (m, usually negative). A Place contains x / z and z.
 std::vector<Place> place(const Matrix& standard_views, const BodyModel& model) {
-  const Matrix found = model.place.predict(standard_views);  // [m x 2] right, behind (m)
+  // [m x 2] position to the right, depth minus range (m)
+  const Matrix found = model.place.predict(standard_views);
   const float nearest_m = model.nearest_m;
   std::vector<Place> out;
   for (std::size_t i = 0; i < found.rows; ++i) {
@@ -175,7 +177,8 @@ std::vector<Place> place(const Matrix& standard_views, const BodyModel& model) {
   return out;
 }
 
-// Step 4, equation (9). Coefficients are in units of the strongest component of their kind.
+// Step 4, equation (9). The networks estimate coefficients in units of the standard deviation of
+// the strongest component (unit_of), separately for masks and depths.
 Shapes shape(const Matrix& standard_views, const BodyModel& model) {
   const Matrix found =
       model.has_shapes ? model.shape.predict(standard_views) : Matrix(standard_views.rows, 0);
@@ -189,7 +192,7 @@ Shapes shape(const Matrix& standard_views, const BodyModel& model) {
   return {compose(model.masks, 0), compose(model.depths, model.masks.basis.rows)};
 }
 
-// Step 5, equation (10).
+// Step 5, equation (10), for each body.
 void draw(const std::vector<Place>& places, const Shapes& shapes, const BodyModel& model,
           const Rows& rows, Matrix& maps, SoftMaps* soft) {
   for_each_part(rows.size(), [&](std::size_t i) {

@@ -24,29 +24,32 @@
 
 namespace echofuse::recon {
 
-// Step 1: returns [n x sensors.layout().inputs()], for each of the n rows the values requested by
-// `sensors`: photons per bin (corrected for pile-up), linear power per bin at true ranges, spatial
-// lags per bin of the radar's antennas (data/lags.hpp), photons of each zone. Throws like
-// require_zones().
+// Step 1: returns the values requested by `sensors`, [n x sensors.layout().inputs()], for each of
+// the n rows: photons per bin (corrected for pile-up), linear radar power per bin at true ranges,
+// spatial lags per bin of the radar's antennas (data/lags.hpp), photons of each zone. Throws
+// Error(failed) if the detector has another number of zones.
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors);
 
 // Step 2: returns the views, [n x scene.inputs()]: correlation of both sensors over their shift |
-// histogram | zones | profile | antennas | range in metres. All values are zero without a body.
+// histogram | zones | profile | antennas | range in metres. If a record shows no body, its view is
+// zero.
 Matrix align(const Matrix& observations, const Alignment& scene);
-// Aligns one row.
+// Aligns one record. `view` has scene.inputs() values.
 void align(std::span<const float> observation, const Alignment& scene, std::span<float> view);
 
-// Learnt values of steps 3 to 5.
+// Learnt parameters of steps 3 to 5.
 struct BodyModel {
-  std::vector<float> background;         // [pixels] map of the empty room, m
-  std::vector<float> centre, deviation;  // [inputs] mean and scale of the training records' views
-  Ensemble place;                        // inputs -> lateral position (m), depth minus range (m)
-  Ensemble shape;                        // inputs -> coefficients of masks, then of depths
-  Components masks, depths;  // [components x cells] principal components of bodies in their frame
-  BodyFrame frame;           // positions of the cells relative to a body
-  float nearest_m = 0.1f;    // minimum distance of a body
-  float threshold = 0.5f;    // pixels with a larger mask show the body
-  bool has_shapes = true;    // false: always the mean body
+  std::vector<float> background;  // [pixels] depth map of the empty room, m
+  // [inputs] mean and scale of the views of the training records
+  std::vector<float> centre, deviation;
+  Ensemble place;  // from inputs to lateral position (m) and depth minus range (m)
+  Ensemble shape;  // from inputs to coefficients of masks, then of depths
+  // Principal components of the bodies in their frame, [components x cells].
+  Components masks, depths;
+  BodyFrame frame;         // grid that moves with the body
+  float nearest_m = 0.1f;  // minimum distance of a body
+  float threshold = 0.5f;  // pixels with a larger mask belong to the body
+  bool has_shapes = true;  // false: the mean body is always drawn
 
   void archive(Archive archive, std::size_t inputs, const record::MapGrid& grid);
 };
@@ -54,34 +57,35 @@ struct BodyModel {
 // Replaces a view by (view - centre) / deviation, the input of the networks.
 void standardise(std::span<float> view, const BodyModel& model);
 
-// Standardised views that show a body.
+// Standardised views of the m (of n) records that show a body.
 struct BodyViews {
-  Matrix views;  // [m x inputs], m <= n
-  Rows rows;     // their indices among the n
+  Matrix views;  // [m x inputs]
+  Rows rows;     // row of each view among the n records
 };
 BodyViews body_views(const Matrix& views, const BodyModel& model);
 
-// Returns the range of a standardised view, m.
+// Returns the range of the body from a standardised view, m.
 float range_of(std::span<const float> standard_view, const BodyModel& model);
-// Returns the multiply-adds per map from its view, and the number of parameters.
+// Returns the multiply-adds for the steps from a view to its map, and the number of parameters.
 Cost cost(const BodyModel& model);
 
-// Step 3: returns the positions of bodies from m standardised views.
+// Step 3: returns the positions of the bodies, estimated from m standardised views.
 std::vector<Place> place(const Matrix& standard_views, const BodyModel& model);
 
-// Step 4: returns two tables [m x cells]: the body's share of each cell, and that share times the
-// depth relative to the body's position (m).
+// Step 4: returns two tables [m x cells]. masks: fraction of each cell that belongs to the body.
+// depths: that fraction times the depth relative to the body's position, m.
 struct Shapes {
   Matrix masks, depths;
 };
 Shapes shape(const Matrix& standard_views, const BodyModel& model);
 
-// Step 5: draws into the maps of these rows, [n x pixels] in metres, which must contain the
-// background. If `soft` is not null, it receives each pixel's share of body and its depth.
+// Step 5: draws the bodies into the maps of these rows, [n x pixels] in metres, which must contain
+// the background. If `soft` is not null, it receives the foreground probability of each pixel and
+// the depth of the body there.
 void draw(const std::vector<Place>& places, const Shapes& shapes, const BodyModel& model,
           const Rows& rows, Matrix& maps, SoftMaps* soft = nullptr);
 
-// Runs steps 3 to 5 for n views; returns [n x pixels].
+// Runs steps 3 to 5 for n views; returns the maps, [n x pixels] in metres.
 Matrix reconstruct(const Matrix& views, const BodyModel& model, SoftMaps* soft = nullptr);
 
 }  // namespace echofuse::recon

@@ -10,11 +10,11 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double farthest_steps = 1e9;  // largest distance from the radar's first point
+constexpr double farthest_steps = 1e9;  // limit of the distance from the radar's first point, steps
 
-// Returns the weights of points profile_taps - 1 before to profile_taps after a position, which is
-// a fraction `part` of a step after a point. Three sines suffice, because the points differ by
-// whole steps.
+// Returns the weights of the points around a position, from profile_taps - 1 points before it to
+// profile_taps after it. The position is a fraction `part` of a step after a point. Only two sines
+// and a cosine are computed, because the points are whole steps apart.
 std::array<float, 2 * profile_taps> lanczos(double part) {
   struct Turn {
     double sine, cosine;
@@ -45,10 +45,10 @@ std::array<float, 2 * profile_taps> lanczos(double part) {
 
 }  // namespace
 
-// Interpolates the recorded profile, without summing it in wider bins. A power profile has twice
-// the bandwidth of its amplitude, which has resolution c/2B. Sampled at half of that (as in the
-// base condition) it is complete, and the sinc series interpolates it. Lanczos's window truncates
-// the series. All points at the same fraction of a step have the same weights.
+// Interpolates the recorded profile, without summing it into wider bins. The amplitude has
+// resolution c/2B, and the power has twice its bandwidth. Steps of half of c/2B (as in the base
+// condition) therefore sample the power completely, and a sinc series interpolates it. A Lanczos
+// window truncates the series. All points at the same fraction of a step have the same weights.
 void Alignment::profile_about(double range_m, std::span<const float> power,
                               std::span<float> points) const {
   std::fill(points.begin(), points.end(), 0.f);
@@ -58,7 +58,7 @@ void Alignment::profile_about(double range_m, std::span<const float> power,
 
 void Alignment::add_profile(double range_m, std::span<const float> power,
                             std::span<float> out) const {
-  std::vector<float> sums;  // sums of the points of one fraction
+  std::vector<float> sums;  // sums for the points at the same fraction of a step
   for (std::ptrdiff_t kind = 0; kind < points_a_step_; ++kind) {
     const double metres =
         range_m + method::profile_from_m + static_cast<double>(kind) * profile_step_m_;
@@ -70,7 +70,7 @@ void Alignment::add_profile(double range_m, std::span<const float> power,
     sums.assign(static_cast<std::size_t>(count), 0.f);
     for (std::ptrdiff_t k = 0; k < 2 * profile_taps; ++k) {
       const float weight = weights[static_cast<std::size_t>(k)];
-      // Limits j to recorded points first + k + j * step.
+      // Limits j so that first + k + j * step is a recorded point.
       const std::ptrdiff_t at = first + k, step = steps_a_point_;
       const auto from = at < 0 ? (step - 1 - at) / step : 0;
       const auto to = std::min(count, (std::ssize(power) - at + step - 1) / step);

@@ -7,12 +7,13 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double significance = 10;  // minimum baseline, in standard deviations
-constexpr double probe_m = 0.05;     // typical distance between bodies of a data set
+constexpr double significance = 10;  // minimum baseline, in standard deviations of its estimate
+// shift for the test; typical distance between bodies of a data set
+constexpr double probe_m = 0.05;
 constexpr std::size_t most_probed = 200;
-constexpr double least_deviation_m = 0.03;  // required accuracy of a baseline, if antennas give the
-                                            // position without it
-constexpr double most_range_bias_m = 0.15;  // largest random range bias added
+// Required accuracy of the baseline if antennas measure the direction without it.
+constexpr double least_deviation_m = 0.03;
+constexpr double most_range_bias_m = 0.15;  // maximum of the random range bias
 
 double sine_of(const Place& place) {
   const auto tangent = double{place.tangent};
@@ -38,14 +39,14 @@ RotatedBodies::RotatedBodies(const Alignment& alignment, const Matrix& inputs, c
   if (alignment.profile_points() == 0 || alignment.zone_features() > 0) return;
   double deviation_m = 0;
   const double slope = slope_m(deviation_m), gain = displacement_gain();
-  // False for a slope of 0/0 (equal records), which disables the rotation.
+  // False if the slope is 0/0 (equal records), so that nothing is rotated.
   rotates_ = std::abs(slope) > significance * deviation_m ||
              (has_array_ && deviation_m < least_deviation_m * gain);
   if (rotates_) baseline_m_ = slope / gain;
 }
 
-// Returns the least-squares slope of the displacement over the sine of the azimuth: b, to first
-// order in b / r.
+// Returns the slope of a least-squares line of displacement_m() over the sine of the azimuth. To
+// first order in b / r, the slope is the baseline b. `deviation_m`: standard error of the slope.
 double RotatedBodies::slope_m(double& deviation_m) const {
   const auto n = static_cast<double>(rows_.size());
   double s = 0, d = 0, ss = 0, sd = 0, dd = 0;
@@ -62,8 +63,8 @@ double RotatedBodies::slope_m(double& deviation_m) const {
   return slope;
 }
 
-// Returns the change of displacement_m() per metre of profile shift; below 1 where noise pulls it
-// to the middle.
+// Returns the change of displacement_m() per metre of profile shift. It is below 1 if noise pulls
+// the centroid to the middle of the window.
 double RotatedBodies::displacement_gain() const {
   const std::size_t every = 1 + rows_.size() / most_probed;
   double sum_m = 0, count = 0;

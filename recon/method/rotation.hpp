@@ -18,27 +18,29 @@
 
 namespace echofuse::recon {
 
-// Keeps references to its arguments.
+// Training bodies, rotated about the SPD. Keeps references to the arguments of the constructor.
 class RotatedBodies {
  public:
-  // `inputs` (Alignment::with_correlations), `radar` (recorded power) and `array` (recorded lags,
-  // unused if the alignment has none) have one record per row. `rows`: records with a body;
-  // `places`: their positions, in the same order.
+  // `inputs` (see Alignment::with_correlations), `radar` (recorded power) and `array` (recorded
+  // lags, unused if the alignment has no antennas) have one row per record. `rows`: records with a
+  // body. `places`: positions of these bodies, in the same order.
   RotatedBodies(const Alignment& alignment, const Matrix& inputs, const Matrix& radar,
                 const Matrix& array, const Rows& rows, const std::vector<Place>& places);
-  // Share of the bodies that rotate() rotates; default: all.
+  // Sets the fraction of the bodies that rotate() rotates; by default it rotates all.
   void rotate_share(double share) { share_ = share; }
 
-  // Distance of the radar to the left of the SPD, m (negative: right), fitted to the profiles'
-  // displacement by position. 0 if its error exceeds a tenth or, with antennas, 3 cm.
+  // Returns the distance of the radar to the left of the SPD, m (negative: right), fitted to the
+  // displacement of the profiles over azimuth. Returns 0 if its error exceeds a tenth of it and
+  // there are no antennas, or if the error also exceeds 3 cm.
   double baseline_m() const { return baseline_m_; }
   bool rotates() const { return rotates_; }  // false: no body is rotated
-  // Returns true if rotate() changes anything.
+  // Returns true if rotate() changes any record.
   bool changes() const { return rotates_ || has_array_; }
-  // Returns the change of the radar's range (m) if the body of rows[k] had the azimuth of rows[as].
+  // Returns the increase of the radar's range, m, if the body of rows[k] moved to the azimuth of
+  // the body of rows[as].
   double farther_m(std::size_t k, std::size_t as) const;
-  // Writes the inputs of record rows[k], rotated to the azimuth of a random record, so that the
-  // distribution of azimuths is unchanged. Returns the new position.
+  // Writes the inputs of record rows[k], rotated to the azimuth of a random record. This leaves the
+  // distribution of azimuths unchanged. Returns the new position of the body.
   Place rotate(std::size_t k, Rng& rng, std::span<float> inputs) const;
 
  private:
