@@ -11,33 +11,34 @@
 
 namespace echofuse::recon {
 
-// Keeps references to its arguments. Scores the maps in this scene. All datasets have the same
-// records.
+// Candidates that are compared by cross-validation. Their maps are scored with the scene judged_by.
+// All datasets must contain the same records. Keeps references to the arguments of the constructor.
 class Choice {
  public:
   Choice(const SceneModel& judged_by, const Split& split, const SplitOptions& options);
 
   using Fit = std::function<Estimator(const Rows& rows)>;
-  // Fits one model per fold and scores it on the held-out records. Throws Error(interrupted).
+  // Adds a candidate: fits one model per fold and scores it on the held-out records. Throws
+  // Error(interrupted).
   void add(const std::string& name, const Dataset& data, Fit fit);
-  // Chooses the best model that beats the first one by this many standard errors, otherwise the
-  // first.
+  // Chooses the candidate with the largest gain over the first one, if this gain exceeds `errors`
+  // standard errors; otherwise chooses the first.
   void choose(double errors);
 
   std::size_t chosen() const { return chosen_; }  // index in the order of add()
   bool is(const std::string& name) const { return entries_[chosen_].row.name == name; }
-  // Returns the gain over another choice on the same records; 0 if it is below this many standard
-  // errors.
+  // Returns the gain of the chosen candidate over that of another choice on the same records; 0 if
+  // the gain is below `errors` standard errors.
   double gain_over(const Choice& other, double errors) const {
     return gain_of(entries_[chosen_], other.entries_[other.chosen_], errors);
   }
-  // Returns the mean gain in score and its standard error.
+  // Returns the mean gain in score over another choice, and its standard error.
   std::pair<double, double> gain_and_error(const Choice& other) const {
     return gain_and_error_of(entries_[chosen_], other.entries_[other.chosen_]);
   }
   Estimator fit() const { return entries_[chosen_].fit(split_.train); }
   std::vector<CrossvalidatedRow> table() const;
-  // Returns each fold's model of the chosen kind, and its held-out rows.
+  // Returns the chosen candidate's model of each fold, and the rows held out from it.
   std::vector<HeldOut> held_out() const;
 
  private:
@@ -45,7 +46,7 @@ class Choice {
     CrossvalidatedRow row;
     Fit fit;
     std::vector<Estimator> models = {};
-    std::vector<double> score = {};  // combined IoU and lateral error of each record
+    std::vector<double> score = {};  // IoU minus weighted lateral error of each record
   };
   static std::pair<double, double> gain_and_error_of(const Alternative& entry,
                                                      const Alternative& than);

@@ -11,7 +11,7 @@
 namespace echofuse::recon {
 namespace {
 
-// Whether the inputs show on which side a body is.
+// Returns true if the inputs show on which side (left or right) a body is.
 bool shows_sides(Inputs inputs, std::size_t zones) {
   return both_sensors(inputs) || (inputs == Inputs::spd && zones > 0);
 }
@@ -23,7 +23,7 @@ Summaries summarise(const Folds& folds, bool sequence) {
   for (const auto& fold : folds) all.insert(all.end(), fold.begin(), fold.end());
   Summaries out = summarise(all);
   for (std::size_t m = 0; m < metric_count && sequence; ++m) {
-    double squares = 0, defined = 0;  // defined: folds with a map that defines the metric
+    double squares = 0, defined = 0;  // defined: number of folds in which the metric is defined
     for (const auto& fold : folds) {
       double rest = 0;
       std::size_t maps = 0;

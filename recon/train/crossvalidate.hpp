@@ -13,32 +13,34 @@ namespace echofuse::recon {
 
 struct CrossvalidatedRow : ScoredRow {
   Cost cost;
-  double train_s = 0;  // mean over the folds
-  std::string fault;   // why the model cannot be fitted; its metrics are NaN then
+  double train_s = 0;  // mean training time over the folds
+  std::string fault;   // reason if the model cannot be fitted; its metrics are then NaN
 };
 
-// Means over all maps. In a sequence neighbours are correlated, so the standard error is between
-// folds: se^2 = K / (K - 1) sum_k (sum over k - n_k mean)^2 / n^2. Otherwise it is that of single
-// maps.
-using Folds = std::vector<std::vector<MapScores>>;  // maps of each fold
+// summarise() returns the mean of each metric over all maps, and its standard error. In a sequence,
+// neighbouring records are correlated, so the standard error is computed between folds: se^2 = K /
+// (K - 1) sum_k (S_k - n_k m)^2 / n^2. K is the number of folds, n the number of maps, m the mean;
+// fold k has n_k maps with sum S_k. Otherwise maps count as independent.
+using Folds = std::vector<std::vector<MapScores>>;  // scores of the maps in each fold
 Summaries summarise(const Folds& folds, bool sequence);
 
-// Returns one row for each of options.candidates. The folds keep the order of `rows`.
+// Returns one row for each candidate. Each fold is a contiguous part of `rows`.
 std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& rows,
                                              const TrainOptions& options);
 
-// Returns the candidates that suit these inputs of a detector with this number of zones, with
-// sizes.
+// Returns the names of the candidates, with sizes, for these inputs and this number of detector
+// zones.
 std::vector<std::string> candidates(Inputs inputs, std::size_t zones);
-// Default model: the one that "auto" chooses with a few thousand records.
+// Returns the default model, which "auto" chooses if there are a few thousand records.
 std::string usual_model(Inputs inputs, std::size_t zones = 0);
 
-// Returns the cheapest model (multiply-adds) within one standard error of the best IoU (Breiman et
-// al., Classification and Regression Trees, 1984, 3.4.3). Uses RMSE if the IoU is undefined
-// without a foreground. Throws Error(failed) if no model has either.
+// Returns the index of the cheapest model (fewest multiply-adds) with an IoU within one standard
+// error of the best (Breiman et al., Classification and Regression Trees, 1984, 3.4.3). Uses RMSE
+// if the IoU is undefined because no map has a foreground. Throws Error(failed) if neither is
+// known.
 std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows);
 
-// Table with one line per model: accuracy, cost, and which is chosen.
+// Returns a table with one line per model: accuracy, cost, and a mark at the chosen model.
 std::string to_choice_table(const std::vector<CrossvalidatedRow>& rows, std::size_t chosen);
 
 }  // namespace echofuse::recon

@@ -12,14 +12,15 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::uint64_t noise_stream = 0x6e6f6973;  // "nois"
-constexpr std::uint64_t fold_stream = 0x756e6366;   // "uncf"
+constexpr std::uint64_t noise_stream = 0x6e6f6973;  // ASCII "nois"
+constexpr std::uint64_t fold_stream = 0x756e6366;   // ASCII "uncf"
 constexpr std::size_t worse_copies = 3;
-// From this number on, a model of half of the records is nearly as good as one of all.
+// From this number of records on, a model trained on half of them is nearly as good as one trained
+// on all.
 constexpr std::size_t enough_for_halves = 2000;
-constexpr double fewest_photons_log10 = -2.5;  // log10 share of photons kept in a copy
-constexpr double least_noise_log10 = -2,
-                 most_noise_log10 = -0.3;  // radar noise, relative to its peak
+constexpr double fewest_photons_log10 = -2.5;  // smallest log10 of the fraction of photons kept
+// Range of the log10 of the added radar noise, relative to the peak of the profile.
+constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;
 
 std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth,
                                    const SceneModel& scene) {
@@ -29,11 +30,12 @@ std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth,
   return out;
 }
 
-// Learns how much the errors grow if the radar was converted from a wider response
+// Learns by how much the errors grow if the radar profile was converted from a wider response
 // (imitate_brought).
 void learn_brought(LateralError& lateral, const Estimator& model, const Dataset& data,
                    const Rows& usual, const std::vector<HeldOut>& judged, Rng& rng) {
-  constexpr std::size_t most_records = 500;  // per model: standard error .013 of the share
+  // Limit per model; the fraction within the interval then has a standard error of .013.
+  constexpr std::size_t most_records = 500;
   const Inputs inputs = model.features.inputs;
   if (inputs == Inputs::spd) return;
   const record::RadarResponse own = widest_response(data);
@@ -64,7 +66,8 @@ void degrade(Dataset& data, Rng& rng) {
   std::normal_distribution<float> normal;
   for (std::size_t i = 0; i < data.size(); ++i) {
     const double share = std::pow(10, photons(rng));
-    for (float& v : data.spd.row(i))  // counts of a calibrated run are not integers
+    // rounded, because counts of a calibrated run are not integers
+    for (float& v : data.spd.row(i))
       v = static_cast<float>(
           std::binomial_distribution<long>(std::max(std::lround(v), 0L), share)(rng));
     const auto power = data.radar.row(i);
@@ -90,7 +93,7 @@ UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, co
   Matrix predictors, maps, truth(0, data.depth.cols);
   SoftMaps soft;
   std::vector<double> errors;
-  // The rows cover all records; the unmodified records come first.
+  // Predicts the held-out records of all parts: first unmodified, then as degraded copies.
   for (std::size_t copy = 0; copy <= worse_copies; ++copy)
     for (const HeldOut& part : judged) {
       Dataset records = part_of(data, part.rows);
@@ -131,7 +134,7 @@ std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Da
   std::sort(rows.begin(), rows.end());
   const bool few = rows.size() < enough_for_halves;
   std::vector<Split> folds = make_folds(rows, few ? 4 : 2, options, fold_stream);
-  if (!few) folds.resize(1);  // the errors of one half are enough
+  if (!few) folds.resize(1);  // one half gives enough errors
   std::vector<Estimator> models;
   std::vector<HeldOut> judged;
   models.reserve(folds.size());

@@ -12,34 +12,37 @@
 
 namespace echofuse::recon {
 
-// With fewer training records the errors cannot be estimated.
+// Minimum number of training records for an estimate of the errors.
 inline constexpr std::size_t least_cross_fitted = 50;
-bool has_enough_records(
-    const Split& split);  // true if there are enough to learn an UncertaintyModel
-// Validation records and the model that they test; it was not trained on them.
+// Returns true if there are enough records to learn an UncertaintyModel.
+bool has_enough_records(const Split& split);
+// Held-out records, and a model that was not trained on them.
 struct HeldOut {
   const Estimator& model;
   Rows rows;
 };
-// Fits the uncertainty to the maps of the model itself, or of similar models trained on part of its
-// records (cross-fitting: Chernozhukov et al., Econometrics Journal 21, C1, 2018). Row i of the
-// views belongs to record i of the data. `usual`: rows that are in distribution.
+// Fits the uncertainty to maps of held-out records. The maps are made by the model itself, or by
+// similar models trained on part of its records (cross-fitting: Chernozhukov et al., Econometrics
+// Journal 21, C1, 2018). Row i of `views` belongs to record i of `data`. `usual`: rows that define
+// what is in distribution.
 UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, const Matrix& views,
                                  const Rows& usual, const std::vector<HeldOut>& judged,
                                  std::uint64_t seed);
-// Returns the uncertainty, or nothing if interrupted. The parts are blocks if the split is in
-// blocks. The maps it is fitted to:
-//   500 and more validation records  the model's own; the standard error of the 90 % is .013
-//                                    (150 are enough for the SPD alone, which is rarely used)
-//   otherwise below 2000 records     four models of `fit`, each on three quarters
-//   otherwise                        one model of `fit` on a half
+// Returns the uncertainty, or nothing if interrupted. It is fitted to maps of:
+//   the model itself, if there are at least enough_validation validation records. With 500 of them
+//     the 90 % have a standard error of .013; 150 are enough for the SPD alone, which is rarely
+//     used
+//   otherwise four models, each trained by `fit` on three quarters of less than 2000 records
+//   otherwise one model, trained by `fit` on half of the records
+// If the split is blocked, the quarters and halves are blocks.
 std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Dataset& data,
                                                 const Matrix& views, const Split& split,
                                                 const SplitOptions& options,
                                                 const std::function<Estimator(const Split&)>& fit,
                                                 std::size_t enough_validation = 500);
 
-// Removes photons at random, down to 1/300 of them, and adds noise to the radar.
+// Degrades records: keeps a random fraction of the photons, down to 1/300, and adds random noise to
+// the radar profile.
 void degrade(Dataset& data, Rng& rng);
 
 }  // namespace echofuse::recon

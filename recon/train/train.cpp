@@ -14,9 +14,10 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::uint64_t fold_stream = 0x666f6c64;  // "fold"
+constexpr std::uint64_t fold_stream = 0x666f6c64;  // ASCII "fold"
 
-// The choice uses the training records only, never the test records.
+// Chooses a model by cross-validation on the training and validation records, never on test
+// records.
 std::string choose(const Dataset& data, const Split& split, const TrainOptions& options) {
   Rows rows = split.train;
   rows.insert(rows.end(), split.validation.begin(), split.validation.end());
@@ -37,21 +38,23 @@ void say(const TrainOptions& options, const std::string& text) {
   if (!options.fit.quiet) std::fprintf(stderr, "%s\n", text.c_str());
 }
 
-// One of the estimators of a model.
+// Plan for one of the estimators of a model.
 struct TrainingPlan {
-  std::string name;  // candidate
+  std::string name;  // name of the candidate
   Inputs inputs;
   std::string scaling;
   FitOptions fit;
-  std::size_t enough_validation;  // validation records that suffice for its errors
+  // Number of validation records that suffice for an estimate of its errors.
+  std::size_t enough_validation;
 };
 
-// Returns the estimators to train, in order of use: the named one; if it uses the radar's antennas,
-// the same with the range profile only; if it uses both sensors, a network for the SPD alone, for
-// records without radar.
+// Returns the estimators to train, in the order in which they are tried for a record: the named
+// one; if it uses the radar's antennas, the same with the range profile only; if it uses both
+// sensors, a network for the SPD alone, for records without radar.
 std::vector<TrainingPlan> wanted_of(const Dataset& data, const std::string& name,
                                     const TrainOptions& options) {
-  constexpr std::size_t enough = 500, enough_of_spd = 150;  // the SPD's model is rarely used
+  // The model for the SPD alone needs fewer, because it is rarely used.
+  constexpr std::size_t enough = 500, enough_of_spd = 150;
   const Inputs inputs = inputs_of(options.inputs);
   const bool aligned = aligns_inputs(name, options);
   std::vector<TrainingPlan> out{{name, inputs, options.scaling, options.fit, enough}};
@@ -111,7 +114,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const SceneMod
   for (const TrainingPlan& wanted : wanted_of(data, name, options)) {
     if (!model.estimators.empty() && interrupted()) break;
     Estimator one = train_one(wanted, data, split, scene, options);
-    if (!model.estimators.empty() && interrupted()) break;  // training was interrupted
+    if (!model.estimators.empty() && interrupted()) break;  // interrupted during its training
     model.estimators.push_back(std::move(one));
   }
   model->log.interrupted |= interrupted();
@@ -127,7 +130,7 @@ Rows usable_rows(const Dataset& data, const TrainOptions& options) {
   return std::move(usable.rows);
 }
 
-// Reports a split by which the scores would be optimistic.
+// Prints a warning if the split makes the scores optimistic.
 void warn_of_split(const Dataset& data, const Rows& rows, const Split& split,
                    const SceneModel& scene, const SplitOptions& options) {
   const bool random = options.kind == "random" && !split.test.empty();

@@ -13,7 +13,7 @@
 namespace echofuse::recon {
 namespace {
 
-// Name of the row's run, or of the first one if there are no rows.
+// Returns the path of the row's run; if there are no rows, the path of the first run.
 std::string path_of(const Dataset& data, std::size_t row = 0) {
   if (data.sources.empty()) return "run";
   return printable(data.sources[row < data.size() ? data.source_of(row) : 0].path);
@@ -25,8 +25,8 @@ void require_sensors(const Dataset& data, Inputs inputs) {
     const char *name, *cure;
   };
   for (const auto& [sensor, name, cure] :
-       {RequiredSensor{Sensor::spd, "spd", "--inputs radar"},
-        RequiredSensor{Sensor::radar, "radar", "--inputs spd"},
+       {RequiredSensor{Sensor::spd, "spd", "use --inputs radar"},
+        RequiredSensor{Sensor::radar, "radar", "use --inputs spd"},
         RequiredSensor{Sensor::depth, "a depth map",
                        "training needs the depth camera; record with depth.address, or reconstruct "
                        "this run with a model of another run"}}) {
@@ -85,7 +85,7 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
   const auto lossy =
       std::ranges::count_if(out.rows, [&](std::size_t row) { return data.is_lossy(row, inputs); });
   if (lossy > 0)
-    out.left_out += formatted("%s%td lossy records are used; --set lossy=leave leaves them out",
+    out.left_out += formatted("%s%td lossy records are used; --set lossy=leave excludes them",
                               out.left_out.empty() ? "" : "; ", lossy);
   if (out.rows.empty()) throw Error(ExitCode::failed, path_of(data) + ": " + out.left_out);
   return out;
@@ -93,7 +93,7 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
 
 namespace {
 
-// Every seventh pixel of these maps, side by side in memory.
+// Returns every seventh pixel of these maps, one map per row.
 Matrix sampled(const Dataset& data, const Rows& rows) {
   constexpr std::size_t pixel_step = 7;
   Matrix out(rows.size(), (data.depth.cols + pixel_step - 1) / pixel_step);
@@ -104,7 +104,7 @@ Matrix sampled(const Dataset& data, const Rows& rows) {
   return out;
 }
 
-// Sum of absolute differences, in lanes that the compiler can vectorise.
+// Returns the sum of absolute differences, computed in lanes that the compiler can vectorise.
 double distance(std::span<const float> a, std::span<const float> b) {
   constexpr std::size_t lanes = 16;
   std::array<float, lanes> sums{};
@@ -123,8 +123,9 @@ bool shows_body(std::span<const float> map, const SceneModel& scene) {
   return pixels >= least_share * static_cast<double>(map.size());
 }
 
-// Sorts the distances to the other maps and returns the greatest ratio of successive ones in the
-// nearer half. It is below 2 for independent maps; a recurring map has a gap after its repetitions.
+// Returns the largest ratio of successive sorted distances to other maps, in the nearer half. It is
+// below 2 for independent maps. If a map recurs, there is a gap between its repetitions and the
+// other maps.
 double greatest_gap(std::vector<double> distances) {
   std::ranges::sort(distances);
   double gap = 1;
@@ -137,7 +138,7 @@ double greatest_gap(std::vector<double> distances) {
 
 std::string alike_neighbours(const Dataset& data, const Rows& rows) {
   constexpr std::size_t sample = 200, others = 50;
-  constexpr double most_share = 0.3;  // 2 of 52 independent scenes reach it
+  constexpr double most_share = 0.3;  // reached by 2 of 52 sets of independent scenes
   if (rows.size() < others) return {};
   const Matrix maps = sampled(data, rows);
   const auto apart = [&](std::size_t i, std::size_t k) {
@@ -147,7 +148,8 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows) {
   for (std::size_t i = 1; i + 1 < rows.size(); i += rows.size() / sample + 1, ++judged) {
     const double near = std::min(apart(i, i - 1), apart(i, i + 1));
     bool nearest = true;
-    for (std::size_t k = 0; k < others && nearest; ++k)  // at least an eighth of the records away
+    // Compares with records that are at least an eighth of all records away.
+    for (std::size_t k = 0; k < others && nearest; ++k)
       nearest =
           near < apart(i, (i + rows.size() / 8 + k * rows.size() * 3 / 4 / others) % rows.size());
     alike += nearest;
@@ -178,8 +180,8 @@ std::string recurring_scenes(const Dataset& data, const Split& split, const Scen
   const auto recur = std::ranges::count_if(gaps, [](double gap) { return gap > least_gap; });
   if (static_cast<double>(recur) <= most_share * static_cast<double>(judged.size())) return {};
   return formatted(
-      "scenes recur: %td of %zu held-out depth maps have a much nearer training map than "
-      "independent scenes; the scores are optimistic; evaluate on a run of other scenes",
+      "scenes recur: %td of %zu held-out depth maps are much closer to a training map than "
+      "independent scenes are; the scores are optimistic; evaluate on a run of other scenes",
       recur, judged.size());
 }
 

@@ -20,8 +20,8 @@ namespace {
 
 constexpr std::array penalties{100., 10., 1.};
 constexpr double usual_penalty = 30, least_penalty_of_few = 10;
-// Share of the pixels of the median map. People cover less, even if they are in one place in half
-// of a few records.
+// Minimum fraction of background pixels that must differ before a new background is used. People
+// cover fewer pixels of a median map, even if they stay in one place for half of a few records.
 constexpr double changed_share = 0.2;
 
 const char* const unchanged = "unchanged";
@@ -32,8 +32,8 @@ bool can_be_tuned(const std::string& kind) {
   return wants_alignment(kind) || kind_of(kind).size == ModelKind::Size::hidden;
 }
 
-// Returns the background learnt from `rows` if more than 20 % of its pixels changed, otherwise the
-// model's.
+// Returns the scene learnt from `rows` if at least 20 % of the background pixels changed; otherwise
+// the scene of the model.
 SceneModel scene_for(const Estimator& from, const Dataset& data, const Rows& rows) {
   SceneModel scene = learn_scene(data.depth, rows, data.map);
   std::size_t changed = 0;
@@ -44,7 +44,7 @@ SceneModel scene_for(const Estimator& from, const Dataset& data, const Rows& row
   return scene;
 }
 
-// Background in the sensors' data: kept from the model, or learnt from the new records.
+// Background of the sensor data: kept from the model, or learnt from the new records.
 enum class BackgroundSource : bool { kept, learnt };
 
 Estimator adapt(const Estimator& from, const Dataset& data, const Rows& rows, BackgroundSource room,
@@ -82,8 +82,9 @@ bool are_few(const Estimator& from, const Split& split) {
   return split.train.size() < TuneOptions::least_alone && wants_alignment(from.name);
 }
 
-// Returns by how many standard errors a candidate must beat the unchanged model. Few records cannot
-// show which is best, and the unchanged model does no harm. With more records the best wins.
+// Returns by how many standard errors a candidate must be better than the unchanged model. A few
+// records cannot show which candidate is best, and the unchanged model does no harm. With more
+// records the best candidate is used.
 double plainly(bool few) { return few ? 2 : 0; }
 
 Tuning without_training(Tuning tuning) {
@@ -91,8 +92,8 @@ Tuning without_training(Tuning tuning) {
   return tuning;
 }
 
-// Returns the background that gives the unchanged networks the better score: the learnt one if it
-// is better by a standard error.
+// Returns the background with which the unchanged networks have the better score. The learnt
+// background must be better by one standard error.
 BackgroundSource better_room(const Start& start, const SceneModel& judged_by, const Split& split,
                              const TuneOptions& options) {
   if (!wants_alignment(start.model->name) || !options.only.empty()) return BackgroundSource::kept;
@@ -106,8 +107,8 @@ BackgroundSource better_room(const Start& start, const SceneModel& judged_by, co
   return choice.chosen() == 0 ? BackgroundSource::kept : BackgroundSource::learnt;
 }
 
-// Tries `alone` for one start only, because a model of these records alone does not depend on the
-// start.
+// Tries all candidates for one start. with_alone: also tries a model trained on these records
+// alone. This is needed for one start only, because that model does not depend on the start.
 void try_all(Choice& choice, const Start& start, const Split& split, const TuneOptions& options,
              BackgroundSource room, bool with_alone) {
   const Estimator& from = start.model.first();
@@ -138,7 +139,7 @@ void try_all(Choice& choice, const Start& start, const Split& split, const TuneO
   choice.choose(plainly(are_few(from, split)));
 }
 
-// Returns the rows that every start can be tuned on.
+// Returns the rows that can be used to tune all starts.
 TrainingRows rows_of(const std::vector<Start>& starts) {
   TrainingRows out;
   for (const Start& start : starts) {
@@ -157,7 +158,8 @@ TrainingRows rows_of(const std::vector<Start>& starts) {
   return out;
 }
 
-// Adds the other parts of the chosen model; no uncertainty if there are too few records.
+// Adds alignment, domain test and uncertainty to the chosen model; the last two only if there are
+// enough records.
 void finish(Estimator& model, const Dataset& data, const Split& split,
             const std::vector<HeldOut>& judged, std::uint64_t seed) {
   const Rows all = all_rows(data.size());
@@ -177,14 +179,16 @@ void finish(Estimator& model, const Dataset& data, const Split& split,
     model.uncertainty = fit_uncertainty(model, data, views, split.train, judged, seed);
 }
 
-// Keeps the uncertainty and domain of an unchanged estimator: its training had more records.
+// Keeps the uncertainty and the domain reference of an unchanged estimator, because they were
+// learnt from more records.
 void keep_statements(Estimator& model, const Estimator& from) {
   model.uncertainty = from.uncertainty, model.domain = from.domain;
 }
 
-// Tunes the estimators for the range profile and the SPD alone, or fits them alone like the first
-// one. Their penalty is not cross-validated, because they are rarely used. With few records they
-// get no more freedom than the first estimator.
+// Tunes an estimator for the range profile or the SPD alone. If by_alone is true, fits it to these
+// records alone, like the first estimator. The penalty is not cross-validated, because these
+// estimators are rarely used. With few records the networks stay unchanged, and positions are
+// corrected only if the first estimator changed.
 Estimator tune_other(const Estimator& from, const Dataset& data, const Split& split,
                      const TuneOptions& options, bool learns, bool by_alone) {
   const bool few = are_few(from, split);
@@ -205,17 +209,18 @@ Estimator tune_other(const Estimator& from, const Dataset& data, const Split& sp
   return out;
 }
 
-// Compares two starts by the score of the choice.
+// Describes the difference in score between two starts.
 std::string compared(const std::vector<Start>& starts, const std::vector<Choice>& choices,
                      std::size_t best, std::size_t other) {
   constexpr double clear_errors = 2;
   const auto [gain, error] = choices[best].gain_and_error(choices[other]);
-  return formatted("start %s over %s, on the same folds: IoU - 2.4 x lateral m %+.3f +- %.3f%s\n",
-                   printable(starts[best].name).c_str(), printable(starts[other].name).c_str(),
-                   gain, error, gain < clear_errors * error ? "; not significant" : "");
+  return formatted(
+      "gain of start %s over %s on the same folds: IoU - 2.4 x lateral m %+.3f +- %.3f%s\n",
+      printable(starts[best].name).c_str(), printable(starts[other].name).c_str(), gain, error,
+      gain < clear_errors * error ? "; not significant" : "");
 }
 
-// Joins the record lists of the old and the new model.
+// Joins the record lists of the old model and of the new one.
 TrainingRecords both(const TrainingRecords& old, TrainingRecords seen) {
   const auto first = static_cast<std::uint32_t>(seen.runs.size());
   seen.runs.insert(seen.runs.end(), old.runs.begin(), old.runs.end());
@@ -226,8 +231,9 @@ TrainingRecords both(const TrainingRecords& old, TrainingRecords seen) {
   return seen;
 }
 
-// Another start must win by `errors` standard errors (one if records are few): of 21 draws of seven
-// worlds none got worse (2 did without a limit).
+// Returns the index of the best start. A start must be better than the first one by `errors`
+// standard errors (one if there are few records). In 21 tests with simulated data, no model became
+// worse with this limit, and 2 did without it.
 std::size_t best_start(const std::vector<Choice>& choices, double errors) {
   std::size_t best = 0;
   double most = 0;
@@ -248,7 +254,7 @@ void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset
                                             {data.array_axis, f.layout().array, "array"}})
     if (wanted.count > 0 && found.count == 0)
       throw Error(ExitCode::failed, run + ": has no " + what + ", which " + printable(path) +
-                                        " takes (" + name_of(f.inputs) + ")");
+                                        " needs (" + name_of(f.inputs) + ")");
   match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
   match_array(data, f.array_axis);
   bring_to_response(data, from.radar_response, from.any_response);
@@ -265,14 +271,14 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   const SceneModel judged_by =
       scene_for(starts.front().model.first(), starts.front().data, split.train);
   std::vector<Choice> choices;
-  choices.reserve(starts.size());  // the candidates hold references into it
+  choices.reserve(starts.size());  // the candidates hold references to its elements
   for (const Start& start : starts) {
     choices.emplace_back(judged_by, split, options.split);
     try_all(choices.back(), start, split, options, better_room(start, judged_by, split, options),
             choices.size() == 1);
   }
   if (choices.front().table().empty())
-    throw Error(ExitCode::usage, options.only + ": no candidate of this name");
+    throw Error(ExitCode::usage, options.only + ": no candidate has this name");
   const std::size_t best =
       best_start(choices, plainly(are_few(starts.front().model.first(), split)) / 2);
   TunedModel out;

@@ -14,40 +14,43 @@ namespace echofuse::recon {
 
 struct TuneOptions {
   static constexpr std::size_t least_records = 10;
-  static constexpr std::size_t least_alone = 50;  // below, no model of these records alone
-  SplitOptions split;                             // without validation records, which are not used
-  Tuning tuning;                                  // its penalty is chosen by cross-validation
-  bool quiet = true;                              // false: print the candidates on stderr
-  std::string only = {};                          // try this row of the table only; empty: all
+  // With fewer records, a model trained on these records alone is not tried.
+  static constexpr std::size_t least_alone = 50;
+  SplitOptions split;     // has no validation records, because tuning does not use them
+  Tuning tuning;          // its penalty is replaced by the results of cross-validation
+  bool quiet = true;      // false: print each candidate on stderr
+  std::string only = {};  // name of the only candidate to try; empty: all
 };
 
-// A model to start from, and the records after match_for_tuning() for it. Also the same records on
-// their own axes, with one response, for a model of these alone.
+// A model to start from. `data`: records on the axes of the model (match_for_tuning). `own`: the
+// same records on their own axes with one radar response, for a model trained on these records
+// alone.
 struct Start {
   const TrainedModel& model;
   const Dataset& data;
   const Dataset& own;
-  std::string name = {};  // prefix in the table if there are several starts
+  std::string name = {};  // prefix of its rows in the table, if there are several starts
 };
 
 struct TunedModel {
   TrainedModel model;
-  std::vector<CrossvalidatedRow> table;  // the models tried
-  std::size_t chosen = 0;                // row of the table
-  std::string left_out;                  // TrainingRows::left_out, for the first start
-  std::string starts;                    // comparison of the starts; empty if there is one
+  std::vector<CrossvalidatedRow> table;  // one row per candidate
+  std::size_t chosen = 0;                // row of the chosen candidate
+  std::string left_out;                  // TrainingRows::left_out of the first start
+  std::string starts;                    // comparison of the starts; empty if there is only one
 };
 
-// Brings the data to the model's axes and response. `path` is the model's. Throws Error(failed) if
-// they do not fit.
+// Converts the data to the axes and the radar response of a model. `path`: path of the model, for
+// messages. Throws Error(failed) if the data do not fit the model.
 void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data);
 
-// Tunes each start and returns the best result. All starts have the same records. With few records
-// the old model stays unless a candidate is clearly better. Throws Error(failed) for fewer than
-// least_records records, or a kind that cannot be tuned.
+// Tunes each start and returns the best result. All starts must have the same records. If there are
+// few records, the old model is kept unless a candidate is clearly better. Throws Error(failed) if
+// there are fewer than least_records records, or if this kind of model cannot be tuned.
 TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options);
 
-// Returns one line for each row of the table: accuracy, and which is chosen.
+// Returns one line per row of the table: accuracy, and a mark at the chosen candidate. The
+// comparison of the starts follows.
 std::string to_text(const TunedModel& tuned);
 
 }  // namespace echofuse::recon

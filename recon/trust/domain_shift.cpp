@@ -18,16 +18,20 @@ using Eigen::ArrayXd, Eigen::MatrixXd, Eigen::VectorXd, Eigen::Index;
 
 constexpr Index count = record_number_count;
 constexpr std::size_t most_known = 4000;
-constexpr std::size_t block = 10;  // records
+// Number of successive records in one block of the permutation test.
+constexpr std::size_t block = 10;
 constexpr int permutations = 4000;
-constexpr std::uint64_t permutation_stream = 0x646f6d61;  // "doma"
-constexpr double clearly = 4;                             // standard errors
-// Smaller differences do not matter. Units: a record's standard deviation, and its square.
+constexpr std::uint64_t permutation_stream = 0x646f6d61;  // ASCII "doma"
+// Minimum significance of a difference, in standard errors.
+constexpr double clearly = 4;
+// Smaller differences do not matter. Unit of least_mean: standard deviation between records; unit
+// of least_square: its square.
 constexpr double least_mean = 0.1, least_square = 0.3;
-constexpr double most_square = 16;  // limits the weight of a single outlier
+// limit of a squared deviation, so that a single outlier has little weight
+constexpr double most_square = 16;
 
-// Converts numbers to deviations from the training's means, and their squares: [m x 2 numbers]. A
-// missing number counts as the mean.
+// Converts the numbers of m records to deviations from the training means, in standard deviations,
+// followed by the squares of these: [m x 2 record_number_count]. A missing number gives zeros.
 class Standard {
  public:
   explicit Standard(const Matrix& known) {
@@ -60,7 +64,7 @@ class Standard {
   std::array<double, record_number_count> centre_{}, deviation_{};
 };
 
-// Returns means of blocks of ten rows; drops the remaining rows.
+// Returns the means of blocks of ten successive rows; drops the remaining rows.
 MatrixXd block_means(const MatrixXd& rows) {
   const auto size = Index(block), blocks = rows.rows() / size;
   MatrixXd out(blocks, rows.cols());
@@ -68,8 +72,8 @@ MatrixXd block_means(const MatrixXd& rows) {
   return out;
 }
 
-// Draws `drawn` blocks at random and returns the difference between their mean and the mean of the
-// others: one row per draw.
+// Draws `drawn` blocks at random, several thousand times. Returns one row per draw: the mean of the
+// drawn blocks minus the mean of the others.
 MatrixXd permuted(const MatrixXd& blocks, Index drawn) {
   const VectorXd all = blocks.colwise().sum();
   const auto others = static_cast<double>(blocks.rows() - drawn);
@@ -89,9 +93,9 @@ MatrixXd permuted(const MatrixXd& blocks, Index drawn) {
   return out;
 }
 
-// Returns p of the greatest difference of means, in units of its standard deviation over the
-// permutations, against the greatest of each permutation (Westfall and Young, Resampling-Based
-// Multiple Testing, 1993).
+// Returns the p-value of the largest difference of means, in units of its standard deviation over
+// the permutations. It is compared with the largest difference of each permutation, so that it
+// holds for all numbers together (Westfall and Young, Resampling-Based Multiple Testing, 1993).
 double p_of(const VectorXd& difference, const MatrixXd& chance, double least_error) {
   const ArrayXd error = chance.array().square().colwise().mean().sqrt().max(least_error);
   const auto greatest = [&](const VectorXd& v) { return (v.array() / error).abs().maxCoeff(); };
@@ -116,7 +120,7 @@ ArrayXd standard_errors(const MatrixXd& a, const MatrixXd& b, double least_error
 
 std::string describe(const RecordNumber& number, double difference, double error) {
   if (number.kind == RecordNumber::Kind::ratio)
-    return formatted("%s %.2f +- %.2f times", number.name, std::exp(difference),
+    return formatted("%s %.2f +- %.2f times that in training", number.name, std::exp(difference),
                      error * std::exp(difference));
   if (number.kind == RecordNumber::Kind::length)
     return formatted("%s %+.1f +- %.1f cm", number.name, 100 * difference, 100 * error);
@@ -174,7 +178,7 @@ DomainShift DomainReference::test(const Alignment& alignment, const Dataset& dat
   DomainShift out{found.rows, 1, {}, {}};
   for (std::size_t k = 0; k < record_number_count; ++k) {
     if (!standard.known(k) || own.known(k)) continue;
-    // Skips a number that this run does not have.
+    // Sets the differences of a number to 0 if this run does not have it.
     for (const Index c : {Index(k), count + Index(k)})
       before.col(c).setZero(), now.col(c).setZero();
   }

@@ -20,49 +20,51 @@
 namespace echofuse::recon {
 
 struct DomainShift {
-  static constexpr double most_p = 1e-3;  // limit of p; below it the run differs
+  // The run differs from the training data if p is below this limit.
+  static constexpr double most_p = 1e-3;
   struct Difference {
-    std::string text;            // "histogram spread 1.20 +- 0.01 times"
-    double standard_errors = 0;  // significance of the difference
+    std::string text;            // e.g. "histogram spread 1.20 +- 0.01 times that in training"
+    double standard_errors = 0;  // difference divided by its standard error
   };
-  std::size_t records = 0;              // records that show a body; 0 if too few for a test
-  double p = 1;                         // p-value: probability that a run like the training differs
-                                        // by at least this much
+  std::size_t records = 0;  // records that show a body; 0 if they are too few for a test
+  // P-value: probability that a run like the training data differs by at least this much.
+  double p = 1;
   std::vector<Difference> differences;  // significant differences, greatest first
-  std::string advice;                   // the possible cause and what to do; may be empty
-  // Records tested one by one, and those flagged as out of distribution; `reason` is the most
-  // frequent.
+  std::string advice;                   // possible cause and remedy; may be empty
+  // Number of records tested individually, and number of those flagged as out of distribution.
+  // `reason`: the most frequent reason.
   std::size_t judged = 0, flagged = 0;
   std::string reason{};
   bool tested() const { return records > 0 || mostly_flagged(); }
-  // A significant difference must also exceed a tenth of the standard deviation between records.
+  // Returns true if the run differs from the training data. A significant difference must also
+  // exceed a tenth of the standard deviation between records.
   bool found() const { return mostly_flagged() || (p < most_p && !differences.empty()); }
-  // Returns true if most records are flagged; among records like the training, one in 140 is
-  // flagged.
+  // Returns true if most records are flagged. Of records like the training data, one in 140 is.
   bool mostly_flagged() const;
-  std::string text() const;  // for the user; empty if not tested
+  std::string text() const;  // message for the user; empty if not tested
 };
 
-// Numbers of the training records, as reference for the test of runs.
+// Numbers that describe the training records; reference for the test of a run.
 class DomainReference {
  public:
-  static constexpr std::size_t least_records = 20;  // needed in a run
-  static constexpr std::size_t least_known = 50;    // needed in a training
+  static constexpr std::size_t least_records = 20;  // minimum for a run
+  static constexpr std::size_t least_known = 50;    // minimum for a training
 
   DomainReference() = default;
-  // The rows are in the order of the records; at most the first 4000 are used. Row i of the views
-  // belongs to record i of the data; without a detector the views are empty.
+  // The rows must be in record order; at most the first 4000 are used. Row i of `views` belongs to
+  // record i of `data`; `views` is empty if there is no SPD.
   DomainReference(const Alignment& alignment, const Dataset& data, const Matrix& views,
                   const Rows& rows, Inputs inputs);
   bool known() const { return numbers_.rows > 0; }
-  // Tests the rows with live sensors, in order. The data must be on the model's axes.
+  // Tests a run by all rows with usable sensors, in record order. The data must be on the axes of
+  // the model.
   DomainShift test(const Alignment& alignment, const Dataset& data, const Matrix& views) const;
 
   void archive(Archive archive, Inputs inputs);
 
  private:
   Inputs inputs_{};
-  Matrix numbers_;  // one row per record
+  Matrix numbers_;  // [records x record_number_count]
 };
 
 }  // namespace echofuse::recon

@@ -17,18 +17,21 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::uint64_t held_stream = 0x68656c64;  // "held"
+constexpr std::uint64_t held_stream = 0x68656c64;  // ASCII "held"
 constexpr std::size_t most_components = 36, rows_a_component = 60;
-constexpr std::size_t folds_of_few = 4, folds_of_many = 10;  // the limits come from one fold
+// Number of folds. If there are more than few_records, only one fold sets the limits.
+constexpr std::size_t folds_of_few = 4, folds_of_many = 10;
 constexpr std::size_t few_records = 400, many_records = 3000;
-// False alarm rate of each limit: T^2, two bodies, and all Q together.
+// False alarm rate for T^2, for two bodies, and for all Q together.
 constexpr double above_limit = 0.002;
-constexpr double nobody = -30;               // log odds of two bodies without a body
-constexpr double range_reserve = 0.05;       // share of the span of the training ranges
-constexpr double clicks_reserve = 1.25;      // factor of the maximum of the training records
-constexpr double nearly_all_records = 0.99;  // share of training records that show a body
+constexpr double nobody = -30;          // log odds of two bodies if a record shows no body
+constexpr double range_reserve = 0.05;  // margin, as a fraction of the span of the training ranges
+// Factor of the maximum number of clicks per pulse in the training records.
+constexpr double clicks_reserve = 1.25;
+// A record without a body is unusual if more than this fraction of the training records shows one.
+constexpr double nearly_all_records = 0.99;
 
-// Reasons by group of values.
+// Reason for each group of values.
 constexpr std::array unusual{"unusual histogram",
                              "unusual radar profile",
                              "unusual samples of the radar's antennas",
@@ -36,14 +39,14 @@ constexpr std::array unusual{"unusual histogram",
                              "unusual range",
                              "unusual radar profile"};
 
-// Runs and kinds of records are contiguous.
+// Returns the rows in random order, because the records of a run or of a kind are contiguous.
 Rows shuffled(std::size_t rows, Rng& rng) {
   Rows out = all_rows(rows);
   std::shuffle(out.begin(), out.end(), rng);
   return out;
 }
 
-// The rows of the part that show a body, or all if they are few.
+// Returns the rows of `part` that show a body, or all rows if only few do.
 Rows usual_rows(Rows part, const Rows& with_body) {
   std::sort(part.begin(), part.end());
   Rows out;
@@ -74,7 +77,7 @@ Rows OutOfDistributionDetector::learn_ranges(const Matrix& descriptions) {
   Rows out;
   for (std::size_t i = 0; i < descriptions.rows; ++i) {
     if (!shows_body(descriptions.row(i))) continue;
-    // Without a detector the range is undefined.
+    // Without an SPD this value is not a range, and the limits of the range are not used.
     const auto range_m = double{descriptions.row(i)[first_[range]]};
     nearest_m_ = out.empty() ? range_m : std::min(nearest_m_, range_m);
     farthest_m_ = out.empty() ? range_m : std::max(farthest_m_, range_m);
@@ -109,7 +112,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   }
   const Rows with_body = learn_ranges(all);
   share_with_body_ = static_cast<double>(with_body.size()) / static_cast<double>(rows.size());
-  // Records labelled as two people do not define what one person looks like.
+  // Records labelled as two people must not define what a single body looks like.
   const auto shows_two = [&](std::size_t i) { return data.label[rows[i]] == two_people_label; };
   const auto learn = [&](const Rows& part) {
     Rows usual = usual_rows(part, with_body);
@@ -121,7 +124,8 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   };
   Rng rng = make_rng(seed, held_stream);
   const Rows order = shuffled(rows.size(), rng);
-  // With few records none are reserved for the limits: each is tested by a fit to the others.
+  // If there are few records, none is reserved for the limits: each fold is tested by a fit to the
+  // other folds.
   const bool few = rows.size() < few_records;
   const std::size_t parts = rows.size() < many_records ? folds_of_few : folds_of_many;
   std::vector<StatisticValues> held;
@@ -131,7 +135,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   const auto wider = wider_responses(own);
   const RadarNoise noise(data, rows);
   std::vector<std::vector<StatisticValues>> held_brought(wider.size());
-  // Returns the descriptions of records as if they were converted from this response.
+  // Returns the descriptions of records as if they had been converted from the response `from`.
   const auto describe_brought = [&](const Rows& some, const record::RadarResponse& from) {
     Rows taken;
     for (const std::size_t i : some) taken.push_back(rows[i]);
@@ -166,7 +170,8 @@ std::vector<float> OutOfDistributionDetector::describe(std::span<const float> vi
   return out;
 }
 
-// Gives each group the same total variance.
+// Learns the principal components of the descriptions, scaled so that each group has the same total
+// variance.
 void OutOfDistributionDetector::learn_components(const Matrix& descriptions, std::uint64_t seed) {
   const auto variance = column_statistics(descriptions, all_rows(descriptions.rows)).variance;
   scale_.clear();
@@ -198,7 +203,8 @@ OutOfDistributionDetector::StatisticValues OutOfDistributionDetector::find(
       vector(description).cwiseProduct(vector(scale_)) - vector(components_.mean);
   const VectorXf amounts = basis * from_mean;
   const VectorXf off = from_mean - basis.transpose() * amounts;
-  // T^2 = sum (amount / deviation)^2; each value's share of it finds the group.
+  // T^2 = sum over the components of (amount / deviation)^2. The group that contributes most to
+  // this sum gives the reason.
   const auto variance = vector(components_.deviation).array().square();
   const VectorXf weights = basis.transpose() * (amounts.array() / variance).matrix();
   StatisticValues out{{}, histogram};
@@ -224,7 +230,7 @@ OutOfDistributionDetector::Limits OutOfDistributionDetector::limits_of(
     std::vector<float> values;
     for (std::size_t i = 0; i < held.size(); ++i)
       if (s != two || !shows_two[i]) values.push_back(static_cast<float>(held[i].values[s]));
-    if (values.empty()) continue;  // all records show two people
+    if (values.empty()) continue;  // if all records show two people
     const double usual = double{quantile(values, 0.5)};
     const double above = above_limit / (s < groups ? static_cast<double>(groups) : 1.);
     out[s] = {usual, std::max(upper_limit(std::move(values), above), usual + 1e-6)};
@@ -290,7 +296,7 @@ void OutOfDistributionDetector::archive(Archive archive, Limits& limits) {
   for (std::size_t s = 0; s < statistics; ++s) {
     limits[s] = {values[2 * s], values[2 * s + 1]};
     archive.require(limits[s].most >= limits[s].usual, "limits",
-                    "expected at least the usual value");
+                    "expected a limit above the median");
   }
 }
 

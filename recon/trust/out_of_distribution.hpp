@@ -26,23 +26,24 @@
 
 namespace echofuse::recon {
 
-// Label of records of two people.
+// Label of records that show two people.
 inline constexpr std::string_view two_people_label = "two_people";
 
-// A small network detects whether a record shows two bodies. No training record does, but the sum
-// of two records is what two bodies measure if neither hides the other (outlier exposure: Hendrycks
-// et al., ICLR 2019). The network separates views of such sums from views of single records. A view
-// is centred on the centroid of all bodies. The bodies of a sum must be apart sideways, because two
-// bodies cannot occupy one place. With both sensors and a baseline, all bodies are rotated about
-// the SPD (method/rotation.hpp) to augment the data. The rows have at most one body each; their
-// maps give its position. The classifier takes a view without its correlation. Fewer than two
-// bodies cannot be learnt from.
+// Learns to detect whether a record shows two bodies. No training record does, but the sum of two
+// records equals a record of two bodies if neither hides the other (outlier exposure: Hendrycks et
+// al., ICLR 2019). A small network separates views of such sums from views of single records; the
+// views have no correlation.
+// A view is centred on the centroid of all bodies. The two bodies of a sum must be apart sideways,
+// because two bodies cannot occupy one place. If there are both sensors and a baseline, all bodies
+// are rotated about the SPD to augment the data (method/rotation.hpp).
+// `rows`: records with at most one body each; their depth maps give its position. Learns nothing if
+// fewer than two records show a body.
 Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
                             const Dataset& data, const Rows& rows, const SceneModel& scene,
                             std::uint64_t seed);
 
 struct OutOfDistributionScore {
-  double distance = 0, two_bodies = 0;  // above 1: unusual; two_bodies is NaN if unknown
+  double distance = 0, two_bodies = 0;  // unusual if above 1; two_bodies is NaN if unknown
   std::string reason;                   // empty if the record is in distribution
   std::string details;                  // details of the reason; may be empty
   std::string text() const { return details.empty() ? reason : reason + " (" + details + ")"; }
@@ -53,35 +54,36 @@ class OutOfDistributionDetector {
   static constexpr std::size_t least_records = 50;
 
   OutOfDistributionDetector() = default;
-  // Learns from these rows, at least least_records. Row i of the views belongs to record i of the
-  // data; without a detector the views are empty. The scene finds the bodies in the maps.
+  // Learns from these rows; at least least_records are needed. Row i of `views` belongs to record i
+  // of `data`; `views` is empty if there is no SPD. `scene` serves to find the bodies in the depth
+  // maps.
   OutOfDistributionDetector(const Alignment& alignment, const Dataset& data, const Matrix& views,
                             const Rows& rows, Inputs inputs, const SceneModel& scene,
                             std::uint64_t seed);
-  // Row i of the views belongs to rows[i] of the data.
+  // Returns one score per record. Row i of `views` belongs to rows[i] of the data.
   std::vector<OutOfDistributionScore> score(const Matrix& views, const Dataset& data,
                                             const Rows& rows) const;
 
   void archive(Archive archive, const Features& of_model, const Alignment& alignment);
 
  private:
-  // Groups of values of a description, in order.
+  // Groups of the values of a description, in this order.
   enum Group : std::size_t { histogram, radar, direction, spread, range, profile, groups };
-  // One Q per group, then T^2 and two bodies.
+  // Statistics of a record: Q of each group, then T^2 and two bodies.
   enum Statistic : std::size_t { t2 = groups, two, statistics };
   struct StatisticValues {
     std::array<double, statistics> values;  // logarithms of Q and T^2; log odds of two bodies
-    Group along;                            // group with the greatest share of T^2
+    Group along;                            // group that contributes most to T^2
   };
-  // Limit of a statistic, set by records that were not fitted.
+  // Limit of a statistic, learnt from records that were not used for the fit.
   struct Limit {
-    double usual = 0, most = 1;  // median of the records, and their limit
+    double usual = 0, most = 1;  // median of these records; their limit
     double share(double value) const { return (value - usual) / (most - usual); }
   };
   void use(const Features& sensors, const Alignment& alignment);
   using Limits = std::array<Limit, statistics>;
   struct LimitsAtWidth {
-    double times_wider;  // width of the measured response over the model's
+    double times_wider;  // width of the measured radar response over that of the model
     Limits limits;
   };
   void learn_components(const Matrix& descriptions, std::uint64_t seed);
@@ -89,23 +91,25 @@ class OutOfDistributionDetector {
                           const std::vector<bool>& shows_two);
   Limits limits_for(double times_wider) const;
   static void archive(Archive archive, Limits& limits);
-  // A view without its correlation, and the normalised profile.
+  // Returns the description of a record: its view without correlation, and its normalised profile.
   std::vector<float> describe(std::span<const float> view, const Dataset& data,
                               std::size_t row) const;
-  bool shows_body(std::span<const float> description) const;  // true without a detector
-  // Rows that show a body; sets the limits of their ranges.
+  // Returns true if a record shows a body; always true if there is no SPD.
+  bool shows_body(std::span<const float> description) const;
+  // Returns the rows that show a body, and sets the limits of the range from them.
   Rows learn_ranges(const Matrix& descriptions);
-  // Descriptions of all records.
+  // Returns the descriptions of all records, one per row.
   Matrix describe_all(const Dataset& data, const Features& sensors,
                       const Alignment& alignment) const;
   StatisticValues find(std::span<const float> description) const;
 
-  std::array<std::size_t, groups + 1> first_{};  // start of each group, and the end
-  std::vector<float> scale_;                     // factor of each value of a description
-  Components components_;                        // components of scaled descriptions
+  // index of the first value of each group, and the end
+  std::array<std::size_t, groups + 1> first_{};
+  std::vector<float> scale_;  // scale factor of each value of a description
+  Components components_;     // principal components of the scaled descriptions
   Classifier two_bodies_;
   Limits limits_;
-  std::vector<LimitsAtWidth> brought_;  // narrowest first
+  std::vector<LimitsAtWidth> brought_;  // limits of converted records, narrowest response first
   double nearest_m_ = 0, farthest_m_ = 0, most_clicks_per_start_ = 0, share_with_body_ = 0;
 };
 

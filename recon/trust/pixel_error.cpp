@@ -15,7 +15,7 @@ struct CurvePosition {
   double part;
 };
 
-// Returns the position of a share among the nodes of a curve.
+// Returns the position of a probability between the nodes of a curve.
 CurvePosition node_of(double share, std::size_t nodes) {
   const double at = std::clamp(share, 0.0, 1.0) * static_cast<double>(nodes - 1);
   const auto low = std::min(static_cast<std::size_t>(at), nodes - 2);
@@ -29,12 +29,13 @@ SoftMaps probabilities_of(const Matrix& maps, const SceneModel& scene) {
   for (float& v : out.foreground_probability.values)
     v = scene.has_body() ? std::clamp(v, 0.f, 1.f) : 1;
   std::fill(out.depth.values.begin(), out.depth.values.end(), scene.foreground_depth_m);
-  if (!scene.has_body()) out.depth = maps;  // the whole map counts as the body
+  // if there is no body, the whole map counts as foreground
+  if (!scene.has_body()) out.depth = maps;
   return out;
 }
 
-// Blurs each row of shares horizontally by its entry of the list (standard deviation, m), at the
-// row's depths.
+// Blurs each map of foreground probabilities horizontally. Its standard deviation is an entry of
+// the list (m), converted to pixels at the depth of the central pixel.
 void blur(SoftMaps& maps, const record::MapGrid& grid, const std::vector<double>& deviation_m) {
   constexpr double least_pixels = 0.2;
   const auto side = static_cast<int>(grid.size);
@@ -76,7 +77,7 @@ void PixelError::fit(const SoftMaps& soft, const Matrix& truth, const SceneModel
       squares += std::pow(double{map[p]} - double{depth[p]}, 2), ++count;
     }
   }
-  double below = 0;  // the curve must not fall
+  double below = 0;  // running maximum, because the curve must not fall
   for (std::size_t k = 0; k < curve_.size(); ++k)
     below = curve_[k] = std::max(below, weight[k] > 0 ? body[k] / weight[k] : 0);
   depth_deviation_m_ = count > 0 ? std::sqrt(squares / count) : 0;
@@ -105,7 +106,7 @@ void PixelError::archive(Archive archive) {
   archive.values("curve", curve, curve_.size());
   archive.require(
       std::all_of(curve.begin(), curve.end(), [](double s) { return s >= 0 && s <= 1; }), "curve",
-      "expected shares from 0 to 1");
+      "expected values from 0 to 1");
   std::copy(curve.begin(), curve.end(), curve_.begin());
   archive.number("depth_deviation_m", depth_deviation_m_, 0, record::most_map_far_m);
 }

@@ -14,24 +14,27 @@
 
 namespace echofuse::recon {
 
-// Returns a model's soft maps, each blurred horizontally by the (normal) uncertainty of its body's
-// position; a map is not blurred if its uncertainty is NaN. For a model without soft maps (no rows)
-// it returns the mean maps as probabilities; these are blurred already.
+// Returns the soft maps that PixelError needs. Each soft map of the model is blurred horizontally
+// by the (normal) uncertainty of the body's position, unless the uncertainty is NaN. If the model
+// has no soft maps (`own` has no rows), computes probabilities from its mean maps, which are
+// blurred already.
 SoftMaps soft_of(SoftMaps own, const Matrix& maps, const SceneModel& scene,
                  const std::vector<double>& lateral_interval_90_m);
 
 class PixelError {
  public:
-  // `truth`: the true maps, one per row.
+  // Learns the calibration curve and the spread of the body's depths. `truth`: true maps, one per
+  // row.
   void fit(const SoftMaps& soft, const Matrix& truth, const SceneModel& scene);
   // Returns two tables in metres: the mean p z + (1 - p) B, and the standard deviation sqrt(p (1 -
-  // p) (z - B)^2 + p s^2), where s is the spread of depths of the body.
+  // p) (z - B)^2 + p s^2). p is the calibrated probability of the body, z its depth, B the
+  // background, and s the spread of the body's depths.
   std::pair<Matrix, Matrix> operator()(const SoftMaps& soft, const SceneModel& scene) const;
 
   void archive(Archive archive);
 
  private:
-  std::array<double, 11> curve_{};  // values at shares of 0, 0.1 .. 1
+  std::array<double, 11> curve_{};  // calibrated probabilities for 0, 0.1 .. 1
   double depth_deviation_m_ = 0;
 };
 

@@ -13,7 +13,7 @@ namespace {
 using Kind = RecordNumber::Kind;
 
 struct Moments {
-  double deviation, skewness;  // deviation in points
+  double deviation, skewness;  // standard deviation, in points; skewness
 };
 
 Moments moments_of(const std::vector<double>& weights) {
@@ -41,10 +41,11 @@ std::array<double, 4> numbers_of_spd(std::span<const float> histogram,
   return {std::log(m.deviation), m.skewness, background / std::max(all, 1.), range_m};
 }
 
-// `body`: the profile near the body, or the whole profile.
+// Returns the numbers of the radar. `body`: profile around the body, or the whole profile if there
+// is no SPD. `power`: whole profile.
 std::array<double, 4> numbers_of_radar(std::span<const float> body, std::span<const float> power) {
   std::vector<double> squares(body.begin(), body.end());
-  for (double& v : squares) v *= v;  // reduces the weight of noise and side lobes
+  for (double& v : squares) v *= v;  // squares give less weight to noise and side lobes
   const Moments m = moments_of(squares);
   const auto peak =
       static_cast<std::size_t>(std::max_element(power.begin(), power.end()) - power.begin());

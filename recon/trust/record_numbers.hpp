@@ -13,20 +13,22 @@ namespace echofuse::recon {
 struct RecordNumber {
   enum class Kind : std::uint8_t { ratio, length, number };
   const char* name;
-  Kind kind;     // ratio: logarithm; length: metres
-  double floor;  // least deviation, for a number that is constant in the training
+  Kind kind;  // ratio: the number is a logarithm; length: it is in metres
+  // Minimum standard deviation, for a number that is constant in the training data.
+  double floor;
 };
-// Four numbers of the detector, four of the radar, and the difference of their ranges.
+// Four numbers of the SPD, four of the radar, and the difference between their ranges.
 inline constexpr std::size_t record_number_count = 9, radar_range_number = 8;
 extern const std::array<RecordNumber, record_number_count> record_numbers;
 
-// Returns [m x record_number_count], one row for each of `rows` that shows a body. NaN: unknown,
-// e.g. for a sensor that is not an input. Row i of the views belongs to record i of the data;
-// without a detector the views have no columns.
+// Returns [m x record_number_count], one row for each of the `rows` that shows a body. NaN:
+// unknown, e.g. if the sensor is not an input. Row i of `views` belongs to record i of `data`;
+// `views` has no columns if there is no SPD.
 Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const Matrix& views,
                          const Rows& rows, Inputs inputs);
 
-// Returns a profile's peak over the standard deviation of its weaker half.
+// Returns the peak of a profile above the mean of its weaker half, divided by the standard
+// deviation of that half.
 float peak_to_noise(std::span<const float> power);
 
 }  // namespace echofuse::recon

@@ -13,19 +13,19 @@
 namespace echofuse::recon {
 namespace {
 
-// Depth range of each body, including outstretched arms.
-constexpr double least_apart_m = 0.4;  // sideways
-constexpr int most_tries = 20;         // attempts to draw two bodies far enough apart
-constexpr std::uint64_t pair_stream = 0x70616972, rotation_stream = 0x7475726e;  // "pair", "turn"
+constexpr double least_apart_m = 0.4;  // minimum lateral distance of two bodies
+constexpr int most_tries = 20;  // limit of attempts to draw two bodies that are far enough apart
+// ASCII "pair", "turn"
+constexpr std::uint64_t pair_stream = 0x70616972, rotation_stream = 0x7475726e;
 constexpr std::size_t most_pairs = 96'000, pairs_a_record = 32;
 constexpr std::size_t most_rotated = 48'000, rotated_per_record = 16;
 const std::vector<std::size_t> hidden = {128, 64};
 constexpr std::size_t batch = 256, draws_a_record = 350, most_draws = 2'000'000;
 constexpr double learning_rate = 4e-3;
 
-// Records with a body of known position, one per row.
+// Records with a body at a known position, one record per row.
 struct KnownBodies {
-  Matrix observations, views, radar;  // views without correlation
+  Matrix observations, views, radar;  // the views have no correlation
   std::vector<Place> places;
 };
 
@@ -47,9 +47,9 @@ KnownBodies known_bodies(const Alignment& alignment, const Features& sensors, co
 }
 
 struct BodySource {
-  std::size_t k, as;  // which record, and the record of its azimuth
+  std::size_t k, as;  // record of the body; record from which its azimuth is taken
 };
-using BodySum = std::vector<BodySource>;  // bodies added up to one record
+using BodySum = std::vector<BodySource>;  // bodies that are added up to one record
 
 double side_m(const KnownBodies& known, const BodySource& body) {
   const auto tangent = double{known.places[body.as].tangent};
@@ -79,7 +79,7 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
   }
 
   const auto any = [&](Rng& rng) { return any_row(bodies.size(), rng); };
-  // Subtracts one background, because a record contains it only once.
+  // Subtracted from all but one of the records, because a record contains the background only once.
   const std::vector<float> background = alignment.background();
   const auto add_up = [&](std::span<const BodySource> some, std::span<float> view) {
     const auto first = observations.row(some[0].k);

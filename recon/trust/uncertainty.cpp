@@ -17,11 +17,11 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double smallest_error_m = 3e-3;  // smaller errors count as this
+constexpr double smallest_error_m = 3e-3;  // smaller errors are set to this
 constexpr double penalty = 1e-3;
 constexpr std::size_t folds = 5;
 
-// Returns the clicks above the background in standard deviations of all clicks.
+// Returns the clicks above the background, divided by the standard deviation of all clicks.
 float significance(std::span<const float> counts) {
   std::vector<float> sorted(counts.begin(), counts.end());
   const float level = quantile(sorted, 0.5);
@@ -30,7 +30,7 @@ float significance(std::span<const float> counts) {
   return static_cast<float>(std::max(above, 0.0) / std::sqrt(all + 1));
 }
 
-// Quantile of new ratios at this share (conformal prediction).
+// Returns the factor that 90 % of new ratios do not exceed (conformal prediction).
 double factor_of(std::vector<double> ratios) {
   std::sort(ratios.begin(), ratios.end());
   const auto rank = static_cast<std::size_t>(
@@ -38,8 +38,9 @@ double factor_of(std::vector<double> ratios) {
   return ratios[std::min(rank, ratios.size()) - 1];
 }
 
-// Returns the lateral error of this body in 90 % of calibrations with the run's stated error; 0 if
-// the run states none, or if the side does not follow from the two ranges alone.
+// Returns the lateral error that results from the calibration: 90 % of calibrations with the stated
+// standard error cause a smaller one. Returns 0 if the run states no error, or if the side of a
+// body does not follow from the two ranges alone.
 double calibration_error_m(const Dataset& data, std::size_t row, Inputs inputs,
                            std::span<const float> map, const SceneModel& scene) {
   constexpr double deviations_90 = 1.645;
@@ -110,7 +111,7 @@ void LateralError::fit(const Matrix& predictors, const std::vector<double>& erro
   weights_ = linear_fit(terms, targets, std::vector<float>(targets.size(), 1.f), penalty);
   std::vector<double> ratios;
   for (std::size_t fold = 0; fold < folds; ++fold) {
-    std::vector<float> counts;  // weight of each record; its copies are held out with it
+    std::vector<float> counts;  // 0 for a record that is held out, and for its copies
     for (const std::size_t i : known) counts.push_back(i % plain % folds == fold ? 0.f : 1.f);
     const auto weights = linear_fit(terms, targets, counts, penalty);
     for (std::size_t i = 0; i < known_plain; ++i)
@@ -162,7 +163,7 @@ void LateralError::archive(Archive archive, std::size_t predictors) {
   archive.values("least", least_, n);
   archive.values("most", most_, n);
   for (std::size_t c = 0; c < n; ++c)
-    archive.require(least_[c] <= most_[c], "least", "expected at most the greatest value");
+    archive.require(least_[c] <= most_[c], "least", "expected at most the value in \"most\"");
 }
 
 std::vector<PredictionUncertainty> UncertaintyModel::trust(const Matrix& views, const Matrix& maps,

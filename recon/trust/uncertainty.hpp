@@ -14,45 +14,50 @@
 
 namespace echofuse::recon {
 
-// Weighted least squares in closed form: returns the w that minimises |inputs w - targets|^2 with
-// row weights `counts`. `penalty` applies to the squares of w, for columns of unit mean square.
+// Weighted linear fit in closed form: returns the w that minimises the mean of (inputs w -
+// targets)^2, with row weights `counts`, plus `penalty` times |w|^2. The penalty refers to columns
+// scaled to a mean square of 1.
 std::vector<double> linear_fit(const Matrix& inputs, std::span<const float> targets,
                                std::span<const float> counts, double penalty);
 
 double product(std::span<const float> row, std::span<const double> weights);
 
-// The terms are 1, each value, and each product of two values.
+// Returns 1, each value, and each product of two values.
 std::vector<float> quadratic_terms(std::span<const float> values);
 
-// True if a model with these inputs derives the side of a body from the difference of both ranges
-// alone.
+// Returns true if a model with these inputs finds the side of a body only from the difference
+// between both ranges.
 bool side_by_ranges(const Dataset& data, Inputs inputs);
 
-// Predictors of a map's error that are known when it is made. Row i, for map i and record rows[i]:
-// |x/z| of the map's foreground (NaN without one); of the SPD log(1 + clicks above the
-// background, in standard deviations of all clicks); of the radar log(peak over the standard
-// deviation of the weaker half of the profile), corrected for a filter that smooths the noise.
+// Returns predictors of the error of a map, known without the truth, one row per map: |x/z| of the
+// map's foreground (NaN if there is none); for the SPD log(1 + clicks above the background, in
+// standard deviations of all clicks); for the radar log(peak over the standard deviation of the
+// weaker half of the profile), corrected if a filter has smoothed the noise. Row i belongs to map i
+// and record rows[i].
 Matrix predictors_of(const Matrix& maps, const SceneModel& scene, const Dataset& data,
                      const Rows& rows, Inputs inputs);
 
 // Interval of the lateral error, which grows with |x/z| and with noise. A regression on the
-// predictors gives the logarithm of the typical error. A factor widens it to contain 90 % of the
-// validation records, each tested on a regression without it (cross-conformal prediction; Vovk,
-// Ann. Math. Artif. Intell. 74, 9, 2015).
+// predictors gives the logarithm of the typical error. A factor widens the interval until it
+// contains the errors of 90 % of the validation records. Each of these is tested by a regression
+// fitted without it (cross-conformal prediction; Vovk, Ann. Math. Artif. Intell. 74, 9, 2015).
 class LateralError {
  public:
   static constexpr double share_within = 0.9;
 
-  // Row i of both belongs together; a NaN error is skipped. The first `plain` rows are unmodified
-  // records, which set the factor. The others are copies of them, in the same order. Learns nothing
-  // from fewer than least_records known errors.
+  // Learns from the errors of maps; row i of `predictors` belongs to error_m[i], and an error of
+  // NaN is skipped. The first `plain` rows are unmodified records; only these set the factor. The
+  // other rows are degraded copies of them, in the same order. Learns nothing if fewer than
+  // least_records errors of unmodified records are known.
   static constexpr std::size_t least_records = 30;
   void fit(const Matrix& predictors, const std::vector<double>& error_m, std::size_t plain);
-  // Learns the factor for records with a radar converted from a response this many times wider,
-  // from imitations of validation records. Narrowest first; the factor is interpolated.
+  // Learns the factor for records with a radar response converted from one that is `times_wider`
+  // times wider, from imitations of validation records. Call it for the narrowest response first.
+  // The factor is interpolated between widths.
   void add_brought(double times_wider, const Matrix& predictors,
                    const std::vector<double>& error_m);
-  // Returns metres; NaN if nothing was learnt.
+  // Returns the lateral error that 90 % of the records do not exceed, m; NaN if nothing was learnt
+  // or the map has no foreground.
   double operator()(std::span<const float> predictors, double times_wider = 1) const;
 
   void archive(Archive archive, std::size_t predictors);
@@ -61,21 +66,21 @@ class LateralError {
   std::vector<float> terms_of(std::span<const float> predictors) const;
   double factor_for(double times_wider) const;
 
-  std::vector<float> least_, most_;  // ranges of the predictors
+  std::vector<float> least_, most_;  // smallest and largest value of each predictor
   std::vector<double> weights_;
   double factor_ = 0;
   std::vector<double> brought_times_wider_, brought_factor_;
 };
 
-// Uncertainty of one reconstruction.
+// Uncertainty of one reconstructed map.
 struct PredictionUncertainty {
-  // Radius around the shown position that contains the body in 90 % of the records like the
-  // training, in m. Includes the calibration error stated by the run: an error s of the difference
-  // of both ranges moves a body at range r sideways by s r / b (baseline b). NaN if the record is
-  // out of distribution or shows no body.
+  // Lateral distance from the shown position that contains the body in 90 % of the records like the
+  // training data, m. Includes the calibration error that the run states: an error s of the
+  // difference between both ranges moves a body at range r sideways by s r / b (baseline b). NaN if
+  // the record is out of distribution or shows no body.
   double lateral_interval_90_m = std::numeric_limits<double>::quiet_NaN();
   OutOfDistributionScore out_of_distribution = {};
-  bool stated = false;  // false if the estimator used has no uncertainty
+  bool stated = false;  // false: the estimator has no uncertainty
 };
 
 struct UncertaintyModel {
@@ -83,8 +88,8 @@ struct UncertaintyModel {
   LateralError lateral;
   PixelError pixels;
 
-  // Step 6 of the method (method/method.hpp): returns the error to expect of each map, and whether
-  // its record is in distribution. Row i of views and maps belongs to rows[i].
+  // Step 6 of the method (method/method.hpp): returns the expected error of each map, and whether
+  // its record is in distribution. Row i of `views` and `maps` belongs to rows[i].
   std::vector<PredictionUncertainty> trust(const Matrix& views, const Matrix& maps,
                                            const SceneModel& scene, const Dataset& data,
                                            const Rows& rows, Inputs inputs) const;

@@ -71,7 +71,7 @@ TEST_CASE("lossy records are counted, and used unless a setting excludes them") 
   CHECK(data.usable(Inputs::fused).size() == 39);
   const std::string train = "train --model mean " + (dir / "a") + " --out ";
   CHECK_THAT(recon_program(train + (dir / "m")).text,
-             Catch::Contains("2 lossy records are used; --set lossy=leave leaves them out"));
+             Catch::Contains("2 lossy records are used; --set lossy=leave excludes them"));
   CHECK_THAT(
       recon_program(train + (dir / "n") + " --set lossy=leave").text,
       Catch::Contains("3 of 40 records left out: SPD weak 1, camera lossy 1, radar lossy 1"));
@@ -305,8 +305,8 @@ TEST_CASE(
     write_run(dir / name, 12, 1, [&](record::FusedRecord& r) { r.valid.erase(lost); });
     return "train " + (dir / name) + " --out " + (dir / "m");
   };
-  refuses(run("blind", Sensor::radar), 1, "no record has radar: --inputs spd");
-  refuses(run("dark", Sensor::spd), 1, "no record has spd: --inputs radar");
+  refuses(run("blind", Sensor::radar), 1, "no record has radar: use --inputs spd");
+  refuses(run("dark", Sensor::spd), 1, "no record has spd: use --inputs radar");
   refuses(run("without_maps", Sensor::depth), 1, "no record has a depth map");
   const auto held = [](record::FusedRecord& r) {
     Rng rng = make_rng(1, static_cast<std::uint64_t>(r.index) / 12);
