@@ -13,33 +13,34 @@
 
 namespace echofuse::recon {
 
-// Colour scale of all maps of a model.
+// Range of the colour scale, common to all maps of a model.
 struct DepthSpan {
   double near = 2.5, far = 5;  // m
 };
 
-// Formats of N x N maps. To add one: a row in map_files.cpp, and its branch in MapFiles::prepare.
-//   colour  NNNNNN.png: picture of the foreground
-//   mm      NNNNNN_mm.png: 16-bit grey, z in millimetres, 0 = no return
-//   ply     NNNNNN.ply: points x (right), y (down), z (away) in metres, the right-handed frame of
-//           camera.json, in the picture's colours; from the thresholded map (scene_model.hpp),
-//           because the ripple of a least-squares map would give scattered points
-//   npy     maps.npy with all maps: float32 [n, N, N], metres, NaN: no return; records.csv lists
-//           their records. `evaluate --maps` reads both.
-//   foreground  thresholded.npy, like maps.npy, and share.npy: foreground_share (scene_model.hpp)
-//   uncertainty  NNNNNN_sd.png: 16-bit grey, standard deviation of z in millimetres, 0 if the
-//           estimator states none; together with npy also deviation.npy with NaN for 0
-// In addition camera.json: pinhole camera of the images, in pixels, and the number of steps per
-// metre in NNNNNN_mm.png.
+// Returns the names of the formats of N x N maps (NNNNNN is the record index):
+//   colour  NNNNNN.png: colour picture of the foreground
+//   mm      NNNNNN_mm.png: 16-bit grey, z in millimetres, 0: no return
+//   ply     NNNNNN.ply: point cloud with x (right), y (down), z (away) in metres, in the
+//           right-handed frame of camera.json and with the colours of the picture. Points are those
+//           of the thresholded map (scene_model.hpp), because a least-squares map has a ripple that
+//           would scatter the points.
+//   npy     maps.npy with all maps: float32 [n, N, N], metres, NaN: no return. records.csv lists
+//           the records of the maps. `evaluate --maps` reads both files.
+//   foreground   thresholded.npy, in the format of maps.npy, and share.npy with the foreground
+//                fraction of each pixel (foreground_share in scene_model.hpp)
+//   uncertainty  NNNNNN_sd.png: 16-bit grey, standard deviation of z in millimetres, 0: unknown.
+//                With npy also deviation.npy, which has NaN instead of 0.
+// camera.json is always written: pinhole camera of the images, in pixels, and the number of steps
+// per metre in NNNNNN_mm.png. A new format needs a row in map_files.cpp and a branch in
+// MapFiles::prepare().
 std::vector<std::string> map_format_names();
-std::string map_format_help();  // one line per format
+std::string map_format_help();  // returns "NAME (DESCRIPTION), NAME (DESCRIPTION), ..."
 
-// Writes into an existing folder; every member throws Error(disk).
+// Writes maps into an existing folder. Every function that writes throws Error(disk) on failure.
 class MapFiles {
  public:
   MapFiles(std::string folder, const std::vector<std::string>& formats, const SceneModel& scene);
-  // Files of one map, in memory. `deviation`: standard deviation of each pixel, m; may be empty
-  // unless the format uncertainty is requested. Threading: any thread may call prepare().
   struct MapFile {
     std::string path;
     Bytes contents;
@@ -47,12 +48,14 @@ class MapFiles {
   struct Ready {
     std::int64_t index;
     std::vector<MapFile> pictures;
-    std::map<std::string, std::vector<float>> rows;  // rows appended to NAME.npy
+    std::map<std::string, std::vector<float>> rows;  // a row for each array file NAME.npy
   };
+  // Returns the files of one map, in memory. `deviation`: standard deviation of each pixel, m; may
+  // be empty unless the format "uncertainty" is requested. Threading: any thread.
   Ready prepare(std::int64_t index, std::span<const float> prediction,
                 std::span<const float> deviation) const;
   void write(const Ready& ready);
-  void close();  // completes the files of all maps
+  void close();  // completes the array files
 
  private:
   bool wants(const char* format) const;
@@ -60,7 +63,7 @@ class MapFiles {
   std::vector<std::string> formats_;
   const SceneModel& scene_;
   DepthSpan span_;
-  std::map<std::string, NpyWriter> arrays_;  // by name
+  std::map<std::string, NpyWriter> arrays_;  // by name of the array
 };
 
 }  // namespace echofuse::recon

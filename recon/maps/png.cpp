@@ -18,7 +18,7 @@ void put_big_endian(Bytes& out, std::uint32_t v) {
   for (int shift = 24; shift >= 0; shift -= 8) out.push_back(static_cast<std::uint8_t>(v >> shift));
 }
 
-// `contents` begins with the chunk type.
+// Appends a chunk. `contents` begins with the type of the chunk.
 void put_chunk(Bytes& out, ByteView contents) {
   put_big_endian(out, static_cast<std::uint32_t>(contents.size() - 4));
   out.insert(out.end(), contents.begin(), contents.end());
@@ -28,7 +28,7 @@ void put_chunk(Bytes& out, ByteView contents) {
 constexpr std::uint8_t signature[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
 enum Colours : std::uint8_t { grey = 0, rgb = 2 };
 
-// `rows`: each begins with its filter type, 0.
+// Returns a PNG; empty on failure. Each row begins with its filter type, 0.
 Bytes encode(ByteView rows, std::uint32_t width, std::uint32_t height, std::uint8_t bits,
              Colours colours) {
   Bytes head = {'I', 'H', 'D', 'R'}, data = {'I', 'D', 'A', 'T'};
@@ -51,12 +51,14 @@ std::uint32_t big_endian(ByteView bytes, std::size_t at) {
 }
 
 // Returns the compressed rows of a PNG in the layout of encode_png16: signature, IHDR of this size
-// (16 bits, grey, not interlaced), IDATs, IEND. Returns nothing if there are other chunks, so that
-// a decoder cannot be made to allocate memory. The rows have their own checksum.
+// (16 bits, grey, not interlaced), IDATs, IEND. Returns nothing if there are other chunks, because
+// these could make a decoder allocate memory. Does not check the CRC of an IDAT, because the
+// compressed rows have their own checksum.
 std::optional<Bytes> compressed_rows(ByteView png, std::uint32_t width, std::uint32_t height) {
   constexpr std::uint8_t begin[] = {0, 0, 0, 13, 'I', 'H', 'D', 'R'};
   constexpr std::uint8_t kind[] = {16, 0, 0, 0, 0};
-  constexpr std::size_t first_chunk = 33, around_data = 12;  // length, type, CRC
+  // Bytes before the first IDAT; bytes of a chunk without its data: length, type and CRC.
+  constexpr std::size_t first_chunk = 33, around_data = 12;
   if (png.size() < first_chunk ||
       !std::equal(std::begin(signature), std::end(signature), png.begin()) ||
       !std::equal(std::begin(begin), std::end(begin), png.begin() + sizeof signature) ||
@@ -77,7 +79,8 @@ std::optional<Bytes> compressed_rows(ByteView png, std::uint32_t width, std::uin
   return std::nullopt;
 }
 
-// Reverses the filter of a row of 16-bit pixels (PNG, 9.2); `above`: the previous row, or zeros.
+// Reverses the filter of a row of 16-bit pixels (PNG specification, section 9.2). `above`: the
+// previous row, or zeros. Returns false if the filter type is unknown.
 bool unfilter(std::uint8_t filter, std::span<std::uint8_t> row, ByteView above) {
   enum Filter : std::uint8_t { none, sub, up, average, paeth };
   if (filter > paeth) return false;

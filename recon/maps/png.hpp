@@ -9,13 +9,15 @@
 
 namespace echofuse::recon {
 
-// Empty if there are more pixels than allowed in a depth image (record::max_depth_pixels).
+// Returns a 16-bit grey PNG; empty if it would have more pixels than a depth image is allowed to
+// have (record::max_depth_pixels).
 Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width,
                    std::uint32_t height);
-// Three bytes per pixel: red, green, blue. Empty on failure.
+// Returns a colour PNG from three bytes per pixel (red, green, blue); empty on failure.
 Bytes encode_png_rgb(std::span<const std::uint8_t> pixels, std::uint32_t width,
                      std::uint32_t height);
-// Empty unless the bytes are a 16-bit grey PNG of this size in the layout of encode_png16.
+// Returns the pixels of a PNG; empty unless it is a 16-bit grey PNG of this size in the layout of
+// encode_png16.
 std::vector<std::uint16_t> decode_png16(ByteView png, std::uint32_t width, std::uint32_t height);
 
 }  // namespace echofuse::recon

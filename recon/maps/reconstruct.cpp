@@ -33,14 +33,15 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t part_records = 64;  // records per prediction; while following, per read
+// Records per prediction; with options.follow, records per read.
+constexpr std::size_t part_records = 64;
 
 bool wants_uncertainty(const ReconstructOptions& options) {
   const auto& formats = options.formats;
   return std::find(formats.begin(), formats.end(), "uncertainty") != formats.end();
 }
 
-// Throws Error(usage).
+// Returns the record indices in the value of --rows. Throws Error(usage).
 std::set<std::int64_t> indices_of(const std::string& text) {
   std::set<std::int64_t> out;
   for (const std::string& word : split_at_commas(text)) {
@@ -54,7 +55,8 @@ std::set<std::int64_t> indices_of(const std::string& text) {
   return out;
 }
 
-// Indices of the run's records that trained the model, if known from their numbers.
+// Returns the indices of the run's records that were used to train the model, if the model lists
+// them.
 std::set<std::int64_t> trained_on(const TrainedModel& model, const std::string& uuid) {
   std::set<std::int64_t> out;
   for (std::size_t i = 0; i < model.training.index.size(); ++i)
@@ -64,7 +66,7 @@ std::set<std::int64_t> trained_on(const TrainedModel& model, const std::string& 
   return out;
 }
 
-// Writes OUT/run.txt: the run of the maps, and its records that trained the model.
+// Writes OUT/run.txt: the run of the maps, and its records that were used to train the model.
 void mark(const ReconstructOptions& options, const TrainedModel& model,
           const record::RunReader& run, const std::set<std::int64_t>& trained) {
   std::string numbers;
@@ -119,7 +121,7 @@ class StatusTable {
   std::ofstream out_;
 };
 
-// Reconstruction of one run: reads records, predicts maps, writes files and records.csv.
+// Reconstructs one run: reads records, predicts maps, writes files and records.csv.
 class RunReconstructor {
  public:
   RunReconstructor(const TrainedModel& model, const ReconstructOptions& options)
@@ -129,10 +131,10 @@ class RunReconstructor {
         table_(options.out + "/records.csv"),
         started_(clock_.now()) {}
 
-  // Reconstructs a complete run. Reads all records before the first map, because notes about the
-  // run depend on all of them.
+  // Reconstructs a complete run. Reads all records before the first map is made, because notes
+  // about the run depend on all of them.
   void take_all(const record::RunReader& run);
-  // Reconstructs the records added since the last call; returns true if there were any.
+  // Reconstructs the records added to the run since the last call; returns true if there were any.
   bool take_new(const record::RunReader& run);
   void close() { files_.close(), table_.close(); }
 
@@ -140,7 +142,7 @@ class RunReconstructor {
   Dataset read(const record::RunReader& run, std::size_t at_most);
   Rows take_rows_asked(const Dataset& data);
   Records prepare_new(Dataset data);
-  // Files and statuses of consecutive records; files only for records with maps.
+  // Statuses of consecutive records; a record with a map also has files.
   using PreparedMaps = std::vector<std::pair<RecordStatus, std::optional<MapFiles::Ready>>>;
   PreparedMaps make(const Records& records, std::span<const std::size_t> rows) const;
   void write(const Records& records, std::span<const std::size_t> rows, PreparedMaps made);
@@ -156,11 +158,11 @@ class RunReconstructor {
   SystemClock clock_;
   HostTime started_, read_{};
   std::int64_t next_ = 0;
-  std::deque<RecordStatus> bad_;   // read, but not yet reported
-  std::string antennas_, ranges_;  // last notes on these
+  std::deque<RecordStatus> bad_;   // unusable records, read but not yet reported
+  std::string antennas_, ranges_;  // last notes on antennas and ranges
 };
 
-// Reads records without depth images, which maps do not need.
+// Reads the next records without depth images, because maps do not need these.
 Dataset RunReconstructor::read(const record::RunReader& run, std::size_t at_most) {
   Dataset out = load_part(run, next_, at_most, sensors_of(model_->features.inputs),
                           [&](std::int64_t index, const std::string& fault) {
@@ -170,15 +172,16 @@ Dataset RunReconstructor::read(const record::RunReader& run, std::size_t at_most
   return out;
 }
 
-// Returns the rows of a complete run requested by options.rows, and drops other unusable records.
+// Returns the rows of a complete run that options.rows requests. Discards the reports of unusable
+// records that are not requested.
 Rows RunReconstructor::take_rows_asked(const Dataset& data) {
   if (options_.rows.empty()) return all_rows(data.size());
   if (options_.rows == "test") {
     Rows rows = model_.rows_of(data, Subset::test);
     if (rows.empty())
       throw Error(ExitCode::failed,
-                  "--rows test: the model was not trained on this run, or without "
-                  "held-out records");
+                  "--rows test: the model was not trained on this run, or its training "
+                  "held out no records");
     std::ranges::sort(rows);
     return bad_.clear(), rows;
   }
@@ -199,13 +202,14 @@ void RunReconstructor::take_all(const record::RunReader& run) {
   Progress progress("reconstructing", count, options_.quiet);
   const Records records = prepare_records(model_, read(run, count), options_.range_offset_m);
   const Rows rows = take_rows_asked(records.data);
-  // Finds copies of training records under another name by their counts.
+  // Also finds training records by their counts, in case the run is a copy under another
+  // identifier.
   std::set<std::int64_t> trained = trained_on(model_, run.info().uuid);
   for (const std::size_t row : model_.rows_trained_on(records.data))
     trained.insert(records.data.index[row]);
   mark(options_, model_, run, trained);
-  // Threading: this thread tests the run, then writes one part while others predict and encode the
-  // next.
+  // Threading: this thread tests the run and writes one part, while other threads predict and
+  // encode the next parts.
   const std::size_t ahead = std::max(2u, usable_cores());
   std::deque<std::future<PreparedMaps>> next;
   auto start = [&, left = std::span(rows)]() mutable {
@@ -242,7 +246,7 @@ bool RunReconstructor::take_new(const record::RunReader& run) {
 
 Records RunReconstructor::prepare_new(Dataset data) {
   const Rows all = all_rows(data.size());
-  // A sensor's axis may appear after the first records of a run in progress.
+  // In a run in progress, the axis of a sensor may appear after the first records.
   if (std::none_of(all.begin(), all.end(),
                    [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
     return {std::move(data), {}, {}, {}};
@@ -293,7 +297,8 @@ void RunReconstructor::time(RecordStatus& status, HostTime slot_end) const {
   status.after_reading_s = seconds(clock_.now() - read_);
 }
 
-// Refuses a folder with maps of another run, which would remain among the new ones.
+// Throws Error(usage) if the folder contains maps of another run, which would remain among the new
+// ones.
 void require_folder(const ReconstructOptions& options, const std::string& uuid) {
   const std::string marker = options.out + "/run.txt";
   const bool known = std::filesystem::exists(marker);
@@ -314,12 +319,12 @@ void require_folder(const ReconstructOptions& options, const std::string& uuid) 
 void reconstruct(const TrainedModel& model, const std::string& path,
                  const ReconstructOptions& options) {
   if (wants_uncertainty(options)) require_uncertainty(model);
-  if (options.rows != "test") indices_of(options.rows);  // refuses before any output
+  if (options.rows != "test") indices_of(options.rows);  // throws before any output is written
   const std::string file = record::old_run(path);
   {
     const record::RunReader run(file);
     const std::string uuid = run.info().uuid;
-    require_folder(options, uuid);  // refuses before any change
+    require_folder(options, uuid);  // throws before any file is changed
     make_folder(options.out);
     mark(options, model, run, trained_on(model, uuid));
   }

@@ -29,19 +29,19 @@ namespace fs = std::filesystem;
 void require_grid(const std::string& path, std::size_t width, std::size_t height,
                   const record::MapGrid& grid) {
   if (width != grid.size || height != grid.size)
-    refuse(path, formatted("maps of %zu x %zu; the run's are %u x %u", width, height, grid.size,
+    refuse(path, formatted("maps have %zu x %zu pixels; expected %u x %u", width, height, grid.size,
                            grid.size));
 }
 
-// Converts NaN to 0; refuses values that are not depths in metres.
+// Converts NaN to 0. Throws Error(failed) if a value is not a possible depth in metres.
 std::vector<float> depths(const std::string& path, std::int64_t index, std::vector<double> values) {
   std::vector<float> out(values.begin(), values.end());
   std::vector<float> there;
   for (float& z : out) {
     if (std::isnan(z)) z = 0;
     if (!(z >= -100 && z < 1e6))
-      refuse(path, formatted("record %lld has a depth of %g m", static_cast<long long>(index),
-                             double{z}));
+      refuse(path, formatted("record %lld has an impossible depth: %g m",
+                             static_cast<long long>(index), double{z}));
     if (z > 0) there.push_back(z);
   }
   if (there.empty()) return out;
@@ -58,7 +58,7 @@ bool has_map(const std::string& status) {
                              [&](const char* begin) { return status.starts_with(begin); });
 }
 
-// Calls visit(index, has_map) for each line.
+// Calls visit(index, has_map) for each line of records.csv.
 template <class Visit>
 void read_table(const std::string& path, const Visit& visit) {
   std::istringstream text(read_text(path));
@@ -95,8 +95,8 @@ void read_array(const std::string& folder, const record::MapGrid& grid, WrittenM
     if (row++ < file.rows()) out.of_index[index] = depths(path, index, file.next_row());
   });
   if (row != file.rows())
-    refuse(path,
-           formatted("has %zu maps, but records.csv lists %zu records with one", file.rows(), row));
+    refuse(path, formatted("has %zu maps, but records.csv lists %zu records with a map",
+                           file.rows(), row));
 }
 
 void read_pictures(const std::string& folder, const record::MapGrid& grid, WrittenMaps& out) {
@@ -110,13 +110,13 @@ void read_pictures(const std::string& folder, const record::MapGrid& grid, Writt
   const double width = number("width", 0), fx = number("fx", 0),
                scale = number("depth_scale", 1000);
   if (!(width > 0 && fx > 0 && scale > 0))
-    refuse(camera_path, "expected width, fx and depth_scale");
+    refuse(camera_path, "expected positive width, fx and depth_scale");
   constexpr double widest = 1e6;
   require_grid(camera_path, static_cast<std::size_t>(std::min(width, widest)), grid.size, grid);
   if (std::abs(fx * grid.step() - 1) > 1.0 / grid.size)
-    refuse(camera_path,
-           formatted("fx is %g; expected %g, the value for the run's field", fx, 1 / grid.step()));
-  // Returns paths by index; prefers pictures in millimetres.
+    refuse(camera_path, formatted("fx is %g; expected %g, for the field of view of the run", fx,
+                                  1 / grid.step()));
+  // Paths of the pictures by record index. Pictures in millimetres take precedence.
   std::map<std::int64_t, std::string> pictures;
   for (const auto& entry : fs::directory_iterator(folder)) {
     const std::string name = entry.path().filename().string();
@@ -194,7 +194,7 @@ std::size_t count_maps(const WrittenMaps& maps, const Dataset& data, const Rows&
   const auto answered = static_cast<std::size_t>(std::ranges::count_if(
       rows, [&](std::size_t row) { return maps.of_index.contains(data.index[row]); }));
   if (answered == 0)
-    refuse(maps.name, formatted("has %zu maps, none of them for the %zu scored records",
+    refuse(maps.name, formatted("has %zu maps, but none for the %zu scored records",
                                 maps.of_index.size(), rows.size()));
   return answered;
 }

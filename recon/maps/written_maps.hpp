@@ -26,27 +26,31 @@ namespace echofuse::recon {
 inline constexpr const char* trained_on_records = "trained on records ";
 
 struct WrittenMaps {
-  std::string name;                                     // name of the folder
-  std::map<std::int64_t, std::vector<float>> of_index;  // metres, 0: no return
-  std::vector<std::int64_t> without;                    // listed records without a map
-  std::string uuid, path;                               // uuid and path from run.txt; may be empty
-  std::set<std::int64_t> trained_on;                    // training records of the maps' model
+  std::string name;  // name of the folder
+  // Maps by record index; depths in metres, 0: no return.
+  std::map<std::int64_t, std::vector<float>> of_index;
+  // Indices of listed records that have no map.
+  std::vector<std::int64_t> without;
+  std::string uuid, path;  // uuid and path from run.txt; may be empty
+  // Training records of the model that made the maps.
+  std::set<std::int64_t> trained_on;
 };
-// Throws Error(failed): neither format, another grid, or values that are not depths in metres.
+// Reads the maps in a folder. Throws Error(failed) if the folder has neither format, or if the maps
+// have another grid or contain values that are not depths in metres.
 WrittenMaps read_written_maps(const std::string& folder, const record::MapGrid& grid);
 
-// Returns why each row is not scored; empty if it is. Reasons: no depth, a doubt, a copy within the
-// run, and, unless `all`, a training record of a folder's model. Throws Error(failed) for maps of
-// another run.
+// Returns for each row why it is not scored; empty if it is. Reasons: no depth map, a doubtful one,
+// a copy of an earlier record of the run, and, unless `all` is true, a training record of the model
+// that made the maps. Throws Error(failed) if the maps belong to another run.
 std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folders,
                                           const Dataset& data, bool all);
-// Returns the number of rows with a map. Throws Error(failed) if none has one.
+// Returns the number of rows that have a map. Throws Error(failed) if no row has one.
 std::size_t count_maps(const WrittenMaps& maps, const Dataset& data, const Rows& rows);
-// Returns the maps of these rows; a missing map is replaced by `empty`.
+// Returns the maps of these rows. A missing map is replaced by `empty`.
 Matrix maps_of(const WrittenMaps& maps, const Dataset& data, const Rows& rows,
                const std::vector<float>& empty);
 
-// Writes a .npy file row by row; it is published by close(). Throws Error(disk).
+// Writes a .npy file row by row; close() publishes it. Throws Error(disk).
 class NpyWriter {
  public:
   NpyWriter(const std::string& path, std::vector<std::size_t> row_shape);
@@ -59,7 +63,7 @@ class NpyWriter {
   NewFile file_;
   std::fstream out_;
   std::vector<std::size_t> row_shape_;
-  std::vector<float> waiting_;  // buffer, because a system call per map takes as long as the map
+  std::vector<float> waiting_;  // buffer, because a system call for each map would be slow
   std::uint64_t rows_ = 0;
 };
 

@@ -59,7 +59,7 @@ def test_maps_made_without_a_sensor_are_loaded(tmp_path):
 
 def test_maps_without_a_scored_record_are_refused(run, tmp_path):
     echofuse.save_maps(tmp_path / "none", run.maps([0]), [1000])
-    assert "has 1 maps, none of them for the 60 scored records" in judged(tmp_path / "none", run, ok=False)
+    assert "has 1 maps, but none for the 60 scored records" in judged(tmp_path / "none", run, ok=False)
 
 
 def test_map_folder_refuses_maps_of_another_run(run, tmp_path):

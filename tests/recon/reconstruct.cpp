@@ -119,9 +119,9 @@ TEST_CASE("written maps have the same scores as their model") {
   };
   refused("n.save(d + '/maps.npy', m * 1000)", "expected metres, not millimetres");
   refused("n.save(d + '/maps.npy', m[:, ::2, ::2].copy())",
-          "maps of 32 x 32; the run's are 64 x 64");
+          "maps have 32 x 32 pixels; expected 64 x 64");
   refused("n.save(d + '/maps.npy', m[1:])",
-          "has 19 maps, but records.csv lists 20 records with one");
+          "has 19 maps, but records.csv lists 20 records with a map");
   refused("n.save(d + '/maps.npy', n.asfortranarray(m))", "expected C order");
   refused("os.remove(d + '/maps.npy'); os.remove(d + '/camera.json')", "has neither maps.npy");
   const auto camera_refused = [&](const std::string& change, const std::string& said) {
@@ -129,12 +129,13 @@ TEST_CASE("written maps have the same scores as their model") {
                 change + "; json.dump(c, open(d + '/camera.json', 'w'))",
             said);
   };
-  camera_refused("del c['fx']", "camera.json: expected width, fx and depth_scale");
-  camera_refused("c['depth_scale'] = 0", "camera.json: expected width, fx and depth_scale");
-  camera_refused("c = [1]", "camera.json: expected width, fx and depth_scale");
-  camera_refused("c['fx'] *= 1.05", "the value for the run's field");
-  camera_refused("c['width'] = 32", "maps of 32 x 64; the run's are 64 x 64");
-  camera_refused("c['width'] = 1e300", "maps of 1000000 x 64; the run's are 64 x 64");
+  camera_refused("del c['fx']", "camera.json: expected positive width, fx and depth_scale");
+  camera_refused("c['depth_scale'] = 0",
+                 "camera.json: expected positive width, fx and depth_scale");
+  camera_refused("c = [1]", "camera.json: expected positive width, fx and depth_scale");
+  camera_refused("c['fx'] *= 1.05", "for the field of view of the run");
+  camera_refused("c['width'] = 32", "maps have 32 x 64 pixels; expected 64 x 64");
+  camera_refused("c['width'] = 1e300", "maps have 1000000 x 64 pixels; expected 64 x 64");
   camera_refused("open(d + '/000007_mm.png', 'wb').write(b'no picture')",
                  "000007_mm.png: expected a 16-bit grey PNG of 64 x 64");
   std::filesystem::copy(dir / "o", dir / "few");
