@@ -30,7 +30,7 @@ class Board:
 
     def poll(self, server):
         """Sends new data of the device; returns the seconds until the next call."""
-        time.sleep(EXPOSURE_S)  # stands in for the exposure of a real board
+        time.sleep(EXPOSURE_S)  # replaces the exposure of a real board
         body = 150 + 40 * np.sin(time.monotonic())
         expected = 2 + 60 * np.exp(-0.5 * ((np.arange(BINS) - body) / 3) ** 2)
         counts = self._random.poisson(expected)

@@ -373,8 +373,7 @@ def scan(library, options):
 
 
 def plateau(found):
-    """Returns the longest run of consecutive levels whose rates are above 0 and within 10 % of the first rate of the
-    run."""
+    """Returns the longest run of consecutive levels with rates above 0 and within 10 % of the first rate."""
     best = row = []
     for each in found:
         same = row and abs(each[1] - row[0][1]) <= 0.1 * row[0][1]
