@@ -173,7 +173,8 @@ class Appender {
       else
         out.insert(out.end(), zone.begin(), zone.end());
     }
-    // Minimum ready fraction for a reliable correction; below it, mainly noise is amplified.
+    // Minimum fraction of ready pulses for a reliable correction; below it, mainly noise is
+    // amplified.
     constexpr double hardly_any = 0.03;
     if (pulses > 0 && ready > hardly_any) a_pulse = 0;
     return out;
@@ -234,9 +235,9 @@ class Appender {
   // Returns true if the power is in range. The limit is below the largest float, so that
   // interpolation cannot overflow.
   static bool is_power(float v) { return std::abs(v) < 1e38f; }
-  // Returns the recorded clicks per laser pulse. Imported runs contain only counts, so the value is
-  // computed from these; 0 (unknown) if there are at least 0.95 clicks per start, because a filter
-  // has then dropped the starts without a click.
+  // Returns the recorded clicks per laser pulse. Imported runs do not contain this value, so it is
+  // computed from the counts. Returns 0 (unknown) if there are at least 0.95 clicks per start,
+  // because a filter has then dropped the starts without a click.
   static double clicks_a_pulse(const record::FusedRecord& r) {
     constexpr double filtered = 0.95;
     if (r.signal.clicks_a_pulse) return *r.signal.clicks_a_pulse;
@@ -432,7 +433,7 @@ void rebin_radar(Dataset& data, const Axis& bins) {
     throw Error(ExitCode::failed, (data.sources.empty() ? "run" : data.sources.front().path) +
                                       ": radar axis is " + describe(from) +
                                       "; it cannot be summed into bins of " + describe(bins));
-  // Converts index i of the profile to units of the new bins; bin j covers [j, j + 1].
+  // Converts index i of the profile to a position in the new bins; bin j covers [j, j + 1].
   const auto edge = [&](double i) { return (from.at(i) - bins.at(-0.5)) / bins.step; };
   const double width = from.step / bins.step;
   Matrix table(data.size(), bins.count);

@@ -73,7 +73,8 @@ inline constexpr const char* twice_in_run = "twice in the run";
 // its row contains zeros (see has()). If a run has no such sensor, or the sensor was not loaded,
 // its axis has count 0.
 struct Dataset {
-  // The quantity of radar_axis is "power" if codes were converted, "binned_power" after rebinning.
+  // The quantity of radar_axis is "power" after conversion of codes, "binned_power" after
+  // rebinning.
   Axis spd_axis, radar_axis;
   // Axis of the spatial lags (lags.hpp); empty if the axes of the runs differ.
   Axis array_axis;
@@ -86,10 +87,10 @@ struct Dataset {
   // Photons of each zone on spd_axis, one zone after another; no columns for a single pixel. `spd`
   // contains the sum over the zones.
   Matrix zone_spd;
-  // sensors with data: bit 0 SPD, bit 1 radar, bit 2 depth camera
+  // Sensors with data: bit 0 SPD, bit 1 radar, bit 2 depth camera.
   std::vector<std::uint32_t> valid;
-  // Verdict on each valid sensor, without its numbers; "" if ok. The vector is empty if the records
-  // have no verdicts.
+  // Verdict (quality flag) on each valid sensor, without its numbers; "" if ok. The vector is empty
+  // if the records have no verdicts.
   std::vector<PerSensor<std::string>> doubt;
   bool leave_lossy = false;  // true: exclude records with the verdict "lossy"
   // Hash of the SPD counts between the first and the last nonzero bin, for finding copies; without
@@ -98,7 +99,7 @@ struct Dataset {
   std::vector<std::int64_t> content;
   std::vector<std::int64_t> index;  // number of the record in its run
   std::vector<HostTime> slot_end;
-  // clicks per laser pulse; 0: unknown, or pile-up was corrected
+  // Clicks per laser pulse; 0: unknown, or pile-up was corrected.
   std::vector<double> clicks_a_pulse;
   std::vector<std::string> label;
   std::vector<Source> sources;
@@ -111,8 +112,8 @@ struct Dataset {
   // Returns true if the run has antenna samples but this record has none.
   bool lacks_array(std::size_t row) const;
   std::size_t source_of(std::size_t row) const;  // index into `sources`
-  // Returns the width of the row's measured radar response divided by that of its converted
-  // response; 1 if the response was not converted.
+  // Returns the width of the row's measured radar response divided by that of the converted
+  // response. Returns 1 if it was not converted.
   double times_wider(std::size_t row) const;
   bool has_inputs(std::size_t row, Inputs inputs) const;
   // Returns why a model with these inputs cannot use the record; empty if it can. A sensor is dead
@@ -147,10 +148,11 @@ SensorSet sensors_of(Inputs inputs);
 void require_memory(const std::vector<std::string>& paths);
 
 // Reads runs into one table, at true ranges, on the axes of the first run (see is_near). All runs
-// must have the same map grid. Lists damaged records in Dataset::damaged: wrong size, values that
-// are not finite, or more clicks than a time tagger can send. Throws Error(failed) with the file
-// name; also if more than most_damaged of all records are damaged, if the memory is too small
-// (require_memory), or if depths have a wrong unit (depth_check.hpp).
+// must have the same map grid. Dataset::damaged lists records with a wrong size, values that are
+// not finite, or more clicks than a time tagger can send.
+// Throws Error(failed) with the file name if more than most_damaged of all records are damaged.
+// Throws the same if the memory is too small (require_memory), or if depths have a wrong unit
+// (depth_check.hpp).
 Dataset load(const std::vector<std::string>& paths);
 // Like load(), but keeps the radar profiles as recorded and computes no hash.
 // subtract_range_offset() can then subtract the offsets of calibration and user in one
@@ -176,9 +178,9 @@ Dataset part_of(const Dataset& data, const Rows& rows);
 Axis radar_bins(double width_m);
 
 // Sums the radar power into wider bins and removes the spatial lags. Point i of the recorded
-// profile covers [i - 1/2, i + 1/2] steps, so that the energy within the bins is conserved. The
-// part of point 0 below range 0 is added to the first bin. The row of a dead sensor stays constant.
-// Throws Error(failed) if the profile is coarser or shorter than the bins.
+// profile covers [i - 1/2, i + 1/2] steps, which conserves the energy within the bins. The part of
+// point 0 below range 0 is added to the first bin. The row of a dead sensor stays constant. Throws
+// Error(failed) if the profile is coarser or shorter than the bins.
 void rebin_radar(Dataset& data, const Axis& bins);
 
 // Removes the spatial lags of the antennas but keeps the range profile.
@@ -192,8 +194,9 @@ Error axis_error(const std::string& path, const Axis& found, const Axis& wanted,
 
 // Returns true if the axes are equal or both empty.
 bool agree(const Axis& a, const Axis& b);
-// Returns true if records on axis `found` can be interpolated to axis `wanted`: same quantity, unit
-// and scale, no fewer points, and both ends of `wanted` differ by at most one bin.
+// Returns true if records on axis `found` can be interpolated to axis `wanted`. Quantity, unit and
+// scale must be equal. `found` must have at least the points of `wanted`, and both ends of `wanted`
+// may differ by at most one bin.
 bool is_near(const Axis& found, const Axis& wanted);
 // Interpolates a row linearly to the wanted axis; each bin has values_a_bin values. Beyond the ends
 // of `found`, the first or last bin is repeated.

@@ -21,7 +21,7 @@ class DepthCheck {
 
  private:
   double median_m() const;
-  std::uint64_t farther_than(std::int64_t mm) const;  // number of pixels with a greater depth
+  std::uint64_t farther_than(std::int64_t mm) const;  // number of pixels with a depth above `mm`
   // Four counters for each depth in millimetres; their sum is the number of pixels.
   std::array<std::array<std::uint64_t, 65536>, 4> counts_{};
   std::size_t records_ = 0, records_beyond_ = 0;

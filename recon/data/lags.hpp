@@ -32,8 +32,8 @@ class SpatialLags {
   // Returns the number of lags, D: c_1..c_across belong to horizontal antenna pairs, the others to
   // vertical pairs. D is 0 if there is no horizontal pair.
   std::size_t longest() const { return across_ + up_; }
-  // Returns the quantity of the lag axis: "lags", "lags, 3 up" with three vertical lags (lags_up),
-  // or "lags 1 3" if there is no pair with lag 2.
+  // Returns the quantity of the lag axis: "lags" if all are horizontal. With three vertical lags it
+  // is "lags, 3 up" (lags_up); if there is no pair with lag 2, "lags 1 3".
   std::string quantity() const;
   // Writes c_0, then the real and imaginary parts of c_1..c_D. c_d is 0 if no antenna pair has
   // spacing d.

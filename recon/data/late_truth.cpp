@@ -53,7 +53,7 @@ double fisher_z(double correlation) { return std::atanh(std::clamp(correlation, 
 // per row of the data.
 std::string late_truth_of(const Dataset& data, const Source& run, const std::vector<double>& range,
                           const std::vector<double>& depth) {
-  // Uses only rows for which the previous, the own and the next map are known, so that all three
+  // Uses only rows for which the previous, own and next map are known, so that all three
   // correlations use the same rows.
   std::vector<double> ranges;
   std::vector<std::vector<double>> depths(3);

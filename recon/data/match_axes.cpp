@@ -12,7 +12,7 @@ namespace {
 
 // Describes the differences because of which is_near() is false.
 std::string difference(const Axis& found, const Axis& wanted) {
-  if (found.count == 0 || wanted.count == 0) return "the axis is missing on one side";
+  if (found.count == 0 || wanted.count == 0) return "one of the two has no such axis";
   if (found.quantity != wanted.quantity || found.unit != wanted.unit)
     return "quantity or unit differs";
   if (found.scale != wanted.scale)

@@ -22,8 +22,8 @@ class PileUp {
   // states none, or if the axis `spd` is not in ps.
   PileUp(const record::RunReader& run, const Axis& spd);
 
-  // An infinite dead time means that only the first photon of each pulse counts, and the detector
-  // is ready at the next pulse. `window_s`: slot length, s.
+  // If the dead time is infinite, only the first photon of each pulse counts. The detector is ready
+  // again at the next pulse. `window_s`: slot length, s.
   PileUp(double dead_time_ps, double window_s, double bin_width_ps)
       : dead_time_ps_(dead_time_ps), window_ps_(1e12 * window_s), bin_width_ps_(bin_width_ps) {}
 

@@ -17,12 +17,12 @@ namespace {
 
 constexpr double reach_cells = 3;
 constexpr std::ptrdiff_t most_reach = 48;  // maximum half length of the filter, points
-// Maximum ratio of widths at which a model for any response uses a run as recorded. With a digital
-// twin, IoU is .49 as recorded and .45 converted at .67 of the Blackman window's width; at .8 of
-// it, .44 and .45.
+// A model for any response uses a run as recorded if the width of its response is less than this
+// fraction of the model's. Tests with a digital twin: at .67 of the width of a Blackman window, the
+// IoU is .49 as recorded and .45 converted; at .8 of it, .44 and .45.
 constexpr double much_narrower = 0.75;
 constexpr int parts = 8;  // points per step at which the responses are compared
-// Sum of the squared noise in eight points, relative to the squared peak.
+// Noise of the Wiener filter: sum of its squares over eight points, relative to the squared peak.
 constexpr double noise_to_signal = 1e-3;
 
 // Convolves each of the `stride` interleaved columns of a row with the weights.
@@ -48,8 +48,8 @@ double sinc(double u) {
   return std::abs(u) < 1e-9 ? 1 : std::sin(x) / x;
 }
 
-// Returns the response of the window cos^(2 order), which up to a factor is the sum over k of C(2
-// order, order + k) cos(2 pi k t).
+// Returns the response of the window cos^(2 order). Up to a factor, this window is the sum over k
+// of C(2 order, order + k) cos(2 pi k t).
 record::RadarResponse response_of_cosine(int order, double cell_m) {
   constexpr int taps = 24;
   record::RadarResponse out{cell_m, {}};

@@ -18,8 +18,8 @@ namespace echofuse::recon {
 std::vector<double> response_filter(const record::RadarResponse& own,
                                     const record::RadarResponse& wanted, double step_m);
 
-// Returns the widest response that a run of the data states, because widening adds no noise. The
-// response is unknown if no run states one.
+// Returns the widest of the responses that the runs state, because conversion to a wider response
+// adds no noise. The result is unknown if no run states one.
 record::RadarResponse widest_response(const Dataset& data);
 
 // Filters the radar profiles and lags of each run with a stated response, and stores the new

@@ -19,7 +19,7 @@ double sinc(double x) {
 
 }  // namespace
 
-// Limits the shift, because a larger one also moves all values off the axis.
+// Limits the shift. Any larger shift moves all values off the axis, too.
 Shift::Shift(double steps) {
   steps = std::clamp(steps, -1e9, 1e9);
   whole_ = static_cast<std::ptrdiff_t>(std::floor(steps));

@@ -48,7 +48,8 @@ class MapFiles {
   struct Ready {
     std::int64_t index;
     std::vector<MapFile> pictures;
-    std::map<std::string, std::vector<float>> rows;  // a row for each array file NAME.npy
+    // The row to append to each array file NAME.npy.
+    std::map<std::string, std::vector<float>> rows;
   };
   // Returns the files of one map, in memory. `deviation`: standard deviation of each pixel, m; may
   // be empty unless the format "uncertainty" is requested. Threading: any thread.
@@ -63,7 +64,7 @@ class MapFiles {
   std::vector<std::string> formats_;
   const SceneModel& scene_;
   DepthSpan span_;
-  std::map<std::string, NpyWriter> arrays_;  // by name of the array
+  std::map<std::string, NpyWriter> arrays_;  // array files by name
 };
 
 }  // namespace echofuse::recon

@@ -28,7 +28,7 @@ void put_chunk(Bytes& out, ByteView contents) {
 constexpr std::uint8_t signature[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
 enum Colours : std::uint8_t { grey = 0, rgb = 2 };
 
-// Returns a PNG; empty on failure. Each row begins with its filter type, 0.
+// Returns a PNG; empty on failure. `rows`: pixel rows, each preceded by its filter type, 0.
 Bytes encode(ByteView rows, std::uint32_t width, std::uint32_t height, std::uint8_t bits,
              Colours colours) {
   Bytes head = {'I', 'H', 'D', 'R'}, data = {'I', 'D', 'A', 'T'};

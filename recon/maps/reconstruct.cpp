@@ -41,7 +41,7 @@ bool wants_uncertainty(const ReconstructOptions& options) {
   return std::find(formats.begin(), formats.end(), "uncertainty") != formats.end();
 }
 
-// Returns the record indices in the value of --rows. Throws Error(usage).
+// Returns the record indices in the value of --rows. Throws Error(usage) if one is invalid.
 std::set<std::int64_t> indices_of(const std::string& text) {
   std::set<std::int64_t> out;
   for (const std::string& word : split_at_commas(text)) {
@@ -246,7 +246,7 @@ bool RunReconstructor::take_new(const record::RunReader& run) {
 
 Records RunReconstructor::prepare_new(Dataset data) {
   const Rows all = all_rows(data.size());
-  // In a run in progress, the axis of a sensor may appear after the first records.
+  // In a run in progress, the axis of a sensor may be missing when the first records are read.
   if (std::none_of(all.begin(), all.end(),
                    [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
     return {std::move(data), {}, {}, {}};
@@ -319,7 +319,8 @@ void require_folder(const ReconstructOptions& options, const std::string& uuid) 
 void reconstruct(const TrainedModel& model, const std::string& path,
                  const ReconstructOptions& options) {
   if (wants_uncertainty(options)) require_uncertainty(model);
-  if (options.rows != "test") indices_of(options.rows);  // throws before any output is written
+  // Throws before any output if an index is invalid.
+  if (options.rows != "test") indices_of(options.rows);
   const std::string file = record::old_run(path);
   {
     const record::RunReader run(file);

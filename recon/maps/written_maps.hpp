@@ -36,12 +36,12 @@ struct WrittenMaps {
   std::set<std::int64_t> trained_on;
 };
 // Reads the maps in a folder. Throws Error(failed) if the folder has neither format, or if the maps
-// have another grid or contain values that are not depths in metres.
+// have another grid. Also throws if a value is not a possible depth in metres.
 WrittenMaps read_written_maps(const std::string& folder, const record::MapGrid& grid);
 
-// Returns for each row why it is not scored; empty if it is. Reasons: no depth map, a doubtful one,
-// a copy of an earlier record of the run, and, unless `all` is true, a training record of the model
-// that made the maps. Throws Error(failed) if the maps belong to another run.
+// Returns for each row why it is not scored; empty if it is. Reasons: the depth map is missing or
+// doubtful; the row is a copy of an earlier record of the run; the model that made the maps was
+// trained on it (unless `all` is true). Throws Error(failed) if the maps belong to another run.
 std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folders,
                                           const Dataset& data, bool all);
 // Returns the number of rows that have a map. Throws Error(failed) if no row has one.

@@ -33,8 +33,8 @@ class ShiftCorrelation {
 
   std::size_t shifts() const { return shifts_; }
   std::size_t cost() const;  // multiply-adds per record
-  // Computes the cosine similarity between the profile and the one expected from the histogram for
-  // each shift, in order from the longest to the shortest shift.
+  // Computes the cosine similarity between the profile and the one expected from the histogram.
+  // There is one value per shift, from the longest to the shortest shift.
   void operator()(std::span<const float> histogram, std::span<const float> profile,
                   std::span<float> out) const;
 
@@ -50,15 +50,17 @@ struct AlignmentRanges {
   double first_m, step_m;
 };
 
-// number of terms of the sinc series on each side
+// Number of terms of the sinc series on each side.
 inline constexpr std::ptrdiff_t profile_taps = 8;
 
 // Groups of columns of a view. T is float or const float.
 template <class T>
 struct ViewColumns {
-  std::span<T> correlation;  // correlation of both sensors, from the longest to the shortest shift
-  std::span<T> histogram;    // fractions of the counts in bins around the range of the body
-  std::span<T> zones;     // same in wider bins for each zone; fractions of the counts of all zones
+  // Correlation of profile and histogram, from the longest to the shortest shift.
+  std::span<T> correlation;
+  std::span<T> histogram;  // fractions of the counts in bins around the range of the body
+  // Histogram of each zone in wider bins, as fractions of the counts of all zones.
+  std::span<T> zones;
   std::span<T> profile;   // fractions of the power around the range of the body
   std::span<T> antennas;  // features of the antennas (array_view.hpp)
   T& range_m;             // range of the body; 0: no body
@@ -82,9 +84,9 @@ class Alignment {
   double resolution_m() const;  // range resolution c/2B of the radar
 
   std::size_t histogram_bins() const;
-  std::size_t zone_bins() const;  // number of (wider) bins per zone
+  std::size_t zone_bins() const;  // number of bins per zone
   std::size_t zone_features() const { return zones_ * zone_bins(); }
-  std::size_t profile_points() const;                           // 0 if there is no radar
+  std::size_t profile_points() const;  // number of points of a profile; 0 if there is no radar
   std::size_t array_features() const { return array_.size(); }  // 0 if there are no antennas
   // size(): number of values of a view without its correlation. inputs(): number including the
   // correlation, which comes first.

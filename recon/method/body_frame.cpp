@@ -120,7 +120,7 @@ struct Span {
   std::size_t first, last;
 };
 
-// Returns the range of points that lie between two cells, if there are `cells` cells.
+// Returns the range of points that lie between two cells. `cells`: number of cells.
 Span within(const CellInterpolation& along, std::size_t points, std::size_t cells) {
   Span out{points, 0};
   for (std::size_t i = 0; i < points; ++i)
@@ -143,7 +143,7 @@ ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
   const std::size_t first = d.map_columns.first, count = d.map_columns.last - first;
   const std::int32_t* const low = &d.across.low[first];
   const float* const part = &d.across.part[first];
-  const std::int32_t nearest = low[0];  // first cell of the row
+  const std::int32_t nearest = low[0];  // first cell that the row needs
   const auto cells = static_cast<std::size_t>(low[count - 1] + 2 - nearest);
   // For each cell, the first pixel at or after it.
   std::array<std::size_t, most_cells + 1> from;

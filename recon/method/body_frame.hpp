@@ -26,7 +26,7 @@ std::optional<Place> place_of(std::span<const float> map, std::span<const float>
 class BodyFrame {
  public:
   BodyFrame() = default;
-  // Makes the frame large enough for the bodies in these maps, with cells as large as a pixel at
+  // Makes the frame large enough for the bodies in these maps. Its cells are as large as a pixel at
   // the mean depth of the bodies. places[i] belongs to rows[i].
   BodyFrame(const Matrix& maps, std::span<const float> background, const Rows& rows,
             const std::vector<Place>& places, const record::MapGrid& grid);

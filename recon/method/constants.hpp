@@ -14,30 +14,32 @@ inline constexpr int centroid_passes = 3;  // another pass changes the range by 
 inline constexpr double body_m = 0.8;      // half the depth of a body with outstretched arms
 // Minimum number of counts of a body, in standard deviations of all counts.
 inline constexpr double significance = 5;
-// Constants of a view, relative to the body's range.
-// Extent of the histogram on each side; enough for an outstretched arm.
+// Constants of a view. Extent of the histogram on each side of the body's range; enough for an
+// outstretched arm.
 inline constexpr double histogram_m = 0.7;
 inline constexpr double histogram_step_m = 0.04;  // about the width of a 200 ps response
 inline constexpr double zone_step_m = 0.2;        // coarser, because zones have few photons
-// Window of the radar profile. The radar measures a range that is longer by b x / r (baseline b,
-// lateral position x, range r), so the window extends farther to the back.
+// Window of the radar profile. The radar measures a range that is longer by b x / r, so the window
+// extends farther to the back (baseline b, lateral position x, range r).
 inline constexpr double profile_from_m = -0.8, profile_to_m = 1.1;
-inline constexpr double least_profile_step_m = 0.02;  // points of a finer profile are skipped
+// Minimum step; points of a finer profile are skipped.
+inline constexpr double least_profile_step_m = 0.02;
 // If the profile step is larger, the profile is also interpolated half way between its points.
 inline constexpr double coarse_step_m = 0.08;
 // Profile steps per range resolution c/2B, for a Blackman window.
 inline constexpr double steps_a_resolution = 2;
-// Shifts between both sensors: 0.3 m at x = 2 m, range 3 m and a baseline of 0.5 m, plus a radar
-// bias towards longer ranges.
+// Shifts between both sensors. They include 0.3 m, which occurs at x = 2 m, range 3 m and a
+// baseline of 0.5 m, and a radar bias towards longer ranges.
 inline constexpr double shift_from_m = -0.3, shift_to_m = 0.6;
-// Constants of the antenna features. The window is divided into overlapping parts, which describe
-// the extent of the body in range: centres of the first and the last part.
+// The window of the antenna features is divided into overlapping parts, which describe the extent
+// of the body in range. These are the centres of the first and the last part.
 inline constexpr double part_from_m = -0.5;
 inline constexpr double part_to_m = 0.65;
-inline constexpr double least_part_m = 0.15;  // shorter parts would contain mostly noise
-inline constexpr int lags_of_parts = 4;       // longer lags of parts add no information
+// Minimum length of a part; shorter parts would contain mostly noise.
+inline constexpr double least_part_m = 0.15;
+inline constexpr int lags_of_parts = 4;  // largest lag of a part; longer lags add no information
 // Directions of the grid search; their spacing is at most a third of the beam of eight antennas.
 inline constexpr int directions = 96;
-inline constexpr int refinements = 3;  // Newton steps from the grid to the beam's maximum
+inline constexpr int refinements = 3;  // number of Newton steps from the grid to the beam's maximum
 
 }  // namespace echofuse::recon::method

@@ -131,7 +131,7 @@ void align(std::span<const float> observation, const Alignment& scene, std::span
   const Matrix of_zones = scene.zone_counts(observation);
   histograms_about(range_m, counts, of_zones, scene, at);     // (3)
   scene.profile_about(double{range_m}, power, at.profile);    // (4)
-  scene.correlate(at.histogram, at.profile, at.correlation);  // (5), (6)
+  scene.correlate(at.histogram, at.profile, at.correlation);  // equations (5) and (6)
   const auto rest = observation.subspan(counts.size() + power.size());
   scene.antennas_about(double{range_m}, rest.first(rest.size() - of_zones.values.size()),
                        at.antennas);  // (7)
@@ -162,8 +162,8 @@ float range_of(std::span<const float> standard_view, const BodyModel& model) {
   return standard_view.back() * model.deviation.back() + model.centre.back();
 }
 
-// Step 3, equation (8). The networks estimate the lateral position of the body at its range (m),
-// and its mean depth minus that range (m, usually negative). A Place contains x / z and z.
+// Step 3, equation (8). The networks estimate the lateral position of the body at its range, and
+// its mean depth minus that range, which is usually negative (m). A Place contains x / z and z.
 std::vector<Place> place(const Matrix& standard_views, const BodyModel& model) {
   // [m x 2] position to the right, depth minus range (m)
   const Matrix found = model.place.predict(standard_views);

@@ -24,10 +24,10 @@
 
 namespace echofuse::recon {
 
-// Step 1: returns the values requested by `sensors`, [n x sensors.layout().inputs()], for each of
-// the n rows: photons per bin (corrected for pile-up), linear radar power per bin at true ranges,
-// spatial lags per bin of the radar's antennas (data/lags.hpp), photons of each zone. Throws
-// Error(failed) if the detector has another number of zones.
+// Step 1: returns the values that `sensors` requests, [n x sensors.layout().inputs()], for each of
+// the n rows. These are photons per bin (corrected for pile-up), linear radar power per bin at true
+// ranges, spatial lags of the radar's antennas per bin (data/lags.hpp), and photons of each zone.
+// Throws Error(failed) if the detector has another number of zones.
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors);
 
 // Step 2: returns the views, [n x scene.inputs()]: correlation of both sensors over their shift |
@@ -42,9 +42,9 @@ struct BodyModel {
   std::vector<float> background;  // [pixels] depth map of the empty room, m
   // [inputs] mean and scale of the views of the training records
   std::vector<float> centre, deviation;
-  Ensemble place;  // from inputs to lateral position (m) and depth minus range (m)
-  Ensemble shape;  // from inputs to coefficients of masks, then of depths
-  // Principal components of the bodies in their frame, [components x cells].
+  Ensemble place;  // networks that predict lateral position (m) and depth minus range (m)
+  Ensemble shape;  // networks that predict coefficients of masks, then of depths
+  // Principal components of the masks and depths of bodies in their frame, [components x cells].
   Components masks, depths;
   BodyFrame frame;         // grid that moves with the body
   float nearest_m = 0.1f;  // minimum distance of a body

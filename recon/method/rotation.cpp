@@ -8,7 +8,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr double significance = 10;  // minimum baseline, in standard deviations of its estimate
-// shift for the test; typical distance between bodies of a data set
+// Profile shift for measuring the gain; typical distance between bodies of a data set.
 constexpr double probe_m = 0.05;
 constexpr std::size_t most_probed = 200;
 // Required accuracy of the baseline if antennas measure the direction without it.

@@ -30,8 +30,8 @@ class RotatedBodies {
   void rotate_share(double share) { share_ = share; }
 
   // Returns the distance of the radar to the left of the SPD, m (negative: right), fitted to the
-  // displacement of the profiles over azimuth. Returns 0 if its error exceeds a tenth of it and
-  // there are no antennas, or if the error also exceeds 3 cm.
+  // displacement of the profiles over azimuth. Returns 0 if its standard error exceeds a tenth of
+  // it; with antennas, only if the error also exceeds 3 cm.
   double baseline_m() const { return baseline_m_; }
   bool rotates() const { return rotates_; }  // false: no body is rotated
   // Returns true if rotate() changes any record.

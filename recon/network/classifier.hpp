@@ -17,7 +17,7 @@ class Classifier {
     std::vector<std::size_t> hidden;  // width of each hidden layer
     // Number of steps; size of a batch, half of which is from each class.
     std::size_t steps, batch;
-    double learning_rate;  // initial rate; decreases to zero
+    double learning_rate;  // initial rate, which decreases to zero
     std::uint64_t seed;
   };
   // Fits the network to examples of two classes, one example per row. An interrupt ends the fit

@@ -16,13 +16,13 @@ class Ensemble {
   // training log of the last one.
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   Training training, std::size_t networks, const std::string& title);
-  // correct() and tune() call the function of this name of each network (Regression).
+  // correct() calls Regression::correct for each network, tune() calls Regression::tune.
   void correct(const Examples& train);
   void tune(const Examples& train, Training training, const std::string& title);
   // Returns the mean output of all networks, one row per row of `inputs`.
   Matrix predict(const Matrix& inputs) const;
   Cost cost() const;
-  // Stores the networks as groups "0", "1", ...
+  // Reads or writes the networks as groups "0", "1", ...
   void archive(Archive archive, std::size_t inputs, std::size_t outputs);
 
  private:

@@ -84,7 +84,8 @@ void backward(const Network& network, const std::vector<T>& parameters, const T*
   gradient.resize(network.parameters);
   for (std::size_t l = network.layers.size(); l-- > 0;) {
     const Layer& layer = network.layers[l];
-    const auto& slope = activations[l];  // derivative of the loss by the output of layer l
+    // Derivative of the loss with respect to the output of layer l.
+    const auto& slope = activations[l];
     const T* x = l > 0 ? activations[l - 1].data() : inputs;
     multiply({layer.inputs, layer.outputs, batch, Transpose::yes, Transpose::no, T{1}, T{1}}, x,
              slope.data(), gradient.data() + layer.weights);

@@ -160,7 +160,8 @@ void Regression::correct(const Examples& train) {
   constexpr double least_scale = 0.5, most_scale = 2;
   const Matrix found = predict(take_rows(train.inputs, train.rows));
   const double share = Tuning::shrinkage(found.rows);
-  constexpr std::size_t most_paired = 500;  // limit of paired records; more hardly change a median
+  // Maximum number of paired records; more would hardly change a median.
+  constexpr std::size_t most_paired = 500;
   const std::size_t step = found.rows / most_paired + 1;
   for (std::size_t c = 0; c < centre_.size() && found.rows > 2; ++c) {
     const auto answer = [&](std::size_t i) { return found.row(i)[c]; };
@@ -191,7 +192,8 @@ void Regression::move_centre(const Examples& train) {
   for (std::size_t c = 0; c < sum.size(); ++c) centre_[c] += static_cast<float>(share * sum[c]);
 }
 
-// Adds the slope of the L2 penalty, which pulls the weights to their values before the training.
+// Adds the slope of the L2 penalty, which pulls the weights towards their values before the
+// training.
 void Regression::shrink_to_start(const std::vector<float>& parameters, float l2_penalty) {
   for (std::size_t i = 0; i < parameters.size(); ++i)
     gradient_[i] += l2_penalty * (parameters[i] - parameters_[i]);

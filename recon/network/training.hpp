@@ -12,7 +12,7 @@ namespace echofuse::recon {
 // Options of a fit. Missing values are replaced by the defaults of the model kind (ModelKind::own).
 struct FitOptions {
   std::optional<std::vector<std::size_t>> hidden = {};  // mlp: width of each hidden layer
-  // Pca, factorised: number of components; nearest: number of records.
+  // pca, factorised: number of components; nearest: number of records.
   std::optional<std::size_t> basis = {};
   std::optional<std::size_t> epochs = {};
   std::optional<double> learning_rate = {}, weight_decay = {};
@@ -42,11 +42,11 @@ struct Tuning {
   // the new records; if this is true, also offset and scale of the positions.
   bool correct = false;
   std::size_t steps = 200, batch = 64;  // number of steps; maximum number of records per step
-  double learning_rate = 4e-3;          // initial rate; decreases to zero
+  double learning_rate = 4e-3;          // initial rate, which decreases to zero
   std::uint64_t seed = 1;
   bool networks_stay() const { return std::isinf(l2_penalty); }
-  // Returns the factor (0 to 1) by which the mean residual of this number of records is reduced
-  // before it is used as a correction.
+  // Returns the factor (0 to 1) by which the mean residual of some records is multiplied before it
+  // is used as a correction. The factor is near 1 if there are many records.
   static double shrinkage(std::size_t records) {
     return static_cast<double>(records) / static_cast<double>(records + 10);
   }

@@ -26,8 +26,8 @@ extern "C" void dgesdd_(const char* job, const int* m, const int* n, double* a, 
 namespace echofuse::recon {
 namespace {
 
-// Ends the threads that OpenBLAS starts when it is loaded, because their busy waiting costs 30 ms
-// of CPU time per program start. Parallel parts run on our own threads (parallel.hpp).
+// Ends the threads of OpenBLAS, because their busy waiting costs 30 ms of CPU time per program
+// start. Parallel parts run on our own threads (parallel.hpp).
 const bool one_thread = [] {
   if (openblas_set_num_threads) openblas_set_num_threads(1);
   if (blas_thread_shutdown_) blas_thread_shutdown_();

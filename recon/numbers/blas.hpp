@@ -30,9 +30,9 @@ void orthonormalise_rows(std::size_t rows, std::size_t cols, float* values);
 // Error(failed) if X contains NaN or infinity.
 void decompose(std::size_t m, std::size_t n, double* x, double* s, double* u, double* vt);
 
-// Returns the name of the OpenBLAS kernels in use, e.g. "SkylakeX" (AVX-512) or "Haswell" (AVX2);
-// "BLAS" if the library is not OpenBLAS or was built for one processor type. The first call selects
-// the kernels and must precede the first product.
+// Returns the name of the OpenBLAS kernels in use, e.g. "SkylakeX" (AVX-512) or "Haswell" (AVX2).
+// Returns "BLAS" if the library is not OpenBLAS or was built for one processor type. The first call
+// selects the kernels and must precede the first product.
 // OpenBLAS 0.3.21 selects kernels by the model number of the processor, and uses SSE ("Prescott")
 // for unknown models. This function selects them by the processor's features (CPUID) instead. The
 // environment variable OPENBLAS_CORETYPE takes precedence.

@@ -24,7 +24,7 @@ struct Matrix {
   }
 };
 
-// Indices of records within a Dataset, in the order of use.
+// Indices of records within a Dataset, in the order in which they are used.
 using Rows = std::vector<std::size_t>;
 
 inline Rows all_rows(std::size_t count) {

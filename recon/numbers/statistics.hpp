@@ -28,7 +28,7 @@ void share_out(std::span<float> values);
 
 double mean_of(std::span<const double> values);
 
-// Returns the root mean squared deviation from the mean: divides by n, which must be at least 1.
+// Returns the standard deviation with divisor n, the number of values, which must be at least 1.
 double standard_deviation(std::span<const double> values);
 
 // Returns the quantile below which this fraction of the values lies (0.5: the median). Reorders the

@@ -122,7 +122,8 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
   for (const auto& [name, entry] : head.items()) {
     if (name == "__metadata__") continue;
     const json &shape = entry.at("shape"), &offsets = entry.at("data_offsets");
-    // Refuses other numbers, because the JSON library would convert any number to an unsigned one.
+    // Refuses numbers other than unsigned integers, because the JSON library would convert these
+    // without an error.
     for (const json* list : {&shape, &offsets})
       if (!std::all_of(list->begin(), list->end(),
                        [](const json& n) { return n.is_number_unsigned(); }))

@@ -19,8 +19,8 @@ struct CrossvalidatedRow : ScoredRow {
 
 // summarise() returns the mean of each metric over all maps, and its standard error. In a sequence,
 // neighbouring records are correlated, so the standard error is computed between folds: se^2 = K /
-// (K - 1) sum_k (S_k - n_k m)^2 / n^2. K is the number of folds, n the number of maps, m the mean;
-// fold k has n_k maps with sum S_k. Otherwise maps count as independent.
+// (K - 1) sum_k (S_k - n_k m)^2 / n^2. K is the number of folds, n the number of maps, and m the
+// mean; fold k has n_k maps with sum S_k. Without a sequence, maps count as independent.
 using Folds = std::vector<std::vector<MapScores>>;  // scores of the maps in each fold
 Summaries summarise(const Folds& folds, bool sequence);
 
@@ -35,9 +35,9 @@ std::vector<std::string> candidates(Inputs inputs, std::size_t zones);
 std::string usual_model(Inputs inputs, std::size_t zones = 0);
 
 // Returns the index of the cheapest model (fewest multiply-adds) with an IoU within one standard
-// error of the best (Breiman et al., Classification and Regression Trees, 1984, 3.4.3). Uses RMSE
-// if the IoU is undefined because no map has a foreground. Throws Error(failed) if neither is
-// known.
+// error of the best. Source: Breiman et al., Classification and Regression Trees, 1984, 3.4.3. Uses
+// RMSE if the IoU is undefined because no map has a foreground. Throws Error(failed) if no model
+// has either metric.
 std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows);
 
 // Returns a table with one line per model: accuracy, cost, and a mark at the chosen model.

@@ -18,7 +18,7 @@ constexpr std::size_t worse_copies = 3;
 // From this number of records on, a model trained on half of them is nearly as good as one trained
 // on all.
 constexpr std::size_t enough_for_halves = 2000;
-constexpr double fewest_photons_log10 = -2.5;  // smallest log10 of the fraction of photons kept
+constexpr double fewest_photons_log10 = -2.5;  // log10 of the smallest fraction of photons kept
 // Range of the log10 of the added radar noise, relative to the peak of the profile.
 constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;
 
@@ -34,7 +34,7 @@ std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth,
 // (imitate_brought).
 void learn_brought(LateralError& lateral, const Estimator& model, const Dataset& data,
                    const Rows& usual, const std::vector<HeldOut>& judged, Rng& rng) {
-  // Limit per model; the fraction within the interval then has a standard error of .013.
+  // Limit of records per model. It gives the fraction within the interval a standard error of .013.
   constexpr std::size_t most_records = 500;
   const Inputs inputs = model.features.inputs;
   if (inputs == Inputs::spd) return;
@@ -66,7 +66,7 @@ void degrade(Dataset& data, Rng& rng) {
   std::normal_distribution<float> normal;
   for (std::size_t i = 0; i < data.size(); ++i) {
     const double share = std::pow(10, photons(rng));
-    // rounded, because counts of a calibrated run are not integers
+    // Counts are rounded, because those of a calibrated run are not integers.
     for (float& v : data.spd.row(i))
       v = static_cast<float>(
           std::binomial_distribution<long>(std::max(std::lround(v), 0L), share)(rng));

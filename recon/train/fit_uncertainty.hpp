@@ -28,13 +28,13 @@ struct HeldOut {
 UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, const Matrix& views,
                                  const Rows& usual, const std::vector<HeldOut>& judged,
                                  std::uint64_t seed);
-// Returns the uncertainty, or nothing if interrupted. It is fitted to maps of:
-//   the model itself, if there are at least enough_validation validation records. With 500 of them
-//     the 90 % have a standard error of .013; 150 are enough for the SPD alone, which is rarely
-//     used
-//   otherwise four models, each trained by `fit` on three quarters of less than 2000 records
-//   otherwise one model, trained by `fit` on half of the records
-// If the split is blocked, the quarters and halves are blocks.
+// Returns the uncertainty, or nothing if interrupted. It is fitted to maps of
+//   - the model itself, if there are at least enough_validation validation records;
+//   - otherwise, below 2000 records, four models, each trained by `fit` on three quarters of them;
+//   - otherwise one model, trained by `fit` on half of the records.
+// If the split is blocked, the quarters and halves are blocks. 500 validation records give the
+// fraction of 90 % a standard error of .013. 150 are enough for the SPD alone, which is rarely
+// used.
 std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Dataset& data,
                                                 const Matrix& views, const Split& split,
                                                 const SplitOptions& options,

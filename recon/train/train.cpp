@@ -38,7 +38,7 @@ void say(const TrainOptions& options, const std::string& text) {
   if (!options.fit.quiet) std::fprintf(stderr, "%s\n", text.c_str());
 }
 
-// Plan for one of the estimators of a model.
+// Name, inputs and options of one estimator to train.
 struct TrainingPlan {
   std::string name;  // name of the candidate
   Inputs inputs;
@@ -114,7 +114,8 @@ TrainedModel train_split(const Dataset& data, const Split& split, const SceneMod
   for (const TrainingPlan& wanted : wanted_of(data, name, options)) {
     if (!model.estimators.empty() && interrupted()) break;
     Estimator one = train_one(wanted, data, split, scene, options);
-    if (!model.estimators.empty() && interrupted()) break;  // interrupted during its training
+    // If training was interrupted, `one` is incomplete.
+    if (!model.estimators.empty() && interrupted()) break;
     model.estimators.push_back(std::move(one));
   }
   model->log.interrupted |= interrupted();

@@ -35,8 +35,8 @@ struct TrainingRows {
   std::string left_out;
   std::vector<std::string> reasons;  // reason for each row; empty if used (Dataset::left_out)
 };
-// Returns the records to train with. Throws Error(failed) if no record has a required sensor, if
-// all records are excluded, or if more than most_damaged of them are dead or damaged.
+// Returns the records to train with. Throws Error(failed) if no record has a required sensor or all
+// records are excluded. Also throws if more than most_damaged of all records are dead or damaged.
 TrainingRows rows_to_train(const Dataset& data, Inputs inputs);
 
 // Applies options.doubtful and options.lossy to the data.

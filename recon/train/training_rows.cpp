@@ -138,7 +138,8 @@ double greatest_gap(std::vector<double> distances) {
 
 std::string alike_neighbours(const Dataset& data, const Rows& rows) {
   constexpr std::size_t sample = 200, others = 50;
-  constexpr double most_share = 0.3;  // reached by 2 of 52 sets of independent scenes
+  // For independent scenes the expected fraction is 2/52: 2 neighbours among 52 records.
+  constexpr double most_share = 0.3;
   if (rows.size() < others) return {};
   const Matrix maps = sampled(data, rows);
   const auto apart = [&](std::size_t i, std::size_t k) {

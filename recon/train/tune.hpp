@@ -17,7 +17,7 @@ struct TuneOptions {
   // With fewer records, a model trained on these records alone is not tried.
   static constexpr std::size_t least_alone = 50;
   SplitOptions split;     // has no validation records, because tuning does not use them
-  Tuning tuning;          // its penalty is replaced by the results of cross-validation
+  Tuning tuning;          // cross-validation replaces its penalty
   bool quiet = true;      // false: print each candidate on stderr
   std::string only = {};  // name of the only candidate to try; empty: all
 };

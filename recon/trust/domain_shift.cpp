@@ -24,14 +24,14 @@ constexpr int permutations = 4000;
 constexpr std::uint64_t permutation_stream = 0x646f6d61;  // ASCII "doma"
 // Minimum significance of a difference, in standard errors.
 constexpr double clearly = 4;
-// Smaller differences do not matter. Unit of least_mean: standard deviation between records; unit
-// of least_square: its square.
+// Smaller differences do not matter. least_mean is in units of the standard deviation between
+// records, least_square in units of its square.
 constexpr double least_mean = 0.1, least_square = 0.3;
-// limit of a squared deviation, so that a single outlier has little weight
+// Limit of a squared deviation, so that a single outlier has little weight.
 constexpr double most_square = 16;
 
-// Converts the numbers of m records to deviations from the training means, in standard deviations,
-// followed by the squares of these: [m x 2 record_number_count]. A missing number gives zeros.
+// Converts the numbers of m records to deviations from the training means, in standard deviations.
+// Their squares follow: [m x 2 record_number_count]. A missing number gives zeros.
 class Standard {
  public:
   explicit Standard(const Matrix& known) {
@@ -94,8 +94,8 @@ MatrixXd permuted(const MatrixXd& blocks, Index drawn) {
 }
 
 // Returns the p-value of the largest difference of means, in units of its standard deviation over
-// the permutations. It is compared with the largest difference of each permutation, so that it
-// holds for all numbers together (Westfall and Young, Resampling-Based Multiple Testing, 1993).
+// the permutations. Compares it with the largest difference of each permutation, which corrects for
+// multiple tests (Westfall and Young, Resampling-Based Multiple Testing, 1993).
 double p_of(const VectorXd& difference, const MatrixXd& chance, double least_error) {
   const ArrayXd error = chance.array().square().colwise().mean().sqrt().max(least_error);
   const auto greatest = [&](const VectorXd& v) { return (v.array() / error).abs().maxCoeff(); };

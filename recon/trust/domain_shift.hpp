@@ -47,8 +47,8 @@ struct DomainShift {
 // Numbers that describe the training records; reference for the test of a run.
 class DomainReference {
  public:
-  static constexpr std::size_t least_records = 20;  // minimum for a run
-  static constexpr std::size_t least_known = 50;    // minimum for a training
+  static constexpr std::size_t least_records = 20;  // minimum number of records of a run
+  static constexpr std::size_t least_known = 50;    // minimum number of training records
 
   DomainReference() = default;
   // The rows must be in record order; at most the first 4000 are used. Row i of `views` belongs to
@@ -56,8 +56,8 @@ class DomainReference {
   DomainReference(const Alignment& alignment, const Dataset& data, const Matrix& views,
                   const Rows& rows, Inputs inputs);
   bool known() const { return numbers_.rows > 0; }
-  // Tests a run by all rows with usable sensors, in record order. The data must be on the axes of
-  // the model.
+  // Tests a run with all rows that have the required sensors, in record order. The data must be on
+  // the axes of the model.
   DomainShift test(const Alignment& alignment, const Dataset& data, const Matrix& views) const;
 
   void archive(Archive archive, Inputs inputs);

@@ -29,10 +29,10 @@ namespace echofuse::recon {
 // Label of records that show two people.
 inline constexpr std::string_view two_people_label = "two_people";
 
-// Learns to detect whether a record shows two bodies. No training record does, but the sum of two
-// records equals a record of two bodies if neither hides the other (outlier exposure: Hendrycks et
-// al., ICLR 2019). A small network separates views of such sums from views of single records; the
-// views have no correlation.
+// Learns to detect whether a record shows two bodies. No training record does. However, the sum of
+// two records equals a record of two bodies if neither body hides the other (outlier exposure:
+// Hendrycks et al., ICLR 2019). A small network separates views of such sums from views of single
+// records; the views have no correlation.
 // A view is centred on the centroid of all bodies. The two bodies of a sum must be apart sideways,
 // because two bodies cannot occupy one place. If there are both sensors and a baseline, all bodies
 // are rotated about the SPD to augment the data (method/rotation.hpp).
@@ -103,7 +103,7 @@ class OutOfDistributionDetector {
                       const Alignment& alignment) const;
   StatisticValues find(std::span<const float> description) const;
 
-  // index of the first value of each group, and the end
+  // Index of the first value of each group, and the end.
   std::array<std::size_t, groups + 1> first_{};
   std::vector<float> scale_;  // scale factor of each value of a description
   Components components_;     // principal components of the scaled descriptions

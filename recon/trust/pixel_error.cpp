@@ -29,13 +29,13 @@ SoftMaps probabilities_of(const Matrix& maps, const SceneModel& scene) {
   for (float& v : out.foreground_probability.values)
     v = scene.has_body() ? std::clamp(v, 0.f, 1.f) : 1;
   std::fill(out.depth.values.begin(), out.depth.values.end(), scene.foreground_depth_m);
-  // if there is no body, the whole map counts as foreground
+  // If the scene has no body, the whole map counts as foreground.
   if (!scene.has_body()) out.depth = maps;
   return out;
 }
 
-// Blurs each map of foreground probabilities horizontally. Its standard deviation is an entry of
-// the list (m), converted to pixels at the depth of the central pixel.
+// Blurs each map of foreground probabilities horizontally. The standard deviation of map i is
+// deviation_m[i], converted to pixels at the depth of the central pixel.
 void blur(SoftMaps& maps, const record::MapGrid& grid, const std::vector<double>& deviation_m) {
   constexpr double least_pixels = 0.2;
   const auto side = static_cast<int>(grid.size);

@@ -17,7 +17,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double smallest_error_m = 3e-3;  // smaller errors are set to this
+constexpr double smallest_error_m = 3e-3;  // smaller errors are replaced by this
 constexpr double penalty = 1e-3;
 constexpr std::size_t folds = 5;
 
@@ -38,9 +38,9 @@ double factor_of(std::vector<double> ratios) {
   return ratios[std::min(rank, ratios.size()) - 1];
 }
 
-// Returns the lateral error that results from the calibration: 90 % of calibrations with the stated
-// standard error cause a smaller one. Returns 0 if the run states no error, or if the side of a
-// body does not follow from the two ranges alone.
+// Returns the lateral error that results from the range calibration: 90 % of calibrations with the
+// stated standard error cause a smaller one. Returns 0 if the run states no error, or if the model
+// does not find the side of a body from the two ranges alone.
 double calibration_error_m(const Dataset& data, std::size_t row, Inputs inputs,
                            std::span<const float> map, const SceneModel& scene) {
   constexpr double deviations_90 = 1.645;

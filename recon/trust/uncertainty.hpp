@@ -29,11 +29,11 @@ std::vector<float> quadratic_terms(std::span<const float> values);
 // between both ranges.
 bool side_by_ranges(const Dataset& data, Inputs inputs);
 
-// Returns predictors of the error of a map, known without the truth, one row per map: |x/z| of the
-// map's foreground (NaN if there is none); for the SPD log(1 + clicks above the background, in
-// standard deviations of all clicks); for the radar log(peak over the standard deviation of the
-// weaker half of the profile), corrected if a filter has smoothed the noise. Row i belongs to map i
-// and record rows[i].
+// Returns predictors of the error of a map, which are known without the true map. Row i belongs to
+// map i and record rows[i]. The columns are |x/z| of the map's foreground (NaN if there is none);
+// for the SPD log(1 + clicks above the background, in standard deviations of all clicks); for the
+// radar log(peak over the standard deviation of the weaker half of the profile). The last one is
+// corrected if a filter has smoothed the noise.
 Matrix predictors_of(const Matrix& maps, const SceneModel& scene, const Dataset& data,
                      const Rows& rows, Inputs inputs);
 
@@ -75,7 +75,7 @@ class LateralError {
 // Uncertainty of one reconstructed map.
 struct PredictionUncertainty {
   // Lateral distance from the shown position that contains the body in 90 % of the records like the
-  // training data, m. Includes the calibration error that the run states: an error s of the
+  // training data, m. Includes the calibration error that the run states. An error s of the
   // difference between both ranges moves a body at range r sideways by s r / b (baseline b). NaN if
   // the record is out of distribution or shows no body.
   double lateral_interval_90_m = std::numeric_limits<double>::quiet_NaN();
