@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Data set: run files as numeric tables, one row per record, sensors as separate tables.
+// Data set: the records of one or several runs as numeric tables. Each sensor has a table with one
+// row per record.
 #pragma once
 #include <cstdint>
 #include <functional>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Checks unit and range of depth images while they are read.
+// Checks the unit and the range of depth images while they are read.
 #pragma once
 #include <array>
 #include <cstdint>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Features: the input of a model, computed from the raw inputs [SPD histogram ++ radar profile].
-// The histograms of all zones are concatenated. Each sensor has its own scale, because otherwise
-// hundreds of SPD bins outweigh tens of radar bins. Models with aligned inputs scale them in
+// Features: the inputs of a model, computed from the raw inputs [SPD histogram ++ radar profile].
+// The histograms of all zones are concatenated. Each sensor has its own gain, because otherwise
+// hundreds of SPD bins would outweigh tens of radar bins. Models with aligned inputs scale these in
 // method/method.hpp.
 #pragma once
 #include <algorithm>

@@ -30,10 +30,10 @@ class SpatialLags {
   SpatialLags() = default;
   explicit SpatialLags(const record::Antennas& antennas);
   // Returns the number of lags, D: c_1..c_across belong to horizontal antenna pairs, the others to
-  // vertical pairs. D is 0 if there is no horizontal pair.
+  // vertical pairs. D is 0 if horizontal pairs are missing.
   std::size_t longest() const { return across_ + up_; }
   // Returns the quantity of the lag axis: "lags" if all are horizontal. With three vertical lags it
-  // is "lags, 3 up" (lags_up); if there is no pair with lag 2, "lags 1 3".
+  // is "lags, 3 up" (lags_up); if pairs with lag 2 are missing, "lags 1 3".
   std::string quantity() const;
   // Writes c_0, then the real and imaginary parts of c_1..c_D. c_d is 0 if no antenna pair has
   // spacing d.

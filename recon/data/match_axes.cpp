@@ -10,7 +10,7 @@
 namespace echofuse::recon {
 namespace {
 
-// Describes the differences because of which is_near() is false.
+// Describes how the axes differ if is_near() returned false.
 std::string difference(const Axis& found, const Axis& wanted) {
   if (found.count == 0 || wanted.count == 0) return "one of the two has no such axis";
   if (found.quantity != wanted.quantity || found.unit != wanted.unit)

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Converts the profiles of a run to the radar response of a model's training. A run states its
-// radar's response to a point (acquire/measurement/response.hpp). Powers of incoherent echoes add
-// up, so a linear filter is exact; for coherent echoes it is right on average.
+// Converts the radar profiles of a run to the radar response of a model's training data. A run
+// states the response of its radar to a point target (acquire/measurement/response.hpp). The
+// conversion is a linear filter. It is exact for incoherent echoes, because their powers add up;
+// for coherent echoes it is right on average.
 #pragma once
 #include <vector>
 

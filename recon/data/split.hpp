@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Split of the records into training, validation (early stopping) and test.
+// Splits records into training, validation (for early stopping) and test records.
 #pragma once
 #include <cstdint>
 #include <string>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Depth maps as files of the requested formats.
+// Writes depth maps to files in the requested formats.
 #pragma once
 #include <cstdint>
 #include <map>

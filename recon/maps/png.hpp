@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// PNG: 16-bit grey depth maps, and colour pictures.
+// Reads and writes PNGs: 16-bit grey depth maps; writes colour pictures.
 #pragma once
 #include <cstdint>
 #include <span>

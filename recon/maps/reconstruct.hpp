@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Depth maps of a run, complete or in progress.
+// Reconstructs the depth maps of a run, which may still be in progress.
 #pragma once
 #include <functional>
 #include <string>

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
-// Reads maps written by any program, for evaluation, and writes the file of all maps. Formats:
+// Reads maps made by any program, so that they can be scored, and writes arrays of maps. A folder
+// contains either an array
 //   FOLDER/maps.npy      [n, N, N] metres, row-major from the top left, NaN or 0: no return
 //   FOLDER/records.csv   columns record (index) and status, in the order of the maps; a record has
 //                        a map if its status begins with "ok", "radar lost" or "antennas lost"
 // or 16-bit pictures FOLDER/NNNNNN_mm.png (otherwise NNNNNN.png) of record NNNNNN, with
 //   FOLDER/camera.json   width, fx, and depth_scale (steps per metre)
-// FOLDER/run.txt (optional): the run (uuid, path), and the training records of the maps' model as
-// "trained on records 0,1,5".
+// FOLDER/run.txt is optional. It contains the run (uuid, path) and the training records of the
+// model that made the maps, as "trained on records 0,1,5".
 #pragma once
 #include <cstdint>
 #include <fstream>

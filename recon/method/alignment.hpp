@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Alignment: the background learnt from the training records, and the window about a body's range.
-// Used by align() of the method (method.hpp).
+// Alignment: the background learnt from the training records, and the window around the range of a
+// body. Used by align() of the method (method.hpp).
 #pragma once
 #include <cstddef>
 #include <span>
@@ -74,8 +74,8 @@ inline bool shows_body(std::span<const float> view) { return view.back() != 0; }
 class Alignment {
  public:
   Alignment() = default;
-  // Learns the background from observations, which contain counts, power and lags (method.hpp). The
-  // view has no profile if there is no radar. Throws Error(usage) if there is no histogram.
+  // Learns the background from observations, which contain counts, power and lags (method.hpp).
+  // Without a radar, the view has no profile. Throws Error(usage) if the histogram is missing.
   Alignment(const Layout& layout, const Matrix& observations, const Rows& rows);
 
   bool known() const { return !counts_background_.empty(); }
@@ -86,7 +86,7 @@ class Alignment {
   std::size_t histogram_bins() const;
   std::size_t zone_bins() const;  // number of bins per zone
   std::size_t zone_features() const { return zones_ * zone_bins(); }
-  std::size_t profile_points() const;  // number of points of a profile; 0 if there is no radar
+  std::size_t profile_points() const;  // number of points of a profile; 0 if the radar is missing
   std::size_t array_features() const { return array_.size(); }  // 0 if there are no antennas
   // size(): number of values of a view without its correlation. inputs(): number including the
   // correlation, which comes first.

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Features of a body from the radar's antennas: spatial lags c_d (data/lags.hpp) about the range
-// measured by the SPD. The first is the direction of maximum power (Bartlett beam, sum of (A - d)
-// Re(c_d exp(-i pi d u))). The others are the lags, rotated into that direction. They describe the
-// lateral spread of the body about its direction, independent of its position, like the aligned
-// profile along the range. Lags of vertical antenna pairs describe the spread in height and are not
-// rotated.
+// Features of a body from the radar's antennas: spatial lags c_d (data/lags.hpp) around the range
+// measured by the SPD. The first features are the direction of maximum power (Bartlett beam:
+// maximum of sum (A - d) Re(c_d exp(-i pi d u)) over the direction cosine u, for A antennas). The
+// others are the lags, rotated into that direction. They describe the lateral spread of the body,
+// independent of its position, just as the aligned profile describes its spread in range. Lags of
+// vertical antenna pairs describe the spread in height and are not rotated.
 #pragma once
 #include <complex>
 #include <span>

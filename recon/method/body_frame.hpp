@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Body frame: a grid that moves with a body. Columns are metres to its right, rows are metres above
-// the camera, both at the body's depth. A body cut out of a map looks the same at any position;
-// draw() puts it back into a map.
+// Body frame: a grid of cells that moves sideways with a body. Columns are lateral positions
+// relative to the body, rows are heights relative to the camera, in metres at the body's depth. A
+// body cut out of a map looks the same at any position; draw() puts it back into a map.
 #pragma once
 #include <optional>
 #include <span>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Constants of a view, with unit and reason. They are part of a model file (Alignment::archive); a
-// file with other values is refused.
+// Constants of a view, with unit and reason. They are stored in a model file (Alignment::archive);
+// a file with other values is refused.
 #pragma once
 
 namespace echofuse::recon::method {

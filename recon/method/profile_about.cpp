@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Radar profile relative to a body's range.
+// Radar profile relative to the range of a body.
 #include <algorithm>
 #include <array>
 #include <cmath>

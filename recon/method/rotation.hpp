@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
-// Rotation augmentation: creates training records at more positions than recorded. If a body
-// rotates about the SPD's vertical axis, the histogram is unchanged. The radar, b to the left of
-// the SPD, measures R'^2 = r^2 + b^2 + 2 b r sin(azimuth). Approximation: the body's profile shifts
-// by this amount and keeps its form, although the body also turns slightly relative to the radar.
-// The profile's noise is reused. The lags of the radar's antennas are rotated, in direction cosines
-// from (b + r sin) / R' of one azimuth to that of the other. With antennas a random bias is added
-// between the ranges of both sensors, so that the position is not learnt from a shift of
-// centimetres, which differs between runs. With zones no body is rotated, because it would appear
-// in other zones.
+// Rotation augmentation: creates training records with bodies at more azimuths than were recorded.
+// If a body rotates about the SPD's vertical axis, the histogram does not change. The radar is b to
+// the left of the SPD and measures the range R' with R'^2 = r^2 + b^2 + 2 b r sin(azimuth).
+// Approximation: the profile shifts by the change of R' and keeps its form, although the body also
+// turns slightly relative to the radar. The noise of the profile is reused.
+// The lags of the antennas are rotated from the direction cosine (b + r sin(azimuth)) / R' of one
+// azimuth to that of the other. If there are antennas, a random bias is added to the radar's range.
+// Otherwise the position would be learnt from shifts of centimetres, which differ between runs. If
+// the detector has zones, no body is rotated, because it would appear in other zones.
 #pragma once
 #include <span>
 #include <vector>

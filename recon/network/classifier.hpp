@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Small network that separates two classes of examples, fitted by logistic loss.
+// Small network that separates two classes of examples. It is fitted by logistic loss.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -15,7 +15,7 @@ class Classifier {
  public:
   struct Options {
     std::vector<std::size_t> hidden;  // width of each hidden layer
-    // Number of steps; size of a batch, half of which is from each class.
+    // Number of steps; size of a batch, which contains equal numbers of both classes.
     std::size_t steps, batch;
     double learning_rate;  // initial rate, which decreases to zero
     std::uint64_t seed;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Fits a network to a table of targets by least squares. The network predicts the difference from
-// their mean in units of their spread, so that training starts from the mean.
+// the mean of the targets in units of their spread, so that training starts from the mean.
 #pragma once
 #include <functional>
 #include <span>

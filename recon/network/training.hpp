@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Options and results of a training.
+// Options and results of training.
 #pragma once
 #include <cmath>
 #include <cstdint>

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Matrix product from the machine's BLAS, QR and singular values from its LAPACK. OpenBLAS's
-// kernels are selected at run time (blas_kernels()), so a portable build still uses AVX2 or AVX-512
-// (Eigen's own product, compiled for plain x86-64, is 5 x slower). Each call uses one thread. Large
-// products are split into parts (parallel.hpp) by their shape, because OpenBLAS's own threads would
-// make the order of summation depend on their number.
+// Matrix product by the machine's BLAS; QR decomposition and singular values by its LAPACK. The
+// kernels of OpenBLAS are selected at run time (blas_kernels()), so that a portable build also uses
+// AVX2 or AVX-512. Eigen's own product, compiled for plain x86-64, is 5 times slower. Each call of
+// BLAS uses one thread. Large products are split into parts according to their shape
+// (parallel.hpp). OpenBLAS's own threads are not used, because the order of summation would depend
+// on their number.
 #pragma once
 #include <cstddef>
 #include <string>

@@ -135,7 +135,8 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
     if (tensor.shape.size() > most_rank)
       refuse(name,
              "has " + std::to_string(tensor.shape.size()) + " dimensions; expected at most 4");
-    if (begin > end || end > values.size()) refuse(name, "data end beyond the end of the file");
+    if (begin > end || end > values.size())
+      refuse(name, "its data extend beyond the end of the file");
     if (count > values.size() || count * width != end - begin)
       refuse(name, "data size does not match shape " + to_text(tensor.shape));
     const auto taken = tensors_.emplace(name, std::move(tensor)).first;

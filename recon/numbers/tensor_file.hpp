@@ -3,16 +3,17 @@
 // with the package safetensors or with twenty lines of NumPy.
 //
 //   off 0  u64 N: length of the header, at most 1 MiB
-//   off 8  u8[N]: JSON, {"__metadata__": {"crc32c": "89abcdef", "facts": "TEXT", "kernel",
-//   "commit"},
-//                        NAME: {"dtype": "F32", "shape": [64, 48], "data_offsets": [0, 12288]},
-//                        ...}
-//   then   the tensors: row-major, little-endian, contiguous; those of 8 bytes a
-//          value first, then of 4, then of 1, so that each is aligned
+//   off 8  u8[N]: JSON,
+//          {"__metadata__": {"crc32c": "89abcdef", "facts": "TEXT", "kernel": ..., "commit": ...},
+//           NAME: {"dtype": "F32", "shape": [64, 48], "data_offsets": [0, 12288]},
+//           ...}
+//   then   the tensors: row-major, little-endian, contiguous. Tensors with 8 bytes per
+//          value come first, then those with 4, then those with 1, so that all are aligned.
 //
-// TEXT is a JSON object of numbers and strings by name, because the format allows only strings
-// there. crc32c is the CRC-32C of the whole file with zeros for these eight digits. kernel (of the
-// matrix product) and commit describe the program that wrote the file; they are not read.
+// The format allows only strings in __metadata__, so TEXT is a JSON object (numbers and strings by
+// name) as a string. crc32c is the CRC-32C of the whole file with zeros in place of these eight
+// digits. kernel (of the matrix product) and commit describe the program that wrote the file; they
+// are not read.
 #pragma once
 #include <cstdint>
 #include <limits>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Cross-validation of `train --from`: compares what an old model can become, and chooses one.
+// Cross-validation of `train --from`: compares the candidates that can be made from an old model,
+// and chooses one.
 #pragma once
 #include <functional>
 #include <string>

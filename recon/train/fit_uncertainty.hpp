@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Fits the uncertainty of a trained model on the validation records, unmodified and degraded (fewer
-// photons, more radar noise), with the model's own maps.
+// Fits the uncertainty of a trained model to maps of held-out records. The records are used
+// unmodified, and degraded by fewer photons and more radar noise.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -23,8 +23,8 @@ struct HeldOut {
 };
 // Fits the uncertainty to maps of held-out records. The maps are made by the model itself, or by
 // similar models trained on part of its records (cross-fitting: Chernozhukov et al., Econometrics
-// Journal 21, C1, 2018). Row i of `views` belongs to record i of `data`. `usual`: rows that define
-// what is in distribution.
+// Journal 21, C1, 2018). Row i of `views` belongs to record i of `data`. `usual`: rows that count
+// as in distribution.
 UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, const Matrix& views,
                                  const Rows& usual, const std::vector<HeldOut>& judged,
                                  std::uint64_t seed);

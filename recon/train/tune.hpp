@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Adapts a model to another room with a few records from there. Compares four candidates by
-// cross-validation on these records: the old model unchanged; with background and position
-// corrected; fine-tuned, with an L2 penalty that cross-validation chooses too; and a model of these
-// records alone. Given several old models, it takes the best start.
+// Adapts a model to another room with a few records from that room. Compares four kinds of
+// candidates by cross-validation on these records: the old model unchanged; the old model with
+// corrected background and position; the fine-tuned model, with several L2 penalties; and a model
+// trained on these records alone. If there are several old models, the best start is used.
 #pragma once
 #include <string>
 #include <vector>

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: MIT
-// Tests whether a run as a whole differs from the training data, even if no single record does:
-// other people, clothes or sensors. Compares the means of the records' numbers
-// (record_numbers.hpp), and of their squares, with those of training records. The permutation test
-// takes the greatest difference in units of its standard deviation (Westfall and Young,
+// Tests whether a run as a whole differs from the training data (other people, clothes or sensors),
+// even if no single record does. Compares the means of the numbers that describe a record
+// (record_numbers.hpp), and of their squares, with those of the training records. The permutation
+// test uses the largest difference in units of its standard deviation (Westfall and Young,
 // Resampling-Based Multiple Testing, 1993; Good, Permutation Tests, 2000). It exchanges blocks of
 // ten records, because a pose may last for several records.
 //
-// Limit: cannot detect a change that affects none of the numbers, such as another gain, or a range
-// bias common to both sensors that is small against the span of the ranges.
+// Limit: the test cannot detect a change that affects none of the numbers, such as another gain.
+// Nor can it detect a range bias of both sensors that is small compared with the span of the
+// ranges.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -52,7 +53,7 @@ class DomainReference {
 
   DomainReference() = default;
   // The rows must be in record order; at most the first 4000 are used. Row i of `views` belongs to
-  // record i of `data`; `views` is empty if there is no SPD.
+  // record i of `data`; `views` is empty if the SPD is missing.
   DomainReference(const Alignment& alignment, const Dataset& data, const Matrix& views,
                   const Rows& rows, Inputs inputs);
   bool known() const { return numbers_.rows > 0; }

@@ -124,8 +124,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   };
   Rng rng = make_rng(seed, held_stream);
   const Rows order = shuffled(rows.size(), rng);
-  // If there are few records, none is reserved for the limits: each fold is tested by a fit to the
-  // other folds.
+  // If there are few records, all serve for the limits: each fold is tested by a fit to the rest.
   const bool few = rows.size() < few_records;
   const std::size_t parts = rows.size() < many_records ? folds_of_few : folds_of_many;
   std::vector<StatisticValues> held;

@@ -1,17 +1,19 @@
 // SPDX-License-Identifier: MIT
 // Tests whether a record is out of the distribution of the training records, independent of the
-// model. A record is described by its histogram, radar profile and view of the radar's antennas (if
-// the model uses them), aligned to the body's range (method/alignment.hpp), by that range, and by
-// the unaligned radar profile. None of these depends on gains. The statistics are
-//   distance    from the training records in their principal components: the greatest of T^2 along
-//               the components and Q of each group of values off them (Jackson and Mudholkar,
-//               Technometrics 21, 341, 1979)
-//   two bodies  learn_two_bodies(); needs a detector
-// Each is a ratio to its limit, so a value above 1 is unusual. About one in 140 records like the
-// training exceeds a limit. Records converted from a wider radar response
-// (data/response_conversion.hpp) have limits of their own, learnt from imitations, because the
-// filter amplifies their noise. Limits are interpolated between two widths. Further named checks:
-// no body, a body outside the training ranges, a saturated detector.
+// model. The description of a record contains its histogram, its radar profile and the features of
+// the radar's antennas (if the model uses them), all aligned to the range of the body
+// (method/alignment.hpp). It also contains that range and the unaligned radar profile. None of
+// these values depends on gains. The statistics are
+//   distance    distance from the training records: the maximum of T^2 along their principal
+//               components and of Q, the squared distance from the components, of each group of
+//               values (Jackson and Mudholkar, Technometrics 21, 341, 1979)
+//   two bodies  log odds of two bodies (learn_two_bodies); needs an SPD
+// Each statistic is scaled: it is 0 at the median of the training records and 1 at its limit, so
+// that a value above 1 is unusual. About one in 140 records like the training records exceeds a
+// limit. Records converted from a wider radar response (data/response_conversion.hpp) have separate
+// limits, learnt from imitations, because the filter amplifies their noise. Limits are interpolated
+// between two widths. Further checks detect a record without a body, a body outside the training
+// ranges, and a saturated detector.
 #pragma once
 #include <array>
 #include <string>
@@ -55,8 +57,8 @@ class OutOfDistributionDetector {
 
   OutOfDistributionDetector() = default;
   // Learns from these rows; at least least_records are needed. Row i of `views` belongs to record i
-  // of `data`; `views` is empty if there is no SPD. `scene` serves to find the bodies in the depth
-  // maps.
+  // of `data`; `views` is empty if the SPD is missing. `scene` serves to find the bodies in the
+  // depth maps.
   OutOfDistributionDetector(const Alignment& alignment, const Dataset& data, const Matrix& views,
                             const Rows& rows, Inputs inputs, const SceneModel& scene,
                             std::uint64_t seed);
@@ -94,7 +96,7 @@ class OutOfDistributionDetector {
   // Returns the description of a record: its view without correlation, and its normalised profile.
   std::vector<float> describe(std::span<const float> view, const Dataset& data,
                               std::size_t row) const;
-  // Returns true if a record shows a body; always true if there is no SPD.
+  // Returns true if a record shows a body; always true if the SPD is missing.
   bool shows_body(std::span<const float> description) const;
   // Returns the rows that show a body, and sets the limits of the range from them.
   Rows learn_ranges(const Matrix& descriptions);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Uncertainty of each pixel. A pixel shows the body, at its depth z, with probability p, otherwise
-// the background B. p comes from the model's mask, blurred by the uncertainty of the body's
-// position. For a model without a mask p follows from its mean map m: p = (m - B)/(z - B). A
-// calibration curve then corrects p: how often such pixels of the validation records showed the
-// body.
+// Uncertainty of each pixel. A pixel shows the body at depth z with probability p, otherwise the
+// background B. The model's mask gives p, after it is blurred by the uncertainty of the body's
+// position. If the model has no mask, p follows from its mean map m: p = (m - B) / (z - B). A
+// calibration curve then corrects p to the fraction of such pixels that show the body in the
+// validation records.
 #pragma once
 #include <array>
 #include <string>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Numbers that describe a record, independent of gains, for the comparison of runs
+// Numbers that describe a record, independent of gains. They serve to compare runs
 // (domain_shift.hpp).
 #pragma once
 #include <array>
@@ -23,7 +23,7 @@ extern const std::array<RecordNumber, record_number_count> record_numbers;
 
 // Returns [m x record_number_count], one row for each of the `rows` that shows a body. NaN:
 // unknown, e.g. if the sensor is not an input. Row i of `views` belongs to record i of `data`;
-// `views` has no columns if there is no SPD.
+// `views` has no columns if the SPD is missing.
 Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const Matrix& views,
                          const Rows& rows, Inputs inputs);
 

@@ -108,9 +108,9 @@ Spoil fact(const char* name, const T& value) {
 const char *const map_name = "0/scene/background_m", *const map_fault = "0/scene/background_m: ";
 
 const std::vector<Hostile> hostile_files = {
-    {"an offset beyond the end", "ridge", "crafted: zz: data end beyond the end of the file",
+    {"an offset beyond the end", "ridge", "crafted: zz: its data extend beyond the end of the file",
      beside("U8", 0, 8, 0)},
-    {"reversed offsets", "ridge", "crafted: zz: data end beyond the end of the file",
+    {"reversed offsets", "ridge", "crafted: zz: its data extend beyond the end of the file",
      [](auto& m) { m.add("zz", "U8", {1}, 9, 8); }},
     {"a fractional offset", "ridge", "zz: expected whole numbers",
      [](auto& m) { m.add("zz", "U8", {1}, 0, 1), m.head["zz"]["data_offsets"][1] = 1e300; }},
