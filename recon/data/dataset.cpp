@@ -173,8 +173,7 @@ class Appender {
       else
         out.insert(out.end(), zone.begin(), zone.end());
     }
-    // Minimum fraction of ready pulses for a reliable correction; below it, mainly noise is
-    // amplified.
+    // Minimum fraction of pulses that find the detector ready; below it, mainly noise is amplified.
     constexpr double hardly_any = 0.03;
     if (pulses > 0 && ready > hardly_any) a_pulse = 0;
     return out;

@@ -162,8 +162,9 @@ float range_of(std::span<const float> standard_view, const BodyModel& model) {
   return standard_view.back() * model.deviation.back() + model.centre.back();
 }
 
-// Step 3, equation (8). The networks estimate the lateral position of the body at its range, and
-// its mean depth minus that range, which is usually negative (m). A Place contains x / z and z.
+// Step 3, equation (8). The networks estimate two lengths in metres: the lateral position of the
+// body at its range, and its mean depth minus that range (usually negative). A Place contains x / z
+// and z.
 std::vector<Place> place(const Matrix& standard_views, const BodyModel& model) {
   // [m x 2] position to the right, depth minus range (m)
   const Matrix found = model.place.predict(standard_views);

@@ -45,8 +45,8 @@ struct Tuning {
   double learning_rate = 4e-3;          // initial rate, which decreases to zero
   std::uint64_t seed = 1;
   bool networks_stay() const { return std::isinf(l2_penalty); }
-  // Returns the factor (0 to 1) by which the mean residual of some records is multiplied before it
-  // is used as a correction. The factor is near 1 if there are many records.
+  // Returns n / (n + 10), the factor by which the mean residual of n records is multiplied before
+  // it is used as a correction.
   static double shrinkage(std::size_t records) {
     return static_cast<double>(records) / static_cast<double>(records + 10);
   }

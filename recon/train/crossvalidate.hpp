@@ -20,7 +20,7 @@ struct CrossvalidatedRow : ScoredRow {
 // summarise() returns the mean of each metric over all maps, and its standard error. In a sequence,
 // neighbouring records are correlated, so the standard error is computed between folds: se^2 = K /
 // (K - 1) sum_k (S_k - n_k m)^2 / n^2. K is the number of folds, n the number of maps, and m the
-// mean; fold k has n_k maps with sum S_k. Without a sequence, maps count as independent.
+// mean; fold k has n_k maps with sum S_k. Otherwise maps count as independent.
 using Folds = std::vector<std::vector<MapScores>>;  // scores of the maps in each fold
 Summaries summarise(const Folds& folds, bool sequence);
 

@@ -22,11 +22,11 @@ constexpr std::size_t most_components = 36, rows_a_component = 60;
 // Number of folds. If there are more than few_records, only one fold sets the limits.
 constexpr std::size_t folds_of_few = 4, folds_of_many = 10;
 constexpr std::size_t few_records = 400, many_records = 3000;
-// False alarm rate for T^2, for two bodies, and for all Q together.
+// False alarm rate allowed for T^2, for two bodies, and for all Q together.
 constexpr double above_limit = 0.002;
 constexpr double nobody = -30;          // log odds of two bodies if a record shows no body
 constexpr double range_reserve = 0.05;  // margin, as a fraction of the span of the training ranges
-// Factor of the maximum number of clicks per pulse in the training records.
+// A saturated record has more clicks per pulse than this times the maximum of the training.
 constexpr double clicks_reserve = 1.25;
 // A record without a body is unusual if more than this fraction of the training records shows one.
 constexpr double nearly_all_records = 0.99;
