@@ -38,7 +38,7 @@ def models():
 
 
 class Names(unittest.TestCase):
-    def test_charts_contain_only_current_texts(self):
+    def test_charts_contain_only_texts_of_the_current_scripts_and_programs(self):
         sources = [root / "scripts/make_pictures", *(root / "recon/python/echofuse").rglob("*.py")]
         known = set().union(models(), *(patterns_of(path.read_text()) for path in sources))
         known |= set(map(re.escape, re.findall(r"^\| [`*]+([^`*]+)", (root / "README.md").read_text(), re.M)))
@@ -54,7 +54,7 @@ class Names(unittest.TestCase):
                 self.assertGreater(len(texts), 3)
                 self.assertEqual(unknown, [], "older than the names it shows: scripts/make_pictures")
 
-    def test_page_pictures_contain_only_current_texts(self):
+    def test_page_pictures_contain_only_texts_of_the_current_page(self):
         page = "".join(path.read_text() for pattern in ("*.html", "*.js") for path in (root / "recon/web").glob(pattern))
         for name in ("page.png", "page.webp"):
             shown = re.search(rb"names: ([^<\x00]*);", (pictures / name).read_bytes())
@@ -63,7 +63,7 @@ class Names(unittest.TestCase):
             self.assertGreater(len(names), 5, name)
             self.assertEqual([one for one in names if one not in page], [], f"{name}: older than the names it shows")
 
-    def test_every_picture_is_used(self):
+    def test_every_picture_is_used_in_a_manual(self):
         texts = "".join(path.read_text() for path in root.glob("**/*.md") if "build" not in path.parts)
         self.assertEqual([p.name for p in pictures.iterdir() if f".readme/{p.name}" not in texts], [])
 
@@ -83,7 +83,7 @@ return out;"""
 
 
 class Lines(unittest.TestCase):
-    def test_no_text_overlaps_a_line(self):
+    def test_no_text_of_a_sketch_overlaps_a_line(self):
         import chromium
         browser = chromium.start()
         self.addCleanup(browser.quit)

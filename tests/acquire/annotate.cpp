@@ -34,7 +34,8 @@ std::set<std::string> names_in(const std::string& folder) {
 
 }  // namespace
 
-TEST_CASE("annotate replaces a closed run's file, keeps its owner and mode, and follows links") {
+TEST_CASE(
+    "the annotate command replaces a closed run's file, keeps owner and mode, follows symlinks") {
   const Folder folder;
   fs::create_directory(folder / "real");
   const std::string path = folder / "real/a.sqlite", link = folder / "link.sqlite";
@@ -60,7 +61,7 @@ TEST_CASE("annotate replaces a closed run's file, keeps its owner and mode, and 
   CHECK(is_closed(path));
 }
 
-TEST_CASE("annotate waits for the lock of a closed run") {
+TEST_CASE("the annotate command waits for the lock of a closed run") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 3);
@@ -76,7 +77,7 @@ TEST_CASE("annotate waits for the lock of a closed run") {
   CHECK(RunReader(path).events().size() == 1);
 }
 
-TEST_CASE("annotate leaves the run unchanged if the disk is full") {
+TEST_CASE("the annotate command leaves the run file unchanged if the disk is full") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 3);
@@ -90,7 +91,8 @@ TEST_CASE("annotate leaves the run unchanged if the disk is full") {
   CHECK(names_in(folder.path) == names);
 }
 
-TEST_CASE("kill -9 of annotate leaves the old or the new file and no SQLite side files") {
+TEST_CASE(
+    "the annotate command killed by SIGKILL leaves the old or new file and no SQLite side files") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 200);

@@ -80,7 +80,8 @@ TEST_CASE("antenna calibration finds gains and phases within their standard erro
   CHECK(squares / values == Approx(1).margin(0.15));
 }
 
-TEST_CASE("antenna calibration refuses a missing peak, several waves and a dead antenna") {
+TEST_CASE(
+    "antenna calibration refuses data without a peak, with several waves or with a dead antenna") {
   World w;
   CHECK(refusal(frames_of(w, 7, 1)) == "fewer than 8 frames with antenna samples received");
   CHECK(has(refusal(frames_of(w, 20, 1), 9), "no peak in the antenna samples at the reflector: "));
@@ -95,7 +96,7 @@ TEST_CASE("antenna calibration refuses a missing peak, several waves and a dead 
   CHECK(refusal(ArrayFrames(20, std::vector<std::int16_t>(bins * 16))) != "");
 }
 
-TEST_CASE("differences between repeats increase the standard errors of the antenna calibration") {
+TEST_CASE("antenna calibration has larger standard errors if repeated measurements differ") {
   const World w;
   AntennaGains all = fit_antennas(frames_of(w, 80, 3), 8, reflector).gains;
   const AntennaGains before = all;
@@ -114,7 +115,7 @@ TEST_CASE("differences between repeats increase the standard errors of the anten
   CHECK(largest_residual(slipped, before) == Approx(7 / std::sqrt(2.0)));
 }
 
-TEST_CASE("antenna gains and phases are optional in a calibration file") {
+TEST_CASE("a calibration file is valid with or without antenna gains and phases") {
   const Folder folder;
   const std::string path = folder / "c.toml";
   Calibration c;
@@ -143,7 +144,7 @@ TEST_CASE("antenna gains and phases are optional in a calibration file") {
   CHECK(refused("gain = \"1 1\"\nphase_rad = \"0 0 0\"\nstandard_error = \"0 0\"\n"));
 }
 
-TEST_CASE("antennas combine the board's positions with the calibrated gains") {
+TEST_CASE("antenna positions of the radar board are combined with the calibrated gains") {
   const Folder folder;
   const std::string path = folder / "lab.toml",
                     radar = echofuse::test::source_dir + "/config/radar/";

@@ -8,7 +8,7 @@ using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace testing;
 
-TEST_CASE("a calibration file is read as written") {
+TEST_CASE("a calibration file is read back with the values that were written") {
   const Folder folder;
   const std::string path = folder / "c.toml";
   Calibration c;
@@ -34,7 +34,7 @@ TEST_CASE("a calibration file is read as written") {
   CHECK(back.firmware->lines == 7);
 }
 
-TEST_CASE("a new calibration keeps stored values of sensors that it did not measure") {
+TEST_CASE("a new calibration keeps the stored values of sensors that were not measured") {
   Calibration stored, fresh;
   stored.entries = {{Sensor::spd, "old", "m", 1, 0.1, 1e-4},
                     {Sensor::radar, "old", "m", 1, 0.2, 1e-4}};
@@ -50,7 +50,7 @@ TEST_CASE("a new calibration keeps stored values of sensors that it did not meas
   CHECK(fresh.over(stored).firmware->lines == 4);
 }
 
-TEST_CASE("invalid calibration files are refused with line and column") {
+TEST_CASE("an invalid calibration file is refused with the line and column of the error") {
   const Folder folder;
   const std::string path = folder / "c.toml";
   const auto refusal = [&](const std::string& text) {
@@ -67,7 +67,7 @@ TEST_CASE("invalid calibration files are refused with line and column") {
   CHECK(error_of([&] { write_calibration(folder / "no/c.toml", {}); }).first == ExitCode::disk);
 }
 
-TEST_CASE("radar calibration line is formatted for the cfg") {
+TEST_CASE("the firmware's calibration line is parsed into range bias and complex channel factors") {
   const auto bias =
       radar::parse_firmware_bias("compRangeBiasAndRxChanPhase 0.0512345 1.0 0.0 -0.5 0.25");
   REQUIRE(bias);

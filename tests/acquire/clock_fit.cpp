@@ -67,7 +67,7 @@ double feed(ClockFit& fit, const Device& device, double t, int count) {
 
 }  // namespace
 
-TEST_CASE("clock fit finds 500 ms offsets and 200 ppm drifts to 5 ms under random delays") {
+TEST_CASE("the clock fit is accurate to 5 ms for 500 ms offset, 200 ppm drift and random delays") {
   std::vector<double> worst, residual, drift;
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     const double offset_s = -0.5 + static_cast<double>(seed) / 299, sign = seed % 2 ? 1 : -1;
@@ -93,7 +93,7 @@ TEST_CASE("clock fit finds 500 ms offsets and 200 ppm drifts to 5 ms under rando
   CHECK(drift.back() < 100);
 }
 
-TEST_CASE("with small delays the clock fit is as accurate as the receive times") {
+TEST_CASE("the clock fit is as accurate as the receive times if the delays are small") {
   const Device device{1e-6, -0.5, 200e-6};
   ClockFit fit(1e-6);
   Rng rng = make_rng(1, 0);
@@ -111,14 +111,14 @@ TEST_CASE("with small delays the clock fit is as accurate as the receive times")
   CHECK((state.samples > 4000 && state.samples < 4400));  // samples within 128 s
 }
 
-TEST_CASE("clock fit includes a constant delay in the offset") {
+TEST_CASE("the clock fit includes a constant transport delay in the clock offset") {
   const Device device{1e-6, 0, 0};
   ClockFit fit(1e-6);
   feed(fit, device, 0, 100);  // 1 ms late
   CHECK(abs(fit.taken(device.ticks(5), host(6)) - host(5.001)) <= 1ns);
 }
 
-TEST_CASE("samples get their receive time until the clock fit is valid") {
+TEST_CASE("a sample is assigned its receive time until the clock fit is valid") {
   const Device device{1e-6, 3, 0};
   ClockFit fit(1e-6);
   CHECK_FALSE(fit.sound());
@@ -133,8 +133,8 @@ TEST_CASE("samples get their receive time until the clock fit is valid") {
   CHECK(fit.taken(device.ticks(4), host(3.9)) == host(3.9));
 }
 
-TEST_CASE("wrapped clock counters are unwrapped") {
-  SECTION("radar counter, every 21.47 s, also with a missing frame") {
+TEST_CASE("the clock fit unwraps device counters that overflow") {
+  SECTION("a 32-bit radar counter that wraps every 21.47 s is unwrapped despite gaps of 4 s") {
     const Device device{5e-9, 20, -150e-6, 0xffff'ffff};
     ClockFit fit(5e-9, 32);
     double t = 0;
@@ -142,7 +142,7 @@ TEST_CASE("wrapped clock counters are unwrapped") {
     CHECK(error_s(fit, device, t - 0.5, host(t)) < 0.0015);
     CHECK(std::abs(fit.state(host(t))->drift_ppm + 150) < 2);
   }
-  SECTION("tagger counter, after 2^63 ps") {
+  SECTION("a 64-bit tagger counter is unwrapped after 2^63 ps") {
     const Device device{1e-12, 9'223'371.0, 0};  // 1 s before the wrap
     ClockFit fit(1e-12);
     const double t = feed(fit, device, 0, 100);
@@ -165,18 +165,18 @@ TEST_CASE("damaged time stamps do not affect the clock fit") {
   }
 }
 
-TEST_CASE("a restarted clock is detected and followed") {
+TEST_CASE("the clock fit detects a restarted device clock and follows it") {
   const Device before{1e-6, 1000, 100e-6};
   ClockFit fit(1e-6);
   double t = feed(fit, before, 0, 600);
   Device after = before;
-  SECTION("device restart") { after.offset_s = -t; }
-  SECTION("clock set forward") { after.offset_s += 30; }
-  SECTION("backward step below the detection limit") {
+  SECTION("the device restarts and its clock returns to zero") { after.offset_s = -t; }
+  SECTION("the device clock is set forward") { after.offset_s += 30; }
+  SECTION("the device clock steps back by less than the detection limit") {
     after.offset_s -= 0.7;
     t = feed(fit, after, t, 35);
   }
-  SECTION("gap in the samples") {
+  SECTION("the device clock steps back during a gap in the samples") {
     after.offset_s -= 0.4;
     t += 11;
   }
@@ -187,7 +187,8 @@ TEST_CASE("a restarted clock is detected and followed") {
   CHECK(error_s(fit, after, t - 1, host(t)) < 0.0011);
 }
 
-TEST_CASE("a stalled program or a drained queue is not mistaken for a restarted clock") {
+TEST_CASE(
+    "the clock fit does not mistake a stalled program or a drained queue for a clock restart") {
   const Device device{1e-6, 1, 0};
   ClockFit fit(1e-6);
   double t = feed(fit, device, 0, 100);
@@ -198,7 +199,7 @@ TEST_CASE("a stalled program or a drained queue is not mistaken for a restarted 
   CHECK(error_s(fit, device, t - 1, host(t)) < 0.0011);
 }
 
-TEST_CASE("the delay of a block is measured at its last event") {
+TEST_CASE("the transport delay of a tag block is measured at its last event") {
   SensorClocks clocks;
   Tag no_event;
   no_event.type = TagType::overflow_end;

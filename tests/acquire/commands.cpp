@@ -41,7 +41,7 @@ Json json_of(const std::string& arguments) {
 
 }  // namespace
 
-TEST_CASE("a run without a required device is refused") {
+TEST_CASE("a run is refused if a required device delivers no data") {
   const Folder folder;
   write_file(folder / "a.toml",
              "[run]\nconnect_timeout_s = 0.2\n" + tdc_nowhere + "policy = \"required\"\n");
@@ -50,7 +50,7 @@ TEST_CASE("a run without a required device is refused") {
   CHECK_FALSE(fs::exists(folder / "run.sqlite"));
 }
 
-TEST_CASE("help, version and durations are accepted") {
+TEST_CASE("commands accept --help, --version and durations such as 1h 30m 10s") {
   for (const char* command : {"", "run", "devices", "doctor", "config", "config check",
                               "config show", "info", "annotate", "list", "calibrate", "import"}) {
     const Outcome o = acquire(std::string(command) + " --help");
@@ -68,7 +68,7 @@ TEST_CASE("help, version and durations are accepted") {
     refuses(std::string("doctor --config no.toml --duration ") + time, 3, "no.toml");
 }
 
-TEST_CASE("invalid configurations and output names are refused") {
+TEST_CASE("the run command refuses invalid configurations and output names") {
   const Folder folder;
   const std::string config = " --config " + folder / "lab.toml";
   refuses("run --out " + folder / "a" + config, 3, "lab.toml: cannot read");
@@ -109,7 +109,7 @@ TEST_CASE("config check prints ok or all errors, config show prints values with 
   CHECK(acquire("config check --config /dev/stdin < " + path).code == 0);
 }
 
-TEST_CASE("a FIFO given as a file is refused without blocking") {
+TEST_CASE("commands refuse a FIFO given as a file and do not block") {
   const Folder folder;
   write_run(folder / "a.sqlite", 2);
   REQUIRE(::mkfifo((folder / "f.sqlite").c_str(), 0666) == 0);
@@ -131,7 +131,7 @@ TEST_CASE("a FIFO given as a file is refused without blocking") {
   CHECK(acquire("info " + folder / "a.sqlite").code == 0);
 }
 
-TEST_CASE("commands exit with an error if standard output fails") {
+TEST_CASE("commands exit with an error if standard output cannot be written") {
   const Folder folder;
   write_run(folder / "a.sqlite", 2);
   write_file(folder / "lab.toml", "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
@@ -146,7 +146,7 @@ TEST_CASE("commands exit with an error if standard output fails") {
   }
 }
 
-TEST_CASE("doctor runs without a configuration and stops at an invalid one") {
+TEST_CASE("the doctor command runs without a configuration file but stops if the file is invalid") {
   const Folder folder;
   const std::string here =
       "cd " + folder / "" + " && " + echofuse::test::bin_dir + "/echofuse-acquire doctor";
@@ -175,7 +175,7 @@ TEST_CASE("doctor runs without a configuration and stops at an invalid one") {
   refuses("doctor --config " + folder / "none.toml", 3, "none.toml: cannot read");
 }
 
-TEST_CASE("metadata without a value and a read-only folder are refused") {
+TEST_CASE("the run command refuses metadata without a value and a read-only folder") {
   const Folder folder;
   write_file(folder / "lab.toml", tdc_nowhere);
   const std::string config = " --config " + folder / "lab.toml";
@@ -194,7 +194,7 @@ TEST_CASE("metadata without a value and a read-only folder are refused") {
   CHECK(has(o.text, "closed/a.sqlite: its folder is not writable: Permission denied"));
 }
 
-TEST_CASE("calibrate works without a calibration file and never overwrites an unreadable one") {
+TEST_CASE("calibrate runs without a calibration file and never overwrites an unreadable one") {
   const Folder folder;
   write_file(folder / "lab.toml",
              "[run]\nconnect_timeout_s = 0.2\ncalibration = \"c.toml\"\n" + tdc_nowhere);
@@ -211,7 +211,7 @@ TEST_CASE("calibrate works without a calibration file and never overwrites an un
           "the devices to calibrate delivered no data within 0.2 s");
 }
 
-TEST_CASE("a run with silent devices reports each in one line and creates no file") {
+TEST_CASE("a run with silent devices reports each device in one line and creates no file") {
   const Folder folder;
   write_file(folder / "lab.toml",
              "[run]\nconnect_timeout_s = 0.3\n" + tdc_nowhere + "[radar]\ncli = \"serial:" +
@@ -231,7 +231,7 @@ TEST_CASE("a run with silent devices reports each in one line and creates no fil
   CHECK(list[0]["answers"] == false);
 }
 
-TEST_CASE("devices lists attached devices if no configuration exists") {
+TEST_CASE("the devices command lists attached devices if no configuration file exists") {
   const Folder folder;
   const Outcome o = shell("cd " + folder / "" + " && " + echofuse::test::bin_dir +
                           "/echofuse-acquire devices --json");
@@ -244,7 +244,7 @@ TEST_CASE("devices lists attached devices if no configuration exists") {
   refuses("devices --config " + folder / "none.toml", 3, "none.toml: cannot read");
 }
 
-TEST_CASE("info describes a run") {
+TEST_CASE("the info command prints status, counts, labels and axes of a run") {
   const Folder folder;
   const std::string run = folder / "a.sqlite";
   write_run(run, 6);
@@ -259,7 +259,7 @@ TEST_CASE("info describes a run") {
   CHECK(has(acquire("info " + run).text, "6 records, complete"));
 }
 
-TEST_CASE("a run can be named by its file or by its --out name") {
+TEST_CASE("commands find a run by its file name or by the name given to --out") {
   const Folder folder;
   write_run(folder / "m1.sqlite", 2);
   write_run(folder / "plain", 3);
@@ -272,7 +272,7 @@ TEST_CASE("a run can be named by its file or by its --out name") {
   refuses("annotate " + folder / "m2" + " door", 1, "m2.sqlite: ");
 }
 
-TEST_CASE("a name that is not UTF-8 is escaped in JSON and refused for new runs") {
+TEST_CASE("a run name that is not UTF-8 is escaped in JSON and refused for new runs") {
   const Folder folder;
   const std::string name = folder / "m\xff.sqlite";
   write_run(name, 1);

@@ -17,7 +17,7 @@ std::pair<ExitCode, std::string> refusal(const std::string& path,
 
 }  // namespace
 
-TEST_CASE("the shipped configuration can be loaded with its radar cfg") {
+TEST_CASE("the shipped configuration and its radar cfg can be loaded") {
   const Config config =
       load_config(echofuse::test::source_dir + "/config/lab.toml", {"run.window_s=0.5"});
   CHECK(config.configured() == SensorSet::from_bits(7));
@@ -32,9 +32,7 @@ TEST_CASE("the shipped configuration can be loaded with its radar cfg") {
   CHECK(has(config.unfinished[1], "config/lab.toml:39:1: radar.data: still has"));
 }
 
-TEST_CASE(
-    "a missing alert.on_doubt program is reported with its position and does not stop the "
-    "loading") {
+TEST_CASE("a missing alert.on_doubt program is reported with its position, and loading continues") {
   const Folder folder;
   const std::string path = folder / "a.toml";
   write_file(path, "[depth]\naddress = \"openni:\"\n[alert]\non_doubt = [\"./alert\", \"lab\"]\n");
@@ -49,7 +47,7 @@ TEST_CASE(
   CHECK(load_config(path, {"alert.on_doubt=[\"sh\"]"}).unfinished.empty());
 }
 
-TEST_CASE("the printed resolved configuration can be loaded") {
+TEST_CASE("a configuration printed with all values loads with the same values") {
   const Folder folder;
   write_file(folder / "a.toml",
              "[depth]\naddress = \"openni:\"\nmap_size = 256\nmap_half_tangent = "
@@ -67,7 +65,7 @@ TEST_CASE("the printed resolved configuration can be loaded") {
   CHECK(has(refusal(folder / "a.toml", {"depth.map_size=257"}).second, "depth.map_size"));
 }
 
-TEST_CASE("all configuration errors are reported together, with line and column") {
+TEST_CASE("the configuration loader reports all errors together, with line and column") {
   const Folder folder;
   const std::string path = folder / "a.toml";
   write_file(path, "[run]\nwindow = 3\n[tdc]\nbins = \"many\"\n[depth]\naddres = \"openni:\"\n");
@@ -79,17 +77,17 @@ TEST_CASE("all configuration errors are reported together, with line and column"
   CHECK(has(text, path + ":6:1: unknown key \"depth.addres\""));
 }
 
-TEST_CASE("inconsistent configuration keys are refused") {
+TEST_CASE("the configuration loader checks that the keys are consistent") {
   const Folder folder;
   const std::string path = folder / "a.toml";
-  SECTION("no device") {
+  SECTION("a configuration without any device is refused") {
     write_file(path, "");
     CHECK(has(refusal(path).second,
               path + ": no device is configured; expected at least one of tdc.address"));
     write_file(path, "\n[radar]\ncli = \"\"\n");
     CHECK(has(refusal(path).second, path + ":3:1: radar.cli: no device is configured; expected"));
   }
-  SECTION("invalid addresses, all reported") {
+  SECTION("all invalid device addresses are reported") {
     write_file(path,
                "[tdc]\naddress = \"openni:\"\n[radar]\ncli = \"bridge:tcp://h:1\"\n"
                "data = \"hid:10c4:ea80\"\ncfg = \"r.cfg\"\ndata_baud = 200\n");
@@ -109,12 +107,12 @@ TEST_CASE("inconsistent configuration keys are refused") {
         has(text,
             "--set depth.address=carrier:pigeon: address \"carrier:pigeon\": expected bridge:tcp"));
   }
-  SECTION("a radar with one port and no cfg") {
+  SECTION("a radar with only one serial port and no cfg is refused") {
     write_file(path, "[radar]\ncli = \"serial:/dev/ttyACM0\"\n");
     CHECK(has(refusal(path).second, "radar.cli and radar.data are both required"));
     CHECK(has(refusal(path).second, "radar.cfg is empty"));
   }
-  SECTION("a radar behind a bridge needs neither cfg nor ports") {
+  SECTION("a radar behind a bridge needs neither a cfg nor serial ports") {
     write_file(path, "[radar]\naddress = \"bridge:tcp://h:1\"\n");
     CHECK(load_config(path).configured() == SensorSet::from_bits(2));
     CHECK(has(refusal(path, {"radar.cli=serial:/a", "radar.data=serial:/b"}).second,
@@ -122,7 +120,7 @@ TEST_CASE("inconsistent configuration keys are refused") {
     CHECK(has(refusal(path, {"radar.address=usb:1234:5678"}).second,
               "expected for a radar: bridge:tcp:"));
   }
-  SECTION("a missing or invalid cfg") {
+  SECTION("a missing or invalid radar cfg is refused") {
     write_file(path, "[radar]\ncli = \"serial:/a\"\ndata = \"serial:/b\"\ncfg = \"r.cfg\"\n");
     CHECK(has(refusal(path).second, folder / "r.cfg: cannot read"));
     std::string far =
@@ -143,12 +141,12 @@ TEST_CASE("inconsistent configuration keys are refused") {
                              "r.cfg:2: frameCfg ", "r.cfg:6: guiMonitor "})
       CHECK(has(text, path + ":4:1: radar.cfg: " + folder / line));
   }
-  SECTION("an invalid histogram") {
+  SECTION("a histogram with the same start and click channel is refused") {
     write_file(path, "[tdc]\naddress = \"bridge:tcp://h:1\"\nclick_channel = 1\n");
     CHECK(has(refusal(path).second,
               path + ":3:1: tdc.click_channel: start and click have the same channel 1"));
   }
-  SECTION("a required sensor without an address") {
+  SECTION("a required sensor without an address is refused") {
     write_file(path, "[depth]\naddress = \"openni:\"\npolicy = \"required\"\n");
     CHECK(load_config(path).required() == SensorSet::from_bits(4));
     CHECK(
@@ -156,7 +154,7 @@ TEST_CASE("inconsistent configuration keys are refused") {
             "--set radar.policy=required: required sensor without an address: radar.cli is empty"));
     CHECK(has(refusal(path, {"tdc.policy=must"}).second, "\"optional\" \"required\""));
   }
-  SECTION("follow-on errors are not reported") {
+  SECTION("one configuration error does not cause further error messages") {
     for (const char* text :
          {"[tdc]\naddress = bridge:tcp://h:1\n", "[tdc]\naddress = 5\n", "[tdc\naddress = \"x\"\n",
           "[tdc]\naddress = \"bridge:tcp://h:1\"\nstart_channel = 07\nclick_channel = 1\n",
@@ -166,7 +164,7 @@ TEST_CASE("inconsistent configuration keys are refused") {
       CHECK_FALSE(has(refusal(path).second, "\n"));
     }
   }
-  SECTION("a bad --set") {
+  SECTION("an invalid --set assignment is refused") {
     write_file(path, "[depth]\naddress = \"openni:\"\n");
     CHECK(has(refusal(path, {"tdc.bin=3"}).second, "nearest known one is \"tdc.bins\""));
     CHECK(has(refusal(path, {"tdc.bins=0"}).second, "expected a whole number from 1"));

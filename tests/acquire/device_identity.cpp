@@ -52,7 +52,7 @@ struct Warnings final : SampleSink {
 
 }  // namespace
 
-TEST_CASE("an old calibration, or a calibration of another device, causes a warning") {
+TEST_CASE("an old calibration or a calibration of another device causes a warning") {
   port::VirtualLoop loop(std::chrono::hours(24 * 365 * 56));
   Config config;
   config.tdc.address = "bridge:tcp://tagger:1";
@@ -79,7 +79,7 @@ TEST_CASE("an old calibration, or a calibration of another device, causes a warn
   CHECK(warnings.texts[1].find("is older than 90 days; calibrate again") != std::string::npos);
 }
 
-TEST_CASE("a warning is given if another device reconnects") {
+TEST_CASE("a warning is reported if a different device reconnects at the same address") {
   port::VirtualLoop loop;
   Config config;
   config.tdc.address = "bridge:tcp://tagger:1";

@@ -70,7 +70,7 @@ TEST_CASE("an invalid lock file is reported as a device fault") {
   }
 }
 
-TEST_CASE("the name of a device lock depends on the address") {
+TEST_CASE("the file name of a device lock depends on the device address") {
   const test::Folder folder;
   std::ofstream(folder / "record.oni") << "";
   CHECK_THAT(lock_name("serial:/dev/ttyUSB0"), Catch::StartsWith("echofuse-serial-"));

@@ -59,7 +59,7 @@ struct Calls {
 
 }  // namespace
 
-TEST_CASE("the doubt hook is called once per change, without a shell") {
+TEST_CASE("the on_doubt alert program is called once per change of verdict, without a shell") {
   Calls calls;
   const char* verdicts[] = {"ok", "weak: 3 clicks", "weak: 4 clicks", "", "ok"};
   for (std::int64_t i = 0; i < 5; ++i) {
@@ -73,7 +73,7 @@ TEST_CASE("the doubt hook is called once per change, without a shell") {
   CHECK(calls.warnings.empty());
 }
 
-TEST_CASE("the doubt hook is called only beyond the limits for missing data and disk space") {
+TEST_CASE("the on_doubt program is called only beyond the limits for missing data and disk space") {
   Calls calls({.no_data_s = 2.5, .disk_free_gb = 1});
   for (std::int64_t i = 0; i < 5; ++i) {
     calls.hook.take(record_of(i, i == 0 ? "ok" : ""), both, "/runs/a");
@@ -86,7 +86,7 @@ TEST_CASE("the doubt hook is called only beyond the limits for missing data and 
 }
 
 TEST_CASE(
-    "the doubt hook and its child processes are killed after 10 s, then the next call starts") {
+    "an on_doubt program and its child processes are killed after 10 s, then the next starts") {
   Calls calls({}, "sleep 60 & sleep 60");
   for (const char* verdict : {"weak: 1", "ok"})
     calls.hook.take(record_of(0, verdict), both, "/runs/a");
@@ -99,7 +99,7 @@ TEST_CASE(
   CHECK(calls.warnings.size() == 2);
 }
 
-TEST_CASE("the doubt hook reports failures and refuses a missing program") {
+TEST_CASE("failures of the on_doubt program are reported, and a missing program is refused") {
   Calls calls({}, "exit 7");
   calls.hook.take(record_of(0, "weak: 1"), both, "/runs/a");
   calls.finish();
@@ -109,7 +109,7 @@ TEST_CASE("the doubt hook reports failures and refuses a missing program") {
   CHECK_THROWS_AS(DoubtHook({"no-such-program-anywhere"}, {}, {}), Error);
 }
 
-TEST_CASE("the doubt hook queues at most 16 changes and reports dropped ones") {
+TEST_CASE("at most 16 changes wait for the on_doubt program, and dropped changes are reported") {
   Calls calls;
   for (std::int64_t i = 0; i < 20; ++i)
     calls.hook.take(record_of(i, i % 2 ? "ok" : "weak: 1"), both, "/runs/a");
@@ -118,8 +118,9 @@ TEST_CASE("the doubt hook queues at most 16 changes and reports dropped ones") {
         "alert.on_doubt: radar weak was not reported because too many changes are waiting");
 }
 
-TEST_CASE("at the end of a run the doubt hook reports queued changes and names dropped ones") {
-  SECTION("short programs") {
+TEST_CASE(
+    "changes that wait for the on_doubt program at the end of a run are passed on or reported") {
+  SECTION("an on_doubt program that exits soon receives all waiting changes") {
     Calls calls;
     calls.hook.take(record_of(0, "weak: 1"), both, "/runs/a");
     calls.hook.take_disk(1, {}, "/runs/a");
@@ -127,7 +128,7 @@ TEST_CASE("at the end of a run the doubt hook reports queued changes and names d
     CHECK(calls.lines().size() == 2);
     CHECK(calls.warnings.empty());
   }
-  SECTION("program that never exits") {
+  SECTION("changes that an on_doubt program did not receive because it never exits are reported") {
     Calls calls({}, "sleep 30");
     calls.hook.take(record_of(0, "weak: 1"), both, "/runs/a");
     calls.hook.take_disk(1, {}, "/runs/a");

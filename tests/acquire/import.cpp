@@ -87,7 +87,7 @@ acquire::Config config_of(const Folder& folder, double window_s = 0.5) {
 
 }  // namespace
 
-TEST_CASE("import: records of all PicoQuant devices are decoded") {
+TEST_CASE("import decodes the .ptu records of all supported PicoQuant devices") {
   using Tags = std::vector<std::pair<std::int32_t, std::int64_t>>;
   // HydraHarp 2: sync, input 1, an overflow of three, a marker, input 3
   CHECK(tags_of({0x01010204, 1e-12, 0}, {special | t2(0, 7), t2(0, 9), special | t2(63, 3),
@@ -116,7 +116,7 @@ TEST_CASE("import: records of all PicoQuant devices are decoded") {
   CHECK(error_of([] { acquire::PicoquantRecords(0x00010304, 1e-7, 0); }).first == ExitCode::failed);
 }
 
-TEST_CASE("import: T2 and T3 recordings of the same photons give equal records") {
+TEST_CASE("import gives equal records for T2 and T3 recordings of the same photons") {
   const Folder folder;
   // 1 s of a laser at 10 kHz, a click 5 ns after each 50th pulse.
   std::vector<std::uint32_t> as_t2, as_t3;
@@ -160,7 +160,7 @@ TEST_CASE("import: T2 and T3 recordings of the same photons give equal records")
   }
 }
 
-TEST_CASE("import: the header of a .ptu file is checked against its records") {
+TEST_CASE("import checks the header of a .ptu file against its records") {
   const Folder folder;
   const acquire::Config config = config_of(folder);
   // T2: 1 s of a laser at 1 kHz with a click 5 ns after each pulse, then the dark.
@@ -286,7 +286,7 @@ TEST_CASE("import: the header of a .ptu file is checked against its records") {
                          std::string("two time tagger recordings; expected one per sensor")});
 }
 
-TEST_CASE("import: ambiguous local time at the end of summer time is reported") {
+TEST_CASE("import reports an ambiguous local time at the end of summer time") {
   const Folder folder;
   const char* const zone = std::getenv("TZ");
   const std::string before = zone ? zone : "";
@@ -309,7 +309,7 @@ TEST_CASE("import: ambiguous local time at the end of summer time is reported") 
   ::tzset();
 }
 
-TEST_CASE("import: the start time must be UTC or have an offset") {
+TEST_CASE("import accepts a start time with or without UTC offset and refuses invalid times") {
   const auto at = [](const char* text) { return acquire::parse_utc(text).count() / 1'000'000; };
   CHECK(at("2024-02-07T13:34:56.5+01:00") == at("2024-02-07T12:34:56.5Z"));
   CHECK(at("2024-02-07 07:04:56.5-0530") == at("2024-02-07T12:34:56.5"));
@@ -319,7 +319,7 @@ TEST_CASE("import: the start time must be UTC or have an offset") {
     CHECK(error_of([&] { at(text); }).first == ExitCode::usage);
 }
 
-TEST_CASE("import: invalid recordings are refused in one line") {
+TEST_CASE("import refuses an invalid recording with a one-line message") {
   const Folder folder;
   write_file(folder / "a.ptu", "PQTTTR");
   write_file(folder / "b.ptu", std::string("PQTTTR\0\0"

@@ -74,7 +74,7 @@ RadarImport import_radar(const Bytes& bytes, const std::string& cfg = "xwr68xx_p
 
 }  // namespace
 
-TEST_CASE("import: radar times come from the device clock and are checked against frame numbers") {
+TEST_CASE("import takes radar times from the device clock and checks them against frame numbers") {
   using Used = std::vector<std::uint64_t>;
   const auto check = [](const RadarFile& file, const Used& used, const std::string& saying) {
     const RadarImport i = import_radar(file.bytes);
@@ -128,7 +128,7 @@ TEST_CASE("import: radar times come from the device clock and are checked agains
         "frame period 499.0" + other);
 }
 
-TEST_CASE("import: a radar recording without a range profile is refused with the reason") {
+TEST_CASE("import refuses a radar recording without a range profile and reports the reason") {
   const auto refuses = [](const Bytes& bytes, const std::string& saying) {
     const RadarImport i = import_radar(bytes);
     CHECK(i.used.empty());

@@ -59,7 +59,7 @@ void ends_in_time(Journal& journal) {
 
 }  // namespace
 
-TEST_CASE("the journal completes jobs in order before it closes the run") {
+TEST_CASE("the run journal completes all queued jobs in order before it closes the run") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   for (std::int64_t i = 0; i < 30; ++i) {
@@ -76,7 +76,7 @@ TEST_CASE("the journal completes jobs in order before it closes the run") {
   for (const auto& event : run.events()) CHECK(event.text == "1");
 }
 
-TEST_CASE("on a slow disk records are stored without data, a stalled disk ends the run") {
+TEST_CASE("the run journal drops data if the disk is slow and ends the run if the disk stalls") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop, 2);
   std::promise<void> begun, disk;
@@ -86,7 +86,7 @@ TEST_CASE("on a slow disk records are stored without data, a stalled disk ends t
   });
   begun.get_future().wait();
   for (std::int64_t i = 0; i < 4; ++i) CHECK(journal.put(small_record(i)) == (i < 2));
-  SECTION("slow") {
+  SECTION("records that a slow disk cannot store in time are stored without data") {
     disk.set_value();
     journal.finish("complete");
     const record::RunReader run(folder / "a.sqlite");
@@ -96,7 +96,7 @@ TEST_CASE("on a slow disk records are stored without data, a stalled disk ends t
     CHECK(run.read(3).sync[Sensor::depth].verdict == "dropped: disk too slow");
     CHECK(run.read(3).spd_counts.tags == small_record(3).spd_counts.tags);
   }
-  SECTION("stalled disk") {
+  SECTION("a stalled disk ends the run with a disk error") {
     for (std::int64_t i = 4; i < 30; ++i) journal.put(small_record(i));
     CHECK(journal.failed());
     disk.set_value();
@@ -107,7 +107,8 @@ TEST_CASE("on a slow disk records are stored without data, a stalled disk ends t
   }
 }
 
-TEST_CASE("a program that locks the run file is reported, and queued records are written later") {
+TEST_CASE(
+    "a run file locked by another program is reported, and queued records are written later") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   Journal journal(open_run(path), loop, 2);
@@ -119,7 +120,7 @@ TEST_CASE("a program that locks the run file is reported, and queued records are
   while (journal.why_late() != "another program is writing to the run file")
     std::this_thread::yield();
   for (std::int64_t i = 1; i < 5; ++i) CHECK(journal.put(small_record(i)) == (i < 3));
-  SECTION("lock released in time") {
+  SECTION("queued records are written if the lock is released in time") {
     holder.let_go();
     journal.finish("complete");
     const record::RunReader run(path);
@@ -127,7 +128,7 @@ TEST_CASE("a program that locks the run file is reported, and queued records are
     CHECK(run.read(4).sync[Sensor::spd].verdict ==
           "dropped: another program is writing to the run file");
   }
-  SECTION("queue full") {
+  SECTION("the run ends with an error if the queue is full before the lock is released") {
     for (std::int64_t i = 5; i < 30; ++i) journal.put(small_record(i));
     CHECK(journal.failed());
     holder.let_go();
@@ -138,7 +139,7 @@ TEST_CASE("a program that locks the run file is reported, and queued records are
   }
 }
 
-TEST_CASE("the journal stops writing at the first failed job") {
+TEST_CASE("the run journal stops writing after the first failed job") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   journal.put(small_record(0));
@@ -166,7 +167,8 @@ static void rotate(Journal& journal, const std::string& path) {
   journal.begin_next([path] { return open_run(path); });
 }
 
-TEST_CASE("the end of a run waits two seconds if another program locks the next file") {
+TEST_CASE(
+    "closing a run waits two seconds if another program locks the next file of the rotation") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   rotate(journal, folder / "b.sqlite");
@@ -178,7 +180,7 @@ TEST_CASE("the end of a run waits two seconds if another program locks the next 
   ends_in_time(journal);
 }
 
-TEST_CASE("the end of a run waits two seconds if another program locks the previous file") {
+TEST_CASE("closing a run waits two seconds if another program locks the previous file") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   Journal journal(open_run(path), loop);
@@ -188,8 +190,8 @@ TEST_CASE("the end of a run waits two seconds if another program locks the previ
   Holder holder(path);
   rotate(journal, folder / "b.sqlite");
   while (!fs::exists(folder / "b.sqlite")) std::this_thread::yield();
-  SECTION("without a label") { ends_in_time(journal); }
-  SECTION("label set while the previous run is being closed") {
+  SECTION("the run ends while no label is changed") { ends_in_time(journal); }
+  SECTION("a label set while the previous file is being closed applies to the next file") {
     while (journal.why_late() != "another program is writing to the run file")
       std::this_thread::yield();
     holder.ask("INSERT INTO event (level, utc, text) VALUES ('label', '2026', 'door')");
@@ -208,13 +210,13 @@ TEST_CASE("the end of a run waits two seconds if another program locks the previ
   }
 }
 
-TEST_CASE("a run keeps all its records if the next file cannot be created") {
+TEST_CASE("a run keeps all its records if the next file of the rotation cannot be created") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", next = folder / "b.sqlite";
   Journal journal(open_run(path), loop);
   journal.put(small_record(0));
   while (journal.written() == 0) std::this_thread::yield();
-  SECTION("the file exists") {
+  SECTION("the run stops if the next file exists, and that file is not overwritten") {
     write_file(next, "others'");
     rotate(journal, next);
     journal.put(small_record(1));
@@ -225,7 +227,7 @@ TEST_CASE("a run keeps all its records if the next file cannot be created") {
     CHECK(record::RunReader(path).info().status == "stopped:failed");
     CHECK(contents(next) == "others'");
   }
-  SECTION("the disk is full") {
+  SECTION("the run stops with a disk error if the disk is full") {
     {
       const echofuse::test::FullDisk disk(40'000);  // an empty run has 12 pages of 4 KiB
       rotate(journal, next);
@@ -238,7 +240,7 @@ TEST_CASE("a run keeps all its records if the next file cannot be created") {
   CHECK(record::RunReader(path).count() == 1);
 }
 
-TEST_CASE("an error other than a disk error keeps its exit code and status") {
+TEST_CASE("an error that is not a disk error ends the run with its own exit code and status") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   journal.put([](record::RunWriter&) { throw Error(ExitCode::failed, "not a number"); });
@@ -247,7 +249,7 @@ TEST_CASE("an error other than a disk error keeps its exit code and status") {
   CHECK(record::RunReader(folder / "a.sqlite").info().status == "stopped:failed");
 }
 
-TEST_CASE("a new label applies from the current slot on") {
+TEST_CASE("a new label applies to the current slot and all later slots") {
   const Folder folder;
   auto run = open_run(folder / "a.sqlite");
   record::put_label(folder / "a.sqlite", "door", "me");
@@ -269,7 +271,7 @@ TEST_CASE("a new label applies from the current slot on") {
   CHECK(reader.read(2).label == "door");
 }
 
-TEST_CASE("an unfinished run has status crashed and all records") {
+TEST_CASE("a run that was not closed has status crashed and keeps all its records") {
   const Folder folder;
   {
     Journal journal(open_run(folder / "a.sqlite"), loop);
@@ -280,7 +282,7 @@ TEST_CASE("an unfinished run has status crashed and all records") {
   CHECK(run.info().status == "crashed");
 }
 
-TEST_CASE("a depth image that cannot be stored invalidates only the depth camera") {
+TEST_CASE("a depth image that cannot be stored invalidates only the data of the depth camera") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   auto file = std::make_unique<record::RunWriter>(path, record::RunInfo{});
@@ -304,7 +306,7 @@ TEST_CASE("a depth image that cannot be stored invalidates only the depth camera
   CHECK(run.read(1).radar == small_record(1).radar);
 }
 
-TEST_CASE("each log source is limited to 100 lines in 10 s, further lines are counted") {
+TEST_CASE("the run log is limited to 100 lines per source in 10 s, and dropped lines are counted") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   port::VirtualLoop loop;
@@ -326,7 +328,7 @@ TEST_CASE("each log source is limited to 100 lines in 10 s, further lines are co
   CHECK(radar[101] == "later");
 }
 
-TEST_CASE("unassigned samples are reported by kind and sensor") {
+TEST_CASE("samples that belong to no slot are reported by cause and sensor") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   RunLog log(loop);

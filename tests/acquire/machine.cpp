@@ -61,7 +61,7 @@ const Finding& of(const std::vector<Finding>& findings, const std::string& check
 
 }  // namespace
 
-TEST_CASE("doctor passes a machine without devices") {
+TEST_CASE("the doctor command reports no problem on a machine without devices") {
   const Machine machine;
   const auto findings = check_permissions(std::nullopt, machine.roots());
   CHECK(findings.size() == 2);
@@ -71,7 +71,7 @@ TEST_CASE("doctor passes a machine without devices") {
   CHECK(check_usb_memory(std::nullopt, machine.roots()).grade == Grade::ok);
 }
 
-TEST_CASE("doctor accepts accessible device nodes and reports missing udev rules") {
+TEST_CASE("the doctor command accepts accessible device nodes and reports missing udev rules") {
   Machine machine;
   machine.plug_in_radar();
   auto findings = check_permissions(std::nullopt, machine.roots());
@@ -84,7 +84,7 @@ TEST_CASE("doctor accepts accessible device nodes and reports missing udev rules
   CHECK(of(findings, "udev rules").grade == Grade::ok);
 }
 
-TEST_CASE("a missing device node is a problem if configured, otherwise a warning") {
+TEST_CASE("doctor rates a missing device node as a problem if configured, otherwise as a warning") {
   Machine machine;
   machine.plug_in_radar();
   fs::remove(machine / "dev/ttyACM0");
@@ -96,7 +96,7 @@ TEST_CASE("a missing device node is a problem if configured, otherwise a warning
   CHECK(grade(with_radar("serial:" + machine / "dev/ttyACM0")) == Grade::problem);
 }
 
-TEST_CASE("a configured port of another vendor is checked") {
+TEST_CASE("the doctor command checks a configured radar port of an unknown vendor") {
   const Machine machine;
   const auto findings =
       check_permissions(with_radar("serial:" + machine / "dev/ttyS7"), machine.roots());
@@ -107,7 +107,7 @@ TEST_CASE("a configured port of another vendor is checked") {
   CHECK_FALSE(has(of(findings, "permissions").advice, "rules"));
 }
 
-TEST_CASE("an inaccessible node is reported with the missing udev rule or group") {
+TEST_CASE("doctor names the missing udev rule or group for an inaccessible device node") {
   if (::geteuid() == 0) return;  // root may open everything
   Machine machine;
   machine.plug_in_radar();
@@ -122,7 +122,7 @@ TEST_CASE("an inaccessible node is reported with the missing udev rule or group"
   CHECK(has(advice(), "check that this user is in the groups dialout"));
 }
 
-TEST_CASE("doctor warns of ModemManager if udev does not exclude the port") {
+TEST_CASE("the doctor command warns of ModemManager unless udev rules exclude the port") {
   Machine machine;
   machine.plug_in_radar();
   CHECK(check_modem_manager(std::nullopt, machine.roots()).grade == Grade::ok);
@@ -138,7 +138,7 @@ TEST_CASE("doctor warns of ModemManager if udev does not exclude the port") {
   CHECK(check_modem_manager(std::nullopt, machine.roots()).grade == Grade::ok);
 }
 
-TEST_CASE("the kernel's USB memory limit is compared with the time tagger's buffer") {
+TEST_CASE("doctor compares the kernel's USB memory limit with the buffer of the time tagger") {
   Machine machine;
   Config config;
   config.tdc.address = "usb:1209:0001";
@@ -157,7 +157,7 @@ TEST_CASE("the kernel's USB memory limit is compared with the time tagger's buff
   CHECK(grade_at("1") == Grade::ok);
 }
 
-TEST_CASE("doctor reports the state of clock synchronisation") {
+TEST_CASE("the doctor command reports whether the system clock is synchronised") {
   CHECK(check_clock({true, true, 0.01}).grade == Grade::ok);
   CHECK(check_clock({true, true, 0.5}).grade == Grade::warning);
   CHECK(check_clock({true, false, 16}).grade == Grade::warning);

@@ -170,7 +170,7 @@ struct Laboratory {
 
 }  // namespace
 
-TEST_CASE("100 000 slots have no drift, no missing row and each sample in its slot") {
+TEST_CASE("a run of 100 000 slots has no drift, no missing record and no sample in a wrong slot") {
   Laboratory lab;
   lab.run();
   REQUIRE(lab.records.size() == slots);
@@ -221,7 +221,7 @@ TEST_CASE("100 000 slots have no drift, no missing row and each sample in its sl
         lab.sent[Sensor::spd] / 50);  // delayed by more than half a second
 }
 
-TEST_CASE("each tag is counted exactly once, also with damaged time stamps and stalls") {
+TEST_CASE("each tag is counted exactly once despite damaged time stamps and stalls") {
   SensorClocks clocks;
   Windows windows(grid, {.first_bin_ps = 0, .bins = 4}, clocks, {Sensor::spd});
   Scheduler scheduler(grid, 2000);

@@ -14,7 +14,7 @@ using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace testing;
 
-TEST_CASE("a run name may contain dots, and percent signs only in time fields") {
+TEST_CASE("a run name may contain dots, but percent signs only in time fields such as %Y") {
   const Folder folder;
   for (const char* name : {"gain1.5", "T=4.2K", "2026.11.25", "scan_0.5mm"}) {
     const std::string file = folder / name + ".sqlite";
@@ -31,7 +31,7 @@ TEST_CASE("a run name may contain dots, and percent signs only in time fields") 
   }
 }
 
-TEST_CASE("rotated files are named by the next free number or the time") {
+TEST_CASE("a rotated run file is named with the next free number or the time") {
   const Folder folder;
   write_file(folder / "monday-007.sqlite", "");
   CHECK(record::next_of(folder / "monday") == folder / "monday-008.sqlite");
@@ -41,7 +41,7 @@ TEST_CASE("rotated files are named by the next free number or the time") {
   CHECK(record::next_of(folder / "at-%Y") == dated.substr(0, dated.size() - 7) + "-001.sqlite");
 }
 
-TEST_CASE("a run is refused if its times would overflow") {
+TEST_CASE("a run is refused if its time stamps would overflow") {
   using std::chrono::years;
   CHECK(error_of([] { refuse_late_clock(UtcTime::max() - years(10)); }).first == ExitCode::ok);
   const auto [code, text] = error_of([] { refuse_late_clock(UtcTime::max() - years(2)); });
@@ -86,7 +86,7 @@ TEST_CASE("a run killed during creation leaves a complete file or none, and can 
   CHECK_FALSE(fs::exists(path + "-new"));
 }
 
-TEST_CASE("counters of a run are written completely or not at all") {
+TEST_CASE("the device counters of a run are written completely or not at all") {
   const Folder folder;
   record::RunWriter run(folder / "a.sqlite", {});
   sql(folder / "a.sqlite", "CREATE UNIQUE INDEX once ON counter (name)");
@@ -96,7 +96,7 @@ TEST_CASE("counters of a run are written completely or not at all") {
   CHECK(record::RunReader(folder / "a.sqlite").counters().empty());
 }
 
-TEST_CASE("VACUUM INTO copies a run during recording") {
+TEST_CASE("SQLite VACUUM INTO copies a run while it is being recorded") {
   const Folder folder;
   record::RunWriter run(folder / "a.sqlite", {});
   for (const auto& axis : small_axes()) run.put_axis(axis);
@@ -112,7 +112,7 @@ TEST_CASE("VACUUM INTO copies a run during recording") {
   CHECK(record::RunReader(folder / "a.sqlite").count() == 4);
 }
 
-TEST_CASE("reading a run header takes little longer than opening it in SQLite") {
+TEST_CASE("reading a run header takes little longer than opening the file in SQLite") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 3);

@@ -69,7 +69,7 @@ void check_whole(const std::string& path, std::int64_t records, const std::strin
 
 }  // namespace
 
-TEST_CASE("a run with a deleted file ends at the next record and is saved as a copy") {
+TEST_CASE("a run with a deleted or replaced file ends at the next record and is saved as a copy") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", copy = folder / "a.rescued.sqlite";
   write_file(folder / "x", "");
@@ -105,7 +105,7 @@ TEST_CASE("a run with a deleted file ends at the next record and is saved as a c
     }
 }
 
-TEST_CASE("a run with a missing file does not get status complete") {
+TEST_CASE("closing a run with a replaced file fails, and its records are saved as a copy") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_file(folder / "a.rescued.sqlite", "other content");
@@ -120,7 +120,7 @@ TEST_CASE("a run with a missing file does not get status complete") {
   CHECK_FALSE(fs::exists(path + "-wal"));
 }
 
-TEST_CASE("a damaged file ends the run, a touched file does not") {
+TEST_CASE("a run ends if its file is damaged and continues if the file is only touched") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 20);
@@ -132,22 +132,22 @@ TEST_CASE("a damaged file ends the run, a touched file does not") {
     CHECK(end.first == ExitCode::disk);
     CHECK(has(end.second, said));
   };
-  SECTION("overwritten") {
+  SECTION("an overwritten run file ends the run") {
     checkpoint(path);
     overwrite(path, 4096, fs::file_size(path) - 4096);
     ends("the readable part is in " + folder / "a.rescued.sqlite");
   }
-  SECTION("truncated") {
+  SECTION("a truncated run file ends the run") {
     checkpoint(path);
     fs::resize_file(path, 0);
     ends("nothing could be rescued: ");
     CHECK_FALSE(fs::exists(folder / "a.rescued.sqlite"));
   }
-  SECTION("emptied while its records are in the WAL") {
+  SECTION("a run file that is emptied while its records are in the WAL ends the run") {
     fs::resize_file(path, 0);
     ends("the readable part is in " + folder / "a.rescued.sqlite");
   }
-  SECTION("touched, marked and checkpointed") {
+  SECTION("a run file that is touched, annotated and checkpointed does not end the run") {
     fs::last_write_time(path, fs::file_time_type::clock::now() + std::chrono::hours(1));
     run->append(small_record(20));
     put_note(path, "door", "me");
@@ -158,7 +158,7 @@ TEST_CASE("a damaged file ends the run, a touched file does not") {
   }
 }
 
-TEST_CASE("a truncated WAL ends the run at the next record, and the run is saved as a copy") {
+TEST_CASE("a run with a truncated WAL ends at the next record and is saved as a copy") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", copy = folder / "a.rescued.sqlite";
   const std::int64_t records = GENERATE(3, 70);
@@ -178,7 +178,7 @@ TEST_CASE("a truncated WAL ends the run at the next record, and the run is saved
   check_whole(copy, records, "complete");
 }
 
-TEST_CASE("a truncated WAL is detected while a reader blocks the checkpoint") {
+TEST_CASE("a truncated WAL is detected even if a reader blocks the checkpoint") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 5);
@@ -198,12 +198,12 @@ TEST_CASE("a WAL checkpointed by another program is not reported as truncated") 
   const auto run = begin(path, 5);
   std::int64_t records = 5;
   const auto more = [&] { run->append(small_record(records++)); };
-  SECTION("in two steps") {
+  SECTION("another program checkpoints the WAL in two steps") {
     sql(open(path), "PRAGMA wal_checkpoint");
     if (GENERATE(false, true)) more();
     checkpoint(path);
   }
-  SECTION("after our own checkpoint") {
+  SECTION("another program checkpoints the WAL after our own checkpoint") {
     while (fs::file_size(path) < 100'000 || fs::file_size(path + "-wal") == 0) more();
     checkpoint(path);
     CHECK(fs::file_size(path + "-wal") == 0);
@@ -213,7 +213,7 @@ TEST_CASE("a WAL checkpointed by another program is not reported as truncated") 
   check_whole(path, records, "complete");
 }
 
-TEST_CASE("memory use does not grow with the length of a run") {
+TEST_CASE("the memory use of the run writer does not grow with the length of the run") {
   const Folder folder;
   const auto before = sqlite3_memory_used();
   const auto run = begin(folder / "a.sqlite", 0);
@@ -233,18 +233,18 @@ TEST_CASE("a run with missing records does not get status complete") {
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 6);
   std::string said;
-  SECTION("rows deleted") {
+  SECTION("another program deletes rows") {
     sql(open(path), "DELETE FROM record WHERE idx = 4");
     said =
         "contains 5 records instead of 6; 5 of its 6 records are in " + folder / "a.rescued.sqlite";
   }
-  SECTION("rows deleted, then the file without its -wal") {
+  SECTION("another program deletes rows, and then the run file but not its WAL") {
     sql(open(path), "DELETE FROM record WHERE idx = 4");
     fs::remove(path);
     said = "was removed or renamed during the run; 5 of its 6 records are in " +
            folder / "a.rescued.sqlite";
   }
-  SECTION("the WAL is overwritten") {
+  SECTION("another program overwrites the WAL") {
     overwrite(path + "-wal", 0, fs::file_size(path + "-wal"));
     said = "was damaged during the run: ";
   }
@@ -254,7 +254,7 @@ TEST_CASE("a run with missing records does not get status complete") {
   CHECK(fs::exists(path + "-wal"));
 }
 
-TEST_CASE("a run continues after its WAL index is truncated") {
+TEST_CASE("a run continues after another program truncates its -shm file") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 6);
@@ -271,7 +271,7 @@ TEST_CASE("a run continues after its WAL index is truncated") {
   check_whole(path, 7, "complete");
 }
 
-TEST_CASE("closing a run does not wait for readers, and the next program merges the WAL") {
+TEST_CASE("a run closes without waiting for readers, and the next program merges the WAL") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 5);
@@ -298,7 +298,7 @@ TEST_CASE("closing a run does not wait for readers, and the next program merges 
   check_whole(path, 6, "complete");
 }
 
-TEST_CASE("a waiting label is refused once the run is closed") {
+TEST_CASE("a label that waits for the run file is refused once the run is closed") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 1);
@@ -312,10 +312,10 @@ TEST_CASE("a waiting label is refused once the run is closed") {
   CHECK(RunReader(path).events().empty());
 }
 
-TEST_CASE("a run needs a valid lock file and does not delete it") {
+TEST_CASE("a run requires a valid lock file and does not delete it") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", lock = path + "-lock";
-  SECTION("path taken by another file") {
+  SECTION("a run is refused if another file occupies the path of its lock") {
     write_file(folder / "victim", "precious");
     const std::string kind = GENERATE("link", "dangling", "file", "hard link", "fifo", "folder");
     if (kind == "link") fs::create_symlink(folder / "victim", lock);
@@ -337,7 +337,7 @@ TEST_CASE("a run needs a valid lock file and does not delete it") {
     if (kind == "file") CHECK(fs::file_size(lock) == 8);
     CHECK_FALSE(WriterLock::someone_writes(path));
   }
-  SECTION("after a crash") {
+  SECTION("a lock file left by a crash is used again") {
     write_file(lock, std::string(128 << 10, '\0'));
     const ino_t before = inode(lock);
     auto run = begin(path, 1);
@@ -349,7 +349,7 @@ TEST_CASE("a run needs a valid lock file and does not delete it") {
     CHECK(fs::file_size(lock) == 0);
     CHECK_FALSE(WriterLock::someone_writes(path));
   }
-  SECTION("reading does not take the lock") {
+  SECTION("a reader's shared lock does not block the writer's lock") {
     begin(path, 1)->close("complete");
     const int reader = ::open(lock.c_str(), O_RDONLY);
     REQUIRE(flock(reader, LOCK_SH | LOCK_NB) == 0);
@@ -377,7 +377,7 @@ int open_without_memory(sqlite3_vfs* self, const char* name, sqlite3_file* file,
 
 }  // namespace
 
-TEST_CASE("a file system without shared memory is refused") {
+TEST_CASE("a run file on a file system without shared memory is refused") {
   const Folder folder;
   sqlite3_vfs* const whole = sqlite3_vfs_find(nullptr);
   sqlite3_vfs network = *whole;

@@ -110,7 +110,7 @@ struct Pulls {
 
 }  // namespace
 
-TEST_CASE("the scatter of fitted SPD peaks matches their standard errors") {
+TEST_CASE("the scatter of fitted SPD peak positions matches their standard errors") {
   Rng rng = make_rng(1, 0);
   std::uniform_real_distribution<double> place(0.95, 1.05);
   Pulls pulls;
@@ -122,7 +122,8 @@ TEST_CASE("the scatter of fitted SPD peaks matches their standard errors") {
   CHECK(pulls.worst_m < 2e-3);
 }
 
-TEST_CASE("the scatter of fitted radar peaks matches their standard errors, 4.4 cm bins") {
+TEST_CASE(
+    "the scatter of fitted radar peak positions matches their standard errors at 4.4 cm bins") {
   // Weak echo: the bias of averaged logarithms exceeds the standard error.
   const auto [noise_db, count] =
       GENERATE(table<double, std::size_t>({{-40, 20}, {-25, 40}, {-15, 100}}));
@@ -138,7 +139,7 @@ TEST_CASE("the scatter of fitted radar peaks matches their standard errors, 4.4 
   CHECK(pulls.worst_m < 1e-2);
 }
 
-TEST_CASE("for identical frames the standard error is the code resolution") {
+TEST_CASE("the standard error of a radar peak is the code resolution if all frames are identical") {
   Rng rng = make_rng(4, 0);
   // One of two bins must be higher; equal in every frame they would be a clipped lobe.
   std::uniform_real_distribution<double> place(22.6 * fine.step_m, 23.4 * fine.step_m);
@@ -174,7 +175,7 @@ TEST_CASE("a second reflector in the radar lobe is detected or shifts the peak b
   CHECK(noticed > 180);
 }
 
-TEST_CASE("a peak that is not from a reflector is refused with the reason") {
+TEST_CASE("a peak fit refuses data without a reflector peak and reports the reason") {
   Rng rng = make_rng(3, 0);
   const auto starts = [](const std::string& text) { return Catch::StartsWith(text); };
   CHECK_THAT(spd(photons({}, 20, rng)).refusal, starts("no peak: fewer than 100 photons"));

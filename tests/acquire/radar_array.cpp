@@ -67,7 +67,7 @@ FusedRecord write_run(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("array means and covariances are averages over frames") {
+TEST_CASE("mean and covariance of the antenna array are averages over frames") {
   constexpr std::size_t bins = 3, antennas = 12, count = 9;
   const auto frames = some_frames(count, bins * antennas);
   const auto array = array_of(frames, antennas);
@@ -97,7 +97,7 @@ TEST_CASE("array means and covariances are averages over frames") {
   }
 }
 
-TEST_CASE("frame pairs do not span a lost frame, and take() resets the sums") {
+TEST_CASE("array statistics skip frame pairs across a lost frame, and take() resets the sums") {
   const auto frames = some_frames(3, 8);
   ArrayStatistics sums(1, 8);
   CHECK(sums.take().empty());
@@ -113,7 +113,7 @@ TEST_CASE("frame pairs do not span a lost frame, and take() resets the sums") {
   CHECK(std::equal(alone.begin(), alone.end() - 2, joined.begin()));
 }
 
-TEST_CASE("a packed antenna array is accurate to 4e-5 of the bin's power") {
+TEST_CASE("a packed antenna array is accurate to 4e-5 of the power in its bin") {
   const auto array = array_of(some_frames(4, 3 * 8), 8);
   std::vector<float> back;
   const Bytes packed = pack_array(array, 8);
@@ -134,7 +134,7 @@ TEST_CASE("a packed antenna array is accurate to 4e-5 of the bin's power") {
   CHECK(unpack_array(bad, 3, 8, back) == "array bin 0 has no finite power");
 }
 
-TEST_CASE("a run stores the antennas and the array of each record") {
+TEST_CASE("a run file stores the antennas and the antenna array of each record") {
   const Folder dir;
   const FusedRecord wrote = write_run(dir / "run");
   const RunReader run(dir / "run");
@@ -149,7 +149,7 @@ TEST_CASE("a run stores the antennas and the array of each record") {
   CHECK(antennas[3].phase_rad == 0.5);
 }
 
-TEST_CASE("a run without arrays is read, invalid arrays are refused with a one-line error") {
+TEST_CASE("a run without antenna arrays is readable, and an invalid array gives a one-line error") {
   const Folder dir;
   const std::string path = dir / "run";
   const FusedRecord wrote = write_run(path);
@@ -177,7 +177,7 @@ TEST_CASE("a run without arrays is read, invalid arrays are refused with a one-l
   CHECK(without.read(0).radar == wrote.radar);
 }
 
-TEST_CASE("an array that does not match its axis is not written") {
+TEST_CASE("an antenna array that does not match its axis is not written") {
   const Folder dir;
   RunWriter writer(dir / "run", RunInfo{});
   writer.put_axis(of("radar", "log2_q8", 2, 8));

@@ -26,7 +26,7 @@ std::vector<radar::AntennaPair> row() {
 
 }  // namespace
 
-TEST_CASE("the radar range of the reflector follows from the baseline") {
+TEST_CASE("the radar range of the reflector is computed from the sensor baseline") {
   Reflector r;
   CHECK(r.range_m(Sensor::spd) == 1);
   CHECK(r.range_m(Sensor::radar) == Approx(1.118034).epsilon(1e-6));
@@ -51,7 +51,7 @@ TEST_CASE("the reflector's range error combines errors of distance, tilt, baseli
   CHECK(r.other().error_m(Sensor::radar) == 0);
 }
 
-TEST_CASE("a peak that matches the other reflector mounting is refused") {
+TEST_CASE("a range that matches the other mounting of the reflector is refused") {
   const auto refusal = [](Mounting stated, double distance_m, double measured_m) {
     return other_mounting({.mounting = stated, .distance_m = distance_m}, measured_m, 0.2);
   };
@@ -72,7 +72,7 @@ TEST_CASE("a peak that matches the other reflector mounting is refused") {
   CHECK(other_mounting({.baseline_m = 0.02}, 1.03, 0.2) == "");  // 0.2 mm apart
 }
 
-TEST_CASE("wave fronts of the reflector are plane in the far field and curved near the antennas") {
+TEST_CASE("the wave from the reflector is plane in the far field and curved near the antennas") {
   const auto antennas = row();
   const double sine = 0.5 / std::hypot(1, 0.5),
                per_place = 2 * pi / wavelength_m * radar::half_wavelength_m * sine;
@@ -96,7 +96,7 @@ TEST_CASE("wave fronts of the reflector are plane in the far field and curved ne
   CHECK(aside.error_rad[7] == Approx(7 * per_place / sine * slope).epsilon(0.05));
 }
 
-TEST_CASE("an echo from a known side reveals a swapped antenna row") {
+TEST_CASE("an echo from a known side shows whether the antenna row is swapped left to right") {
   const auto antennas = row();
   const std::vector<double> channels{0, 1.1, -2, 0.4, 3, -0.7, 1.9, -1.2};
   for (const auto mounting : {Mounting::detector, Mounting::each})

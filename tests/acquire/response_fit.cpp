@@ -140,7 +140,7 @@ std::vector<std::vector<std::uint16_t>> frames(const NamedWindow& window, const 
 
 }  // namespace
 
-TEST_CASE("the fit finds impulse response and tail within the standard errors") {
+TEST_CASE("the response fit finds width and tail of the detector response within standard errors") {
   Rng rng = make_rng(1, 1);
   const Search search{1, 0.3};
   for (const double fwhm_ps : {120., 200., 280.}) {
@@ -161,7 +161,7 @@ TEST_CASE("the fit finds impulse response and tail within the standard errors") 
   CHECK(none == record::Response{});
 }
 
-TEST_CASE("the fit finds the radar response for any window") {
+TEST_CASE("the response fit finds the radar's range response for any window function") {
   Rng rng = make_rng(2, 1);
   // With bins of 50 cm the leakage is within the lobe.
   for (const Place& place : {fine, Place{0.25, 0.27, 1.01}, Place{0.25, 0.27, 3}})
@@ -185,7 +185,7 @@ TEST_CASE("the fit finds the radar response for any window") {
       }
 }
 
-TEST_CASE("echoes are fitted with the radar's measured window") {
+TEST_CASE("radar echoes are fitted with the measured window function") {
   Rng rng = make_rng(4, 1);
   for (const NamedWindow& window : windows)
     for (const double range_m : {1., 1.01, 1.022, 1.03}) {
@@ -200,7 +200,7 @@ TEST_CASE("echoes are fitted with the radar's measured window") {
     }
 }
 
-TEST_CASE("an asymmetric radar response is reported and located at its best symmetric fit") {
+TEST_CASE("the asymmetry of a radar response is reported, and its symmetric part is fitted") {
   Rng rng = make_rng(6, 1);
   constexpr double step = 0.01;
   constexpr int reach = 400;  // steps
@@ -246,7 +246,7 @@ TEST_CASE("an asymmetric radar response is reported and located at its best symm
     }
 }
 
-TEST_CASE("the response of an extended reflector is refused with the reason") {
+TEST_CASE("the response fit refuses an extended reflector and reports the reason") {
   Rng rng = make_rng(5, 1);
   const NamedWindow& blackman_window = windows[2];
   const auto refusal = [&](const Place& place, const std::vector<Echo>& echoes) {
@@ -281,7 +281,8 @@ TEST_CASE("radar noise falls with the square root of the number of independent f
   CHECK(few == record::Response{});
 }
 
-TEST_CASE("a run's response is read as written, an invalid response is treated as unknown") {
+TEST_CASE(
+    "the response of a run is read back as written, and an invalid one is treated as unknown") {
   record::Response r;
   r.irf_fwhm_ps = {203.5, 1.25}, r.irf_tail_ps = {90, 4}, r.irf_tail_share = {0.4, 0.02};
   r.radar = {0.05, {1, 0.75, 0.25, 0.0625}}, r.taps_standard_error = 0.0125;

@@ -38,7 +38,7 @@ pid_t in_child(Body body) {
 
 }  // namespace
 
-TEST_CASE("records can be read during writing and after closing") {
+TEST_CASE("records can be read while a run is being written and after it is closed") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   RunInfo info;
@@ -87,7 +87,7 @@ TEST_CASE("records can be read during writing and after closing") {
   CHECK(read.check().empty());
 }
 
-TEST_CASE("the summary of a run contains its counts") {
+TEST_CASE("the summary of a run contains counts of records, losses, tags and labels") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 5);
@@ -103,7 +103,7 @@ TEST_CASE("the summary of a run contains its counts") {
   CHECK(sum.last_utc == small_record(4).slot_utc + std::chrono::nanoseconds(1000));
 }
 
-TEST_CASE("committed records survive kill -9") {
+TEST_CASE("committed records are readable after the writing program was killed by SIGKILL") {
   const Folder folder;
   for (int round = 0; round < 8; ++round) {
     const std::string path = folder / (std::to_string(round) + ".sqlite");
@@ -146,7 +146,7 @@ TEST_CASE("committed records survive kill -9") {
   CHECK_FALSE(fs::exists(path + "-wal"));
 }
 
-TEST_CASE("a full disk ends a run, which keeps committed records and the reason") {
+TEST_CASE("a run ended by a full disk keeps its committed records and the reason") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const pid_t child = in_child([&] {
@@ -169,37 +169,37 @@ TEST_CASE("a full disk ends a run, which keeps committed records and the reason"
   CHECK(run.check().empty());
 }
 
-TEST_CASE("invalid run files are refused") {
+TEST_CASE("invalid run files and output files are refused with the reason") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto refusal = [&] { return error_of([&] { RunReader run(path); }); };
-  SECTION("missing") {
+  SECTION("a missing run file is refused") {
     CHECK(refusal().first == ExitCode::failed);
     CHECK(has(refusal().second, path + ": No such file"));
   }
-  SECTION("not a database") {
+  SECTION("a file that is not a database is refused") {
     write_file(path, "hello, world\n");
     CHECK(has(refusal().second, path + ": not an echofuse run file"));
   }
-  SECTION("empty") {
+  SECTION("an empty run file is refused") {
     write_file(path, "");
     CHECK(has(refusal().second, "is empty: its run was killed before it began, or"));
   }
-  SECTION("another program's database") {
+  SECTION("the database of another program is refused") {
     sql(path, "CREATE TABLE record (idx)");
     CHECK(has(refusal().second, "not an echofuse run file"));
   }
-  SECTION("a newer format") {
+  SECTION("a file with a newer run format is refused") {
     write_run(path, 1);
     sql(path, "PRAGMA user_version = 4");
     CHECK(has(refusal().second, "run format 4, expected 3; use a newer echofuse"));
   }
-  SECTION("an older format") {
+  SECTION("a file with an older run format is refused") {
     write_run(path, 1);
     sql(path, "PRAGMA user_version = 2");
     CHECK(has(refusal().second, "run format 2, expected 3; use the echofuse that recorded it"));
   }
-  SECTION("missing table, extra column or other type") {
+  SECTION("a file with a missing table, an extra column or another column type is refused") {
     write_run(path, 1);
     for (const char* change :
          {"DROP TABLE late", "ALTER TABLE record ADD COLUMN x REAL",
@@ -210,14 +210,14 @@ TEST_CASE("invalid run files are refused") {
       CHECK((has(text, "has no table late") || has(text, "is not defined as in a run")));
     }
   }
-  SECTION("existing file, which is not overwritten") {
+  SECTION("an existing file is not overwritten") {
     write_file(path, "precious");
     const auto [code, text] = error_of([&] { RunWriter run(path, {}); });
     CHECK(code == ExitCode::failed);
     CHECK(has(text, "exists already"));
     CHECK(fs::file_size(path) == 8);
   }
-  SECTION("file created at the same time, which is not overwritten") {
+  SECTION("a file created at the same time is not overwritten") {
     write_run(folder / "b.sqlite", 3);
     const auto [code, text] = error_of([&] {
       RunWriter run(path, {}, system_clock,
@@ -228,7 +228,7 @@ TEST_CASE("invalid run files are refused") {
     CHECK(contents(path) == contents(folder / "b.sqlite"));
     CHECK_FALSE(fs::exists(path + "-new"));
   }
-  SECTION("failed start, which leaves no file") {
+  SECTION("a run that fails to start leaves no file") {
     const auto [code, text] = error_of([&] {
       RunWriter run(path, {}, system_clock,
                     [&](RunWriter&) { fs::create_directory(path + "-shm"); });
@@ -237,31 +237,31 @@ TEST_CASE("invalid run files are refused") {
     CHECK(has(text, path));
     CHECK_FALSE(fs::exists(path));
   }
-  SECTION("missing folder") {
+  SECTION("a run in a missing folder is refused") {
     const auto [code, text] = error_of([&] { RunWriter run(folder / "no/a.sqlite", {}); });
     CHECK(code == ExitCode::disk);
     CHECK(has(text, "no/a.sqlite"));
   }
 }
 
-TEST_CASE("an invalid record is refused with its number") {
+TEST_CASE("an invalid record is refused, and the error contains its number") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 4);
   std::string expected;
-  SECTION("NaN") {
+  SECTION("a radar bin with the value NaN is refused") {
     sql(path, "UPDATE record SET radar = x'00000000000000000000c07f00000000' WHERE idx = 2");
     expected = "record 2: radar bin 2 is not a finite number";
   }
-  SECTION("short blob") {
+  SECTION("a histogram with missing bytes is refused") {
     sql(path, "UPDATE record SET spd = x'0000' WHERE idx = 2");
     expected = "record 2: spd has 2 bytes, but its axis requires 32";
   }
-  SECTION("damaged image") {
+  SECTION("a damaged depth image is refused") {
     sql(path, "UPDATE record SET depth = x'89504e47' WHERE idx = 2");
     expected = "record 2: depth is not a deflated image of 3 x 2";
   }
-  SECTION("an invalid number") {
+  SECTION("a negative number of the last depth frame is refused") {
     sql(path, "UPDATE record SET depth_last = -1 WHERE idx = 2");
     expected = "record 2: depth_last is -1";
   }
@@ -286,7 +286,7 @@ TEST_CASE("an invalid record is refused with its number") {
   }
 }
 
-TEST_CASE("a record that does not match its axes is not written") {
+TEST_CASE("a record that does not match the axes of its run is not written") {
   const Folder folder;
   RunWriter run(folder / "a.sqlite", {});
   put_axes(run);
@@ -297,7 +297,7 @@ TEST_CASE("a record that does not match its axes is not written") {
   CHECK(run.records() == 1);
 }
 
-TEST_CASE("only closed runs are read on a network file system") {
+TEST_CASE("network file systems are recognised, and only closed runs are read from them") {
   CHECK(network_of_type(0x6969) == "NFS");
   CHECK(network_of_type(0xff534d42) == "SMB");
   CHECK(network_of_type(0x0bd00bd0) == "Lustre");

@@ -171,7 +171,7 @@ void testing::check_same(const FusedRecord& read, const FusedRecord& wrote) {
     CHECK(read.array[i] == Approx(wrote.array[i]).margin(1e-2));
 }
 
-TEST_CASE("a record is read as written, with any combination of optional values") {
+TEST_CASE("a record with any combination of optional values is read back as written") {
   const Folder folder;
   for (unsigned seed = 0; seed < 20; ++seed) {
     CAPTURE(seed);
@@ -187,7 +187,7 @@ TEST_CASE("a record is read as written, with any combination of optional values"
   }
 }
 
-TEST_CASE("run metadata are read as written") {
+TEST_CASE("the metadata of a run are read back as written") {
   const Folder folder;
   const std::string path = folder / "a";
   Random random(1);
@@ -238,7 +238,7 @@ TEST_CASE("run metadata are read as written") {
 }
 
 // For tests/python/test_format.py: 20 runs, and what RunReader reads from each.
-TEST_CASE("random runs are written for the Python reader's test", "[.random_runs]") {
+TEST_CASE("random runs are written as input for the test of the Python reader", "[.random_runs]") {
   const char* folder = std::getenv("ECHOFUSE_RANDOM_RUNS");
   REQUIRE(folder);
   for (unsigned seed = 100; seed < 120; ++seed) {

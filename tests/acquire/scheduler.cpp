@@ -49,7 +49,7 @@ TEST_CASE("slots begin at multiples of their length, slots over 10 s begin immed
   CHECK((other.first - one.first) % one.length == 0ns);
 }
 
-TEST_CASE("a slot is a half-open time interval") {
+TEST_CASE("a slot contains its start time but not its end time") {
   CHECK(grid.slot_of(100s) == 0);
   CHECK(grid.slot_of(100s + 200ms - 1ns) == 0);
   CHECK(grid.slot_of(100s + 200ms) == 1);
@@ -73,7 +73,7 @@ TEST_CASE("slot times do not drift over a day") {
   }
 }
 
-TEST_CASE("under random pauses each slot comes once and in order, marked stalled in long pauses") {
+TEST_CASE("each slot is delivered once and in order, and is marked stalled after a long pause") {
   Rng rng = make_rng(2, 0);
   Scheduler scheduler(grid, 5000);
   struct Pause {
@@ -103,7 +103,7 @@ TEST_CASE("under random pauses each slot comes once and in order, marked stalled
   }
 }
 
-TEST_CASE("after a pause the next slot stays open for another grace time") {
+TEST_CASE("the next slot after a pause of the program stays open for another grace time") {
   Scheduler scheduler(grid);
   Ticking ticking(scheduler);
   CHECK(ticking.run(grid.end(0) + 400ms).empty());
@@ -117,15 +117,15 @@ TEST_CASE("after a pause the next slot stays open for another grace time") {
   CHECK(scheduler.lateness(0, woken + grace) == woken - grid.end(0));
 }
 
-TEST_CASE("a run ends after its slot count or after finish()") {
+TEST_CASE("the scheduler ends a run after its slot count or after finish()") {
   Scheduler scheduler(grid, 10);
   Ticking ticking(scheduler);
-  SECTION("slot count reached") {
+  SECTION("the run ends when its slot count is reached") {
     CHECK(ticking.run(200s).size() == 10);
     CHECK(scheduler.done());
     CHECK(scheduler.tick(300s).empty());
   }
-  SECTION("finish() completes the current slot") {
+  SECTION("the run ends after finish() when the current slot is complete") {
     CHECK(ticking.run(grid.start(3) + 50ms).empty());
     scheduler.finish(grid.start(3) + 80ms);
     CHECK_FALSE(scheduler.done());
@@ -133,7 +133,7 @@ TEST_CASE("a run ends after its slot count or after finish()") {
     CHECK(ticking.run(grid.end(3) + grace) == Indices{3});
     CHECK(scheduler.done());
   }
-  SECTION("finish() before the first slot") {
+  SECTION("the run ends at once if finish() is called before the first slot") {
     scheduler.finish(99s);
     CHECK(scheduler.done());
   }
@@ -144,7 +144,7 @@ TEST_CASE("a run ends after its slot count or after finish()") {
   }
 }
 
-TEST_CASE("slots missed in a pause wait for a busy disk, current slots do not") {
+TEST_CASE("slots missed in a pause wait while the disk is busy, current slots do not") {
   Backlog backlog;
   const auto next = [&](bool busy) {
     const auto slot = backlog.next(busy);

@@ -81,7 +81,7 @@ Finding depth_verdict(int frames, const DepthFrame& frame) {
 }  // namespace
 
 TEST_CASE(
-    "doctor reports count rates, share of counts in the histogram and faults of the detector") {
+    "doctor reports count rates, the fraction of clicks in the histogram and detector faults") {
   const Finding good = spd_verdict(pairs(1, 2, 20'000));
   CAPTURE(good.found, good.advice);
   CHECK(good.grade == Grade::ok);
@@ -136,7 +136,8 @@ TEST_CASE("doctor compares the radar's frame rate with frameCfg and checks losse
   CHECK(has(radar_verdict(0, flat).advice, "frame rate is lower"));
 }
 
-TEST_CASE("doctor reports a camera's rate and share of valid pixels") {
+TEST_CASE(
+    "the doctor command reports the frame rate of a camera and its fraction of valid pixels") {
   const Finding good = depth_verdict(20, depth_frame(3000));
   CHECK(good.grade == Grade::ok);
   CHECK(fact(good, "valid_share") == Approx(0.995));
@@ -148,7 +149,7 @@ TEST_CASE("doctor reports a camera's rate and share of valid pixels") {
   CHECK(has(covered.advice, "covered"));
 }
 
-TEST_CASE("doctor reports the rate of each zone, and marks zones without counts") {
+TEST_CASE("doctor reports the count rate of each detector zone and marks zones without counts") {
   const Config config = lab();
   Capture capture(config.histogram);
   capture.begin();
@@ -161,7 +162,7 @@ TEST_CASE("doctor reports the rate of each zone, and marks zones without counts"
   CHECK(estimate_record_bytes(capture, config) == 4.0 * 6 + 4.0 * 64 + 2.0 * 640 * 480);
 }
 
-TEST_CASE("doctor reports each device warning once and ignores information messages") {
+TEST_CASE("the doctor command reports each device warning once and ignores information messages") {
   const Config config = lab();
   Capture capture(config.histogram);
   capture.on_event(Sensor::radar, Severity::warning, "swapped?");
@@ -171,7 +172,8 @@ TEST_CASE("doctor reports each device warning once and ignores information messa
   CHECK(capture.complaints[Sensor::spd].empty());
 }
 
-TEST_CASE("record size is estimated from received frames, or else from the configuration") {
+TEST_CASE(
+    "record size is estimated from received frames, or from the configuration without frames") {
   const Config config = lab();
   Capture capture(config.histogram);
   const double unseen = estimate_record_bytes(capture, config);
@@ -183,7 +185,7 @@ TEST_CASE("record size is estimated from received frames, or else from the confi
   CHECK(seen < 4.0 * 336 + 4.0 * 64 + 2.0 * 200);
 }
 
-TEST_CASE("doctor rates the disk speed as ok, warning or problem") {
+TEST_CASE("the doctor command rates the disk's write speed as ok, warning or problem") {
   const PlannedRun plan{.folder = "/d", .record_bytes = 1e6, .window_s = 2};  // needs 1 MB/s
   const auto grade = [&](double rate, double median_s, double longest_s) {
     return speed_finding({rate, median_s, longest_s, 1'000'000}, plan).grade;
@@ -197,7 +199,7 @@ TEST_CASE("doctor rates the disk speed as ok, warning or problem") {
         Grade::ok);  // without a planned run
 }
 
-TEST_CASE("doctor rates the disk space as ok, warning or problem") {
+TEST_CASE("the doctor command rates the free disk space as ok, warning or problem") {
   PlannedRun plan{.folder = "/d", .record_bytes = 1e6, .window_s = 3, .count = 4000};
   CHECK(space_finding(5e9, plan).grade == Grade::ok);
   const Finding full = space_finding(3.9e9, plan);
@@ -217,7 +219,7 @@ TEST_CASE("doctor rates the disk space as ok, warning or problem") {
   CHECK(space_finding(116e6, plan).grade == Grade::problem);
 }
 
-TEST_CASE("the disk test leaves no files, and a missing folder is a problem") {
+TEST_CASE("doctor's disk test leaves no files and rates a missing folder as a problem") {
   const Folder folder;
   const DiskSpeed speed = measure_disk(folder / "", 100'000);
   CHECK(speed.bytes_per_s > 0);

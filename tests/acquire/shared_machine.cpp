@@ -34,7 +34,7 @@ unsigned mode_of(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("the nearest configuration file is used") {
+TEST_CASE("the configuration file in the current folder takes precedence over the user's file") {
   const Folder folder;
   if (fs::exists("/etc/echofuse/lab.toml")) return;  // would always be found
   const Outcome none = at_home(folder, "", "config check");
@@ -63,7 +63,7 @@ TEST_CASE("the nearest configuration file is used") {
   CHECK(has(wrong.text, "none.toml: cannot read"));
 }
 
-TEST_CASE("a radar cfg is searched next to the configuration, then in the installed ones") {
+TEST_CASE("a radar cfg is searched next to the configuration file, then among the installed ones") {
   const Folder folder;
   const std::string radar = "[radar]\ncli = \"serial:/dev/a\"\ndata = \"serial:/dev/b\"\ncfg = ";
   write_file(folder / "lab.toml", tdc + radar + "\"radar/xwr68xx_paper_50cm.cfg\"\n");
@@ -87,7 +87,7 @@ TEST_CASE("a run without a name gets the next number of the day in the configure
   CHECK(config.run_folder == folder / "runs");
 }
 
-TEST_CASE("a run's operator is the configured name, otherwise the user") {
+TEST_CASE("the operator of a run is the configured name, otherwise the user name") {
   const Folder folder;
   echofuse::acquire::Config config;
   const auto operator_of = [&](const std::string& name) {
@@ -101,7 +101,7 @@ TEST_CASE("a run's operator is the configured name, otherwise the user") {
   CHECK(operator_of("b.sqlite") == "Ada");
 }
 
-TEST_CASE("the group can read a live run, whatever the umask") {
+TEST_CASE("a live run file is readable by the group, whatever the umask") {
   const Folder folder;
   const mode_t before = ::umask(0077);
   {
@@ -114,7 +114,7 @@ TEST_CASE("the group can read a live run, whatever the umask") {
   CHECK(mode_of(folder / "a.sqlite") == 0640);
 }
 
-TEST_CASE("list shows notes added during and after a run") {
+TEST_CASE("the list command shows notes that were added during and after a run") {
   const Folder folder;
   write_run(folder / "monday.sqlite", 2);
   write_run(folder / "tuesday.sqlite", 3);
@@ -151,7 +151,7 @@ TEST_CASE("list shows notes added during and after a run") {
   CHECK_FALSE(fs::exists(folder / "monday.sqlite-wal"));
 }
 
-TEST_CASE("list shows live runs and their state") {
+TEST_CASE("the list command shows live runs and their state") {
   const Folder folder, locks;
   record::RunWriter run(folder / "live.sqlite", {});
   for (const auto& axis : small_axes()) run.put_axis(axis);

@@ -32,7 +32,7 @@ static void hot_journal(const std::string& path) {
   REQUIRE(fs::file_size(path + "-journal") > 0);
 }
 
-TEST_CASE("SQLite side files of a closed run are reported but not read") {
+TEST_CASE("SQLite side files next to a closed run are reported but not read") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", other = folder / "b.sqlite";
   const std::string kind = GENERATE("-wal", "hot -journal", "-shm", "fifo");
@@ -71,7 +71,7 @@ TEST_CASE("SQLite side files of a closed run are reported but not read") {
   CHECK(RunReader(path).leftovers().empty());
 }
 
-TEST_CASE("a copy without its -wal is refused and not changed") {
+TEST_CASE("a copy of an open run without its -wal file is refused and not changed") {
   const Folder folder;
   const std::string path = folder / "copy.sqlite";
   {
@@ -100,7 +100,7 @@ TEST_CASE("a copy without its -wal is refused and not changed") {
   CHECK(RunReader(path).count() == 3);
 }
 
-TEST_CASE("a run killed before its wal_key was stored opens as crashed") {
+TEST_CASE("a run killed before its wal_key was stored is opened with status crashed") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   for (const char* meta : {R"({"wal_key": "none"})", "{}"}) {
@@ -141,7 +141,7 @@ static void killed_run(const std::string& path, int records) {
   }
 }
 
-TEST_CASE("an open run is read only with its own -wal") {
+TEST_CASE("an open run is read only together with its own -wal file") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", other = folder / "b.sqlite";
   killed_run(path, 35);
@@ -174,7 +174,7 @@ TEST_CASE("an open run is read only with its own -wal") {
   CHECK(RunReader(path).count() == 30);
 }
 
-TEST_CASE("an open run with a -journal of another run is refused") {
+TEST_CASE("an open run with the -journal file of another run is refused") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", other = folder / "b.sqlite";
   killed_run(path, 5);
@@ -194,7 +194,7 @@ TEST_CASE("an open run with a -journal of another run is refused") {
 }
 
 // State after a kill between the two steps of SQLite's journal_mode=DELETE.
-TEST_CASE("a run in WAL mode without a -wal is read, also on read-only media") {
+TEST_CASE("a run in WAL mode without a -wal file is read, also on read-only media") {
   const Folder folder;
   fs::create_directory(folder / "in");
   const std::string path = folder / "in/a.sqlite";
@@ -226,19 +226,19 @@ TEST_CASE("a run in WAL mode without a -wal is read, also on read-only media") {
   for (const char* beside : {"-wal", "-shm"}) CHECK_FALSE(fs::exists(path + beside));
 }
 
-TEST_CASE("tables of ANALYZE are accepted, other tables are refused at the end of a run") {
+TEST_CASE("tables made by ANALYZE are accepted, other tables are refused at the end of a run") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   RunWriter run(path, {});
   for (const auto& axis : small_axes()) run.put_axis(axis);
   run.append(small_record(0));
-  SECTION("ANALYZE") {
+  SECTION("tables made by ANALYZE are accepted") {
     sql(path, "CREATE INDEX i ON record (label); ANALYZE; DROP INDEX i; PRAGMA optimize");
     run.append(small_record(1));
     CHECK(run.close("complete"));
     CHECK(RunReader(path).count() == 2);
   }
-  SECTION("objects that readers refuse") {
+  SECTION("foreign tables, indexes and views are refused at the end of the run") {
     const auto [make, statement] = GENERATE(
         table<std::string, std::string>({{"CREATE TABLE \"m\"\"y\" (a)", "DROP TABLE \"m\"\"y\""},
                                          {"CREATE INDEX i ON record (label)", "DROP INDEX \"i\""},

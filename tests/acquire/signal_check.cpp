@@ -87,7 +87,7 @@ const Verdicts all_ok{"ok", "ok", "ok"};
 
 }  // namespace
 
-TEST_CASE("a good record has the verdict ok and the measured values") {
+TEST_CASE("a good record has the verdict ok and the measured signal values") {
   Laboratory lab;
   SignalCheck check({}, 3);
   for (int i = 0; i < 100; ++i) {
@@ -104,7 +104,7 @@ TEST_CASE("a good record has the verdict ok and the measured values") {
   }
 }
 
-TEST_CASE("a laser a thousand times too weak is reported in the first record") {
+TEST_CASE("a laser signal that is a thousand times too weak is reported in the first record") {
   Laboratory lab;
   lab.photons = 100;
   SignalCheck check({}, 3);
@@ -118,7 +118,7 @@ TEST_CASE("a laser a thousand times too weak is reported in the first record") {
   CHECK(verdicts(indulgent, lab.record()) == all_ok);
 }
 
-TEST_CASE("a signal below that of the first minute has the verdict weak") {
+TEST_CASE("a signal weaker than in the first minute has the verdict weak") {
   Laboratory lab;
   SignalCheck check({}, 3);
   for (int i = 0; i < 20; ++i) CHECK(verdicts(check, lab.record()) == all_ok);
@@ -133,7 +133,7 @@ TEST_CASE("a signal below that of the first minute has the verdict weak") {
   CHECK(verdicts(check, lab.record()) == all_ok);
 }
 
-TEST_CASE("background alone has no peak, noise alone has no echo") {
+TEST_CASE("background alone has no photon peak, and radar noise alone has no echo") {
   Laboratory lab;
   lab.photons = 0, lab.radar_snr_db = -40;
   for (const double background : {1.0, 300.0, 1e4, 1e6}) {
@@ -159,7 +159,7 @@ TEST_CASE("background alone has no peak, noise alone has no echo") {
 }
 
 TEST_CASE(
-    "a record with over one click in 20 pulses, or a clipped lobe, has the verdict saturated") {
+    "a record with over one click in 20 pulses or a clipped radar lobe has the verdict saturated") {
   Laboratory lab;
   SignalCheck check({}, 3);
   auto r = lab.record();
@@ -185,7 +185,7 @@ TEST_CASE(
   CHECK(verdicts(indulgent, r)[0] == "ok");
 }
 
-TEST_CASE("bitwise repeated data have the verdict stands still") {
+TEST_CASE("sensor data that repeat bit by bit have the verdict stands still") {
   Laboratory lab;
   SignalCheck check({}, 3);
   auto r = lab.record();
@@ -210,7 +210,7 @@ TEST_CASE("bitwise repeated data have the verdict stands still") {
   }
 }
 
-TEST_CASE("a record with fewer than 80 % of expected frames or pulses has the verdict lossy") {
+TEST_CASE("a record with under 80 % of the expected frames or pulses has the verdict lossy") {
   Laboratory lab;
   SignalCheck check({}, 3, {1000, 20, 0});
   const auto with = [&](std::uint64_t starts, std::uint64_t radar, std::uint64_t depth) {
@@ -233,7 +233,7 @@ TEST_CASE("a record with fewer than 80 % of expected frames or pulses has the ve
   CHECK(with(300, 3, 3) == all_ok);
 }
 
-TEST_CASE("a slot cut by the end of a recording is checked up to that end") {
+TEST_CASE("a slot that is cut short by the end of a recording is checked up to that end") {
   Laboratory lab;
   SignalCheck check({}, 3, {0, 20, 0});
   const auto verdict = [&](std::uint64_t frames, double end_s) {
@@ -248,7 +248,7 @@ TEST_CASE("a slot cut by the end of a recording is checked up to that end") {
   CHECK_THAT(verdict(8, 9), StartsWith("lossy: 13 % of the 60 expected frames received"));
 }
 
-TEST_CASE("frames that arrive in the neighbouring short slot are not counted as lost") {
+TEST_CASE("frames that arrive in a neighbouring short slot are not counted as lost") {
   Laboratory lab;
   SignalCheck check({}, 0.1, {0, 20, 30});
   auto r = lab.record();
@@ -258,7 +258,7 @@ TEST_CASE("frames that arrive in the neighbouring short slot are not counted as 
   CHECK(verdicts(check, r) == all_ok);
 }
 
-TEST_CASE("start pulses are not checked with a conditional filter") {
+TEST_CASE("missing start pulses are not reported if the tagger uses a conditional filter") {
   Laboratory lab;
   SignalCheck check({}, 1, {1e6, 0, 0});
   auto r = lab.record();
@@ -275,7 +275,7 @@ TEST_CASE("start pulses are not checked with a conditional filter") {
   CHECK_THAT(verdicts(check, r)[0], StartsWith("lossy: 1 % of the 1000000 expected start pulses"));
 }
 
-TEST_CASE("without a laser rate, events missed by the tagger make a record lossy") {
+TEST_CASE("events missed by the tagger make a record lossy if the laser rate is unknown") {
   Laboratory lab;
   SignalCheck check({}, 1);
   auto r = lab.record();
@@ -286,7 +286,7 @@ TEST_CASE("without a laser rate, events missed by the tagger make a record lossy
   CHECK(verdicts(check, r)[0] == "ok");
 }
 
-TEST_CASE("depths beyond the map's range are not returns") {
+TEST_CASE("depths beyond the range of the depth map do not count as returns") {
   Laboratory lab;
   SignalCheck check({}, 3, {}, 6);
   auto r = lab.record();
@@ -295,7 +295,7 @@ TEST_CASE("depths beyond the map's range are not returns") {
   CHECK(*r.signal.depth_share == Approx(0.05));
 }
 
-TEST_CASE("a verdict is reported when its kind changes, not its figures") {
+TEST_CASE("a verdict is reported when its kind changes, but not when only its numbers change") {
   record::FusedRecord r;
   r.valid = SensorSet::from_bits(5);
   r.sync[Sensor::spd].verdict = "weak: 98 clicks";
@@ -306,7 +306,7 @@ TEST_CASE("a verdict is reported when its kind changes, not its figures") {
   CHECK(kind_of(r, Sensor::depth) == "ok");
 }
 
-TEST_CASE("radar leakage up to 0.5 m is not an echo") {
+TEST_CASE("radar leakage at up to 0.5 m does not count as an echo") {
   SignalCheck check({}, 3);
   const std::vector<Axis> fine = {{.name = "radar",
                                    .quantity = "power",
@@ -323,7 +323,7 @@ TEST_CASE("radar leakage up to 0.5 m is not an echo") {
   CHECK_THAT(r.sync[Sensor::radar].verdict, StartsWith("no peak"));
 }
 
-TEST_CASE("each zone is checked separately") {
+TEST_CASE("the signal of each detector zone is checked separately") {
   SignalCheck check({.clicks_a_pulse = 0.05}, 3);
   const std::vector<Axis> spd{{"spd", "counts", "ps", 40, 0, 100, 1}};
   record::FusedRecord r;

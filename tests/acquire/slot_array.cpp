@@ -65,7 +65,7 @@ std::vector<float> expected(const std::vector<std::vector<std::uint32_t>>& group
 
 }  // namespace
 
-TEST_CASE("a record has the mean array of its slot's frames, up to 8 m") {
+TEST_CASE("a record contains the mean antenna array of the frames in its slot, up to 8 m") {
   Windows windows = make_windows();
   for (const std::uint32_t n : {1u, 2u, 3u}) windows.add(frame_of(n));
   for (const std::uint32_t n : {101u, 102u}) windows.add(frame_of(n));
@@ -82,11 +82,11 @@ TEST_CASE("a record has the mean array of its slot's frames, up to 8 m") {
   CHECK(next.array == expected({{101, 102}}));
 }
 
-TEST_CASE("array statistics do not pair frames across a missing frame or heat map") {
+TEST_CASE("array statistics do not pair radar frames across a missing frame or heat map") {
   Windows windows = make_windows();
   RadarFrame without = frame_of(6);
-  SECTION("lost") {}
-  SECTION("without a heat map") {
+  SECTION("a frame between the others is lost") {}
+  SECTION("a frame between the others has no heat map") {
     without.array.clear();
     windows.add(without);
   }
@@ -97,7 +97,7 @@ TEST_CASE("array statistics do not pair frames across a missing frame or heat ma
   CHECK(r.array == expected({{4, 5}, {7, 8}}));
 }
 
-TEST_CASE("a record without used frames or heat maps has no array") {
+TEST_CASE("a record without usable frames or heat maps has no antenna array") {
   Windows windows = make_windows();
   RadarFrame bad = frame_of(1);
   bad.range_profile.resize(3);
@@ -122,7 +122,7 @@ TEST_CASE("a record without used frames or heat maps has no array") {
   CHECK(old.close({0, false}).array.empty());
 }
 
-TEST_CASE("info describes the antenna array") {
+TEST_CASE("the info command describes the antenna array") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   Windows windows = make_windows();
@@ -151,7 +151,7 @@ TEST_CASE("info describes the antenna array") {
   CHECK(want[0] == Approx(records[0].array[0]).margin(0.1));
 }
 
-TEST_CASE("doctor counts heat maps and reports missing ones") {
+TEST_CASE("the doctor command counts radar heat maps and reports missing ones") {
   Config config;
   config.radar.cli = "serial:/a";
   config.radar.cfg_name = "azimuth.cfg";
@@ -161,14 +161,14 @@ TEST_CASE("doctor counts heat maps and reports missing ones") {
   capture.begin();
   RadarFrame frame = frame_of(1);
   frame.range_profile.resize(64, 900);
-  SECTION("with heat maps") {
+  SECTION("frames with heat maps are rated ok") {
     for (int k = 0; k < 40; ++k) capture.on_radar(frame);
     const Finding finding = radar_finding(capture, config, 2);
     CHECK(finding.grade == Grade::ok);
     CHECK(has(finding.found, "heat map of 8 antennas in 40 frames"));
     CHECK(estimate_record_bytes(capture, config) == 4 * 64 + kept_bins * (4 + 2 * 82));
   }
-  SECTION("without heat maps") {
+  SECTION("frames without heat maps are rated as a problem") {
     frame.array.clear();
     for (int k = 0; k < 40; ++k) capture.on_radar(frame);
     const Finding finding = radar_finding(capture, config, 2);

@@ -24,8 +24,7 @@ std::vector<std::string> events_of(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE(
-    "setting the clock during a run stores an event and an anchor, and later UTC is correct") {
+TEST_CASE("a clock set during a run is stored as an event, and later UTC times are correct") {
   const auto step = GENERATE(24h, -24h);
   const Folder folder;
   const std::string path = folder / "run.sqlite";
@@ -66,7 +65,7 @@ TEST_CASE(
                                              (before + step + 20ms).count()});
 }
 
-TEST_CASE("a slot that is open when the clock is set keeps its start time") {
+TEST_CASE("a slot that is open when the system clock is set keeps its start time") {
   const Folder folder;
   const std::chrono::nanoseconds before = 1'700'000'000s;
   port::VirtualLoop loop(before);
@@ -83,7 +82,7 @@ TEST_CASE("a slot that is open when the clock is set keeps its start time") {
   journal.finish("complete");
 }
 
-TEST_CASE("all readers refuse slot times that overflow, with a one-line error") {
+TEST_CASE("all run readers refuse slot times that overflow, with a one-line error") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 4);
@@ -108,7 +107,7 @@ TEST_CASE("all readers refuse slot times that overflow, with a one-line error") 
   CHECK(bad == std::vector<std::int64_t>{3});
 }
 
-TEST_CASE("after the clock is set back, a run still ends with its last slot") {
+TEST_CASE("a run still ends with its last slot after the system clock was set back") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 4);

@@ -47,7 +47,7 @@ TEST_CASE("the status line shows all values in a fixed order") {
   CHECK(m.line(std::nullopt).find("  0:00  ") != std::string::npos);
 }
 
-TEST_CASE("a narrow status line leaves out its least important parts") {
+TEST_CASE("a narrow status line omits its least important parts") {
   Moment m;
   CHECK(m.line(79) == "record 7/20  s-D  spd weak  0:21, 1:02:41 left  1.20 Mtag/s  lost S 12 D 3");
   for (std::size_t columns = 16; columns < 200; ++columns) {
@@ -89,14 +89,14 @@ TEST_CASE("a sensor that becomes doubtful is reported once and counted in each r
   CHECK(totals.not_ok == 3);
 }
 
-TEST_CASE("a doubtful sensor is red in a colour terminal, with the same line width") {
+TEST_CASE("a doubtful sensor is red on a colour terminal, and the line keeps its width") {
   Moment m;
   CHECK(m.line(26, true) == "record 7/20  \033[31ms-D\033[0m  \033[31mspd weak\033[0m");
   m.now.doubtful = {}, m.now.valid = SensorSet::from_bits(7), m.now.trouble.clear();
   CHECK(m.line(79, true) == m.line(79));
 }
 
-TEST_CASE("a label in the status line is cut to one line at a character boundary") {
+TEST_CASE("a label in the status line is escaped and cut at a character boundary") {
   Moment m;
   m.now.label = "a\033[2J\n";
   CHECK(m.line(std::nullopt).find(R"(  a\x1b[2J\n  )") != std::string::npos);

@@ -53,7 +53,7 @@ struct Database {
 
 }  // namespace
 
-TEST_CASE("a record without a required sensor is incomplete, and clock fits are stored") {
+TEST_CASE("a run file stores clock fits and marks records without a required sensor incomplete") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write(path);
@@ -81,7 +81,7 @@ TEST_CASE("a record without a required sensor is incomplete, and clock fits are 
   CHECK(has(text, "axis      depth_x: 3 x 0.2 from -0.2, tangent"));
 }
 
-TEST_CASE("a record stores its signal values, and verdicts are counted by kind") {
+TEST_CASE("a run file stores the signal values of records and counts their verdicts by kind") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write(path);

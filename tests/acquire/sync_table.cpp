@@ -181,7 +181,7 @@ class Bench {
 
 }  // namespace
 
-TEST_CASE("each event of the table is in the expected record") {
+TEST_CASE("samples and losses of all devices are assigned to the expected records") {
   Bench bench;
   for (const Event& e : events) bench.run(e);
   bench.end();
@@ -211,7 +211,7 @@ TEST_CASE("each event of the table is in the expected record") {
   CHECK(bench.records[2].sync[Sensor::spd].lost == 3);
 }
 
-TEST_CASE("record contains the clock fits of its devices") {
+TEST_CASE("a record contains the clock fits of its devices") {
   Bench bench;
   for (const Event& e : events) bench.run(e);
   bench.end();

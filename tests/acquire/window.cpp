@@ -75,7 +75,7 @@ std::uint64_t parts(const TagCounts& c) {
 
 }  // namespace
 
-TEST_CASE("a slot with data of all three sensors is complete") {
+TEST_CASE("a record with data of all three sensors is complete") {
   Windows windows = make_windows();
   feed(windows, 10s, {start_at(0), click_at(150), click_at(250)});
   feed(windows, 10s + 900ms, {start_at(10'000), click_at(10'199), click_at(99'999)});
@@ -105,7 +105,7 @@ TEST_CASE("a slot with data of all three sensors is complete") {
   for (const auto& s : r.sync) CHECK(s.verdict == "ok");
 }
 
-TEST_CASE("a record accounts for delays, dead time and bad tags") {
+TEST_CASE("the counts of a record take click delay, dead time and bad tags into account") {
   auto settings = tdc_settings;
   settings.click_delay_ps = 500;
   settings.dead_time_ps = 100;
@@ -125,7 +125,7 @@ TEST_CASE("a record accounts for delays, dead time and bad tags") {
   CHECK(parts(r.spd_counts) == r.spd_counts.tags);
 }
 
-TEST_CASE("slot boundaries are exact, and a start pulse stays valid across them") {
+TEST_CASE("slot boundaries are exact, and a start pulse remains valid across a boundary") {
   Windows windows = make_windows({Sensor::spd});
   feed(windows, 10s, {start_at(0)});
   feed(windows, 11s - 1ns, {start_at(1'000)});
@@ -137,7 +137,7 @@ TEST_CASE("slot boundaries are exact, and a start pulse stays valid across them"
   CHECK(second.spd.at(0) == 1);
 }
 
-TEST_CASE("a click after a gap is not paired with a start before it") {
+TEST_CASE("a click after a gap in the tags is not paired with a start before the gap") {
   Windows windows = make_windows({Sensor::spd});
   feed(windows, 10s, {start_at(0)});
   feed(windows, 10s + 600ms, {click_at(50)}, 1);
@@ -146,7 +146,7 @@ TEST_CASE("a click after a gap is not paired with a start before it") {
   CHECK(r.spd_counts.in_range == 0);
 }
 
-TEST_CASE("a slot sums the counts of two tag blocks") {
+TEST_CASE("a record contains the sum of the counts of two tag blocks") {
   auto settings = tdc_settings;
   settings.dead_time_ps = 100;
   Windows windows(grid, settings, no_clocks, {Sensor::spd});
@@ -180,7 +180,7 @@ TEST_CASE("a slot sums the counts of two tag blocks") {
   CHECK(windows.close({1, false}).spd_counts.missed == 500);
 }
 
-TEST_CASE("radar frames are averaged in linear power") {
+TEST_CASE("radar frames are averaged in linear power, not in decibels") {
   Windows windows = make_windows({Sensor::radar});
   const std::vector<std::vector<std::uint16_t>> frames = {
       {0, 100, 700, 2000}, {60, 100, 300, 1000}, {30, 100, 500, 0}};
@@ -199,7 +199,7 @@ TEST_CASE("radar frames are averaged in linear power") {
   CHECK(sync(r, Sensor::radar).span_s == 0.2);
 }
 
-TEST_CASE("a profile is the mean power over frames and subframes") {
+TEST_CASE("the range profile of a record is the mean power over frames and subframes") {
   Windows windows = make_windows({Sensor::radar});
   double sum = 0, count = 0;
   for (std::uint32_t number = 1; number <= 5; ++number)
@@ -219,7 +219,7 @@ TEST_CASE("a profile is the mean power over frames and subframes") {
   CHECK(power_from_code(r.radar[0], 12) == Approx(sum / count).epsilon(1e-4));
 }
 
-TEST_CASE("a record has the stats and temperature of the last frame") {
+TEST_CASE("a record contains the statistics and temperature of the last radar frame") {
   Windows windows = make_windows();
   windows.announce(radar_info());
   RadarFrame frame = radar_frame(10s, 1, {1, 2, 3, 4});
@@ -238,32 +238,32 @@ TEST_CASE("a record has the stats and temperature of the last frame") {
   CHECK_FALSE(windows.close({1, false}).radar_stats);
 }
 
-TEST_CASE("a sensor without usable data is invalid, with the reason") {
+TEST_CASE("a sensor without usable data is invalid, and the record contains the reason") {
   Windows windows = make_windows();
   std::string spd = "no tags", radar = "no frames", depth = "no frames";
-  SECTION("no data") {}
-  SECTION("no laser") {
+  SECTION("the devices send no data") {}
+  SECTION("the laser sends no start pulses") {
     feed(windows, 10s, {click_at(0)});
     spd = "no start tags on channel 1";
   }
-  SECTION("stream covers too little of the slot") {
+  SECTION("the tags cover less than half of the slot") {
     feed(windows, 10s, {start_at(0)});
     feed(windows, 10s + 499ms, {start_at(1)});
     spd = "tags cover only 49 % of the slot";
     feed(windows, 11s, {start_at(2)});
     feed(windows, 11s + 500ms, {start_at(3)});
   }
-  SECTION("frames of the wrong size") {
+  SECTION("the frames have the wrong size") {
     windows.add(radar_frame(10s, 1, {1, 2, 3}));
     windows.add(depth_frame(10s, 1, {1, 2, 3}, 3));
     radar = "frames of 3 bins do not fit the axis";
     depth = "frames of 3 x 1 do not fit the axes";
   }
-  SECTION("frames without a range profile") {
+  SECTION("the radar frames have no range profile") {
     windows.add(radar_frame(10s, 1, {}));
     radar = "frames without a range profile";
   }
-  SECTION("device reconnected with another axis") {
+  SECTION("the radar reconnects with another axis") {
     CHECK_FALSE(windows.announce(radar_info(4, 8)));
     windows.add(radar_frame(10s, 1, {1, 2, 3, 4}));
     radar = "axis differs from the one at the start of the run";
@@ -281,7 +281,7 @@ TEST_CASE("a sensor without usable data is invalid, with the reason") {
         spd.starts_with("tags for"));  // half of the slot suffices
 }
 
-TEST_CASE("a click is not paired with a start before tags outside open slots") {
+TEST_CASE("a click is not paired with a start that precedes tags outside open slots") {
   Windows windows = make_windows({Sensor::spd});
   windows.close({0, false});
   feed(windows, 11s, {start_at(0)});
@@ -290,7 +290,7 @@ TEST_CASE("a click is not paired with a start before tags outside open slots") {
   CHECK(windows.close({1, false}).spd_counts.without_start == 1);
 }
 
-TEST_CASE("after a stall a slot is complete if its tags span 90 % of its length") {
+TEST_CASE("a slot after a stall is complete if its tags span 90 % of its length") {
   SensorClocks clocks;
   std::vector<Tag> tag(1);
   const auto at = [&](HostTime time, const std::function<void(const TagBlock&)>& use) {
@@ -307,7 +307,7 @@ TEST_CASE("after a stall a slot is complete if its tags span 90 % of its length"
   CHECK(sync(windows.close({0, true}), Sensor::spd).verdict == verdict);
 }
 
-TEST_CASE("unconfigured sensors and stalled slots have their own verdicts") {
+TEST_CASE("unconfigured sensors and stalled slots have different verdicts") {
   Windows windows = make_windows({Sensor::spd});
   feed(windows, 10s, {start_at(0)});
   feed(windows, 10s + 900ms, {start_at(1), click_at(2)});
@@ -339,7 +339,7 @@ HistogramFrame histogram(HostTime received, std::vector<std::uint32_t> counts,
 
 }  // namespace
 
-TEST_CASE("a slot sums the histograms that have their mid-exposure in it") {
+TEST_CASE("a record contains the sum of the histograms with their mid-exposure in its slot") {
   Windows windows = make_windows();
   REQUIRE(windows.announce(board_info()));
   CHECK(same_axis(windows.axes().front(), board_info().axes[0]));
@@ -362,7 +362,7 @@ TEST_CASE("a slot sums the histograms that have their mid-exposure in it") {
   CHECK(sync(windows.close({2, false}), Sensor::spd).verdict == "no histograms");
 }
 
-TEST_CASE("a counting board that reconnects with other bins is not used") {
+TEST_CASE("histograms are not used after a counting board reconnects with other bins") {
   Windows windows = make_windows();
   REQUIRE(windows.announce(board_info()));
   CHECK_FALSE(windows.announce(board_info(100)));
@@ -371,7 +371,7 @@ TEST_CASE("a counting board that reconnects with other bins is not used") {
         "axis differs from the one at the start of the run");
 }
 
-TEST_CASE("a detector that reconnects with other zones is not used") {
+TEST_CASE("histograms are not used after a detector reconnects with other zones") {
   Windows windows = make_windows();
   DeviceInfo info = board_info();
   info.zones = {{0, 0, 0.2, 0}, {0.2, 0, 0.2, 0}};
@@ -383,7 +383,7 @@ TEST_CASE("a detector that reconnects with other zones is not used") {
   CHECK(windows.announce(info));
 }
 
-TEST_CASE("linear power of a bridged radar is averaged") {
+TEST_CASE("range profiles of a radar behind a bridge are averaged in linear power") {
   Windows windows(grid, tdc_settings, no_clocks, {Sensor::radar});
   DeviceInfo info;
   info.sensor = Sensor::radar;

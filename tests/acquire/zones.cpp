@@ -32,7 +32,7 @@ void write(const std::string& path, const Zones& zones, std::size_t counts) {
 
 }  // namespace
 
-TEST_CASE("zones are read as written, and an unknown direction stays unknown") {
+TEST_CASE("detector zones are read back as written, and an unknown direction stays unknown") {
   const Folder folder;
   write(folder / "a", three, 9);
   const RunReader run(folder / "a");
@@ -50,12 +50,12 @@ TEST_CASE("a run of a single-pixel detector has no zone table") {
   CHECK(histograms_of(run.zones()) == 1);
 }
 
-TEST_CASE("a histogram that does not match the zones is refused") {
+TEST_CASE("a histogram that does not match the number of zones is refused") {
   const Folder folder;
   CHECK_THROWS_WITH(write(folder / "a", three, 6), Contains("spd has 6 values, but its axis 9"));
 }
 
-TEST_CASE("a zone with zero width, or a time zero beyond one second, is refused") {
+TEST_CASE("a zone of zero width, or with a time zero beyond one second, is refused") {
   CHECK(Zone{}.plausible());
   CHECK(Zone{0, 0, 0.1, -50}.plausible());
   CHECK_FALSE(Zone{0, 0, 0, 0}.plausible());

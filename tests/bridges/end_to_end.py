@@ -60,7 +60,7 @@ class Recording(unittest.TestCase):
         with sqlite3.connect(f"file:{self.dir}/run.sqlite?mode=ro", uri=True) as db:
             return db.execute("SELECT sensor, model, serial, firmware FROM device").fetchall()
 
-    def test_run_contains_every_tag_of_the_bridge(self):
+    def test_run_contains_every_tag_that_the_bridge_sent(self):
         with Program("timetagger.py", STAND_IN_PULSES_PER_S="200000") as bridge:
             rows, log = self.record(bridge, "tdc.address", enough=5)
             sent, clients, dropped = bridge.sent()
@@ -87,7 +87,7 @@ class Recording(unittest.TestCase):
             np.testing.assert_array_equal(counts[expected == 0], 0)
         self.assertNotIn("arrived after their slot", log)
 
-    def test_run_contains_every_depth_pixel_of_the_bridge(self):
+    def test_run_contains_every_depth_pixel_that_the_bridge_sent(self):
         with Program("orbbec.py", "--width", "64", "--height", "64") as bridge:
             rows, log = self.record(bridge, "depth.address", enough=5)
             sent, clients, dropped = bridge.sent()

@@ -40,17 +40,17 @@ class CameraCase(unittest.TestCase):
 
 
 class Calls(CameraCase):
-    def test_camera_is_opened_and_closed(self):
+    def test_camera_is_opened_by_its_serial_number_and_closed(self):
         self.open("--serial", "STAND-IN-2").close()
         self.assertEqual(recorder.calls, [
             ("query_devices",), ("get_device_by_serial_number", "STAND-IN-2"), ("set_bool_property", "mirror", False),
             ("get_stream_profile_list", "depth"), ("enable_stream", 64, 64, "y16", 30), ("start",), ("stop",)])
 
-    def test_first_camera_is_used_by_default(self):
+    def test_first_camera_is_opened_if_no_serial_number_is_given(self):
         self.assertEqual(self.open().hello(), {"model": "Orbbec Gemini 2", "serial": "STAND-IN-2", "firmware": "1.4.98"})
         self.assertIn(("get_device_by_serial_number", "STAND-IN-2"), recorder.calls)
 
-    def test_projector_preset_and_depth_mode_are_set(self):
+    def test_projector_preset_and_depth_mode_options_are_sent_to_the_camera(self):
         self.open().close()
         self.assertFalse({"load_preset", "set_depth_work_mode", "set_int_property"} & {call[0] for call in recorder.calls})
         self.assertNotIn("projector", self.said)
@@ -62,14 +62,14 @@ class Calls(CameraCase):
             self.assertLess(recorder.calls.index(call), start)
         self.assertIn('depth mode "Binned Sparse Default", preset "High Accuracy", projector off\n', self.said)
 
-    def test_other_projector_switches_are_supported(self):
+    def test_projector_is_switched_off_through_the_property_that_the_camera_supports(self):
         with mock.patch.object(sdk, "supported", {"laser", "laser control"}):
             self.open("--no-projector")
         self.assertIn(("set_int_property", "laser control", 0), recorder.calls)
         with mock.patch.object(sdk, "supported", set()):
             self.assertRaisesRegex(RuntimeError, "cannot switch off its projector", self.open, "--no-projector")
 
-    def test_unknown_names_list_the_known_ones(self):
+    def test_error_for_an_unknown_preset_or_depth_mode_lists_the_known_names(self):
         with self.assertRaisesRegex(RuntimeError, '^no preset "x"; this camera has "Default", "High Accuracy"$'):
             self.open("--preset", "x")
         with self.assertRaisesRegex(RuntimeError, '^no depth mode "x"; this camera has "Unbinned Dense Default", '):
@@ -77,17 +77,17 @@ class Calls(CameraCase):
         with mock.patch.object(sdk, "presets", []), self.assertRaisesRegex(RuntimeError, "has none$"):
             self.open("--preset", "Default")
 
-    def test_unknown_mode_is_refused(self):
+    def test_image_size_that_the_camera_does_not_support_is_refused(self):
         with self.assertRaisesRegex(RuntimeError, "^no depth mode 64 x 48 at 30 frames/s: Invalid input"):
             self.open("--height", "48")
 
-    def test_intrinsics_of_another_mode_are_refused(self):
+    def test_intrinsics_for_another_image_size_are_refused(self):
         lens = types.SimpleNamespace(**vars(sdk.camera) | {"width": 128})
         with mock.patch.object(sdk.VideoStreamProfile, "get_intrinsic", lambda self: lens):
             self.assertRaisesRegex(RuntimeError, "128 x 64", self.open)
         self.assertEqual(recorder.calls[-1], ("stop",))
 
-    def test_missing_intrinsics_are_refused(self):
+    def test_missing_camera_intrinsics_are_refused(self):
         for fault, words in (("zero", "no intrinsics for the depth mode of 64 x 64 pixels: fx 0, fy 0"),
                              ("nan", "no intrinsics for the depth mode"), ("none", "install version 2")):
             with mock.patch.object(sdk, "intrinsics", fault):
@@ -97,13 +97,13 @@ class Calls(CameraCase):
         with mock.patch.object(sdk.VideoStreamProfile, "get_intrinsic", fails):
             self.assertRaisesRegex(RuntimeError, "depth mode: Can not find matched camera param!$", self.open)
 
-    def test_distortion_is_reported(self):
+    def test_lens_distortion_is_reported_in_pixels(self):
         with mock.patch.object(sdk.distortion, "k1", 0.1):
             self.open()
         # Corner: x = y = 0.63, r2 = 0.7938; 0.1 r2 x 50 pixels in both directions
         self.assertIn("up to 3.54 pixel", self.said)
 
-    def test_bad_arguments_are_refused(self):
+    def test_invalid_command_line_arguments_are_refused(self):
         for bad in (["--width", "0"], ["--fps", "x"], ["--listen", "nowhere"]):
             with self.subTest(bad), contextlib.redirect_stderr(io.StringIO()), self.assertRaises(SystemExit) as ended:
                 orbbec.parse_arguments(bad)
@@ -111,7 +111,7 @@ class Calls(CameraCase):
 
 
 class Frames(CameraCase):
-    def test_depth_frame_has_the_golden_payload(self):
+    def test_depth_block_payload_equals_the_golden_file(self):
         camera = self.open()
         camera._options.width, camera._options.height = 3, 2
         lens = types.SimpleNamespace(width=3, height=2, fx=2, fy=2, cx=1, cy=0.5)
@@ -121,7 +121,7 @@ class Frames(CameraCase):
         frame = shared.Frame(42, 123_456_789_012, 3, 2, np.array([0, 1000, 2000, 3000, 4000, 65535], "<u2"), 1.0)
         self.assertEqual(camera._payload(frame), golden()[2][32:])
 
-    def test_depth_scale_is_converted_to_millimetres(self):
+    def test_depth_in_camera_units_is_converted_to_millimetres(self):
         camera = self.open()
         for scale in (0.5, 20.0):
             with mock.patch.object(sdk, "scale", scale):
@@ -132,7 +132,7 @@ class Frames(CameraCase):
             np.testing.assert_array_equal(z, np.where(exact > 65535, 0, exact))
         self.assertTrue((z == 0).any())  # beyond 16 bits: no return
 
-    def test_missing_frames_are_counted(self):
+    def test_missing_frame_numbers_are_counted_as_lost_frames(self):
         camera = self.open()
         camera.poll(self.outlet)
         camera.poll(self.outlet)
@@ -142,7 +142,7 @@ class Frames(CameraCase):
         self.assertEqual((self.outlet.lost, len(self.outlet.blocks)), (3, 3))
         self.assertEqual(struct.unpack_from("<I", self.outlet.blocks[-1][1], 16)[0], 6)
 
-    def test_silence_restarts_the_pipeline_and_then_the_device(self):
+    def test_silent_camera_causes_a_restart_of_the_pipeline_and_then_of_the_device(self):
         camera = self.open()
         camera.poll(self.outlet)
         with mock.patch.object(shared, "SILENCE_S", 0.1), contextlib.redirect_stderr(io.StringIO()):
@@ -158,7 +158,7 @@ class Frames(CameraCase):
                 while True:
                     camera.poll(self.outlet)
 
-    def test_bad_frame_is_skipped(self):
+    def test_invalid_depth_frame_is_skipped(self):
         camera = self.open()
         good = shared.Frame(1, 0, 64, 64, np.zeros(4096, "<u2"), 1.0)
         wrong = {"size 64 x 32 pixels": dict(height=32, steps=np.zeros(2048, "<u2")), "size": dict(steps=np.zeros(5, "<u2")),
@@ -174,7 +174,7 @@ class Frames(CameraCase):
 
 
 class Process(unittest.TestCase):
-    def test_bridge_serves_frames_and_stops(self):
+    def test_bridge_program_sends_depth_frames_until_it_is_stopped(self):
         with Program("orbbec.py", *SIZE) as program, Client(program.address) as client:
             client.block()
             frames = [client.until(bridge.DEPTH)[-1].payload for _ in range(3)]
@@ -186,22 +186,22 @@ class Process(unittest.TestCase):
             client.until(bridge.BYE)
             self.assertEqual(program.calls()[-1], ("stop",))
 
-    def test_missing_camera_is_reported(self):
+    def test_missing_camera_ends_the_bridge_with_an_error(self):
         with Program("orbbec.py", STAND_IN_CAMERAS="0") as program:
             self.assertEqual(program.process.wait(10), 4)
             self.assertEqual(program.said(), "orbbec: no Orbbec camera is connected\n")
 
-    def test_two_cameras_need_a_serial_number(self):
+    def test_serial_number_is_required_if_two_cameras_are_attached(self):
         with Program("orbbec.py", STAND_IN_CAMERAS="2") as program:
             self.assertEqual(program.process.wait(10), 4)
             self.assertIn("choose one with --serial: STAND-IN-2, STAND-IN-4", program.said())
 
-    def test_zero_intrinsics_are_refused(self):
+    def test_bridge_program_refuses_intrinsics_that_are_zero(self):
         with Program("orbbec.py", *SIZE, STAND_IN_INTRINSICS="zero") as program:
             self.assertEqual(program.process.wait(10), 4)
             self.assertRegex(program.said(), r"\Aorbbec: the SDK has no intrinsics for [^\n]*\n\Z")
 
-    def test_missing_library_is_reported(self):
+    def test_missing_vendor_library_is_reported_with_a_remedy(self):
         with tempfile.TemporaryDirectory() as folder:
             (pathlib.Path(folder) / "pyorbbecsdk.py").write_text("raise ImportError('no vendor library')\n")
             with Program("orbbec.py", path=folder) as program:

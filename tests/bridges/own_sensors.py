@@ -24,11 +24,11 @@ def own(script):
 
 
 class Example(unittest.TestCase):
-    def test_example_is_short(self):
+    def test_example_bridge_has_at_most_60_lines(self):
         text = (root / "scripts/bridges/example.py").read_text(encoding="utf-8")
         self.assertLessEqual(text.count("\n"), 60)
 
-    def test_serial_number_and_histograms(self):
+    def test_example_bridge_checks_the_serial_number_and_sends_histograms(self):
         with Program("example.py", "--serial", "SIM-2") as program:
             self.assertEqual(program.process.wait(10), 4)
             self.assertIn("no board with the serial number SIM-2; attached: SIM-1", program.said())
@@ -38,7 +38,7 @@ class Example(unittest.TestCase):
             self.assertEqual(len(blocks[-1].payload), 44 + 4 * 336)
             self.assertEqual(program.stop(), 0)
 
-    def test_device_is_reopened(self):
+    def test_example_bridge_reopens_an_unplugged_device(self):
         code = ("import sys; sys.argv = ['example.py', '--listen', '127.0.0.1:0']; import example\n"
                 "def unplugged(board, server, once=[]):\n"
                 "    if once: return 0.01\n"
@@ -59,7 +59,7 @@ class Recording(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         return done.stdout
 
-    def test_own_sensors_are_recorded_trained_with_and_shown(self):
+    def test_custom_sensors_are_recorded_trained_with_and_shown(self):
         folder = tempfile.TemporaryDirectory(prefix="echofuse-")
         self.addCleanup(folder.cleanup)
         place = pathlib.Path(folder.name)

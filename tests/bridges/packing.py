@@ -38,16 +38,16 @@ class Packing(unittest.TestCase):
         self.assertEqual(sum(b.starts for b in blocks), np.count_nonzero(tags["channel"] == 2))
         self.assertEqual(sum(b.overflows for b in blocks), np.count_nonzero(tags["type"] == 2))
 
-    def test_packing_equals_numpy_for_all_sizes(self):
+    def test_packed_tags_equal_the_numpy_result_for_all_sizes(self):
         for size in (0, 1, 2, pack.BLOCK_TAGS, pack.BLOCK_TAGS + 1, 150_000):
             self.check(some_tags(size))
 
-    def test_other_channels_are_dropped(self):
+    def test_tags_of_other_channels_are_not_packed(self):
         tags = some_tags(1000)
         tags["type"], tags["channel"] = 0, 2 + tags["channel"] % 2
         self.check(tags)
 
-    def test_strided_arrays_are_packed_and_other_layouts_refused(self):
+    def test_strided_arrays_are_packed_and_other_layouts_are_refused(self):
         """Strided and read-only arrays are packed; another layout is refused."""
         self.check(some_tags(10_000)[::3])
         tags = some_tags(1000)
@@ -56,14 +56,14 @@ class Packing(unittest.TestCase):
         with self.assertRaisesRegex(RuntimeError, "the library's tags are .*, expected"):
             pack.pack(np.zeros(3, [("time", "i8"), ("type", "u4"), ("channel", "i4")]), (1, 2))
 
-    def test_payload_does_not_share_the_vendors_memory(self):
+    def test_packed_payload_does_not_share_memory_with_the_vendor_array(self):
         tags = some_tags(100)
         block, = pack.pack(tags, (1, 2))
         before = bytes(block.payload)
         tags.view("u1")[:] = 0xEE
         self.assertEqual(bytes(block.payload), before)
 
-    def test_blocks_have_valid_checksums(self):
+    def test_blocks_have_valid_crc32c_checksums(self):
         for size in (0, 1, 31, 100_000):
             payload = bytes(range(256)) * (size // 256) + bytes(size % 256)
             header = bridge.block(1, 7, payload, 3)
@@ -73,12 +73,12 @@ class Packing(unittest.TestCase):
 
 
 class Absent(unittest.TestCase):
-    def test_camera_is_served_without_the_packing_library(self):
+    def test_camera_bridge_runs_without_the_packing_library(self):
         with Program("realsense.py", "--width", "64", "--height", "48",
                      ECHOFUSE_BRIDGE_LIBRARY="") as program, Client(program.address) as client:
             client.until(bridge.DEPTH)  # checks the CRCs
 
-    def test_tagger_is_refused_without_the_packing_library(self):
+    def test_tagger_bridge_refuses_to_run_without_the_packing_library(self):
         with tempfile.TemporaryDirectory() as folder:
             text = pathlib.Path(folder) / "text.so"
             text.write_text("no library")
@@ -90,7 +90,7 @@ class Absent(unittest.TestCase):
                     self.assertRegex(program.said(), why + ".*ECHOFUSE_BRIDGE_LIBRARY")
                     self.assertEqual(program.said().count("\n"), 1)
 
-    def test_bridges_run_without_the_crc32c_package(self):
+    def test_missing_crc32c_package_is_reported_by_name(self):
         with mock.patch.object(pack, "MISSING", "no crc32c"), \
                 contextlib.redirect_stderr(io.StringIO()) as said:
             self.assertRaises(SystemExit, bridge.require_packages)

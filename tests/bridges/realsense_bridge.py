@@ -22,7 +22,7 @@ class Process(unittest.TestCase):
             self.calls = program.calls()
         return struct.unpack_from("<IIQI4f", payload), np.frombuffer(payload[36:], "<u2")
 
-    def test_depth_frame_is_sent(self):
+    def test_depth_frame_is_sent_with_its_time_and_axes(self):
         (width, height, time_us, index, *axes), z = self.frame("--serial", "STAND-IN-3")
         self.assertEqual((width, height, time_us), (64, 48, 1_000_000 + 66_667 * index))
         np.testing.assert_allclose(axes, [-31.5 / 50, 1 / 50, 23.5 / 50, -1 / 50], rtol=1e-6)
@@ -30,7 +30,7 @@ class Process(unittest.TestCase):
         self.assertEqual(self.calls[:4], [("query_devices",), ("enable_device", "STAND-IN-3"),
                                           ("enable_stream", "depth", 64, 48, "z16", 30), ("start",)])
 
-    def test_projector_and_preset_are_set(self):
+    def test_projector_and_preset_options_are_sent_to_the_camera(self):
         with Program("realsense.py", *SIZE, "--no-projector", "--preset", "high accuracy", STAND_IN_SILENT="5") as program:
             with Client(program.address) as client:
                 client.until(bridge.DEPTH)
@@ -40,11 +40,11 @@ class Process(unittest.TestCase):
             self.assertIn('preset "High Accuracy", projector off\n', program.said())
             self.assertEqual(program.stop(), 0)
 
-    def test_tenths_of_a_millimetre_are_converted(self):
+    def test_depth_in_tenths_of_a_millimetre_is_converted_to_millimetres(self):
         head, z = self.frame(STAND_IN_SCALE="0.0001")
         np.testing.assert_array_equal(z, np.rint(sdk.values(head[3], 64 * 48) * 0.1))
 
-    def test_invalid_frame_is_skipped(self):
+    def test_invalid_depth_frame_is_skipped(self):
         with Program("realsense.py", *SIZE, STAND_IN_TIMES="150:-3,151:nan,153:inf,154:1e20", STAND_IN_FINER="156") as program:
             with Client(program.address) as client:
                 seen, lost = {}, 0
@@ -62,7 +62,7 @@ class Process(unittest.TestCase):
             self.assertEqual(program.stop(), 0)
             self.assertEqual(program.calls().count(("start",)), 1)
 
-    def test_refused_options_are_reported(self):
+    def test_options_that_the_camera_does_not_support_are_reported(self):
         for words, env, why in (([], {"STAND_IN_CAMERAS": "0"}, "no RealSense camera is connected"),
                                 (["--serial", "1"], {}, "no RealSense camera with the serial number 1; attached: STAND-IN-3"),
                                 ([], {"STAND_IN_CAMERAS": "2"}, "choose one with --serial: STAND-IN-3, STAND-IN-3"),

@@ -18,15 +18,15 @@ def make_server(test, **options):
 
 
 class Framing(unittest.TestCase):
-    def test_blocks_equal_the_golden_file(self):
+    def test_block_headers_equal_the_golden_file(self):
         for number, (kind, dropped) in enumerate([(0, 0), (1, 0), (2, 5), (3, 0)]):
             whole = golden()[number]
             self.assertEqual(bridge.block(kind, number, whole[32:], dropped), whole[:32])
 
-    def test_sequence_wraps(self):
+    def test_block_sequence_number_wraps_at_32_bits(self):
         self.assertEqual(bridge.block(1, 1 << 32, b"x"), bridge.block(1, 0, b"x"))
 
-    def test_listen_addresses_are_parsed(self):
+    def test_listen_address_is_split_into_host_and_port(self):
         self.assertEqual(bridge.listen_address("[::1]:41110"), ("::1", 41110))
         self.assertEqual(bridge.listen_address("tagger.lab:0"), ("tagger.lab", 0))
 
@@ -43,7 +43,7 @@ class Devices(unittest.TestCase):
 
 
 class OneClient(unittest.TestCase):
-    def test_each_connection_begins_with_a_hello(self):
+    def test_each_connection_begins_with_a_hello_block(self):
         server = make_server(self)
         server.online({"model": "m"})
         with Client(server.address) as client:
@@ -58,7 +58,7 @@ class OneClient(unittest.TestCase):
                 again += client.block().kind == bridge.HELLO
             self.assertLess(time.monotonic() - began, 4.0)
 
-    def test_second_client_is_refused(self):
+    def test_second_client_is_refused_while_the_first_is_connected(self):
         server = make_server(self)
         server.online({})
         with Client(server.address) as first:
@@ -73,7 +73,7 @@ class OneClient(unittest.TestCase):
             self.assertEqual(third.block().kind, bridge.HELLO)
         self.assertEqual(server.clients, 2)
 
-    def test_clients_are_refused_without_a_device(self):
+    def test_clients_are_refused_while_no_device_is_open(self):
         server = make_server(self)
         with Client(server.address) as client:
             self.assertEqual(client.block().kind, bridge.BYE)
@@ -87,7 +87,7 @@ class OneClient(unittest.TestCase):
             self.assertRaises(EOFError, client.block)
         self.assertEqual(server.sent, 1)
 
-    def test_close_sends_queued_blocks(self):
+    def test_closing_the_server_sends_queued_blocks(self):
         server = make_server(self)
         server.online({})
         with Client(server.address) as client:
@@ -99,7 +99,7 @@ class OneClient(unittest.TestCase):
         self.assertEqual((kinds.count(bridge.TAGS), kinds[-1]), (100, bridge.BYE))
         self.assertEqual((server.sent, server.dropped), (100_000, 0))
 
-    def test_next_block_reports_lost_items(self):
+    def test_next_block_contains_the_number_of_lost_items(self):
         server = make_server(self)
         server.lose(5)  # no client was connected
         server.online({})
@@ -113,7 +113,7 @@ class OneClient(unittest.TestCase):
 
 
 class SlowClient(unittest.TestCase):
-    def test_slow_client_uses_bounded_memory_and_lost_tags_are_counted(self):
+    def test_memory_is_bounded_and_lost_tags_are_counted_if_the_client_is_slow(self):
         server = make_server(self, queue_bytes=1 << 20)
         server.online({})
         with Client(server.address) as client:
@@ -135,7 +135,7 @@ class SlowClient(unittest.TestCase):
         self.assertEqual(arrived + dropped, given + 1)
         self.assertEqual((server.sent, server.dropped), (arrived, dropped))
 
-    def test_client_may_disconnect_within_a_block(self):
+    def test_next_client_starts_without_losses_after_a_disconnection_within_a_block(self):
         server = make_server(self, queue_bytes=1 << 24)
         server.online({})
         with Client(server.address) as client:

@@ -160,7 +160,7 @@ def calls(script, owners):
 
 
 class Signatures(unittest.TestCase):
-    def test_swabian_stand_in_has_the_published_signatures(self):
+    def test_swabian_stand_in_has_the_signatures_that_the_vendor_published(self):
         for name, expected in SWABIAN.items():
             self.assertEqual(arguments(TimeTagger, name), expected, name)
         # Memory layout of a tag in the stream (documentation, "Time tag format").
@@ -169,15 +169,15 @@ class Signatures(unittest.TestCase):
                                   "time": ("int64", 8)})
         self.assertEqual(TimeTagger.TAG.itemsize, 16)
 
-    def test_orbbec_stand_in_has_the_published_signatures(self):
+    def test_orbbec_stand_in_has_the_signatures_that_the_vendor_published(self):
         for name, expected in ORBBEC.items():
             self.assertEqual(len(arguments(pyorbbecsdk, name)), expected, name)
 
-    def test_realsense_stand_in_has_the_published_signatures(self):
+    def test_realsense_stand_in_has_the_signatures_that_the_vendor_published(self):
         for name, expected in REALSENSE.items():
             self.assertEqual(len(arguments(pyrealsense2, name)), expected, name)
 
-    def test_bridges_call_only_published_functions(self):
+    def test_bridges_call_only_functions_that_the_vendors_published(self):
         known = {name.split(".")[-1] for name in SWABIAN} | {"TimeTagStream", "take", "Replay", "Countrate"}
         called = calls("timetagger.py", {"library", "_library", "tagger", "_tagger", "_stream", "data"})
         self.assertEqual(called - known, set())

@@ -55,16 +55,16 @@ class Outlet:
 
 
 class Arguments(unittest.TestCase):
-    def test_default_options(self):
+    def test_tagger_options_have_their_default_values(self):
         o = options()
         self.assertEqual((o.listen, o.serial, o.start_channel, o.click_channel), (("127.0.0.1", 41110), "", 1, 2))
         self.assertEqual((o.conditional_filter, o.test_signal, o.max_events, o.block_ms), (None, False, 1 << 24, 20.0))
 
-    def test_input_numbers_may_start_at_0(self):
+    def test_tagger_inputs_may_be_numbered_from_0(self):
         o = options("--start-channel", "0", "--click-channel", "1", "--trigger-level", "0=0.5")
         self.assertEqual((o.start_channel, o.click_channel, o.trigger_level), (0, 1, [(0, 0.5)]))
 
-    def test_invalid_options_are_refused(self):
+    def test_invalid_tagger_options_are_refused(self):
         for bad in (["--listen", "41110"], ["--listen", "h:99999"], ["--click-channel", "1"],
                     ["--trigger-level", "2"], ["--trigger-level", "2=x"], ["--trigger-level", "2=nan"],
                     ["--trigger-level", "3=0.1"], ["--input-delay", "1=0.5"], ["--dead-time", "2=-1"],
@@ -78,7 +78,7 @@ class Arguments(unittest.TestCase):
 
 
 class Calls(unittest.TestCase):
-    def test_settings_are_applied_in_order(self):
+    def test_tagger_settings_are_applied_in_a_fixed_order(self):
         tagger, said = open_tagger("--serial", "STAND-IN-1", *SETTINGS)
         tagger.close()
         self.assertEqual(recorder.calls, [
@@ -94,17 +94,17 @@ class Calls(unittest.TestCase):
             ("stop",), ("freeTimeTagger",)])
         self.assertIn("dead time of channel 2: 26000 ps (requested: 25001)", said)
 
-    def test_library_without_custom_measurements_is_supported(self):
+    def test_tags_are_streamed_by_libraries_without_custom_measurements(self):
         tagger, _ = open_tagger(*SETTINGS, which=old_library)
         tagger.close()
         self.assertEqual(recorder.calls[-3:], [("TimeTagStream", 5000, [-1, 2]), ("stop",), ("freeTimeTagger",)])
 
-    def test_first_device_is_used_by_default(self):
+    def test_first_tagger_is_opened_if_no_serial_number_is_given(self):
         open_tagger("--test-signal")
         self.assertEqual(recorder.calls[0], ("createTimeTagger", "STAND-IN-1"))
         self.assertIn(("setTestSignal", 1, True), recorder.calls)
 
-    def test_filter_keeps_the_pulse_before_the_photon(self):
+    def test_conditional_filter_keeps_the_laser_pulse_before_each_photon(self):
         open_tagger("--conditional-filter", "48000", "--input-delay", "1=100", "--input-delay", "2=7")
         delays = [call for call in recorder.calls if "Delay" in call[0]]
         self.assertEqual(delays, [("setDelayHardware", 1, 48000), ("setDelaySoftware", 1, 100 - 48000),
@@ -115,14 +115,14 @@ class Calls(unittest.TestCase):
         delays = [call for call in recorder.calls if "Delay" in call[0]]
         self.assertEqual(delays, [("setDelaySoftware", 1, -48000)])
 
-    def test_refused_settings_free_the_device(self):
+    def test_tagger_is_freed_if_a_setting_is_refused(self):
         for name in ("setTriggerLevel", "sync", "CustomMeasurement"):
             recorder.reset()
             recorder.faults[name, 1] = "no"
             self.assertRaisesRegex(RuntimeError, "^no$", timetagger.Tagger, library, options("--trigger-level", "1=1"))
             self.assertEqual(recorder.calls[-1], ("freeTimeTagger",))
 
-    def test_hello_describes_the_tagger(self):
+    def test_hello_block_describes_the_tagger(self):
         self.assertEqual(open_tagger("--trigger-level", "2=0.125")[0].hello(), {
             "model": "Time Tagger Ultra", "serial": "STAND-IN-1",
             "firmware": "Version: 2 FPGA: 10; trigger levels 1: 0.5 V, 2: 0.125 V"})
@@ -150,14 +150,14 @@ class Tags(unittest.TestCase):
     def pattern(self, size):
         return [np.resize(column, size) for column in library.pattern(1, 2, 5_000_000)]
 
-    def test_tags_have_the_golden_payload(self):
+    def test_tag_block_payload_equals_the_golden_file(self):
         columns = ([0, 0, 4, 2], [0, 0, 7, 0], [1, 2, 2, 0], [1_000_000, 1_013_443, 0, 1_100_000])
         columns = [np.array(column, kind) for column, kind in zip(columns, ("u1", "u2", "i4", "i8"))]
         for which in (library, old_library):
             outlet, _, _ = self.poll(columns, which=which)
             self.assertEqual(outlet.blocks, [(bridge.TAGS, golden()[1][32:], 4)])
 
-    def test_long_blocks_are_divided(self):
+    def test_long_tag_blocks_are_divided(self):
         columns = self.pattern(150_000)
         for which in (library, old_library):
             outlet, pause, _ = self.poll(columns, which=which)
@@ -167,25 +167,25 @@ class Tags(unittest.TestCase):
                 np.testing.assert_array_equal(tags[name], column)
             self.assertEqual((pause, outlet.lost), (0.02, 0))
 
-    def test_no_block_is_sent_without_tags(self):
+    def test_no_block_is_sent_if_there_are_no_tags(self):
         for which in (library, old_library):
             self.assertEqual(self.poll(self.pattern(0), which=which)[0].blocks, [])
 
-    def test_full_buffer_counts_as_loss(self):
+    def test_tags_refused_by_a_full_buffer_are_counted_as_lost(self):
         # The old stream returns its buffer without a count; ours counts what it refused.
         for which, size, sent, lost in ((old_library, 5000, 5000, 1), (library, 5001, 0, 5001)):
             outlet, pause, said = self.poll(self.pattern(size), "--max-events", "5000", which=which)
             self.assertEqual((sum(items for _, _, items in outlet.blocks), outlet.lost, pause), (sent, lost, 0))
             self.assertIn("--max-events", said)
 
-    def test_dropped_tags_are_reported_with_their_rate(self):
+    def test_message_about_lost_tags_contains_the_tag_rate(self):
         said = self.poll(self.pattern(150_000))[2]  # overflows
         self.assertRegex(said, r"tags are lost at [\d.]+ million tags/s \(\d+ MB/s\): the device overflows; "
                                r"67 % of them are laser pulses: --conditional-filter")
         self.assertNotIn("--conditional-filter", self.poll(self.pattern(150_000), "--conditional-filter", "48000")[2])
         self.assertEqual(self.poll([column[:700] for column in self.pattern(700)])[2], "")  # before the overflow
 
-    def test_20_mhz_of_pulses_are_served_without_loss(self):
+    def test_loss_at_20_mhz_is_reported_at_most_twice_in_100_s(self):
         """20 MHz of laser pulses (320 MB/s) are served without loss."""
         with mock.patch.object(time, "monotonic", lambda: self.now), contextlib.redirect_stderr(io.StringIO()) as said:
             self.now = 0.0
@@ -226,19 +226,19 @@ class Silence(unittest.TestCase):
                     said.truncate()
         return said.getvalue()
 
-    def test_unplug_is_detected_while_the_stream_runs(self):
+    def test_unplugged_tagger_is_detected_while_the_stream_runs(self):
         for which in (library, old_library):
             with mock.patch.object(library, "unplugged", 5):
                 self.assertRaisesRegex(RuntimeError, "does not answer", self.poll, which)
 
-    def test_missing_laser_pulses_are_not_a_device_fault(self):
+    def test_missing_laser_pulses_are_not_reported_as_a_device_fault(self):
         with mock.patch.object(library, "dark", 5):
             said = self.poll(library)
         self.assertEqual(said.count("is the laser on"), 1)
 
 
 class Process(unittest.TestCase):
-    def test_bridge_stops_cleanly(self):
+    def test_bridge_sends_queued_tags_and_frees_the_tagger_when_stopped(self):
         for how in (signal.SIGTERM, signal.SIGINT):
             with Program("timetagger.py") as program, Client(program.address) as client:
                 self.assertEqual(client.block().kind, bridge.HELLO)
@@ -250,7 +250,7 @@ class Process(unittest.TestCase):
                 tags = sum(len(b.payload) // 16 for b in blocks if b.kind == bridge.TAGS)
                 self.assertEqual(program.sent(), (tags, 1, 0))
 
-    def test_missing_library_is_reported(self):
+    def test_missing_vendor_library_is_reported_with_a_remedy(self):
         with tempfile.TemporaryDirectory() as folder:
             for name in ("Swabian", "TimeTagger"):
                 (pathlib.Path(folder) / f"{name}.py").write_text("raise ImportError('no vendor library')\n")
@@ -259,19 +259,19 @@ class Process(unittest.TestCase):
                 self.assertRegex(program.said(), r"\Atimetagger: no vendor library; install [^\n]*python3 -m venv --system-site-packages "
                                                r"[^\n]*pip install Swabian-TimeTagger && export ECHOFUSE_BRIDGE_PYTHON[^\n]*\n\Z")
 
-    def test_missing_device_is_reported(self):
+    def test_missing_tagger_ends_the_bridge_with_an_error(self):
         with Program("timetagger.py", STAND_IN_FAULTS="createTimeTagger:1") as program:
             self.assertEqual(program.process.wait(10), 4)
             self.assertEqual(program.said(), "timetagger: createTimeTagger failed\n")
 
-    def test_address_in_use_is_reported(self):
+    def test_listen_address_in_use_is_reported(self):
         with Program("timetagger.py") as first:
             with Program("timetagger.py", "--listen", "127.0.0.1:%d" % first.address[1]) as second:
                 self.assertEqual(second.process.wait(10), 1)
                 self.assertIn("cannot listen on 127.0.0.1", second.said())
                 self.assertEqual(second.calls()[-1], ("freeTimeTagger",))
 
-    def test_device_that_returns_is_reopened(self):
+    def test_tagger_that_fails_is_reopened_with_all_settings(self):
         """The device fails at the 20th call and cannot be opened the next times."""
         with Program("timetagger.py", *SETTINGS[:7],
                      STAND_IN_FAULTS="isRunning:20,createTimeTagger:2,createTimeTagger:3") as program:
@@ -288,7 +288,7 @@ class Process(unittest.TestCase):
             self.assertIn("isRunning failed; trying again", program.said())
             self.assertEqual(program.stop(), 0)
 
-    def test_unplugged_device_is_opened_again(self):
+    def test_unplugged_tagger_is_reopened(self):
         """isRunning() stays true; the client gets a bye, as for every unplugged device."""
         with Program("timetagger.py", STAND_IN_UNPLUGGED="20") as program:
             with Client(program.address) as client:
@@ -299,13 +299,13 @@ class Process(unittest.TestCase):
             self.assertEqual([c[0] for c in program.calls()].count("createTimeTagger"), 2)
             self.assertEqual(program.stop(), 0)
 
-    def test_old_library_is_supported(self):
+    def test_bridge_program_runs_with_an_old_vendor_library(self):
         with Program("timetagger.py", STAND_IN_OLD="1") as program, Client(program.address) as client:
             client.until(bridge.TAGS)
             self.assertEqual(program.stop(), 0)
             self.assertIn("TimeTagStream", [c[0] for c in program.calls()])
 
-    def test_slow_client_is_informed_of_losses(self):
+    def test_slow_client_receives_the_number_of_lost_tags(self):
         with Program("timetagger.py", STAND_IN_PULSES_PER_S="inf") as program, Client(program.address) as client:
             client.block()
             memory = pathlib.Path(f"/proc/{program.process.pid}/statm")

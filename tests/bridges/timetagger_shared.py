@@ -27,7 +27,7 @@ from timetagger_bridge import open_tagger, options
 class Shared(unittest.TestCase):
     """A server or a recording replaces the device."""
 
-    def test_settings_of_a_time_tagger_server_are_kept(self):
+    def test_settings_of_a_time_tagger_server_are_not_changed(self):
         tagger, _ = open_tagger("--network", "lab", "--input-delay", "2=-1500")
         tagger.close()
         self.assertEqual(recorder.calls, [
@@ -43,7 +43,7 @@ class Shared(unittest.TestCase):
                 client.until(bridge.TAGS)
             self.assertEqual(program.stop(), 0)
 
-    def test_lost_server_is_reconnected(self):
+    def test_bridge_reconnects_to_a_time_tagger_server_that_was_lost(self):
         with Program("timetagger.py", "--network", "lab", STAND_IN_SERVER="20") as program:
             with Client(program.address) as client:
                 client.until(bridge.BYE)
@@ -51,7 +51,7 @@ class Shared(unittest.TestCase):
                 client.until(bridge.TAGS)
             self.assertIn("the server lab:41101 is gone; trying again", program.said())
 
-    def test_replay_starts_with_the_first_client(self):
+    def test_replay_of_a_recording_starts_when_the_first_client_connects(self):
         with tempfile.NamedTemporaryFile(suffix=".ttbin") as file:
             for env, calls in (({}, [("createTimeTaggerVirtual", file.name), ("run", 1.0)]),
                                ({"STAND_IN_OLD_FILE": "1"}, [("createTimeTaggerVirtual", ""), ("setReplaySpeed", 1.0),
@@ -67,16 +67,16 @@ class Shared(unittest.TestCase):
                     self.assertIn("has ended", program.said())
                     self.assertEqual([call for call in program.calls() if call in calls], calls)
 
-    def test_tags_of_other_channels_are_excluded(self):
+    def test_tags_of_channels_that_other_clients_requested_are_excluded(self):
         with Program("timetagger.py", STAND_IN_FOREIGN="1") as program, Client(program.address) as client:
             tags = np.frombuffer(client.until(bridge.TAGS)[-1].payload, pack.RECORD)
             self.assertEqual(set(tags["channel"][tags["type"] == 0]), {1, 2})
 
-    def test_time_resolution_can_be_selected(self):
+    def test_time_resolution_of_the_tagger_can_be_selected(self):
         open_tagger("--resolution", "HighResB")
         self.assertEqual(recorder.calls[0], ("createTimeTagger", "STAND-IN-1", 2))
 
-    def test_level_scan_finds_the_plateau(self):
+    def test_trigger_level_scan_finds_the_plateau_of_the_count_rate(self):
         said = scan("2")
         self.assertEqual(said.returncode, 0, said.stderr)
         self.assertIn("plateau from 0.3 to 1.2 V, 100000 /s: --trigger-level=2=0.75\n", said.stdout)
@@ -85,7 +85,7 @@ class Shared(unittest.TestCase):
         said = scan("2", "--network", "lab", STAND_IN_LISTEN="1")
         self.assertEqual((said.returncode, "AccessMode.Listen" in said.stderr), (4, True))
 
-    def test_conflicting_options_are_refused(self):
+    def test_conflicting_tagger_options_are_refused(self):
         for bad in (["--file", "a.ttbin", "--network", "lab"], ["--file", "a.ttbin", "--trigger-level", "1=0.5"],
                     ["--network", "lab", "--resolution", "HighResA"], ["--network", "lab", "--serial", "1"]):
             with self.subTest(bad), contextlib.redirect_stderr(io.StringIO()), self.assertRaises(SystemExit) as ended:
@@ -94,7 +94,7 @@ class Shared(unittest.TestCase):
 
 
 class Python(unittest.TestCase):
-    def test_interpreter_of_a_virtual_environment_is_used(self):
+    def test_bridge_runs_with_the_interpreter_of_a_virtual_environment(self):
         """Uses the interpreter of a virtual environment with the vendor's package."""
         with tempfile.TemporaryDirectory() as folder:
             python = pathlib.Path(folder) / "python3"
@@ -107,7 +107,7 @@ class Python(unittest.TestCase):
             self.assertEqual(program.process.wait(10), 2)
             self.assertIn("ECHOFUSE_BRIDGE_PYTHON=/nowhere/python3: No such file", program.said())
 
-    def test_unsupported_versions_are_refused(self):
+    def test_library_versions_that_do_not_support_numpy_2_are_refused(self):
         with mock.patch.object(np, "__version__", "2.1.0"):
             for found, fails in (("2.17.3", True), ("2.9.0", True), ("2.17.4", False), ("2.22", False), ("", False)):
                 with contextlib.redirect_stderr(io.StringIO()) as said:

@@ -41,7 +41,7 @@ def body(seed):
 
 
 class Reader(unittest.TestCase):
-    def test_counts_are_assembled_from_three_bytes(self):
+    def test_histogram_counts_are_assembled_from_three_bytes(self):
         counts = np.arange(9 * 128).reshape(9, 128) * 14_000
         log = tmf8820.Log()
         found = [taken for line in measurement(counts).splitlines() if (taken := log.take(line)) is not None]
@@ -59,11 +59,11 @@ class Reader(unittest.TestCase):
             self.assertEqual(log.lost, 1)
             self.assertEqual(sum(log.take(line) is not None for line in lines), 1)
 
-    def test_log_may_begin_within_a_measurement(self):
+    def test_sensor_log_may_begin_within_a_measurement(self):
         log, lines = tmf8820.Log(), measurement(body(1)).splitlines()
         self.assertEqual(sum(log.take(line) is not None for line in lines[5:] + lines), 1)
 
-    def test_log_files_are_read(self):
+    def test_sensor_log_is_read_from_text_and_json_files(self):
         with tempfile.TemporaryDirectory() as folder:
             log, public = pathlib.Path(folder, "log.txt"), pathlib.Path(folder, "object.json.gz")
             log.write_text("noise\n" + measurement(body(1)) + measurement(body(2)), encoding="utf-8")
@@ -75,7 +75,7 @@ class Reader(unittest.TestCase):
             with self.assertRaisesRegex(ValueError, "expected measurements of 9 zones"):
                 tmf8820.captured(log)
 
-    def test_serial_port_is_read(self):
+    def test_measurements_are_read_from_a_serial_port(self):
         board, port = pty.openpty()
         with Program("tmf8820.py", "--port", os.ttyname(port)) as program, Client(program.address) as client:
             blocks = client.until(bridge.HELLO)  # earlier measurements have no client
@@ -111,7 +111,7 @@ class Recording(unittest.TestCase):
         self.assertEqual(len(record["zones"]), 9)
         self.assertEqual(record["zones"][0], [0.17, 0.17, 0.3])
 
-    def test_recording_is_shown_trained_with_and_reported(self):
+    def test_tmf8820_recording_is_shown_trained_with_and_reported(self):
         with tempfile.TemporaryDirectory(prefix="echofuse-") as folder:
             place = pathlib.Path(folder)
             (place / "log.txt").write_text("".join(measurement(body(k), k) for k in range(50)), encoding="utf-8")

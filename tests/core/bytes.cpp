@@ -23,7 +23,7 @@ TEST_CASE("ByteReader returns the written values, and zeros past the end") {
   CHECK_FALSE(in.ok());
 }
 
-TEST_CASE("after a failed read ByteReader returns zeros") {
+TEST_CASE("ByteReader returns zeros after a failed read") {
   const Bytes bytes{1, 2, 3};
   ByteReader in(bytes);
   CHECK(in.get<std::uint32_t>() == 0);
@@ -32,7 +32,7 @@ TEST_CASE("after a failed read ByteReader returns zeros") {
   CHECK(to_values<std::uint16_t>(bytes) == std::vector<std::uint16_t>{0x0201});
 }
 
-TEST_CASE("axes that differ by less than a thousandth of a step are equal") {
+TEST_CASE("two axes are equal if they differ by less than a thousandth of a bin") {
   const Axis a{"spd", "counts", "ps", 336, 13343, 100, 1};
   Axis b = a;
   b.start += 0.05;
@@ -47,13 +47,13 @@ TEST_CASE("axes that differ by less than a thousandth of a step are equal") {
   CHECK_FALSE(same_axis(a, b));
 }
 
-TEST_CASE("a random stream depends only on its seed and number") {
+TEST_CASE("a random number stream depends only on its seed and its stream number") {
   CHECK(make_rng(1, 2)() == make_rng(1, 2)());
   CHECK(make_rng(1, 2)() != make_rng(2, 1)());
   CHECK(make_rng(1, 2)() != make_rng(1, 3)());
 }
 
-TEST_CASE("times are formatted as ISO 8601 and as readable durations") {
+TEST_CASE("times are formatted as ISO 8601, and durations in readable units") {
   CHECK(iso8601(std::chrono::milliseconds(1'707'309'296'789)) == "2024-02-07T12:34:56.789Z");
   CHECK(iso8601(UtcTime::min()) == "1677-09-21T00:12:43.145Z");
   CHECK(iso8601(UtcTime::max()) == "2262-04-11T23:47:16.854Z");

@@ -12,7 +12,7 @@ namespace {
 using Image = std::vector<std::uint16_t>;
 }
 
-TEST_CASE("resampling a map to its own axes changes nothing") {
+TEST_CASE("a depth map that is resampled to its own axes does not change") {
   const Axis x = MapGrid{}.x(), y = MapGrid{}.y();
   CHECK(x.at(0) == Approx(-0.55 * 63 / 64));
   CHECK(y.at(0) == Approx(0.55 * 63 / 64));
@@ -23,7 +23,7 @@ TEST_CASE("resampling a map to its own axes changes nothing") {
   for (std::size_t i = 0; i < image.size(); ++i) REQUIRE(map[i] == static_cast<float>(i) / 1000.0f);
 }
 
-TEST_CASE("the map grid is read from a run's three map axes, or else is the default") {
+TEST_CASE("the map grid is read from the three map axes of a run, or has default values") {
   const MapGrid grid{100, 0.3, 23};
   const auto axes = grid.axes();
   CHECK(map_grid_of(axes) == grid);
@@ -41,7 +41,7 @@ TEST_CASE("the map grid is read from a run's three map axes, or else is the defa
   CHECK_THROWS_AS(map_grid_of(MapGrid{64, 0.3, 66}.axes()), Error);
 }
 
-TEST_CASE("each source pixel is used in exactly one target pixel, invalid pixels are ignored") {
+TEST_CASE("each source pixel is used in exactly one target pixel, and invalid pixels are ignored") {
   const Axis x = depth_x_axis(256, 0.55), y = depth_y_axis(256, 0.55);
   Image image(256 * 256, 3000);
   for (std::size_t j = 0; j < 256; ++j)
@@ -57,7 +57,7 @@ TEST_CASE("each source pixel is used in exactly one target pixel, invalid pixels
   CHECK(to_target(image, x, y, {64, 0.55, 7})[64 * 63 + 10] == 6.001f);
 }
 
-TEST_CASE("map cells outside the camera's field of view are empty") {
+TEST_CASE("map pixels outside the camera's field of view are empty") {
   const Axis x = depth_x_axis(64, 0.275), y = depth_y_axis(64, 0.275);
   Image image(64 * 64, 2000);
   for (std::size_t i = 0; i < 64 * 32; ++i) image[i] = 4000;  // upper half

@@ -41,7 +41,7 @@ int files_in(const fs::path& folder) {
 
 }  // namespace
 
-TEST_CASE("a job part is parsed from K/N, other texts are refused") {
+TEST_CASE("a job part is parsed from K/N, and other texts are refused") {
   CHECK(JobPart::of("2/4").name() == "part-2-of-4");
   for (const char* text : {"", "2", "0/4", "5/4", "1/0", "-1/4", "1/4x", "x/4", "1/", "/4",
                            "1/100001", "1/99999999999999999999", "auto"})
@@ -60,8 +60,7 @@ TEST_CASE("each work item belongs to exactly one job part") {
   }
 }
 
-TEST_CASE(
-    "a staged file appears only when complete, and leftovers of a killed process are replaced") {
+TEST_CASE("a new file appears only when complete, and leftovers of a killed process are replaced") {
   const Folder dir, scratch;
   const std::string place = dir / "a.sqlite";
   for (const bool elsewhere : {false, true}) {
@@ -97,7 +96,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("a full disk leaves no staged file") {
+TEST_CASE("a file that cannot be completed on a full disk leaves no temporary file") {
   const Folder dir, scratch;
   const std::string place = dir / "a.sqlite";
   const Variable tmp("TMPDIR", scratch.path.string());
@@ -113,7 +112,7 @@ TEST_CASE("a full disk leaves no staged file") {
   CHECK(files_in(scratch.path) == 0);
 }
 
-TEST_CASE("a new file does not replace an existing one or inherit its side files") {
+TEST_CASE("a new file does not replace an existing file or inherit its SQLite side files") {
   const Folder dir;
   const std::string place = dir / "a", grows = dir / "a-new";
   NewFile file(place, grows);

@@ -21,7 +21,7 @@ using test::contents;
 using test::Folder;
 namespace fs = std::filesystem;
 
-TEST_CASE("a lock excludes others and names its holder") {
+TEST_CASE("a lock excludes other holders and names its holder") {
   const Folder folder;
   const std::string path = folder / "x.lock";
   CHECK_FALSE(Lock::holder(path));
@@ -43,7 +43,7 @@ TEST_CASE("a lock excludes others and names its holder") {
   CHECK(Lock(path, 0644).held());
 }
 
-TEST_CASE("one of many concurrent callers gets the lock, even if holders remove the file") {
+TEST_CASE("one of many concurrent callers gets the lock, even if holders remove the lock file") {
   const Folder folder;
   const std::string path = folder / "x.lock";
   const bool removes = GENERATE(false, true);
@@ -69,7 +69,7 @@ TEST_CASE("one of many concurrent callers gets the lock, even if holders remove 
   CHECK(fs::exists(path) == !removes);
 }
 
-TEST_CASE("a lock file removed by its holder is recreated by the next one") {
+TEST_CASE("a lock file removed by its holder is created again by the next holder") {
   const Folder folder;
   const std::string path = folder / "x.lock";
   const Lock former(path, 0600);
@@ -88,22 +88,22 @@ TEST_CASE("a lock file has the requested mode, whatever the umask") {
         static_cast<fs::perms>(mode));
 }
 
-TEST_CASE("a link or another file at the lock's path is refused and not changed") {
+TEST_CASE("a lock is refused if another file occupies its path, and that file is not changed") {
   const Folder folder;
   const std::string precious = folder / "precious", lock = folder / "x.lock";
   std::ofstream(precious) << "precious";
   std::string stays = "precious";
-  SECTION("symbolic link") { fs::create_symlink(precious, lock); }
-  SECTION("dangling symbolic link") { fs::create_symlink(folder / "new", lock); }
-  SECTION("hard link") { fs::create_hard_link(precious, lock); }
-  SECTION("hard link to a file that begins like a lock") {
+  SECTION("the lock path is a symbolic link") { fs::create_symlink(precious, lock); }
+  SECTION("the lock path is a dangling symbolic link") { fs::create_symlink(folder / "new", lock); }
+  SECTION("the lock path is a hard link to another file") { fs::create_hard_link(precious, lock); }
+  SECTION("the lock path is a hard link to an empty file") {
     std::ofstream(precious).flush();
     fs::create_hard_link(precious, lock);
     stays = "";
   }
-  SECTION("file with other content") { fs::copy_file(precious, lock); }
-  SECTION("fifo") { REQUIRE(::mkfifo(lock.c_str(), 0666) == 0); }
-  SECTION("folder") { fs::create_directory(lock); }
+  SECTION("the lock path is a file with other content") { fs::copy_file(precious, lock); }
+  SECTION("the lock path is a FIFO") { REQUIRE(::mkfifo(lock.c_str(), 0666) == 0); }
+  SECTION("the lock path is a folder") { fs::create_directory(lock); }
   const auto is = fs::symlink_status(lock).type();
   CHECK_THROWS_WITH(Lock(lock, 0666), Catch::Contains("x.lock: is not a lock file of echofuse"));
   CHECK(fs::symlink_status(lock).type() == is);
@@ -112,7 +112,7 @@ TEST_CASE("a link or another file at the lock's path is refused and not changed"
   if (is == fs::file_type::regular) CHECK(contents(lock) == stays);
 }
 
-TEST_CASE("a lock that cannot be created is a disk error") {
+TEST_CASE("a lock file that cannot be created is reported as a disk error") {
   const Folder folder;
   try {
     Lock(folder / "none/x.lock", 0600);

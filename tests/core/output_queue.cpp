@@ -37,7 +37,7 @@ std::string left_out(std::size_t count) { return "<" + std::to_string(count) + "
 
 }  // namespace
 
-TEST_CASE("output queue writes texts in order, and all of them before it closes") {
+TEST_CASE("the output queue writes all texts in order before it closes") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
   for (int i = 0; i < 1000; ++i) CHECK(queue.put(std::to_string(i) + ' '));
@@ -47,7 +47,7 @@ TEST_CASE("output queue writes texts in order, and all of them before it closes"
   CHECK(text.ends_with(" 998 999 "));
 }
 
-TEST_CASE("closing the output queue waits while the reader reads") {
+TEST_CASE("closing the output queue waits as long as the reader continues to read") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
   for (int i = 0; i < 8; ++i) queue.put(std::string(1 << 16, '.'));  // a pipe holds one of these
@@ -60,7 +60,7 @@ TEST_CASE("closing the output queue waits while the reader reads") {
   CHECK(taken == 8 << 16);
 }
 
-TEST_CASE("output queue keeps the newest texts if the reader stops") {
+TEST_CASE("the output queue keeps the newest texts if the reader stops reading") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
   const std::string filling(1 << 18, '.');  // more than two pipes hold
@@ -82,7 +82,7 @@ TEST_CASE("output queue keeps the newest texts if the reader stops") {
   CHECK(queue.close() == 0);
 }
 
-TEST_CASE("output queue writes a text longer than its limit completely") {
+TEST_CASE("the output queue completely writes a text that is longer than its limit") {
   Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
   const std::string huge(OutputQueue::most_bytes + 1, 'a');
@@ -101,7 +101,7 @@ TEST_CASE("closing the output queue waits one second for a stopped reader, not f
   std::signal(SIGPIPE, SIG_IGN);
   const auto begin = std::chrono::steady_clock::now();
   const auto waited = [&] { return std::chrono::steady_clock::now() - begin; };
-  SECTION("stopped reader") {
+  SECTION("closing waits one second for a reader that stopped reading") {
     Pipe pipe;
     OutputQueue queue(pipe.ends[1], left_out);
     queue.put(std::string(1 << 18, '.'));
@@ -111,14 +111,14 @@ TEST_CASE("closing the output queue waits one second for a stopped reader, not f
     CHECK(waited() < std::chrono::seconds(20));
     std::exchange(pipe.ends[1], -1);  // stays open for the blocked write
   }
-  SECTION("closed reader") {
+  SECTION("closing does not wait for a reader that closed its end") {
     Pipe pipe;
     ::close(std::exchange(pipe.ends[0], -1));
     OutputQueue queue(pipe.ends[1], left_out);
     for (int i = 0; i < 100; ++i) CHECK(queue.put("line\n"));
     CHECK(queue.close() == EPIPE);
   }
-  SECTION("full disk") {
+  SECTION("closing does not wait if the disk is full") {
     const int full = ::open("/dev/full", O_WRONLY | O_CLOEXEC);
     OutputQueue queue(full, left_out);
     queue.put("line\n");

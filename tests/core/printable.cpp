@@ -7,7 +7,7 @@
 
 using namespace echofuse;
 
-TEST_CASE("a printable text is valid UTF-8 in one line without control characters") {
+TEST_CASE("text made printable is valid UTF-8 in one line without control characters") {
   CHECK(printable("letter:A \xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80 \\") ==
         "letter:A \xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80 \\");
   CHECK(printable(std::string("a\0b\x1b[2J\r\n\t\x7f", 11)) == "a\\x00b\\x1b[2J\\x0d\\n\\t\\x7f");
@@ -33,7 +33,7 @@ TEST_CASE("a text in a CSV table cannot start a new cell or a formula") {
   CHECK(csv_text("-1 m") == "\"'-1 m\"");
 }
 
-TEST_CASE("a wrapped line is indented below its text") {
+TEST_CASE("a wrapped line is continued at the indentation of its text") {
   CHECK(wrapped("ok       disk rate     64 MB/s in commits of 262 kB\n", 40) ==
         "ok       disk rate     64 MB/s in\n         commits of 262 kB\n");
   CHECK(wrapped("  a name of more than twenty  letters and a text\nshort", 40) ==

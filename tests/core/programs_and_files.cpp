@@ -43,7 +43,7 @@ TEST_CASE("a file is replaced completely or not at all") {
   CHECK_THROWS_AS(write_atomically(folder.path / "none" / "a.txt", "new"), Error);
 }
 
-TEST_CASE("a -wal of another database is renamed, not deleted") {
+TEST_CASE("the -wal file of another database is renamed, not deleted") {
   const Folder folder;
   const std::string path = folder.path / "a.sqlite";
   const std::string frames(5000, 'f');
@@ -60,7 +60,7 @@ TEST_CASE("a -wal of another database is renamed, not deleted") {
   for (const char* suffix : {"-wal", "-journal"}) CHECK_FALSE(fs::exists(path + suffix));
 }
 
-TEST_CASE("a new file does not follow an existing link") {
+TEST_CASE("a new file does not follow a symbolic link at its path") {
   const Folder folder;
   const std::string path = folder.path / "a.txt", victim = folder.path / "victim";
   std::ofstream(victim) << "precious";
@@ -74,7 +74,7 @@ TEST_CASE("a new file does not follow an existing link") {
   CHECK(std::distance(fs::directory_iterator(folder.path), {}) == 3);
 }
 
-TEST_CASE("only regular files are read") {
+TEST_CASE("files that are not regular files are refused") {
   const Folder folder;
   const auto refused = [](const std::string& path, const std::string& why) {
     CHECK_THROWS_WITH(RegularFile(path, ExitCode::failed), path + ": " + why);
@@ -108,7 +108,7 @@ TEST_CASE("only regular files are read") {
   CHECK(RegularFile("/proc/self/maps", ExitCode::failed).rest<std::string>().size() > 100);
 }
 
-TEST_CASE("a FIFO that replaces a file during the open is detected") {
+TEST_CASE("a FIFO that replaces a file while it is being opened is detected") {
   const Folder folder;
   const std::string path = folder.path / "a", file = folder.path / "file",
                     fifo = folder.path / "fifo";
@@ -136,7 +136,7 @@ TEST_CASE("a FIFO that replaces a file during the open is detected") {
   CHECK(read <= 20'000);
 }
 
-TEST_CASE("a child process starts in its folder without inherited descriptors") {
+TEST_CASE("a child process starts in its folder and inherits no file descriptors") {
   const Folder folder;
   const int mine = ::open("/dev/null", O_RDONLY);
   const auto program = start_program({"sh", "-c", "pwd > out; ls /proc/self/fd > fds; exit 7"},
@@ -153,6 +153,7 @@ TEST_CASE("a child process starts in its folder without inherited descriptors") 
         "echofuse-no-such-program: cannot start: No such file or directory");
 }
 
-TEST_CASE("case that hangs", "[.]") {  // ends by the deadline of tests/catch.cpp
+TEST_CASE("a test case that hangs is aborted at its deadline",
+          "[.]") {  // ends by the deadline of tests/catch.cpp
   for (;;) ::pause();
 }

@@ -38,7 +38,7 @@ std::string faults_of(const std::string& toml) {
 
 }  // namespace
 
-TEST_CASE("settings are stored in their fields, and integers are accepted as numbers") {
+TEST_CASE("settings are stored in their fields, and integers are accepted for real numbers") {
   Sample sample;
   Settings s = sample.bound();
   s.read_text("window_s = 2\n[tdc]\nbins = 8\nfilter = false\naddress = \"a\\\"b\"\n", "x");
@@ -75,7 +75,7 @@ TEST_CASE("only the first 20 settings errors are listed") {
   CHECK(faults.ends_with("more faults follow; these are the first 20"));
 }
 
-TEST_CASE("a section given as a value, and text that is not TOML, are reported with a position") {
+TEST_CASE("a section given as a value, or text that is not TOML, is reported with its position") {
   CHECK(faults_of("tdc = 3\n") ==
         "lab.toml:1:1: tdc is a section; expected [tdc] and its keys below");
   CHECK(faults_of("[[radar]]\n").find("lab.toml:1:3: radar is a section") == 0);
@@ -85,7 +85,7 @@ TEST_CASE("a section given as a value, and text that is not TOML, are reported w
   CHECK(faults_of("window_s = nan\n").find("expected a number") != std::string::npos);
 }
 
-TEST_CASE("an assignment (--set) accepts TOML values and bare words only") {
+TEST_CASE("an assignment by --set accepts only TOML values and bare words") {
   Sample sample;
   Settings s = sample.bound();
   s.set("window_s=0.2");
@@ -153,7 +153,7 @@ TEST_CASE("lines that are not TOML and repeated keys do not hide later errors") 
   CHECK(std::count(many.begin(), many.end(), '\n') == 19);
 }
 
-TEST_CASE("an assignment overrides the file, and errors of both are reported") {
+TEST_CASE("an assignment by --set overrides the file, and errors of both are reported") {
   Sample sample;
   Settings s = sample.bound();
   const auto faults =
@@ -165,7 +165,7 @@ TEST_CASE("an assignment overrides the file, and errors of both are reported") {
   CHECK(sample.window_s == 2);
 }
 
-TEST_CASE("each setting has an origin, printed as a comment in valid TOML") {
+TEST_CASE("the origin of each setting is printed as a comment in valid TOML") {
   Sample sample;
   Settings s = sample.bound();
   REQUIRE(s.read("window_s = 1\n[tdc]\nbins = 7\n", "lab.toml", {"radar.psf=blackman"}).empty());
@@ -194,7 +194,7 @@ TEST_CASE("a file name with a line break cannot inject settings") {
   CHECK(other.window_s == 1);
 }
 
-TEST_CASE("a section is printed once, whatever the binding order") {
+TEST_CASE("a settings section is printed once, whatever the order in which its keys are bound") {
   std::int64_t n[] = {1, 2, 3, 4, 5};
   const auto bound = [&] {
     Settings s;

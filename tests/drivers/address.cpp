@@ -9,7 +9,7 @@
 using namespace echofuse;
 using namespace echofuse::port;
 
-TEST_CASE("all kinds of addresses are parsed") {
+TEST_CASE("all kinds of device addresses are parsed") {
   CHECK(parse_address("bridge:tcp://127.0.0.1:41110") ==
         Address(BridgeAddress{"127.0.0.1", 41110}));
   CHECK(parse_address("bridge:tcp://lab-pc.local:1") == Address(BridgeAddress{"lab-pc.local", 1}));
@@ -23,7 +23,7 @@ TEST_CASE("all kinds of addresses are parsed") {
   CHECK(parse_address("openni:a/b.oni") == Address(OpenNiAddress{"a/b.oni"}));
 }
 
-TEST_CASE("a bad address is refused with its text and the expected form") {
+TEST_CASE("an invalid device address is refused with its text and the expected form") {
   const auto [text, expected] = GENERATE(table<std::string, std::string>({
       {"", "bridge:tcp://HOST:PORT, usb"},
       {"tcp://127.0.0.1:1", "bridge:tcp://HOST:PORT, usb"},
@@ -52,7 +52,7 @@ TEST_CASE("a bad address is refused with its text and the expected form") {
   }
 }
 
-TEST_CASE("the retry delay doubles up to 2 s") {
+TEST_CASE("the delay between connection attempts doubles up to 2 s") {
   Backoff backoff;
   std::vector<long> pauses;
   for (int i = 0; i < 7; ++i) pauses.push_back(backoff.next().count());

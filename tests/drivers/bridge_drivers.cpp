@@ -63,14 +63,14 @@ TEST_CASE("the tagger driver receives tags from a bridge and reports each connec
   CHECK(b.sink.blocks[0].received <= b.loop.now());
   CHECK(b.sink.tags[1].time_ps == 1'013'443);
 
-  SECTION("depth block is rejected") {
+  SECTION("a depth block is rejected by the tagger driver") {
     server.send(b.golden[2]);
     REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
     server.send(test::tags_block(3));
     REQUIRE(run_until(b.loop, [&] { return b.sink.blocks.size() == 2; }));
     CHECK(b.sink.blocks[1].lost_blocks == 1);  // the rejected block
   }
-  SECTION("lost connection is restored, with one lost block") {
+  SECTION("a lost connection is restored, and one block is counted as lost") {
     server.client.reset();
     REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
     CHECK(b.sink.events.size() == 1);
@@ -82,14 +82,14 @@ TEST_CASE("the tagger driver receives tags from a bridge and reports each connec
     CHECK(b.sink.blocks[2].lost_blocks == 2);
     CHECK(test::counter(*driver, "connections") == 2);
   }
-  SECTION("goodbye ends the connection") {
+  SECTION("a goodbye block ends the connection") {
     server.send(b.golden[3]);
     REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
     CHECK(b.sink.events ==
           std::vector<std::string>{
               "bridge closed the connection: device unplugged, or another client connected"});
   }
-  SECTION("no events after stop()") {
+  SECTION("no event follows after stop()") {
     server.send(b.golden[1]);
     driver->stop();
     const std::size_t calls = b.sink.calls();
@@ -98,7 +98,7 @@ TEST_CASE("the tagger driver receives tags from a bridge and reports each connec
   }
 }
 
-TEST_CASE("missing blocks and items are reported to the sink") {
+TEST_CASE("the tagger driver reports missing blocks and items with the next data") {
   Bench b;
   Server server(b.loop);
   const auto driver = make_tdc(b.loop, {server.address()});
@@ -113,7 +113,7 @@ TEST_CASE("missing blocks and items are reported to the sink") {
             "this bridge sends depth frames, not tags; check the port in its address"});
 }
 
-TEST_CASE("an unreachable bridge is retried and reported once") {
+TEST_CASE("an unreachable bridge is retried, but reported only once") {
   Bench b;
   std::uint16_t port = 0;
   {
@@ -134,7 +134,7 @@ TEST_CASE("an unreachable bridge is retried and reported once") {
   CHECK(run_until(b.loop, [&] { return b.sink.state() == DeviceState::streaming; }));
 }
 
-TEST_CASE("a server without the bridge protocol is refused and reported once") {
+TEST_CASE("a server that does not use the bridge protocol is refused and reported once") {
   Bench b;
   Server server(b.loop);
   const auto driver = make_tdc(b.loop, {server.address()});
@@ -154,7 +154,7 @@ TEST_CASE("a server without the bridge protocol is refused and reported once") {
   CHECK(b.sink.states == std::vector<DeviceState>{DeviceState::connecting, DeviceState::faulted});
 }
 
-TEST_CASE("a driver can be destroyed at any time") {
+TEST_CASE("a bridge driver can be destroyed at any time") {
   Bench b;
   Server server(b.loop);
   for (int steps = 0; steps < 12; ++steps) {
@@ -231,7 +231,7 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
   b.loop.run_for(std::chrono::milliseconds(30));
   CHECK(b.sink.state() == DeviceState::connecting);  // until the first histogram
 
-  SECTION("losses are counted by block number") {
+  SECTION("lost histograms are counted by block number") {
     server.send(
         test::join({pieces[1], test::make_block(bridge::BlockKind::histogram, 4, counts, 3)}));
     REQUIRE(run_until(b.loop, [&] { return b.sink.histograms.size() == 2; }));
@@ -245,14 +245,14 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
   }
   Bytes zones(counts.begin(), counts.end());
   zones[0] = 5, zones[4] = 1;  // 5 zones of 1 bin
-  SECTION("zones missing in the hello have no directions") {
+  SECTION("zones without directions in the hello block have unknown directions") {
     server.send(test::make_block(bridge::BlockKind::histogram, 1, zones));
     REQUIRE(run_until(b.loop, [&] { return b.sink.histograms.size() == 1; }));
     CHECK(b.sink.info.zones == Zones(5));
     CHECK(b.sink.info.axes[0].count == 1);
     CHECK(b.sink.histograms[0].counts.size() == 5);
   }
-  SECTION("zones come from the hello, another number of histograms is refused") {
+  SECTION("zones are read from the hello block, and another number of histograms is refused") {
     const std::string hello =
         R"({"sends": "histograms", "zones": [{"x": -0.1, "y": 0, "width": 0.2, "zero_ps": 7.5}]})";
     server.client.reset();
@@ -271,7 +271,7 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
   }
 }
 
-TEST_CASE("a hello without a histogram key is refused with the key's name") {
+TEST_CASE("a hello block without a histogram key is refused with the name of the key") {
   Bench b;
   Server server(b.loop);
   const auto driver = make_tdc(b.loop, {server.address()});

@@ -105,7 +105,7 @@ TEST_CASE("garbage between bridge blocks is detected at its first byte") {
 }
 
 TEST_CASE(
-    "oversized blocks, other versions and unknown kinds are refused despite valid checksums") {
+    "bridge blocks of excess size, other version or unknown kind are refused despite a valid CRC") {
   for (const auto& [at, value] : {std::pair{15, 1}, {15, 255}, {4, 2}, {5, 1}, {6, 6}, {24, 1}}) {
     Bytes bad = tags_block(hit);
     bad[static_cast<std::size_t>(at)] = static_cast<std::uint8_t>(value);
@@ -121,7 +121,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("a gap in the block numbers is counted, and reading continues") {
+TEST_CASE("a gap in the bridge block numbers is counted, and reading continues") {
   auto stream = sound_stream();
   stream.erase(stream.begin() + hit, stream.begin() + hit + 2);
   const Outcome out = receive(stream);

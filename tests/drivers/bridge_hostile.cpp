@@ -7,7 +7,7 @@
 using namespace echofuse;
 using namespace echofuse::bridge;
 
-TEST_CASE("a hello with deep nesting, excess length or wrong types is refused") {
+TEST_CASE("a hello block with deep nesting, excess length or wrong types is refused") {
   const auto refused = [](const std::string& text) { return !read_hello(test::view_of(text)); };
   const std::string half(30'000, '[');
   CHECK(refused(half));
@@ -33,7 +33,7 @@ TEST_CASE("a hello with deep nesting, excess length or wrong types is refused") 
   CHECK(hello->firmware.empty());
 }
 
-TEST_CASE("a hello header with more than 64 KiB is refused before its payload") {
+TEST_CASE("a hello block of more than 64 KiB is refused before its payload is received") {
   Bytes block = test::hello_block();
   block.resize(header_bytes);
   block[14] = 2;  // 128 KiB
@@ -43,7 +43,7 @@ TEST_CASE("a hello header with more than 64 KiB is refused before its payload") 
   CHECK(parser.counts().bad_headers == 1);
 }
 
-TEST_CASE("a depth frame with an impossible size or axis is refused") {
+TEST_CASE("a depth block with an impossible size or axis is refused") {
   const auto frame = [](std::uint32_t width, std::uint32_t height, std::array<float, 4> axes) {
     Bytes payload;
     put(payload, width);

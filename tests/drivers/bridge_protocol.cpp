@@ -73,7 +73,7 @@ TEST_CASE("CRC-32C matches the test vectors of RFC 3720 B.4") {
   CHECK(crc32c(many) == crc);
 }
 
-TEST_CASE("golden bridge blocks are parsed whatever the split") {
+TEST_CASE("golden bridge blocks are parsed however the byte stream is split") {
   const auto pieces = read_golden("bridge.hex");
   REQUIRE(pieces.size() == 4);
   const Bytes all = join(pieces);
@@ -126,7 +126,7 @@ TEST_CASE("payloads of golden bridge blocks are decoded") {
   CHECK(same_axis(depth->y, Axis{"depth_y", "tangent", "1", 2, 0.25, -0.5}));
 }
 
-TEST_CASE("tags at an odd address are decoded") {
+TEST_CASE("tags at an odd memory address are decoded") {
   Bytes shifted(1);
   for (int i = 0; i < 3; ++i) put(shifted, Tag{.channel = i, .time_ps = -i});
   std::vector<Tag> scratch;
@@ -158,7 +158,7 @@ TEST_CASE("bridge payloads with inconsistent sizes are refused") {
   CHECK_FALSE(read_depth(nan));
 }
 
-TEST_CASE("zones in a hello are decoded, impossible zones are refused") {
+TEST_CASE("zones in a hello block are decoded, and impossible zones are refused") {
   const auto zones_of = [](const std::string& list) -> std::optional<Zones> {
     const auto hello = read_hello(test::view_of("{\"zones\": " + list + ", \"model\": \"m\"}"));
     if (!hello) return std::nullopt;
@@ -182,7 +182,7 @@ TEST_CASE("zones in a hello are decoded, impossible zones are refused") {
   CHECK_FALSE(zones_of(many + ", {}]"));
 }
 
-TEST_CASE("histogram and range profile payloads are decoded, impossible ones are refused") {
+TEST_CASE("histogram and range profile blocks are decoded, and impossible ones are refused") {
   const auto pieces = read_golden("bridge_sensors.hex");
   const ByteView counts = ByteView(pieces[1]).subspan(header_bytes);
   const ByteView power = ByteView(pieces[2]).subspan(header_bytes);
@@ -224,7 +224,7 @@ TEST_CASE("histogram and range profile payloads are decoded, impossible ones are
   CHECK_FALSE(read_profile(with(power, 28, std::nanf(""))));
 }
 
-TEST_CASE("missing bridge blocks are counted at their position") {
+TEST_CASE("missing bridge blocks are counted with the block that follows the gap") {
   const auto pieces = read_golden("bridge.hex");
   BlockParser parser;
   const auto parsed = feed(parser, join({pieces[0], pieces[3]}));
@@ -234,7 +234,7 @@ TEST_CASE("missing bridge blocks are counted at their position") {
   CHECK(parser.counts().lost_blocks == 2);
 }
 
-TEST_CASE("the block number may wrap, and a restarted number counts as one loss") {
+TEST_CASE("bridge block numbers may wrap, and restarted numbers count as one lost block") {
   BlockParser parser;
   const auto parsed =
       feed(parser,
@@ -246,7 +246,7 @@ TEST_CASE("the block number may wrap, and a restarted number counts as one loss"
   CHECK(parsed[3].lost == 1);
 }
 
-TEST_CASE("after a reconnection block numbers start at 0, and buffered bytes count as junk") {
+TEST_CASE("bridge block numbers restart at 0 after reset(), and buffered bytes count as junk") {
   const auto pieces = read_golden("bridge.hex");
   BlockParser parser;
   feed(parser, ByteView(pieces[0]).first(50));
@@ -257,7 +257,7 @@ TEST_CASE("after a reconnection block numbers start at 0, and buffered bytes cou
   CHECK(parser.counts().gaps == 0);
 }
 
-TEST_CASE("bridge parser names the kind of damage") {
+TEST_CASE("the bridge parser reports the kind of damage") {
   const auto pieces = read_golden("bridge.hex");
   const auto damaged = [&](std::size_t at, std::uint8_t flip) {
     Bytes bytes = join(pieces);
@@ -280,7 +280,7 @@ TEST_CASE("bridge parser names the kind of damage") {
   CHECK(damaged(2, 1).junk_bytes == 3);
 }
 
-TEST_CASE("a wrong magic is detected whatever the split") {
+TEST_CASE("a wrong magic word of a block is detected however the byte stream is split") {
   for (const std::string end : {"X", "EX", "EFX", "EFBX", "EFB", "EFBR", "EFBRXX"}) {
     Bytes bytes = tag_block(0, 1);
     bytes.insert(bytes.end(), end.begin(), end.end());
@@ -295,7 +295,7 @@ TEST_CASE("a wrong magic is detected whatever the split") {
   }
 }
 
-TEST_CASE("the buffer of a large bridge block is reused") {
+TEST_CASE("the buffer of a large bridge block is used again for the next block") {
   const Bytes large = tag_block(0, 1 << 17);  // 2 MiB
   BlockParser parser;
   std::vector<const std::uint8_t*> places;
@@ -331,7 +331,7 @@ TEST_CASE("magic bytes inside a payload do not start a bridge block") {
   CHECK(parsed[0].payload.size() == 32);
 }
 
-TEST_CASE("under random damage the bridge parser accounts for each earlier byte") {
+TEST_CASE("the bridge parser counts every byte before random damage as a block or as junk") {
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     Rng rng = make_rng(seed, 1);
     Bytes bytes;

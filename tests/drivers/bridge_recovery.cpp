@@ -78,7 +78,8 @@ using Numbers = std::vector<std::uint64_t>;
 
 }  // namespace
 
-TEST_CASE("silence, single bytes, a wrong length or a missing hello ends a bridge connection") {
+TEST_CASE(
+    "a bridge connection ends after silence, single bytes, a wrong length or a missing hello") {
   port::VirtualLoop loop;
   Pair pair(loop, GENERATE(Sensor::spd, Sensor::depth));
   const std::string what = GENERATE("silent", "slow", "wrong length", "no hello");
@@ -107,7 +108,7 @@ TEST_CASE("silence, single bytes, a wrong length or a missing hello ends a bridg
   CHECK(pair.sink.events.size() == 1);
 }
 
-TEST_CASE("a bridge that closes within a block loses only that block") {
+TEST_CASE("a bridge connection that ends within a block loses only that block") {
   port::VirtualLoop loop;
   Pair pair(loop, GENERATE(Sensor::spd, Sensor::depth));
   REQUIRE(run_until(loop, [&] { return pair.connected; }));
@@ -124,8 +125,7 @@ TEST_CASE("a bridge that closes within a block loses only that block") {
   CHECK(counter(*pair.driver, "junk_bytes") == half.size());
 }
 
-TEST_CASE(
-    "a damaged block is reported in one line and ends the connection, and the driver reconnects") {
+TEST_CASE("a damaged bridge block is reported in one line, and the driver closes and reconnects") {
   port::VirtualLoop loop;
   Pair pair(loop, GENERATE(Sensor::spd, Sensor::depth));
   REQUIRE(run_until(loop, [&] { return pair.connected; }));

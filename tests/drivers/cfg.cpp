@@ -13,7 +13,7 @@
 using namespace echofuse::radar;
 using namespace echofuse::test;
 
-TEST_CASE("cfg values that the board would refuse are reported, and the range axis is computed") {
+TEST_CASE("the cfg parser reports values that the radar would refuse and computes the range axis") {
   const auto refusals = [](const std::string& from, const std::string& to) {
     const RadarProfile p = parse_profile(with(from, to), "x.cfg");
     CHECK(p.bins == std::bit_ceil(p.adc_samples));
@@ -69,7 +69,7 @@ TEST_CASE("cfg values that the board would refuse are reported, and the range ax
         "x.cfg:4: channelCfg has 2 numbers; SDK 3.4 to 3.6 expect 3 (SDK 1 and 2 differ)");
 }
 
-TEST_CASE("a chirp's end frequency is computed in the chip's register steps") {
+TEST_CASE("the end frequency of a chirp is computed in register steps of the radar chip") {
   const std::string profile = "0 60 7 3 24 0 0 166 1 256 12500 0 0 30";
   const RadarProfile p =
       parse_profile(with(profile, "0 60 84 7 88.89 0 0 45 1 176 2175 0 0 158"), "x.cfg");
@@ -85,7 +85,7 @@ TEST_CASE("a chirp's end frequency is computed in the chip's register steps") {
         "x.cfg:5: profileCfg sweeps 60 to 64.0008 GHz (limits 60 to 64 GHz)");
 }
 
-TEST_CASE("a cfg saved with another text encoding is read or refused in one line") {
+TEST_CASE("a radar cfg with another text encoding is read, or refused in one line") {
   CHECK(parse_profile("\xef\xbb\xbf" + stock, "x.cfg").refusals.empty());
   CHECK(parse_profile("\xef\xbb\xbf" + stock.substr(13), "x.cfg").refusals.empty());
   std::string other = stock, wide;
@@ -101,7 +101,7 @@ TEST_CASE("a cfg saved with another text encoding is read or refused in one line
   CHECK(refusal(with("15 7 0\r\n", "15 7 0\r")) == "x.cfg:4" + ends);
 }
 
-TEST_CASE("a cfg of another TI demo is reported in one line before the board is opened") {
+TEST_CASE("a radar cfg of another TI demo is reported in one line before the board is opened") {
   for (const auto& [line, whose] : {std::pair{"chirpComnCfg 8 0 0 128 4 28 0", "xWRL6432"},
                                     {"trackingCfg 1 2 800 30 46 96 55", "people counting"}})
     CHECK_THAT(refusal(line), Catch::StartsWith("x.cfg:1: ") && Catch::Contains(whose) &&
@@ -110,7 +110,7 @@ TEST_CASE("a cfg of another TI demo is reported in one line before the board is 
         "x.cfg:10: guiMonitor has 6 numbers; SDK 3.4 to 3.6 expect 7 (SDK 1 and 2 differ)");
 }
 
-TEST_CASE("only the first errors of a cfg with thousands of faulty lines are listed") {
+TEST_CASE("only the first errors of a radar cfg with thousands of faulty lines are listed") {
   std::string text = stock;
   for (int i = 0; i < 2000; ++i) text += "chirpCfg x" + std::to_string(i) + "\n";
   const std::string lines = refusal(text);
@@ -121,7 +121,7 @@ TEST_CASE("only the first errors of a cfg with thousands of faulty lines are lis
             " bytes; expected a cfg of at most 65536");
 }
 
-TEST_CASE("two profiles in a frame are refused unless their sampling is equal") {
+TEST_CASE("a radar frame with two chirp profiles is refused unless their sampling is equal") {
   const std::string second = "chirpCfg 1 1 1 0 0 0 0 4\r\n";
   std::string text = with("chirpCfg 1 1 0 0 0 0 0 4\r\n", second);
   const auto add = [&](const std::string& profile) {

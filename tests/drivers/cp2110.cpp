@@ -10,14 +10,14 @@
 using namespace echofuse;
 using namespace echofuse::port;
 
-TEST_CASE("the CP2110 UART configuration has a big-endian baud rate") {
+TEST_CASE("the UART configuration report of the CP2110 has a big-endian baud rate") {
   CHECK(cp2110::config_report(115200) ==
         std::array<std::uint8_t, 9>{0x50, 0x00, 0x01, 0xC2, 0x00, 0, 0, 3, 0});
   CHECK(cp2110::config_report(921600) ==
         std::array<std::uint8_t, 9>{0x50, 0x00, 0x0E, 0x10, 0x00, 0, 0, 3, 0});
 }
 
-TEST_CASE("CP2110 status reports are parsed, other bytes are refused") {
+TEST_CASE("CP2110 status reports are parsed, and other bytes are refused") {
   const Bytes quiet{0x42, 0, 0, 1, 0x20, 0, 0}, both{0x42, 0, 0, 0, 0, 3, 0};
   CHECK_FALSE(cp2110::parse_status(quiet)->overrun);
   CHECK_FALSE(cp2110::parse_status(quiet)->parity_error);
@@ -29,7 +29,7 @@ TEST_CASE("CP2110 status reports are parsed, other bytes are refused") {
   CHECK_FALSE(cp2110::parse_status({}));
 }
 
-TEST_CASE("the data length of a CP2110 report is limited to the received bytes") {
+TEST_CASE("the data length in a CP2110 report is limited to the received bytes") {
   Bytes report(64, 7);
   const auto taken = [&](std::uint8_t count, std::size_t bytes) {
     report[0] = count;
@@ -46,7 +46,7 @@ TEST_CASE("the data length of a CP2110 report is limited to the received bytes")
   CHECK(cp2110::data_of({}).empty());
 }
 
-TEST_CASE("a long write is split into CP2110 reports") {
+TEST_CASE("a long write is split into several CP2110 reports") {
   Bytes bytes(130);
   for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::uint8_t>(i);
   Bytes joined;

@@ -57,7 +57,7 @@ struct Session {
 
 }  // namespace
 
-TEST_CASE("cfg lines are sent one by one, each after the prompt") {
+TEST_CASE("radar cfg lines are sent one at a time, each after the board's prompt") {
   Session s;
   s.begin();
   CHECK(s.d.take_output() == "sensorStop\n");
@@ -77,7 +77,7 @@ TEST_CASE("cfg lines are sent one by one, each after the prompt") {
   CHECK(s.reported().empty());
 }
 
-TEST_CASE("the cfg dialogue works whatever the split of received bytes") {
+TEST_CASE("the cfg dialogue works however the received bytes are split") {
   const std::string wire = answer("sensorStop", "Done\n") + answer("flushCfg", "Done\n");
   for (std::size_t cut = 0; cut <= wire.size(); ++cut) {
     Session s;
@@ -90,7 +90,7 @@ TEST_CASE("the cfg dialogue works whatever the split of received bytes") {
   }
 }
 
-TEST_CASE("garbage and extra prompts before the first prompt are discarded") {
+TEST_CASE("garbage and extra prompts before the radar's first prompt are discarded") {
   Session s;
   s.d.take_output();
   s.say("\x01\xff~?garb\r\n'garb' is not recognized as a CLI command\n\r" + prompt);
@@ -110,11 +110,11 @@ TEST_CASE("the first cfg command is repeated if garbage precedes it") {
   CHECK(s.d.take_output() == "version\n");
   s.say(answer("\x7f?version", "'?version' is not recognized as a CLI command\n"));
   CHECK(s.d.take_output() == "version\n");
-  SECTION("then accepted") {
+  SECTION("the repeated command is accepted") {
     s.say(answer("version", "Done\n"));
     CHECK(s.d.take_output() == "sensorStop\n");
   }
-  SECTION("unknown to this firmware") {
+  SECTION("the repeated command is unknown to the firmware") {
     s.say(answer("version", "'version' is not recognized as a CLI command\n"));
     CHECK(s.d.take_output() == "sensorStop\n");
   }
@@ -134,7 +134,7 @@ std::string refusal(const std::string& text, const std::string& sdk, const std::
 }
 }  // namespace
 
-TEST_CASE("a cfg of another SDK is reported with both SDK versions and the file to use") {
+TEST_CASE("a radar cfg of another SDK is reported with both SDK versions and the file to use") {
   const std::string unknown = "'calibData' is not recognized as a CLI command\n";
   CHECK(refusal("flushCfg\ncalibData 0 0 0\n", "03.04.00.03", unknown) ==
         "x.cfg:2: calibData 0 0 0: 'calibData' is not recognized as a CLI command; only SDK 3.5 "
@@ -162,23 +162,23 @@ TEST_CASE("a refused cfg line is reported with its number and the firmware's mes
   Session s;
   s.begin();
   s.say(answer("sensorStop", "Done\n"));
-  SECTION("error with explanation") {
+  SECTION("the firmware answers with an error and its explanation") {
     s.say(answer("flushCfg", "Error: You have provided partial configuration\nError -1\n"));
     CHECK(s.d.failure() ==
           "x.cfg:4:   flushCfg: Error: You have provided partial configuration; Error -1");
   }
-  SECTION("unknown command") {
+  SECTION("the firmware does not know the command") {
     s.say(answer("flushCfg", "'flushCfg' is not recognized as a CLI command\n"));
     CHECK(s.d.failure() ==
           "x.cfg:4:   flushCfg: 'flushCfg' is not recognized as a CLI command; this radar has "
           "mmWave SDK 03.05.00.04: is the cfg for another demo?");
   }
-  SECTION("firmware crash") {
+  SECTION("the firmware crashes") {
     s.say("flushCfg\r\nException: ../mss_main.c, line 1234.\n\r");
     CHECK_THAT(s.d.failure(),
                Catch::Contains("Exception: ../mss_main.c, line 1234. (the firmware"));
   }
-  SECTION("silence") {
+  SECTION("the firmware does not answer") {
     s.say("flushCfg\r\n");
     s.wait(1900ms);
     CHECK(s.d.state() == State::commanding);
@@ -186,7 +186,7 @@ TEST_CASE("a refused cfg line is reported with its number and the firmware's mes
     CHECK(s.d.failure() ==
           "x.cfg:4:   flushCfg: no answer: the firmware has stopped, reset the board");
   }
-  SECTION("silence within an answer") {
+  SECTION("the firmware stops within an answer") {
     s.say("flushCfg\r\nDebug: Init Calibration Status = 0xffe\n\rErro");
     s.wait(2s);
     CHECK(
@@ -194,7 +194,7 @@ TEST_CASE("a refused cfg line is reported with its number and the firmware's mes
         "x.cfg:4:   flushCfg: no answer after 'Debug: Init Calibration Status = 0xffe; Erro': the "
         "firmware has stopped, reset the board");
   }
-  SECTION("exception text of another demo") {
+  SECTION("the firmware of another demo reports an exception") {
     s.say("flushCfg\r\nMSS Exception: ../mss/mss_main.c, line 635.\n\r");
     CHECK_THAT(s.d.failure(), Catch::Contains("flushCfg: MSS Exception: ../mss/mss_main.c, line"));
   }
@@ -221,7 +221,7 @@ TEST_CASE("the cfg dialogue fails after three attempts without a prompt and advi
                  "no prompt, but other bytes received; check that this is the command port"));
 }
 
-TEST_CASE("endless output before the first command does not block the cfg dialogue") {
+TEST_CASE("endless radar output before the first command does not block the cfg dialogue") {
   Session s;
   s.d.take_output();
   s.say(prompt);
@@ -232,7 +232,7 @@ TEST_CASE("endless output before the first command does not block the cfg dialog
   CHECK(s.d.take_output() == "version\n");
 }
 
-TEST_CASE("the answer Skipped means success, other lines are reported, extra prompts are ignored") {
+TEST_CASE("the cfg dialogue accepts Skipped as success and ignores extra prompts") {
   Session s("sensorStop\nsensorStart\n");
   s.begin();
   s.d.take_output();
@@ -256,7 +256,7 @@ TEST_CASE("the answer Skipped means success, other lines are reported, extra pro
   CHECK(s.d.state() == State::failed);
 }
 
-TEST_CASE("a calibration line within an echo is reported and otherwise ignored") {
+TEST_CASE("a calibration line within a command echo is reported and otherwise ignored") {
   Session s("sensorStop\nsensorStart\n");
   const std::string line = "compRangeBiasAndRxChanPhase 0.0123456 1.00000 -0.50000";
   s.d.take_output();
@@ -271,7 +271,7 @@ TEST_CASE("a calibration line within an echo is reported and otherwise ignored")
   CHECK(s.d.take_output() == "sensorStart\n");
 }
 
-TEST_CASE("a restart sends two cfg lines, or the whole cfg after a refusal or a boot banner") {
+TEST_CASE("a radar restart sends two cfg lines, or the whole cfg after a refusal or a reboot") {
   CommandDialogue d(cfg, "x.cfg", {}, CommandDialogue::Send::restart);
   const auto say = [&](const std::string& wire) { d.receive(test::view_of(wire), HostTime{0}); };
   d.start(HostTime{0});
@@ -288,12 +288,12 @@ TEST_CASE("a restart sends two cfg lines, or the whole cfg after a refusal or a 
     return;
   }
   CHECK(d.take_output() == "version\nsensorStop\nsensorStart 0\n");
-  SECTION("accepted") {
+  SECTION("the board accepts the restart") {
     say(answer("sensorStart 0", "Done\n"));
     CHECK(d.state() == State::done);
     CHECK(d.sent() == CommandDialogue::Send::restart);
   }
-  SECTION("refused") {
+  SECTION("the board refuses the restart") {
     say(answer("sensorStart 0", "Error: Full configuration must be provided\nError -1\n"));
     CHECK(d.take_output() == "sensorStop\n");
     say(answer("sensorStop", "Done\n"));
@@ -304,7 +304,7 @@ TEST_CASE("a restart sends two cfg lines, or the whole cfg after a refusal or a 
   }
 }
 
-TEST_CASE("endless output without line ends is ignored in bounded memory") {
+TEST_CASE("the cfg dialogue ignores endless output without line ends in bounded memory") {
   Session s;
   s.begin();
   s.d.take_output();
@@ -335,13 +335,13 @@ TEST_CASE("sensorStop is sent after the running command's prompt and waits for i
   CHECK(d.take_output().empty());
 }
 
-TEST_CASE("a refused sensorStop is not taken as a stopped sensor") {
+TEST_CASE("a sensorStop that the radar refuses does not count as a stop") {
   StopDialogue d(false);
   d.receive(test::view_of(answer("sensorStop", "Error -1\n")));
   CHECK_FALSE(d.done());
 }
 
-TEST_CASE("sensorStart waits for the pause after sensorStop") {
+TEST_CASE("sensorStart is sent only after the pause that follows sensorStop") {
   CommandDialogue d("sensorStop\nsensorStart\n", "x.cfg", {.pause = 300ms});
   const auto say = [&](const std::string& wire, HostTime now) {
     d.receive(test::view_of(wire), now);

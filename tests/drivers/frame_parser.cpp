@@ -89,7 +89,7 @@ TEST_CASE("golden radar frames are parsed") {
   check_sum(p.counts);
 }
 
-TEST_CASE("golden heat maps are parsed") {
+TEST_CASE("golden radar heat maps are parsed") {
   const auto pieces = read_golden("radar_array.hex");
   const Parsed p = parse(join(pieces));
   REQUIRE(p.numbers() == Numbers{301, 302, 303, 304});
@@ -116,7 +116,7 @@ TEST_CASE("golden heat maps are parsed") {
   check_sum(p.counts);
 }
 
-TEST_CASE("heat maps with damaged types and lengths are counted, and parsing continues") {
+TEST_CASE("radar heat maps with damaged types and lengths are counted, and parsing continues") {
   const auto pieces = read_golden("radar_array.hex");
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     Rng rng = make_rng(seed, 9);
@@ -148,7 +148,7 @@ TEST_CASE("heat maps with damaged types and lengths are counted, and parsing con
   }
 }
 
-TEST_CASE("radar frames do not depend on the split, and have the time of their last byte") {
+TEST_CASE("radar frames do not depend on the split and are time-stamped at their last byte") {
   const Bytes all = join(golden());
   for (std::size_t cut = 1; cut < all.size(); ++cut) {
     std::size_t next = cut;
@@ -172,7 +172,7 @@ TEST_CASE("junk before, between and after radar frames is skipped and counted") 
   check_sum(p.counts);
 }
 
-TEST_CASE("a radar frame with missing bytes is counted as truncated, the next one is complete") {
+TEST_CASE("a radar frame with missing bytes counts as truncated, and the next frame is complete") {
   const auto& g = golden();
   for (std::size_t lost = 1; lost < g[0].size() - 40; ++lost)
     for (const std::size_t at : {std::size_t{40}, g[0].size() - lost}) {
@@ -188,7 +188,7 @@ TEST_CASE("a radar frame with missing bytes is counted as truncated, the next on
     }
 }
 
-TEST_CASE("implausible frame headers are refused immediately") {
+TEST_CASE("radar frame headers with implausible values are refused immediately") {
   const auto& g = golden();
   const auto [at, value] = GENERATE(table<std::size_t, std::uint32_t>(
       {{12, 39u}, {12, 63u}, {12, 65'537u}, {12, 0u}, {12, 0xffffffffu}, {32, 17u}}));
@@ -200,7 +200,7 @@ TEST_CASE("implausible frame headers are refused immediately") {
   check_sum(p.counts);
 }
 
-TEST_CASE("an excessive length field loses only one frame") {
+TEST_CASE("an excessive length field in a radar header loses only one frame") {
   const auto& g = golden();
   Bytes bad = g[0];
   set_u32(bad, 12, 60'000);
@@ -209,7 +209,7 @@ TEST_CASE("an excessive length field loses only one frame") {
   CHECK(p.counts.truncated_frames == 1);
 }
 
-TEST_CASE("a TLV that exceeds its packet invalidates the frame") {
+TEST_CASE("a TLV that exceeds its radar packet invalidates the frame") {
   const auto& g = golden();
   Bytes bad = g[1];
   set_u32(bad, 44, 5000);  // the range profile's length
@@ -220,7 +220,7 @@ TEST_CASE("a TLV that exceeds its packet invalidates the frame") {
   check_sum(p.counts);
 }
 
-TEST_CASE("a frame with a TLV count one too high keeps its TLVs") {
+TEST_CASE("a radar frame with a TLV count that is one too high keeps its TLVs") {
   Bytes bad = golden()[1];  // 20 bytes of padding
   set_u32(bad, 32, 4);
   const Parsed p = parse(bad);
@@ -229,7 +229,8 @@ TEST_CASE("a frame with a TLV count one too high keeps its TLVs") {
   CHECK(p.frames[0].temperature);
 }
 
-TEST_CASE("padding that looks like a magic word is resolved by the next bytes or by silence") {
+TEST_CASE(
+    "radar padding that looks like a magic word is resolved by the next bytes or by silence") {
   Bytes doubtful = golden()[2];
   doubtful.back() = 2;  // first byte of the magic
   FrameParser parser;
@@ -239,14 +240,16 @@ TEST_CASE("padding that looks like a magic word is resolved by the next bytes or
   parser.feed(doubtful, whole, keep);
   REQUIRE(frames.empty());
   REQUIRE(parser.in_doubt());
-  SECTION("silence") {
+  SECTION("the frame is delivered after silence") {
     parser.resolve(keep);
     CHECK_FALSE(parser.in_doubt());
     REQUIRE(frames.size() == 1);
     parser.resolve(keep);
     parser.feed(golden()[2], later, keep);
   }
-  SECTION("next frame") { parser.feed(golden()[2], later, keep); }
+  SECTION("the frame is delivered when the next frame arrives") {
+    parser.feed(golden()[2], later, keep);
+  }
   REQUIRE(frames.size() == 2);
   CHECK(frames[0].received == whole);
   CHECK(frames[1].received == later);
@@ -254,7 +257,7 @@ TEST_CASE("padding that looks like a magic word is resolved by the next bytes or
   check_sum(parser.counts());
 }
 
-TEST_CASE("the frame parser restarts after finish()") {
+TEST_CASE("the radar frame parser starts again after finish()") {
   FrameParser parser;
   Numbers numbers;
   const auto keep = [&](const RadarFrame& f) { numbers.push_back(f.frame_number); };
@@ -266,7 +269,7 @@ TEST_CASE("the frame parser restarts after finish()") {
   CHECK(parser.counts().truncated_frames == 1);
 }
 
-TEST_CASE("under random damage byte counts add up and complete frames survive") {
+TEST_CASE("the radar parser counts every byte and keeps complete frames under random damage") {
   for (std::uint64_t seed = 0; seed < 400; ++seed) {
     Rng rng = make_rng(seed, 4);
     Bytes bytes;

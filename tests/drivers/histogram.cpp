@@ -95,7 +95,7 @@ std::vector<Tag> random_tags(Rng& rng, const HistogramSettings& s, std::size_t c
 
 }  // namespace
 
-TEST_CASE("each click is counted once, in the bin of its delay from the last start") {
+TEST_CASE("each click is counted once, in the bin of its delay after the last start") {
   Histogram h({.bin_width_ps = 100, .first_bin_ps = 1000, .bins = 4});
   h.add(std::vector{tag(1, 0), tag(2, 1000), tag(2, 1099), tag(2, 1100), tag(2, 1399), tag(2, 1400),
                     tag(2, 999), tag(1, 500), tag(2, 1500)});
@@ -104,7 +104,7 @@ TEST_CASE("each click is counted once, in the bin of its delay from the last sta
         TagCounts{.tags = 9, .starts = 2, .in_range = 5, .out_of_range = 2, .backwards = 2});
 }
 
-TEST_CASE("clicks without a start, other channels and markers are counted separately") {
+TEST_CASE("clicks without a start, tags of other channels and markers are counted separately") {
   Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
   h.add(std::vector{tag(2, 5), tag(3, 6), tag(1, 10), marker(TagType::missed_events, 2, 40),
                     marker(TagType::missed_events, 9, 1000), marker(TagType::missed_events, 1, 2),
@@ -120,7 +120,7 @@ TEST_CASE("clicks without a start, other channels and markers are counted separa
                                     .errors = 1});
 }
 
-TEST_CASE("the last start is kept across slots but not across a gap") {
+TEST_CASE("the last start is kept across slots but not across a gap in the tags") {
   Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
   h.add(std::vector{tag(1, 0), tag(2, 50)});
   CHECK(h.take()[0] == 1);
@@ -133,7 +133,7 @@ TEST_CASE("the last start is kept across slots but not across a gap") {
   CHECK(h.counts() == std::vector<std::uint32_t>(10));
 }
 
-TEST_CASE("histograms of random tags match the reference, across a clock wrap") {
+TEST_CASE("histograms of random tags match the reference, also across a clock wrap") {
   for (std::uint64_t seed = 0; seed < 120; ++seed) {
     Rng rng = make_rng(seed, 2);
     const std::int64_t widths[] = {1, 3, 7, 100, 1000, 4096, 999'983};
@@ -157,7 +157,7 @@ TEST_CASE("histograms of random tags match the reference, across a clock wrap") 
   }
 }
 
-TEST_CASE("bin edges are exact over the longest time axis") {
+TEST_CASE("histogram bin edges are exact over the longest time axis") {
   const std::int64_t width = 67'108'863;  // 2^26 - 1: not a power of two
   const std::uint32_t bins = 1u << 24;
   Histogram h({.bin_width_ps = width, .first_bin_ps = 0, .bins = bins});
@@ -174,7 +174,7 @@ TEST_CASE("bin edges are exact over the longest time axis") {
   CHECK((h.counts() == expected));
 }
 
-TEST_CASE("starts inside an overflow interval are ignored") {
+TEST_CASE("start tags inside an overflow interval are ignored") {
   Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
   h.add(std::vector{marker(TagType::overflow_begin), tag(1, 0), tag(2, 50),
                     marker(TagType::overflow_end), tag(2, 60), tag(1, 100), tag(2, 150)});
@@ -183,7 +183,7 @@ TEST_CASE("starts inside an overflow interval are ignored") {
             .tags = 7, .starts = 2, .in_range = 1, .without_start = 2, .other = 2, .overflows = 1});
 }
 
-TEST_CASE("bad tags and backward time stamps are counted") {
+TEST_CASE("invalid tags and backward time stamps are counted") {
   Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
   Tag reserved = tag(2, 20);
   reserved.reserved = 1;
@@ -194,7 +194,7 @@ TEST_CASE("bad tags and backward time stamps are counted") {
       TagCounts{.tags = 5, .starts = 1, .in_range = 2, .other = 2, .bad_tags = 2, .backwards = 1});
 }
 
-TEST_CASE("the tag filter delays and re-sorts tags, and removes tags in the dead time") {
+TEST_CASE("the tag filter delays and sorts tags and removes tags within the dead time") {
   const std::vector<Tag> tags{tag(1, 100), tag(2, 110), tag(2, 115), tag(1, 200)};
   TagFilter plain(FilterSettings{});
   CHECK(plain.feed(tags).data() == tags.data());
@@ -211,7 +211,7 @@ TEST_CASE("the tag filter delays and re-sorts tags, and removes tags in the dead
   CHECK(filter.take_removed() == 1);
 }
 
-TEST_CASE("a cable delay beyond the pulse period is compensated") {
+TEST_CASE("a cable delay longer than the laser period is compensated") {
   constexpr std::int64_t period_ps = 50'000, flight_ps = 26'350, cable_ps = 50'000;
   constexpr std::uint32_t pulses = 1000;
   std::vector<Tag> tags;

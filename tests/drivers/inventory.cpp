@@ -70,7 +70,7 @@ class Tree {
 
 }  // namespace
 
-TEST_CASE("an XDS110 is listed with two ports, their roles and stable names") {
+TEST_CASE("an XDS110 debug probe is listed with two ports, their roles and stable names") {
   Tree tree;
   tree.device("1-2", "0451", "bef3", "R0081038");
   tree.interface("1-2", "00", "tty/ttyACM1");
@@ -93,7 +93,7 @@ TEST_CASE("an XDS110 is listed with two ports, their roles and stable names") {
   CHECK(list[0].nodes[0].missing.empty());
 }
 
-TEST_CASE("a CP2105 is found one sysfs level deeper, and a missing kernel driver is reported") {
+TEST_CASE("a CP2105 is found one level deeper in sysfs, and a missing kernel driver is reported") {
   Tree tree;
   tree.device("1-2", "10c4", "ea70", "00E2");
   tree.interface("1-2", "00", "ttyUSB0/tty/ttyUSB0");
@@ -107,7 +107,7 @@ TEST_CASE("a CP2105 is found one sysfs level deeper, and a missing kernel driver
   CHECK_THAT(list[0].nodes[1].missing, Catch::Contains("cdc_acm or cp210x"));
 }
 
-TEST_CASE("CP2110, Orbbec and Time Tagger are listed with an address by serial number") {
+TEST_CASE("CP2110, Orbbec and Time Tagger devices are listed with an address by serial number") {
   Tree tree;
   tree.device("1-1", "10c4", "ea80", "00A1");
   tree.interface("1-1", "00", "0003:10C4:EA80.0001/hidraw/hidraw3");
@@ -128,7 +128,7 @@ TEST_CASE("CP2110, Orbbec and Time Tagger are listed with an address by serial n
   CHECK_THAT(list[3].advice, Catch::Contains("bridge:tcp"));
 }
 
-TEST_CASE("RealSense cameras are listed by name, other Intel devices are not") {
+TEST_CASE("RealSense cameras are listed by name, and other Intel devices are not listed") {
   Tree tree;
   tree.device("1-1", "8086", "0b07", "R1", "Intel(R) RealSense(TM) Depth Camera 435");
   tree.device("1-2", "8086", "0b63", "", "USB Bridge");
@@ -138,7 +138,7 @@ TEST_CASE("RealSense cameras are listed by name, other Intel devices are not") {
   CHECK_THAT(list[0].advice, Catch::Contains("echofuse-bridge-realsense: depth.address = "));
 }
 
-TEST_CASE("an inaccessible node is reported with its group or the udev rules") {
+TEST_CASE("an inaccessible device node is reported with its group or the missing udev rules") {
   Tree tree;
   tree.device("1-2", "0451", "bef3", "R1");
   tree.interface("1-2", "00", "tty/ttyACM0");
@@ -163,7 +163,7 @@ TEST_CASE("no devices are listed if sysfs is missing") {
   CHECK_FALSE(radar_port("/dev/ttyACM0", {"/nowhere/sys", "/nowhere/dev"}));
 }
 
-TEST_CASE("the role of a radar port is derived from its path") {
+TEST_CASE("the role of a radar port is derived from its device path") {
   Tree tree;
   tree.device("1-2", "0451", "bef3", "R1");
   tree.interface("1-2", "00", "tty/ttyACM1");

@@ -102,7 +102,7 @@ struct Recording {
 
 }  // namespace
 
-TEST_CASE("an OpenNI camera delivers frames, axes and its name") {
+TEST_CASE("the OpenNI driver delivers frames, axes and the name of a camera") {
   Bench b;
   const HostTime begin = b.loop.now();
   b.start();
@@ -128,7 +128,7 @@ TEST_CASE("an OpenNI camera delivers frames, axes and its name") {
   CHECK(y.at(5.5) == Approx(-std::tan(0.4)));
 }
 
-TEST_CASE("with two cameras and no URI both are listed and neither is opened") {
+TEST_CASE("two OpenNI cameras without a configured URI are listed, and neither is opened") {
   initialize_openni();
   camera("plug second");
   Bench b;
@@ -150,7 +150,7 @@ TEST_CASE("images of a camera that always mirrors are mirrored back") {
   b.check_pixels();
 }
 
-TEST_CASE("depths in tenths of a millimetre are rounded to millimetres") {
+TEST_CASE("camera depths in tenths of a millimetre are rounded to millimetres") {
   Bench b;
   camera("tenths");
   b.start();
@@ -158,7 +158,7 @@ TEST_CASE("depths in tenths of a millimetre are rounded to millimetres") {
   b.check_pixels(10);
 }
 
-TEST_CASE("an unplugged camera is reported and reopened") {
+TEST_CASE("an unplugged OpenNI camera is reported and reopened") {
   Bench b;
   b.start();
   REQUIRE(b.frames(3));
@@ -173,7 +173,7 @@ TEST_CASE("an unplugged camera is reported and reopened") {
   CHECK(counter(b.driver, "connections") == 2);
 }
 
-TEST_CASE("a silent camera is reopened") {
+TEST_CASE("an OpenNI camera that sends no frames is reopened") {
   Bench b;
   b.start();
   REQUIRE(b.frames(3));
@@ -184,8 +184,8 @@ TEST_CASE("a silent camera is reopened") {
   CHECK(b.reaches(DeviceState::streaming));
 }
 
-TEST_CASE("a camera mode can be selected, an unsupported mode is refused with a list") {
-  SECTION("by size") {
+TEST_CASE("a camera mode can be selected, and an unsupported mode is refused with a list") {
+  SECTION("a mode is selected by its image size") {
     Bench b("", {.width = 16, .height = 12});
     b.start();
     REQUIRE(b.frames(5));
@@ -197,20 +197,20 @@ TEST_CASE("a camera mode can be selected, an unsupported mode is refused with a 
     REQUIRE(f.depth_mm.size() == 192);
     CHECK(f.depth_mm[191] == 1000 + 1100 + 150 + f.frame_number % 10);
   }
-  SECTION("by frame rate") {
+  SECTION("a mode is selected by its frame rate") {
     Bench b("", {.fps = 50});
     b.start();
     REQUIRE(b.frames(2));
     CHECK(b.sink.info.axes[0].count == 16);
   }
-  SECTION("camera with raw shifts, switched to millimetres") {
+  SECTION("a camera that sends raw shifts is switched to millimetres") {
     Bench b;
     camera("shifts");
     b.start();
     REQUIRE(b.frames(5));
     b.check_pixels();
   }
-  SECTION("unsupported") {
+  SECTION("an unsupported mode is refused") {
     Bench b("", {.width = 640});
     b.start();
     REQUIRE(b.reaches(DeviceState::faulted));
@@ -220,7 +220,7 @@ TEST_CASE("a camera mode can be selected, an unsupported mode is refused with a 
   }
 }
 
-TEST_CASE("a camera that reconnects at another bus address is found") {
+TEST_CASE("a camera that reconnects at another USB bus address is found") {
   Bench b("test/camera@1/4");
   b.start();
   REQUIRE(b.frames(3));
@@ -262,7 +262,7 @@ TEST_CASE("damaged depth frames are dropped, and lost frames are counted") {
   camera("well");
 }
 
-TEST_CASE("a camera is reopened after each of 100 disconnections") {
+TEST_CASE("an OpenNI camera is reopened after each of 100 disconnections") {
   Bench b("", {.backoff = port::Backoff(1ms, 4ms)});
   b.start();
   double longest_s = 0;
@@ -296,7 +296,7 @@ TEST_CASE("a camera that fails after each first frame is retried at growing inte
   }
 }
 
-TEST_CASE("depth frames dropped by a busy event loop are counted") {
+TEST_CASE("depth frames dropped while the event loop is busy are counted") {
   Bench b;
   b.start();
   REQUIRE(b.frames(3));
@@ -309,7 +309,7 @@ TEST_CASE("depth frames dropped by a busy event loop are counted") {
           b.sink.depth[i - 1].frame_number + 1 + b.sink.depth[i].lost_before);
 }
 
-TEST_CASE("stop() ends the camera thread within a second, and no event follows") {
+TEST_CASE("stop() ends the OpenNI camera thread within a second, and no event follows") {
   Bench b;
   b.start();
   REQUIRE(b.frames(3));
@@ -323,7 +323,7 @@ TEST_CASE("stop() ends the camera thread within a second, and no event follows")
   CHECK(b.sink.calls() == calls);
 }
 
-TEST_CASE("an OpenNI recording delivers each frame once, then ends") {
+TEST_CASE("an OpenNI recording delivers each frame once and then ends") {
   initialize_openni();
   const Recording recording(30);
   for (const bool paced : {false, true}) {

@@ -21,7 +21,7 @@ constexpr double played_step_m =
 
 }  // namespace
 
-TEST_CASE("TI's stock profile has 256 bins of 4.4 cm and 12 antennas") {
+TEST_CASE("TI's stock radar profile has 256 bins of 4.4 cm and 12 antennas") {
   const RadarProfile p = parse_profile(stock, "x.cfg");
   CHECK(p.adc_samples == 256);
   CHECK(p.bins == 256);
@@ -34,7 +34,7 @@ TEST_CASE("TI's stock profile has 256 bins of 4.4 cm and 12 antennas") {
   CHECK(same_axis(radar_axis(p), Axis{"radar", "log2_q8", "m", 256, 0, p.range_step_m, 12}));
 }
 
-TEST_CASE("the number of antennas follows the chirps, bins are the next power of two") {
+TEST_CASE("antennas are counted from the chirps, and bins are rounded up to a power of two") {
   CHECK(parse_profile(with("frameCfg 0 2", "frameCfg 0 1"), "").antennas == 8);
   CHECK(parse_profile(with("channelCfg 15 7", "channelCfg 5 5"), "").antennas == 4);
   const RadarProfile odd = parse_profile(with("1 256 12500", "1 240 12500"), "");
@@ -46,7 +46,7 @@ TEST_CASE("the number of antennas follows the chirps, bins are the next power of
   CHECK(big.range_step_m == Approx(played_step_m / 4).epsilon(1e-12));
 }
 
-TEST_CASE("the range axis follows the chip's rounded slope") {
+TEST_CASE("the radar range axis is computed from the rounded chirp slope of the chip") {
   const auto step = [](const char* slope) {
     return parse_profile(with("166 1 256", std::string(slope) + " 1 256"), "").range_step_m;
   };
@@ -57,7 +57,7 @@ TEST_CASE("the range axis follows the chip's rounded slope") {
   CHECK(7 * (played_step_m / nominal_m - 1) == Approx(-4.2e-3).epsilon(0.05));  // at 7 m
 }
 
-TEST_CASE("cfg lines are sent unchanged, without CR, blank lines and comments") {
+TEST_CASE("radar cfg lines are sent unchanged except for CR, blank lines and comments") {
   const auto lines = command_lines("a  b \r\n\r\n% c\n  % d\n  e\n\nf");
   REQUIRE(lines.size() == 3);
   CHECK(lines[0].text == "a  b ");
@@ -67,7 +67,7 @@ TEST_CASE("cfg lines are sent unchanged, without CR, blank lines and comments") 
   CHECK(lines[2].number == 7);
 }
 
-TEST_CASE("cfg errors name the line") {
+TEST_CASE("errors in a radar cfg are reported with the line number") {
   CHECK(refusal("") ==
         "x.cfg: has no profileCfg\nx.cfg: has no frameCfg\nx.cfg: has no channelCfg\n"
         "x.cfg: has no chirpCfg\nx.cfg: has no guiMonitor\nx.cfg: has no sensorStart");
@@ -88,7 +88,7 @@ TEST_CASE("cfg errors name the line") {
              Catch::StartsWith("x.cfg:1: calib line has 306 characters"));
 }
 
-TEST_CASE("all faults of a cfg are reported at once") {
+TEST_CASE("all faults of a radar cfg are reported at once") {
   const std::string bad = refusal(
       "channelCfg 15 9 0\nprofileCfg 0 60 7 3 24 0 0 fast 1 1 0 0 0 30\nchirpCfg 0 0 0 0 0 0 0 1\n"
       "frameCfg 0 0 16 0 -1 1 0\nguiMonitor -1 0\nsensorStart\n");
@@ -101,7 +101,7 @@ TEST_CASE("all faults of a cfg are reported at once") {
         "x.cfg:4: frameCfg the frame period must be from 1e-6 to 1e9");
 }
 
-TEST_CASE("cfg settings with unwanted effects cause warnings") {
+TEST_CASE("radar cfg settings with unwanted effects cause warnings") {
   const auto warnings = [](const std::string& text) {
     return parse_profile(text, "x.cfg").warnings;
   };
@@ -123,7 +123,7 @@ TEST_CASE("cfg settings with unwanted effects cause warnings") {
                  Catch::EndsWith("memory for 1022"));
 }
 
-TEST_CASE("the data rate must match the cfg, the configuration and the frame period") {
+TEST_CASE("the radar's data rate must match the cfg, the configuration and the frame period") {
   const auto warnings = [](const std::string& text, std::uint32_t baud) {
     return parse_profile(text, "x.cfg", baud).warnings;
   };
@@ -142,7 +142,7 @@ TEST_CASE("the data rate must match the cfg, the configuration and the frame per
   CHECK(warnings(with("0 100 1 0", "0 7 1 0"), 921600).empty());
 }
 
-TEST_CASE("the computed frame size matches the firmware's tables") {
+TEST_CASE("the computed radar frame size matches the firmware's tables") {
   const auto bytes = [](const std::string& from, const std::string& to) {
     std::string text = with(from, to);
     const std::string fast = "0 100 1 0";  // too fast for a heat map
@@ -166,7 +166,7 @@ std::vector<int> columns(const RadarProfile& p) {
 
 }  // namespace
 
-TEST_CASE("heat map antennas follow the board and the order of the chirps") {
+TEST_CASE("the antenna order of a heat map follows the board and the order of the chirps") {
   const std::string gui = "guiMonitor -1 1 1 0 0 0 1", on = "guiMonitor -1 0 1 0 1 0 1";
   const auto profile = [&](const std::string& text, Board board = Board::isk) {
     std::string with_map = text;
@@ -196,7 +196,8 @@ TEST_CASE("heat map antennas follow the board and the order of the chirps") {
   CHECK(ods.array == of_ods);
 }
 
-TEST_CASE("an unusable heat map causes a warning, one too large for the frame period is refused") {
+TEST_CASE(
+    "an unusable heat map causes a warning, and one too large for the frame period is refused") {
   const std::string gui = "guiMonitor -1 1 1 0 0 0 1", on = "guiMonitor -1 0 1 0 1 0 1";
   std::string text = with(gui, on);
   const auto warnings = [&](const std::string& from, const std::string& to, Board board) {
@@ -233,7 +234,7 @@ TEST_CASE("an unusable heat map causes a warning, one too large for the frame pe
              Catch::Contains("takes"));  // 12.9 kB need more than 100 ms
 }
 
-TEST_CASE("installed cfgs give the expected antennas and frame sizes without warnings") {
+TEST_CASE("the installed radar cfgs give the expected antennas and frame sizes without warnings") {
   for (const char* name :
        {"xwr68xx_azimuth_50cm", "xwr68xx_azimuth_44mm", "xwr68xx_44mm", "xwr68xx_paper_50cm",
         "xwr64xx_aop_50cm", "xwr64xx_aop_44mm", "xwr64xx_aop_azimuth_88mm", "xwr64xx_ods_50cm",
@@ -272,7 +273,8 @@ std::string changed(const std::string& from, const std::string& to) {
 
 }  // namespace
 
-TEST_CASE("subframes that differ in start frequency share one axis and send one packet each") {
+TEST_CASE(
+    "radar subframes that differ in start frequency share one axis and send one packet each") {
   std::ifstream file(test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
   const std::string paper{std::istreambuf_iterator<char>(file), {}};
   const RadarProfile p = parse_profile(four_subframes(), "x.cfg"),
@@ -285,7 +287,7 @@ TEST_CASE("subframes that differ in start frequency share one axis and send one 
   CHECK(p.frame_period_s == 0.0125);
 }
 
-TEST_CASE("subframes that differ in more than the start frequency are refused with the line") {
+TEST_CASE("radar subframes that differ in slope, samples or antennas are refused with the line") {
   for (const auto& [from, to] : std::vector<std::pair<std::string, std::string>>{
            {"0 0 18.75 1 60 2000 0 0 30\nchirp", "0 0 15 1 60 2000 0 0 30\nchirp"},  // slope
            {"1 60 2000 0 0 30\nchirp", "1 64 2000 0 0 30\nchirp"},                   // samples
@@ -301,7 +303,7 @@ TEST_CASE("subframes that differ in more than the start frequency are refused wi
   CHECK(refusal(changed("advFrameCfg 4", "% advFrameCfg 4")) == "x.cfg: has no advFrameCfg");
 }
 
-TEST_CASE("profile codes and powers convert both ways, and doubled magnitude is 6.02 dB") {
+TEST_CASE("radar codes convert to power and back, and a doubled magnitude is 6.02 dB") {
   for (const double antennas : {1.0, 4.0, 8.0, 12.0})
     for (double code = 1; code < 12'000; code += 37)
       CHECK(code_from_power(power_from_code(code, antennas), antennas) ==

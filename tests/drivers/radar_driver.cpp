@@ -116,7 +116,7 @@ struct Bench {
 
 }  // namespace
 
-TEST_CASE("the radar driver sends the cfg unchanged, then receives frames") {
+TEST_CASE("the radar driver sends the cfg unchanged and then receives frames") {
   Bench b;
   Board board(b.loop, b.dir);
   board.answers["version"] = "mmWave SDK Version      : 03.05.00.04\n\rDone\n\r";
@@ -155,7 +155,7 @@ TEST_CASE("the radar driver sends the cfg unchanged, then receives frames") {
   CHECK(b.sink.calls() == calls);
 }
 
-TEST_CASE("a heat map of another board is dropped, its range profile is kept") {
+TEST_CASE("a heat map of another board is dropped, and its range profile is kept") {
   Bench b;
   Board board(b.loop, b.dir);
   std::string text = cfg;
@@ -194,7 +194,7 @@ TEST_CASE("a missing radar port is reported with its name") {
   CHECK_THAT(b.sink.events.at(0), Catch::Contains(b.dir + "/cli: open: No such file or directory"));
 }
 
-TEST_CASE("swapped radar ports are detected by their names at the start") {
+TEST_CASE("swapped radar ports are detected by their names when the driver starts") {
   Bench b;
   const std::string by_id = "serial:/dev/serial/by-id/usb-Texas_Instruments_XDS110_R1-if0";
   const auto swapped = make_radar(b.loop, {by_id + "3", by_id + "0", cfg, "x.cfg"});

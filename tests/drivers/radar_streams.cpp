@@ -154,7 +154,7 @@ Bytes part(const Bytes& whole, std::size_t from, std::size_t to) {
 
 }  // namespace
 
-TEST_CASE("each TLV type is counted") {
+TEST_CASE("the radar parser counts the TLVs of each type") {
   const Parsed s = parse(stream(50, demo));
   CHECK(s.numbers == from_to(1, 50));
   CHECK(s.counts.tlvs ==
@@ -163,7 +163,7 @@ TEST_CASE("each TLV type is counted") {
   CHECK(s.bins == std::map<std::size_t, int>{{256, 50}});
 }
 
-TEST_CASE("with heat maps, a start, an end or a gap at any byte loses one frame") {
+TEST_CASE("a stream of heat maps loses one frame if it starts, ends or has a gap at any byte") {
   const Bytes all = stream(3, azimuth);
   const std::size_t size = all.size() / 3;
   CHECK(size == 8832);
@@ -205,7 +205,7 @@ TEST_CASE("a stream that ends within a radar frame delivers all earlier frames")
   }
 }
 
-TEST_CASE("frames shorter than their header's length are not delivered") {
+TEST_CASE("radar frames that are shorter than the length in their header are not delivered") {
   const std::size_t missing = GENERATE(1u, 7u, 31u, 32u, 100u, 500u);
   const Bytes one = frame_of(demo, 1);
   const Bytes all =
@@ -217,7 +217,7 @@ TEST_CASE("frames shorter than their header's length are not delivered") {
   CHECK(s.counts.truncated_bytes == all.size());
 }
 
-TEST_CASE("a partial frame before a reset is not completed by later bytes") {
+TEST_CASE("a partial radar frame before a reset is not completed by later bytes") {
   const Bytes before = frame_of(demo, 5000), after = stream(3, demo);
   for (const std::size_t cut : {41u, 100u, 400u, 600u}) {
     Bytes all = part(before, 0, cut);
@@ -230,21 +230,21 @@ TEST_CASE("a partial frame before a reset is not completed by later bytes") {
   }
 }
 
-TEST_CASE("TLVs of other TI labs are counted and skipped") {
-  SECTION("vital signs: type 6 is not stats, type 2 is another profile") {
+TEST_CASE("TLVs of other TI demos are counted and skipped") {
+  SECTION("TLV type 6 of the vital signs demo is not decoded as statistics") {
     const Parsed s = parse(stream(30, vital_signs));
     CHECK(s.numbers == from_to(1, 30));
     CHECK(s.counts.tlvs == std::map<std::uint32_t, std::uint64_t>{{2, 30}, {6, 30}});
     CHECK(s.counts.other_tlvs == 30);
     CHECK(s.bins == std::map<std::size_t, int>{{38, 30}});
   }
-  SECTION("lengths that are not multiples of 32") {
+  SECTION("frames with lengths that are not multiples of 32 are parsed") {
     const Parsed s = parse(stream(30, exact));
     CHECK(s.numbers == from_to(1, 30));
     CHECK(s.counts.tlvs == std::map<std::uint32_t, std::uint64_t>{{2, 30}, {1010, 30}});
     CHECK(s.counts.junk_bytes == 0);
   }
-  SECTION("unknown types use bounded memory") {
+  SECTION("hundreds of unknown TLV types use bounded memory") {
     const Parsed s = parse(stream(300, [](std::uint32_t i) {
       return frame_of(Lab{.tlvs = {{1000 + i, 12}}}, i);
     }));
@@ -254,8 +254,8 @@ TEST_CASE("TLVs of other TI labs are counted and skipped") {
   }
 }
 
-TEST_CASE("other headers with the same magic are refused, frame by frame") {
-  SECTION("48 bytes") {
+TEST_CASE("frames of other demos with the same magic word are refused one by one") {
+  SECTION("a frame with a 48-byte header is refused") {
     for (const std::uint32_t track_us : {0u, 1u, 16u, 400u, 100'000u}) {
       const Parsed s = parse(stream(60, [&](std::uint32_t i) { return frame_48(i, track_us); }));
       CAPTURE(track_us);
@@ -263,13 +263,13 @@ TEST_CASE("other headers with the same magic are refused, frame by frame") {
       CHECK(s.counts.bad_headers + s.counts.bad_tlvs == 60);
     }
   }
-  SECTION("52 bytes") {
+  SECTION("a frame with a 52-byte header is refused") {
     const Parsed s = parse(stream(60, frame_52));
     CHECK(s.numbers.empty());
     CHECK(s.counts.bad_headers == 60);
     CHECK(s.counts.junk_bytes == s.counts.bytes);
   }
-  SECTION("frames of the demo between them are delivered") {
+  SECTION("valid frames between refused frames are delivered") {
     const Parsed s = parse(stream(60, [](std::uint32_t i) {
       return i % 3 == 0 ? frame_48(i, 300) : i % 3 == 1 ? frame_52(i) : frame_of(demo, i);
     }));
@@ -278,7 +278,7 @@ TEST_CASE("other headers with the same magic are refused, frame by frame") {
   }
 }
 
-TEST_CASE("a TLV count that does not fill the packet counts as a damaged header") {
+TEST_CASE("a TLV count that does not fill the radar packet counts as a damaged header") {
   const Parsed s = parse(stream(3, [](std::uint32_t i) {
     Bytes one = frame_of(demo, i);
     if (i == 2) one[32] = 1;
@@ -289,7 +289,7 @@ TEST_CASE("a TLV count that does not fill the packet counts as a damaged header"
   CHECK(s.counts.lost_frames == 1);
 }
 
-TEST_CASE("a jump of frame numbers is accepted once the next number follows") {
+TEST_CASE("a jump in radar frame numbers is accepted once the next number follows") {
   const auto lost = [](const Numbers& numbers) {
     FrameParser parser;
     std::uint64_t sum = 0;
@@ -315,7 +315,7 @@ TEST_CASE("a jump of frame numbers is accepted once the next number follows") {
   CHECK(lost({0xfffffffe, 0xffffffff, 0, 1}) == Result{0, 0});    // the counter wraps
 }
 
-TEST_CASE("a jump at the end of a connection counts as loss before the next frame") {
+TEST_CASE("a frame number jump at the end of a connection counts as loss before the next frame") {
   FrameParser parser;
   std::vector<std::uint32_t> lost;
   const auto add = [&](const RadarFrame& f) { lost.push_back(f.lost_before); };
@@ -326,7 +326,7 @@ TEST_CASE("a jump at the end of a connection counts as loss before the next fram
   CHECK(parser.counts().lost_frames == 491 + 2);
 }
 
-TEST_CASE("under random faults the frame parser delivers exactly the complete frames") {
+TEST_CASE("the radar parser delivers exactly the complete frames under random faults") {
   for (std::uint32_t seed = 1; seed <= 150; ++seed) {
     Rng rng = make_rng(seed, 6);
     Bytes bytes;

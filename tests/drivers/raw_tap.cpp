@@ -73,7 +73,7 @@ TEST_CASE("raw capture writes one file per connection, created at the first byte
   CHECK(keeper.finish().dropped == 4);
 }
 
-TEST_CASE("without raw capture the port opener is unchanged") {
+TEST_CASE("the port opener is unchanged if raw capture is off") {
   VirtualLoop loop;
   const auto port = tap(
       loop, [] { return std::make_unique<Speaker>(); }, nullptr, "x", ".y")();
@@ -107,8 +107,8 @@ TEST_CASE("raw capture ends at its first failure and reports it once") {
   const Folder folder;
   RawLimits limits{.reserve_bytes = 0};
   const char* why = "";
-  SECTION("removed folder") { why = "No such file or directory"; }
-  SECTION("disk full") {
+  SECTION("the capture folder was removed") { why = "No such file or directory"; }
+  SECTION("the disk has no free space") {
     limits.reserve_bytes = UINT64_MAX;
     why = "(reserved for the run)";
   }

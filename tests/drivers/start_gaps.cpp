@@ -34,7 +34,7 @@ double share_of(const std::vector<Tag>& tags) {
 
 }  // namespace
 
-TEST_CASE("click probability follows from gaps between starts with a conditional filter") {
+TEST_CASE("with a conditional filter the click probability is computed from gaps between starts") {
   Rng rng = make_rng(7, 0);
   for (const double chance : {0.03, 0.1, 0.5, 0.95}) {
     const double n = 1e6 * chance, gaps = std::min(n, 1e5);
@@ -51,7 +51,7 @@ TEST_CASE("without a conditional filter the pulse count does not depend on brigh
     CHECK(share_of(pulses(chance, false, 20'000, rng)) == 1);
 }
 
-TEST_CASE("gaps in the stream and damaged time stamps do not count as pulses") {
+TEST_CASE("gaps in the tags and damaged time stamps do not count as laser pulses") {
   Rng rng = make_rng(7, 2);
   auto tags = pulses(0.1, true, 1'000'000, rng);
   const double whole = share_of(tags);

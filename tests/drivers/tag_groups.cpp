@@ -67,7 +67,7 @@ std::vector<Tag> stream(Rng& rng, std::size_t size, bool near_wrap, std::uint64_
 
 }  // namespace
 
-TEST_CASE("tags counted in groups give the counts of single tags") {
+TEST_CASE("tags counted in SIMD groups give the same counts as one by one") {
   const int streams = std::getenv("ECHOFUSE_LONG") ? 200'000 : 2000;
   constexpr std::uint64_t marker_among[] = {0, 40, 4};
   for (int i = 0; i < streams; ++i) {
@@ -82,13 +82,13 @@ TEST_CASE("tags counted in groups give the counts of single tags") {
   }
 }
 
-TEST_CASE("tags counted in groups give the counts of single tags, in a long block") {
+TEST_CASE("tags of a long block counted in SIMD groups give the same counts as one by one") {
   Rng rng = make_rng(1, 19);
   for (const std::uint64_t marker_among : {0, 1000})
     compare({}, stream(rng, 100'000, true, marker_among), 65'536);
 }
 
-TEST_CASE("bin edges are exact for tags counted in groups") {
+TEST_CASE("histogram bin edges are exact for tags counted in SIMD groups") {
   const std::int64_t width = 67'108'863;  // 2^26 - 1: not a power of two
   const std::uint32_t bins = 1u << 24;
   std::vector<Tag> tags{{.channel = 1, .time_ps = 5}};

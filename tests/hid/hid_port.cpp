@@ -110,7 +110,7 @@ TEST_CASE("the CP2110 with the requested serial number is opened and configured"
   CHECK(a.device.baud() == 115200);
 }
 
-TEST_CASE("an address that matches two CP2110 is refused") {
+TEST_CASE("an address that matches two CP2110 devices is refused") {
   Bridge a("A", 0), b("B", 1);
   Host host;
   host.open();
@@ -147,7 +147,7 @@ TEST_CASE("bytes received before a HID port was opened are discarded") {
   CHECK(host.received == fresh);
 }
 
-TEST_CASE("HID reports with a wrong count are limited to their bytes") {
+TEST_CASE("HID reports with a wrong byte count are limited to the received bytes") {
   Bridge bridge;
   Host host;
   host.opens();
@@ -186,7 +186,7 @@ TEST_CASE("a baud rate above the USB throughput causes a warning") {
   CHECK(host.warnings.empty());
 }
 
-TEST_CASE("an unplugged HID port fails once, and its address is not found") {
+TEST_CASE("an unplugged HID port fails once, and opening it again reports no such device") {
   Bridge bridge;
   Host host;
   host.opens("A");
@@ -223,7 +223,7 @@ TEST_CASE("a CP2110 is reopened after each of 100 disconnections") {
        << std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() << " s");
 }
 
-TEST_CASE("a wrong serial number is refused with a list of attached CP2110") {
+TEST_CASE("a wrong serial number is refused with a list of attached CP2110 devices") {
   Bridge bridge("A");
   Host host;
   host.open("Z");
@@ -231,7 +231,7 @@ TEST_CASE("a wrong serial number is refused with a list of attached CP2110") {
   CHECK(host.why == "hid:10c4:ea80:Z: open (attached: A): No such device");
 }
 
-TEST_CASE("a CP2110 in use by another program is not opened, and can be opened later") {
+TEST_CASE("a CP2110 in use by another program is refused and can be opened later") {
   Bridge bridge;
   Host first, second;
   first.opens("A");
@@ -248,7 +248,7 @@ TEST_CASE("a CP2110 in use by another program is not opened, and can be opened l
   second.opens();
 }
 
-TEST_CASE("a missing permission is reported with its remedy at open and in the listing") {
+TEST_CASE("a missing permission is reported with its remedy when a CP2110 is opened or listed") {
   Bridge bridge;
   const std::string root = test::bed().root(), node = root + "/dev/hidraw0";
   // The emulation's files are readable for everyone; only the node is not.
@@ -306,7 +306,7 @@ TEST_CASE("the devices command lists the CP2110") {
                        Catch::Contains("radar.cli or radar.data = \"hid:10c4:ea80:00A1\""));
 }
 
-TEST_CASE("a HID port can be destroyed at any time without later events") {
+TEST_CASE("a HID port can be destroyed at any time, and no event follows") {
   Bridge bridge;
   Host host;
   for (int i = 0; i < 20; ++i) {

@@ -49,7 +49,7 @@ struct Bench {
 
 }  // namespace
 
-TEST_CASE("cfg dialogue and frames work over two HID ports, also after a reconnection") {
+TEST_CASE("the cfg dialogue and radar frames work over two HID ports, also after a reconnection") {
   Bench b;
   b.driver->start(b.sink);
   REQUIRE(run_until(
@@ -79,7 +79,7 @@ TEST_CASE("cfg dialogue and frames work over two HID ports, also after a reconne
   b.board->stop();
 }
 
-TEST_CASE("a radar stream over HID reports and counts an overrun") {
+TEST_CASE("a radar stream over HID reports and counts a receive overrun") {
   Bench b;
   b.driver->start(b.sink);
   REQUIRE(run_until(

@@ -128,7 +128,7 @@ TEST_CASE("a USB tagger is found, started, read and stopped") {
   CHECK(run_until(b.loop, [&] { return b.stops == 1 && !b.device.claimed(); }));
 }
 
-TEST_CASE("the listing finds a USB tagger by its interface") {
+TEST_CASE("the device list finds a USB tagger by its interface") {
   Bench b;
   const auto list = inventory::list_attached();
   REQUIRE(list.size() == 1);
@@ -137,7 +137,7 @@ TEST_CASE("the listing finds a USB tagger by its interface") {
   CHECK(list[0].nodes.at(0).address == address);
 }
 
-TEST_CASE("all tags of a simulated USB tagger arrive") {
+TEST_CASE("all tags of a simulated USB tagger are received") {
   Simulated s;
   REQUIRE(run_until(s.loop, [&] { return s.sent(0) > 500'000; }));
   s.tagger->stop();
@@ -155,7 +155,7 @@ TEST_CASE("a USB tagger with a full FIFO reports its lost tags") {
   CHECK(s.sink.state() == DeviceState::streaming);
 }
 
-TEST_CASE("USB transfers may split blocks anywhere, and short or empty packets lose no tags") {
+TEST_CASE("USB transfers that split blocks, and short or empty packets, lose no tags") {
   Bench b;
   b.connect();
   const Bytes all = join({b.tags(50'000), b.tags(0), b.tags(50'000)});
@@ -175,19 +175,19 @@ TEST_CASE("USB transfers may split blocks anywhere, and short or empty packets l
   CHECK(b.count("junk_bytes") == 0);
 }
 
-TEST_CASE("a lost byte or a halted endpoint is reported once, and the connection is restored") {
+TEST_CASE("a lost byte or a halted endpoint is reported once, and the USB connection is restored") {
   Bench b;
   b.connect();
   b.device.send(b.tags(5));
   REQUIRE(b.arrived(5));
   std::string expected;
-  SECTION("a lost byte") {
+  SECTION("a byte of a block is lost") {
     Bytes run = b.tags(5);
     run.erase(run.begin() + 40);
     b.device.send(join({run, b.tags(5)}));
     expected = "block has a wrong checksum";
   }
-  SECTION("a halted endpoint") {
+  SECTION("the USB endpoint is halted") {
     b.device.halt();
     expected = std::string(address) + ": endpoint halted: Broken pipe";
   }
@@ -202,7 +202,7 @@ TEST_CASE("a lost byte or a halted endpoint is reported once, and the connection
   CHECK(b.count("connections") == 2);
 }
 
-TEST_CASE("a tagger is reopened after an unplug during a transfer") {
+TEST_CASE("a USB tagger is reopened after an unplug during a transfer") {
   Bench b;
   b.connect();
   const std::size_t cycles = std::getenv("ECHOFUSE_LONG") ? 30 : 3;
@@ -249,17 +249,17 @@ TEST_CASE("a USB tagger that cannot be opened is reported in one line") {
     REQUIRE(b.sink.events.size() == 1);
     return b.sink.events[0];
   };
-  SECTION("another serial number") {
+  SECTION("the attached tagger has another serial number") {
     Bench b;
     CHECK(refusal(b, "usb:1209:0001:T2") ==
           "usb:1209:0001:T2: open; only T1 is attached: No such device");
   }
-  SECTION("not attached") {
+  SECTION("no tagger is attached") {
     Bench b;
     b.device.unplug();
     CHECK(refusal(b, address) == std::string(address) + ": open: No such device");
   }
-  SECTION("two taggers, no serial number") {
+  SECTION("two taggers are attached and no serial number is given") {
     Bench b;
     sim::UsbDevice other(b.bed,
                          {.vendor = 0x1209,
@@ -280,13 +280,13 @@ TEST_CASE("a USB tagger that cannot be opened is reported in one line") {
     b.connect();
     b.driver.reset();
   }
-  SECTION("other device type") {
+  SECTION("the attached device is of another type") {
     Bench::subclass = 0;
     Bench b;
     Bench::subclass = 0x45;
     CHECK_THAT(refusal(b, address), Catch::Contains("no interface for blocks"));
   }
-  SECTION("in use") {
+  SECTION("the tagger is in use by another program") {
     Bench b;
     b.connect();
     auto second = make_tdc(b.loop, {address});

@@ -42,7 +42,7 @@ class Audit(unittest.TestCase):
         for device, loss in (("tdc", "not delivered: dropped"), ("radar", "counted as lost"), ("depth", "counted as lost")):
             self.assertGreater(account[device].get(loss, 0), 0, (device, loss))
 
-    def test_manipulated_counts_are_detected(self):
+    def test_audit_detects_manipulated_counts(self):
         last = "idx = (SELECT max(idx) FROM record WHERE {}_frames > 0)"
         first = "idx = (SELECT min(idx) FROM record WHERE {}_frames > 0)"
         for statement, sensor in (

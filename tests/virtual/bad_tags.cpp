@@ -106,7 +106,7 @@ TEST_CASE("a tag stream without faults causes no event") {
   for (const auto& r : run.records) CHECK(r.sync[Sensor::spd].verdict == "ok");
 }
 
-TEST_CASE("wrapped tag times are continued and cause an event") {
+TEST_CASE("tag times that wrap are continued and cause an event") {
   const int bits = GENERATE(32, 40);
   const Outcome run = run_of(
       {.pulse = ordinary, .time = [=](std::int64_t t) { return t % (std::int64_t{1} << bits); }});
@@ -120,13 +120,13 @@ TEST_CASE("wrapped tag times are continued and cause an event") {
   }
 }
 
-TEST_CASE("backward steps of tag times are counted") {
+TEST_CASE("backward steps in tag times are counted") {
   const Outcome run =
       run_of({.pulse = ordinary, .time = [](std::int64_t t) { return t % (3 * s); }});
   CHECK_THAT(run.events.at(0), Catch::Contains("1 steps back of the tagger's time by up to 3 s"));
 }
 
-TEST_CASE("a tagger clock that drifts from the host's is reported") {
+TEST_CASE("a tagger clock that drifts from the host clock is reported") {
   const auto [divisor, text] = GENERATE(table<std::int64_t, const char*>(
       {{1000, "1/1000 of the rate of the host clock"}, {2, "1/2 of"}}));
   const Outcome run =
@@ -140,7 +140,7 @@ TEST_CASE("a tagger clock that drifts from the host's is reported") {
   }
 }
 
-TEST_CASE("a tagger overflow without an end causes a verdict and an event") {
+TEST_CASE("a tagger overflow that never ends causes a verdict and an event") {
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     if (i == 16'000) out.push_back(tag(0, at, TagType::overflow_begin));
     ordinary(out, i, at);
@@ -152,7 +152,7 @@ TEST_CASE("a tagger overflow without an end causes a verdict and an event") {
   }));
 }
 
-TEST_CASE("an overflow that ends, or reports missed events, is not reported as endless") {
+TEST_CASE("a tagger overflow that ends, or reports missed events, is not reported as endless") {
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     if (i == 16'000) out.push_back(tag(0, at, TagType::overflow_begin));
     if (i == 18'000) out.push_back(tag(0, at, TagType::overflow_end));
@@ -162,7 +162,7 @@ TEST_CASE("an overflow that ends, or reports missed events, is not reported as e
   CHECK(run.verdict(9) == "ok");
 }
 
-TEST_CASE("missing, doubled and faster start pulses cause events") {
+TEST_CASE("missing, doubled and faster start pulses each cause an event") {
   std::mt19937 random(1);
   const Outcome missing = run_of({.pulse = [&](auto& out, std::int64_t i, std::int64_t at) {
     if (random() % 10 >= 3) out.push_back(tag(1, at));
@@ -202,7 +202,7 @@ TEST_CASE("records with lost start pulses are lossy if the laser rate is known")
                  Catch::EndsWith(" % of the 4000 expected start pulses received"));
 }
 
-TEST_CASE("a conditional filter, which passes only starts with a click, causes no event") {
+TEST_CASE("a conditional filter that passes only starts with a click causes no event") {
   std::mt19937 random(1);
   const Outcome run = run_of({.pulse = [&](auto& out, std::int64_t i, std::int64_t at) {
     if (random() % 5 > 0) return;
@@ -223,7 +223,7 @@ TEST_CASE(
                                             std::string(fits)));
 }
 
-TEST_CASE("afterpulses cause an event that names the second peak") {
+TEST_CASE("afterpulses cause an event that reports the second peak") {
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     ordinary(out, i, at);
     if (i % 25 == 0) out.push_back(tag(2, at + click_after(i) + 15 * ns));

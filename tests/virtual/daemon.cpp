@@ -19,8 +19,7 @@ using test::has;
 using test::Strings;
 using namespace std::chrono_literals;
 
-TEST_CASE(
-    "without faults each slot has a complete record, and no data are lost, late or doubtful") {
+TEST_CASE("a run without faults has a complete record for each slot and no lost or late data") {
   Bench b;
   CHECK(b.lab->record(b.run(40)) == ExitCode::ok);
   const auto all = b.records();
@@ -41,7 +40,7 @@ TEST_CASE(
   CHECK(b.reader().info().status == "complete");
 }
 
-TEST_CASE("a run continues without devices, and records are complete when they return") {
+TEST_CASE("a run continues without devices, and records are complete when the devices return") {
   Bench b({.faults = {fault("tdc", FaultKind::unplug, 30, 30),
                       fault("radar", FaultKind::unplug, 30, 30),
                       fault("depth", FaultKind::unplug, 30, 30)}});
@@ -81,13 +80,13 @@ TEST_CASE("missing and unconfigured devices have different verdicts") {
 }
 
 TEST_CASE("a run needs its required devices, and records without them are incomplete") {
-  SECTION("at the start") {
+  SECTION("a run is refused if a required device is missing at the start") {
     Bench b({.radar_required = true});
     b.unplug_radar();
     CHECK_THROWS_WITH(b.lab->record(b.run(4)),
                       Catch::Contains("a required device delivered no data"));
   }
-  SECTION("during the run") {
+  SECTION("records are incomplete while a required device is disconnected") {
     Bench b({.faults = {fault("radar", FaultKind::unplug, 30, 15)}, .radar_required = true});
     CHECK(b.lab->record(b.run(20)) == ExitCode::ok);
     const auto all = b.records();
@@ -99,7 +98,7 @@ TEST_CASE("a run needs its required devices, and records without them are incomp
   }
 }
 
-TEST_CASE("a raw capture with faults and reconnections reproduces the live run bitwise") {
+TEST_CASE("a raw capture with faults and reconnections reproduces the live run bit by bit") {
   const double window_s =
       GENERATE(3.0, 12.0);  // longer slots do not align to a multiple of their length
   Bench b({.window_s = window_s,
@@ -155,19 +154,21 @@ TEST_CASE("a raw capture without a slot, with missing bytes or with a damaged ti
     return std::string("none");
   };
   std::string name = "tags.times", text = "1000000000 open 0\n1000000000 bytes 99999999999\n", why;
-  SECTION("extra bytes") { why = "tags.times: lists more bytes than 1 files contain"; }
-  SECTION("missing line") {
+  SECTION("a file of times lists more bytes than were captured") {
+    why = "tags.times: lists more bytes than 1 files contain";
+  }
+  SECTION("a file of times has a line without a value") {
     text = "1000000000 open\n";
     why = "tags.times: expected TIME WHAT VALUE, found \"1000000000 open\"";
   }
-  SECTION("missing slot") {
+  SECTION("a file of times has no complete slot") {
     name = "run.times", why = "run.times: the raw capture has no complete slot";
   }
-  SECTION("time beyond 36 years") {
+  SECTION("a file of times has a time beyond 36 years") {
     name = "run.times", text = "0 start 1\n9223372036854775807 slots 1000000000\n";
     why = "expected TIME WHAT VALUE, found \"9223372036854775807 slots 1000000000\"";
   }
-  SECTION("first slot years after the start") {
+  SECTION("a file of times has its first slot years after the start") {
     name = "run.times",
     why = "run.times: the first slot begins 1000000000.000000 s after the start of the run";
     text = "0 start 0\n1000000000000000000 slots 1000000000\n1000000001000000000 closed 0\n";
@@ -179,7 +180,7 @@ TEST_CASE("a raw capture without a slot, with missing bytes or with a damaged ti
     CHECK(file.path().filename().string().find("x.sqlite") == std::string::npos);
 }
 
-TEST_CASE("option --countdown delays the first slot") {
+TEST_CASE("the option --countdown of the run command delays the first slot") {
   const auto first = [](std::int64_t countdown_s) {
     Bench b({.window_s = 1});
     auto run = b.run(2);
@@ -218,7 +219,7 @@ TEST_CASE("a weak laser is reported once and counted in each record") {
   CHECK(b.events("spd").size() == 1);
 }
 
-TEST_CASE("a fading laser, a frozen camera and a frozen radar are reported once each") {
+TEST_CASE("a fading laser, a frozen camera and a frozen radar are each reported once") {
   Bench b({.faults = {fault("tdc", FaultKind::gain, 60, 15, 0.03),
                       fault("depth", FaultKind::freeze, 90, 15),
                       fault("radar", FaultKind::freeze, 120, 15)},
@@ -258,7 +259,7 @@ TEST_CASE("records that lost most of their frames are lossy but valid, and repor
   CHECK_THAT(record::doubts_of(b.reader().summary()), Catch::Contains("radar lossy "));
 }
 
-TEST_CASE("simulated scenes are aligned to slots") {
+TEST_CASE("simulated scenes change at slot boundaries") {
   Bench b({.window_s = 1,
            .hold_s = 1,
            .scenes = "[[scene]]\nkind = \"person\"\nx_m = 0.0\nz_m = 3.0\nyaw_deg = 0.0\n"
@@ -296,7 +297,7 @@ TEST_CASE("slots keep their length when the system clock is set") {
   CHECK(steps == std::vector<double>{seconds(day), seconds(-2 * day)});
 }
 
-TEST_CASE("a run is refused if UTC overflows its type") {
+TEST_CASE("a run is refused if the system clock is near the end of its UTC type") {
   Bench b;
   b.lab->loop.step_utc(24h * 365 * 237);
   CHECK_THROWS_WITH(b.lab->record(b.run(1)), Catch::Contains("the system clock is at 226"));
@@ -320,7 +321,7 @@ TEST_CASE("a disconnected device stays locked against another run") {
   CHECK(refused.find("in use by echofuse-acquire run") != std::string::npos);
 }
 
-TEST_CASE("a camera that reconnects with another axis is not used, other devices are") {
+TEST_CASE("a camera that reconnects with another axis is not used, but other devices are") {
   Bench b({.faults = {fault("depth", FaultKind::unplug, 20, 6)}});
   port::Timer meanwhile(b.lab->loop);
   meanwhile.after(23s, [&] { b.lab->turn_camera(); });
@@ -330,7 +331,7 @@ TEST_CASE("a camera that reconnects with another axis is not used, other devices
   CHECK(has(b.events("depth"), "reconnected with different axes"));
 }
 
-TEST_CASE("a radar that reconnects with another clock is placed by that clock") {
+TEST_CASE("frames of a radar that reconnects with another clock are placed by that clock") {
   const double by_s = GENERATE(-10.0, -0.4, 2.0, 10.0);
   CAPTURE(by_s);
   Bench b({.faults = {fault("radar", FaultKind::unplug, 20, 10),

@@ -192,16 +192,16 @@ ExitCode calibrate(Laboratory& lab, bool check = false, acquire::CalibrateOption
 
 TEST_CASE("the radar is stopped after a run or a failed start, unless it is kept running") {
   Bench b;
-  SECTION("after a run") {
+  SECTION("the radar is stopped after a run") {
     CHECK(b.lab->record(b.run(2)) == ExitCode::ok);
     CHECK_FALSE(b.lab->radar_radiates());
   }
-  SECTION("keep running") {
+  SECTION("the radar is kept running by radar.keep_running") {
     b.lab->set({"radar.keep_running=true"});
     CHECK(b.lab->record(b.run(2)) == ExitCode::ok);
     CHECK(b.lab->radar_radiates());
   }
-  SECTION("failed start") {
+  SECTION("the radar is stopped after a failed start") {
     b.lab->loop.ports.erase(b.lab->config().tdc.address);
     b.lab->set({"tdc.policy=required"});
     CHECK_THROWS_WITH(b.lab->record(b.run(2)), Catch::Contains("a required device"));
@@ -218,7 +218,7 @@ TEST_CASE("a radar that does not answer sensorStop causes a warning and a short 
   CHECK(has(b.events("radar"), "device did not confirm the stop and may still be sending"));
 }
 
-TEST_CASE("a cfg for another SDK is reported with the cfg to use") {
+TEST_CASE("a radar cfg for another SDK is reported with the cfg to use") {
   const auto [sdk, cfg, told] = GENERATE(table<unsigned, const char*, const char*>(
       {{4, "xwr68xx_44mm_sdk3.4.cfg", ""},
        {5, "xwr68xx_44mm.cfg", ""},
@@ -236,7 +236,7 @@ TEST_CASE("a cfg for another SDK is reported with the cfg to use") {
                Catch::StartsWith("mmWave SDK 03.0" + std::to_string(sdk)));
 }
 
-TEST_CASE("buffered tags go to the slot of their time stamps, or are counted as late there") {
+TEST_CASE("buffered tags are assigned to the slot of their time stamps, or counted there as late") {
   Bench b({.window_s = 0.5});
   Keeper keeper(b.lab->loop, b.lab->loop.ports.at(b.lab->config().tdc.address));
   port::Timer away(b.lab->loop), back(b.lab->loop);
@@ -256,7 +256,7 @@ TEST_CASE("buffered tags go to the slot of their time stamps, or are counted as 
   CHECK(std::count_if(all.begin(), all.end(), [](auto& r) { return !r.has(Sensor::spd); }) >= 2);
 }
 
-TEST_CASE("calibrate measures and stores offsets, and a run uses them") {
+TEST_CASE("the calibrate command measures and stores offsets, and a run uses them") {
   Bench b(reflector());
   const std::string stored = b.folder / "calibration.toml";
   b.lab->set({"run.calibration=" + stored}, false);
@@ -287,7 +287,7 @@ TEST_CASE("calibrate measures and stores offsets, and a run uses them") {
   CHECK(calibrate(*slipped.lab, true) == ExitCode::failed);
 }
 
-TEST_CASE("both reflector mountings give equal offsets, the wrong mounting an error") {
+TEST_CASE("both reflector mountings give equal offsets, and the wrong mounting gives an error") {
   const auto stated = GENERATE(acquire::Mounting::detector, acquire::Mounting::each);
   const std::string placed = GENERATE("detector", "each");
   CAPTURE(acquire::name_of(stated), placed);
@@ -313,7 +313,7 @@ TEST_CASE("both reflector mountings give equal offsets, the wrong mounting an er
   CHECK(c.baseline_m == 0.5);
 }
 
-TEST_CASE("both reflector mountings give the antennas' gains and phases") {
+TEST_CASE("both reflector mountings give the gains and phases of the antennas") {
   const std::string placed = GENERATE("detector", "each");
   LaboratoryOptions options = reflector(0, placed);
   options.radar_cfg = "xwr68xx_azimuth_44mm.cfg";
@@ -339,7 +339,7 @@ TEST_CASE("both reflector mountings give the antennas' gains and phases") {
   }
 }
 
-TEST_CASE("a bridged radar is calibrated with its range profile") {
+TEST_CASE("a radar behind a bridge is calibrated with its range profile") {
   Bench b(reflector());
   const std::string stored = b.folder / "c.toml";
   BridgedDevice device(b.lab->loop, 5, R"({"model":"R","serial":"R1","firmware":"1"})",
@@ -367,7 +367,7 @@ TEST_CASE("a bridged radar is calibrated with its range profile") {
 }
 
 TEST_CASE("a failed calibration is not stored") {
-  SECTION("one frame per repeat, no spread") {
+  SECTION("one frame per repeat gives no spread") {
     LaboratoryOptions slow = reflector();
     slow.radar_cfg = "xwr68xx_azimuth_44mm.cfg";
     Bench b(slow);
@@ -377,7 +377,7 @@ TEST_CASE("a failed calibration is not stored") {
     CHECK(calibrate(*b.lab, false, options, 0.12, 12) == ExitCode::device);
     CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
   }
-  SECTION("no reflector") {
+  SECTION("no reflector is in the field of view") {
     LaboratoryOptions empty = reflector();
     empty.scene = "empty";
     Bench b(empty);
@@ -385,7 +385,7 @@ TEST_CASE("a failed calibration is not stored") {
     CHECK(calibrate(*b.lab) == ExitCode::device);
     CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
   }
-  SECTION("counting board, which sends histograms") {
+  SECTION("a counting board sends histograms instead of tags") {
     Bench b(reflector());
     BridgedDevice device(
         b.lab->loop, 4, R"({"model":"B","serial":"B1","firmware":"1","sends":"histograms"})",
@@ -404,7 +404,7 @@ TEST_CASE("a failed calibration is not stored") {
         said, Catch::Contains("the sensor sends histograms; calibrate supports time taggers only"));
     CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
   }
-  SECTION("a saturated detector") {
+  SECTION("the detector is saturated") {
     LaboratoryOptions bright = reflector();
     bright.laser_rate_hz = 1e4;
     Bench b(bright);
@@ -413,13 +413,13 @@ TEST_CASE("a failed calibration is not stored") {
     CHECK(calibrate(*b.lab) == ExitCode::device);
     CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
   }
-  SECTION("verification without calibration") {
+  SECTION("verification is requested but there is no calibration") {
     Bench b(reflector());
     CHECK_THROWS_WITH(calibrate(*b.lab, true), Catch::Contains("no calibration to compare with"));
   }
 }
 
-TEST_CASE("doctor warns of a blocked laser with a run's verdict") {
+TEST_CASE("the doctor command warns of a blocked laser with the verdict of a run") {
   const auto said = [](double photons) {
     Bench b({.signal_photons = photons,
              .change = [](sim::Conditions& c) { c.background_counts = 1000; }});
@@ -436,7 +436,7 @@ TEST_CASE("doctor warns of a blocked laser with a run's verdict") {
              Catch::Contains("\nwarning  spd  ") && Catch::Contains("-> no peak: no bins"));
 }
 
-TEST_CASE("doctor exits with the code of its first problem, devices before disk") {
+TEST_CASE("doctor exits with the code of its first problem, and device problems come first") {
   Bench b;
   const auto examine = [&](std::optional<std::int64_t> count) {
     acquire::DoctorOptions options;
@@ -444,14 +444,14 @@ TEST_CASE("doctor exits with the code of its first problem, devices before disk"
     return acquire::examine(b.lab->config(), options, b.lab->loop);
   };
   b.lab->set({"run.folder=" + b.folder / ""});
-  SECTION("no problem") {
+  SECTION("all configured devices deliver data") {
     b.lab->set({"radar.cli=", "radar.data="});
     CHECK(examine(40) == ExitCode::ok);
     CHECK(examine(1'000'000'000'000) == ExitCode::disk);
     b.lab->set({"tdc.start_channel=7"});
     CHECK(examine(1'000'000'000'000) == ExitCode::device);
   }
-  SECTION("missing radar") {
+  SECTION("the radar is missing") {
     b.unplug_radar();
     CHECK(examine(1'000'000'000'000) == ExitCode::device);
   }
