@@ -46,7 +46,7 @@ TEST_CASE(
   if (::geteuid() == 0) REQUIRE(::chown(path.c_str(), nobody, nobody) == 0);
   fs::create_symlink("real/a.sqlite", link);
   const struct stat before = status_of(path);
-  const RunReader reader(path);  // readers do not block a note
+  const RunReader reader(path);  // an open reader does not delay the note
   put_note(link, "door", "me");
   const struct stat now = status_of(path);
   CHECK(now.st_ino != before.st_ino);
@@ -103,7 +103,8 @@ TEST_CASE(
     if (child == 0) {
       for (int n = 0;; ++n) put_note(path, std::to_string(n), "me");
     }
-    const auto longest_us = 50'000 * (1 + static_cast<unsigned>(round) / 60);  // for a busy machine
+    // Later rounds wait longer in case a busy machine starts the child late.
+    const auto longest_us = 50'000 * (1 + static_cast<unsigned>(round) / 60);
     ::usleep(static_cast<useconds_t>(random() % longest_us));
     ::kill(child, SIGKILL);
     REQUIRE(waitpid(child, nullptr, 0) == child);

@@ -22,9 +22,10 @@ constexpr std::size_t bins = 16, reflector = 4;
 struct World {
   std::vector<double> gain{1, 0.8, 1.25, 1, 0.9, 1.1, 1, 0.7};
   std::vector<double> phase{0, 0.4, -2.9, 3.1, 1.5, -0.3, 0.02, 2.2};
-  double amplitude = 2000, noise = 60;  // standard deviation of real and imaginary part
-  double second_wave = 0;               // fraction of the amplitude, from the side
-  double drift_rad = 0.05;              // per frame, common to all antennas
+  // `noise` is the standard deviation of the real and of the imaginary part.
+  double amplitude = 2000, noise = 60;
+  double second_wave = 0;   // second wave from the side: amplitude relative to the first wave
+  double drift_rad = 0.05;  // phase drift per frame, equal for all antennas
 };
 
 std::vector<std::int16_t> frame_of(const World& w, std::mt19937& rng, std::size_t number) {
@@ -92,7 +93,8 @@ TEST_CASE(
   CHECK(has(refusal(frames_of(w, 20, 1)), "antenna 5 is at -"));
   w.gain[5] = 1, w.noise = 0;
   const AntennaFit fit = fit_antennas(frames_of(w, 20, 1), 8, reflector);
-  CHECK(fit.gains.standard_error[3] > 1e-4);  // rounding, which is the same in every frame
+  // The standard error includes the rounding error, which is equal in all frames.
+  CHECK(fit.gains.standard_error[3] > 1e-4);
   CHECK(refusal(ArrayFrames(20, std::vector<std::int16_t>(bins * 16))) != "");
 }
 

@@ -16,7 +16,7 @@ namespace {
 
 constexpr HostTime host_start = 5000s;
 
-// A device clock that shows `offset_s` at host_start and is fast by `drift`.
+// Device clock that reads `offset_s` at host_start and runs fast by the fraction `drift`.
 struct Device {
   double tick_s, offset_s, drift;
   std::uint64_t mask = ~0ull;
@@ -38,8 +38,8 @@ struct Outcome {
   double worst_s, residual_s, drift_error_ppm, offset_error_s;
 };
 
-// Feeds 90 s of samples, read after 0 to 50 ms, one in twenty after up to 550 ms; later samples
-// queue behind a late one. Returns the worst error after the first 30 s.
+// Feeds 90 s of samples, each read 0 to 50 ms late and one in twenty up to 550 ms late. A late
+// sample also delays the samples after it. Returns the largest errors after the first 30 s.
 Outcome watch(ClockFit fit, const Device& device, double rate_hz, std::uint64_t seed) {
   Rng rng = make_rng(seed, 7);
   std::uniform_real_distribution<double> uniform(0, 1);
@@ -59,7 +59,7 @@ Outcome watch(ClockFit fit, const Device& device, double rate_hz, std::uint64_t 
           std::abs(state.offset_s - offset_s)};
 }
 
-// Feeds `count` samples at 10 per second, each read 1 ms late, from time t on.
+// Feeds `count` samples at 10 per second from time t on, each read 1 ms late.
 double feed(ClockFit& fit, const Device& device, double t, int count) {
   for (int i = 0; i < count; ++i, t += 0.1) fit.add(device.ticks(t), host(t + 0.001));
   return t;
@@ -71,7 +71,8 @@ TEST_CASE("the clock fit is accurate to 5 ms for 500 ms offset, 200 ppm drift an
   std::vector<double> worst, residual, drift;
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     const double offset_s = -0.5 + static_cast<double>(seed) / 299, sign = seed % 2 ? 1 : -1;
-    // Rates of radar and camera frames, and of a tagger's blocks at a low count rate.
+    // The rates given to watch() are those of radar frames, camera frames and the tag blocks of a
+    // weak signal.
     const Device radar{5e-9, offset_s, sign * 200e-6, 0xffff'ffff};
     const Device camera{1e-6, 1000 + offset_s, sign * 200e-6};
     const Device tagger{1e-12, offset_s, sign * 200e-6};
@@ -108,13 +109,14 @@ TEST_CASE("the clock fit is as accurate as the receive times if the delays are s
   CHECK(std::abs(state.drift_ppm - 200) < 1);
   CHECK(std::abs(state.offset_s - (seconds(host_start) + 0.5 - 200 * 200e-6)) < 50e-6);
   CHECK(state.residual_s < 20e-6);
-  CHECK((state.samples > 4000 && state.samples < 4400));  // samples within 128 s
+  // The fit uses the samples of the last 128 s.
+  CHECK((state.samples > 4000 && state.samples < 4400));
 }
 
 TEST_CASE("the clock fit includes a constant transport delay in the clock offset") {
   const Device device{1e-6, 0, 0};
   ClockFit fit(1e-6);
-  feed(fit, device, 0, 100);  // 1 ms late
+  feed(fit, device, 0, 100);  // each sample is read 1 ms late
   CHECK(abs(fit.taken(device.ticks(5), host(6)) - host(5.001)) <= 1ns);
 }
 
@@ -129,7 +131,7 @@ TEST_CASE("a sample is assigned its receive time until the clock fit is valid") 
   feed(fit, device, 3.1, 1);
   CHECK(fit.sound());
   CHECK(fit.taken(device.ticks(1), host(9)) == host(1.001));
-  // never later than its receipt
+  // a sample time is never later than its receive time
   CHECK(fit.taken(device.ticks(4), host(3.9)) == host(3.9));
 }
 
@@ -159,7 +161,7 @@ TEST_CASE("damaged time stamps do not affect the clock fit") {
   for (int i = 0; i < 200; ++i) {
     const std::uint64_t wrong = rng();
     fit.add(wrong, host(t));
-    CHECK(fit.taken(wrong, host(t)) == host(t));  // placed by its receipt
+    CHECK(fit.taken(wrong, host(t)) == host(t));  // the receive time is used instead
     t = feed(fit, device, t, 2);
     REQUIRE(error_s(fit, device, t - 0.1, host(t)) < 0.0011);
   }
@@ -204,12 +206,13 @@ TEST_CASE("the transport delay of a tag block is measured at its last event") {
   Tag no_event;
   no_event.type = TagType::overflow_end;
   for (int i = 0; i < 120; ++i) {
-    const std::int64_t ps = 5'000'000'000 * i;  // blocks of 5 ms
+    const std::int64_t ps = 5'000'000'000 * i;  // one block every 5 ms
     const std::vector<Tag> tags = {
         {.channel = 1, .time_ps = ps}, {.channel = 2, .time_ps = ps + 4'000'000'000}, no_event};
     clocks.observe(TagBlock{.received = host(0.005 * i + 0.0045), .tags = tags});
   }
   REQUIRE(clocks[Sensor::spd].sound());
   const auto taken = clocks[Sensor::spd].taken(495'000'000'000, host(1));
-  CHECK(std::abs(seconds(taken - host(0.4955))) < 1e-6);  // 0.5 ms after the last event of each
+  // Each block is received 0.5 ms after its last event.
+  CHECK(std::abs(seconds(taken - host(0.4955))) < 1e-6);
 }

@@ -16,7 +16,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-// An address without a listener, different in each process, because devices are locked.
+// Loopback address without a server. Each process has its own because devices are locked.
 const std::string host = [] {
   const auto pid = static_cast<unsigned>(::getpid());
   return "127." + std::to_string(pid >> 16 & 255u) + '.' + std::to_string(pid >> 8 & 255u) + '.' +
@@ -63,8 +63,8 @@ TEST_CASE("commands accept --help, --version and durations such as 1h 30m 10s") 
   CHECK(has(acquire("--version").text, "echofuse-acquire "));
   for (const char* no_time : {"10", "2h30", "30m2h", "2h2h", "h", "''", "2h-30m", "2x", "nans"})
     refuses(std::string("run --out a --duration ") + no_time, 2, "numbers with units");
-  for (const char* time :
-       {"2h30m", "'1h 30m 10s'", "90min", "1.5h"})  // valid durations; then the file is missing
+  // The durations are valid, so that only the missing file is reported.
+  for (const char* time : {"2h30m", "'1h 30m 10s'", "90min", "1.5h"})
     refuses(std::string("doctor --config no.toml --duration ") + time, 3, "no.toml");
 }
 
@@ -125,7 +125,8 @@ TEST_CASE("commands refuse a FIFO given as a file and do not block") {
   for (const char* beside : {"-wal", "-shm", "-journal"}) {
     const std::string name = folder / "a.sqlite" + beside;
     REQUIRE(::mkfifo(name.c_str(), 0666) == 0);
-    CHECK(acquire("info " + folder / "a.sqlite").code == 0);  // closed runs: the FIFO is not read
+    // Readers of a closed run do not open the FIFO.
+    CHECK(acquire("info " + folder / "a.sqlite").code == 0);
     fs::remove(name);
   }
   CHECK(acquire("info " + folder / "a.sqlite").code == 0);
@@ -185,7 +186,7 @@ TEST_CASE("the run command refuses metadata without a value and a read-only fold
           "--meta a: given twice");
   fs::create_directory(folder / "closed");
   fs::permissions(folder / "closed", fs::perms::owner_read | fs::perms::owner_exec);
-  // root ignores permissions
+  // The command drops root's privileges, because root may write to a read-only folder.
   const std::string as_user = geteuid() == 0 ? "setpriv --bounding-set=-all --inh-caps=-all " : "";
   const Outcome o = shell(as_user + echofuse::test::bin_dir + "/echofuse-acquire run --out " +
                           folder / "closed/a" + config);

@@ -26,7 +26,8 @@ TEST_CASE("the shipped configuration and its radar cfg can be loaded") {
   CHECK(has(config.radar.cfg_text, "sensorStart"));
   CHECK(has(config.text, "# Configuration of the daemon"));
   CHECK(has(config.resolved, "window_s = 0.5"));
-  REQUIRE(config.unfinished.size() == 2);  // serial numbers of the template
+  // The template contains placeholders instead of serial numbers.
+  REQUIRE(config.unfinished.size() == 2);
   CHECK(has(config.unfinished[0],
             "config/lab.toml:38:1: radar.cli: still contains the template's XXX"));
   CHECK(has(config.unfinished[1], "config/lab.toml:39:1: radar.data: still has"));
@@ -41,7 +42,7 @@ TEST_CASE("a missing alert.on_doubt program is reported with its position, and l
   CHECK(missing.unfinished[0] == path + ":4:1: alert.on_doubt: " + (folder / "./alert") +
                                      ": not found, or not executable by this user");
   write_file(folder / "alert", "#!/bin/sh\n");
-  CHECK(load_config(path).unfinished.size() == 1);  // not executable
+  CHECK(load_config(path).unfinished.size() == 1);  // the program exists but is not executable
   fs::permissions(folder / "alert", fs::perms::owner_all);
   CHECK(load_config(path).unfinished.empty());
   CHECK(load_config(path, {"alert.on_doubt=[\"sh\"]"}).unfinished.empty());

@@ -14,7 +14,7 @@ using namespace std::chrono_literals;
 
 namespace {
 
-// Slots of 1 s. An empty verdict means that the radar is missing.
+// Returns a record of a slot of 1 s. If the verdict is empty, the radar data are missing.
 record::FusedRecord record_of(std::int64_t index, const std::string& radar_verdict) {
   record::FusedRecord r;
   r.index = index;
@@ -28,7 +28,7 @@ record::FusedRecord record_of(std::int64_t index, const std::string& radar_verdi
 
 constexpr SensorSet both{Sensor::spd, Sensor::radar};
 
-// Calls of a program that appends a line to a file.
+// Alert hook with a program that appends a line to a file at each call.
 struct Calls {
   explicit Calls(const record::AlertLimits& limits = {}, const std::string& program = {})
       : hook({"sh", "-c",
@@ -38,7 +38,7 @@ struct Calls {
                               : program,
               "sh", "two  words; $(id)"},
              limits, [this](const std::string& text) { warnings.push_back(text); }) {}
-  // Runs all programs that wait, at the virtual time `now`.
+  // Runs all waiting programs to their end, at the virtual time `now`.
   void finish(HostTime now = 0s) {
     for (int i = 0; i < 100; ++i) {
       hook.update(now);
@@ -92,7 +92,7 @@ TEST_CASE(
     calls.hook.take(record_of(0, verdict), both, "/runs/a");
   calls.finish(0s);
   CHECK(calls.warnings.empty());
-  calls.finish(10s + 1ms);  // the second one starts
+  calls.finish(10s + 1ms);  // the first program is killed and the second one starts
   REQUIRE(calls.warnings.size() == 1);
   CHECK(calls.warnings[0].find("was killed after 10 s") != std::string::npos);
   calls.finish(21s);

@@ -15,7 +15,7 @@ using testing::error_of, testing::Folder, testing::has, testing::write_file;
 
 namespace {
 
-// Tags of a header, little-endian.
+// Builds the little-endian tags of a .ptu header.
 class Tagged {
  public:
   explicit Tagged(const std::string& magic) { text(magic, 8), text("1.0.00", 8); }
@@ -61,7 +61,7 @@ Tagged ptu(std::uint32_t type, double global_s, double dtime_s, std::size_t reco
   return file.whole("TTResult_NumberOfRecords", static_cast<std::int64_t>(records)).end();
 }
 
-// HydraHarp, version 2.
+// Returns a record of a HydraHarp with format version 2.
 std::uint32_t t2(std::uint32_t channel, std::uint32_t time) { return channel << 25 | time; }
 std::uint32_t t3(std::uint32_t channel, std::uint32_t dtime, std::uint32_t nsync) {
   return channel << 25 | dtime << 10 | nsync;
@@ -89,25 +89,25 @@ acquire::Config config_of(const Folder& folder, double window_s = 0.5) {
 
 TEST_CASE("import decodes the .ptu records of all supported PicoQuant devices") {
   using Tags = std::vector<std::pair<std::int32_t, std::int64_t>>;
-  // HydraHarp 2: sync, input 1, an overflow of three, a marker, input 3
+  // HydraHarp format 2: a sync, input 1, three overflows, a marker, input 3
   CHECK(tags_of({0x01010204, 1e-12, 0}, {special | t2(0, 7), t2(0, 9), special | t2(63, 3),
                                          special | t2(1, 5), t2(2, 1)}) ==
         Tags{{0, 7}, {1, 9}, {3, 3 * 33'554'432 + 1}});
-  // version 1 counts an overflow once, with another length
+  // HydraHarp format 1: each overflow record counts once and has another length
   CHECK(tags_of({0x00010204, 1e-12, 0}, {special | t2(63, 3), t2(0, 1)}) == Tags{{1, 33'552'001}});
-  // MultiHarp T3: two clicks of one pulse, then one of a later pulse
+  // MultiHarp T3: two clicks after one pulse, then a click after a later pulse
   CHECK(
       tags_of({0x00010307, 1e-7, 5e-12},
               {t3(0, 20, 4), t3(1, 30, 4), special | t3(63, 0, 2), t3(0, 1, 0)}) ==
       Tags{{0, 400'000}, {1, 400'100}, {2, 400'150}, {0, 2048 * 100'000}, {1, 2048 * 100'000 + 5}});
-  // PicoHarp T2, 4 ps: sync, overflow, marker, input 1
+  // PicoHarp T2 with 4 ps resolution: a sync, an overflow, a marker, input 1
   CHECK(tags_of({0x00010203, 4e-12, 0}, {5, 15u << 28, 15u << 28 | 1, 1u << 28 | 6}) ==
         Tags{{0, 20}, {1, 4 * (210'698'240 + 6)}});
-  // PicoHarp T3
+  // PicoHarp T3: input 1, an overflow, input 2
   CHECK(tags_of({0x00010303, 1e-7, 4e-12},
                 {1u << 28 | 10u << 16 | 3, 15u << 28, 2u << 28 | 1u << 16}) ==
         Tags{{0, 300'000}, {1, 300'040}, {0, 65536LL * 100'000}, {2, 65536LL * 100'000 + 4}});
-  // with MeasDesc_Offset, ns
+  // the header tag MeasDesc_Offset delays all clicks by 40 ns
   CHECK(tags_of({0x00010307, 1e-7, 5e-12, 40}, {t3(0, 20, 4)}) == Tags{{0, 400'000}, {1, 440'100}});
   CHECK(tags_of({0x00010303, 1e-7, 4e-12, 40}, {1u << 28 | 10u << 16 | 3}) ==
         Tags{{0, 300'000}, {1, 340'040}});
@@ -118,7 +118,7 @@ TEST_CASE("import decodes the .ptu records of all supported PicoQuant devices") 
 
 TEST_CASE("import gives equal records for T2 and T3 recordings of the same photons") {
   const Folder folder;
-  // 1 s of a laser at 10 kHz, a click 5 ns after each 50th pulse.
+  // Both recordings contain 1 s of laser pulses at 10 kHz with a click 5 ns after each 50th pulse.
   std::vector<std::uint32_t> as_t2, as_t3;
   std::uint64_t wraps = 0, sync_wraps = 0;
   const auto at = [&](std::uint64_t ps, std::uint32_t word) {
@@ -163,7 +163,8 @@ TEST_CASE("import gives equal records for T2 and T3 recordings of the same photo
 TEST_CASE("import checks the header of a .ptu file against its records") {
   const Folder folder;
   const acquire::Config config = config_of(folder);
-  // T2: 1 s of a laser at 1 kHz with a click 5 ns after each pulse, then the dark.
+  // Returns T2 records: 1 s of laser pulses at 1 kHz with a click 5 ns after each, then `dark_ps`
+  // without pulses.
   const auto words = [](std::uint64_t dark_ps, std::uint32_t start, std::uint32_t click) {
     std::vector<std::uint32_t> out;
     std::uint64_t wraps = 0;
@@ -215,14 +216,14 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
        "Measurement_Mode is T3, but TTResultFormat_TTTRRecType is T2");
   says(header(is_t3, 1e-4, 1e-12).whole("Measurement_Mode", 2).end().data(light), ExitCode::failed,
        "Measurement_Mode is T2");
-  // the dark period is as long as its overflows
+  // The length of the dark period follows from its overflow records.
   const auto dark = words(3'000'000'000'000, special, 0);
   const auto ended =
       import(header(is_t2, 1e-12, 0).whole("TTResult_StopAfter", 3000).end().data(dark));
   CHECK((has(ended.second, "6 records, spd in 2\n") && !has(ended.second, "duration")));
   says(header(is_t2, 1e-12, 0).whole("TTResult_StopAfter", 5000).end().data(dark), ExitCode::ok,
        "spd: duration: 5 s in the header, 3 s in the records\n");
-  // an overflow of 1126 s
+  // The recording has an overflow record that spans 1126 s.
   auto jumps = light;
   jumps.insert(jumps.begin() + std::ssize(jumps) * 3 / 4, special | t2(63, 0x1ffffff));
   says(header(is_t2, 1e-12, 0).whole("MeasDesc_AcquisitionTime", 1000).end().data(jumps),
@@ -239,7 +240,7 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
   says(header(is_t2, 1e-12, 0).end().data(words(0, special, t2(2, 0))), ExitCode::failed,
        "no events on the input of --click 1; inputs with events: 0, 3; did you mean --start 0 "
        "--click 3?");
-  // a tenth of a slot
+  // The recording has events only in its first 0.05 s, a tenth of a slot.
   std::vector<std::uint32_t> begun(light.begin(), light.begin() + std::ssize(light) / 20);
   begun.push_back(special | t2(63, 100'000));
   says(header(is_t2, 1e-12, 0).end().data(begun), ExitCode::failed, "nothing to import: ");
@@ -274,7 +275,7 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
   says(header(is_t2, 1e-12, 0).end().data(swapped), ExitCode::ok,
        "spd: 1000 events out of order by up to 1 us, sorted");
 
-  // one of two recordings is empty: the run is written, with another exit code
+  // If one of two recordings is invalid, the run is written but the exit code differs.
   write_file(folder / "a.dat", "nothing");
   const auto both = import(header(is_t2, 1e-12, 0).end().data(light), folder / "a.dat");
   CAPTURE(both.second);
@@ -292,7 +293,8 @@ TEST_CASE("import reports an ambiguous local time at the end of summer time") {
   const std::string before = zone ? zone : "";
   ::setenv("TZ", "CET-1CEST,M3.5.0,M10.5.0/3", 1);
   ::tzset();
-  for (const double utc_s : {1698546600.0, 1698557400.0}) {  // 29 October 2023, 02:30 and 05:30
+  // Local times 02:30 and 05:30 on 29 October 2023; only the first is ambiguous.
+  for (const double utc_s : {1698546600.0, 1698557400.0}) {
     std::vector<std::uint32_t> words;
     for (std::uint32_t k = 0; k < 1000; ++k) words.push_back(t3(0, 200, k));
     Tagged file("PQTTTR");

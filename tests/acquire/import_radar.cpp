@@ -19,8 +19,8 @@ acquire::Config config_of(const Folder& folder) {
   return acquire::load_config(folder / "lab.toml");
 }
 
-// Recording of a data port: frames of 64 bins, a clock of 200 MHz, and a period that keeps frames
-// off the slot borders.
+// Recording of a radar's data port: frames of 64 bins, a 200 MHz clock and a period that keeps
+// frames away from slot boundaries.
 struct RadarFile {
   std::uint32_t header = 40, bins = 64, tlv = 2, length_error = 0;
   double period_s = 0.0499;
@@ -48,7 +48,7 @@ struct RadarFile {
 };
 
 struct RadarImport {
-  std::vector<std::uint64_t> used;  // frames in each record of 1 s
+  std::vector<std::uint64_t> used;  // number of frames used in each record of 1 s
   std::string said;
 };
 
@@ -82,12 +82,12 @@ TEST_CASE("import takes radar times from the device clock and checks them agains
     CHECK(i.used == used);
     CHECK(has(i.said, saying));
     if (saying.empty())
-      CHECK(std::ranges::count(i.said, '\n') == 1);  // the line with the start time
+      CHECK(std::ranges::count(i.said, '\n') == 1);  // the only line states the start time
   };
   constexpr double wrap_s = 0x1p32 * 5e-9;
   const Used even{21, 20, 19};
   check(RadarFile().frames(1, 60), even, "");
-  check(RadarFile().frames(1, 60, 20.5), even, "");  // the counter wraps
+  check(RadarFile().frames(1, 60, 20.5), even, "");  // the clock counter wraps
   check(RadarFile().frames(0xffffffe0, 0xffffffff, -0x1p32 * 0.0499).frames(0, 27), even, "");
   check(RadarFile().frames(1, 20).frames(31, 60), {20, 11, 19}, "10 frames are missing");
   Used with_gap(37);
@@ -111,7 +111,8 @@ TEST_CASE("import takes radar times from the device clock and checks them agains
   points.frames(1, 59);
   points.tlv = 2;
   check(points.frames(60, 60), {0, 0, 1}, "59 of 60 frames have no range profile");
-  for (const std::uint32_t number : {36u, 1044u, 0x80000014u})  // a flipped bit
+  // Frame 20 has a wrong number.
+  for (const std::uint32_t number : {36u, 1044u, 0x80000014u})
     check(RadarFile().frames(1, 19).frame(number, 20 * 0.0499).frames(21, 60), even,
           number == 36 ? "16 frames are missing" : "");
   check(RadarFile().frames(1, 20).frames(1, 20).frames(1, 20, 7), even,

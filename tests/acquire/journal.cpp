@@ -26,7 +26,7 @@ std::unique_ptr<record::RunWriter> open_run(const std::string& path,
 
 port::SystemLoop loop;  // provides clock and worker threads
 
-// Holds a write transaction, as another program.
+// Keeps a write transaction open, like another program that writes to the run file.
 class Holder {
  public:
   explicit Holder(const std::string& path) {
@@ -48,7 +48,8 @@ class Holder {
   sqlite3* db_ = nullptr;
 };
 
-// Ends a run while another program holds one of its files: after two seconds instead of thirty.
+// Checks that a run ends after two instead of thirty seconds while another program locks one of its
+// files.
 void ends_in_time(Journal& journal) {
   const auto start = std::chrono::steady_clock::now();
   const auto [code, text] = error_of([&] { journal.finish("complete"); });
@@ -162,7 +163,7 @@ TEST_CASE("the run journal stops writing after the first failed job") {
   CHECK(run.info().status == "stopped:disk");
 }
 
-// Starts the next run.
+// Starts the next file of the run.
 static void rotate(Journal& journal, const std::string& path) {
   journal.begin_next([path] { return open_run(path); });
 }
@@ -196,7 +197,8 @@ TEST_CASE("closing a run waits two seconds if another program locks the previous
       std::this_thread::yield();
     holder.ask("INSERT INTO event (level, utc, text) VALUES ('label', '2026', 'door')");
     journal.put(small_record(1));
-    while (journal.written() == 0) std::this_thread::yield();  // does not wait for the old run
+    // Writing to the new file does not wait for the old one.
+    while (journal.written() == 0) std::this_thread::yield();
     holder.let_go();
     while (!journal.label()) std::this_thread::yield();
     journal.put(small_record(2));
@@ -229,7 +231,7 @@ TEST_CASE("a run keeps all its records if the next file of the rotation cannot b
   }
   SECTION("the run stops with a disk error if the disk is full") {
     {
-      const echofuse::test::FullDisk disk(40'000);  // an empty run has 12 pages of 4 KiB
+      const echofuse::test::FullDisk disk(40'000);  // an empty run needs more: 12 pages of 4 KiB
       rotate(journal, next);
       while (!journal.failed()) std::this_thread::yield();
     }

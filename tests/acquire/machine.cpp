@@ -25,7 +25,7 @@ class Machine {
     fs::create_directories(fs::path(folder_ / name).parent_path());
     write_file(folder_ / name, text);
   }
-  // A radar board at /dev/ttyACM0 and /dev/ttyACM1.
+  // Adds a radar board at /dev/ttyACM0 and /dev/ttyACM1.
   void plug_in_radar() {
     const std::string place = "sys/bus/usb/devices/1-2/";
     write(place + "idVendor", "0451\n");
@@ -116,8 +116,9 @@ TEST_CASE("doctor names the missing udev rule or group for an inaccessible devic
     return of(check_permissions(std::nullopt, machine.roots()), "permissions").advice;
   };
   CHECK(has(advice(), "install config/70-echofuse.rules"));
+  // The finding "permissions" already reports the missing rules.
   for (const auto& finding : check_permissions(std::nullopt, machine.roots()))
-    CHECK(finding.check != "udev rules");  // reported only once
+    CHECK(finding.check != "udev rules");
   machine.write("etc/udev/rules.d/70-echofuse.rules", "");
   CHECK(has(advice(), "check that this user is in the groups dialout"));
 }
@@ -147,9 +148,9 @@ TEST_CASE("doctor compares the kernel's USB memory limit with the buffer of the 
     return check_usb_memory(config, machine.roots()).grade;
   };
   CHECK(check_usb_memory(config, machine.roots()).grade ==
-        Grade::warning);  // the limit is not readable
+        Grade::warning);  // the kernel's limit cannot be read
   CHECK(grade_at("16") == Grade::ok);
-  CHECK(grade_at("0") == Grade::ok);  // 0: no limit
+  CHECK(grade_at("0") == Grade::ok);  // the value 0 means no limit
   CHECK(grade_at("2") == Grade::ok);
   CHECK(grade_at("1") == Grade::problem);
   CHECK(has(check_usb_memory(config, machine.roots()).advice, "usbfs_memory_mb"));

@@ -18,8 +18,8 @@ namespace {
 constexpr SlotGrid grid{.first = 1000s, .length = 100ms};
 constexpr std::int64_t slots = 100'000;
 
-// One device: a sample every `period_s` or slightly more; its clock drifts and restarts on
-// reconnection.
+// Simulates a device with a sample every `period_s` or slightly later. Its clock drifts, and
+// restarts when the device reconnects.
 class Device {
  public:
   Device(double period_s, double tick_s, std::uint64_t seed)
@@ -36,7 +36,7 @@ class Device {
   bool reconnected() const { return taken_s_ == plugged_s_ && taken_s_ > 0; }
   bool settled() const { return taken_s_ - plugged_s_ > 30; }
 
-  // Advances to the next sample that arrives; returns the number lost before it.
+  // Advances to the next sample that arrives. Returns the number of samples lost before it.
   std::uint32_t next() {
     std::uint32_t lost = 0;
     do {
@@ -78,7 +78,7 @@ struct Laboratory {
     HostTime taken;
     bool settled;
   };
-  std::vector<Shot> shots;  // camera frames by number
+  std::vector<Shot> shots;  // camera frames in the order of their numbers
   PerSensor<std::uint64_t> sent{}, lost{}, reconnections{}, settled{};
   HostTime worst_error{};
   std::uint32_t number = 0;
@@ -128,7 +128,7 @@ struct Laboratory {
     if (device.taken() >= grid.first + 1s) lost[sensor] += lost_before;
   }
 
-  // Four tags from the last 20 ms.
+  // Sends a block of four tags from the last 20 ms.
   void put_tags(const Device& device, std::uint32_t lost_before) {
     std::vector<Tag> tags(4);
     for (std::size_t i = 0; i < 4; ++i)
@@ -218,7 +218,7 @@ TEST_CASE("a run of 100 000 slots has no drift, no missing record and no sample 
   CHECK(misplaced == 0);
   CHECK(depth > slots * 8 / 10);
   CHECK(unassigned.late[Sensor::spd] <
-        lab.sent[Sensor::spd] / 50);  // delayed by more than half a second
+        lab.sent[Sensor::spd] / 50);  // tags delayed by more than half a second
 }
 
 TEST_CASE("each tag is counted exactly once despite damaged time stamps and stalls") {

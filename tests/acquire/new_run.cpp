@@ -79,7 +79,8 @@ TEST_CASE("a run killed during creation leaves a complete file or none, and can 
   {
     record::RunWriter other(folder / "b.sqlite", {});
     other.put_axis(small_axes()[0]);
-    fs::copy_file(folder / "b.sqlite-wal", path + "-wal");  // a -wal without its run
+    // Leaves a -wal file without its run file.
+    fs::copy_file(folder / "b.sqlite-wal", path + "-wal");
   }
   make_run(config, path, {}, "", system_clock)->close("complete");
   CHECK(record::RunReader(path).axes().empty());

@@ -43,7 +43,7 @@ std::unique_ptr<RunWriter> begin(const std::string& path, std::int64_t records) 
   return run;
 }
 
-// Does what another program may do: moves committed data from the WAL into the database.
+// Moves committed data from the WAL into the database, as another program may do.
 void checkpoint(const std::string& path) { sql(open(path), "PRAGMA wal_checkpoint(TRUNCATE)"); }
 
 void overwrite(const std::string& path, std::size_t at, std::size_t size) {
@@ -290,7 +290,8 @@ TEST_CASE("a run closes without waiting for readers, and the next program merges
     CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(3));
     check_whole(path, 6, "complete");
     CHECK(fs::exists(path + "-wal"));
-    // Killed without cleanup, as for a reader that may not write.
+    // Closes the reader without a checkpoint, like a reader that was killed or has no write
+    // permission.
     sqlite3_db_config(reader.get(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   }
   recover(path);
@@ -306,7 +307,7 @@ TEST_CASE("a label that waits for the run file is refused once the run is closed
   sql(closer, "BEGIN IMMEDIATE; UPDATE run SET status = 'complete'");
   auto label = std::async(std::launch::async, [&] { put_label(path, "door", "me"); });
   std::this_thread::sleep_for(
-      std::chrono::milliseconds(300));  // until the label finds the run open
+      std::chrono::milliseconds(300));  // waits until put_label() has found the run open
   sql(closer, "COMMIT");
   CHECK(has(error_of([&] { label.get(); }).second, "run is not being recorded"));
   CHECK(RunReader(path).events().empty());
@@ -360,13 +361,13 @@ TEST_CASE("a run requires a valid lock file and does not delete it") {
 
 namespace {
 
-// SQLite's own file system layer, without shared memory.
+// Opens a file with SQLite's own file system layer, but without shared memory.
 int open_without_memory(sqlite3_vfs* self, const char* name, sqlite3_file* file, int flags,
                         int* out) {
   auto* whole = static_cast<sqlite3_vfs*>(self->pAppData);
   const int code = whole->xOpen(whole, name, file, flags, out);
   if (file->pMethods) {
-    // A database and its journal have different methods.
+    // SQLite uses different methods for a database and for its journal.
     static std::map<const sqlite3_io_methods*, sqlite3_io_methods> of_kind;
     sqlite3_io_methods& plain = of_kind[file->pMethods] = *file->pMethods;
     plain.iVersion = 1;

@@ -19,9 +19,10 @@ namespace {
 
 constexpr double pi = std::numbers::pi;
 constexpr double step_ps = 10;
-constexpr std::size_t bins = 2000;  // 0 to 3 m
+constexpr std::size_t bins = 2000;  // ranges of 0 to 3 m
 
-// Photons of reflectors {range, mean number} with a Gaussian IRF, over a background.
+// Returns a histogram of photons from `reflectors` {range, mean number} over a uniform background.
+// The IRF is Gaussian.
 std::vector<std::uint32_t> photons(const std::vector<std::pair<double, double>>& reflectors,
                                    double background, Rng& rng, double fwhm_ps = 200) {
   std::vector<std::uint32_t> counts(bins);
@@ -40,7 +41,7 @@ Peak spd(const std::vector<std::uint32_t>& counts, Search search = {}) {
   return fit_photons(counts, 0, step_ps, search);
 }
 
-// Transform of the Blackman window by its definition: a sum over the window.
+// Computes the Fourier transform of the Blackman window directly, as a sum over the window.
 std::complex<double> echo(double cells, unsigned samples) {
   std::complex<double> sum = 0;
   double weights = 0;
@@ -57,7 +58,8 @@ constexpr unsigned antennas = 12;
 const EchoAxis fine{
     .step_m = 0.044, .resolution_m = 0.0469, .log2_power_step = log2_power_step(antennas)};
 
-// Firmware frames: sum of log2 magnitudes over antennas, in integer codes.
+// Returns range profiles in the firmware's integer codes of the sum over antennas of log2
+// magnitudes.
 std::vector<std::vector<std::uint16_t>> frames(
     const std::vector<std::pair<double, std::complex<double>>>& reflectors, double noise_db,
     std::size_t count, Rng& rng) {
@@ -80,8 +82,8 @@ std::vector<std::vector<std::uint16_t>> frames(
 
 int trials() { return std::getenv("ECHOFUSE_LONG") ? 1000 : 200; }
 
-// Pulls of many trials: their mean square is 1 within 4.5 standard errors, and no more exceed 3
-// than the binomial distribution allows.
+// Collects errors divided by their standard errors. Their mean square must be 1 within 4.5 standard
+// errors. Not more of them may exceed 3 than the binomial distribution allows.
 struct Pulls {
   std::vector<double> all;
   double worst_m = 0;
@@ -90,7 +92,7 @@ struct Pulls {
     all.push_back((p.range_m - true_m) / p.standard_error_m);
     worst_m = std::max(worst_m, std::abs(p.range_m - true_m));
   }
-  // `degrees`: degrees of freedom of the standard error.
+  // `degrees` is the number of degrees of freedom of the standard error.
   void check(double degrees) const {
     const auto n = static_cast<double>(all.size());
     double sum = 0, squares = 0, beyond = 0;
@@ -124,7 +126,7 @@ TEST_CASE("the scatter of fitted SPD peak positions matches their standard error
 
 TEST_CASE(
     "the scatter of fitted radar peak positions matches their standard errors at 4.4 cm bins") {
-  // Weak echo: the bias of averaged logarithms exceeds the standard error.
+  // At the weakest echo, averaging of logarithms would cause a bias above the standard error.
   const auto [noise_db, count] =
       GENERATE(table<double, std::size_t>({{-40, 20}, {-25, 40}, {-15, 100}}));
   Rng rng = make_rng(2, 0);
@@ -141,7 +143,8 @@ TEST_CASE(
 
 TEST_CASE("the standard error of a radar peak is the code resolution if all frames are identical") {
   Rng rng = make_rng(4, 0);
-  // One of two bins must be higher; equal in every frame they would be a clipped lobe.
+  // The peak stays off the middle between two bins. There, two bins that are equal in every frame
+  // would count as a clipped lobe.
   std::uniform_real_distribution<double> place(22.6 * fine.step_m, 23.4 * fine.step_m);
   constexpr int count = 100;
   double squares = 0;
@@ -186,7 +189,7 @@ TEST_CASE("a peak fit refuses data without a reflector peak and reports the reas
              "delay of a cable or fibre add -33"));
   CHECK_THAT(spd(photons({{1, 5000}, {1.07, 3000}}, 1000, rng)).refusal,
              starts("two peaks: the second is at 1.0"));
-  // Echoes beyond the window do not count, however strong.
+  // Echoes outside the search range do not count, however strong they are.
   const Peak before_a_wall = spd(photons({{1, 5000}, {1.3, 20'000}}, 1000, rng));
   CHECK(before_a_wall.refusal == "");
   CHECK(before_a_wall.range_m == Approx(1).margin(2e-3));

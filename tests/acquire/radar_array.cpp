@@ -41,7 +41,7 @@ Axis of(const char* name, const char* quantity, std::uint32_t count, double scal
   return {name, quantity, "m", count, 0, 0.25, scale};
 }
 
-// A run with one record of two bins and eight antennas.
+// Writes a run with one record of two bins and eight antennas, and returns the record.
 FusedRecord write_run(const std::string& path) {
   RunWriter writer(path, RunInfo{});
   writer.put_axis(of("radar", "log2_q8", 2, 8));
@@ -206,7 +206,7 @@ TEST_CASE("beamforming recovers direction and power of a wave despite channel er
   const auto array = array_of(frames, 8);
   const ArrayBin bin = bin_of(array, 8, 0);
   CHECK(beam_power(bin, antennas, u) == Approx(power).epsilon(1e-4));
-  // Dirichlet kernel of 8 antennas
+  // The power between two bins follows from the Dirichlet kernel of 8 antennas.
   const double off = 0.1, half = std::numbers::pi * off / 2;
   CHECK(beam_power(bin, antennas, u + off) ==
         Approx(power * std::pow(std::sin(8 * half) / (8 * std::sin(half)), 2)).epsilon(1e-3));

@@ -62,14 +62,16 @@ TEST_CASE("a range that matches the other mounting of the reflector is refused")
   CHECK(refusal(each, 1, 1.0) == "");
   CHECK(refusal(each, 1, 1.08) == "");
   CHECK_THAT(refusal(detector, 1, 1.0), Contains("fits --reflector each (true range 1.000 m"));
-  CHECK_THAT(refusal(detector, 1, 1.05), Contains("in front of the radar?"));  // within the window
+  // 5 cm is within the search range.
+  CHECK_THAT(refusal(detector, 1, 1.05), Contains("in front of the radar?"));
   CHECK_THAT(refusal(each, 1, 1.168), Contains("fits --reflector detector (true range 1.118 m") &&
                                           Contains("in front of the detector?"));
   CHECK_THAT(refusal(detector, 3, 3.0), Contains("fits --reflector each"));
   CHECK_THAT(refusal(each, 3, 3.041), Contains("fits --reflector detector"));
   CHECK(refusal(detector, 3, 3.041 + 0.037) == "");
-  CHECK(refusal(detector, 1, 1.5) == "");                        // neither
-  CHECK(other_mounting({.baseline_m = 0.02}, 1.03, 0.2) == "");  // 0.2 mm apart
+  CHECK(refusal(detector, 1, 1.5) == "");  // the range matches neither mounting
+  // The mountings differ by only 0.2 mm.
+  CHECK(other_mounting({.baseline_m = 0.02}, 1.03, 0.2) == "");
 }
 
 TEST_CASE("the wave from the reflector is plane in the far field and curved near the antennas") {
@@ -87,11 +89,13 @@ TEST_CASE("the wave from the reflector is plane in the far field and curved near
   CHECK(bent < 0.1);
   const Steering ahead = steering_of({.mounting = Mounting::each}, antennas, wavelength_m);
   CHECK(ahead.sine == 0);
-  CHECK(std::abs(ahead.phase_rad[7]) < 0.01);  // symmetric about the centre
+  // The wave front is symmetric about the array's centre.
+  CHECK(std::abs(ahead.phase_rad[7]) < 0.01);
   const Steering aside = steering_of({}, antennas, wavelength_m);
   CHECK(aside.sine == Approx(sine));
   CHECK(aside.error_rad[0] == 0);
-  // 2 mm of the distance and 2.8 mm sideways, each times the derivative of the sine.
+  // Position errors of 2 mm in distance and 2.8 mm sideways, each multiplied by the derivative of
+  // the sine.
   const double slope = std::hypot(2.83e-3 / 1.398, 2e-3 * 0.5 / 1.398);
   CHECK(aside.error_rad[7] == Approx(7 * per_place / sine * slope).epsilon(0.05));
 }
@@ -102,7 +106,7 @@ TEST_CASE("an echo from a known side shows whether the antenna row is swapped le
   for (const auto mounting : {Mounting::detector, Mounting::each})
     for (const bool swapped : {false, true}) {
       const Reflector reflector{.mounting = mounting};
-      // Phases of a board, mirrored if swapped.
+      // Returns the phases measured on the board. They are mirrored if the antenna row is swapped.
       const auto measured = [&](double x_m) {
         AntennaGains out;
         out.phase_rad = steering_phases(antennas, {swapped ? -x_m : x_m, 0, 1}, wavelength_m);

@@ -20,7 +20,8 @@ namespace {
 constexpr double pi = std::numbers::pi, step_ps = 10;
 constexpr std::size_t bins = 2000;
 
-// Photons of a reflector at 1 m; some of them have an exponential tail.
+// Returns a histogram of a reflector at 1 m. The fraction `share` of the photons has an exponential
+// tail.
 std::vector<std::uint32_t> photons(int count, double fwhm_ps, double tail_ps, double share,
                                    Rng& rng) {
   std::vector<std::uint32_t> counts(bins);
@@ -38,7 +39,7 @@ std::vector<std::uint32_t> photons(int count, double fwhm_ps, double tail_ps, do
 constexpr unsigned antennas = 12;
 using Amplitude = std::complex<double>;
 
-// Cell, and position of the reflector.
+// Bin width, resolution cell and range of the reflector, m.
 struct Place {
   double step_m, cell_m, range_m;
   EchoAxis axis() const {
@@ -49,8 +50,8 @@ constexpr Place fine{0.044, 0.0469, 1.01};
 
 struct NamedWindow {
   const char* name;
-  std::function<double(double)> at;  // over the sweep, from -1/2 to 1/2
-  double cubic_rad = 0;              // phase error at the sweep's end
+  std::function<double(double)> at;  // amplitude over the sweep, for arguments from -1/2 to 1/2
+  double cubic_rad = 0;              // phase error at the end of the sweep
 };
 double cosines(double t, std::initializer_list<double> terms) {
   double sum = 0, k = 0;
@@ -75,7 +76,7 @@ const NamedWindow windows[] = {
     kaiser("Kaiser 2.5", 2.5),
     kaiser("Kaiser 6", 6),
     kaiser("Kaiser 12", 12),
-    {"Taylor, 35 dB",  // 5 sidelobes
+    {"Taylor, 35 dB",  // Taylor window with 5 nearly equal sidelobes
      [](double t) {
        return cosines(t, {1, .6887, -.03039, .008557, -.001469});
      }},
@@ -94,7 +95,7 @@ const NamedWindow windows[] = {
      }},
 };
 
-// Response by its definition: a sum over the samples of the sweep.
+// Computes the range response directly, as a sum over the samples of the sweep.
 Amplitude response(const NamedWindow& window, double cells) {
   constexpr unsigned samples = 120;
   Amplitude sum = 0;
@@ -108,10 +109,11 @@ Amplitude response(const NamedWindow& window, double cells) {
 }
 
 struct Echo {
-  double beyond_m = 0;  // relative to the reflector
+  double beyond_m = 0;  // distance behind the reflector
   Amplitude amplitude = 1;
 };
-// Frames of a reflector and of objects behind it. Noise is coherent, or its power is added.
+// Returns frames of a reflector and of objects behind it. The noise is added to the amplitudes, or
+// its power to the power.
 std::vector<std::vector<std::uint16_t>> frames(const NamedWindow& window, const Place& place,
                                                double noise_db, Rng& rng, bool adds = false,
                                                const std::vector<Echo>& echoes = {{}}) {
@@ -163,7 +165,7 @@ TEST_CASE("the response fit finds width and tail of the detector response within
 
 TEST_CASE("the response fit finds the radar's range response for any window function") {
   Rng rng = make_rng(2, 1);
-  // With bins of 50 cm the leakage is within the lobe.
+  // At a resolution of 27 cm, the transmitter leakage overlaps the lobe of the reflector.
   for (const Place& place : {fine, Place{0.25, 0.27, 1.01}, Place{0.25, 0.27, 3}})
     for (const auto& [noise_db, adds] : {std::pair{-35., false}, {-20., false}, {-16., true}})
       for (const NamedWindow& window : windows) {
@@ -203,7 +205,7 @@ TEST_CASE("radar echoes are fitted with the measured window function") {
 TEST_CASE("the asymmetry of a radar response is reported, and its symmetric part is fitted") {
   Rng rng = make_rng(6, 1);
   constexpr double step = 0.01;
-  constexpr int reach = 400;  // steps
+  constexpr int reach = 400;  // half of the range that is compared, in steps
   for (const std::size_t name : {1u, 2u})
     for (const double cubic_rad : {4., 6., -6., 8.}) {
       const NamedWindow window{windows[name].name, windows[name].at, cubic_rad};
@@ -261,7 +263,7 @@ TEST_CASE("the response fit refuses an extended reflector and reports the reason
   CHECK_THAT(refusal({0.25, 0.27, 0.5}, {{}}), Catch::Contains("at 3 m for cells of 50 cm"));
   record::Response found;
   CHECK(fit_radar_response({}, fine.axis(), 1, found).refusal == "fewer than 8 frames received");
-  // A wall behind the reflector is excluded.
+  // The fit excludes a wall behind the reflector.
   CHECK(fit_radar_response(frames(blackman_window, fine, -35, rng, false, {{}, {0.2, 5}}),
                            fine.axis(), fine.range_m, found)
             .refusal == "");
@@ -293,7 +295,7 @@ TEST_CASE(
        {"", "1", "1 0.5", "0.9 0.5 0.1", "1 x 0.1", "1 0.5 -0.1", "1 0.5 nan", "1 0.5 0.1 +- x"})
     CHECK_FALSE(record::response_of({{"radar_cell_m", "0.5"}, {"radar_taps", taps}}).radar.known());
   CHECK_FALSE(record::response_of({{"radar_taps", "1 0.5 0.1"}}).radar.known());
-  // A cubic through the square roots of the taps approximates a sinc between them.
+  // Cubic interpolation of the square roots of the taps approximates a sinc.
   record::RadarResponse sinc{2, {}};
   for (int k = 0; k < 24; ++k)
     sinc.taps.push_back(k == 0 ? 1 : std::pow(std::sin(pi * k / 4) / (pi * k / 4), 2));

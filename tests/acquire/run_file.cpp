@@ -64,7 +64,8 @@ TEST_CASE("records can be read while a run is being written and after it is clos
     CHECK(live.info().status == "open");
     CHECK(live.count() == 2);
     check_same(live.read(0), small_record(0));
-    run.append(small_record(2));  // the reader does not block the writer, and finds the record
+    // The reader does not block the writer, and it finds the new record.
+    run.append(small_record(2));
     CHECK(live.count() == 3);
   }
   run.close("complete");
@@ -81,7 +82,7 @@ TEST_CASE("records can be read while a run is being written and after it is clos
   CHECK(same_axis(*read.axis("radar"), small_axes()[1]));
   CHECK(read.devices().at(0).firmware == "3.5");
   CHECK(read.events().at(0).text == "no frames");
-  second.radar.clear();  // not valid: not stored
+  second.radar.clear();  // radar data that are not valid are not stored
   check_same(read.read(1), second);
   check_same(read.read(2), small_record(2));
   CHECK(read.check().empty());
@@ -129,7 +130,7 @@ TEST_CASE("committed records are readable after the writing program was killed b
     const RunReader run(path);
     CHECK(run.info().status == "crashed");
     CHECK(run.count() >= last + 1);
-    CHECK(run.count() <= last + 2);  // one more may be committed but not acknowledged
+    CHECK(run.count() <= last + 2);  // one more record may be committed but not yet acknowledged
     std::int64_t next = 0;
     run.for_each([&](const FusedRecord& r) {
       REQUIRE(r.index == next);
@@ -303,7 +304,7 @@ TEST_CASE("network file systems are recognised, and only closed runs are read fr
   CHECK(network_of_type(0x0bd00bd0) == "Lustre");
   CHECK(network_of_type(0x01021997) == "9p");
   CHECK(network_of_type(0x786f4256) == "vboxsf");
-  CHECK(network_of_type(0xef53).empty());  // ext4
+  CHECK(network_of_type(0xef53).empty());  // ext4 is not a network file system
   const auto mounted = [](const std::string& device) {
     std::istringstream lines(
         "36 27 0:31 / /mnt/host rw,relatime shared:1 - virtiofs data rw\n"

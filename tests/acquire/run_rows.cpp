@@ -101,7 +101,7 @@ FusedRecord record_of(std::int64_t index, const std::vector<Axis>& axes, Random&
   if (r.has(Sensor::radar)) r.radar = random.values<float>(axes[1].count);
   if (r.has(Sensor::radar) && random.coin()) {
     r.array.assign(axes[2].count * values_of_bin(antennas), 0);
-    for (std::size_t bin = 0; bin < axes[2].count; ++bin)  // lossless packing
+    for (std::size_t bin = 0; bin < axes[2].count; ++bin)  // values that packing does not change
       std::fill_n(r.array.begin() +
                       static_cast<std::ptrdiff_t>(bin * values_of_bin(antennas) + 2 * antennas),
                   antennas, static_cast<float>(random.whole<int>(100)));
@@ -111,7 +111,7 @@ FusedRecord record_of(std::int64_t index, const std::vector<Axis>& axes, Random&
   return r;
 }
 
-// Columns by name, and their values for SQLite, so that new fields are compared as well.
+// Returns the columns by name with their SQLite values, so that new columns are compared, too.
 std::vector<std::string> values_of(const FusedRecord& r) {
   const std::string name = ":memory:";
   const DatabaseHandle db = open_database(name, "cannot open", SQLITE_OPEN_MEMORY);
@@ -237,7 +237,7 @@ TEST_CASE("the metadata of a run are read back as written") {
   CHECK(run.counters().at(0).value == 9);
 }
 
-// For tests/python/test_format.py: 20 runs, and what RunReader reads from each.
+// Writes 20 runs, and the values that RunReader reads from each, for tests/python/test_format.py.
 TEST_CASE("random runs are written as input for the test of the Python reader", "[.random_runs]") {
   const char* folder = std::getenv("ECHOFUSE_RANDOM_RUNS");
   REQUIRE(folder);

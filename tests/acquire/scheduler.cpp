@@ -14,7 +14,7 @@ namespace {
 
 constexpr SlotGrid grid{.first = 100s, .length = 200ms};
 
-// Ticks every 50 ms from the last call until `until`; returns the slots that became due.
+// Calls tick() every 50 ms from the last call until `until`, and returns the slots that became due.
 class Ticking {
  public:
   explicit Ticking(Scheduler& scheduler) : scheduler_(scheduler) {}
@@ -43,7 +43,7 @@ TEST_CASE("slots begin at multiples of their length, slots over 10 s begin immed
   CHECK(first_slot(102s + 1ns, 3s) == 105s);
   CHECK(first_slot(101s, 10s) == 110s);
   CHECK(first_slot(101s, 11s) == 101s);
-  // Two runs with different starts.
+  // The slots of two runs that start at different times are aligned.
   const SlotGrid one{first_slot(100'123ms, 200ms), 200ms},
       other{first_slot(987'654ms, 200ms), 200ms};
   CHECK((other.first - one.first) % one.length == 0ns);
@@ -107,7 +107,7 @@ TEST_CASE("the next slot after a pause of the program stays open for another gra
   Scheduler scheduler(grid);
   Ticking ticking(scheduler);
   CHECK(ticking.run(grid.end(0) + 400ms).empty());
-  const HostTime woken = grid.end(0) + 650ms;  // 50 ms too late
+  const HostTime woken = grid.end(0) + 650ms;  // 50 ms after the end of the grace time
   CHECK(scheduler.tick(woken).empty());
   CHECK(scheduler.tick(woken + 40ms).empty());
   CHECK(scheduler.next_deadline() == woken + grace);
@@ -162,7 +162,8 @@ TEST_CASE("slots missed in a pause wait while the disk is busy, current slots do
     backlog.put({{k, false}});
     CHECK(next(true) == -1);
   }
-  backlog.put({{k, false}});  // after this many slots the disk is too slow in any case
+  // With this number of waiting slots, a busy disk no longer delays them.
+  backlog.put({{k, false}});
   for (std::int64_t i = 2; i <= k; ++i) REQUIRE(next(true) == i);
   CHECK(backlog.empty());
 }

@@ -18,7 +18,7 @@ Config lab() {
                      {"depth.fps=10", "radar.cfg=radar/xwr68xx_paper_50cm.cfg"});
 }
 
-// A start and, after `delay_ps`, a click; a thousand times.
+// Returns a thousand pairs of a start tag and a click that follows after `delay_ps`.
 std::vector<Tag> pairs(std::int32_t start, std::int32_t click, std::int64_t delay_ps) {
   std::vector<Tag> tags;
   for (std::int64_t k = 0; k < 1000; ++k) {
@@ -31,7 +31,7 @@ std::vector<Tag> pairs(std::int32_t start, std::int32_t click, std::int64_t dela
 Finding spd_verdict(const std::vector<Tag>& tags, std::uint64_t lost_tags = 0) {
   const Config config = lab();
   Capture capture(config.histogram);
-  capture.on_tags({.tags = tags});  // before the capture, so not counted
+  capture.on_tags({.tags = tags});  // arrives before the capture and is not counted
   capture.begin();
   if (!tags.empty()) capture.on_tags({.tags = tags, .lost_items = lost_tags});
   capture.end();
@@ -186,7 +186,8 @@ TEST_CASE(
 }
 
 TEST_CASE("the doctor command rates the disk's write speed as ok, warning or problem") {
-  const PlannedRun plan{.folder = "/d", .record_bytes = 1e6, .window_s = 2};  // needs 1 MB/s
+  // Runs with this plan need a write speed of 1 MB/s.
+  const PlannedRun plan{.folder = "/d", .record_bytes = 1e6, .window_s = 2};
   const auto grade = [&](double rate, double median_s, double longest_s) {
     return speed_finding({rate, median_s, longest_s, 1'000'000}, plan).grade;
   };
@@ -196,7 +197,7 @@ TEST_CASE("the doctor command rates the disk's write speed as ok, warning or pro
   CHECK(grade(0.5e6, 0.01, 0.02) == Grade::problem);
   CHECK(grade(100e6, 2.5, 2.5) == Grade::problem);
   CHECK(speed_finding({1, 10, 10, 1000}, {.folder = "/d"}).grade ==
-        Grade::ok);  // without a planned run
+        Grade::ok);  // no run is planned
 }
 
 TEST_CASE("the doctor command rates the free disk space as ok, warning or problem") {
@@ -213,7 +214,7 @@ TEST_CASE("the doctor command rates the free disk space as ok, warning or proble
   CHECK(space_finding(3.9e9, plan, 86'400).grade == Grade::warning);
   CHECK(record_bytes(small_axes(), {}) == 4 * 8 + 4 * 4 + 2 * 3 * 2);
   CHECK(record_bytes(small_axes(), Zones(9)) == 9 * 4 * 8 + 4 * 4 + 2 * 3 * 2);
-  // 100 kB each, and 17 MB for any run.
+  // Each record needs 100 kB, and each run 17 MB in addition.
   plan = {.record_bytes = 97'952, .window_s = 3, .count = 1000};
   CHECK(space_finding(117e6, plan).grade == Grade::ok);
   CHECK(space_finding(116e6, plan).grade == Grade::problem);

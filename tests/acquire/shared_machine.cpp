@@ -18,7 +18,7 @@ using Json = nlohmann::json;
 
 const std::string tdc = "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n";
 
-// A user with this home folder and no other configuration.
+// Runs a command as a user with this home folder and no other configuration.
 Outcome at_home(const Folder& folder, const std::string& environment,
                 const std::string& arguments) {
   return shell("cd " + folder / "" +
@@ -36,7 +36,7 @@ unsigned mode_of(const std::string& path) {
 
 TEST_CASE("the configuration file in the current folder takes precedence over the user's file") {
   const Folder folder;
-  if (fs::exists("/etc/echofuse/lab.toml")) return;  // would always be found
+  if (fs::exists("/etc/echofuse/lab.toml")) return;  // this installed file is always found
   const Outcome none = at_home(folder, "", "config check");
   CHECK(none.code == 3);
   CHECK(has(none.text, "searched ./lab.toml, ~/.config/echofuse/lab.toml, /etc/echofuse"));
@@ -147,7 +147,7 @@ TEST_CASE("the list command shows notes that were added during and after a run")
   CHECK(all[1]["valid"]["spd"] == 3);
   CHECK(has(acquire("info " + folder / "monday").text, "  note      20"));
   CHECK(acquire("list " + folder / "none").code == 1);
-  // A note leaves one file, as at the end of a run.
+  // A note leaves a single file, like the end of a run.
   CHECK_FALSE(fs::exists(folder / "monday.sqlite-wal"));
 }
 

@@ -17,7 +17,8 @@ using namespace echofuse;
 using namespace echofuse::record;
 using namespace testing;
 
-// Kills a program in a transaction with journal_mode=DELETE after it wrote some pages.
+// Kills a program during a transaction with journal_mode=DELETE, after the program has written some
+// pages.
 static void hot_journal(const std::string& path) {
   const pid_t child = fork();
   if (child == 0) {
@@ -89,7 +90,7 @@ TEST_CASE("a copy of an open run without its -wal file is refused and not change
     CHECK(code == ExitCode::failed);
     CHECK(has(text, "a copy without its -wal"));
   }
-  write_file(path + "-wal", "");  // as SQLite makes it for a reader
+  write_file(path + "-wal", "");  // an empty -wal file, as SQLite creates it for a reader
   recover(path);
   CHECK(RunReader(path).info().status == crashed_without_wal);
   fs::remove(path + "-wal");
@@ -130,7 +131,8 @@ TEST_CASE("a run killed after its end was stored keeps its status and has no sid
   CHECK(RunReader(path).count() == 3);
 }
 
-// Leaves a run like a kill, with enough records for SQLite to restart its -wal several times.
+// Leaves a run file as if the program was killed. `records` is large enough for SQLite to restart
+// the -wal file several times.
 static void killed_run(const std::string& path, int records) {
   RunWriter run(path, {});
   for (const auto& axis : small_axes()) run.put_axis(axis);
@@ -193,7 +195,7 @@ TEST_CASE("an open run with the -journal file of another run is refused") {
   CHECK(RunReader(path).count() == 5);
 }
 
-// State after a kill between the two steps of SQLite's journal_mode=DELETE.
+// The file is in the state between the two steps of SQLite's switch to journal_mode=DELETE.
 TEST_CASE("a run in WAL mode without a -wal file is read, also on read-only media") {
   const Folder folder;
   fs::create_directory(folder / "in");

@@ -43,7 +43,8 @@ std::vector<Axis> axes() {
            .step = 0.025}};
 }
 
-// A body at 3.5 m in front of all three sensors, with shot noise, amplifier and pixel noise.
+// Simulates records of a body at 3.5 m in front of all three sensors, with photon, amplifier and
+// pixel noise.
 class Laboratory {
  public:
   double photons = 1e5, background = 0, radar_snr_db = 20, depth_share = 0.05;
@@ -123,7 +124,7 @@ TEST_CASE("a signal weaker than in the first minute has the verdict weak") {
   SignalCheck check({}, 3);
   for (int i = 0; i < 20; ++i) CHECK(verdicts(check, lab.record()) == all_ok);
   lab.photons = 5e3, lab.radar_snr_db = 9, lab.depth_share = 0.004;
-  for (int i = 0; i < 30; ++i) {  // does not become the reference
+  for (int i = 0; i < 30; ++i) {  // weak records do not become the reference
     const auto v = verdicts(check, lab.record());
     CHECK_THAT(v[0], StartsWith("weak: light level is 0.0"));
     CHECK_THAT(v[1], StartsWith("weak: echo power is 0.0"));
@@ -166,14 +167,14 @@ TEST_CASE(
   r.signal.clicks_a_pulse = 0.06;
   for (float& v : r.radar) v = std::min(v, 5500.F);
   auto v = verdicts(check, r);
-  CHECK(v[1] == "ok");  // a single repetition may be the start of a freeze
+  CHECK(v[1] == "ok");  // one repeated record does not prove that the radar is frozen
   for (float& p : r.radar) p = p == 5500.F ? p : p + 1;
   ++r.spd[0];
   v = verdicts(check, r);
   CHECK(v[0] == "saturated: 0.06 clicks per laser pulse (limit 0.05)");
   CHECK(v[1] == "saturated: the lobe at 3.25 m is clipped");
   r.spd_counts = {
-      .starts = 100, .in_range = 100, .out_of_range = 1900};  // 20 laser pulses per click
+      .starts = 100, .in_range = 100, .out_of_range = 1900};  // 20 clicks per laser pulse
   ++r.spd[0];
   CHECK_THAT(verdicts(check, r)[0], EndsWith("(limit 0.05): are start and click swapped?"));
   r.sync[Sensor::radar].used = 1;  // in a single frame two bins may have equal codes
@@ -190,10 +191,11 @@ TEST_CASE("sensor data that repeat bit by bit have the verdict stands still") {
   SignalCheck check({}, 3);
   auto r = lab.record();
   CHECK(verdicts(check, r) == all_ok);
-  for (float& v : r.radar) v += 0.001F;  // rounding when averaging over another number of frames
+  // Simulates the rounding error of an average over another number of frames.
+  for (float& v : r.radar) v += 0.001F;
   for (const auto& v : verdicts(check, r)) CHECK_THAT(v, StartsWith("stands still: "));
   CHECK(verdicts(check, lab.record()) == all_ok);
-  // A sensor that is missing in between, or has no signal, does not stand still.
+  // A sensor that was missing or had no signal in between is not reported as frozen.
   auto gone = lab.record();
   const auto kept = gone;
   CHECK(verdicts(check, gone) == all_ok);
@@ -266,7 +268,8 @@ TEST_CASE("missing start pulses are not reported if the tagger uses a conditiona
   r.spd_counts = {.tags = 20'000, .starts = 10'000, .in_range = 10'000};
   r.signal.clicks_a_pulse = 0.01;
   CHECK(verdicts(check, r)[0] == "ok");
-  // Starts equal clicks, because all are dark counts: one laser pulse in 100 arrived.
+  // All clicks are dark counts, so that starts and clicks are equal in number. One laser pulse in
+  // 100 passed the filter.
   r.spd[0] += 1, r.radar[0] += 1, r.depth_mm[0] += 1;
   r.signal.clicks_a_pulse = 1;
   SignalLimits bright;
@@ -329,14 +332,14 @@ TEST_CASE("the signal of each detector zone is checked separately") {
   record::FusedRecord r;
   r.valid = {Sensor::spd};
   r.spd.assign(80, 0);
-  std::fill_n(r.spd.begin(), 40, 1000);  // background of the first zone alone
+  std::fill_n(r.spd.begin(), 40, 1000);  // only the first zone has a background
   r.spd[40 + 12] = 5000;
   r.signal.clicks_a_pulse = 0.04;
   r.sync[Sensor::spd].verdict = "ok";
   check.assess(r, spd);
   CHECK(r.sync[Sensor::spd].verdict == "ok");
   CHECK(*r.signal.spd_clicks == 5000);
-  r.spd[40 + 12] = 30'000;  // 30/70 of the clicks, 4/7 in the first zone
+  r.spd[40 + 12] = 30'000;  // bin with 30/70 of all clicks; the first zone has 4/7
   r.signal.clicks_a_pulse = 0.1;
   check.assess(r, spd);
   CHECK(r.sync[Sensor::spd].verdict ==

@@ -18,7 +18,8 @@ namespace {
 
 constexpr SlotGrid grid{.first = 10s, .length = 1s};
 const SensorClocks no_clocks;
-constexpr std::size_t sent_bins = 40, kept_bins = 32, antennas = 8;  // bins of 0.25 m: up to 8 m
+// 32 bins of 0.25 m reach to 8 m.
+constexpr std::size_t sent_bins = 40, kept_bins = 32, antennas = 8;
 
 DeviceInfo radar_info() {
   DeviceInfo info;
@@ -34,8 +35,8 @@ RadarFrame frame_of(std::uint32_t number) {
   frame.frame_number = number;
   frame.range_profile.assign(sent_bins, 1000);
   for (std::size_t i = 0; i < sent_bins * antennas; ++i) {
-    frame.array.push_back(static_cast<std::int16_t>(7 * i % 100 + number));       // imaginary
-    frame.array.push_back(static_cast<std::int16_t>(500 - 3 * number - i % 41));  // real
+    frame.array.push_back(static_cast<std::int16_t>(7 * i % 100 + number));       // imaginary part
+    frame.array.push_back(static_cast<std::int16_t>(500 - 3 * number - i % 41));  // real part
   }
   return frame;
 }
@@ -46,7 +47,8 @@ Windows make_windows() {
   return windows;
 }
 
-// Samples expected in the record, from frames in groups of neighbours.
+// Returns the expected array samples of a record. Each group contains frames with consecutive
+// numbers.
 std::vector<float> expected(const std::vector<std::vector<std::uint32_t>>& groups) {
   record::ArrayStatistics sums(kept_bins, antennas);
   for (const auto& group : groups) {
@@ -91,7 +93,7 @@ TEST_CASE("array statistics do not pair radar frames across a missing frame or h
     windows.add(without);
   }
   for (const std::uint32_t n : {4u, 5u, 7u, 8u}) windows.add(frame_of(n));
-  windows.add(frame_of(8));  // a duplicate
+  windows.add(frame_of(8));  // a repeated frame number
   const auto r = windows.close({0, false});
   CHECK(r.array_frames == 4);
   CHECK(r.array == expected({{4, 5}, {7, 8}}));
@@ -147,7 +149,7 @@ TEST_CASE("the info command describes the antenna array") {
   CHECK(has(describe_run(path, false),
             "array     8 antennas, 32 bins to 7.75 m, in 2 records of 2 frames and 5376 bytes"));
   CHECK(has(describe_run(path, true), "\"phase_rad\": -0.25"));
-  const auto want = record::RunReader(path).read(0).array;  // as stored: rounded
+  const auto want = record::RunReader(path).read(0).array;  // rounded as in the file
   CHECK(want[0] == Approx(records[0].array[0]).margin(0.1));
 }
 

@@ -35,7 +35,7 @@ TEST_CASE("a clock set during a run is stored as an event, and later UTC times a
   RunLog log(loop);
   log.attach(journal);
   for (int second = 0; second < 60; ++second, loop.run_for(1s)) journal.refresh_anchor(log);
-  loop.step_utc(10ms);  // too small for an event; included in the next anchor
+  loop.step_utc(10ms);  // a step too small for an event, which the next anchor includes
   journal.refresh_anchor(log);
   CHECK(journal.utc_of(1050s) == 1050s + before + 10ms);
   loop.run_for(10s + 200ms);
@@ -43,7 +43,7 @@ TEST_CASE("a clock set during a run is stored as an event, and later UTC times a
   journal.refresh_anchor(log);
   journal.refresh_anchor(log);
   CHECK(journal.utc_of(1069s) == 1069s + before + 10ms);
-  CHECK(journal.utc_of(1070s) == 1070s + before + 10ms);  // began before the clock was set
+  CHECK(journal.utc_of(1070s) == 1070s + before + 10ms);  // the slot began before the clock was set
   CHECK(journal.utc_of(1071s) == 1071s + before + step);
   loop.run_for(69s + 800ms);
   loop.step_utc(20ms);
@@ -74,10 +74,10 @@ TEST_CASE("a slot that is open when the system clock is set keeps its start time
   RunLog log(loop);
   loop.run_for(9s);
   loop.step_utc(24h);
-  journal.refresh_anchor(log);  // at 10 s
+  journal.refresh_anchor(log);  // host time 10 s
   loop.run_for(60s);
   journal.refresh_anchor(log);
-  CHECK(journal.utc_of(9s) == before + 9s);  // began before the clock was set
+  CHECK(journal.utc_of(9s) == before + 9s);  // the slot began before the clock was set
   CHECK(journal.utc_of(11s) == before + 24h + 11s);
   journal.finish("complete");
 }

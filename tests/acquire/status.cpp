@@ -43,7 +43,7 @@ TEST_CASE("the status line shows all values in a fixed order") {
   m.times = {};
   CHECK(m.line(std::nullopt) ==
         "record 0  SRD  0:00  0.0 ktag/s  radar 0.0 fps  depth 0.0 fps  lost 0  on disk 0");
-  m.times.elapsed_s = -3;  // before the first slot
+  m.times.elapsed_s = -3;  // countdown before the first slot
   CHECK(m.line(std::nullopt).find("  0:00  ") != std::string::npos);
 }
 
@@ -100,6 +100,6 @@ TEST_CASE("a label in the status line is escaped and cut at a character boundary
   Moment m;
   m.now.label = "a\033[2J\n";
   CHECK(m.line(std::nullopt).find(R"(  a\x1b[2J\n  )") != std::string::npos);
-  m.now.label = "abcdefghijklmnopqrstuvw\xc3\xa4xyz";  // the 24th byte is half of a character
+  m.now.label = "abcdefghijklmnopqrstuvw\xc3\xa4xyz";  // the limit of 24 bytes divides a character
   CHECK(m.line(std::nullopt).find("  abcdefghijklmnopqrstuvw  ") != std::string::npos);
 }

@@ -71,7 +71,7 @@ TEST_CASE("a run file stores clock fits and marks records without a required sen
   const Json info = Json::parse(acquire("info --json " + path).text);
   CHECK(info["incomplete"] == 1);
   CHECK(info["policy"] == Json{{"spd", "required"}, {"depth", "optional"}});
-  CHECK(info["clocks"]["spd"]["samples"] == 102);  // the last record with a fit
+  CHECK(info["clocks"]["spd"]["samples"] == 102);  // the last record with a clock fit
   CHECK(info["clocks"]["depth"]["drift_ppm"] == 20);
   CHECK_FALSE(info["clocks"].contains("radar"));
   const std::string text = acquire("info " + path).text;

@@ -17,15 +17,15 @@ constexpr SlotGrid grid{.first = 100s, .length = 1s};
 
 HostTime host(double t) { return HostTime(std::llround(t * 1e9)); }
 
-// An arrival at time `read` from a device, with data taken at these times (s). `places`: expected
-// record of each, or early, late, outside, twice.
+// Data that arrive at time `read`, in s. The device took them at the times `taken`. `places` lists
+// the expected record of each item, or early, late, outside or twice.
 struct Event {
   double read;
   const char* device;
   std::vector<double> taken;
   const char* places;
   std::uint32_t number = 0;  // frame number
-  std::uint64_t lost = 0;    // lost before it
+  std::uint64_t lost = 0;    // number lost before this arrival
 };
 
 // clang-format off
@@ -33,34 +33,34 @@ const std::vector<Event> events = {
   // read     device   taken                                places           number lost
   { 99.992,  "spd",   {99.980, 99.990},                    "early early"              },
   { 99.993,  "radar", {99.985},                            "early",          1        },
-  {100.004,  "spd",   {99.995, 99.999, 100.001, 100.003},  "early early 0 0"          },  // cut at the border
-  {100.031,  "radar", {99.9985},                           "early",          2        },  // read in 0, taken before
+  {100.004,  "spd",   {99.995, 99.999, 100.001, 100.003},  "early early 0 0"          },  // divided at the start of slot 0
+  {100.031,  "radar", {99.9985},                           "early",          2        },  // read in slot 0, taken before it
   {100.300,  "radar", {100.280},                           "0",              3        },
   {100.310,  "depth", {100.290},                           "0",              1        },
-  {100.610,  "depth", {100.490},                           "0",              2        },  // nearest to the centre
+  {100.610,  "depth", {100.490},                           "0",              2        },  // frame nearest to the centre of the slot
   {100.640,  "depth", {100.620},                           "0",              3        },
   {100.641,  "depth", {100.620},                           "twice",          3        },
   {100.700,  "radar", {100.680},                           "0",              4        },
   {100.701,  "radar", {100.680},                           "twice",          4        },
-  {100.720,  "spd",   {100.600, 100.700, 100.650, 100.719},"0 0 0 0"                  },  // out of order within a block
+  {100.720,  "spd",   {100.600, 100.700, 100.650, 100.719},"0 0 0 0"                  },  // tags of a block out of order
   {100.998,  "spd",   {100.990, 100.997},                  "0 0"                      },
-  {101.120,  "spd",   {100.950, 100.999, 101.001, 101.110},"0 0 1 1"                  },  // 100 ms long
-  {101.300,  "radar", {100.900},                           "0",              5        },  // late by 0.4 s, slot 0 open
+  {101.120,  "spd",   {100.950, 100.999, 101.001, 101.110},"0 0 1 1"                  },  // block of 100 ms, divided at a boundary
+  {101.300,  "radar", {100.900},                           "0",              5        },  // 0.4 s late, but slot 0 is open
   {101.310,  "radar", {101.250},                           "1",              7,  1    },
-  {101.320,  "radar", {101.200},                           "1",              6        },  // out of order
-  {101.449,  "spd",   {100.994},                           "0"                        },  // in the grace
+  {101.320,  "radar", {101.200},                           "1",              6        },  // frames out of order
+  {101.449,  "spd",   {100.994},                           "0"                        },  // arrives in the grace time of slot 0
   {101.560,  "spd",   {100.995, 101.500},                  "late 1"                   },
-  {101.570,  "radar", {100.999},                           "late",           8,  2    },  // lost: of the next slot
+  {101.570,  "radar", {100.999},                           "late",           8,  2    },  // slot 0 is closed: its loss counts in slot 1
   {101.580,  "depth", {100.500},                           "late",           4        },
   {101.900,  "spd",   {101.850, 101.899},                  "1 1"                      },
   {102.100,  "depth", {101.999},                           "1",              5        },
   {102.110,  "depth", {102.000},                           "2",              6        },
-  {102.200,  "spd",   {},                                  "",               0,  3    },  // only a loss
-  // The program stalls from 102.2 to 105.7; all following data wait to be read.
+  {102.200,  "spd",   {},                                  "",               0,  3    },  // no tags, only a loss
+  // The program stalls from 102.2 to 105.7 s, and all data after that wait to be read.
   {105.700,  "spd",   {102.200, 102.900, 103.100, 105.690},"2 2 3 5"                  },
   {105.700,  "radar", {102.500},                           "2",              9        },
   {105.700,  "radar", {105.600},                           "5",             10        },
-  // The radar returns with another clock: placed by receipt until that is known.
+  // The radar reconnects with another clock. Until its fit is valid, the receive times are used.
   {106.600,  "radar+",{106.100},                           "6",              1        },
   {106.700,  "spd",   {106.100, 106.650},                  "6 6"                      },
   {107.300,  "spd",   {107.001, 107.299},                  "outside outside"          },  // after the last slot
@@ -70,8 +70,8 @@ const std::vector<Event> events = {
 struct Verdicts {
   std::int64_t record;
   const char *spd, *radar, *depth;
-  std::uint32_t missing;  // radar is required
-  std::uint16_t depth_mm; // number of the frame used
+  std::uint32_t missing;  // bits of the missing required sensors; only the radar is required
+  std::uint16_t depth_mm;  // contains the number of the frame used
 };
 const std::vector<Verdicts> verdicts = {
   {0, "ok",                          "ok",                      "ok",                      0, 2},
@@ -79,7 +79,7 @@ const std::vector<Verdicts> verdicts = {
   {2, "ok",                          "ok",                      "ok",                      0, 6},
   {3, "the program stood still",     "the program stood still", "the program stood still", 2, 0},
   {4, "the program stood still",     "the program stood still", "the program stood still", 2, 0},
-  {5, "the program stood still",     "ok",                      "the program stood still", 0, 0},  // placed by its clock
+  {5, "the program stood still",     "ok",                      "the program stood still", 0, 0},  // the radar frame is placed by its time stamp
   {6, "ok",                          "ok",                      "no frames",               0, 0},
 };
 // clang-format on
@@ -91,7 +91,7 @@ struct Device {
   }
 };
 
-// The three devices, with clocks fitted for 20 s, and the daemon on a virtual clock.
+// Simulates three devices with clock fits from 20 s of samples, and the daemon on a virtual clock.
 class Bench {
  public:
   Bench() {
@@ -151,7 +151,8 @@ class Bench {
       grid, {.first_bin_ps = 0, .bins = 1}, clocks, SensorSet::from_bits(7), {Sensor::radar}};
   Scheduler scheduler{grid};
   std::vector<record::FusedRecord> records;
-  std::map<std::string, std::array<std::uint64_t, 3>> expected;  // counts by place
+  // Expected number of items of each sensor, by place.
+  std::map<std::string, std::array<std::uint64_t, 3>> expected;
 
  private:
   RadarFrame radar(double taken, double read, std::uint32_t number) const {
@@ -205,8 +206,10 @@ TEST_CASE("samples and losses of all devices are assigned to the expected record
   CHECK(bench.windows.take_late() == record::LateCounts{{0, unassigned.late}});
   CHECK(bench.windows.take_late().empty());
   CHECK(unassigned.duplicate == bench.expected["twice"]);
-  CHECK(unassigned.out_of_order == std::array<std::uint64_t, 3>{0, 2, 0});  // 6 after 7, 1 after 10
-  // Losses belong to the slot of the sample that reveals them, or the next one if that is closed.
+  // Radar frame 6 arrives after 7, and frame 1 after 10.
+  CHECK(unassigned.out_of_order == std::array<std::uint64_t, 3>{0, 2, 0});
+  // A loss counts in the slot of the sample that reveals it, or in the next slot if that one is
+  // closed.
   CHECK(bench.records[1].sync[Sensor::radar].lost == 1 + 2);
   CHECK(bench.records[2].sync[Sensor::spd].lost == 3);
 }

@@ -41,7 +41,7 @@ inline Outcome acquire(const std::string& arguments) {
   return shell(echofuse::test::bin_dir + "/echofuse-acquire " + arguments);
 }
 
-// Returns code and text of the Error that `body` throws; ok if it throws none.
+// Returns code and text of the Error that `body` throws, or ok if it throws none.
 template <class Body>
 std::pair<echofuse::ExitCode, std::string> error_of(Body body) {
   try {
@@ -52,7 +52,7 @@ std::pair<echofuse::ExitCode, std::string> error_of(Body body) {
   return {echofuse::ExitCode::ok, ""};
 }
 
-// 8 SPD bins, 4 radar points, 3 x 2 pixels.
+// Returns axes of 8 SPD bins, 4 radar points and 3 x 2 pixels.
 inline std::vector<echofuse::Axis> small_axes() {
   return {{"spd", "counts", "ps", 8, 13343, 100, 1},
           {"radar", "log2_q8", "m", 4, 0, 0.5, 12},
@@ -60,7 +60,7 @@ inline std::vector<echofuse::Axis> small_axes() {
           {"depth_y", "tangent", "1", 2, 0.1, -0.2, 1}};
 }
 
-// A record with three valid sensors; every value depends on the index.
+// Returns a record with three valid sensors, in which every value depends on the index.
 inline echofuse::record::FusedRecord small_record(std::int64_t index) {
   using echofuse::HostTime;
   const auto i = static_cast<std::uint32_t>(index);
@@ -87,7 +87,7 @@ inline echofuse::record::FusedRecord small_record(std::int64_t index) {
   return r;
 }
 
-// Compares all columns and arrays; defined in run_rows.cpp.
+// Checks that all columns and arrays are equal. Defined in run_rows.cpp.
 void check_same(const echofuse::record::FusedRecord& read,
                 const echofuse::record::FusedRecord& wrote);
 

@@ -16,7 +16,7 @@ namespace {
 constexpr SlotGrid grid{.first = 10s, .length = 1s};
 constexpr tdc::HistogramSettings tdc_settings{.bin_width_ps = 100, .first_bin_ps = 0, .bins = 50};
 constexpr SensorSet everything = SensorSet::from_bits(7);
-const SensorClocks no_clocks;  // samples are placed by their receipt
+const SensorClocks no_clocks;  // without fits, the receive times are used
 
 DeviceInfo radar_info(std::uint32_t bins = 4, double antennas = 12) {
   DeviceInfo info;
@@ -90,7 +90,7 @@ TEST_CASE("a record with data of all three sensors is complete") {
   CHECK(r.slot_end == 11s);
   CHECK(r.valid == SensorSet::from_bits(7));
   std::vector<std::uint32_t> expected(50, 0);
-  expected[1] = 2;  // 150 and 199 ps
+  expected[1] = 2;  // clicks at 150 and 199 ps
   expected[2] = 1;
   CHECK(r.spd == expected);
   CHECK(r.spd_counts.tags == 6);
@@ -100,7 +100,8 @@ TEST_CASE("a record with data of all three sensors is complete") {
   CHECK(sync(r, Sensor::spd).offset_s == Approx(-0.05));
   CHECK(r.radar == std::vector<float>{0, 256, 512, 1000});  // a single frame is copied exactly
   CHECK(sync(r, Sensor::radar).offset_s == Approx(-0.1));
-  CHECK(r.depth_mm == std::vector<std::uint16_t>{3, 4});  // nearest to the slot's centre, 10.5 s
+  // The record contains the frame nearest to the slot's centre at 10.5 s.
+  CHECK(r.depth_mm == std::vector<std::uint16_t>{3, 4});
   CHECK(sync(r, Sensor::depth).offset_s == Approx(0.05));
   for (const auto& s : r.sync) CHECK(s.verdict == "ok");
 }
@@ -116,11 +117,11 @@ TEST_CASE("the counts of a record take click delay, dead time and bad tags into 
   feed(windows, 10s, {click_at(650), start_at(1'000), click_at(1'020), click_at(1'119), unknown});
   feed(windows, 10s + 900ms, {start_at(5'000), start_at(4'000), click_at(5'100)});
   const auto r = windows.close({0, false});
-  CHECK(r.spd.at(1) == 1);           // 650 + 500 - 1000
-  CHECK(r.spd.at(5) == 1);           // 1020 + 500 - 1000
-  CHECK(r.spd_counts.removed == 1);  // 1119, 99 ps after 1020
+  CHECK(r.spd.at(1) == 1);           // click at 650 ps + 500 ps delay, start at 1000 ps
+  CHECK(r.spd.at(5) == 1);           // click at 1020 ps + 500 ps delay, start at 1000 ps
+  CHECK(r.spd_counts.removed == 1);  // click at 1119 ps, within 100 ps of the click at 1020 ps
   CHECK(r.spd_counts.bad_tags == 1);
-  CHECK(r.spd_counts.backwards == 0);  // sorted
+  CHECK(r.spd_counts.backwards == 0);  // the filter has sorted the tags
   CHECK(r.spd_counts.tags == 8);
   CHECK(parts(r.spd_counts) == r.spd_counts.tags);
 }
@@ -187,7 +188,8 @@ TEST_CASE("radar frames are averaged in linear power, not in decibels") {
   for (std::uint32_t i = 0; i < 3; ++i) windows.add(radar_frame(10s + i * 100ms, 7 + i, frames[i]));
   const auto r = windows.close({0, false});
   REQUIRE(r.valid == SensorSet::from_bits(2));
-  // power = 2^(2 * code/256 * 16/12): TI's code is the sum over 12 antennas, divided by 16
+  // Power is 2^(2 * code / 256 * 16 / 12), because TI's code is a sum over 12 antennas, divided by
+  // 16.
   constexpr double doubling = 256.0 * 12 / 16 / 2;
   for (std::size_t bin = 0; bin < 4; ++bin) {
     double power = 0;
@@ -278,7 +280,7 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
   CHECK(sync(r, Sensor::radar).verdict == radar);
   CHECK(sync(r, Sensor::depth).verdict == depth);
   CHECK(windows.close({1, false}).has(Sensor::spd) ==
-        spd.starts_with("tags for"));  // half of the slot suffices
+        spd.starts_with("tags for"));  // tags over half of the slot suffice
 }
 
 TEST_CASE("a click is not paired with a start that precedes tags outside open slots") {
@@ -313,7 +315,7 @@ TEST_CASE("unconfigured sensors and stalled slots have different verdicts") {
   feed(windows, 10s + 900ms, {start_at(1), click_at(2)});
   const auto r = windows.close({0, true});
   CHECK(r.valid == SensorSet::from_bits(0));
-  CHECK(r.spd_counts.tags == 3);  // counted although not used
+  CHECK(r.spd_counts.tags == 3);  // tags are counted although they are not used
   CHECK(sync(r, Sensor::spd).verdict == "the program stood still");
   CHECK(sync(r, Sensor::radar).verdict == "not configured");
 }
@@ -327,7 +329,7 @@ DeviceInfo board_info(double width_ps = 92.5) {
   return info;
 }
 
-// Exposure of 200 ms.
+// Returns a histogram with an exposure of 200 ms.
 HistogramFrame histogram(HostTime received, std::vector<std::uint32_t> counts,
                          std::uint64_t lost = 0) {
   return {.received = received,
@@ -343,11 +345,11 @@ TEST_CASE("a record contains the sum of the histograms with their mid-exposure i
   Windows windows = make_windows();
   REQUIRE(windows.announce(board_info()));
   CHECK(same_axis(windows.axes().front(), board_info().axes[0]));
-  windows.add(histogram(10s + 50ms, {100, 0, 0}));  // from 9.85 s: early
+  windows.add(histogram(10s + 50ms, {100, 0, 0}));  // mid-exposure at 9.95 s: early
   windows.add(histogram(10s + 150ms, {1, 2, 3}));
   windows.add(histogram(10s + 700ms, {10, 20, 4'000'000'000}, 2));
-  windows.add(histogram(11s + 50ms, {5, 5, 4'000'000'000}));  // to 11.05 s
-  windows.add(histogram(11s + 150ms, {7, 7, 7}));             // belongs to the next slot
+  windows.add(histogram(11s + 50ms, {5, 5, 4'000'000'000}));  // mid-exposure at 10.95 s
+  windows.add(histogram(11s + 150ms, {7, 7, 7}));             // mid-exposure in the next slot
   const auto r = windows.close({0, false});
   CHECK(r.has(Sensor::spd));
   CHECK(r.spd == std::vector<std::uint32_t>{16, 27, UINT32_MAX});
