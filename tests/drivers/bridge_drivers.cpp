@@ -15,7 +15,7 @@ using test::run_until;
 
 namespace {
 
-// Accepts one connection at a time, from the driver only.
+// Bridge server that accepts one connection at a time, only from the driver.
 struct Server {
   explicit Server(port::SystemLoop& context, std::uint16_t port = 0)
       : loop(context), acceptor(context.io(), {boost::asio::ip::address_v4::loopback(), port}) {}
@@ -68,7 +68,7 @@ TEST_CASE("the tagger driver receives tags from a bridge and reports each connec
     REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
     server.send(test::tags_block(3));
     REQUIRE(run_until(b.loop, [&] { return b.sink.blocks.size() == 2; }));
-    CHECK(b.sink.blocks[1].lost_blocks == 1);  // the rejected block
+    CHECK(b.sink.blocks[1].lost_blocks == 1);  // the rejected block counts as lost
   }
   SECTION("a lost connection is restored, and one block is counted as lost") {
     server.client.reset();
@@ -104,7 +104,7 @@ TEST_CASE("the tagger driver reports missing blocks and items with the next data
   const auto driver = make_tdc(b.loop, {server.address()});
   driver->start(b.sink);
   REQUIRE(server.accept());
-  server.send(test::join({b.golden[0], b.golden[2]}));  // the block in between is missing
+  server.send(test::join({b.golden[0], b.golden[2]}));  // the block between these two is missing
   REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
   CHECK(test::counter(*driver, "lost_blocks") == 1);
   CHECK(b.sink.blocks.empty());
@@ -160,7 +160,7 @@ TEST_CASE("a bridge driver can be destroyed at any time") {
   for (int steps = 0; steps < 12; ++steps) {
     auto driver = make_tdc(b.loop, {server.address()});
     driver->start(b.sink);
-    int left = steps;  // each ends after a millisecond
+    int left = steps;  // each step ends after a millisecond
     b.loop.run_until([&] { return left-- == 0; }, b.loop.now() + std::chrono::milliseconds(steps));
     driver.reset();
     b.loop.run_for(std::chrono::milliseconds(5));
@@ -175,7 +175,7 @@ TEST_CASE("the camera driver receives depth frames and axes from a bridge") {
   REQUIRE(server.accept());
   server.send(b.golden[0]);
   b.loop.run_for(std::chrono::milliseconds(30));
-  CHECK(b.sink.state() == DeviceState::connecting);  // until the first frame
+  CHECK(b.sink.state() == DeviceState::connecting);  // connecting until the first frame arrives
   const Bytes depth = b.golden[2];
   const Bytes next =
       test::make_block(bridge::BlockKind::depth, 3, ByteView(depth).subspan(bridge::header_bytes));
@@ -187,7 +187,7 @@ TEST_CASE("the camera driver receives depth frames and axes from a bridge") {
   CHECK(b.sink.info.axes[1].step == -0.5);
   CHECK(b.sink.info.model == "Time Tagger Ultra");
   CHECK(b.sink.depth[0].depth_mm == std::vector<std::uint16_t>{0, 1000, 2000, 3000, 4000, 0});
-  CHECK(b.sink.depth[0].lost_before == 6);  // 5 dropped, block 1 missing
+  CHECK(b.sink.depth[0].lost_before == 6);  // 5 dropped frames, and block 1 is missing
   CHECK(test::counter(*driver, "frames") == 2);
   server.send(b.golden[1]);
   CHECK(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
@@ -204,7 +204,7 @@ TEST_CASE("lost camera frames are counted by the frame index, also across a reco
     return test::make_block(bridge::BlockKind::depth, sequence, payload);
   };
   REQUIRE(server.accept());
-  server.send(test::join({b.golden[0], frame(1, 7), frame(2, 10)}));  // 8 and 9 lost before
+  server.send(test::join({b.golden[0], frame(1, 7), frame(2, 10)}));  // frames 8 and 9 are lost
   REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 2; }));
   server.client.reset();
   REQUIRE(server.accept());
@@ -212,7 +212,8 @@ TEST_CASE("lost camera frames are counted by the frame index, also across a reco
   REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 4; }));
   server.client.reset();
   REQUIRE(server.accept());
-  server.send(test::join({b.golden[0], frame(1, 1)}));  // index restarted: at least one is lost
+  // The frame index restarted, so at least one frame was lost.
+  server.send(test::join({b.golden[0], frame(1, 1)}));
   REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 5; }));
   const std::uint32_t lost[] = {0, 2, 29, 2, 1};
   for (std::size_t i = 0; i < 5; ++i) CHECK(b.sink.depth[i].lost_before == lost[i]);
@@ -229,7 +230,7 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
   REQUIRE(server.accept());
   server.send(pieces[0]);
   b.loop.run_for(std::chrono::milliseconds(30));
-  CHECK(b.sink.state() == DeviceState::connecting);  // until the first histogram
+  CHECK(b.sink.state() == DeviceState::connecting);  // connecting until the first histogram arrives
 
   SECTION("lost histograms are counted by block number") {
     server.send(
@@ -240,11 +241,12 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
     REQUIRE(b.sink.info.axes.size() == 1);
     CHECK(b.sink.info.axes[0].step == 92.5);
     CHECK(b.sink.histograms[0].lost_before == 0);
-    CHECK(b.sink.histograms[1].lost_before == 5);  // 3 dropped, blocks 2 and 3 missing
+    // 3 histograms were dropped, and blocks 2 and 3 are missing.
+    CHECK(b.sink.histograms[1].lost_before == 5);
     CHECK(test::counter(*driver, "histograms") == 2);
   }
   Bytes zones(counts.begin(), counts.end());
-  zones[0] = 5, zones[4] = 1;  // 5 zones of 1 bin
+  zones[0] = 5, zones[4] = 1;  // 5 zones of 1 bin each
   SECTION("zones without directions in the hello block have unknown directions") {
     server.send(test::make_block(bridge::BlockKind::histogram, 1, zones));
     REQUIRE(run_until(b.loop, [&] { return b.sink.histograms.size() == 1; }));
@@ -257,7 +259,7 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
         R"({"sends": "histograms", "zones": [{"x": -0.1, "y": 0, "width": 0.2, "zero_ps": 7.5}]})";
     server.client.reset();
     REQUIRE(server.accept());
-    b.sink.events.clear();  // without the warning of the lost connection
+    b.sink.events.clear();  // removes the warning of the lost connection
     server.send(test::make_block(bridge::BlockKind::hello, 0, test::view_of(hello)));
     for (std::uint32_t i = 1; i < 3; ++i)
       server.send(test::make_block(bridge::BlockKind::histogram, i, zones));
@@ -287,7 +289,7 @@ TEST_CASE("the radar driver receives range profiles from a bridge") {
   Server server(b.loop);
   const auto pieces = test::read_golden("bridge_sensors.hex");
   Bytes later(pieces[2].begin() + bridge::header_bytes, pieces[2].end());
-  later[4] = 45;  // frame number
+  later[4] = 45;  // frame number 45
   RadarConfig config;
   config.address = server.address();
   const auto driver = make_radar(b.loop, config);
@@ -300,5 +302,5 @@ TEST_CASE("the radar driver receives range profiles from a bridge") {
   CHECK(b.sink.info.sensor == Sensor::radar);
   CHECK(b.sink.info.axes.at(0).quantity == "power");
   CHECK(b.sink.radar[0].power == std::vector<float>{1, 0, 2.5F, 1e9F});
-  CHECK(b.sink.radar[1].lost_before == 2);  // frames 43 and 44
+  CHECK(b.sink.radar[1].lost_before == 2);  // frames 43 and 44 are lost
 }

@@ -14,9 +14,9 @@ using test::tags_block;
 
 namespace {
 
-constexpr std::uint32_t last = 40, hit = 20;  // data blocks 1..last; the fault is in block `hit`
+constexpr std::uint32_t last = 40, hit = 20;  // numbers of the last block and of the faulty block
 
-// Returns the hello and the data blocks.
+// Returns a hello block and `last` data blocks.
 std::vector<Bytes> sound_stream() {
   std::vector<Bytes> stream = {hello_block()};
   for (std::uint32_t n = 1; n <= last; ++n) stream.push_back(tags_block(n));
@@ -40,7 +40,7 @@ Outcome receive(const std::vector<Bytes>& stream) {
   parser.feed(join(stream), keep);
   out.broken = parser.broken() ? parser.broken() : "";
   out.counts = parser.counts();
-  // The next connection must work normally.
+  // The parser must work normally on the next connection.
   parser.reset();
   CHECK_FALSE(parser.broken());
   const std::size_t before = out.delivered;
@@ -72,7 +72,7 @@ TEST_CASE("each flipped bit in a bridge block is detected, and no later block is
         header_bytes + length > (last + 1 - hit) * stream[hit].size()) {
       const Outcome out = receive(stream);
       CHECK(out.delivered == hit);
-      CHECK(out.broken.empty());  // waits for the rest of the block
+      CHECK(out.broken.empty());  // the parser waits for the rest of the block
     } else {
       check_broken(stream);
     }
@@ -84,7 +84,7 @@ TEST_CASE("a bridge block truncated at any byte is detected") {
     CAPTURE(size);
     auto stream = sound_stream();
     stream[hit].resize(size);
-    stream.emplace_back(70'000);  // if truncated after 8 bytes, its length becomes 64 KiB
+    stream.emplace_back(70'000);  // a block cut after 8 bytes gets a length of 64 KiB
     check_broken(stream);
   }
 }

@@ -22,7 +22,7 @@ struct ParsedBlock {
   bool operator==(const ParsedBlock&) const = default;
 };
 
-// Feeds pieces of the sizes that `piece` returns.
+// Feeds the bytes in pieces of the sizes that `piece` returns.
 template <class Piece>
 std::vector<ParsedBlock> feed(BlockParser& parser, ByteView bytes, Piece piece) {
   std::vector<ParsedBlock> parsed;
@@ -64,7 +64,7 @@ TEST_CASE("CRC-32C matches the test vectors of RFC 3720 B.4") {
   CHECK(crc32c(down) == 0x113fdb5c);
   CHECK(crc32c(test::view_of("123456789")) == 0xe3069283);
   CHECK(crc32c(ByteView(up).subspan(7), crc32c(ByteView(up).first(7))) == 0x46dd794e);
-  // The processor handles long inputs in three streams, and inputs below 8 bytes by the table.
+  // Long inputs are computed in three parallel streams, and inputs below 8 bytes by table.
   Bytes many(100'003);
   for (std::size_t i = 0; i < many.size(); ++i) many[i] = static_cast<std::uint8_t>(i * i >> 3);
   std::uint32_t crc = 0;
@@ -212,13 +212,13 @@ TEST_CASE("histogram and range profile blocks are decoded, and impossible ones a
     return bytes;
   };
   CHECK_FALSE(read_histogram(counts.first(counts.size() - 1)));
-  CHECK_FALSE(read_histogram(with(counts, 0, std::uint32_t{0})));   // zones
-  CHECK_FALSE(read_histogram(with(counts, 4, std::uint32_t{6})));   // bins
-  CHECK_FALSE(read_histogram(with(counts, 40, std::uint32_t{0})));  // exposure
+  CHECK_FALSE(read_histogram(with(counts, 0, std::uint32_t{0})));   // number of zones
+  CHECK_FALSE(read_histogram(with(counts, 4, std::uint32_t{6})));   // number of bins
+  CHECK_FALSE(read_histogram(with(counts, 40, std::uint32_t{0})));  // exposure time
   CHECK_FALSE(read_histogram(with(counts, 32, std::nan(""))));      // bin width
   CHECK_FALSE(read_histogram(with(counts, 24, -2e12)));             // first bin
   CHECK_FALSE(read_profile(power.first(power.size() - 1)));
-  CHECK_FALSE(read_profile(with(power, 20, 0.0F)));           // step
+  CHECK_FALSE(read_profile(with(power, 20, 0.0F)));           // range step
   CHECK_FALSE(read_profile(with(power, 16, std::nanf(""))));  // first range
   CHECK_FALSE(read_profile(with(power, 24, -1.0F)));          // power
   CHECK_FALSE(read_profile(with(power, 28, std::nanf(""))));
@@ -296,7 +296,7 @@ TEST_CASE("a wrong magic word of a block is detected however the byte stream is 
 }
 
 TEST_CASE("the buffer of a large bridge block is used again for the next block") {
-  const Bytes large = tag_block(0, 1 << 17);  // 2 MiB
+  const Bytes large = tag_block(0, 1 << 17);  // 2 MiB of payload
   BlockParser parser;
   std::vector<const std::uint8_t*> places;
   const auto feed_one = [&] {
@@ -309,7 +309,7 @@ TEST_CASE("the buffer of a large bridge block is used again for the next block")
   CHECK((places[1] == places[0] && places[2] == places[0]));
   CHECK(parser.kept_bytes() >= large.size());
   parser.feed(ByteView(large).first(100), [](const Block&) {});
-  parser.give_back();  // no effect inside a block
+  parser.give_back();  // has no effect within a block
   CHECK(parser.kept_bytes() >= large.size());
   parser.reset();
   CHECK(parser.kept_bytes() == 0);

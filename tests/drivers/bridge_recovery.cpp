@@ -21,9 +21,9 @@ using test::run_until;
 
 namespace {
 
-constexpr auto limit = std::chrono::seconds(10);  // for a reconnection
+constexpr auto limit = std::chrono::seconds(10);  // time limit of a reconnection
 
-// Driver of either kind with its bridge.
+// Tagger or camera driver with its bridge.
 struct Pair {
   Pair(port::VirtualLoop& l, Sensor sensor) : loop(l), kind(sensor), listener(loop) {
     listener.start({.connected = [this] { ++clients, connected = true; },
@@ -88,7 +88,7 @@ TEST_CASE(
   if (what != "no hello") pair.send(hello_block());
   pair.send(pair.block(1));
   Bytes too_long = pair.block(2);
-  too_long[14] = 0xff;  // 16 MiB
+  too_long[14] = 0xff;  // length of about 16 MiB
   if (what == "wrong length") pair.send(test::join({too_long, pair.block(3), pair.block(4)}));
   if (what != "no hello") REQUIRE(run_until(loop, [&] { return pair.has(1); }));
   const HostTime begin = loop.now();
@@ -99,11 +99,12 @@ TEST_CASE(
        ++at)
     if (what == "slow") pair.send({drip[at]});
   CHECK(seconds(loop.now() - begin) ==
-        Approx(what == "no hello" ? 4.1 : 5.1));  // checks and a pause
+        Approx(what == "no hello" ? 4.1 : 5.1));  // time limit of the connection, and a pause
   pair.send(test::join({hello_block(), pair.block(1), pair.block(2)}));
   const std::size_t before = what == "no hello" ? 0 : 1;
   REQUIRE(run_until(loop, [&] { return pair.has(before + 2); }));
-  CHECK(pair.lost() == (what == "no hello" ? 3 : 1));  // no hello: hello and block
+  // If the hello is missing, the hello and its block count as lost, too.
+  CHECK(pair.lost() == (what == "no hello" ? 3 : 1));
   CHECK(counter(*pair.driver, "connections") == 2);
   CHECK(pair.sink.events.size() == 1);
 }
@@ -161,8 +162,8 @@ TEST_CASE("the bridge driver reconnects after each of 100 disconnections") {
     REQUIRE(pair.await_client());
     longest = std::max(longest, loop.now() - begin);
   }
-  CHECK(longest == std::chrono::seconds(2));  // the longest pause
-  CHECK(pair.lost() == 99);                   // one for every connection except the first
+  CHECK(longest == std::chrono::seconds(2));  // the longest delay between attempts
+  CHECK(pair.lost() == 99);                   // one block lost per connection, except the first
   CHECK(pair.clients == 101);
   CHECK(counter(*pair.driver, "connections") == 101);
 }

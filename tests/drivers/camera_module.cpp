@@ -25,7 +25,7 @@ std::atomic<bool> present{true}, stalled{false}, mirrored{false}, tenths{false};
 std::atomic<bool> shifts{false};  // sends raw shifts until a mode is set
 std::atomic<int> scale{1}, place{0};
 enum class Fault { none, cut, wide, twice, skipped };
-std::atomic<Fault> fault{Fault::none};  // applies to every fourth frame
+std::atomic<Fault> fault{Fault::none};  // affects every fourth frame
 
 OniVideoMode mode_of(int s) {
   const OniPixelFormat format =
@@ -68,7 +68,7 @@ class Stream final : public StreamBase {
     });
     return status;
   }
-  // Without STRIDE and CROPPING, recordings play no frames.
+  // OpenNI plays no frames of a recording that lacks STRIDE and CROPPING.
   void notifyAllProperties() override {
     for (const int id :
          {ONI_STREAM_PROPERTY_VIDEO_MODE, ONI_STREAM_PROPERTY_HORIZONTAL_FOV,

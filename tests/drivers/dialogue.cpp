@@ -19,7 +19,7 @@ const std::string cfg =
     "sensorStart\r\n";
 const std::string prompt = "mmwDemo:/>";
 
-// Returns echo, answer and prompt, as the SDK's UART text mode sends them.
+// Returns echo, answer and prompt as the UART of the SDK sends them in text mode.
 std::string answer(const std::string& command, const std::string& lines) {
   std::string wire = command + "\r\n";
   for (const char c : lines) {
@@ -39,7 +39,7 @@ struct Session {
     now += time;
     d.tick(now);
   }
-  // Runs the dialogue up to the first line of the cfg.
+  // Runs the dialogue up to the first cfg line.
   void begin() {
     CHECK(d.take_output() == "\n");
     say("\r\n" + prompt);
@@ -65,7 +65,7 @@ TEST_CASE("radar cfg lines are sent one at a time, each after the board's prompt
   CHECK(s.reported() == std::vector<std::string>{"sensorStop: Ignored: Sensor is already stopped"});
   CHECK(s.d.take_output() == "  flushCfg\n");
   s.say("  flushCfg\r\nDone\n\r");
-  CHECK(s.d.take_output().empty());  // the prompt is still missing
+  CHECK(s.d.take_output().empty());  // the board has not sent its prompt yet
   s.say(prompt);
   CHECK(s.d.take_output() == "sensorStart\n");
   CHECK(s.d.state() == State::commanding);
@@ -121,7 +121,7 @@ TEST_CASE("the first cfg command is repeated if garbage precedes it") {
 }
 
 namespace {
-// Runs `cfg` on a radar with this SDK that answers its last line with `words`.
+// Runs the cfg `text` on a radar with this SDK that answers the last line with `words`.
 std::string refusal(const std::string& text, const std::string& sdk, const std::string& words) {
   Session s(text);
   s.say("\r\n" + prompt);
@@ -151,7 +151,7 @@ TEST_CASE("a radar cfg of another SDK is reported with both SDK versions and the
   CHECK_THAT(refusal("flushCfg\nsensorStart\n", "03.04.00.03", "Error -1\n"),
              Catch::StartsWith("x.cfg:2: sensorStart: Error -1; the chip's front end refuses") &&
                  Catch::Contains("60 to 64 GHz"));
-  // Failures for other reasons than the SDK:
+  // The cause of these failures is not the SDK.
   CHECK_THAT(refusal("flushCfg\nsensorStart\n", "03.04.00.03", partial),
              Catch::EndsWith("Error -1"));
   CHECK_THAT(refusal("calibData 0 0 0\nsensorStart\n", "03.06.00.00", partial),
@@ -260,7 +260,7 @@ TEST_CASE("a calibration line within a command echo is reported and otherwise ig
   Session s("sensorStop\nsensorStart\n");
   const std::string line = "compRangeBiasAndRxChanPhase 0.0123456 1.00000 -0.50000";
   s.d.take_output();
-  s.say(line + "\n\r" + prompt + line + "\n\r");  // before the first command
+  s.say(line + "\n\r" + prompt + line + "\n\r");  // output before the first command
   s.wait(100ms);
   CHECK(s.reported() == std::vector<std::string>{line, line});
   CHECK(s.d.take_output() == "version\n");
@@ -323,7 +323,7 @@ TEST_CASE("sensorStop is sent after the running command's prompt and waits for i
     d.receive(test::view_of(prompt));
   }
   CHECK(d.take_output() == "sensorStop\n");
-  d.receive(test::view_of("\r\n" + prompt));  // an earlier prompt
+  d.receive(test::view_of("\r\n" + prompt));  // prompt of an earlier command
   CHECK_FALSE(d.done());
   const std::string wire =
       answer("sensorStop", GENERATE("Done\n", "Ignored: Sensor is already stopped\nDone\n"));

@@ -16,7 +16,7 @@ TEST_CASE("the example tagger driver delivers tags, counts losses and reconnects
             ++reads;
             tags.push_back({.channel = 1, .time_ps = 1000 * reads});
             lost = reads == 2 ? 7 : 0;
-            return reads != 3;  // unplugged at the third
+            return reads != 3;  // unplugged at the third read
           }};
   port::SystemLoop loop;
   test::KeepingSink sink;

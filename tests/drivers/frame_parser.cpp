@@ -23,7 +23,7 @@ struct Parsed {
   }
 };
 
-// Feeds pieces of the sizes that `piece` returns; piece i arrives at i seconds.
+// Feeds pieces of the sizes that `piece` returns. Piece i arrives at i seconds.
 template <class Piece>
 Parsed parse(ByteView bytes, Piece piece) {
   FrameParser parser;
@@ -95,7 +95,7 @@ TEST_CASE("golden radar heat maps are parsed") {
   REQUIRE(p.numbers() == Numbers{301, 302, 303, 304});
   const auto check = [](const RadarFrame& f, std::size_t antennas) {
     REQUIRE(f.array.size() == 2 * 4 * antennas);
-    CHECK(f.array[0] == -32768);  // imaginary, then real
+    CHECK(f.array[0] == -32768);  // imaginary part, then real part
     CHECK(f.array[1] == 32767);
     CHECK(f.array[2 * (3 * antennas + 5)] == 305);
     CHECK(f.array[2 * (3 * antennas + 5) + 1] == -1305);
@@ -103,7 +103,7 @@ TEST_CASE("golden radar heat maps are parsed") {
   };
   check(p.frames[0], 8);
   check(p.frames[1], 12);
-  check(p.frames[2], 8);  // the first TLV is used
+  check(p.frames[2], 8);  // the first of two heat map TLVs is used
   CHECK_FALSE(p.frames[0].planar);
   CHECK(p.frames[1].planar);
   CHECK_FALSE(p.frames[2].planar);
@@ -126,9 +126,9 @@ TEST_CASE("radar heat maps with damaged types and lengths are counted, and parsi
       set_u32(frame, 20, 700 + i);
       const auto kind = rng() % 6;
       constexpr std::size_t map_tlv = 40 + 8 + 8;
-      if (kind == 0) set_u32(frame, map_tlv, static_cast<std::uint32_t>(rng() % 12));  // type
+      if (kind == 0) set_u32(frame, map_tlv, static_cast<std::uint32_t>(rng() % 12));  // TLV type
       if (kind == 1)
-        set_u32(frame, map_tlv + 4, static_cast<std::uint32_t>(rng() % 160));  // length
+        set_u32(frame, map_tlv + 4, static_cast<std::uint32_t>(rng() % 160));  // TLV length
       if (kind == 2) frame[map_tlv + 4 + rng() % 4] ^= static_cast<std::uint8_t>(1u << rng() % 8);
       if (kind == 3) frame.erase(frame.begin() + static_cast<std::ptrdiff_t>(rng() % frame.size()));
       bytes.insert(bytes.end(), frame.begin(), frame.end());
@@ -163,7 +163,7 @@ TEST_CASE("radar frames do not depend on the split and are time-stamped at their
 }
 
 TEST_CASE("junk before, between and after radar frames is skipped and counted") {
-  const Bytes junk(16, 0xff);  // sent by the firmware: configDataPort with ackPing
+  const Bytes junk(16, 0xff);  // sent by the firmware with configDataPort and ackPing
   const auto& g = golden();
   const Parsed p = parse(join({junk, g[0], junk, g[1], junk}));
   CHECK(p.numbers() == Numbers{209, 210});
@@ -212,7 +212,7 @@ TEST_CASE("an excessive length field in a radar header loses only one frame") {
 TEST_CASE("a TLV that exceeds its radar packet invalidates the frame") {
   const auto& g = golden();
   Bytes bad = g[1];
-  set_u32(bad, 44, 5000);  // the range profile's length
+  set_u32(bad, 44, 5000);  // length of the range profile TLV
   const Parsed p = parse(join({bad, g[2]}));
   CHECK(p.numbers() == Numbers{213});
   CHECK(p.counts.bad_tlvs == 1);
@@ -221,7 +221,7 @@ TEST_CASE("a TLV that exceeds its radar packet invalidates the frame") {
 }
 
 TEST_CASE("a radar frame with a TLV count that is one too high keeps its TLVs") {
-  Bytes bad = golden()[1];  // 20 bytes of padding
+  Bytes bad = golden()[1];  // this frame has 20 bytes of padding
   set_u32(bad, 32, 4);
   const Parsed p = parse(bad);
   REQUIRE(p.numbers() == Numbers{210});
@@ -232,7 +232,7 @@ TEST_CASE("a radar frame with a TLV count that is one too high keeps its TLVs") 
 TEST_CASE(
     "radar padding that looks like a magic word is resolved by the next bytes or by silence") {
   Bytes doubtful = golden()[2];
-  doubtful.back() = 2;  // first byte of the magic
+  doubtful.back() = 2;  // first byte of the magic word
   FrameParser parser;
   std::vector<RadarFrame> frames;
   const auto keep = [&](RadarFrame f) { frames.push_back(std::move(f)); };

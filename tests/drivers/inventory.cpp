@@ -47,7 +47,7 @@ class Tree {
     fs::create_directory_symlink("../../../devices/pci0/usb1/" + place,
                                  root_ / "sys/bus/usb/devices" / place);
   }
-  // `nodes`: folder of the node below the interface, or empty.
+  // Adds an interface. `node` is the folder of its device node below the interface, or empty.
   void interface(const std::string& place, const std::string& number, const std::string& node) {
     const fs::path folder =
         root_ / "sys/devices/pci0/usb1" / place / (place + ":1." + std::to_string(stoi(number)));
@@ -89,7 +89,8 @@ TEST_CASE("an XDS110 debug probe is listed with two ports, their roles and stabl
   CHECK(list[0].nodes[0].address ==
         "serial:" + tree.dir("dev/serial/by-id") + "/usb-Texas_Instruments_XDS110_R0081038-if00");
   CHECK(list[0].nodes[1].key == "radar.data");
-  CHECK(list[0].nodes[1].address == "serial:" + tree.dir("dev/ttyACM0"));  // udev created no link
+  // There is no udev link for this port.
+  CHECK(list[0].nodes[1].address == "serial:" + tree.dir("dev/ttyACM0"));
   CHECK(list[0].nodes[0].missing.empty());
 }
 
@@ -182,7 +183,7 @@ TEST_CASE("the role of a radar port is derived from its device path") {
   CHECK_FALSE(role(by_id + "XDS110-if"));
   CHECK(role("/dev/ttyACM1") == RadarPort::command);
   CHECK(role("/dev/ttyACM0") == RadarPort::data);
-  CHECK_FALSE(role("/dev/ttyUSB0"));  // another vendor
+  CHECK_FALSE(role("/dev/ttyUSB0"));  // port of another vendor
   CHECK_FALSE(role("/dev/ttyS0"));
 }
 

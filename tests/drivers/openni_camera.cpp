@@ -20,9 +20,10 @@ using namespace std::chrono_literals;
 using test::counter;
 using test::run_until;
 
-// The library and its unloaded modules leak once; no suppression can name them.
+// Leak detection is off: the library and its unloaded modules leak once, and no suppression can
+// match them.
 extern "C" const char* __asan_default_options() { return "detect_leaks=0"; }
-// The thread sanitizer does not instrument the library, and misreports its mutexes.
+// The thread sanitizer does not instrument the library, and reports false faults of its mutexes.
 extern "C" const char* __tsan_default_suppressions() {
   return "mutex:libOpenNI2.so\ndeadlock:libOpenNI2.so\nmutex:libOniFile.so\ndeadlock:libOniFile."
          "so\n";
@@ -47,7 +48,7 @@ struct Bench {
   bool reaches(DeviceState state) {
     return run_until(loop, [&] { return sink.state() == state; });
   }
-  // Expects 1000 + 100 y + 10 x + index % 10, in the camera's unit.
+  // Expects pixels of 1000 + 100 y + 10 x + index % 10, in the camera's unit.
   void check_pixels(std::uint32_t per_mm = 1) const {
     for (const DepthFrame& f : sink.depth) {
       REQUIRE(f.depth_mm.size() == 48);
@@ -63,7 +64,7 @@ struct Bench {
   OpenNiCamera driver;
 };
 
-// Recording of `count` frames, made by OpenNI's recorder.
+// Creates a recording of `count` frames with OpenNI's recorder.
 struct Recording {
   explicit Recording(int count)
       : path((std::filesystem::temp_directory_path() /
@@ -91,7 +92,7 @@ struct Recording {
     frames = static_cast<std::size_t>(device.getPlaybackControl()->getNumberOfFrames(stream));
     stream.destroy();
     device.close();
-    REQUIRE(frames > 10);  // on a busy machine the last ones may be missing
+    REQUIRE(frames > 10);  // the last frames may be missing on a busy machine
   }
   ~Recording() { std::filesystem::remove(path); }
   Recording(const Recording&) = delete;
@@ -118,7 +119,7 @@ TEST_CASE("the OpenNI driver delivers frames, axes and the name of a camera") {
     CHECK(f.received > begin);
     CHECK(f.received <= b.loop.now());
   }
-  // The outer edges of the border pixels are at the tangents of the field of view.
+  // The outer edges of the border pixels are at the limits of the field of view.
   REQUIRE(b.sink.info.axes.size() == 2);
   const Axis& x = b.sink.info.axes[0];
   const Axis& y = b.sink.info.axes[1];
@@ -288,7 +289,7 @@ TEST_CASE("a camera that fails after each first frame is retried at growing inte
     const std::size_t before = b.sink.depth.size();
     const HostTime from = b.loop.now();
     REQUIRE(b.frames(before + 1));
-    // The failure is noticed shortly after it occurs.
+    // The driver notices the failure shortly after it occurs.
     if (i > 0) CHECK(seconds(b.loop.now() - from) > 0.04 * (1 << i));
     camera("unplug");
     REQUIRE(b.reaches(DeviceState::faulted));
@@ -343,7 +344,7 @@ TEST_CASE("an OpenNI recording delivers each frame once and then ends") {
 TEST_CASE("a truncated OpenNI recording is refused without a crash") {
   initialize_openni();
   const Recording recording(30);
-  // The frames are in its first half; the rest is space that OpenNI's recorder reserves.
+  // The first half of the file contains the frames. OpenNI's recorder reserves the rest.
   std::filesystem::resize_file(recording.path, std::filesystem::file_size(recording.path) / 4);
   Bench b(recording.path, {.paced = false});
   b.start();

@@ -15,7 +15,8 @@ using namespace echofuse::test;
 
 namespace {
 
-// 166 MHz/us are 4584 steps of 2.7 GHz * 900 / 2^26 a microsecond.
+// Range step of a slope of 166 MHz/us, which is 4584 register steps of 2.7 GHz * 900 / 2^26 per
+// microsecond.
 constexpr double played_step_m =
     299'792'458.0 * 12.5e6 / (2 * (4584 * 2.7e15 * 900 / (1 << 26)) * 256);
 
@@ -50,11 +51,12 @@ TEST_CASE("the radar range axis is computed from the rounded chirp slope of the 
   const auto step = [](const char* slope) {
     return parse_profile(with("166 1 256", std::string(slope) + " 1 256"), "").range_step_m;
   };
-  CHECK(step("166") == step("165.99"));                          // both are 4584 steps
-  CHECK(step("165.98") == Approx(played_step_m * 4584 / 4583));  // 4583 steps
+  CHECK(step("166") == step("165.99"));  // 4584 register steps for both slopes
+  CHECK(step("165.98") == Approx(played_step_m * 4584 / 4583));  // 4583 register steps
   CHECK_THROWS_WITH(step("0.03"), Catch::Contains("below the chip's step"));
   const double nominal_m = 3.0e8 * 12.5e6 / (2 * 166e12 * 256);
-  CHECK(7 * (played_step_m / nominal_m - 1) == Approx(-4.2e-3).epsilon(0.05));  // at 7 m
+  // The nominal range step causes an error of 4.2 mm at 7 m.
+  CHECK(7 * (played_step_m / nominal_m - 1) == Approx(-4.2e-3).epsilon(0.05));
 }
 
 TEST_CASE("radar cfg lines are sent unchanged except for CR, blank lines and comments") {
@@ -145,15 +147,17 @@ TEST_CASE("the radar's data rate must match the cfg, the configuration and the f
 TEST_CASE("the computed radar frame size matches the firmware's tables") {
   const auto bytes = [](const std::string& from, const std::string& to) {
     std::string text = with(from, to);
-    const std::string fast = "0 100 1 0";  // too fast for a heat map
+    const std::string fast = "0 100 1 0";  // frame period too short for a heat map
     return parse_profile(text.replace(text.find(fast), fast.size(), "0 200 1 0"), "").frame_bytes;
   };
   const std::string gui = "guiMonitor -1 1 1 0 0 0 1";
   CHECK(bytes(gui, "guiMonitor -1 0 1 0 0 0 0") == 576);
   CHECK(bytes(gui, "guiMonitor -1 0 1 0 0 0 1") == 640);
   CHECK(bytes(gui, "guiMonitor -1 0 1 1 0 0 1") == 1152);
-  CHECK(bytes(gui, "guiMonitor -1 0 0 0 1 0 0") == 8256);   // 40 + 8 + 256 * 8 * 4, rounded to 32
-  CHECK(bytes(gui, "guiMonitor -1 0 0 0 0 1 0") == 16448);  // 40 + 8 + 256 * 32 * 2, rounded to 32
+  // 40 + 8 + 256 * 8 * 4 bytes, padded to a multiple of 32.
+  CHECK(bytes(gui, "guiMonitor -1 0 0 0 1 0 0") == 8256);
+  // 40 + 8 + 256 * 32 * 2 bytes, padded to a multiple of 32.
+  CHECK(bytes(gui, "guiMonitor -1 0 0 0 0 1 0") == 16448);
 }
 
 namespace {
@@ -179,7 +183,8 @@ TEST_CASE("the antenna order of a heat map follows the board and the order of th
   CHECK(columns(isk) == std::vector<int>{0, 1, 2, 3, 4, 5, 6, 7});
   CHECK_FALSE(isk.planar);
   CHECK(isk.warnings.empty());
-  CHECK(isk.frame_bytes == 8832);  // 40 + 8 + 512 + 8 + 8192 + 8 + 24 + 8 + 28, rounded to 32
+  // 40 + 8 + 512 + 8 + 8192 + 8 + 24 + 8 + 28 bytes, padded to a multiple of 32.
+  CHECK(isk.frame_bytes == 8832);
   CHECK(same_axis(array_axis(isk), Axis{"array", "covariance", "m", 256, 0, isk.range_step_m, 8}));
   CHECK(columns(profile(with("channelCfg 15 7", "channelCfg 5 1"))) == std::vector<int>{0, 2});
   CHECK(columns(profile(with("channelCfg 15 7", "channelCfg 15 4"))) ==
@@ -187,12 +192,13 @@ TEST_CASE("the antenna order of a heat map follows the board and the order of th
   const RadarProfile aop = profile(stock, Board::aop), ods = profile(stock, Board::ods);
   CHECK(aop.planar);
   CHECK(aop.frame_bytes == 12928);
-  // Each position occurs once: 12 antennas on a grid, with different gaps on the two boards.
+  // Each position occurs once. The 12 antennas lie on a grid that has different gaps on the two
+  // boards.
   const std::vector<AntennaPlace> of_aop{{1, 1}, {1, 0}, {0, 1}, {0, 0}, {1, 3}, {1, 2},
                                          {0, 3}, {0, 2}, {3, 3}, {3, 2}, {2, 3}, {2, 2}};
   const std::vector<AntennaPlace> of_ods{{0, 0}, {0, 1}, {1, 1}, {1, 0}, {2, 2}, {2, 3},
                                          {3, 3}, {3, 2}, {2, 0}, {2, 1}, {3, 1}, {3, 0}};
-  CHECK(aop.array == of_aop);  // transmitters 1, 3, 2 in the stock cfg
+  CHECK(aop.array == of_aop);  // the stock cfg uses the transmitters 1, 3, 2 in this order
   CHECK(ods.array == of_ods);
 }
 
@@ -226,12 +232,12 @@ TEST_CASE(
   CHECK_THAT(warnings("channelCfg 15 7", "channelCfg 7 5", Board::isk).at(0),
              Catch::StartsWith("x.cfg:4: channelCfg has fewer than 4 receivers"));
   const std::string other =
-      "chirpCfg 1 1 0 0 0 0 0 2\r\nchirpCfg 2 2 0 0 0 0 0 4\r\n";  // transmitter 2 comes second
+      "chirpCfg 1 1 0 0 0 0 0 2\r\nchirpCfg 2 2 0 0 0 0 0 4\r\n";  // transmitter 2 is second
   const std::string usual = "chirpCfg 1 1 0 0 0 0 0 4\r\nchirpCfg 2 2 0 0 0 0 0 2\r\n";
   CHECK_THAT(warnings(usual, other, Board::isk).at(0),
              Catch::StartsWith("x.cfg:8: chirpCfg uses transmitter 2 before 3"));
   CHECK_THAT(refusal("0 100 1 0", Board::ods),
-             Catch::Contains("takes"));  // 12.9 kB need more than 100 ms
+             Catch::Contains("takes"));  // 12.9 kB take more than 100 ms
 }
 
 TEST_CASE("the installed radar cfgs give the expected antennas and frame sizes without warnings") {
@@ -289,9 +295,9 @@ TEST_CASE(
 
 TEST_CASE("radar subframes that differ in slope, samples or antennas are refused with the line") {
   for (const auto& [from, to] : std::vector<std::pair<std::string, std::string>>{
-           {"0 0 18.75 1 60 2000 0 0 30\nchirp", "0 0 15 1 60 2000 0 0 30\nchirp"},  // slope
-           {"1 60 2000 0 0 30\nchirp", "1 64 2000 0 0 30\nchirp"},                   // samples
-           {"subFrameCfg 3 0 9 3", "subFrameCfg 3 0 9 2"}})                          // antennas
+           {"0 0 18.75 1 60 2000 0 0 30\nchirp", "0 0 15 1 60 2000 0 0 30\nchirp"},  // other slope
+           {"1 60 2000 0 0 30\nchirp", "1 64 2000 0 0 30\nchirp"},  // other sample count
+           {"subFrameCfg 3 0 9 3", "subFrameCfg 3 0 9 2"}})         // other antenna count
     CHECK(refusal(changed(from, to)) == "x.cfg:" + std::to_string(33) +
                                             ": subFrameCfg has a different range axis or different "
                                             "antennas than subframe 0; a record "
@@ -309,10 +315,11 @@ TEST_CASE("radar codes convert to power and back, and a doubled magnitude is 6.0
       CHECK(code_from_power(power_from_code(code, antennas), antennas) ==
             Approx(code).epsilon(1e-12));
   CHECK(power_from_code(256, 8) == Approx(4.0));
-  CHECK(power_from_code(256 * 3 / 4.0, 12) == Approx(4.0));  // sum of 12 antennas / 16
+  // The code is the sum over 12 antennas, divided by 16.
+  CHECK(power_from_code(256 * 3 / 4.0, 12) == Approx(4.0));
   CHECK(power_from_code(0, 12) == 1);
   CHECK(code_from_power(0.2, 12) == 0);
   CHECK(code_from_power(0, 12) == 0);
-  // CFAR threshold of the SDK: code = dB * 256/6 * antennas / 2^ceil(log2 antennas).
+  // CFAR threshold in the SDK: code = dB * 256/6 * antennas / 2^ceil(log2 antennas).
   CHECK(code_from_power(1e6, 12) == Approx(60 * 256 / 6.0206 * 12 / 16).epsilon(1e-5));
 }

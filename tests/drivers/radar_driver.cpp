@@ -28,7 +28,7 @@ const std::string cfg =
     "guiMonitor -1 0 1 0 0 0 1\n"
     "sensorStart\n";
 
-// One end of a serial line; the other end is published under a name.
+// Pseudo-terminal in place of a serial line. The driver opens its other end by the name `link`.
 class Line {
  public:
   Line(port::SystemLoop& loop, const std::string& link) : master_(loop.io()), link_(link) {
@@ -63,11 +63,12 @@ class Line {
  private:
   boost::asio::posix::stream_descriptor master_;
   std::string link_;
-  int slave_ = -1;  // kept open, like the board's end of the line
+  int slave_ = -1;  // kept open, as on a board
   std::array<std::uint8_t, 256> buffer_{};
 };
 
-// Sends echo, answer and prompt. Answers unknown lines with Done.
+// Simulates the radar's command port: sends echo, answer and prompt. Unknown lines are answered
+// with Done.
 struct Board {
   Board(port::SystemLoop& loop, const std::string& dir)
       : cli(loop, dir + "/cli"), data(loop, dir + "/data") {
@@ -120,7 +121,8 @@ TEST_CASE("the radar driver sends the cfg unchanged and then receives frames") {
   Bench b;
   Board board(b.loop, b.dir);
   board.answers["version"] = "mmWave SDK Version      : 03.05.00.04\n\rDone\n\r";
-  board.data.send(test::view_of("bytes of yesterday"));  // flushed when the port is opened
+  // Old bytes are discarded when the port is opened.
+  board.data.send(test::view_of("bytes of yesterday"));
   const auto driver = b.make();
   driver->start(b.sink);
   REQUIRE(run_until(b.loop, [&] { return board.configured(); }));

@@ -20,8 +20,8 @@ struct Tlv {
   std::size_t bytes;
 };
 
-// Frame with the demo's 40-byte header. `unit`: its length is a multiple of this. `claimed`: length
-// in the header, if wrong.
+// Frame with the demo's 40-byte header. The length is a multiple of `unit`. `claimed` is a wrong
+// length for the header, if given.
 struct Lab {
   std::uint32_t version = 0x03030002, platform = 0xa6843;
   std::vector<Tlv> tlvs;
@@ -54,7 +54,8 @@ Bytes frame_of(const Lab& lab, std::uint32_t number) {
   return out;
 }
 
-// People counting, newer: 48 bytes, the last four are u16 number of TLVs and u16 checksum.
+// Returns a frame of newer people counting demos. The header has 48 bytes and ends with the u16
+// number of TLVs and the u16 checksum.
 Bytes frame_48(std::uint32_t number, std::uint32_t track_us) {
   Bytes out;
   put_magic(out);
@@ -70,7 +71,8 @@ Bytes frame_48(std::uint32_t number, std::uint32_t track_us) {
   return out;
 }
 
-// People counting, older: 52 bytes; platform and time precede the length.
+// Returns a frame of older people counting demos. The header has 52 bytes, with platform and time
+// before the length.
 Bytes frame_52(std::uint32_t number) {
   Bytes out;
   put_magic(out);
@@ -81,15 +83,15 @@ Bytes frame_52(std::uint32_t number) {
   put(out, std::uint16_t{1});
   put(out, static_cast<std::uint16_t>(0x1234 + number));
   put(out, std::uint32_t{7});
-  put(out, std::uint32_t{48});  // including its header
+  put(out, std::uint32_t{48});  // TLV length, including the TLV header
   put_payload(out, 40, number);
   return out;
 }
 
 const Lab demo{.tlvs = {{1, 0}, {2, 512}, {6, 24}, {9, 28}}};
-const Lab azimuth{.tlvs = {{2, 512}, {4, 8192}, {6, 24}, {9, 28}}};  // 256 bins, 8 antennas
+const Lab azimuth{.tlvs = {{2, 512}, {4, 8192}, {6, 24}, {9, 28}}};  // 256 bins of 8 antennas
 const Lab vital_signs{.version = 0x02000004, .platform = 0xa1642, .tlvs = {{6, 128}, {2, 76}}};
-const Lab exact{.tlvs = {{2, 76}, {1010, 30}}, .unit = 1};  // no padding at all
+const Lab exact{.tlvs = {{2, 76}, {1010, 30}}, .unit = 1};  // frames without padding
 
 template <class Make>
 Bytes stream(std::uint32_t count, const Make& make) {
@@ -110,7 +112,8 @@ struct Parsed {
   FrameCounts counts;
 };
 
-// Parses the whole and in pieces; the results must match, and every byte must be counted.
+// Parses the bytes as a whole and in pieces. The results must match, and every byte must be
+// counted.
 Parsed parse(ByteView bytes) {
   std::vector<Parsed> runs;
   for (const std::size_t piece : {bytes.size(), std::size_t{1}, std::size_t{61}}) {
@@ -174,7 +177,7 @@ TEST_CASE("a stream of heat maps loses one frame if it starts, ends or has a gap
     REQUIRE(late.numbers == from_to(2, 3));
     REQUIRE(early.numbers == from_to(1, 2));
     REQUIRE(late.counts.arrays == 2);
-    Bytes hole = all;  // bytes dropped by a full buffer
+    Bytes hole = all;  // a full buffer dropped bytes
     const auto from = hole.begin() + static_cast<std::ptrdiff_t>(at);
     hole.erase(from, from + 256);
     const Parsed s = parse(hole);
@@ -304,15 +307,15 @@ TEST_CASE("a jump in radar frame numbers is accepted once the next number follow
   using Result = std::pair<std::uint64_t, std::uint64_t>;
   CHECK(lost({7, 8, 11, 12}) == Result{2, 0});
   CHECK(lost({7, 8, 5000, 5001}) == Result{4991, 0});
-  CHECK(lost({7, 8, 5000}) == Result{4991, 0});                 // a jump at the end
-  CHECK(lost({7, 8, 9 + (1u << 18), 10, 11}) == Result{0, 0});  // a flipped bit
+  CHECK(lost({7, 8, 5000}) == Result{4991, 0});                 // jump at the end
+  CHECK(lost({7, 8, 9 + (1u << 18), 10, 11}) == Result{0, 0});  // flipped bit
   CHECK(lost({7, 8, 9 + (1u << 30), 10, 11}) == Result{0, 0});
   CHECK(lost({70, 71, 8, 73, 74}) == Result{0, 0});
   CHECK(lost({70, 71, 8, 75, 76}) == Result{2, 0});
-  CHECK(lost({70, 71, 70, 71, 72}) == Result{0, 0});              // repeated
-  CHECK(lost({500, 501, 1, 2, 3}) == Result{0, 1});               // a reset
-  CHECK(lost({500, 501, 1, 3, 500, 501}) == Result{1 + 496, 1});  // and a gap after it
-  CHECK(lost({0xfffffffe, 0xffffffff, 0, 1}) == Result{0, 0});    // the counter wraps
+  CHECK(lost({70, 71, 70, 71, 72}) == Result{0, 0});              // repeated numbers
+  CHECK(lost({500, 501, 1, 2, 3}) == Result{0, 1});               // reset of the board
+  CHECK(lost({500, 501, 1, 3, 500, 501}) == Result{1 + 496, 1});  // reset with a gap after it
+  CHECK(lost({0xfffffffe, 0xffffffff, 0, 1}) == Result{0, 0});    // wrapped counter
 }
 
 TEST_CASE("a frame number jump at the end of a connection counts as loss before the next frame") {
@@ -337,7 +340,7 @@ TEST_CASE("the radar parser delivers exactly the complete frames under random fa
                   : kind == 1 ? frame_52(i)
                   : kind == 2 ? frame_of(Lab{.tlvs = vital_signs.tlvs}, i)
                               : frame_of(demo, i);
-      if (kind == 3) one.resize(1 + rng() % (one.size() - 33));  // more than the padding is missing
+      if (kind == 3) one.resize(1 + rng() % (one.size() - 33));  // removes more than the padding
       if (kind == 4) one.assign(rng() % 300, static_cast<std::uint8_t>(rng() % 9));
       if (kind == 2 || kind > 4) whole.push_back(i);
       bytes.insert(bytes.end(), one.begin(), one.end());

@@ -38,7 +38,7 @@ struct Folder {
 
 std::unique_ptr<Worker> thread() { return SystemLoop().make_worker(); }
 
-// Sends `hello` as soon as it is opened.
+// Port that receives `hello` as soon as it is opened.
 struct Speaker final : BytePort {
   void open(PortHandlers handlers) override { handlers.bytes(test::view_of("hello")); }
   void write(ByteView bytes) override { written.assign(bytes.begin(), bytes.end()); }
@@ -56,7 +56,7 @@ TEST_CASE("raw capture writes one file per connection, created at the first byte
   VirtualLoop loop;
   const ByteOpener opener = tap(
       loop, [] { return std::make_unique<Speaker>(); }, &keeper, "tags", ".blocks");
-  const auto silent = opener();  // never opened
+  const auto silent = opener();  // a port that is never opened
   for (int i = 0; i < 20; ++i) opener()->open(handlers);
   const RawKeeper::Counts counts = keeper.finish();
   std::string times;

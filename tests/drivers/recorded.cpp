@@ -18,7 +18,7 @@ using namespace echofuse;
 
 namespace {
 
-// The first byte selects the split of the stream.
+// Returns the file without its first byte, which selects the split of the stream in the fuzzer.
 Bytes stream_of(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
   in.get();
@@ -54,7 +54,7 @@ std::string bridge_blocks(const Bytes& stream) {
   return line_of(counters_of(parser.counts()), delivered.str());
 }
 
-using Table = std::map<std::string, std::string>;  // file to line
+using Table = std::map<std::string, std::string>;  // expected line for each file name
 
 Table expected(const std::string& name) {
   std::ifstream in(test::source_dir + "/tests/drivers/recorded/" + name + ".txt");

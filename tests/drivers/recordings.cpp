@@ -31,7 +31,7 @@ Bytes read(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// IWR6843, SDK 3.3 out-of-box demo, from TI's industrial toolbox 4.7.
+// Recording of an IWR6843 with the out-of-box demo of SDK 3.3, from TI's industrial toolbox 4.7.
 const char* const automated_doors = "ti-radar/xwr68xx_oob_automated_doors.dat";
 
 }  // namespace
@@ -48,7 +48,7 @@ TEST_CASE("a recording of another TI demo gives 101 frames without loss, however
       REQUIRE(frame.range_profile.size() == 256);
       REQUIRE(frame.lost_before == 0);
       REQUIRE(frame.stats);
-      // 100 ms at 200 MHz, within 2 ms
+      // The period is 100 ms at 200 MHz, within 2 ms.
       if (cycles)
         REQUIRE(std::abs(static_cast<int>(frame.time_cpu_cycles - cycles) - 20'000'000) < 400'000);
       cycles = frame.time_cpu_cycles;
@@ -94,7 +94,7 @@ TEST_CASE("each frame of an imported radar recording is in the record of its tim
   CHECK(frames == 101);
   CHECK(run.info().started_utc == "2024-02-07T12:00:00.000Z");
   CHECK(run.info().ended_utc == "2024-02-07T12:00:10.000Z");
-  // The cfg differs from the recording, which has ten frames per second.
+  // The cfg has another frame period than the recording, which has ten frames per second.
   CHECK(run.events().at(0).text.find("frame period 100.0 ms; expected 50.0 ms") !=
         std::string::npos);
 }

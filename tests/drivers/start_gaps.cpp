@@ -12,8 +12,8 @@ using namespace echofuse::tdc;
 
 namespace {
 
-// Pulses every 50 ns with a click probability `chance`; the device passes all starts or only those
-// with a click.
+// Returns tags of laser pulses every 50 ns with the click probability `chance`. If `filtered`, only
+// starts with a click are included.
 std::vector<Tag> pulses(double chance, bool filtered, std::int64_t count, Rng& rng) {
   std::bernoulli_distribution clicks(chance);
   std::vector<Tag> tags;
@@ -80,7 +80,7 @@ TEST_CASE("clicks per laser pulse are equal with and without a conditional filte
             Approx(chance).epsilon(0.1));
     }
   }
-  // Too few tags for an estimate.
+  // The stream has too few tags for an estimate.
   StartGaps few(1);
   CHECK_FALSE(few.clicks_a_pulse(0, 0));
   few.add(pulses(1e-3, true, 100'000, rng));

@@ -40,11 +40,11 @@ void compare(const HistogramSettings& settings, std::span<const Tag> tags, std::
     INFO(hwy::TargetName(target));
     REQUIRE((with(target) == singly));
   }
-  hwy::GetChosenTarget().DeInit();  // restore the best target
+  hwy::GetChosenTarget().DeInit();  // selects the best target again
 }
 
-// Random starts, clicks and other tags, some backwards in time. Optionally near the wrap of the
-// clock, and with a marker or bad tag among 40 or 4 tags.
+// Returns random starts, clicks and other tags, some of them backwards in time. Options: times near
+// the wrap of the clock, and one marker or bad tag in 4 or 40 tags.
 std::vector<Tag> stream(Rng& rng, std::size_t size, bool near_wrap, std::uint64_t marker_among) {
   std::vector<Tag> tags(size);
   std::uint64_t time = near_wrap ? (std::uint64_t{1} << 63) - 5'000'000 : rng() >> 20;
@@ -89,7 +89,7 @@ TEST_CASE("tags of a long block counted in SIMD groups give the same counts as o
 }
 
 TEST_CASE("histogram bin edges are exact for tags counted in SIMD groups") {
-  const std::int64_t width = 67'108'863;  // 2^26 - 1: not a power of two
+  const std::int64_t width = 67'108'863;  // 2^26 - 1 is not a power of two
   const std::uint32_t bins = 1u << 24;
   std::vector<Tag> tags{{.channel = 1, .time_ps = 5}};
   Rng rng = make_rng(3, 4);
