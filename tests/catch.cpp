@@ -10,7 +10,7 @@
 
 namespace {
 
-// Aborts a case that hangs: Catch then prints the case, its section and the last check before.
+// Aborts a test case that hangs. Catch then prints the case, its section and the last check before.
 struct Deadline : Catch::TestEventListenerBase {
   using TestEventListenerBase::TestEventListenerBase;
   void testCaseStarting(const Catch::TestCaseInfo&) override {

@@ -3,7 +3,7 @@
 
 namespace echofuse::test {
 
-// Runs the cases selected by the arguments; returns the number of failures as exit code.
+// Runs the test cases selected by the arguments. Returns the number of failures as exit code.
 int run_catch(int argc, char** argv);
 
 }  // namespace echofuse::test

@@ -10,7 +10,7 @@
 
 namespace echofuse::bench {
 
-// Start on channel 1, clicks on channel 2.
+// Counts the clicks of channel 2 after the starts of channel 1, with libtcspc.
 std::vector<std::uint32_t> libtcspc_histogram(std::span<const Tag> tags,
                                               const tdc::HistogramSettings& settings);
 

@@ -26,14 +26,15 @@ double best_s(int rounds, const Work& work) {
   return best;
 }
 
-const char* instructions();               // block size for the measurement of the limits
-double multiply_adds_per_s();             // single precision, in registers
-double bytes_read_per_s(std::size_t of);  // repeatedly from a block of this many bytes
+const char* instructions();               // name of the vector instruction set
+double multiply_adds_per_s();             // single-precision limit of one core, in registers
+double bytes_read_per_s(std::size_t of);  // repeated reads from a block of `of` bytes
 double bytes_copied_per_s(std::size_t of);
 
-// One path: our value and the limit in this unit; a rate if it ends with "/s", otherwise a time. 0:
-// none.
+// Prints our value and the machine's limit for one benchmark. A unit with "/s" is a rate, otherwise
+// a time. A limit of 0 means that there is none.
 void print_row(const char* path, const char* unit, double ours, double limit, const char* of_what);
-void print_peer(const char* path, const char* peer, double value);  // in the same unit
+// Prints the value of a peer program in the unit of the benchmark.
+void print_peer(const char* path, const char* peer, double value);
 
 }  // namespace echofuse::bench

@@ -27,15 +27,15 @@ Estimator fitted(const Dataset& data, const std::string& model, std::size_t epoc
   return fit_model(data, split, preprocessing, model, Inputs::fused, "record", fit);
 }
 
-// Time of one epoch with validation: an eighth of the difference between trainings of nine epochs
-// and one.
+// Measures the time of one epoch with validation: an eighth of the difference between trainings of
+// nine epochs and of one.
 void training(const Dataset& data, double most_per_s) {
   const Split split = make_split(data.usable(Inputs::fused), {});
   std::size_t a_record = 0, a_judgement = 0;
   const auto run = [&](std::size_t epochs) {
     return best_s(4, [&] {
       const Estimator m = fitted(data, "mlp-512-256", epochs);
-      // Forward and backward pass, without the gradient of the inputs.
+      // Counts the forward and the backward pass, without the gradient for the inputs.
       a_judgement = m.model->cost().multiply_adds;
       a_record = 3 * a_judgement - m.features.count() * m.fit.hidden.value().front();
     });
@@ -43,17 +43,18 @@ void training(const Dataset& data, double most_per_s) {
   const double once = run(1), epoch = (run(9) - once) / 8;
   const auto done =
       static_cast<double>(a_record * split.train.size() + a_judgement * split.validation.size());
-  // Uses the faster of two measurements, before and after, because the speed of a shared machine
-  // varies.
+  // Compares with the faster of two measurements of the machine, made before and after, because the
+  // speed of a shared machine varies.
   print_row("training of the plain network", "GFLOP/s", 2e-9 * done / epoch,
             2e-9 * std::max(most_per_s, multiply_adds_per_s()), "multiply-adds");
 }
 
-// As timed by `evaluate`: alignment or scaling, and prediction.
+// Measures one map as `evaluate` does: alignment or scaling, and prediction.
 void one_map(const Dataset& data, const std::string& name) {
   const Estimator m = fitted(data, name, 1);
   std::size_t row = 0;
-  constexpr int at_once = 100;  // reading the processor's clock is a system call
+  // Each measurement covers several maps, because reading the processor clock is a system call.
+  constexpr int at_once = 100;
   const double us = 1e6 / at_once * best_s(40, [&] {
                       for (int i = 0; i < at_once; ++i) m.maps(data, {row++ % data.size()});
                     });

@@ -24,7 +24,7 @@ double best_us(const std::function<void(std::int64_t)>& work) {
          });
 }
 
-// Coherent echoes at eight antennas, in cells of 50 cm and 4.4 cm.
+// Renders coherent echoes at eight antennas, in range cells of 50 cm and 4.4 cm.
 void measure_antennas(const char* background) {
   for (const double cell_m : {0.5, 0.044}) {
     Plan plan;
@@ -90,7 +90,7 @@ void measure(const char* background) {
   if (sum == 0) std::printf("nothing was seen\n");
 }
 
-// Prints people and their depth maps, for comparison with another renderer.
+// Prints people and their depth maps, so that another renderer can be compared.
 void print_people() {
   const Conditions c;
   std::printf("rays %d\n", static_cast<int>(rays_of(c)));

@@ -28,7 +28,7 @@ namespace {
 
 constexpr std::size_t count = 1u << 22, tags_a_block = 1u << 12;
 
-// Starts, each followed by one click, or by 0 to 2 at random.
+// Returns start tags, each followed by one click, or by 0 to 2 clicks at random.
 std::vector<Tag> make_tags(bool random) {
   Rng rng = make_rng(1, 1);
   std::vector<Tag> tags;
@@ -81,7 +81,7 @@ void measure(std::vector<Row>& rows) {
     }
 }
 
-// The last row is the limit.
+// Prints the rates. The last row is the limit.
 void print(const char* title, const std::vector<Row>& rows) {
   std::printf("%-40s %10s %10s\n", title, "Mtags/s", "of limit");
   for (const Row& row : rows)
@@ -115,7 +115,7 @@ bool takes_groups(std::int64_t target, const std::vector<Tag>& tags) {
   return tdc::count_groups(tags.data(), tdc::max_group, {}, run, cells) > 0;
 }
 
-// Returns false if two counting methods differ.
+// Returns false if two methods count differently.
 bool histograms(const char* stream, bool random) {
   const auto tags = make_tags(random);
   std::vector<Row> rows;
@@ -164,7 +164,7 @@ bool transport() {
       {"bridge block parser",
        [&] {
          bridge::BlockParser parser;
-         for (ByteView rest = blocks; !rest.empty();) {  // in pieces, as received by TCP
+         for (ByteView rest = blocks; !rest.empty();) {  // pieces of the size that TCP delivers
            const ByteView piece = rest.first(std::min<std::size_t>(rest.size(), 1u << 18));
            parser.feed(piece, [&](const bridge::Block& b) { seen += b.payload.size(); });
            rest = rest.subspan(piece.size());
@@ -179,7 +179,8 @@ bool transport() {
   return seen == 7 * count * sizeof(Tag) && sum > 0;
 }
 
-// Blocks to the histogram, with and without the checks of a run (acquire/stream/tag_check.hpp).
+// Measures from blocks to the histogram, with and without the checks of a run
+// (acquire/stream/tag_check.hpp).
 bool checked() {
   const auto tags = make_tags(true);
   std::uint64_t starts[2] = {};
@@ -188,8 +189,8 @@ bool checked() {
     const auto add = [&](const TagBlock& block) { histogram.add(block.tags); };
     acquire::TagCheck checks({}, true, [](const std::string&) {});
     for (std::size_t i = 0; i < count; i += tags_a_block) {
-      // The first second of the stream, in which events wait at the end of each block, has one
-      // block.
+      // The check starts after 1 s of the stream, before which it stores events. Therefore the
+      // first second contains only one block.
       const HostTime received{i == 0 ? 0 : 1'000'000'000 + tags[i].time_ps / 1000};
       const TagBlock block{.received = received, .tags = std::span(tags).subspan(i, tags_a_block)};
       check ? checks.take(block, add) : add(block);

@@ -30,7 +30,8 @@ TEST_CASE("the map grid is read from the three map axes of a run, or has default
   CHECK(axes[0].at(0) == Approx(grid.x().at(0)));
   CHECK(axes[1].at(99) == Approx(grid.y().at(99)));
   CHECK(axes[2].at(1) == 23);
-  CHECK(map_grid_of(std::span(axes).first(2)) == MapGrid{100, 0.3, 6});  // run file without map_z
+  // Runs without the axis map_z have the default depth range.
+  CHECK(map_grid_of(std::span(axes).first(2)) == MapGrid{100, 0.3, 6});
   CHECK(map_grid_of({}) == MapGrid{64, 0.55, 6});
   CHECK_FALSE(grid == MapGrid{100, 0.301, 23});
   CHECK_FALSE(grid == MapGrid{99, 0.3, 23});
@@ -46,9 +47,10 @@ TEST_CASE("each source pixel is used in exactly one target pixel, and invalid pi
   Image image(256 * 256, 3000);
   for (std::size_t j = 0; j < 256; ++j)
     for (std::size_t i = 0; i < 256; ++i) {
-      if (i % 4 == 3) image[j * 256 + i] = 0;                // a quarter is missing: no effect
-      if (j < 4) image[j * 256 + i] = i % 4 < 3 ? 0 : 2500;  // three quarters missing: no return
-      if (j >= 252) image[j * 256 + i] = 6001;               // beyond the depth span
+      if (i % 4 == 3) image[j * 256 + i] = 0;  // a quarter of the pixels is missing, without effect
+      // A target pixel without three quarters of its source pixels has no depth.
+      if (j < 4) image[j * 256 + i] = i % 4 < 3 ? 0 : 2500;
+      if (j >= 252) image[j * 256 + i] = 6001;  // beyond the depth range
     }
   const auto map = to_target(image, x, y, {});
   CHECK(map[10] == 0.0f);
@@ -60,7 +62,7 @@ TEST_CASE("each source pixel is used in exactly one target pixel, and invalid pi
 TEST_CASE("map pixels outside the camera's field of view are empty") {
   const Axis x = depth_x_axis(64, 0.275), y = depth_y_axis(64, 0.275);
   Image image(64 * 64, 2000);
-  for (std::size_t i = 0; i < 64 * 32; ++i) image[i] = 4000;  // upper half
+  for (std::size_t i = 0; i < 64 * 32; ++i) image[i] = 4000;  // upper half of the image
   const auto map = to_target(image, x, y, {});
   CHECK(map[32 * 64 + 15] == 0.0f);
   CHECK(map[31 * 64 + 16] == 4.0f);

@@ -21,7 +21,7 @@ namespace {
 using test::contents;
 using test::Folder;
 
-// Sets an environment variable during a test.
+// Sets an environment variable while the object exists.
 struct Variable {
   std::string name, before;
   Variable(const char* key, const std::string& value)

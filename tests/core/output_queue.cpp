@@ -50,7 +50,8 @@ TEST_CASE("the output queue writes all texts in order before it closes") {
 TEST_CASE("closing the output queue waits as long as the reader continues to read") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
-  for (int i = 0; i < 8; ++i) queue.put(std::string(1 << 16, '.'));  // a pipe holds one of these
+  // A pipe can hold one of these texts.
+  for (int i = 0; i < 8; ++i) queue.put(std::string(1 << 16, '.'));
   std::size_t taken = 0;
   std::thread reader([&] {
     while (taken < 8 << 16) taken += pipe.read().size(), std::this_thread::yield();
@@ -63,9 +64,9 @@ TEST_CASE("closing the output queue waits as long as the reader continues to rea
 TEST_CASE("the output queue keeps the newest texts if the reader stops reading") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
-  const std::string filling(1 << 18, '.');  // more than two pipes hold
+  const std::string filling(1 << 18, '.');  // more bytes than two pipes hold
   queue.put(filling);
-  while (pipe.read().empty()) std::this_thread::yield();  // its write has begun
+  while (pipe.read().empty()) std::this_thread::yield();  // waits until the write has begun
   const std::string half(OutputQueue::most_bytes / 2, 'a');
   CHECK(queue.put("first"));
   CHECK(queue.put(half));
@@ -78,7 +79,7 @@ TEST_CASE("the output queue keeps the newest texts if the reader stops reading")
   reader.join();
   CHECK(text.find("first") == std::string::npos);
   CHECK(text.find("state 1") == std::string::npos);
-  CHECK(text.ends_with("<4>" + half + "state 3"));  // "first", a half, two states
+  CHECK(text.ends_with("<4>" + half + "state 3"));  // drops 4 texts: "first", a half and two states
   CHECK(queue.close() == 0);
 }
 
@@ -109,7 +110,7 @@ TEST_CASE("closing the output queue waits one second for a stopped reader, not f
     CHECK(queue.close() == 0);
     CHECK(waited() >= std::chrono::seconds(1));
     CHECK(waited() < std::chrono::seconds(20));
-    std::exchange(pipe.ends[1], -1);  // stays open for the blocked write
+    std::exchange(pipe.ends[1], -1);  // keeps this end open for the blocked write
   }
   SECTION("closing does not wait for a reader that closed its end") {
     Pipe pipe;

@@ -97,14 +97,14 @@ TEST_CASE("files that are not regular files are refused") {
     return RegularFile(folder.path / "link", ExitCode::failed).rest<std::string>(most);
   };
   for (const std::size_t most : {5, 6, 100}) CHECK(read(most) == "12345");
-  CHECK(read(4) == "12345");  // one byte above the limit shows that the file is longer
+  CHECK(read(4) == "12345");  // reads one byte above the limit, which shows that the file is longer
   CHECK(read(1) == "12");
   CHECK(read(0) == "1");
   std::ofstream(folder.path / "large") << std::string(100'000, 'x') << "end";
   const auto large = RegularFile(folder.path / "large", ExitCode::failed).rest<Bytes>();
   CHECK(large.size() == 100'003);
   CHECK(large.back() == 'd');
-  // The kernel reports size 0.
+  // The kernel reports size 0 for this file.
   CHECK(RegularFile("/proc/self/maps", ExitCode::failed).rest<std::string>().size() > 100);
 }
 
@@ -145,15 +145,16 @@ TEST_CASE("a child process starts in its folder and inherits no file descriptors
   REQUIRE(program);
   CHECK(wait_for_program(*program) == 7);
   CHECK(contents(folder.path / "out") == folder.path.string() + "\n");
-  CHECK(contents(folder.path / "fds") == "0\n1\n2\n3\n");  // 3: ls reads the folder
+  // `ls` itself uses descriptor 3 to read the folder.
+  CHECK(contents(folder.path / "fds") == "0\n1\n2\n3\n");
   CHECK(wait_for_program(*start_program({"sh", "-c", "kill -9 $$"})) == 128 + 9);
-  catch_interrupts();  // not inherited by the program
+  catch_interrupts();  // the program does not inherit the signal handlers
   CHECK(wait_for_program(*start_program({"sh", "-c", "kill -PIPE $$"})) == 128 + SIGPIPE);
   CHECK(start_program({"echofuse-no-such-program"}).failure().text() ==
         "echofuse-no-such-program: cannot start: No such file or directory");
 }
 
 TEST_CASE("a test case that hangs is aborted at its deadline",
-          "[.]") {  // ends by the deadline of tests/catch.cpp
+          "[.]") {  // tests/catch.cpp aborts it
   for (;;) ::pause();
 }
