@@ -18,18 +18,18 @@ class Cp2110Chip {
   using Report = std::array<std::uint8_t, 64>;
   static constexpr std::size_t fifo_bytes = 480;
 
-  // `transmit` receives the host's bytes while the UART is on.
+  // `transmit` receives the bytes that the host sends while the UART is on.
   explicit Cp2110Chip(std::function<void(ByteView)> transmit) : transmit_(std::move(transmit)) {}
 
-  // Host side. A return value of false or nullopt is a stalled request.
+  // Host side. The return value false or nullopt means a stalled request.
   bool set_feature(ByteView report);
   std::optional<Bytes> get_feature(std::uint8_t id);
   bool output(ByteView report);
-  // Returns the data of one interrupt IN; nullopt if there are none.
+  // Returns the data of one interrupt IN transfer, or nullopt if no data are waiting.
   std::optional<Report> next_input();
 
-  // UART side: returns the number of accepted bytes, 0 while the UART is off. Rejected bytes set
-  // the overrun flag.
+  // UART side. Returns the number of accepted bytes, which is 0 while the UART is off. Rejected
+  // bytes set the overrun flag.
   std::size_t receive(ByteView bytes);
 
   bool on() const { return on_; }

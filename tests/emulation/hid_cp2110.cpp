@@ -27,7 +27,7 @@ namespace echofuse::sim {
 namespace {
 
 constexpr auto usb_frame = std::chrono::milliseconds(1);
-// A packet in the pipe uses one page; the limit is 64 reports, the kernel's HIDRAW_BUFFER_SIZE.
+// The pipe needs one page per packet. The limit of 64 reports is the kernel's HIDRAW_BUFFER_SIZE.
 constexpr int host_buffer_bytes = 64 * 4096;
 
 constexpr std::uint8_t descriptor[] = {0x06, 0x00, 0xFF, 0x09, 0x01, 0xA1, 0x01, 0x85, 0x01,
@@ -42,7 +42,7 @@ std::string hex4(unsigned value) {
   return text.data();
 }
 
-// Returns the device's nodes in /sys, parents first.
+// Returns the folders of the device in /sys, parents first.
 std::vector<std::string> folders(unsigned number) {
   const std::string port = std::to_string(number + 1);
   const std::string usb = "/devices/pci0000:00/0000:00:14.0/usb1/1-" + port;
@@ -91,7 +91,7 @@ struct HidCp2110::Parts final : BedNode {
   void input(ByteView report);
   void pump();
 
-  std::mutex mutex;  // guards the members below
+  std::mutex mutex;  // protects the members below
   std::condition_variable wake;
   Cp2110Chip chip;
   int fifo = -1;
@@ -110,7 +110,7 @@ HidCp2110::Parts::~Parts() {
   pump_thread.join();
 }
 
-// Sets packet mode, so that poll() works and one read() returns one report.
+// Sets the packet mode of the pipe, so that poll() works and each read() returns one report.
 void HidCp2110::Parts::on_plug(int new_fifo) {
   const std::lock_guard lock(mutex);
   fifo = new_fifo;
@@ -121,7 +121,7 @@ void HidCp2110::Parts::on_plug(int new_fifo) {
   plugged = true;
 }
 
-// The byte wakes pollers; their read then returns EIO.
+// The written byte wakes programs in poll(). Their next read() returns EIO.
 void HidCp2110::Parts::on_unplug() {
   const std::lock_guard lock(mutex);
   plugged = false;
@@ -145,7 +145,7 @@ std::optional<BedNode::Answer> HidCp2110::Parts::on_write(ByteView bytes) {
   return Answer{static_cast<long>(bytes.size())};
 }
 
-// From now on the kernel buffers reports for this client.
+// Starts the kernel's buffering of reports for this client.
 void HidCp2110::Parts::on_client() {
   const std::lock_guard lock(mutex);
   ++opened;
@@ -158,7 +158,7 @@ void HidCp2110::Parts::input(ByteView report) {
   if (::write(fifo, report.data(), report.size()) < 0) ++host_dropped;
 }
 
-// Sends one interrupt IN per USB frame.
+// Sends one interrupt IN transfer per USB frame.
 void HidCp2110::Parts::pump() {
   std::unique_lock lock(mutex);
   auto next = std::chrono::steady_clock::now();
@@ -174,7 +174,8 @@ void HidCp2110::Parts::pump() {
   }
 }
 
-// Identifies requests by number, because the size field of most depends on the buffer.
+// Identifies requests by number only, because the size field of most requests depends on the
+// buffer.
 BedNode::Answer HidCp2110::Parts::on_ioctl(Client, unsigned long request,
                                            UMockdevIoctlData* argument) {
   const std::lock_guard lock(mutex);

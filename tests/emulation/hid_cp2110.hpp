@@ -15,16 +15,16 @@ namespace echofuse::sim {
 class UsbBed;
 
 struct HidOptions {
-  unsigned number = 0;  // node number: /dev/hidraw<number>
+  unsigned number = 0;  // the device node is /dev/hidraw<number>
   std::string serial = "0001";
 };
 
-// Threading: any thread. `transmit` is called on the testbed's thread, and must not call this
-// object.
+// Emulates a CP2110. Threading: all functions may be called on any thread. `transmit` is called on
+// the testbed's thread and must not call this object.
 class HidCp2110 {
  public:
-  // Plugs the device in. `transmit` receives the host's UART bytes. `bed` must outlive this object,
-  // and supports one device per number. Throws Error(failed).
+  // Plugs the device in. `transmit` receives the UART bytes of the host. `bed` must outlive this
+  // object and supports one device per number. Throws Error(failed).
   HidCp2110(UsbBed& bed, HidOptions options, std::function<void(ByteView)> transmit);
   ~HidCp2110();
   HidCp2110(const HidCp2110&) = delete;
@@ -32,19 +32,20 @@ class HidCp2110 {
 
   void unplug();
   void plug();
-  // Delivers bytes on the UART line. Returns how many fitted (buffer 480 bytes; a report drains 63
-  // per ms).
+  // Delivers bytes from the UART line. Returns the number of bytes that fit into the buffer of 480
+  // bytes. Reports to the host drain 63 bytes per ms.
   std::size_t receive(ByteView bytes);
-  // Sends a raw report that bypasses the bridge, for faults.
+  // Sends the host a raw report that does not come from the UART, to simulate faults.
   void raw_input(ByteView report);
 
   std::uint32_t baud() const;
-  Bytes config() const;                // last configuration report
-  bool on() const;                     // the UART is enabled
-  std::size_t host_waiting() const;    // report bytes not yet read by the host
-  std::uint64_t host_dropped() const;  // reports dropped because the host's buffer of 64 was full
+  Bytes config() const;              // last configuration report of the host
+  bool on() const;                   // true if the UART is enabled
+  std::size_t host_waiting() const;  // bytes of reports that the host has not read
+  // Returns the number of reports dropped because the host's buffer of 64 reports was full.
+  std::uint64_t host_dropped() const;
   std::uint64_t output_reports() const;
-  std::uint64_t opened() const;  // number of opens of the node
+  std::uint64_t opened() const;  // number of times that the node was opened
 
  private:
   struct Parts;

@@ -52,7 +52,7 @@ class Tagger final : public TdcUsb {
   }
 
  private:
-  // Vendor requests on umockdev's thread: 1 start, 2 stop.
+  // Answers vendor requests on umockdev's thread: 1 starts and 2 stops the tagger.
   std::optional<Bytes> control(const UsbDevice::Setup& setup) {
     if (setup.request != 1 && setup.request != 2) return std::nullopt;
     wanted_ = restart_ = setup.request == 1;
@@ -106,8 +106,9 @@ class Tagger final : public TdcUsb {
   std::uint32_t sequence_ = 0;
   HostTime next_hello_{};
   std::uint64_t starts_ = 0, tags_ = 0, lost_ = 0, dropped_ = 0;
-  std::atomic<bool> wanted_{false}, restart_{false};  // written by the control handler
-  UsbDevice usb_;  // last member, because its thread uses the others
+  // The control handler writes both flags on its own thread.
+  std::atomic<bool> wanted_{false}, restart_{false};
+  UsbDevice usb_;  // last member, because its thread uses the other members
 };
 
 }  // namespace

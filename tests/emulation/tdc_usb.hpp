@@ -9,14 +9,15 @@
 
 namespace echofuse::sim {
 
-// Ends a transfer every 5 ms. Unread data wait in the FIFO; tags that do not fit are dropped, and
-// counted in the next block. Threading: loop's thread.
+// Simulated USB tagger that ends a transfer every 5 ms. Unread data wait in its FIFO. Tags that do
+// not fit are dropped and counted in the next block. Threading: the loop's thread.
 class TdcUsb : public Device {
  public:
-  static constexpr std::uint16_t vendor = 0x1209, product = 0x0001;  // pid.codes: private tests
+  // Product ID that pid.codes reserves for private tests.
+  static constexpr std::uint16_t vendor = 0x1209, product = 0x0001;
 
   virtual std::string address() const = 0;  // "usb:1209:0001:SERIAL"
-  virtual UsbDevice& usb() = 0;             // for plug, unplug and halt
+  virtual UsbDevice& usb() = 0;             // for unplugging and halting the device
 };
 std::unique_ptr<TdcUsb> make_tdc_usb(port::SystemLoop& loop, ScenePlayer& player, UsbBed& bed,
                                      const TdcOptions& options);

@@ -31,7 +31,8 @@ void UsbBed::enter(char** argv) {
   if (now && std::strstr(now, preload)) return;
   const std::string all = now && *now ? std::string(now) + ":" + preload : preload;
   ::setenv("LD_PRELOAD", all.c_str(), 1);
-  // A sanitizer runtime requires the first place in LD_PRELOAD, which this library does not need.
+  // A sanitizer runtime refuses to start unless it is first in LD_PRELOAD. This library does not
+  // need it to be first.
   const char* options = std::getenv("ASAN_OPTIONS");
   const std::string asan = (options ? std::string(options) + ":" : "") + "verify_asan_link_order=0";
   ::setenv("ASAN_OPTIONS", asan.c_str(), 1);
@@ -51,12 +52,12 @@ std::vector<std::pair<std::string, std::string>> UsbBed::environment() const {
   return {{"LD_PRELOAD", preload}, {"UMOCKDEV_DIR", root_}};
 }
 
-// Shared with umockdev's thread, which may outlive the node. Every signal and every client holds a
-// reference.
+// Callbacks shared with umockdev's thread, which may outlive the node. Every signal and every
+// client holds a reference.
 struct BedNode::Callbacks {
   using Share = std::shared_ptr<Callbacks>;
   std::mutex mutex;
-  BedNode* owner = nullptr;  // null: detached
+  BedNode* owner = nullptr;  // null after detach()
 
   static gboolean ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, Share* self) {
     const std::lock_guard lock((*self)->mutex);
@@ -82,7 +83,8 @@ struct BedNode::Callbacks {
     const std::lock_guard lock((*self)->mutex);
     if ((*self)->owner) (*self)->owner->on_client();
   }
-  // In umockdev 0.17.16 the only sign that a client closed the node or ended.
+  // Called when umockdev releases the client. In umockdev 0.17.16 no other signal shows that a
+  // client closed the node or ended.
   static void gone(gpointer data, GObject* client) {
     const std::unique_ptr<Share> self(static_cast<Share*>(data));
     const std::lock_guard lock((*self)->mutex);
@@ -138,7 +140,7 @@ void BedNode::make_fifo() {
   if (fifo_ < 0) refuse("open " + path, nullptr);
 }
 
-// Creates the FIFO first, because adding the device sends the uevent.
+// Creates the FIFO before the device, because adding the device sends the uevent.
 void BedNode::plug() {
   if (std::exchange(plugged_, true)) return;
   make_fifo();

@@ -21,16 +21,16 @@ namespace echofuse::sim {
 
 class UsbBed {
  public:
-  // Restarts this program under umockdev's preload library, once. Call it first in main().
+  // Restarts this program once under umockdev's preload library. Must be called first in main().
   static void enter(char** argv);
 
-  // Only one per process (limit of umockdev). Throws Error(failed).
+  // Throws Error(failed). umockdev supports one testbed per process.
   UsbBed();
   ~UsbBed();
   UsbBed(const UsbBed&) = delete;
   UsbBed& operator=(const UsbBed&) = delete;
 
-  // Returns the environment for programs that use the devices.
+  // Returns environment variables for programs that use the emulated devices.
   std::vector<std::pair<std::string, std::string>> environment() const;
   const std::string& root() const { return root_; }
   UMockdevTestbed* testbed() const { return testbed_; }
@@ -40,9 +40,9 @@ class UsbBed {
   std::string root_;
 };
 
-// Node in /dev with system calls answered by a simulated device. It has a FIFO behind it, so that
-// poll() works.
-// Threading: created, plugged and unplugged on one thread; on_ functions run on umockdev's thread.
+// Node in /dev for which a simulated device answers the system calls. A FIFO behind the node makes
+// poll() work. Threading: the owner creates, plugs and unplugs it on one thread. umockdev's thread
+// calls the on_ functions.
 class BedNode {
  public:
   struct Answer {
@@ -50,7 +50,7 @@ class BedNode {
     int error = 0;  // errno if the result is -1
   };
   static Answer fail(int error) { return {-1, error}; }
-  // Identifies the client that opened the node; never dereferenced.
+  // Identifies the client that opened the node. It is never dereferenced.
   using Client = const void*;
 
   virtual ~BedNode();
@@ -61,18 +61,18 @@ class BedNode {
   void unplug();
 
  protected:
-  // `description` is umockdev's text (P: E: A: H: L: lines, no N:). `folders` are its devices below
-  // /sys, parents first.
+  // `description` is the text for umockdev with P:, E:, A:, H: and L: lines, but no N: line.
+  // `folders` are the folders of the device below /sys, parents first.
   BedNode(UsbBed& bed, std::string node, std::string description, std::vector<std::string> folders);
-  // Stops all answers; call it first in the destructor of the derived class.
+  // Ends all callbacks. The destructor of the derived class must call it first.
   void detach();
 
-  // on_plug: after creating the FIFO, before announcing the device. on_unplug: after removing the
-  // device, before announcing it.
+  // on_plug() is called after the FIFO is created and before the device is announced. on_unplug()
+  // is called after the device is removed and before the removal is announced.
   virtual void on_plug(int fifo) = 0;
   virtual void on_unplug() = 0;
   virtual Answer on_ioctl(Client client, unsigned long request, UMockdevIoctlData* argument) = 0;
-  // Without a value the FIFO answers.
+  // Returns the answer to read(). If there is no value, the FIFO answers.
   virtual std::optional<Answer> on_read() { return std::nullopt; }
   virtual std::optional<Answer> on_write(ByteView) { return std::nullopt; }
   virtual void on_client() {}
@@ -91,9 +91,9 @@ class BedNode {
   bool attached_ = false, plugged_ = false;
 };
 
-// Client memory behind a system call's argument: `bytes` from `offset`, or from the pointer stored
-// there. Null if the client is gone. Released at the end of the scope; writes reach the client with
-// the answer.
+// Memory of a client behind the argument of a system call: `bytes` from `offset`, or from the
+// pointer stored there. Null if the client has ended. Released at the end of the scope. The client
+// receives written bytes with the answer.
 struct DataRelease {
   void operator()(UMockdevIoctlData* data) const;
 };

@@ -35,7 +35,7 @@ std::string interface_of(const UsbIdentity& id) {
   return folder_of(id) + "/1-" + std::to_string(id.number) + ":1.0";
 }
 
-// Descriptors of USB 2.0, chapter 9.6: device, configuration, interface, endpoint.
+// Returns the descriptors of USB 2.0, chapter 9.6: device, configuration, interface, endpoint.
 std::string descriptors(const UsbIdentity& id) {
   return "12010002000000" + std::string("40") + hex16le(id.vendor) + hex16le(id.product) +
          hex16le(id.release_bcd) + "01020301" + "09021900010100" + "8032" + "090400000" + "1ff" +
@@ -125,8 +125,8 @@ bool UsbDevice::claimed() const {
   return owner_ != nullptr;
 }
 
-// Pipe of one page. While it contains a byte, the client's poll() reports it as not writable; in
-// usbfs this means that no URB is ready.
+// Reduces the pipe to one page. While the pipe contains a byte, the client's poll() reports it as
+// not writable. In usbfs this state means that no URB is ready.
 void UsbDevice::on_plug(int fifo) {
   const std::lock_guard lock(mutex_);
   fifo_ = fifo;
@@ -139,7 +139,7 @@ void UsbDevice::on_plug(int fifo) {
 void UsbDevice::on_unplug() {
   const std::lock_guard lock(mutex_);
   gone_ = true;
-  // The end of an unfinished run belongs to its transfer.
+  // The waiting transfer ends with the data of the unfinished run.
   if (!pending_.empty() && !data_.empty()) {
     Transfer transfer = std::move(pending_.front());
     pending_.pop_front();
@@ -209,7 +209,7 @@ UsbDevice::Answer UsbDevice::on_ioctl(Client client, unsigned long request,
   }
 }
 
-// Without scatter-gather libusb splits transfers into pieces of 16 KiB.
+// Reports no scatter-gather, so that libusb splits transfers into pieces of 16 KiB.
 UsbDevice::Answer UsbDevice::capabilities(UMockdevIoctlData* argument) {
   const ClientData data = resolve(argument, 0, sizeof(std::uint32_t));
   if (!data) return fail(EFAULT);
@@ -297,11 +297,12 @@ void UsbDevice::control(Transfer transfer) {
   finish(std::move(transfer), 0, bytes);
 }
 
-// GET_DESCRIPTOR of type string: the only standard request that libusb passes to the device.
+// Answers GET_DESCRIPTOR of type string, the only standard request that libusb passes to the
+// device.
 std::optional<Bytes> UsbDevice::string_descriptor(const Setup& setup) const {
   if (setup.type != 0x80 || setup.request != 6 || setup.value >> 8 != 3) return std::nullopt;
   const unsigned index = setup.value & 0xffu;
-  if (index == 0) return Bytes{4, 3, 9, 4};  // US English
+  if (index == 0) return Bytes{4, 3, 9, 4};  // language US English
   const std::string* const texts[] = {&identity_.manufacturer, &identity_.name, &identity_.serial};
   if (index > 3) return std::nullopt;
   const std::string& text = *texts[index - 1];
@@ -314,14 +315,14 @@ std::optional<Bytes> UsbDevice::string_descriptor(const Setup& setup) const {
 }
 
 // Moves waiting data into waiting transfers. A transfer ends when it is full, or with the packet
-// that ends a run. Full packets are sent at once, partial ones are kept.
+// that ends a run. Full packets are sent at once, and partial packets wait.
 void UsbDevice::fill() {
   while (!pending_.empty() && !halted_ && (!data_.empty() || !ends_.empty())) {
     const usbdevfs_urb& urb = urb_of(pending_.front().urb.get());
     const auto room = static_cast<std::size_t>(urb.buffer_length);
     const bool ends = !ends_.empty() && ends_.front() < room;
     const std::size_t bytes = ends ? ends_.front() : std::min(room, data_.size());
-    if (!ends && bytes < room) return;  // neither full nor ended: wait for more data
+    if (!ends && bytes < room) return;  // neither full nor at the end of a run
     std::copy_n(data_.begin(), bytes, static_cast<std::uint8_t*>(urb.buffer));
     data_.erase(data_.begin(), data_.begin() + static_cast<std::ptrdiff_t>(bytes));
     if (ends) ends_.pop_front();

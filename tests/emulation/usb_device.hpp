@@ -18,34 +18,35 @@ struct UsbIdentity {
   std::uint16_t vendor = 0, product = 0, release_bcd = 0x0100;
   std::string manufacturer, name, serial;
   std::uint8_t interface_subclass = 0, interface_protocol = 0;
-  unsigned number = 9;  // bus number
+  unsigned number = 9;  // number of the USB bus
 };
 
-// Threading: created, plugged, unplugged and destroyed on one thread. send(), halt() and waiting()
-// on any thread. The control handler runs on umockdev's thread under the device's lock, and may
-// call clear().
+// Threading: one thread creates, plugs, unplugs and destroys the device. send(), halt() and
+// waiting() may be called on any thread. umockdev's thread calls the control handler under the
+// device's lock; the handler may call clear().
 class UsbDevice final : public BedNode {
  public:
   static constexpr std::uint8_t bulk_in = 0x81;
-  static constexpr std::size_t packet_bytes = 512;  // high speed
+  static constexpr std::size_t packet_bytes = 512;  // high-speed bulk packet
 
   struct Setup {
     std::uint8_t type, request;
     std::uint16_t value, index, length;
     bool in() const { return type & 0x80; }
   };
-  // Answers a vendor request with bytes (empty for OUT), or nullopt to stall.
+  // Returns the answer to a vendor request, which is empty for OUT, or nullopt to stall the
+  // request.
   using Control = std::function<std::optional<Bytes>(const Setup&)>;
 
   UsbDevice(UsbBed& bed, const UsbIdentity& identity, Control control);
   ~UsbDevice() override;
 
-  // Sends a run of full packets, ended by a short or empty packet.
+  // Sends a run of packets. A short or empty packet ends the run.
   void send(ByteView run);
-  // Like send(), but more packets follow: a partial packet waits for them.
+  // Sends bytes of a run that continues. A partial packet waits for the bytes that follow.
   void send_more(ByteView bytes);
   std::size_t waiting() const;  // sent bytes that the host has not read
-  void clear();                 // drops them
+  void clear();                 // drops the waiting bytes
   // Stalls the endpoint until the host clears it.
   void halt();
   std::uint64_t fetched() const;  // bytes in completed transfers
@@ -79,7 +80,7 @@ class UsbDevice final : public BedNode {
   mutable std::recursive_mutex mutex_;
   std::deque<Transfer> pending_, done_;
   std::deque<std::uint8_t> data_;
-  std::deque<std::size_t> ends_;  // positions in data_ that end a transfer
+  std::deque<std::size_t> ends_;  // positions in data_ at which a transfer ends
   Client owner_ = nullptr;
   int fifo_ = -1;
   bool reapable_ = false, gone_ = true, halted_ = false;

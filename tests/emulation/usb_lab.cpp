@@ -29,7 +29,8 @@ ExitCode run(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage;
   }
-  options.conditions.depth_noise_m = 0.0005;  // frames of a real camera always differ
+  // Adds noise, because the frames of a real camera always differ.
+  options.conditions.depth_noise_m = 0.0005;
   sim::UsbBed bed;
   options.make_tagger = [&](auto& loop, auto& player, const auto& wanted) {
     auto tagger = sim::make_tdc_usb(loop, player, bed, wanted);

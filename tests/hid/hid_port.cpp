@@ -22,7 +22,7 @@ using namespace std::chrono_literals;
 
 namespace {
 
-// Bridge with a UART that stores the bytes sent by the host.
+// Emulated CP2110 with a UART that stores the bytes sent by the host.
 class Bridge {
  public:
   explicit Bridge(const std::string& serial = "A", unsigned number = 0)
@@ -49,7 +49,7 @@ class Bridge {
   sim::HidCp2110 device;
 };
 
-// Port with its recorded events.
+// HID port that records its events.
 struct Host {
   void open(const std::string& serial = "", std::uint32_t baud = 115200) {
     opened = gone = 0;
@@ -151,7 +151,7 @@ TEST_CASE("HID reports with a wrong byte count are limited to the received bytes
   Bridge bridge;
   Host host;
   host.opens();
-  bridge.device.raw_input(Bytes{63, 1, 2, 3});  // the count exceeds the bytes
+  bridge.device.raw_input(Bytes{63, 1, 2, 3});  // the count exceeds the bytes of the report
   bridge.device.raw_input(Bytes(64, 0));
   bridge.device.raw_input(Bytes(64, 200));
   bridge.device.raw_input(Bytes{1, 9, 9, 9});
@@ -239,8 +239,8 @@ TEST_CASE("a CP2110 in use by another program is refused and can be opened later
   second.goes();
   CHECK(second.why ==
         "hid:10c4:ea80: open /dev/hidraw0 (in use by another program): Device or resource busy");
-  // The emulation notices an open later and then empties the buffer: for the lock, for hidapi, and
-  // for the second program.
+  // The emulation notices each open with a delay, and then empties the buffer. Three opens are
+  // expected: for the lock, for hidapi and for the second program.
   REQUIRE(second.until([&] { return bridge.device.opened() == 3; }));
   bridge.device.receive(pattern(100));
   CHECK(first.until([&] { return first.received == pattern(100); }));
@@ -251,7 +251,7 @@ TEST_CASE("a CP2110 in use by another program is refused and can be opened later
 TEST_CASE("a missing permission is reported with its remedy when a CP2110 is opened or listed") {
   Bridge bridge;
   const std::string root = test::bed().root(), node = root + "/dev/hidraw0";
-  // The emulation's files are readable for everyone; only the node is not.
+  // The emulation's files are readable by every user. Only the device node is not.
   std::filesystem::permissions(root, std::filesystem::perms(0755));
   for (const auto& entry : std::filesystem::recursive_directory_iterator(root + "/ioctl"))
     std::filesystem::permissions(entry, std::filesystem::perms(0777));
@@ -281,7 +281,7 @@ TEST_CASE("bytes lost by a slow reader of a HID port are counted") {
   constexpr std::uint64_t reports = 6000, kept = 256 << 10;
   const Bytes report(64, 63);
   for (std::uint64_t i = 0; i < reports; ++i) {
-    // Wait until the port has emptied the kernel's buffer, which must not overflow here.
+    // Waits until the port has emptied the kernel's buffer, which must not overflow here.
     while (bridge.device.host_waiting() > 1000) std::this_thread::sleep_for(1ms);
     bridge.device.raw_input(report);
   }

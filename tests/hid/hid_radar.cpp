@@ -17,7 +17,7 @@ using test::run_until;
 
 namespace {
 
-// Board and driver on one loop.
+// Radar board and driver on one event loop.
 struct Bench {
   Bench() {
     const auto uart = [this](unsigned number, const char* serial, sim::HidUart*& made) {
@@ -56,7 +56,7 @@ TEST_CASE("the cfg dialogue and radar frames work over two HID ports, also after
       b.loop, [&] { return b.sink.radar.size() >= 20; }, std::chrono::seconds(20)));
   CHECK(b.data->bridge().baud() == 921600);
   CHECK(b.sink.state() == DeviceState::streaming);
-  // A board on a busy machine skips frames; the driver counts each.
+  // The board skips frames on a busy machine, and the driver counts each of them.
   CHECK(b.sink.radar[0].frame_number + 19 + test::counter(*b.driver, "lost_frames") ==
         b.sink.radar[19].frame_number);
   CHECK(test::counter(*b.driver, "junk_bytes") == 0);

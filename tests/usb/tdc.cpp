@@ -16,7 +16,7 @@ namespace {
 
 constexpr char address[] = "usb:1209:0001:T1";
 
-// Tagger that sends the blocks of the test.
+// USB tagger that sends the blocks of the test.
 struct Bench {
   Bench()
       : device(bed,
@@ -44,7 +44,7 @@ struct Bench {
     driver->start(sink);
     greet();
   }
-  // Answers the next start with a hello.
+  // Answers the next start request with a hello block.
   void greet() {
     REQUIRE(run_until(loop, [&] { return starts > greeted; }));
     greeted = starts;
@@ -52,7 +52,7 @@ struct Bench {
     device.send(hello_block(sequence++));
     REQUIRE(run_until(loop, [&] { return sink.state() == DeviceState::streaming; }));
   }
-  // Block of tags 1, 2, 3 ...; tag k has time k.
+  // Returns a block with the tags 1, 2, 3 and so on. Tag k has time k.
   Bytes tags(std::size_t count) {
     Bytes payload;
     for (std::size_t i = 0; i < count; ++i) put(payload, Tag{.channel = 2, .time_ps = ++sent});
@@ -64,7 +64,7 @@ struct Bench {
   bool faulted() {
     return run_until(loop, [&] { return sink.state() == DeviceState::faulted; });
   }
-  // Checks that the received tags have these times, in order.
+  // Checks that the received tags have the times of these ranges, in order.
   void check_times(std::vector<std::pair<std::int64_t, std::int64_t>> ranges) const {
     std::vector<std::int64_t> expected, times;
     for (const auto& [first, last] : ranges)
@@ -91,7 +91,7 @@ struct Bench {
   std::unique_ptr<Driver> driver;
 };
 
-// Simulated laboratory tagger with this FIFO size.
+// Simulated tagger of the laboratory with a FIFO of this size.
 struct Simulated {
   explicit Simulated(std::size_t fifo_bytes = sim::TdcOptions{}.send_queue_bytes) {
     options.window_s = 0.5;
@@ -149,7 +149,7 @@ TEST_CASE("all tags of a simulated USB tagger are received") {
 }
 
 TEST_CASE("a USB tagger with a full FIFO reports its lost tags") {
-  Simulated s(22'000);  // about the data between two transfers
+  Simulated s(22'000);  // about as many bytes as arrive between two transfers
   CHECK(run_until(s.loop, [&] { return s.sent(1) > 0 && counter(*s.driver, "lost_items") > 0; }));
   CHECK(counter(*s.driver, "lost_items") <= s.sent(1));
   CHECK(s.sink.state() == DeviceState::streaming);
@@ -159,7 +159,7 @@ TEST_CASE("USB transfers that split blocks, and short or empty packets, lose no 
   Bench b;
   b.connect();
   const Bytes all = join({b.tags(50'000), b.tags(0), b.tags(50'000)});
-  // Pieces of 37 KiB end inside tags, and the long run fills whole transfers.
+  // Pieces of 37 KiB end within tags, and the long run fills whole transfers.
   const ByteView wire = all;
   for (std::size_t at = 0; at < wire.size(); at += 37'000)
     b.device.send_more(wire.subspan(at, std::min<std::size_t>(37'000, wire.size() - at)));
@@ -209,7 +209,7 @@ TEST_CASE("a USB tagger is reopened after an unplug during a transfer") {
   for (std::size_t i = 1; i <= cycles; ++i) {
     Bytes cut = join({b.tags(1000), b.tags(1000)});
     cut.resize(cut.size() - 5);
-    b.device.send_more(cut);  // waits in an incomplete transfer
+    b.device.send_more(cut);  // the end waits in an incomplete transfer
     b.device.unplug();
     REQUIRE(b.faulted());
     CHECK(b.sink.tags.size() == i * 1000 + (i - 1) * 4);
@@ -226,9 +226,9 @@ TEST_CASE("a USB tagger is reopened after an unplug during a transfer") {
 TEST_CASE("data that a slow consumer does not read stay in the USB tagger") {
   Bench b;
   b.connect();
-  constexpr std::size_t runs = 90, per_run = 65'536;  // 90 MiB: above the limit of queued bytes
+  constexpr std::size_t runs = 90, per_run = 65'536;  // 90 MiB exceed the limit of queued bytes
   for (std::size_t i = 0; i < runs; ++i) b.device.send(b.tags(per_run));
-  std::uint64_t fetched = 1, before = 0;  // the loop is not running
+  std::uint64_t fetched = 1, before = 0;  // the event loop is not running
   for (; fetched != before; fetched = b.device.fetched()) {
     before = fetched;
     std::this_thread::sleep_for(500ms);
