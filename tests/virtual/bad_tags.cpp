@@ -19,7 +19,7 @@ constexpr std::int64_t ps = 1, ns = 1000 * ps, us = 1000 * ns, s = 1'000'000 * u
 constexpr std::int64_t period = 250 * us;
 
 struct Stream {
-  // Adds the tags of pulse `i` at time `at`.
+  // Appends the tags of pulse `i` at time `at`.
   std::function<void(std::vector<Tag>& out, std::int64_t i, std::int64_t at)> pulse;
   std::function<std::int64_t(std::int64_t)> time = [](std::int64_t t) { return t; };
 };
@@ -35,7 +35,7 @@ void ordinary(std::vector<Tag>& out, std::int64_t i, std::int64_t at) {
   if (i % 25 == 0) out.push_back(tag(2, at + click_after(i)));
 }
 
-// A tagger with start pulses at 4 kHz, behind the bridge protocol.
+// Simulates a tagger with start pulses at 4 kHz, behind the bridge protocol.
 class Tagger final : public port::BytePort {
  public:
   Tagger(port::Loop& loop, Stream stream) : loop_(loop), timer_(loop), stream_(std::move(stream)) {}
@@ -94,7 +94,8 @@ Outcome run_of(const Stream& stream, const std::vector<std::string>& settings = 
   loop.ports[b.lab->config().tdc.address] = [&] { return std::make_unique<Tagger>(loop, stream); };
   REQUIRE(b.lab->record(b.run(10)) == ExitCode::ok);
   Strings events = b.events("spd");
-  std::erase_if(events, [](const auto& e) { return e.starts_with("record "); });  // verdicts
+  // Removes the reports of verdicts.
+  std::erase_if(events, [](const auto& e) { return e.starts_with("record "); });
   return {events, b.records()};
 }
 
@@ -110,7 +111,7 @@ TEST_CASE("tag times that wrap are continued and cause an event") {
   const int bits = GENERATE(32, 40);
   const Outcome run = run_of(
       {.pulse = ordinary, .time = [=](std::int64_t t) { return t % (std::int64_t{1} << bits); }});
-  CHECK(run.events.size() == 2);  // at detection, and the count at the end
+  CHECK(run.events.size() == 2);  // one event at detection, one with the count at the end
   CHECK_THAT(run.events.at(0),
              Catch::Contains("restarts of the tagger's time at 2^" + std::to_string(bits) + " ps"));
   for (std::size_t i = 2; i < 10; ++i) {
@@ -134,7 +135,7 @@ TEST_CASE("a tagger clock that drifts from the host clock is reported") {
   CHECK(std::ranges::any_of(run.events, [&, t = std::string(text)](const auto& e) {
     return e.find("the tagger's clock runs at " + t) != std::string::npos;
   }));
-  for (const auto& r : run.records) {  // placed by their receipt
+  for (const auto& r : run.records) {  // the receive times are used instead of tag times
     CHECK(r.has(Sensor::spd));
     CHECK_FALSE(r.clocks[Sensor::spd].has_value());
   }
@@ -182,7 +183,7 @@ TEST_CASE("missing, doubled and faster start pulses each cause an event") {
   }});
   CHECK_THAT(faster.events.at(0),
              Catch::Contains("changes of the start rate, from 4 kHz to 8 kHz"));
-  // The second with the change has both rates, without missing starts.
+  // The second that contains the change has both rates, but no missing starts.
   CHECK(faster.events.size() == 1);
 }
 

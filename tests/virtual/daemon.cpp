@@ -50,7 +50,7 @@ TEST_CASE("a run continues without devices, and records are complete when the de
   REQUIRE(all.size() == 40);
   const auto silent =
       std::count_if(all.begin(), all.end(), [](auto& r) { return r.valid.empty(); });
-  CHECK(silent >= 8);  // eight of the ten slots are fully without devices
+  CHECK(silent >= 8);  // eight of the ten slots contain no data at all
   CHECK(silent <= 9);
   for (const auto& r : all)
     if (r.valid.empty()) {
@@ -62,7 +62,8 @@ TEST_CASE("a run continues without devices, and records are complete when the de
   CHECK(all.back().valid.bits() == 7);
   for (const char* sensor : {"spd", "radar", "depth"}) {
     CHECK(has(b.events(sensor), "not connected to"));
-    CHECK(b.events(sensor).size() <= 8);  // independent of the number of retries, and its return
+    // The number of events does not grow with the number of retries.
+    CHECK(b.events(sensor).size() <= 8);
   }
 }
 
@@ -100,7 +101,7 @@ TEST_CASE("a run needs its required devices, and records without them are incomp
 
 TEST_CASE("a raw capture with faults and reconnections reproduces the live run bit by bit") {
   const double window_s =
-      GENERATE(3.0, 12.0);  // longer slots do not align to a multiple of their length
+      GENERATE(3.0, 12.0);  // slots above 10 s are not aligned to multiples of their length
   Bench b({.window_s = window_s,
            .faults = {fault("tdc", FaultKind::unplug, 30, 5),
                       fault("tdc", FaultKind::corrupt, 40, 10, 0.05),
@@ -113,7 +114,7 @@ TEST_CASE("a raw capture with faults and reconnections reproduces the live run b
   run.countdown_s = 2;
   CHECK(b.lab->record(run) == ExitCode::ok);
   REQUIRE(acquire::is_kept(run.keep_raw));
-  // The copy may be imported on another machine.
+  // The copied configuration has no run folder, so that it can be imported on another machine.
   CHECK(acquire::kept_config(run.keep_raw, {}).run_folder.empty());
   acquire::import_kept(acquire::kept_config(run.keep_raw, {}), run.keep_raw,
                        b.folder / "again.sqlite");
@@ -131,7 +132,7 @@ TEST_CASE("a raw capture with faults and reconnections reproduces the live run b
     CHECK(r.valid.bits() == a.valid.bits());
     for (const Sensor s : all_sensors) CHECK(r.sync[s].verdict == a.sync[s].verdict);
   }
-  // Another histogram of the same photons.
+  // Imports the same photons again, with another histogram.
   acquire::import_kept(acquire::kept_config(run.keep_raw, {"tdc.bins=10", "depth.address="}),
                        run.keep_raw, b.folder / "short.sqlite");
   CHECK(record::RunReader(b.folder / "short.sqlite").read(0).spd ==
@@ -175,7 +176,7 @@ TEST_CASE("a raw capture without a slot, with missing bytes or with a damaged ti
   }
   std::ofstream(run.keep_raw + "/" + name) << text;
   CHECK_THAT(refusal(), Catch::Contains(why));
-  // Leaves no file.
+  // A refused import leaves no file.
   for (const auto& file : std::filesystem::directory_iterator(b.folder.path))
     CHECK(file.path().filename().string().find("x.sqlite") == std::string::npos);
 }
@@ -194,7 +195,8 @@ TEST_CASE("the option --countdown of the run command delays the first slot") {
 
 TEST_CASE("a run interrupted before its first slot ends without a record") {
   Bench b;
-  const pid_t child = fork();  // a process counts its signals for ever
+  // The signals go to a child process, because a process never resets its count of signals.
+  const pid_t child = fork();
   REQUIRE(child >= 0);
   if (child == 0) {
     catch_interrupts();
@@ -230,7 +232,7 @@ TEST_CASE("a fading laser, a frozen camera and a frozen radar are each reported 
   for (const auto& [sensor, kind] : kinds) {
     const Strings all = b.verdicts(sensor);
     CAPTURE(name_of(sensor));
-    CHECK(std::count(all.begin(), all.end(), kind) >= 3);  // slots fully within the fault
+    CHECK(std::count(all.begin(), all.end(), kind) >= 3);  // slots that lie fully within the fault
     CHECK(std::count(all.begin(), all.end(), kind) <= 5);
     CHECK(std::count(all.begin(), all.end(), "ok") + std::count(all.begin(), all.end(), kind) ==
           60);
@@ -272,8 +274,9 @@ TEST_CASE("simulated scenes change at slot boundaries") {
     near.push_back(sum(r.spd.begin(), r.spd.begin() + static_cast<std::ptrdiff_t>(border)) /
                    sum(r.spd.begin(), r.spd.end()));
   }
-  for (std::size_t i = 5; i + 1 < near.size(); ++i) {  // the clock is known by then
-    CHECK(std::min(near[i], 1 - near[i]) < 0.15);      // background pixels
+  for (std::size_t i = 5; i + 1 < near.size(); ++i) {  // by then the clock fit is valid
+    // The background pixels contribute less than 15 % of the counts.
+    CHECK(std::min(near[i], 1 - near[i]) < 0.15);
     CHECK((near[i] > 0.5) != (near[i + 1] > 0.5));
   }
 }

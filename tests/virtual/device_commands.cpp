@@ -30,8 +30,8 @@ using namespace std::chrono_literals;
 
 namespace {
 
-// Proxy between tagger and daemon. It refuses connections for a while and buffers the data, which
-// it sends first on the next connection.
+// Proxy between tagger and daemon. It refuses connections for a while and buffers the data. It
+// sends the buffered data first on the next connection.
 class Keeper {
  public:
   Keeper(port::Loop& loop, port::ByteOpener& place) : loop_(loop), down_(loop), up_(place()) {
@@ -49,7 +49,7 @@ class Keeper {
     down_.hang_up();
     leave();
   }
-  std::size_t kept = 0;  // blocks of tags
+  std::size_t kept = 0;  // number of buffered tag blocks
 
  private:
   void begin() {
@@ -86,7 +86,7 @@ class Keeper {
   bool connected_ = false;
 };
 
-// Device behind a bridge: sends a block of this kind every 50 ms.
+// Device behind a bridge that sends a block of this kind every 50 ms.
 class BridgedDevice {
  public:
   using Payload = std::function<Bytes(std::uint32_t number)>;
@@ -131,7 +131,7 @@ class BridgedDevice {
   test::MemoryListener listener;
 };
 
-// Range profile with an echo at range_m in 100 bins of 0.08 m from 0.3 m.
+// Returns a range profile with an echo at range_m, in 100 bins of 0.08 m from 0.3 m on.
 BridgedDevice::Payload echo_at(double range_m) {
   return [range_m, rng = make_rng(3, 1)](std::uint32_t number) mutable {
     constexpr std::uint32_t bins = 100;
@@ -151,7 +151,7 @@ BridgedDevice::Payload echo_at(double range_m) {
 
 constexpr double spd_m = 437 * speed_of_light_m_s / 2e12, radar_m = 0.037;
 
-// A reflector at 1 m, and range offsets of the simulated sensors.
+// Returns a laboratory with a reflector at 1 m and with range offsets of the simulated sensors.
 LaboratoryOptions reflector(double more_ps = 0, const std::string& before = "detector") {
   return {.signal_photons = 4e5,
           .scene = "reflector",
@@ -163,7 +163,7 @@ LaboratoryOptions reflector(double more_ps = 0, const std::string& before = "det
           }};
 }
 
-// Returns what the action prints to stdout; `path` is a file to make.
+// Returns what the action prints to stdout. The text is stored in a new file `path`.
 std::string printed_by(const std::string& path, const std::function<void()>& action) {
   std::fflush(stdout);
   const int before = ::dup(STDOUT_FILENO);
@@ -177,7 +177,7 @@ std::string printed_by(const std::string& path, const std::function<void()>& act
   return std::string(std::istreambuf_iterator<char>(in), {});
 }
 
-// The reflector's position is exact, so the standard errors are those of the measurement.
+// Assumes an exact reflector position, so that the standard errors contain only the measurement.
 ExitCode calibrate(Laboratory& lab, bool check = false, acquire::CalibrateOptions options = {},
                    double time_s = 0.5, std::int64_t repeats = 6) {
   options.check = check;
@@ -251,7 +251,7 @@ TEST_CASE("buffered tags are assigned to the slot of their time stamps, or count
   const double usual = static_cast<double>(tags[tags.size() / 2]);
   for (const auto& r : all) CHECK(static_cast<double>(r.spd_counts.tags) < 1.5 * usual);
   const auto late = static_cast<double>(b.reader().late()[Sensor::spd]);
-  CHECK(late > 2 * usual);  // the 2 s for which no slot is open
+  CHECK(late > 2 * usual);  // tags of the 2 s for which no slot is open
   CHECK(late < 6 * usual);
   CHECK(std::count_if(all.begin(), all.end(), [](auto& r) { return !r.has(Sensor::spd); }) >= 2);
 }
@@ -266,7 +266,7 @@ TEST_CASE("the calibrate command measures and stores offsets, and a run uses the
   for (const auto& [sensor, true_m] : {std::pair{Sensor::spd, spd_m}, {Sensor::radar, radar_m}}) {
     const record::CalibrationEntry* entry = measured.find(sensor);
     REQUIRE(entry);
-    // The plate's edges are farther than its centre, by less than 0.02 mm on average.
+    // The edges of the plate are farther than its centre, by less than 0.02 mm on average.
     CHECK(std::abs(entry->offset_m - true_m) < 5 * entry->standard_error_m + 2e-5);
     CHECK(entry->standard_error_m < 3e-4);
   }
@@ -275,7 +275,7 @@ TEST_CASE("the calibrate command measures and stores offsets, and a run uses the
   const auto named = b.reader().calibrations();
   REQUIRE(named.size() == 2);
   CHECK(named[0].offset_m == measured.entries[0].offset_m);
-  // Calibrating one sensor keeps the entry of the other.
+  // Calibration of one sensor keeps the entry of the other sensor.
   b.lab->set({"radar.cli=", "radar.data="});
   b.lab->loop.run_for(100s);
   REQUIRE(calibrate(*b.lab) == ExitCode::ok);

@@ -22,7 +22,7 @@ namespace {
 using namespace std::chrono_literals;
 using sim::FaultKind;
 
-// Device names are unique per test, because devices are locked.
+// Device addresses are unique per test, because devices are locked.
 struct Addresses {
   explicit Addresses(const LaboratoryOptions& o)
       : tagger("bridge:tcp://tagger-" + o.name + ":1"),
@@ -52,7 +52,7 @@ class WireUart final : public sim::Uart {
   Wire& wire_;
 };
 
-// A depth camera behind the bridge protocol.
+// Simulates a depth camera behind the bridge protocol.
 class Camera final : public sim::Device {
  public:
   Camera(port::Loop& loop, sim::ScenePlayer& player, MemoryListener& listener,
@@ -108,7 +108,7 @@ class Camera final : public sim::Device {
     server_.put({.kind = sim::BlockKind::depth, .bytes = std::move(payload), .items = index_});
   }
 
-  // No two frames of a camera are equal.
+  // Returns an image that differs from the previous one, as frames of a real camera do.
   std::vector<std::uint16_t> picture(double time_s) {
     const sim::RenderedScene& rendered = player_.at(time_s);
     if (std::exchange(pictured_, rendered.index) != rendered.index)
@@ -126,7 +126,7 @@ class Camera final : public sim::Device {
   Axis columns_, rows_;
   port::Timer timer_;
   HostTime next_;
-  std::vector<std::uint16_t> pixels_, last_;  // the scene, and the frame sent
+  std::vector<std::uint16_t> pixels_, last_;  // depth map of the scene, and the last frame sent
   std::int64_t pictured_ = -1;
   std::uint32_t index_ = 0;
   sim::FaultInjector injector_;

@@ -16,20 +16,21 @@
 namespace echofuse::test {
 
 struct LaboratoryOptions {
-  std::string folder{};             // contains lab.toml
-  std::string name = "laboratory";  // part of the device names
+  std::string folder{};             // folder that contains lab.toml
+  std::string name = "laboratory";  // part of the device addresses
   double window_s = 3;
   double hold_s = 600;           // duration of a scene
-  double signal_photons = 1500;  // in 3 s
+  double signal_photons = 1500;  // number of signal photons in 3 s
   std::uint64_t seed = 1;
   std::vector<sim::Fault> faults{};
-  std::string log{};     // log of the devices; empty: none
-  std::string scenes{};  // list of scenes instead of mixed ones
+  std::string log{};     // log file of the devices; empty for no log
+  std::string scenes{};  // list of scenes that replaces the mixed scenes
   bool radar_required = false;
   std::string assignments{};  // additional lines of lab.toml
   std::string scene = "mixed";
-  std::string radar_cfg{};  // file of config/radar; empty: the paper's, at four frames per second
-  unsigned radar_sdk = 5;   // minor version: 5 for SDK 3.5
+  // File in config/radar. If empty, the paper's cfg with four frames per second is used.
+  std::string radar_cfg{};
+  unsigned radar_sdk = 5;  // minor version of SDK 3
   double laser_rate_hz = 4e6;
   std::function<void(sim::Conditions&)> change{};
 };
@@ -42,15 +43,15 @@ class Laboratory {
   Laboratory& operator=(const Laboratory&) = delete;
 
   port::VirtualLoop loop{std::chrono::seconds(1'700'000'000)};
-  // Overrides a setting: "tdc.bins=99".
+  // Overrides settings, each given as "tdc.bins=99".
   void set(std::initializer_list<std::string> assignments, bool with_calibration = true);
   const acquire::Config& config() const;
   bool radar_radiates() const;
-  // Passes only the first byte of each reply.
+  // If choked, the radar passes only the first byte of each reply.
   void choke_radar(bool choked);
-  // Turns the camera's field of view from now on.
+  // Turns the camera's field of view for all later frames.
   void turn_camera();
-  // Records this many slots, or until interrupted. Throws like record_run.
+  // Records the number of slots in `run`, or until interrupted. Throws like record_run().
   ExitCode record(acquire::RunOptions run);
   // Stops the devices and completes their log.
   void close();

@@ -13,7 +13,7 @@
 
 namespace echofuse::test {
 
-// Far end of the ports of one address; it can be reconnected.
+// Board side of the ports of one address. It can be unplugged and plugged again.
 class Wire {
  public:
   Wire(port::Loop& loop, std::function<void(ByteView)> to_board)
@@ -22,11 +22,11 @@ class Wire {
   port::ByteOpener opener() {
     return [this] { return std::make_unique<Port>(*this); };
   }
-  // To the host, as one read; lost if the host does not read.
+  // Sends bytes to the host as one read. They are lost if the host does not read.
   void send(ByteView bytes) {
     if (!cut) deliver(bytes);
   }
-  // Bytes sent unconditionally, e.g. by another board on this wire.
+  // Sends bytes even if the wire is cut, like another board on this wire.
   void noise(const std::string& text) {
     deliver(ByteView{reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
   }
@@ -44,7 +44,7 @@ class Wire {
     if (std::exchange(plugged_, in) == in) return;
     if (!in) later([](Link& link) { link.fail("read"); });
   }
-  bool cut = false;     // drops everything from the board
+  bool cut = false;     // drops all bytes from the board
   bool choked = false;  // passes only the first byte of each piece
 
  private:
@@ -92,12 +92,12 @@ class Wire {
   bool plugged_ = true;
 };
 
-// The bridge's end of a wire: serves one client at a time, others wait.
+// Bridge side of a wire. It serves one client at a time, and other clients wait.
 class MemoryListener final : public sim::Listener {
  public:
   explicit MemoryListener(port::Loop& loop) : loop_(loop) {}
 
-  // Opener for the driver. The listener outlives its ports.
+  // Returns an opener for the driver. The listener must outlive the ports.
   port::ByteOpener opener() {
     return [this] { return std::make_unique<Port>(*this); };
   }
