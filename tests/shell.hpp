@@ -14,7 +14,7 @@ namespace echofuse::test {
 
 struct Outcome {
   int code = -1;
-  std::string text;  // stdout and stderr
+  std::string text;  // stdout and stderr together
 };
 
 inline Outcome shell(const std::string& command) {

@@ -16,7 +16,7 @@ constexpr std::pair<char, const char*> names[] = {{'s', "spd.npy"},   {'r', "rad
 
 constexpr std::uint8_t counts[] = {4, 2, 3, 8, 1, 0, 0, 0}, power[] = {0, 2, 3, 4, 0, 0, 128, 63};
 
-// A run of three records to which run.toml can refer.
+// Returns a run file with three records, which run.toml can name as base.sqlite.
 const Bytes& base() {
   static const Bytes run = [] {
     const fuzz::Folder folder;

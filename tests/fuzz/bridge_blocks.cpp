@@ -8,7 +8,7 @@ using fuzz::require;
 
 namespace {
 
-// Returns the only bytes that give this block.
+// Encodes the block in the only possible way.
 Bytes bytes_of(const Block& block) {
   Bytes bytes;
   for (const char c : {'E', 'F', 'B', 'R'}) put(bytes, c);

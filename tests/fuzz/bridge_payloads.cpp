@@ -15,7 +15,7 @@ void hello(ByteView payload) {
   const auto hello = read_hello(payload);
   Bytes longer(payload.begin(), payload.end());
   longer.push_back('x');
-  const bool has_nul = std::ranges::find(payload, 0) != payload.end();  // ends the text
+  const bool has_nul = std::ranges::find(payload, 0) != payload.end();  // a NUL ends the text
   require(has_nul || !read_hello(longer), "nothing may follow the object");
   const auto begin = fuzz::text_of(payload).find('{');
   if (!hello) return;
@@ -49,7 +49,7 @@ void depth(ByteView payload) {
   const auto index = in.get<std::uint32_t>();
   float axes[4];
   for (float& value : axes) value = in.get<float>();
-  // Fewer than 2^31 pixels, so that the product cannot wrap.
+  // The number of pixels is below 2^31, so that the product does not overflow.
   const bool fits = in.ok() && width && height && in.left() / 2 / width == height &&
                     in.left() == std::uint64_t{width} * height * 2;
   const auto lens = [&](std::size_t at, std::uint32_t count) {

@@ -17,7 +17,7 @@
 
 namespace echofuse::fuzz {
 
-// Folder in memory if the system has one; removed at the end of the process.
+// Folder in memory if the system has a RAM disk. It is removed at the end of the process.
 class Folder {
  public:
   Folder() {
@@ -44,7 +44,7 @@ class Folder {
   std::string path_;
 };
 
-// Files of an input: a line that begins with "@@" and a letter begins the file of this letter.
+// A line that begins with "@@" and a letter starts the file of this letter within an input.
 inline constexpr std::string_view file_mark = "\n@@";
 inline std::map<char, ByteView> files_of(ByteView input) {
   std::map<char, ByteView> out;
@@ -58,8 +58,8 @@ inline std::map<char, ByteView> files_of(ByteView input) {
   return out;
 }
 
-// Returns a sound .npy file: u8 type, u8 number of dimensions, u8 for each dimension; then values,
-// which are repeated or cut to the size of the shape.
+// Returns a valid .npy file. The recipe has u8 type, u8 number of dimensions and one u8 per
+// dimension. The values that follow are repeated or cut to the size of the shape.
 inline Bytes npy_of(ByteView recipe) {
   constexpr std::array types{"<f4", "<f8", "|u1", "<u2", "<u4", "<i8", "|b1", "<i2"};
   constexpr std::array bytes{4, 8, 1, 2, 4, 8, 1, 2};
@@ -81,13 +81,14 @@ inline Bytes npy_of(ByteView recipe) {
   return out;
 }
 
-// Checks the message of an error: printable, and one line unless `lines`.
+// Checks that the error message is printable, and that it has one line unless `lines` is true.
 inline void require_message(const Error& error, bool lines = false) {
   require(*error.what() != '\0' && is_printable(error.what(), lines ? "\n" : ""),
           "a fault can be printed");
 }
 
-// Runs the body. An Error must have one of these codes; its message has one line unless `lines`.
+// Runs the body. If it throws an Error, the code must be one of `codes`, and the message must have
+// one line unless `lines` is true.
 template <class Body>
 void refused_or_done(std::initializer_list<ExitCode> codes, Body body, bool lines = false) {
   try {

@@ -15,14 +15,14 @@ namespace echofuse::fuzz {
 
 void run(ByteView input);
 
-// Aborts if an invariant is violated, so that the fuzzer keeps the input.
+// Aborts if an invariant is violated, so that the fuzzer saves the input.
 inline void require(bool holds, const char* invariant) {
   if (holds) return;
   std::fprintf(stderr, "does not hold: %s\n", invariant);
   std::abort();
 }
 
-// Calls take(piece) for consecutive pieces of 0 to 63 bytes; the seed selects the split.
+// Calls take(piece) for consecutive pieces of 0 to 63 bytes. The seed selects the split.
 template <class Take>
 void in_pieces(ByteView bytes, std::uint32_t seed, const Take& take) {
   while (!bytes.empty()) {
@@ -37,7 +37,7 @@ inline std::string_view text_of(ByteView bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-// Returns true if the text contains no control characters of a terminal.
+// Returns true if the text has no control characters except those in `also`.
 inline bool is_printable(std::string_view text, std::string_view also = "") {
   return std::all_of(text.begin(), text.end(), [&](char c) {
     const auto code = static_cast<unsigned char>(c);

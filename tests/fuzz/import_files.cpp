@@ -14,7 +14,7 @@ using fuzz::require;
 
 namespace {
 
-// File in memory, under a path that can be opened.
+// File in memory with a path that can be opened.
 class File {
  public:
   explicit File(ByteView bytes) {

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::uint32_t side = 4;
 
-// Returns the PNG with these filtered rows, cut or filled with zeros.
+// Returns a PNG with these filtered rows, cut or filled with zeros to the image size.
 Bytes png_of(ByteView rows) {
   constexpr std::size_t to_data = 33, row_bytes = 2 * side + 1;
   const Bytes blank = recon::encode_png16(std::vector<std::uint16_t>(side * side), side, side);
@@ -26,7 +26,8 @@ Bytes png_of(ByteView rows) {
   Bytes out(blank.begin(), blank.begin() + to_data);
   out.insert(out.end(), {0, 0, 0, static_cast<std::uint8_t>(packed.size()), 'I', 'D', 'A', 'T'});
   out.insert(out.end(), packed.begin(), packed.end());
-  out.insert(out.end(), 4, 0);  // CRC, which the rows' own checksum replaces
+  // The CRC is zero, because the checksum of the compressed rows protects the data.
+  out.insert(out.end(), 4, 0);
   out.insert(out.end(), blank.end() - 12, blank.end());
   return out;
 }

@@ -22,7 +22,7 @@ namespace {
 
 constexpr std::size_t spd_bins = 30, radar_bins_ = 24, pixels = 64 * 64;
 
-// Returns plates at positions that depend on their index, seen by both sensors.
+// Returns records of a plate at positions that depend on the index. Both sensors detect the plate.
 Dataset plates(std::size_t count) {
   Dataset d;
   d.spd_axis = {"spd", "counts", "ps", spd_bins, 16000, 400, 1};
@@ -119,7 +119,7 @@ class Editor {
  private:
   std::uint8_t byte() { return in_.get<std::uint8_t>(); }
 
-  // Returns a special number, or a random one.
+  // Returns a special value such as NaN, or a random number.
   double number() {
     const std::vector<double> some = {0,    -1,    1,   1e-30,    1e18, -1e18,
                                       3e38, 1e300, NAN, INFINITY, 7,    100};
@@ -166,12 +166,12 @@ class Editor {
     model_.replace(name, type, shape, bytes < (1u << 20) ? bytes : 0, byte());
   }
 
-  // Edits the first value of a tensor, or all of them.
+  // Edits the first value or all values of a tensor.
   void value(const std::string& name) {
     const bool all = byte() % 2 == 0;
     const double wanted = number();
     if (!sound(name)) return;
-    const nlohmann::json& type = model_.head[name]["dtype"];  // any type after an entry()
+    const nlohmann::json& type = model_.head[name]["dtype"];  // entry() may have set any type
     const auto narrow = static_cast<float>(wanted);
     Bytes one;
     if (type == "F32")
@@ -187,7 +187,7 @@ class Editor {
       std::copy(one.begin(), one.end(), model_.values.begin() + static_cast<std::ptrdiff_t>(at));
   }
 
-  // Edits the header fields of a tensor.
+  // Edits a header field of a tensor.
   void entry(const std::string& name) {
     const std::vector<const char*> keys = {"dtype", "shape", "data_offsets"};
     const std::string key = one_of(keys, byte());
@@ -196,13 +196,13 @@ class Editor {
     model_.head[name][key] = byte() % 4 == 0 ? any_json() : list;
   }
 
-  // Adds tensors over the same bytes, up to 8192.
+  // Adds up to 8192 tensors that share the bytes of this one.
   void again(const std::string& name) {
     const nlohmann::json same = model_.head[name];
     for (int n = 1 << byte() % 14; n > 0; --n) model_.head["z" + std::to_string(n)] = same;
   }
 
-  // Returns true if the tensor's position can still be computed.
+  // Returns true if the position of the tensor can still be computed.
   bool sound(const std::string& name) const {
     for (const auto& [other, e] : model_.head.items()) {
       if (!e.contains("data_offsets") || e["data_offsets"].size() != 2) return false;
@@ -217,11 +217,11 @@ class Editor {
   ByteReader& in_;
 };
 
-// Checks that a loaded model returns finite values or an error.
+// Checks that a loaded model returns finite values or an Error.
 void check_answers(const TrainedModel& model) {
   static const Dataset few = plates(3);
   Dataset data = few;
-  std::fill_n(data.radar.row(2).begin(), radar_bins_, 0.f);  // triggers a fallback
+  std::fill_n(data.radar.row(2).begin(), radar_bins_, 0.f);  // makes the model use its fallback
   model.match(data);
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)
@@ -268,8 +268,8 @@ void fuzz::run(ByteView input) {
   }
 }
 
-// Trains the models before the first input, because with sanitizers that exceeds the time limit of
-// an input.
+// Trains the models before the first input. With sanitizers, the training takes longer than the
+// time limit of an input.
 extern "C" int LLVMFuzzerInitialize(int*, char***) {
   bases();
   return 0;

@@ -14,7 +14,7 @@ using fuzz::require;
 
 namespace {
 
-constexpr std::uint32_t most_bins = 1u << 14;  // more bins only take longer
+constexpr std::uint32_t most_bins = 1u << 14;  // a larger number of bins only takes more time
 
 struct Reference {
   HistogramSettings s;
@@ -24,7 +24,7 @@ struct Reference {
   std::uint64_t last_time = 0;
   bool has_start = false, in_overflow = false;
 
-  // The first valid tag of a stream cannot run backwards.
+  // Starts from the first valid tag, which cannot be a backward step.
   explicit Reference(const HistogramSettings& settings, std::span<const Tag> tags) : s(settings) {
     for (const Tag& tag : tags) {
       if (tag.type != TagType::time_tag || tag.reserved != 0) continue;
