@@ -1,9 +1,10 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""bench.py BIN_DIR [SECONDS=8]: measures the tag rate of scripts/bridges/timetagger.py to a client that only
-reads (the stand-in library always has a full buffer), and live runs of the daemon: every tag sent must be in
-a record. Costs are processor times, because they hardly depend on the load; the cost of generating tags in
-the stand-in is listed separately."""
+"""bench.py BIN_DIR [SECONDS=8]: measures the tag rate of scripts/bridges/timetagger.py and the cost of live runs.
+
+The first benchmark has a client that only reads, and a stand-in library with an always full buffer. In the live runs,
+every tag that the bridge sends must be in a record of the daemon. Costs are processor times, because these hardly
+depend on the load. The cost of generating tags in the stand-in is listed separately."""
 import os
 import pathlib
 import re
@@ -62,13 +63,13 @@ def live(offered):
                                       stderr=subprocess.PIPE, text=True)
             time.sleep(SLOTS - 2)
             used = cpu_s(program.process), cpu_s(daemon)
-            program.stop()  # prints what it sent
+            program.stop()  # the bridge prints the number of tags that it sent
             log = daemon.communicate()[1]
             sent, _, dropped = program.sent()
         arrived = int(re.search(r"received: (\d+) tags", log).group(1))
         with sqlite3.connect(run) as db:
             rows = db.execute("SELECT tags, spd_lost FROM record WHERE tags > 0").fetchall()
-            missed = db.execute("SELECT sum(spd_missed) FROM record").fetchone()[0]  # by the tagger itself
+            missed = db.execute("SELECT sum(spd_missed) FROM record").fetchone()[0]  # missed by the tagger itself
             strays = db.execute("SELECT sum(value) FROM counter WHERE source = 'spd' AND name IN"
                                 " ('early', 'late', 'outside')").fetchone()[0]
         making = float(made.read_text(encoding="utf-8"))

@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""end_to_end.py BIN_DIR: the daemon records from the bridges with stand-in libraries; every tag and
-every pixel arrives."""
+"""end_to_end.py BIN_DIR: tests that the daemon records every tag and every pixel of bridges.
+
+The bridges use stand-ins for the vendors' libraries."""
 import csv
 import pathlib
 import re
@@ -29,8 +30,9 @@ class Recording(unittest.TestCase):
         self.dir = pathlib.Path(folder.name)
 
     def record(self, bridge, key, enough):
-        """Returns the rows of a run with 0.2 s slots, and the daemon's log. Stops the bridge after
-        `enough` rows, so that it prints what it sent."""
+        """Records a run with slots of 0.2 s. Returns its rows and the daemon's log.
+
+        Stops the bridge after `enough` rows, so that the bridge prints the number of items sent."""
         config = self.dir / "lab.toml"
         address = "bridge:tcp://%s:%d" % bridge.address
         table, name = key.split(".")
@@ -72,7 +74,7 @@ class Recording(unittest.TestCase):
         full = rows[1:4]
         for row in full:
             self.assertEqual(row["valid"], 1, row["spd_verdict"])
-            # A slot may end within a pattern, so counts of events may differ by one.
+            # Slots may end within a pattern of the stand-in, so that counts may differ by one.
             patterns = row["starts"] / library.PULSES
             self.assertGreater(patterns, 1)
             self.assertEqual(row["tags"], row["starts"] + row["in_range"] + row["other"])

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""scripts/bridges/orbbec.py with the stand-in of the vendor's SDK."""
+"""Tests scripts/bridges/orbbec.py with a stand-in for the vendor's SDK."""
 import contextlib
 import io
 import pathlib
@@ -100,7 +100,7 @@ class Calls(CameraCase):
     def test_lens_distortion_is_reported_in_pixels(self):
         with mock.patch.object(sdk.distortion, "k1", 0.1):
             self.open()
-        # Corner: x = y = 0.63, r2 = 0.7938; 0.1 r2 x 50 pixels in both directions
+        # Shift of a corner in x and y: 0.1 * r^2 * x * 50 pixels, with x = y = 0.63 and r^2 = 0.7938.
         self.assertIn("up to 3.54 pixel", self.said)
 
     def test_invalid_command_line_arguments_are_refused(self):
@@ -130,7 +130,7 @@ class Frames(CameraCase):
             z = np.frombuffer(self.outlet.blocks[-1][1][36:], "<u2")
             exact = np.rint(sdk.values(index, 64 * 64) * scale)
             np.testing.assert_array_equal(z, np.where(exact > 65535, 0, exact))
-        self.assertTrue((z == 0).any())  # beyond 16 bits: no return
+        self.assertTrue((z == 0).any())  # depths beyond 16 bits become 0
 
     def test_missing_frame_numbers_are_counted_as_lost_frames(self):
         camera = self.open()
@@ -151,7 +151,7 @@ class Frames(CameraCase):
                 camera.poll(self.outlet)
             self.assertEqual(self.outlet.lost, 1)
             sdk.silent = False
-            camera.poll(self.outlet)  # frame 1 again, without a gap before it
+            camera.poll(self.outlet)  # frame numbers restart at 1, without a loss
             self.assertEqual((self.outlet.lost, len(self.outlet.blocks)), (1, 2))
             sdk.silent = True
             with self.assertRaisesRegex(RuntimeError, "after a restart"):

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""A simulated depth camera behind the bridge protocol, as truth for runs with custom sensors."""
+"""Bridge with a simulated depth camera, which provides ground truth for runs with custom sensors."""
 import struct
 import sys
 import time

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""A simulated radar behind the bridge protocol, as a user would write one."""
+"""Bridge with a simulated radar, written like a bridge for a user's own radar."""
 import sys
 import time
 

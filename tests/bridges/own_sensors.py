@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""own_sensors.py BIN_DIR: the programs record, train with and show scripts/bridges/example.py and a
-radar written like it, each of about 40 lines."""
+"""own_sensors.py BIN_DIR: tests recording, training and viewing with custom sensors.
+
+The sensors are scripts/bridges/example.py and own_radar.py, which is written like it."""
 import pathlib
 import sqlite3
 import subprocess

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""packing.py BIN_DIR: compares scripts/bridges/pack.py with NumPy, and runs it without its library."""
+"""packing.py BIN_DIR: compares scripts/bridges/pack.py with NumPy, and runs bridges without the packing library."""
 import contextlib
 import io
 import pathlib
@@ -9,7 +9,7 @@ import tempfile
 import unittest
 from unittest import mock
 
-import _ctypes  # any shared object that is not ours
+import _ctypes  # serves as a shared object that is not the packing library
 import testing
 from testing import Client, Program, crc32c, np
 
@@ -27,7 +27,7 @@ def some_tags(size):
 
 class Packing(unittest.TestCase):
     def check(self, tags):
-        """Packs channels 2 (start) and 3, and all markers."""
+        """Checks that packing keeps only the channels 2 (start) and 3 and all markers."""
         blocks = pack.pack(tags, (2, 3))
         tags = tags[np.isin(tags["channel"], (2, 3)) | np.isin(tags["type"], (1, 2, 3))]
         self.assertEqual(sum(b.items for b in blocks), len(tags))
@@ -48,7 +48,6 @@ class Packing(unittest.TestCase):
         self.check(tags)
 
     def test_strided_arrays_are_packed_and_other_layouts_are_refused(self):
-        """Strided and read-only arrays are packed; another layout is refused."""
         self.check(some_tags(10_000)[::3])
         tags = some_tags(1000)
         tags.flags.writeable = False
@@ -76,7 +75,7 @@ class Absent(unittest.TestCase):
     def test_camera_bridge_runs_without_the_packing_library(self):
         with Program("realsense.py", "--width", "64", "--height", "48",
                      ECHOFUSE_BRIDGE_LIBRARY="") as program, Client(program.address) as client:
-            client.until(bridge.DEPTH)  # checks the CRCs
+            client.until(bridge.DEPTH)  # Client checks the CRCs
 
     def test_tagger_bridge_refuses_to_run_without_the_packing_library(self):
         with tempfile.TemporaryDirectory() as folder:

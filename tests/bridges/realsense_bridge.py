@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""scripts/bridges/realsense.py with the stand-in of the vendor's SDK."""
+"""Tests scripts/bridges/realsense.py with a stand-in for the vendor's SDK."""
 import struct
 import unittest
 
@@ -34,7 +34,7 @@ class Process(unittest.TestCase):
         with Program("realsense.py", *SIZE, "--no-projector", "--preset", "high accuracy", STAND_IN_SILENT="5") as program:
             with Client(program.address) as client:
                 client.until(bridge.DEPTH)
-                # A restarted stream gets the settings again.
+                # The bridge sends the settings again after it restarts the stream.
                 testing.wait_for("restart", lambda: program.calls().count(("set_option", "emitter", 0)) == 2)
             self.assertEqual(program.calls().count(("set_option", "preset", 3)), 2)
             self.assertIn('preset "High Accuracy", projector off\n', program.said())

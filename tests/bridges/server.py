@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""The common part of all bridges: framing, and the server for one client."""
+"""Tests the common part of all bridges: the framing of blocks and the server for one client."""
 import socket
 import time
 import unittest
@@ -49,11 +49,11 @@ class OneClient(unittest.TestCase):
         with Client(server.address) as client:
             began = time.monotonic()
             hellos = [client.block() for _ in range(3)]
-            self.assertLess(time.monotonic() - began, 2.0)  # one per second, at twice the speed
+            self.assertLess(time.monotonic() - began, 2.0)  # hello blocks are sent every 0.5 s
             self.assertEqual([b.kind for b in hellos], [bridge.HELLO] * 3)
             self.assertEqual({b.payload for b in hellos}, {b'{"model": "m"}'})
             again = 0
-            while again < 2:  # also between data
+            while again < 2:  # hello blocks are also sent between data blocks
                 server.send(bridge.TAGS, bytes(16), 1)
                 again += client.block().kind == bridge.HELLO
             self.assertLess(time.monotonic() - began, 4.0)
@@ -69,7 +69,7 @@ class OneClient(unittest.TestCase):
             server.send(bridge.TAGS, bytes(16), 1)
             self.assertEqual(first.until(bridge.TAGS)[-1].payload, bytes(16))
         testing.wait_for("farewell", lambda: server._client is None)
-        with Client(server.address) as third:  # the sequence restarts at 0
+        with Client(server.address) as third:  # the block numbers restart at 0
             self.assertEqual(third.block().kind, bridge.HELLO)
         self.assertEqual(server.clients, 2)
 
@@ -82,7 +82,7 @@ class OneClient(unittest.TestCase):
             client.block()
             server.send(bridge.TAGS, bytes(16), 1)
             server.offline()
-            server.send(bridge.TAGS, bytes(16), 1)  # too late
+            server.send(bridge.TAGS, bytes(16), 1)  # dropped, because the device is offline
             self.assertEqual([b.kind for b in client.until(bridge.BYE)], [bridge.TAGS, bridge.BYE])
             self.assertRaises(EOFError, client.block)
         self.assertEqual(server.sent, 1)
@@ -101,7 +101,7 @@ class OneClient(unittest.TestCase):
 
     def test_next_block_contains_the_number_of_lost_items(self):
         server = make_server(self)
-        server.lose(5)  # no client was connected
+        server.lose(5)  # not reported, because no client is connected
         server.online({})
         with Client(server.address) as client:
             client.block()
@@ -120,14 +120,14 @@ class SlowClient(unittest.TestCase):
             client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
             client.block()
             given = 0
-            while server.dropped < 100_000:  # the client does not read
+            while server.dropped < 100_000:  # until the queue is full, because the client does not read
                 server.send(bridge.TAGS, bytes(16 * 4096), 4096)
                 given += 4096
                 self.assertLessEqual(server._queued_bytes, 1 << 20)
             read = [client.block() for _ in range(5)]
             while server._queue:
                 read.append(client.block())
-            server.send(bridge.TAGS, bytes(16), 1)  # carries the count of dropped items
+            server.send(bridge.TAGS, bytes(16), 1)  # this block reports the dropped items
             server.offline()
             read += client.until(bridge.BYE)
         arrived = sum(len(b.payload) // 16 for b in read if b.kind == bridge.TAGS)

@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""The stand-ins have the names and arguments of the vendors' libraries, and the bridges call only functions in these tables.
-Sources of the tables:
+"""Checks that the stand-ins have the names and arguments of the vendors' libraries.
+
+Also checks that the bridges call only functions in the tables below. Sources of the tables:
 
 Swabian Instruments: documentation of the Time Tagger software 2.22 ("TimeTagger classes", "Time-tag streaming", "Helper
 classes"; CustomMeasurement.process(incoming_tags, begin_time, end_time) is "called whenever a new chunk of time tags is
@@ -140,14 +141,14 @@ REALSENSE = {
 
 
 def arguments(module, name):
-    """Returns the argument names of a function, or of a method without self."""
+    """Returns the argument names of a function or method, without self."""
     *owner, last = name.split(".")
     names = list(inspect.signature(getattr(getattr(module, owner[0]) if owner else module, last)).parameters)
     return names[1:] if owner else names
 
 
 def calls(script, owners):
-    """Returns the methods that a bridge calls on objects with these names."""
+    """Returns the names of the methods that a bridge script calls on variables named in `owners`."""
     tree = ast.parse((testing.root / "scripts/bridges" / script).read_text(encoding="utf-8"))
     found = set()
     for node in ast.walk(tree):

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Shared by the tests of the bridges: their modules, an independent reader of blocks, and bridges run
-as programs."""
+"""Common part of the bridge tests: module paths, an independent reader of blocks, and bridges as processes."""
 import json
 import os
 import pathlib
@@ -24,7 +23,7 @@ except ImportError as error:
     print(f"skipped: {error} (Debian: python3-numpy python3-crc32c)")
     sys.exit(77)
 sys.dont_write_bytecode = True
-# Packing library of the tested build. Without it, the bridges run without it.
+# Packing library of the tested build. If the file is missing, the bridges run without it.
 library = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "").resolve().parent / "lib/libechofuse_bridge_pack.so"
 os.environ.setdefault("ECHOFUSE_BRIDGE_LIBRARY", str(library))
 sys.path[:0] = [str(root / "scripts/bridges"), str(here / "stand_in"), str(here.parent)]
@@ -32,7 +31,7 @@ from waiting import wait_for
 
 
 def golden():
-    """Returns the pieces of tests/golden/bridge.hex: hello, tags, depth, bye."""
+    """Returns the four blocks in tests/golden/bridge.hex: hello, tags, depth and bye."""
     pieces, begin = [], True
     for line in (root / "tests/golden/bridge.hex").read_text(encoding="utf-8").splitlines():
         if line.startswith("#"):
@@ -49,7 +48,7 @@ Block = types.SimpleNamespace
 
 
 class Client:
-    """Reads blocks and checks them: magic, version, CRC, and a sequence without gaps."""
+    """Reads blocks from a bridge. Checks magic, version and CRC of each block, and that no block is missing."""
 
     def __init__(self, address):
         self.socket = socket.create_connection(address, timeout=10)
@@ -81,7 +80,7 @@ class Client:
         return Block(kind=kind, dropped=dropped, payload=payload)
 
     def until(self, kind):
-        """Returns all blocks up to the first of this kind."""
+        """Returns all blocks up to and including the first block of this kind."""
         blocks = [self.block()]
         while blocks[-1].kind != kind:
             blocks.append(self.block())
@@ -89,7 +88,7 @@ class Client:
 
 
 def connect(address):
-    """Returns a client after its hello; connects again until accepted."""
+    """Connects until the bridge accepts, and returns the client after its hello block."""
     while True:
         client = Client(address)
         if client.block().kind == 0:
@@ -99,7 +98,7 @@ def connect(address):
 
 
 class Program:
-    """A bridge as a process, with the stand-in libraries."""
+    """Runs a bridge as a process with the stand-in libraries."""
 
     def __init__(self, script, *arguments, path=here / "stand_in", **env):
         self.folder = tempfile.TemporaryDirectory(prefix="echofuse-")
@@ -136,7 +135,7 @@ class Program:
         return self.process.wait(10)
 
     def sent(self):
-        """Returns the totals that it prints at its end: items, clients, dropped."""
+        """Returns the totals that the bridge prints at its end: sent items, clients and dropped items."""
         return tuple(map(int, re.search(r"sent (\d+) \w+ to (\d+) clients, dropped (\d+)", self.said()).groups()))
 
 

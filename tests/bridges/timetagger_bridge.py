@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""scripts/bridges/timetagger.py with the stand-in of the vendor's library."""
+"""Tests scripts/bridges/timetagger.py with a stand-in for the vendor's library."""
 import contextlib
 import io
 import os
@@ -29,12 +29,12 @@ def options(*arguments):
     return timetagger.parse_arguments(arguments)
 
 
-# An old library without CustomMeasurement.
+# Old version of the library without CustomMeasurement.
 old_library = types.SimpleNamespace(**{k: v for k, v in vars(library).items() if k != "CustomMeasurement"})
 
 
 def open_tagger(*arguments, which=library):
-    """Returns the tagger, and its messages."""
+    """Opens the stand-in tagger with these options. Returns the tagger and its messages."""
     recorder.reset()
     with contextlib.redirect_stderr(io.StringIO()) as said:
         tagger = timetagger.Tagger(which, options(*arguments))
@@ -42,7 +42,7 @@ def open_tagger(*arguments, which=library):
 
 
 class Outlet:
-    """Replaces the server."""
+    """Replaces the server of the bridge and stores the blocks."""
 
     def __init__(self):
         self.blocks, self.lost, self.dropped = [], 0, 0
@@ -110,7 +110,7 @@ class Calls(unittest.TestCase):
         self.assertEqual(delays, [("setDelayHardware", 1, 48000), ("setDelaySoftware", 1, 100 - 48000),
                                   ("setDelaySoftware", 2, 7)])
         self.assertIn(("setConditionalFilter", [2], [1]), recorder.calls)
-        # A cable replaces the hardware delay.
+        # With a filter delay of 0, a cable replaces the hardware delay.
         open_tagger("--conditional-filter", "0", "--input-delay", "1=-48000")
         delays = [call for call in recorder.calls if "Delay" in call[0]]
         self.assertEqual(delays, [("setDelaySoftware", 1, -48000)])
@@ -130,7 +130,7 @@ class Calls(unittest.TestCase):
 
 class Tags(unittest.TestCase):
     def poll(self, columns, *arguments, which=library):
-        """Returns what the bridge makes of these tags."""
+        """Sends these tags to the bridge. Returns the outlet with the blocks, the pause and the messages."""
         tagger, _ = open_tagger(*arguments, which=which)
         tagger._stream.stop()
         if which is old_library:
@@ -141,7 +141,7 @@ class Tags(unittest.TestCase):
             for name, column in zip(library.TAG.names, columns):
                 tags[name] = column
             tagger._stream.process(tags, 0, 0)
-            tags.view("u1")[:] = 0xEE  # the library reuses the array
+            tags.view("u1")[:] = 0xEE  # overwrites the array, as the library does
         outlet = Outlet()
         with contextlib.redirect_stderr(io.StringIO()) as said, mock.patch.object(timetagger, "RATE_S", 0):
             pause = tagger.poll(outlet)
@@ -172,21 +172,20 @@ class Tags(unittest.TestCase):
             self.assertEqual(self.poll(self.pattern(0), which=which)[0].blocks, [])
 
     def test_tags_refused_by_a_full_buffer_are_counted_as_lost(self):
-        # The old stream returns its buffer without a count; ours counts what it refused.
+        # The old stream returns a full buffer but no number of lost tags. CustomMeasurement counts the refused tags.
         for which, size, sent, lost in ((old_library, 5000, 5000, 1), (library, 5001, 0, 5001)):
             outlet, pause, said = self.poll(self.pattern(size), "--max-events", "5000", which=which)
             self.assertEqual((sum(items for _, _, items in outlet.blocks), outlet.lost, pause), (sent, lost, 0))
             self.assertIn("--max-events", said)
 
     def test_message_about_lost_tags_contains_the_tag_rate(self):
-        said = self.poll(self.pattern(150_000))[2]  # overflows
+        said = self.poll(self.pattern(150_000))[2]  # this pattern has overflows
         self.assertRegex(said, r"tags are lost at [\d.]+ million tags/s \(\d+ MB/s\): the device overflows; "
                                r"67 % of them are laser pulses: --conditional-filter")
         self.assertNotIn("--conditional-filter", self.poll(self.pattern(150_000), "--conditional-filter", "48000")[2])
-        self.assertEqual(self.poll([column[:700] for column in self.pattern(700)])[2], "")  # before the overflow
+        self.assertEqual(self.poll([column[:700] for column in self.pattern(700)])[2], "")  # ends before the overflow
 
     def test_loss_at_20_mhz_is_reported_at_most_twice_in_100_s(self):
-        """20 MHz of laser pulses (320 MB/s) are served without loss."""
         with mock.patch.object(time, "monotonic", lambda: self.now), contextlib.redirect_stderr(io.StringIO()) as said:
             self.now = 0.0
             losses = timetagger.Losses(options())
@@ -194,11 +193,11 @@ class Tags(unittest.TestCase):
             for _ in range(20):
                 self.now += 0.05
                 losses.look(tags, 0, 0)
-            self.assertEqual(said.getvalue(), "")  # no loss
+            self.assertEqual(said.getvalue(), "")  # no message without a loss
             for _ in range(2000):
                 self.now += 0.05
                 losses.look(tags, 0, dropped=round(20 * self.now))
-        self.assertEqual(said.getvalue().count("\n"), 2)  # in 100 s
+        self.assertEqual(said.getvalue().count("\n"), 2)  # two messages in 100 s
         self.assertIn("20.00 million tags/s (320 MB/s): echofuse reads too slowly; 100 % of them "
                       "are laser pulses", said.getvalue())
 
@@ -211,7 +210,7 @@ class Silence(unittest.TestCase):
             self.addCleanup(each.stop)
 
     def poll(self, which):
-        """Polls until three checks after the last tags; returns what was said since these."""
+        """Polls until three connection checks after the last tags. Returns the messages since these tags."""
         tagger, _ = open_tagger(which=which)
         self.addCleanup(tagger.close)
         checks = lambda: recorder.calls.count(("sync",))
@@ -272,11 +271,11 @@ class Process(unittest.TestCase):
                 self.assertEqual(second.calls()[-1], ("freeTimeTagger",))
 
     def test_tagger_that_fails_is_reopened_with_all_settings(self):
-        """The device fails at the 20th call and cannot be opened the next times."""
+        """Uses a device that fails at the 20th call and cannot be opened at the next two attempts."""
         with Program("timetagger.py", *SETTINGS[:7],
                      STAND_IN_FAULTS="isRunning:20,createTimeTagger:2,createTimeTagger:3") as program:
             with Client(program.address) as client:
-                blocks = [b for b in client.until(bridge.BYE) if b.kind != bridge.HELLO]  # a keep-alive may be last
+                blocks = [b for b in client.until(bridge.BYE) if b.kind != bridge.HELLO]  # the last block may be a keep-alive hello
                 self.assertEqual(blocks[-2].kind, bridge.TAGS)
                 self.assertRaises(EOFError, client.block)
             calls = program.calls
@@ -284,12 +283,12 @@ class Process(unittest.TestCase):
             with connect(program.address) as client:
                 client.until(bridge.TAGS)
             opening = [c for c in calls()[: calls().index(("freeTimeTagger",))] if c[0] != "stop"]
-            self.assertEqual(calls()[-len(opening):], opening)  # all settings again
+            self.assertEqual(calls()[-len(opening):], opening)  # all settings are sent again
             self.assertIn("isRunning failed; trying again", program.said())
             self.assertEqual(program.stop(), 0)
 
     def test_unplugged_tagger_is_reopened(self):
-        """isRunning() stays true; the client gets a bye, as for every unplugged device."""
+        """Uses a device for which isRunning() remains true. The client must get a bye block as usual."""
         with Program("timetagger.py", STAND_IN_UNPLUGGED="20") as program:
             with Client(program.address) as client:
                 self.assertIn(bridge.TAGS, [b.kind for b in client.until(bridge.BYE)])

@@ -1,7 +1,9 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""scripts/bridges/timetagger.py with a server or a recording instead of a device, its scan of trigger levels, and the
-required interpreter and versions; with the stand-in of the vendor's library."""
+"""Tests scripts/bridges/timetagger.py with a Time Tagger server or a recording instead of a device.
+
+Also tests the scan of trigger levels and the required versions of interpreter and library. All tests use a stand-in for
+the vendor's library."""
 import contextlib
 import io
 import os
@@ -25,7 +27,7 @@ from timetagger_bridge import open_tagger, options
 
 
 class Shared(unittest.TestCase):
-    """A server or a recording replaces the device."""
+    """Uses a Time Tagger server or a recording instead of a device."""
 
     def test_settings_of_a_time_tagger_server_are_not_changed(self):
         tagger, _ = open_tagger("--network", "lab", "--input-delay", "2=-1500")
@@ -95,7 +97,6 @@ class Shared(unittest.TestCase):
 
 class Python(unittest.TestCase):
     def test_bridge_runs_with_the_interpreter_of_a_virtual_environment(self):
-        """Uses the interpreter of a virtual environment with the vendor's package."""
         with tempfile.TemporaryDirectory() as folder:
             python = pathlib.Path(folder) / "python3"
             python.write_text(f"#!/bin/sh\necho through >&2\nexec {sys.executable} \"$@\"\n")
@@ -117,7 +118,7 @@ class Python(unittest.TestCase):
                     except SystemExit:
                         self.assertTrue(fails, found)
                         self.assertIn("-m pip install --upgrade Swabian-TimeTagger", said.getvalue())
-        vendor.check_version("Swabian-TimeTagger", "2.9.0", "2.17.4")  # works with numpy 1
+        vendor.check_version("Swabian-TimeTagger", "2.9.0", "2.17.4")  # any version works with numpy 1
 
 
 def scan(*words, **env):

@@ -1,7 +1,9 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""tmf8820_bridge.py BIN_DIR: scripts/bridges/tmf8820.py reads the chip's log from a serial port or a
-file; a recording of it is shown, trained with and reported."""
+"""tmf8820_bridge.py BIN_DIR: tests scripts/bridges/tmf8820.py.
+
+The bridge reads the log of the chip from a serial port or a file. A recorded run is viewed, used for training and
+reported."""
 import gzip
 import json
 import os
@@ -26,7 +28,7 @@ SLOTS = 60
 
 
 def measurement(counts, number=1):
-    """Lines of the maker's program for counts [9, 128], with a reference before them."""
+    """Returns the log lines that the manufacturer's program prints for counts [9, 128], after a reference channel."""
     channels = np.vstack([np.full(128, 7), counts]).astype(np.int64)
     lines = [f"#Raw,65,{10 * byte + channel}," + ",".join(str(n >> 8 * byte & 255) for n in row)
              for byte in range(3) for channel, row in enumerate(channels)]
@@ -34,7 +36,7 @@ def measurement(counts, number=1):
 
 
 def body(seed):
-    """Counts of the nine zones before a body."""
+    """Returns the counts of the nine zones with a body in front of the sensor."""
     rng = np.random.default_rng(seed)
     near = 40 + 30 * rng.random()
     return rng.poisson(50 + 8e4 * rng.random((9, 1)) * np.exp(-0.5 * ((np.arange(128) - near) / 2) ** 2))
@@ -78,7 +80,7 @@ class Reader(unittest.TestCase):
     def test_measurements_are_read_from_a_serial_port(self):
         board, port = pty.openpty()
         with Program("tmf8820.py", "--port", os.ttyname(port)) as program, Client(program.address) as client:
-            blocks = client.until(bridge.HELLO)  # earlier measurements have no client
+            blocks = client.until(bridge.HELLO)  # waits for the connection, because earlier measurements would be lost
             os.write(board, (measurement(body(1)) + measurement(body(2))[:500] + "\n" + measurement(body(4))).encode())
             blocks += client.until(bridge.HISTOGRAM)
             hello = json.loads(blocks[0].payload)

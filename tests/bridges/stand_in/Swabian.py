@@ -1,3 +1,3 @@
 # SPDX-License-Identifier: MIT
-"""Hides an installed vendor package, so that the tests use the stand-in TimeTagger in this folder."""
+"""Empty module that hides an installed vendor package, so that tests use the stand-in TimeTagger of this folder."""
 raise ImportError("hidden by the tests")

@@ -1,23 +1,23 @@
 # SPDX-License-Identifier: MIT
-"""The functions of Swabian's Python library that the bridge calls, with a known stream of tags.
+"""Stand-in for Swabian's Python library with the functions that the bridge calls. It sends a known stream of tags.
 
-A pattern has 1000 laser pulses, 1503 tags: each pulse is a start; every second one has a click
-20000 + 100 * (k % 200) ps later; before pulse 500 an overflow with 7 missed clicks.
+The stream repeats a pattern of 1000 laser pulses with 1503 tags. Each pulse has a start tag. Every second pulse has a
+click 20000 + 100 * (k % 200) ps later. An overflow with 7 missed clicks precedes pulse 500.
 
-Names and arguments are those of the vendor's documentation of version 2.22 (TimeTagger classes,
-Time-tag streaming, Helper classes, Raw Time-Tag-Stream access) and of its headers TimeTagger.h and
+Names and arguments are those in the vendor's documentation of version 2.22 (TimeTagger classes,
+Time-tag streaming, Helper classes, Raw Time-Tag-Stream access) and in its headers TimeTagger.h and
 Iterators.h; signatures.py compares them. Environment variables select faults:
-  STAND_IN_OLD=1        a library without CustomMeasurement
-  STAND_IN_UNPLUGGED=n  from the n-th batch of tags (20 ms each) on no tags come and sync() times
-                        out, while isRunning() stays true; opening it again helps
-  STAND_IN_DARK=n       no tags come, but sync() succeeds: the laser is off
-  STAND_IN_VERSION=x    getVersion()
+  STAND_IN_OLD=1        the library has no CustomMeasurement
+  STAND_IN_UNPLUGGED=n  tags end with the n-th batch of 20 ms and sync() times out, while
+                        isRunning() remains true; the device works again after it is opened again
+  STAND_IN_DARK=n       tags end with the n-th batch but sync() succeeds, as if the laser is off
+  STAND_IN_VERSION=x    getVersion() returns x
   STAND_IN_FOREIGN=1    the stream has tags of channels that other clients requested
-  STAND_IN_LISTEN=1     a server that refuses all settings
+  STAND_IN_LISTEN=1     the server refuses all settings
   STAND_IN_SERVER=n     the server disconnects at the n-th check of the connection
-  STAND_IN_OLD_FILE=1   a virtual tagger with setReplaySpeed() and replay()
-A recording has three patterns. The channels' rate is 1e5/s between trigger levels of 0.3 and 1.2 V, or 0
-with STAND_IN_PLATEAU=none. STAND_IN_CPU=file: writes the processor time of generating tags (s) at the end."""
+  STAND_IN_OLD_FILE=1   the virtual tagger has setReplaySpeed() and replay()
+A recording has three patterns. The count rate of the channels is 1e5/s at trigger levels from 0.3 to 1.2 V, or 0 with
+STAND_IN_PLATEAU=none. With STAND_IN_CPU=file, the processor time of generating tags, s, is written to the file."""
 import os
 import threading
 import time
@@ -28,9 +28,9 @@ from recorder import called
 
 PULSES, CLICKS, MISSED = 1000, 500, 7
 PATTERN_TAGS = PULSES + CLICKS + 3
-RATE = float(os.environ.get("STAND_IN_PULSES_PER_S", "50000"))  # inf: always a full buffer
+RATE = float(os.environ.get("STAND_IN_PULSES_PER_S", "50000"))  # with inf the buffer is always full
 DEAD_TIME_STEP_PS = 2000
-BLOCK_S, BLOCK_TAGS = 0.02, 131072  # setStreamBlockSize's defaults
+BLOCK_S, BLOCK_TAGS = 0.02, 131072  # default values of setStreamBlockSize()
 TAG = np.dtype([("type", "u1"), ("missed_events", "u2"), ("channel", "i4"), ("time", "i8")], align=True)
 unplugged = int(os.environ.get("STAND_IN_UNPLUGGED", "0"))
 dark = int(os.environ.get("STAND_IN_DARK", "0"))
@@ -73,7 +73,7 @@ def freeTimeTagger(tagger):
 class TimeTagger:
     def __init__(self):
         self.batches, self.levels = 0, {}
-        self.most = float("inf")  # remaining patterns
+        self.most = float("inf")  # number of patterns still to send
 
     @property
     def silent(self):
@@ -148,7 +148,7 @@ if os.environ.get("STAND_IN_LISTEN"):
 
 
 class TimeTaggerVirtual:
-    """Like the vendor's class: no model, no serial number, no hardware settings."""
+    """Lacks model, serial number and hardware settings, like the vendor's class."""
 
     def __init__(self):
         self.batches, self.silent, self.most = 0, False, 0
@@ -191,7 +191,7 @@ class Countrate:
 
     def getData(self):
         level = self._tagger.levels[self._channel]
-        rate = 1e5 if 0.3 <= level <= 1.2 else 3e7 * (abs(level) < 0.05)  # noise at 0 V
+        rate = 1e5 if 0.3 <= level <= 1.2 else 3e7 * (abs(level) < 0.05)  # amplifier noise near 0 V
         return np.array([rate if os.environ.get("STAND_IN_PLATEAU") != "none" else 0.0])
 
 
@@ -227,7 +227,7 @@ def pattern(start_channel, click_channel, period_ps):
 
 
 class Source:
-    """Generates the tags that are due: whole patterns, as four columns or as records."""
+    """Generates the tags that are due, as whole patterns in four columns or in records."""
 
     def __init__(self, tagger, channels, most):
         self._tagger = tagger
@@ -235,15 +235,15 @@ class Source:
         longest = -(-min(most, 1 << 20) // PATTERN_TAGS)
         self._columns = [np.tile(column, longest) for column in pattern(*channels, self._period_ps)]
         self._columns[3] += np.repeat(np.arange(longest), PATTERN_TAGS) * PULSES * self._period_ps
-        self._records = np.zeros(len(self._columns[0]), TAG)  # including the padding
+        self._records = np.zeros(len(self._columns[0]), TAG)  # zeros also in the padding
         for name, column in zip(TAG.names, self._columns):
             self._records[name] = column
         self._most = min(most, len(self._columns[0]))
         self._began = time.monotonic()
-        self._done = 0  # patterns
+        self._done = 0  # number of patterns sent
 
     def _next(self):
-        """Returns the number of tags due, and their time offset from the pattern."""
+        """Returns the number of tags that are due and the time to add to the times of the pattern."""
         self._tagger.batches += 1
         if self._tagger.silent:
             return 0, 0
@@ -267,7 +267,7 @@ class Source:
         return part
 
     def write(self, tags):
-        """Writes tags to the front of the array; returns their number."""
+        """Writes the tags that are due to the front of the array and returns their number."""
         count, shift_ps = self._next()
         tags[:count].view("u1")[:] = self._records[:count].view("u1")
         tags[:count]["time"] += shift_ps
@@ -292,8 +292,9 @@ class TimeTagStream:
 
 
 class CustomMeasurement:
-    """Its thread calls process() like the vendor's: under the mutex, with an array that is overwritten
-    after the call."""
+    """Calls process() on its own thread, like the vendor's class.
+
+    The thread holds the mutex during the call and overwrites the array after it."""
 
     def __init__(self, tagger):
         called("CustomMeasurement")

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""The functions of Orbbec's Python SDK (version 2) that the bridge calls. Frame n has the values
-500 + (7 n + 3 i) % 5000 in its pixels i, times `scale`.
+"""Stand-in for Orbbec's Python SDK (version 2) with the functions that the bridge calls.
 
-Names and numbers of arguments are those of the vendor's stub (orbbec/pyorbbecsdk, stubs/
-pyorbbecsdk.pyi at 9fcf324) and, for what version 2 added, of its bindings (src/pyorbbecsdk/
-stream_profile.cpp); signatures.py compares them. As in releases of version 2,
-get_camera_param() returns zeros while colour does not run (issues 56 and 103 there).
-STAND_IN_INTRINSICS=zero or nan sets the depth profile's intrinsics; =none removes them, as in
-version 1."""
+Pixel i of frame n has the value 500 + (7 n + 3 i) % 5000, in units of `scale` mm.
+
+Names and numbers of arguments are those in the vendor's stub (orbbec/pyorbbecsdk, stubs/pyorbbecsdk.pyi at 9fcf324).
+Functions that version 2 added are those in its bindings (src/pyorbbecsdk/stream_profile.cpp). signatures.py compares
+them. As in releases of version 2, get_camera_param() returns zeros while the colour stream is off (issues 56 and 103 of
+the SDK). STAND_IN_INTRINSICS=zero or nan sets the intrinsics of the depth profile. STAND_IN_INTRINSICS=none removes
+them, as in version 1."""
 import os
 import time
 import types
@@ -20,12 +20,12 @@ OBFormat = types.SimpleNamespace(Y16="y16")
 OBPropertyID = types.SimpleNamespace(OB_PROP_DEPTH_MIRROR_BOOL="mirror", OB_PROP_LASER_BOOL="laser",
                                      OB_PROP_LASER_CONTROL_INT="laser control")
 OBPermissionType = types.SimpleNamespace(PERMISSION_WRITE="write")
-silent = False       # no frames
-supported = {"mirror", "laser"}  # properties of the camera
+silent = False       # True: the camera sends no frames
+supported = {"mirror", "laser"}  # properties that the camera supports
 presets = ["Default", "High Accuracy"]
 depth_modes = ["Unbinned Dense Default", "Binned Sparse Default"]
-skip = 0             # frames to skip before the next one
-scale = 1.0          # of the frames
+skip = 0             # number of frames to skip before the next frame
+scale = 1.0          # depth unit of the frames, mm
 intrinsics = os.environ.get("STAND_IN_INTRINSICS", "")
 camera = types.SimpleNamespace(fx=50.0, fy=50.0, cx=31.5, cy=31.5, width=64, height=64)
 distortion = types.SimpleNamespace(k1=0.0, k2=0.0, k3=0.0, k4=0.0, k5=0.0, k6=0.0, p1=0.0, p2=0.0)

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Records calls and causes faults at given calls: in this process (`calls`, `faults`), or for a bridge
-in another process by STAND_IN_LOG=file and STAND_IN_FAULTS=name:n,... (the n-th call)."""
+"""Records the calls of a stand-in library and raises errors at selected calls.
+
+Tests in the same process use `calls` and `faults`. For a bridge in another process, STAND_IN_LOG names the file for the
+calls, and STAND_IN_FAULTS=name:n,... selects the n-th call of each function."""
 import json
 import os
 
 calls = []
-faults = {}  # (name, n): text of the RuntimeError
+faults = {}  # text of the RuntimeError by (name, n), for the n-th call
 _counts = {}
 
 
@@ -24,7 +26,7 @@ def called(name, *values):
 
 
 def happen(name):
-    """Counts a call that is too frequent to be recorded."""
+    """Counts a call and raises the selected error, but does not record the call, which may be frequent."""
     _counts[name] = _counts.get(name, 0) + 1
     at = (name, _counts[name])
     if at in faults or f"{name}:{at[1]}" in os.environ.get("STAND_IN_FAULTS", "").split(","):
