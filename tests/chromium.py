@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Chromium for tests of pages. Without it, the import ends the test with exit code 77."""
+"""Starts Chromium for tests of web pages. If it is not installed, the import exits with code 77 (skipped)."""
 import shutil
 import sys
 
@@ -31,5 +31,5 @@ def resize(browser, width, height):
 
 
 def drawn(browser):
-    """Waits two frames, after which a resized page is drawn."""
+    """Waits for two animation frames, after which the resized page is drawn."""
     browser.execute_async_script("const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(done))")

@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Counts words that plain technical English avoids (.github/CONTRIBUTING.md) in strings, comments and manuals of each folder,
-and sentences of more than 25 words in manuals. A limit may only fall. `english.py --list` prints each place."""
+"""Counts words that plain technical English avoids (.github/CONTRIBUTING.md), and long sentences.
+
+The words are counted in the strings, comments and manuals of each folder. Sentences of more than 25 words are counted in
+manuals. The limits may be lowered but not raised. `english.py --list` prints each place."""
 import io
 import pathlib
 import re
@@ -12,7 +14,7 @@ root = pathlib.Path(__file__).resolve().parent.parent
 avoided = re.compile(
     r"\b(nobody|somebody|whoever|anew|whose|beside|told|tells|so many|(?<!times )as many|meanwhile|is none|"
     r"is no|of which|what is|goes by|bears|stands(?! for\b| still\b| in front\b| \d))\b", re.I)
-ALLOWED = {"### What is a twin worth?"}  # lines as they are
+ALLOWED = {"### What is a twin worth?"}  # lines that are not checked
 LIMITS = {".github": 0, "README.md": 0, "acquire": 0, "config": 0, "drivers": 0, "recon": 2, "scripts": 0, "sim": 0,
           "tests": 9}
 LONG_SENTENCES = 43
@@ -33,7 +35,7 @@ def of_python(text):
 
 
 def of_manual(text):
-    """Yields (line, text) outside code blocks, with `code` replaced."""
+    """Yields (line, text) of a manual without code blocks. Inline `code` is replaced by `x`."""
     text = re.sub(r"^```.*?^```$", lambda block: "\n" * block[0].count("\n"), text, flags=re.M | re.S)
     for number, line in enumerate(text.splitlines(), 1):
         yield number, re.sub(r"`[^`]*`", "`x`", line)

@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Checks house rules: one SPDX line per file, at most 500 lines per file, layout of clang-format 14 if installed, first words
-of comments; commands, options and files in manuals exist, and so do tests named in CMake; unique type names; no circular
-includes or imports; hashes of uPlot."""
+"""Checks the rules of this repository.
+
+Each file has an SPDX line and at most 500 lines. C++ files have the layout of clang-format 14, if that is installed. Comments
+begin with suitable words, and type names are unique. Includes and imports are not circular. Commands, options and files named
+in manuals exist, as well as tests named in CMake. The files of uPlot have the expected hashes."""
 import ast
 import base64
 import fnmatch
@@ -25,10 +27,10 @@ def tracked():
 
 
 sources = []
-cases = []  # Catch cases
-types = {}  # full name, and the files that define it
-# Comments begin with a verb or the noun of the thing (.github/CONTRIBUTING.md). Counted by top folder; limits may
-# only fall.
+cases = []  # names of the Catch test cases
+types = {}  # files that define a type, by its full name
+# Comments that begin with a vague word, by top folder. Comments begin with a verb or a noun (.github/CONTRIBUTING.md).
+# The limits may be lowered but not raised.
 vague = re.compile(r"(It|They|This|These|Of|What|Where|Whoever|Whose)\b", re.I)
 vague_limits = {"acquire": 0, "drivers": 0, "recon": 0, "sim": 0, "tests": 0}
 vague_counts = {}
@@ -55,7 +57,7 @@ for path in tracked():
         namespaces = []
         for number, line in enumerate(lines):
             if opened := re.match(r"(?:inline )?namespace ?([\w:]*) \{(?!.*\})", line):
-                if lines[number + 2] != "}":  # clang-format adds no closing comment to a namespace of one line
+                if lines[number + 2] != "}":  # clang-format adds a closing comment only to longer namespaces
                     namespaces.append(opened[1])
             elif re.match(r"\}  // namespace", line) and namespaces:
                 namespaces.pop()
@@ -73,7 +75,7 @@ for path in tracked():
                 vague_counts.setdefault(folder, []).append(f"{name}:{number + 1}")
     cases += ["".join(re.findall(r'"(.*?)"', name))
               for name in re.findall(r'TEST_CASE\(\s*((?:"[^"]*"\s*)+)', "\n".join(lines))]
-    # CMake splits lists at ";", and Catch reads "-" as an option.
+    # CMake would split the name at ";", and Catch would read "-" as an option.
     for case in re.findall(r'TEST_CASE\(\s*"(-|[^"]*;)', "\n".join(lines)):
         faults.append(f"{name}: a test case's name has a ; or begins with -, and CTest cannot call it")
 
@@ -82,9 +84,10 @@ for folder, places in vague_counts.items():
         faults.append(f"{folder}: {len(places)} comments begin with It, This, Of, What or the like, at most "
                       f"{vague_limits[folder]} may: {', '.join(places)}")
 
-# Optional parts (.github/ARCHITECTURE.md): number of product files outside the part that name it. The aim is five;
-# limits may only fall.
-wings = {  # identifier, own files, limit
+# Optional parts (.github/ARCHITECTURE.md). Few product files outside a part may use its identifiers; the aim is five files.
+# Each entry has the pattern of the identifiers, the pattern of the part's own files, and the limit for other files.
+# The limits may be lowered but not raised.
+wings = {
     "response": (r"(radar|any|stated|widest|to)_response|RadarResponse|record::Response\b|response_(of|keys|filter|fit)",
                  r"/response", 26),
     "empty room": (r"empty_room|EmptyRoom|--empty", r"/empty_room\.|^sim/", 13),
@@ -108,8 +111,9 @@ for name, code in product.items():
         elif line == "}" and number - start >= 60 and not re.match(r"struct|class|enum|namespace", lines[start]):
             faults.append(f"{name}:{start + 1}: a function of {number - start + 1} lines; at most 60")
 
-# Rooms have no circular includes and do not include later parts. The same holds for the modules of the Python package,
-# except for imports within functions, and for its subpackages without exception.
+# Source folders ("rooms") have no circular includes, and do not include folders of later parts.
+# Modules of the Python package have no circular imports, except for imports within functions.
+# Subpackages have no circular imports without exception.
 parts = ("drivers", "acquire", "recon", "sim")
 uses = {}
 for name, code in product.items():
@@ -145,16 +149,16 @@ for start in uses:
     if start in reached:
         faults.append(f"{start} is in a circle of includes or imports, among {', '.join(sorted(reached))}")
 
-# The linker would merge the functions of two types with one name.
+# The linker would merge the functions of two types with the same name.
 faults += [f"{name} is defined in {' and '.join(sorted(files))}" for name, files in types.items() if len(files) > 1]
 
-# Names of Catch cases in CMake lists, because most of these tests are slow.
+# Checks the Catch test cases named in CMake lists here, because most of these tests are slow and run rarely.
 for path in (root / "tests").rglob("CMakeLists.txt"):
     for names in re.findall(r'--warn NoTests "([^-"][^"]*)"', path.read_text(encoding="utf-8")):
         faults += [f"{path.relative_to(root)}: no test case is named {name}" for name in names.split(",")
                    if not fnmatch.filter(cases, name)]
 
-# Browsers check the hashes of third-party files in the live page, but not within a report.
+# Checks the hashes of uPlot, because browsers check them in the live page but not in a report.
 page = root / "recon/web"
 hashes = re.findall(r'"(uPlot[\w.]+)" integrity="sha384-([^"]+)"', (page / "index.html").read_text(encoding="utf-8"))
 faults += [f"recon/web/{name}: is not the file of that hash (index.html)" for name, stated in hashes
@@ -176,10 +180,10 @@ for path in texts:
         if not (path.parent / target).exists():
             faults.append(f"{path.relative_to(root)}: links to {target}, which is not there")
 
-# Commands in texts (fenced blocks and `code`): programs, subcommands and options must exist.
-if len(sys.argv) > 1:  # folder of the built programs
-    typed = []  # (place, command line)
-    options = {}  # by "program", "program command", ...: options in its help, including inherited ones
+# Checks that programs, subcommands and options in manuals (fenced blocks and `code`) exist.
+if len(sys.argv) > 1:  # the argument is the folder of the built programs
+    typed = []  # (manual or help text, command line in it)
+    options = {}  # options in the help of a program or command, including inherited ones, by its words
 
     def read_help(words, inherited=frozenset()):
         help_text = subprocess.run([pathlib.Path(sys.argv[1]) / words[0], *words[1:], "--help"], capture_output=True,
@@ -225,7 +229,7 @@ if len(sys.argv) > 1:  # folder of the built programs
         elif is_script:
             return faults.append(f"{name}: no such script: {program}")
         elif not code.startswith("--") and not any(program == key[-1] for key in options):
-            return  # option of another program
+            return  # the option belongs to a program of another project
         else:
             known = anywhere
         faults.extend(f"{name}: {o} of `{code}` does not exist" for o in named if o not in known)

@@ -1,8 +1,10 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""tests/pictures.py texts_are_current BIN_DIR: charts in .readme/ contain only texts of the current scripts and models of the current
-programs; page.png and page.webp only headings and buttons of the current page.
-tests/pictures.py texts_do_not_overlap_lines: no text of a sketch overlaps a line."""
+"""Tests the pictures in .readme/.
+
+tests/pictures.py texts_are_current BIN_DIR: charts may contain only texts of the current scripts and model names of the
+current programs. page.png and page.webp may contain only headings and buttons of the current page.
+tests/pictures.py texts_do_not_overlap_lines: texts in a sketch may not overlap lines."""
 import ast
 import pathlib
 import re
@@ -17,7 +19,7 @@ SKETCHES = ("setup.svg", "wiring.svg", "boards.svg")
 
 
 def patterns_of(source):
-    """Returns expressions for the texts that a Python source can draw: its strings, and f-strings with any values."""
+    """Returns regular expressions for all texts that a Python source can draw, from its strings and f-strings."""
     found = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and len(node.value) < 100:
@@ -30,7 +32,7 @@ def patterns_of(source):
 
 
 def models():
-    """Returns expressions for the model names of `echofuse-recon train --help`: "mlp[-N]" becomes mlp(-\\d+)*."""
+    """Returns regular expressions for the models in `echofuse-recon train --help`; "mlp[-N]" becomes mlp(-\\d+)*."""
     help_text = subprocess.run([pathlib.Path(sys.argv[2]) / "echofuse-recon", "train", "--help"], capture_output=True,
                                text=True, check=True, env={"COLUMNS": "1000"}).stdout
     listed = re.search(r"--model TEXT +(.*), or auto", help_text)[1]

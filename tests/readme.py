@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""readme.py BIN FILE.md [--slow]: runs the ```sh blocks of a manual in order in one shell, in a folder that contains only
-scripts/ and config/, with the programs in PATH. Blocks after `<!-- not run: reason -->` are skipped, blocks after
-`<!-- slow -->` unless --slow is given. The first command that fails ends the test."""
+"""readme.py BIN FILE.md [--slow]: runs the ```sh blocks of a manual in order, in one shell.
+
+The current folder contains only scripts/ and config/, and the programs are in PATH. Blocks after
+`<!-- not run: reason -->` are skipped. Blocks after `<!-- slow -->` are skipped unless --slow is given. The first command
+that fails ends the test."""
 import os
 import pathlib
 import re
@@ -20,10 +22,11 @@ assert blocks, f"{sys.argv[2]}: no commands"
 with tempfile.TemporaryDirectory(prefix="readme-") as folder:
     for name in ("scripts", "config"):
         (pathlib.Path(folder) / name).symlink_to(root / name)
-    # A shell started by a command (`echofuse-sim lab -- bash`) reads the lines that follow, as from a terminal. The input is
-    # a pipe, because bash reads ahead in a file. BASH_ENV makes this shell stop at failures, too. Exit code 5 (some records
-    # are bad) is accepted, because the laboratory may miss a slot on a busy machine. Exit code 4 (a device does not answer)
-    # is accepted if the laboratory, the shell's parent, was starved (waiting.py).
+    # The input is a pipe, because bash reads ahead in a file.
+    # Thus a shell started by a command (`echofuse-sim lab -- bash`) reads the next lines, as from a terminal.
+    # BASH_ENV makes that shell stop at failures, too.
+    # Exit code 5 (some bad records) is accepted, because the simulated laboratory may miss slots on a busy machine.
+    # Exit code 4 (no answer from a device) is accepted if the laboratory lacked processor time (waiting.py).
     stop = pathlib.Path(folder) / ".stop"
     starved = f"/usr/bin/python3 {pathlib.Path(__file__).resolve().with_name('waiting.py')}"
     stop.write_text(f"""set -o pipefail

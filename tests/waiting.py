@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Waiting for other processes."""
+"""Functions that wait for other processes, and detect processes that lacked processor time."""
 import contextlib
 import os
 import pathlib
@@ -8,7 +8,7 @@ import time
 
 
 def wait_for(what, condition, timeout_s=20, pause_s=0.02):
-    """`what` is a text for the error, or a function that returns it."""
+    """Waits until condition() is true. `what` is the error text, or a function that returns it."""
     end = time.monotonic() + timeout_s
     while not condition():
         if time.monotonic() > end:
@@ -17,13 +17,13 @@ def wait_for(what, condition, timeout_s=20, pause_s=0.02):
 
 
 def starved(*pids):
-    """Returns whether one of these processes has waited for a processor for more than 1 s and 10 % of its life."""
+    """Returns True if a process has waited for a processor for over 1 s and over 10 % of its lifetime."""
     uptime_s = float(pathlib.Path("/proc/uptime").read_text().split()[0])
     for pid in pids:
         folder, waited_s = pathlib.Path(f"/proc/{pid}"), 0.0
         started = int((folder / "stat").read_text().rpartition(")")[2].split()[19])
         for file in folder.glob("task/*/schedstat"):
-            with contextlib.suppress(OSError):  # the thread has ended
+            with contextlib.suppress(OSError):  # the thread may have ended
                 waited_s += int(file.read_text().split()[1]) * 1e-9
         if waited_s > max(1, 0.1 * (uptime_s - started / os.sysconf("SC_CLK_TCK"))):
             return True

@@ -32,7 +32,7 @@ double bytes_read_per_s(std::size_t of);  // repeated reads from a block of `of`
 double bytes_copied_per_s(std::size_t of);
 
 // Prints our value and the machine's limit for one benchmark. A unit with "/s" is a rate, otherwise
-// a time. A limit of 0 means that there is none.
+// a time. The limit 0 means "no limit".
 void print_row(const char* path, const char* unit, double ours, double limit, const char* of_what);
 // Prints the value of a peer program in the unit of the benchmark.
 void print_peer(const char* path, const char* peer, double value);

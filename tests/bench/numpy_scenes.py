@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""numpy_scenes.py BENCH_SCENES: runs that benchmark, then renders people of its with NumPy, all rays at a
-time: the same depth maps (checked) and the same number of the detector's rays. Prints both and the ratio."""
+"""numpy_scenes.py BENCH_SCENES: compares the program BENCH_SCENES with a NumPy renderer on the same people.
+
+NumPy casts all rays at once, and uses the same number of rays for the detector. The depth maps must agree within 1 mm.
+Prints the output of BENCH_SCENES and the times of NumPy."""
 import subprocess
 import sys
 import time
@@ -16,7 +18,7 @@ def rays(count, half_tangent=0.55):
 
 
 def cast(capsules, ray):
-    """z and albedo * cosine of the nearest capsule that each ray meets; infinite and 0 without one."""
+    """Returns z and albedo * cosine of the nearest capsule that each ray hits; infinity and 0 if it hits none."""
     nearest, light = np.full(len(ray), np.inf), np.zeros(len(ray))
     ray2 = np.einsum("ij,ij->i", ray, ray)
     for *ends, radius, albedo in capsules:

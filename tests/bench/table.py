@@ -1,8 +1,10 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""table.py BUILD_DIR SCRATCH: runs the benchmarks of BUILD_DIR and prints one table: path,
-ours, limit of this machine, share of it, peer, ratio to it. Other output of the programs (limits.hpp) passes
-through. Peers that are not installed are omitted."""
+"""table.py BUILD_DIR SCRATCH: runs the benchmarks of BUILD_DIR and prints their results as one table.
+
+The columns are the path, our value, the limit of the machine, our fraction of the limit, the peer program, and the
+ratio to the peer. Other output of the benchmark programs (limits.hpp) is printed unchanged. Peers that are not
+installed are omitted."""
 import argparse
 import pathlib
 import sqlite3
@@ -13,7 +15,8 @@ import zlib
 
 import numpy
 
-rows, peers = {}, {}  # path: unit, ours, limit, of what; path: name, value
+# rows[path]: unit, our value, limit, name of the limit. peers[path]: name, value.
+rows, peers = {}, {}
 
 
 def best_s(rounds, work, clock=time.process_time):
@@ -26,7 +29,7 @@ def best_s(rounds, work, clock=time.process_time):
 
 
 def run(*command):
-    """Adds the rows that the program printed."""
+    """Runs a benchmark and adds the rows that it prints to `rows` and `peers`."""
     done = subprocess.run([str(word) for word in command], stdout=subprocess.PIPE, text=True, check=True)
     for line in done.stdout.splitlines():
         kind, *words = line.split("\t")
@@ -44,14 +47,14 @@ def decode(depth):
 
 
 def load(path):
-    """Reads the run with NumPy."""
+    """Returns histogram, range profile and depth map of each record, read with NumPy."""
     with sqlite3.connect(f"file:{path}?mode=ro", uri=True) as run_file:
         found = run_file.execute("SELECT spd, radar, depth FROM record").fetchall()
     return [(numpy.frombuffer(spd, "<u4"), numpy.frombuffer(radar, "<f4"), decode(depth)) for spd, radar, depth in found]
 
 
 def to_maps(recon, model, recorded, scratch):
-    """Returns the wall-clock time of the whole command, because it uses several threads."""
+    """Measures `reconstruct` and its peer in wall-clock time, because the command uses several threads."""
     folders = iter(range(100))
     records = len(load(recorded))
     work = lambda: subprocess.run([recon, "reconstruct", model, recorded, "--format", "npy", "-q", "--out",
@@ -67,7 +70,7 @@ def to_maps(recon, model, recorded, scratch):
 
 
 def torch():
-    """Training and one map of a network of the plain one's shape on one thread, on random numbers: GFLOP/s and us."""
+    """Measures PyTorch with a network of equal size on one thread: training in GFLOP/s, and one map in us."""
     try:
         import torch as t
     except ImportError:

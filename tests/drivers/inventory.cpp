@@ -89,7 +89,7 @@ TEST_CASE("an XDS110 debug probe is listed with two ports, their roles and stabl
   CHECK(list[0].nodes[0].address ==
         "serial:" + tree.dir("dev/serial/by-id") + "/usb-Texas_Instruments_XDS110_R0081038-if00");
   CHECK(list[0].nodes[1].key == "radar.data");
-  // There is no udev link for this port.
+  // The port has no udev link.
   CHECK(list[0].nodes[1].address == "serial:" + tree.dir("dev/ttyACM0"));
   CHECK(list[0].nodes[0].missing.empty());
 }

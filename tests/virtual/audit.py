@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/virtual/audit.py VIRTUAL_RUN: scripts/audit_run.py detects manipulated counts in a run with faults."""
+"""tests/virtual/audit.py VIRTUAL_RUN: tests that scripts/audit_run.py detects manipulated counts in a run with faults."""
 import json
 import pathlib
 import shutil

@@ -413,7 +413,7 @@ TEST_CASE("a failed calibration is not stored") {
     CHECK(calibrate(*b.lab) == ExitCode::device);
     CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
   }
-  SECTION("verification is requested but there is no calibration") {
+  SECTION("verification is requested without a calibration") {
     Bench b(reflector());
     CHECK_THROWS_WITH(calibrate(*b.lab, true), Catch::Contains("no calibration to compare with"));
   }

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/virtual/soak.py VIRTUAL_RUN [--hours H] [--seed N] [--keep DIR]: records on virtual time while devices fail at
-random, also at the same time. Every slot must have a record, every loss must be accounted for (scripts/audit_run.py), no
-slot may be late, and a second run of the first hour must be bitwise equal. Otherwise exits with 1."""
+"""tests/virtual/soak.py VIRTUAL_RUN [--hours H] [--seed N] [--keep DIR]: records in virtual time with random faults.
+
+Several devices may fail at the same time. Every slot must have a record, and scripts/audit_run.py must account for every
+loss. No slot may be late. A second run of the first hour must be equal bit by bit. Otherwise the exit code is 1."""
 import argparse
 import hashlib
 import importlib.machinery
@@ -16,7 +17,7 @@ import tempfile
 
 scripts = pathlib.Path(__file__).resolve().parents[2] / "scripts"
 WINDOW_S = 3
-folder_in_memory = "/dev/shm" if os.path.isdir("/dev/shm") else None  # keeps the disk out of the measurement
+folder_in_memory = "/dev/shm" if os.path.isdir("/dev/shm") else None  # excludes the disk from the measured time
 PAUSE_S = 40  # mean time between the starts of two faults of a device
 
 
@@ -28,7 +29,7 @@ def load(name):
 
 
 def faults(seconds, seed):
-    """Draws random faults as scripts/soak does, but fewer."""
+    """Draws random faults as scripts/soak does, but without garbage from the depth camera."""
     soak = load("soak")
     soak.PAUSE_S = PAUSE_S
     soak.TROUBLE["depth"] = [trouble for trouble in soak.TROUBLE["depth"] if trouble[0] != "garbage"]
