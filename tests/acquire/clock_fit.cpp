@@ -172,13 +172,15 @@ TEST_CASE("the clock fit detects a restarted device clock and follows it") {
   ClockFit fit(1e-6);
   double t = feed(fit, before, 0, 600);
   Device after = before;
-  SECTION("the device restarts and its clock returns to zero") { after.offset_s = -t; }
-  SECTION("the device clock is set forward") { after.offset_s += 30; }
-  SECTION("the device clock steps back by less than the detection limit") {
+  SECTION("the clock fit follows a device restart that sets the clock to zero") {
+    after.offset_s = -t;
+  }
+  SECTION("the clock fit follows a device clock that is set forward") { after.offset_s += 30; }
+  SECTION("the clock fit follows a backward step below the detection limit") {
     after.offset_s -= 0.7;
     t = feed(fit, after, t, 35);
   }
-  SECTION("the device clock steps back during a gap in the samples") {
+  SECTION("the clock fit follows a backward step during a gap in the samples") {
     after.offset_s -= 0.4;
     t += 11;
   }

@@ -73,7 +73,8 @@ TEST_CASE("the on_doubt alert program is called once per change of verdict, with
   CHECK(calls.warnings.empty());
 }
 
-TEST_CASE("the on_doubt program is called only beyond the limits for missing data and disk space") {
+TEST_CASE(
+    "the on_doubt program is called for missing data or a full disk only beyond their limits") {
   Calls calls({.no_data_s = 2.5, .disk_free_gb = 1});
   for (std::int64_t i = 0; i < 5; ++i) {
     calls.hook.take(record_of(i, i == 0 ? "ok" : ""), both, "/runs/a");

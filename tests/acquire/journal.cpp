@@ -191,7 +191,7 @@ TEST_CASE("closing a run waits two seconds if another program locks the previous
   Holder holder(path);
   rotate(journal, folder / "b.sqlite");
   while (!fs::exists(folder / "b.sqlite")) std::this_thread::yield();
-  SECTION("the run ends while no label is changed") { ends_in_time(journal); }
+  SECTION("a run without a new label ends within two seconds") { ends_in_time(journal); }
   SECTION("a label set while the previous file is being closed applies to the next file") {
     while (journal.why_late() != "another program is writing to the run file")
       std::this_thread::yield();

@@ -198,12 +198,12 @@ TEST_CASE("a WAL checkpointed by another program is not reported as truncated") 
   const auto run = begin(path, 5);
   std::int64_t records = 5;
   const auto more = [&] { run->append(small_record(records++)); };
-  SECTION("another program checkpoints the WAL in two steps") {
+  SECTION("a checkpoint by another program in two steps is not reported as a truncated WAL") {
     sql(open(path), "PRAGMA wal_checkpoint");
     if (GENERATE(false, true)) more();
     checkpoint(path);
   }
-  SECTION("another program checkpoints the WAL after our own checkpoint") {
+  SECTION("a checkpoint by another program after our own is not reported as a truncated WAL") {
     while (fs::file_size(path) < 100'000 || fs::file_size(path + "-wal") == 0) more();
     checkpoint(path);
     CHECK(fs::file_size(path + "-wal") == 0);
@@ -233,18 +233,18 @@ TEST_CASE("a run with missing records does not get status complete") {
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 6);
   std::string said;
-  SECTION("another program deletes rows") {
+  SECTION("a run with deleted rows does not get status complete") {
     sql(open(path), "DELETE FROM record WHERE idx = 4");
     said =
         "contains 5 records instead of 6; 5 of its 6 records are in " + folder / "a.rescued.sqlite";
   }
-  SECTION("another program deletes rows, and then the run file but not its WAL") {
+  SECTION("a run with deleted rows and a deleted run file does not get status complete") {
     sql(open(path), "DELETE FROM record WHERE idx = 4");
     fs::remove(path);
     said = "was removed or renamed during the run; 5 of its 6 records are in " +
            folder / "a.rescued.sqlite";
   }
-  SECTION("another program overwrites the WAL") {
+  SECTION("a run with an overwritten WAL does not get status complete") {
     overwrite(path + "-wal", 0, fs::file_size(path + "-wal"));
     said = "was damaged during the run: ";
   }

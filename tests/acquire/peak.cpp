@@ -19,7 +19,7 @@ namespace {
 
 constexpr double pi = std::numbers::pi;
 constexpr double step_ps = 10;
-constexpr std::size_t bins = 2000;  // ranges of 0 to 3 m
+constexpr std::size_t bins = 2000;  // the bins cover ranges of 0 to 3 m
 
 // Returns a histogram of photons from `reflectors` {range, mean number} over a uniform background.
 // The IRF is Gaussian.
@@ -82,8 +82,8 @@ std::vector<std::vector<std::uint16_t>> frames(
 
 int trials() { return std::getenv("ECHOFUSE_LONG") ? 1000 : 200; }
 
-// Collects errors divided by their standard errors. Their mean square must be 1 within 4.5 standard
-// errors. Not more of them may exceed 3 than the binomial distribution allows.
+// Collects errors divided by their standard errors. Their mean and mean square must match Student's
+// distribution within 4.5 standard errors. At most 1 % may exceed 3.
 struct Pulls {
   std::vector<double> all;
   double worst_m = 0;
@@ -143,8 +143,8 @@ TEST_CASE(
 
 TEST_CASE("the standard error of a radar peak is the code resolution if all frames are identical") {
   Rng rng = make_rng(4, 0);
-  // The peak stays off the middle between two bins. There, two bins that are equal in every frame
-  // would count as a clipped lobe.
+  // Peaks midway between two bins are avoided. There, two bins that are equal in every frame would
+  // count as a clipped lobe.
   std::uniform_real_distribution<double> place(22.6 * fine.step_m, 23.4 * fine.step_m);
   constexpr int count = 100;
   double squares = 0;

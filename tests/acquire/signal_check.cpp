@@ -186,7 +186,7 @@ TEST_CASE(
   CHECK(verdicts(indulgent, r)[0] == "ok");
 }
 
-TEST_CASE("sensor data that repeat bit by bit have the verdict stands still") {
+TEST_CASE("sensor data that repeat bit by bit are reported as frozen (verdict: stands still)") {
   Laboratory lab;
   SignalCheck check({}, 3);
   auto r = lab.record();

@@ -87,8 +87,8 @@ TEST_CASE("a record contains the mean antenna array of the frames in its slot, u
 TEST_CASE("array statistics do not pair radar frames across a missing frame or heat map") {
   Windows windows = make_windows();
   RadarFrame without = frame_of(6);
-  SECTION("a frame between the others is lost") {}
-  SECTION("a frame between the others has no heat map") {
+  SECTION("frames before and after a lost frame are not paired") {}
+  SECTION("frames before and after a frame without a heat map are not paired") {
     without.array.clear();
     windows.add(without);
   }
@@ -149,7 +149,7 @@ TEST_CASE("the info command describes the antenna array") {
   CHECK(has(describe_run(path, false),
             "array     8 antennas, 32 bins to 7.75 m, in 2 records of 2 frames and 5376 bytes"));
   CHECK(has(describe_run(path, true), "\"phase_rad\": -0.25"));
-  const auto want = record::RunReader(path).read(0).array;  // rounded as in the file
+  const auto want = record::RunReader(path).read(0).array;  // values as rounded in the file
   CHECK(want[0] == Approx(records[0].array[0]).margin(0.1));
 }
 

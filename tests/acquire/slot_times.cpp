@@ -74,7 +74,7 @@ TEST_CASE("a slot that is open when the system clock is set keeps its start time
   RunLog log(loop);
   loop.run_for(9s);
   loop.step_utc(24h);
-  journal.refresh_anchor(log);  // host time 10 s
+  journal.refresh_anchor(log);  // called at host time 10 s
   loop.run_for(60s);
   journal.refresh_anchor(log);
   CHECK(journal.utc_of(9s) == before + 9s);  // the slot began before the clock was set
@@ -117,7 +117,7 @@ TEST_CASE("a run still ends with its last slot after the system clock was set ba
   CHECK(sum.last_utc == small_record(4).slot_utc - std::chrono::hours(24));
 }
 
-TEST_CASE("a mark in a run with an invalid slot length is reported without its time") {
+TEST_CASE("the annotate command reports a note without its time if the slot length is invalid") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   record::RunInfo info;

@@ -53,7 +53,8 @@ struct Database {
 
 }  // namespace
 
-TEST_CASE("a run file stores clock fits and marks records without a required sensor incomplete") {
+TEST_CASE(
+    "a run file stores clock fits and counts records without a required sensor as incomplete") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write(path);
@@ -71,7 +72,7 @@ TEST_CASE("a run file stores clock fits and marks records without a required sen
   const Json info = Json::parse(acquire("info --json " + path).text);
   CHECK(info["incomplete"] == 1);
   CHECK(info["policy"] == Json{{"spd", "required"}, {"depth", "optional"}});
-  CHECK(info["clocks"]["spd"]["samples"] == 102);  // the last record with a clock fit
+  CHECK(info["clocks"]["spd"]["samples"] == 102);  // value of the last record that has a clock fit
   CHECK(info["clocks"]["depth"]["drift_ppm"] == 20);
   CHECK_FALSE(info["clocks"].contains("radar"));
   const std::string text = acquire("info " + path).text;

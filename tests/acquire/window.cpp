@@ -243,29 +243,29 @@ TEST_CASE("a record contains the statistics and temperature of the last radar fr
 TEST_CASE("a sensor without usable data is invalid, and the record contains the reason") {
   Windows windows = make_windows();
   std::string spd = "no tags", radar = "no frames", depth = "no frames";
-  SECTION("the devices send no data") {}
-  SECTION("the laser sends no start pulses") {
+  SECTION("a sensor that sends no data is invalid") {}
+  SECTION("a detector without start pulses from the laser is invalid") {
     feed(windows, 10s, {click_at(0)});
     spd = "no start tags on channel 1";
   }
-  SECTION("the tags cover less than half of the slot") {
+  SECTION("a detector with tags over less than half of the slot is invalid") {
     feed(windows, 10s, {start_at(0)});
     feed(windows, 10s + 499ms, {start_at(1)});
     spd = "tags cover only 49 % of the slot";
     feed(windows, 11s, {start_at(2)});
     feed(windows, 11s + 500ms, {start_at(3)});
   }
-  SECTION("the frames have the wrong size") {
+  SECTION("a sensor that sends frames of the wrong size is invalid") {
     windows.add(radar_frame(10s, 1, {1, 2, 3}));
     windows.add(depth_frame(10s, 1, {1, 2, 3}, 3));
     radar = "frames of 3 bins do not fit the axis";
     depth = "frames of 3 x 1 do not fit the axes";
   }
-  SECTION("the radar frames have no range profile") {
+  SECTION("a radar that sends frames without a range profile is invalid") {
     windows.add(radar_frame(10s, 1, {}));
     radar = "frames without a range profile";
   }
-  SECTION("the radar reconnects with another axis") {
+  SECTION("a radar that reconnects with another axis is invalid") {
     CHECK_FALSE(windows.announce(radar_info(4, 8)));
     windows.add(radar_frame(10s, 1, {1, 2, 3, 4}));
     radar = "axis differs from the one at the start of the run";

@@ -27,8 +27,8 @@ double best_s(int rounds, const Work& work) {
 }
 
 const char* instructions();               // name of the vector instruction set
-double multiply_adds_per_s();             // single-precision limit of one core, in registers
-double bytes_read_per_s(std::size_t of);  // repeated reads from a block of `of` bytes
+double multiply_adds_per_s();             // single precision, with all data in registers
+double bytes_read_per_s(std::size_t of);  // rate of repeated reads from a block of `of` bytes
 double bytes_copied_per_s(std::size_t of);
 
 // Prints our value and the machine's limit for one benchmark. A unit with "/s" is a rate, otherwise

@@ -100,7 +100,7 @@ class Recording(unittest.TestCase):
         for row in rows[1:4]:
             self.assertEqual((row["valid"], row["depth_lost"]), (4, 0), row["depth_verdict"])
             depth, x, y = self.export(row["idx"])
-            # The first pixel contains the frame number, modulo 5000.
+            # The value of the first pixel encodes the frame number, modulo 5000.
             fitting = [n for n in range(5000) if (7 * n) % 5000 + 500 == depth[0]]
             np.testing.assert_array_equal(depth, sdk.values(fitting[0], 64 * 64))
             np.testing.assert_allclose(x[:64], (np.arange(64) - 31.5) / 50, rtol=1e-6)

@@ -48,7 +48,7 @@ TEST_CASE("each source pixel is used in exactly one target pixel, and invalid pi
   for (std::size_t j = 0; j < 256; ++j)
     for (std::size_t i = 0; i < 256; ++i) {
       if (i % 4 == 3) image[j * 256 + i] = 0;  // a quarter of the pixels is missing, without effect
-      // A target pixel without three quarters of its source pixels has no depth.
+      // A target pixel has no depth if three quarters of its source pixels are missing.
       if (j < 4) image[j * 256 + i] = i % 4 < 3 ? 0 : 2500;
       if (j >= 252) image[j * 256 + i] = 6001;  // beyond the depth range
     }

@@ -93,17 +93,23 @@ TEST_CASE("a lock is refused if another file occupies its path, and that file is
   const std::string precious = folder / "precious", lock = folder / "x.lock";
   std::ofstream(precious) << "precious";
   std::string stays = "precious";
-  SECTION("the lock path is a symbolic link") { fs::create_symlink(precious, lock); }
-  SECTION("the lock path is a dangling symbolic link") { fs::create_symlink(folder / "new", lock); }
-  SECTION("the lock path is a hard link to another file") { fs::create_hard_link(precious, lock); }
-  SECTION("the lock path is a hard link to an empty file") {
+  SECTION("a symbolic link at the lock path is refused") { fs::create_symlink(precious, lock); }
+  SECTION("a dangling symbolic link at the lock path is refused") {
+    fs::create_symlink(folder / "new", lock);
+  }
+  SECTION("a hard link at the lock path to another file is refused") {
+    fs::create_hard_link(precious, lock);
+  }
+  SECTION("a hard link at the lock path to an empty file is refused") {
     std::ofstream(precious).flush();
     fs::create_hard_link(precious, lock);
     stays = "";
   }
-  SECTION("the lock path is a file with other content") { fs::copy_file(precious, lock); }
-  SECTION("the lock path is a FIFO") { REQUIRE(::mkfifo(lock.c_str(), 0666) == 0); }
-  SECTION("the lock path is a folder") { fs::create_directory(lock); }
+  SECTION("a file with other content at the lock path is refused") {
+    fs::copy_file(precious, lock);
+  }
+  SECTION("a FIFO at the lock path is refused") { REQUIRE(::mkfifo(lock.c_str(), 0666) == 0); }
+  SECTION("a folder at the lock path is refused") { fs::create_directory(lock); }
   const auto is = fs::symlink_status(lock).type();
   CHECK_THROWS_WITH(Lock(lock, 0666), Catch::Contains("x.lock: is not a lock file of echofuse"));
   CHECK(fs::symlink_status(lock).type() == is);

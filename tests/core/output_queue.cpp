@@ -79,7 +79,8 @@ TEST_CASE("the output queue keeps the newest texts if the reader stops reading")
   reader.join();
   CHECK(text.find("first") == std::string::npos);
   CHECK(text.find("state 1") == std::string::npos);
-  CHECK(text.ends_with("<4>" + half + "state 3"));  // drops 4 texts: "first", a half and two states
+  CHECK(text.ends_with("<4>" + half +
+                       "state 3"));  // four texts were dropped: "first", a half and two states
   CHECK(queue.close() == 0);
 }
 
@@ -102,7 +103,7 @@ TEST_CASE("closing the output queue waits one second for a stopped reader, not f
   std::signal(SIGPIPE, SIG_IGN);
   const auto begin = std::chrono::steady_clock::now();
   const auto waited = [&] { return std::chrono::steady_clock::now() - begin; };
-  SECTION("closing waits one second for a reader that stopped reading") {
+  SECTION("closing the output queue waits one second for a reader that stopped reading") {
     Pipe pipe;
     OutputQueue queue(pipe.ends[1], left_out);
     queue.put(std::string(1 << 18, '.'));
@@ -112,14 +113,14 @@ TEST_CASE("closing the output queue waits one second for a stopped reader, not f
     CHECK(waited() < std::chrono::seconds(20));
     std::exchange(pipe.ends[1], -1);  // keeps this end open for the blocked write
   }
-  SECTION("closing does not wait for a reader that closed its end") {
+  SECTION("closing the output queue does not wait for a reader that closed its end") {
     Pipe pipe;
     ::close(std::exchange(pipe.ends[0], -1));
     OutputQueue queue(pipe.ends[1], left_out);
     for (int i = 0; i < 100; ++i) CHECK(queue.put("line\n"));
     CHECK(queue.close() == EPIPE);
   }
-  SECTION("closing does not wait if the disk is full") {
+  SECTION("closing the output queue does not wait if the disk is full") {
     const int full = ::open("/dev/full", O_WRONLY | O_CLOEXEC);
     OutputQueue queue(full, left_out);
     queue.put("line\n");

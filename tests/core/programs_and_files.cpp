@@ -155,6 +155,6 @@ TEST_CASE("a child process starts in its folder and inherits no file descriptors
 }
 
 TEST_CASE("a test case that hangs is aborted at its deadline",
-          "[.]") {  // tests/catch.cpp aborts it
+          "[.]") {  // tests/catch.cpp aborts this test case
   for (;;) ::pause();
 }

@@ -70,7 +70,7 @@ TEST_CASE("the tagger driver receives tags from a bridge and reports each connec
     REQUIRE(run_until(b.loop, [&] { return b.sink.blocks.size() == 2; }));
     CHECK(b.sink.blocks[1].lost_blocks == 1);  // the rejected block counts as lost
   }
-  SECTION("a lost connection is restored, and one block is counted as lost") {
+  SECTION("a lost bridge connection is restored, and one block is counted as lost") {
     server.client.reset();
     REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
     CHECK(b.sink.events.size() == 1);
@@ -82,14 +82,14 @@ TEST_CASE("the tagger driver receives tags from a bridge and reports each connec
     CHECK(b.sink.blocks[2].lost_blocks == 2);
     CHECK(test::counter(*driver, "connections") == 2);
   }
-  SECTION("a goodbye block ends the connection") {
+  SECTION("a goodbye block ends the bridge connection") {
     server.send(b.golden[3]);
     REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
     CHECK(b.sink.events ==
           std::vector<std::string>{
               "bridge closed the connection: device unplugged, or another client connected"});
   }
-  SECTION("no event follows after stop()") {
+  SECTION("the tagger driver reports no event after stop()") {
     server.send(b.golden[1]);
     driver->stop();
     const std::size_t calls = b.sink.calls();

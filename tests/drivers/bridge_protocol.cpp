@@ -148,10 +148,10 @@ TEST_CASE("bridge payloads with inconsistent sizes are refused") {
   CHECK_FALSE(read_depth(good.first(good.size() - 1)));
   CHECK_FALSE(read_depth(good.first(20)));
   Bytes huge(good.begin(), good.end());
-  std::memset(huge.data(), 0xff, 8);  // (2^32 - 1)^2 pixels
+  std::memset(huge.data(), 0xff, 8);  // image of (2^32 - 1)^2 pixels
   CHECK_FALSE(read_depth(huge));
   Bytes flat(good.begin(), good.end());
-  std::memset(flat.data() + 24, 0, 4);  // x_step 0
+  std::memset(flat.data() + 24, 0, 4);  // x_step is 0
   CHECK_FALSE(read_depth(flat));
   Bytes nan(good.begin(), good.end());
   std::memset(nan.data() + 28, 0xff, 4);
@@ -212,15 +212,15 @@ TEST_CASE("histogram and range profile blocks are decoded, and impossible ones a
     return bytes;
   };
   CHECK_FALSE(read_histogram(counts.first(counts.size() - 1)));
-  CHECK_FALSE(read_histogram(with(counts, 0, std::uint32_t{0})));   // number of zones
-  CHECK_FALSE(read_histogram(with(counts, 4, std::uint32_t{6})));   // number of bins
-  CHECK_FALSE(read_histogram(with(counts, 40, std::uint32_t{0})));  // exposure time
-  CHECK_FALSE(read_histogram(with(counts, 32, std::nan(""))));      // bin width
-  CHECK_FALSE(read_histogram(with(counts, 24, -2e12)));             // first bin
+  CHECK_FALSE(read_histogram(with(counts, 0, std::uint32_t{0})));   // zero zones
+  CHECK_FALSE(read_histogram(with(counts, 4, std::uint32_t{6})));   // wrong number of bins
+  CHECK_FALSE(read_histogram(with(counts, 40, std::uint32_t{0})));  // zero exposure time
+  CHECK_FALSE(read_histogram(with(counts, 32, std::nan(""))));      // bin width NaN
+  CHECK_FALSE(read_histogram(with(counts, 24, -2e12)));             // first bin too early
   CHECK_FALSE(read_profile(power.first(power.size() - 1)));
-  CHECK_FALSE(read_profile(with(power, 20, 0.0F)));           // range step
-  CHECK_FALSE(read_profile(with(power, 16, std::nanf(""))));  // first range
-  CHECK_FALSE(read_profile(with(power, 24, -1.0F)));          // power
+  CHECK_FALSE(read_profile(with(power, 20, 0.0F)));           // zero range step
+  CHECK_FALSE(read_profile(with(power, 16, std::nanf(""))));  // first range NaN
+  CHECK_FALSE(read_profile(with(power, 24, -1.0F)));          // negative power
   CHECK_FALSE(read_profile(with(power, 28, std::nanf(""))));
 }
 
@@ -331,7 +331,7 @@ TEST_CASE("magic bytes inside a payload do not start a bridge block") {
   CHECK(parsed[0].payload.size() == 32);
 }
 
-TEST_CASE("the bridge parser counts every byte before random damage as a block or as junk") {
+TEST_CASE("the bridge parser counts every byte before random damage as block or junk") {
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     Rng rng = make_rng(seed, 1);
     Bytes bytes;

@@ -99,7 +99,7 @@ TEST_CASE(
        ++at)
     if (what == "slow") pair.send({drip[at]});
   CHECK(seconds(loop.now() - begin) ==
-        Approx(what == "no hello" ? 4.1 : 5.1));  // time limit of the connection, and a pause
+        Approx(what == "no hello" ? 4.1 : 5.1));  // time limit of the connection plus a pause, s
   pair.send(test::join({hello_block(), pair.block(1), pair.block(2)}));
   const std::size_t before = what == "no hello" ? 0 : 1;
   REQUIRE(run_until(loop, [&] { return pair.has(before + 2); }));

@@ -110,11 +110,11 @@ TEST_CASE("the first cfg command is repeated if garbage precedes it") {
   CHECK(s.d.take_output() == "version\n");
   s.say(answer("\x7f?version", "'?version' is not recognized as a CLI command\n"));
   CHECK(s.d.take_output() == "version\n");
-  SECTION("the repeated command is accepted") {
+  SECTION("the dialogue continues if the repeated command is accepted") {
     s.say(answer("version", "Done\n"));
     CHECK(s.d.take_output() == "sensorStop\n");
   }
-  SECTION("the repeated command is unknown to the firmware") {
+  SECTION("the dialogue continues if the firmware does not know the repeated command") {
     s.say(answer("version", "'version' is not recognized as a CLI command\n"));
     CHECK(s.d.take_output() == "sensorStop\n");
   }
@@ -162,23 +162,23 @@ TEST_CASE("a refused cfg line is reported with its number and the firmware's mes
   Session s;
   s.begin();
   s.say(answer("sensorStop", "Done\n"));
-  SECTION("the firmware answers with an error and its explanation") {
+  SECTION("a firmware error is reported with its explanation") {
     s.say(answer("flushCfg", "Error: You have provided partial configuration\nError -1\n"));
     CHECK(s.d.failure() ==
           "x.cfg:4:   flushCfg: Error: You have provided partial configuration; Error -1");
   }
-  SECTION("the firmware does not know the command") {
+  SECTION("a command that the firmware does not know is reported") {
     s.say(answer("flushCfg", "'flushCfg' is not recognized as a CLI command\n"));
     CHECK(s.d.failure() ==
           "x.cfg:4:   flushCfg: 'flushCfg' is not recognized as a CLI command; this radar has "
           "mmWave SDK 03.05.00.04: is the cfg for another demo?");
   }
-  SECTION("the firmware crashes") {
+  SECTION("a crash of the firmware is reported") {
     s.say("flushCfg\r\nException: ../mss_main.c, line 1234.\n\r");
     CHECK_THAT(s.d.failure(),
                Catch::Contains("Exception: ../mss_main.c, line 1234. (the firmware"));
   }
-  SECTION("the firmware does not answer") {
+  SECTION("a firmware that does not answer is reported") {
     s.say("flushCfg\r\n");
     s.wait(1900ms);
     CHECK(s.d.state() == State::commanding);
@@ -186,7 +186,7 @@ TEST_CASE("a refused cfg line is reported with its number and the firmware's mes
     CHECK(s.d.failure() ==
           "x.cfg:4:   flushCfg: no answer: the firmware has stopped, reset the board");
   }
-  SECTION("the firmware stops within an answer") {
+  SECTION("a firmware that stops within an answer is reported") {
     s.say("flushCfg\r\nDebug: Init Calibration Status = 0xffe\n\rErro");
     s.wait(2s);
     CHECK(
@@ -194,7 +194,7 @@ TEST_CASE("a refused cfg line is reported with its number and the firmware's mes
         "x.cfg:4:   flushCfg: no answer after 'Debug: Init Calibration Status = 0xffe; Erro': the "
         "firmware has stopped, reset the board");
   }
-  SECTION("the firmware of another demo reports an exception") {
+  SECTION("an exception in the firmware of another demo is reported") {
     s.say("flushCfg\r\nMSS Exception: ../mss/mss_main.c, line 635.\n\r");
     CHECK_THAT(s.d.failure(), Catch::Contains("flushCfg: MSS Exception: ../mss/mss_main.c, line"));
   }
@@ -288,12 +288,12 @@ TEST_CASE("a radar restart sends two cfg lines, or the whole cfg after a refusal
     return;
   }
   CHECK(d.take_output() == "version\nsensorStop\nsensorStart 0\n");
-  SECTION("the board accepts the restart") {
+  SECTION("the restart is complete if the board accepts it") {
     say(answer("sensorStart 0", "Done\n"));
     CHECK(d.state() == State::done);
     CHECK(d.sent() == CommandDialogue::Send::restart);
   }
-  SECTION("the board refuses the restart") {
+  SECTION("the whole cfg is sent if the board refuses the restart") {
     say(answer("sensorStart 0", "Error: Full configuration must be provided\nError -1\n"));
     CHECK(d.take_output() == "sensorStop\n");
     say(answer("sensorStop", "Done\n"));

@@ -240,14 +240,14 @@ TEST_CASE(
   parser.feed(doubtful, whole, keep);
   REQUIRE(frames.empty());
   REQUIRE(parser.in_doubt());
-  SECTION("the frame is delivered after silence") {
+  SECTION("a radar frame with doubtful padding is delivered after silence") {
     parser.resolve(keep);
     CHECK_FALSE(parser.in_doubt());
     REQUIRE(frames.size() == 1);
     parser.resolve(keep);
     parser.feed(golden()[2], later, keep);
   }
-  SECTION("the frame is delivered when the next frame arrives") {
+  SECTION("a radar frame with doubtful padding is delivered when the next frame arrives") {
     parser.feed(golden()[2], later, keep);
   }
   REQUIRE(frames.size() == 2);

@@ -77,7 +77,7 @@ TEST_CASE("an XDS110 debug probe is listed with two ports, their roles and stabl
   tree.interface("1-2", "02", "");
   tree.interface("1-2", "03", "tty/ttyACM0");
   tree.by_id("usb-Texas_Instruments_XDS110_R0081038-if00", "ttyACM1");
-  tree.device("1-3", "046d", "c077", "");  // a mouse
+  tree.device("1-3", "046d", "c077", "");  // a mouse, which is not listed
   const auto list = list_attached(tree.roots());
   REQUIRE(list.size() == 1);
   CHECK(list[0].serial == "R0081038");

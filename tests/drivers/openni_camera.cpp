@@ -186,7 +186,7 @@ TEST_CASE("an OpenNI camera that sends no frames is reopened") {
 }
 
 TEST_CASE("a camera mode can be selected, and an unsupported mode is refused with a list") {
-  SECTION("a mode is selected by its image size") {
+  SECTION("a camera mode is selected by its image size") {
     Bench b("", {.width = 16, .height = 12});
     b.start();
     REQUIRE(b.frames(5));
@@ -198,7 +198,7 @@ TEST_CASE("a camera mode can be selected, and an unsupported mode is refused wit
     REQUIRE(f.depth_mm.size() == 192);
     CHECK(f.depth_mm[191] == 1000 + 1100 + 150 + f.frame_number % 10);
   }
-  SECTION("a mode is selected by its frame rate") {
+  SECTION("a camera mode is selected by its frame rate") {
     Bench b("", {.fps = 50});
     b.start();
     REQUIRE(b.frames(2));
@@ -211,7 +211,7 @@ TEST_CASE("a camera mode can be selected, and an unsupported mode is refused wit
     REQUIRE(b.frames(5));
     b.check_pixels();
   }
-  SECTION("an unsupported mode is refused") {
+  SECTION("an unsupported camera mode is refused") {
     Bench b("", {.width = 640});
     b.start();
     REQUIRE(b.reaches(DeviceState::faulted));

@@ -293,7 +293,8 @@ TEST_CASE(
   CHECK(p.frame_period_s == 0.0125);
 }
 
-TEST_CASE("radar subframes that differ in slope, samples or antennas are refused with the line") {
+TEST_CASE(
+    "radar subframes that differ in slope, samples or antennas are refused with the line number") {
   for (const auto& [from, to] : std::vector<std::pair<std::string, std::string>>{
            {"0 0 18.75 1 60 2000 0 0 30\nchirp", "0 0 15 1 60 2000 0 0 30\nchirp"},  // other slope
            {"1 60 2000 0 0 30\nchirp", "1 64 2000 0 0 30\nchirp"},  // other sample count

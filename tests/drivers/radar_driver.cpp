@@ -63,7 +63,7 @@ class Line {
  private:
   boost::asio::posix::stream_descriptor master_;
   std::string link_;
-  int slave_ = -1;  // kept open, as on a board
+  int slave_ = -1;  // kept open, like the board's end of the line
   std::array<std::uint8_t, 256> buffer_{};
 };
 

@@ -241,7 +241,7 @@ TEST_CASE("TLVs of other TI demos are counted and skipped") {
     CHECK(s.counts.other_tlvs == 30);
     CHECK(s.bins == std::map<std::size_t, int>{{38, 30}});
   }
-  SECTION("frames with lengths that are not multiples of 32 are parsed") {
+  SECTION("radar frames with lengths that are not multiples of 32 are parsed") {
     const Parsed s = parse(stream(30, exact));
     CHECK(s.numbers == from_to(1, 30));
     CHECK(s.counts.tlvs == std::map<std::uint32_t, std::uint64_t>{{2, 30}, {1010, 30}});
@@ -258,7 +258,7 @@ TEST_CASE("TLVs of other TI demos are counted and skipped") {
 }
 
 TEST_CASE("frames of other demos with the same magic word are refused one by one") {
-  SECTION("a frame with a 48-byte header is refused") {
+  SECTION("a radar frame with a 48-byte header is refused") {
     for (const std::uint32_t track_us : {0u, 1u, 16u, 400u, 100'000u}) {
       const Parsed s = parse(stream(60, [&](std::uint32_t i) { return frame_48(i, track_us); }));
       CAPTURE(track_us);
@@ -266,13 +266,13 @@ TEST_CASE("frames of other demos with the same magic word are refused one by one
       CHECK(s.counts.bad_headers + s.counts.bad_tlvs == 60);
     }
   }
-  SECTION("a frame with a 52-byte header is refused") {
+  SECTION("a radar frame with a 52-byte header is refused") {
     const Parsed s = parse(stream(60, frame_52));
     CHECK(s.numbers.empty());
     CHECK(s.counts.bad_headers == 60);
     CHECK(s.counts.junk_bytes == s.counts.bytes);
   }
-  SECTION("valid frames between refused frames are delivered") {
+  SECTION("valid radar frames between refused frames are delivered") {
     const Parsed s = parse(stream(60, [](std::uint32_t i) {
       return i % 3 == 0 ? frame_48(i, 300) : i % 3 == 1 ? frame_52(i) : frame_of(demo, i);
     }));
@@ -307,15 +307,15 @@ TEST_CASE("a jump in radar frame numbers is accepted once the next number follow
   using Result = std::pair<std::uint64_t, std::uint64_t>;
   CHECK(lost({7, 8, 11, 12}) == Result{2, 0});
   CHECK(lost({7, 8, 5000, 5001}) == Result{4991, 0});
-  CHECK(lost({7, 8, 5000}) == Result{4991, 0});                 // jump at the end
-  CHECK(lost({7, 8, 9 + (1u << 18), 10, 11}) == Result{0, 0});  // flipped bit
+  CHECK(lost({7, 8, 5000}) == Result{4991, 0});                 // jump of the last frame number
+  CHECK(lost({7, 8, 9 + (1u << 18), 10, 11}) == Result{0, 0});  // flipped bit in a frame number
   CHECK(lost({7, 8, 9 + (1u << 30), 10, 11}) == Result{0, 0});
   CHECK(lost({70, 71, 8, 73, 74}) == Result{0, 0});
   CHECK(lost({70, 71, 8, 75, 76}) == Result{2, 0});
-  CHECK(lost({70, 71, 70, 71, 72}) == Result{0, 0});              // repeated numbers
+  CHECK(lost({70, 71, 70, 71, 72}) == Result{0, 0});              // repeated frame numbers
   CHECK(lost({500, 501, 1, 2, 3}) == Result{0, 1});               // reset of the board
   CHECK(lost({500, 501, 1, 3, 500, 501}) == Result{1 + 496, 1});  // reset with a gap after it
-  CHECK(lost({0xfffffffe, 0xffffffff, 0, 1}) == Result{0, 0});    // wrapped counter
+  CHECK(lost({0xfffffffe, 0xffffffff, 0, 1}) == Result{0, 0});    // wrap of the frame counter
 }
 
 TEST_CASE("a frame number jump at the end of a connection counts as loss before the next frame") {

@@ -107,8 +107,8 @@ TEST_CASE("raw capture ends at its first failure and reports it once") {
   const Folder folder;
   RawLimits limits{.reserve_bytes = 0};
   const char* why = "";
-  SECTION("the capture folder was removed") { why = "No such file or directory"; }
-  SECTION("the disk has no free space") {
+  SECTION("raw capture ends if its folder is removed") { why = "No such file or directory"; }
+  SECTION("raw capture ends if the disk has no free space") {
     limits.reserve_bytes = UINT64_MAX;
     why = "(reserved for the run)";
   }

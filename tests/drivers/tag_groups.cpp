@@ -67,7 +67,7 @@ std::vector<Tag> stream(Rng& rng, std::size_t size, bool near_wrap, std::uint64_
 
 }  // namespace
 
-TEST_CASE("tags counted in SIMD groups give the same counts as one by one") {
+TEST_CASE("counting tags in SIMD groups gives the same result as counting them one by one") {
   const int streams = std::getenv("ECHOFUSE_LONG") ? 200'000 : 2000;
   constexpr std::uint64_t marker_among[] = {0, 40, 4};
   for (int i = 0; i < streams; ++i) {
@@ -82,7 +82,7 @@ TEST_CASE("tags counted in SIMD groups give the same counts as one by one") {
   }
 }
 
-TEST_CASE("tags of a long block counted in SIMD groups give the same counts as one by one") {
+TEST_CASE("counting a long tag block in SIMD groups gives the same result as one by one") {
   Rng rng = make_rng(1, 19);
   for (const std::uint64_t marker_among : {0, 1000})
     compare({}, stream(rng, 100'000, true, marker_among), 65'536);

@@ -72,7 +72,7 @@ class BedNode {
   virtual void on_plug(int fifo) = 0;
   virtual void on_unplug() = 0;
   virtual Answer on_ioctl(Client client, unsigned long request, UMockdevIoctlData* argument) = 0;
-  // Returns the answer to read(), or nullopt if the FIFO shall answer.
+  // Returns the answer to read(), or nullopt to let the FIFO answer.
   virtual std::optional<Answer> on_read() { return std::nullopt; }
   virtual std::optional<Answer> on_write(ByteView) { return std::nullopt; }
   virtual void on_client() {}

@@ -181,13 +181,13 @@ TEST_CASE("a lost byte or a halted endpoint is reported once, and the USB connec
   b.device.send(b.tags(5));
   REQUIRE(b.arrived(5));
   std::string expected;
-  SECTION("a byte of a block is lost") {
+  SECTION("a lost byte in a USB block is reported once") {
     Bytes run = b.tags(5);
     run.erase(run.begin() + 40);
     b.device.send(join({run, b.tags(5)}));
     expected = "block has a wrong checksum";
   }
-  SECTION("the USB endpoint is halted") {
+  SECTION("a halted USB endpoint is reported once") {
     b.device.halt();
     expected = std::string(address) + ": endpoint halted: Broken pipe";
   }
@@ -249,17 +249,17 @@ TEST_CASE("a USB tagger that cannot be opened is reported in one line") {
     REQUIRE(b.sink.events.size() == 1);
     return b.sink.events[0];
   };
-  SECTION("the attached tagger has another serial number") {
+  SECTION("a USB tagger with another serial number is reported") {
     Bench b;
     CHECK(refusal(b, "usb:1209:0001:T2") ==
           "usb:1209:0001:T2: open; only T1 is attached: No such device");
   }
-  SECTION("no tagger is attached") {
+  SECTION("a missing USB tagger is reported") {
     Bench b;
     b.device.unplug();
     CHECK(refusal(b, address) == std::string(address) + ": open: No such device");
   }
-  SECTION("two taggers are attached and no serial number is given") {
+  SECTION("two USB taggers without a configured serial number are reported") {
     Bench b;
     sim::UsbDevice other(b.bed,
                          {.vendor = 0x1209,
@@ -280,13 +280,13 @@ TEST_CASE("a USB tagger that cannot be opened is reported in one line") {
     b.connect();
     b.driver.reset();
   }
-  SECTION("the attached device is of another type") {
+  SECTION("a USB device of another type is reported") {
     Bench::subclass = 0;
     Bench b;
     Bench::subclass = 0x45;
     CHECK_THAT(refusal(b, address), Catch::Contains("no interface for blocks"));
   }
-  SECTION("the tagger is in use by another program") {
+  SECTION("a USB tagger in use by another program is reported") {
     Bench b;
     b.connect();
     auto second = make_tdc(b.loop, {address});

@@ -155,21 +155,21 @@ TEST_CASE("a raw capture without a slot, with missing bytes or with a damaged ti
     return std::string("none");
   };
   std::string name = "tags.times", text = "1000000000 open 0\n1000000000 bytes 99999999999\n", why;
-  SECTION("a file of times lists more bytes than were captured") {
+  SECTION("a raw capture with a list of more bytes than were captured is refused") {
     why = "tags.times: lists more bytes than 1 files contain";
   }
-  SECTION("a file of times has a line without a value") {
+  SECTION("a raw capture with an incomplete line in a file of times is refused") {
     text = "1000000000 open\n";
     why = "tags.times: expected TIME WHAT VALUE, found \"1000000000 open\"";
   }
-  SECTION("a file of times has no complete slot") {
+  SECTION("a raw capture without a complete slot is refused") {
     name = "run.times", why = "run.times: the raw capture has no complete slot";
   }
-  SECTION("a file of times has a time beyond 36 years") {
+  SECTION("a raw capture with a time beyond 36 years is refused") {
     name = "run.times", text = "0 start 1\n9223372036854775807 slots 1000000000\n";
     why = "expected TIME WHAT VALUE, found \"9223372036854775807 slots 1000000000\"";
   }
-  SECTION("a file of times has its first slot years after the start") {
+  SECTION("a raw capture with its first slot years after its start is refused") {
     name = "run.times",
     why = "run.times: the first slot begins 1000000000.000000 s after the start of the run";
     text = "0 start 0\n1000000000000000000 slots 1000000000\n1000000001000000000 closed 0\n";
@@ -300,7 +300,7 @@ TEST_CASE("slots keep their length when the system clock is set") {
   CHECK(steps == std::vector<double>{seconds(day), seconds(-2 * day)});
 }
 
-TEST_CASE("a run is refused if the system clock is near the end of its UTC type") {
+TEST_CASE("a run is refused if the system clock is near the limit of 64-bit time stamps") {
   Bench b;
   b.lab->loop.step_utc(24h * 365 * 237);
   CHECK_THROWS_WITH(b.lab->record(b.run(1)), Catch::Contains("the system clock is at 226"));
@@ -334,7 +334,8 @@ TEST_CASE("a camera that reconnects with another axis is not used, but other dev
   CHECK(has(b.events("depth"), "reconnected with different axes"));
 }
 
-TEST_CASE("frames of a radar that reconnects with another clock are placed by that clock") {
+TEST_CASE(
+    "frames of a radar that reconnects with another clock are assigned to slots by that clock") {
   const double by_s = GENERATE(-10.0, -0.4, 2.0, 10.0);
   CAPTURE(by_s);
   Bench b({.faults = {fault("radar", FaultKind::unplug, 20, 10),

@@ -196,7 +196,7 @@ TEST_CASE("the radar is stopped after a run or a failed start, unless it is kept
     CHECK(b.lab->record(b.run(2)) == ExitCode::ok);
     CHECK_FALSE(b.lab->radar_radiates());
   }
-  SECTION("the radar is kept running by radar.keep_running") {
+  SECTION("the radar remains on after a run with radar.keep_running") {
     b.lab->set({"radar.keep_running=true"});
     CHECK(b.lab->record(b.run(2)) == ExitCode::ok);
     CHECK(b.lab->radar_radiates());
@@ -367,7 +367,7 @@ TEST_CASE("a radar behind a bridge is calibrated with its range profile") {
 }
 
 TEST_CASE("a failed calibration is not stored") {
-  SECTION("one frame per repeat gives no spread") {
+  SECTION("a calibration without spread, from one frame per repeat, is not stored") {
     LaboratoryOptions slow = reflector();
     slow.radar_cfg = "xwr68xx_azimuth_44mm.cfg";
     Bench b(slow);
@@ -377,7 +377,7 @@ TEST_CASE("a failed calibration is not stored") {
     CHECK(calibrate(*b.lab, false, options, 0.12, 12) == ExitCode::device);
     CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
   }
-  SECTION("no reflector is in the field of view") {
+  SECTION("a calibration without a reflector is not stored") {
     LaboratoryOptions empty = reflector();
     empty.scene = "empty";
     Bench b(empty);
@@ -385,7 +385,7 @@ TEST_CASE("a failed calibration is not stored") {
     CHECK(calibrate(*b.lab) == ExitCode::device);
     CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
   }
-  SECTION("a counting board sends histograms instead of tags") {
+  SECTION("a calibration of a counting board that sends histograms is not stored") {
     Bench b(reflector());
     BridgedDevice device(
         b.lab->loop, 4, R"({"model":"B","serial":"B1","firmware":"1","sends":"histograms"})",
@@ -404,7 +404,7 @@ TEST_CASE("a failed calibration is not stored") {
         said, Catch::Contains("the sensor sends histograms; calibrate supports time taggers only"));
     CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
   }
-  SECTION("the detector is saturated") {
+  SECTION("a calibration with a saturated detector is not stored") {
     LaboratoryOptions bright = reflector();
     bright.laser_rate_hz = 1e4;
     Bench b(bright);
@@ -413,7 +413,7 @@ TEST_CASE("a failed calibration is not stored") {
     CHECK(calibrate(*b.lab) == ExitCode::device);
     CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
   }
-  SECTION("verification is requested without a calibration") {
+  SECTION("a verification without a calibration is refused") {
     Bench b(reflector());
     CHECK_THROWS_WITH(calibrate(*b.lab, true), Catch::Contains("no calibration to compare with"));
   }
@@ -444,14 +444,14 @@ TEST_CASE("doctor exits with the code of its first problem, and device problems 
     return acquire::examine(b.lab->config(), options, b.lab->loop);
   };
   b.lab->set({"run.folder=" + b.folder / ""});
-  SECTION("all configured devices deliver data") {
+  SECTION("the exit code is that of a detector fault before that of a full disk") {
     b.lab->set({"radar.cli=", "radar.data="});
     CHECK(examine(40) == ExitCode::ok);
     CHECK(examine(1'000'000'000'000) == ExitCode::disk);
     b.lab->set({"tdc.start_channel=7"});
     CHECK(examine(1'000'000'000'000) == ExitCode::device);
   }
-  SECTION("the radar is missing") {
+  SECTION("the exit code is that of a missing radar before that of a full disk") {
     b.unplug_radar();
     CHECK(examine(1'000'000'000'000) == ExitCode::device);
   }

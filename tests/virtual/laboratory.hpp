@@ -28,7 +28,7 @@ struct LaboratoryOptions {
   bool radar_required = false;
   std::string assignments{};  // additional lines of lab.toml
   std::string scene = "mixed";
-  // File in config/radar. If empty, the paper's cfg with four frames per second is used.
+  // File in config/radar. If empty, the cfg used in the paper, at four frames per second.
   std::string radar_cfg{};
   unsigned radar_sdk = 5;  // minor version of SDK 3
   double laser_rate_hz = 4e6;

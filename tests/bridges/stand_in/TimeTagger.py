@@ -77,7 +77,7 @@ class TimeTagger:
 
     @property
     def silent(self):
-        """Stops the tags."""
+        """Returns True if a fault has stopped the stream of tags."""
         return any(n and self.batches >= n for n in (unplugged, dark))
 
     def getModel(self):

@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: MIT
-"""The functions of RealSense's Python SDK that the bridge calls, with the names and arguments of its bindings
-(IntelRealSense/librealsense, wrappers/python/pyrs_pipeline.cpp and pyrs_frame.cpp at 09696f9 and 005e21b,
-pyrs_device.cpp and pyrs_options.cpp);
-signatures.py compares them. Frame n has the values 500 + (7 n + 3 i) % 5000 in pixels i. Variables: STAND_IN_CAMERAS,
-number of cameras (1); STAND_IN_SCALE, depth unit in m (.001), a tenth of it from frame STAND_IN_FINER on;
-STAND_IN_SILENT=n, no frame after the n-th until the stream is restarted; STAND_IN_INTRINSICS=zero;
-STAND_IN_TIMES=n:ms,..., times of these frames; STAND_IN_LACKS=option,..., options that the camera lacks."""
+"""Stand-in for RealSense's Python SDK with the functions that the bridge calls.
+
+Pixel i of frame n has the value 500 + (7 n + 3 i) % 5000. Names and arguments are those in the SDK's bindings
+(IntelRealSense/librealsense, wrappers/python/pyrs_pipeline.cpp at 09696f9 and pyrs_frame.cpp at 005e21b, pyrs_device.cpp,
+pyrs_options.cpp); signatures.py compares them. Environment variables:
+  STAND_IN_CAMERAS=n      number of cameras (default 1)
+  STAND_IN_SCALE=x        depth unit, m (default .001)
+  STAND_IN_FINER=n        from frame n on, the depth unit is a tenth of STAND_IN_SCALE
+  STAND_IN_SILENT=n       the camera sends no frame after the n-th until the stream is restarted
+  STAND_IN_INTRINSICS=zero  the intrinsics are zero
+  STAND_IN_TIMES=n:ms,... times of these frames
+  STAND_IN_LACKS=option,...  options that the camera does not support"""
 import os
 import time
 import types
