@@ -280,7 +280,7 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
   CHECK(sync(r, Sensor::radar).verdict == radar);
   CHECK(sync(r, Sensor::depth).verdict == depth);
   CHECK(windows.close({1, false}).has(Sensor::spd) ==
-        spd.starts_with("tags for"));  // tags over half of the slot suffice
+        spd.starts_with("tags cover"));  // tags over half of the slot suffice
 }
 
 TEST_CASE("a click is not paired with a start that precedes tags outside open slots") {
