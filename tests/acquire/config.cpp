@@ -30,7 +30,7 @@ TEST_CASE("the shipped configuration and its radar cfg can be loaded") {
   REQUIRE(config.unfinished.size() == 2);
   CHECK(has(config.unfinished[0],
             "config/lab.toml:38:1: radar.cli: still contains the template's XXX"));
-  CHECK(has(config.unfinished[1], "config/lab.toml:39:1: radar.data: still has"));
+  CHECK(has(config.unfinished[1], "config/lab.toml:39:1: radar.data: still contains"));
 }
 
 TEST_CASE("a missing alert.on_doubt program is reported with its position, and loading continues") {
