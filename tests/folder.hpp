@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Temporary folder, removed at the end of the test.
+// Temporary folder that is removed at the end of the test.
 #pragma once
 #include <catch2/catch.hpp>
 #include <cstdlib>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Simulates a full disk: during its lifetime files of this process cannot exceed this size.
+// Simulates a full disk. While the object exists, files of this process cannot exceed `bytes`.
 #pragma once
 #include <sys/resource.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Paths of this checkout and its programs. Not macros, so that only paths.cpp depends on the
-// folder.
+// Paths of the source folder and the programs. They are not macros, so that only paths.cpp depends
+// on the folders.
 #pragma once
 #include <string>
 

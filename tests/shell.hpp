@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Shell commands.
+// Runs shell commands.
 #pragma once
 #include <sys/wait.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Notes in closed runs.
+// Tests notes that are added to closed runs.
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>

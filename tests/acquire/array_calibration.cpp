@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Calibration of the radar's antennas from frames with known gains and phases.
+// Tests the calibration of the radar antennas with simulated frames of known gains and phases.
 #include "acquire/calibrate/array_calibration.hpp"
 
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// echofuse-acquire from the user's side: exit codes, error lines, output.
+// Tests echofuse-acquire as users see it: exit codes, error messages and output.
 #include <signal.h>
 #include <sys/stat.h>
 #include <unistd.h>

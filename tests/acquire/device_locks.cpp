@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Device locks as other programs see them.
+// Tests how device locks affect other programs.
 #include "acquire/devices/device_locks.hpp"
 
 #include <catch2/catch.hpp>

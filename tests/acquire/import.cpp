@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Import of third-party recordings: files as PicoQuant's demos read them, frames as TI's.
+// Tests the import of third-party recordings: PicoQuant files and radar frames in TI's format.
 #include "acquire/import/import.hpp"
 
 #include <bit>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Import of recordings of a radar's data port.
+// Tests the import of recordings of a radar's data port.
 #include <algorithm>
 #include <cmath>
 

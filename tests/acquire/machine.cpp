@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The doctor's checks of the machine, on a tree with the layout of kernel and udev.
+// Tests the checks of the machine by doctor, on folders with the layout of the kernel and of udev.
 #include <unistd.h>
 
 #include "acquire/doctor/doctor.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// 100 000 slots on a virtual clock. Devices have their own clocks; samples are delayed and lost;
-// devices disconnect and return. Every sample is accounted for, and its slot is compared with its
+// Tests 100 000 slots on a virtual clock. Devices have their own clocks, disconnect and return.
+// Samples are delayed and lost. Every sample must be accounted for, and its slot must match its
 // true time.
 #include <catch2/catch.hpp>
 #include <cmath>

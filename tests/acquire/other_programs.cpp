@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Other programs that access a run being written: its files, its lock, its readers.
+// Tests other programs that access the files, the lock or the records of a run during recording.
 #include <fcntl.h>
 #include <sqlite3.h>
 #include <sys/file.h>

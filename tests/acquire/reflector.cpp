@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Position of the calibration reflector, its errors, and the antenna phases.
+// Tests the position of the calibration reflector, its errors and the antenna phases.
 #include "acquire/calibrate/reflector.hpp"
 
 #include <catch2/catch.hpp>

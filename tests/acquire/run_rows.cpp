@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Property test: random runs, with optional values present or missing, are read as written.
+// Tests that random runs, with and without optional values, are read back as written.
 #include <cstdlib>
 #include <limits>
 #include <random>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The doctor's verdicts on devices and disks, from samples and figures made by hand.
+// Tests the ratings of devices and disks by doctor, on artificial samples and figures.
 #include "../paths.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/run/disk.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A PC shared by several users: paths of configurations and runs, access rights, the catalogue.
+// Tests a PC that several users share: paths of configurations and runs, access rights and the list
+// of runs.
 #include <sys/stat.h>
 
 #include <nlohmann/json.hpp>

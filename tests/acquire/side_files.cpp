@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Files next to a run file: a -wal of the run, of another run, or none.
+// Tests SQLite side files next to a run file: a -wal of this run, of another run, or none.
 #include "acquire/record/side_files.hpp"
 
 #include <sys/stat.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Heat maps of the radar on their way from frames to records, info and doctor.
+// Tests antenna arrays from radar heat maps to records, and in the commands info and doctor.
 #include <cmath>
 
 #include "acquire/commands/commands.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Times of slots: UTC when the machine's clock is set, and invalid times in a file.
+// Tests slot times: UTC after the system clock is set, and invalid times in a run file.
 #include <cmath>
 #include <limits>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Policies, incomplete records and clock fits in the run file and in `info`.
+// Tests policies, incomplete records and clock fits in the run file and in the command info.
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/sqlite.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The rules of a record as a table: {read, device, event} -> {record} and {record} -> {verdict}.
+// Tests the assignment of samples to records, by tables of {read, device, event} -> {record} and
+// {record} -> {verdict}.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <map>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Shared by the tests of this folder: temporary folder, program calls, sample records.
+// Common parts of the tests in this folder: temporary folder, program calls and sample records.
 #pragma once
 #include <sqlite3.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Histogram by libtcspc, as a peer. It counts every click with every earlier start within the axis,
-// which is equal if there is only one.
+// Histogram by libtcspc, for comparison. libtcspc counts each click with every earlier start within
+// the axis. The result is equal if there is only one such start.
 #pragma once
 #include <cstdint>
 #include <span>

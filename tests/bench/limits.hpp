@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Limits of this machine on one thread, and rows of the table of scripts/bench (table.py).
-// Processor time, best of several rounds, because other processes may be running.
+// Limits of this machine on one thread, and rows of the table of scripts/bench (table.py). Times
+// are processor times and the best of several rounds, because other processes may be running.
 #pragma once
 #include <algorithm>
 #include <cstddef>

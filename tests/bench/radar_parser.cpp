@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Speed of the radar's parser, compared with memcpy of the same bytes. The stream is that of TI's
-// stock demo: 256 bins, stats and temperature, 640 bytes per frame; fed in pieces of 4 KiB, like a
-// serial port. Best of 5 runs, one core.
+// Benchmark of the radar parser, compared with memcpy of the same bytes. The stream is that of TI's
+// stock demo with 256 bins, statistics and temperature in 640 bytes per frame. It arrives in pieces
+// of 4 KiB, as from a serial port. Prints the best of 5 runs on one core.
 #include <chrono>
 #include <cstdio>
 #include <cstring>

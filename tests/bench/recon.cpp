@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// bench_recon RUN: speed of the reconstruction on a run of the base condition, one thread, each
-// part compared with its limit: training with the processor's multiply-adds, a map with reading its
-// weights, loading with reading the file.
+// bench_recon RUN: benchmark of the reconstruction of a run on one thread. Each part is compared
+// with its limit. The limits are the multiply-adds of the processor for training, reading the
+// weights for a map, and reading the file for loading.
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Speed of complete simulated records and their parts, on one core. Best of 5 rounds. --people
-// prints scenes as numbers.
+// Benchmark of complete simulated records and their parts, on one core. Prints the best of 5
+// rounds. The option --people prints scenes as numbers.
 #include <cstdio>
 #include <functional>
 #include <string>

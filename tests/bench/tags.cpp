@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Path of the tagger's data from memory, in processor time, best of 7 rounds. Every round runs
-// everything, so that a busy machine affects all parts equally. Compares the histogram with every
-// instruction set, and without groups of tags, with a plain loop and with reading the tags, which
-// is the limit. Lines that begin with "row" or "peer" are for scripts/bench: path, unit, ours,
-// limit, kind of limit.
+// Benchmark of the tagger's data path in memory, in processor time, as the best of 7 rounds. Every
+// round runs all parts, so that other processes affect all parts equally. The histogram is measured
+// with every instruction set and without groups of tags. It is compared with a plain loop, and with
+// reading the tags, which is the limit. Lines that begin with "row" or "peer" are for
+// scripts/bench: path, unit, our value, limit, kind of limit.
 #include <hwy/highway.h>
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Parts of a job array, and files that are published atomically.
+// Tests parts of a job array, and files that are published atomically.
 #include "drivers/util/job_part.hpp"
 
 #include <catch2/catch.hpp>

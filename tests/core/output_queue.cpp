@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A blocked or closed output never blocks its writer.
+// Tests that a blocked or closed output never blocks its writer.
 #include "drivers/util/output_queue.hpp"
 
 #include <fcntl.h>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Blocks of the bridge protocol, as in the golden file, for longer streams. Data block n contains n
-// as the time of its only tag or the index of its only frame.
+// Makes blocks of the bridge protocol like those in the golden file, for longer streams. The time
+// of the only tag, or the index of the only frame, is the block number.
 #pragma once
 #include "drivers/bridge/bridge_protocol.hpp"
 #include "drivers/core/crc32c.hpp"

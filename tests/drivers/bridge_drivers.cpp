@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Both bridge drivers over real TCP connections.
+// Tests bridge drivers over real TCP connections.
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/write.hpp>
 #include <catch2/catch.hpp>

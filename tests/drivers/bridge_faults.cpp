@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Damaged streams of blocks: the blocks before the damage are delivered, and the damage is
+// Tests damaged streams of blocks. Blocks before the damage are delivered, and the damage is
 // reported.
 #include <catch2/catch.hpp>
 

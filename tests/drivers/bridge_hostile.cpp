@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Payloads of a sender with wrong values.
+// Tests payloads with wrong values from a faulty sender.
 #include <catch2/catch.hpp>
 
 #include "blocks.hpp"

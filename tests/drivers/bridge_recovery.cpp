@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Both bridge drivers with bridges that fall silent, send wrong lengths, close and return, on
-// virtual time.
+// Tests tagger and camera drivers in virtual time with bridges that stop sending, send wrong
+// lengths, close and return.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <deque>

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Camera module for the stock OpenNI2 library, with faults on demand: 8 x 6 pixels at 100 frames/s,
-// or 16 x 12 at 50; z = 1000 + 100 y + 10 x + index % 10 in its unit. Runs in the test's process
-// and is controlled by test_camera().
+// Camera module for the stock OpenNI2 library, with faults on demand. Images have 8 x 6 pixels at
+// 100 frames/s, or 16 x 12 pixels at 50 frames/s. Depths are 1000 + 100 y + 10 x + index % 10 in
+// the camera's unit. The module runs in the process of the test, which controls it through
+// test_camera().
 #include <Driver/OniDriverAPI.h>
 
 #include <atomic>

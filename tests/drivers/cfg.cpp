@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Cfg faults that a board would refuse, and artefacts of editors.
+// Tests cfg faults that a board would refuse, and cfg files with artefacts of editors.
 #include "drivers/radar/cfg.hpp"
 
 #include <algorithm>

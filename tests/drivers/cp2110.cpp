@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Expected bytes from AN434, libsigrok and pyserial.
+// Tests CP2110 reports. The expected bytes are from AN434, libsigrok and pyserial.
 #include "drivers/port/cp2110.hpp"
 
 #include <catch2/catch.hpp>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Tests on a tree with the kernel's layout: /sys/bus/usb/devices links to devices, interfaces below
-// them.
+// Tests the device list on folders with the kernel's layout: /sys/bus/usb/devices links to devices,
+// and interfaces are below these.
 #include "drivers/inventory/inventory.hpp"
 
 #include <grp.h>

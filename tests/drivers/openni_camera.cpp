@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// OpenNI2 driver with the stock library, which loads camera_module.cpp.
+// Tests the OpenNI2 driver with the stock library, which loads camera_module.cpp.
 #include "drivers/depth/openni_camera.hpp"
 
 #include <OpenNI.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Radar driver over real pseudo-terminals, with a minimal firmware.
+// Tests the radar driver over real pseudo-terminals with a minimal simulated firmware.
 #include <pty.h>
 #include <unistd.h>
 

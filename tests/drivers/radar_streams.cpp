@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Data-port streams like those of other boards and labs, built byte by byte without our encoder:
-// other headers with the same magic, other TLVs, starts and ends inside a frame, frames shorter
-// than their header states.
+// Tests data streams as of other boards and labs. They are built byte by byte without our encoder.
+// They have other headers with the same magic word, other TLVs, partial frames at start and end,
+// and frames shorter than the length in their header.
 #include <catch2/catch.hpp>
 
 #include "drivers/core/random.hpp"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Recorded and damaged bytes with the expected parser result: tests/fuzz/corpus holds the bytes,
-// recorded/NAME.txt one line per file. A parser with another result fails here. After an intended
-// change, check the printed line and copy it into the table.
+// Compares the parser results of recorded and damaged bytes with stored results. tests/fuzz/corpus
+// contains the bytes, and recorded/NAME.txt has one line per file. After an intended change, check
+// the printed line and copy it into the table.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <filesystem>

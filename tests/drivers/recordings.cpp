@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Recordings of real devices by others, not part of the repository. Without them this program exits
-// with 77, which ctest shows as skipped.
+// Tests recordings of real devices by others, which are not in the repository. If they are missing,
+// this program exits with 77, which ctest shows as skipped.
 #include <catch2/catch.hpp>
 #include <cstdlib>
 #include <filesystem>

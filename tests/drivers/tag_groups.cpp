@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Compares every instruction set of this processor with single tags (SCALAR never uses a group).
-// histogram.cpp and the fuzz target compare those with the reference.
+// Compares every instruction set of this processor with counting tag by tag. The target SCALAR
+// never uses groups. histogram.cpp and the fuzz target compare the counts with the reference.
 #include "drivers/tdc/tag_groups.hpp"
 
 #include <hwy/highway.h>

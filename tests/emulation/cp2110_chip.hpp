@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// CP2110 according to application note AN434, between the host's reports and the UART lines.
-// Without time or USB. Independent of the product's drivers/port/cp2110.hpp.
+// CP2110 according to application note AN434, between the host's reports and the UART lines. Does
+// not model time or USB. Does not use the product's drivers/port/cp2110.hpp.
 #pragma once
 #include <array>
 #include <cstdint>

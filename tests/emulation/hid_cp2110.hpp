@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // CP2110 on an emulated USB bus. Programs under umockdev's preload library find it in /sys and open
-// /dev/hidrawN with any library. Reports, lost bytes and an unplug behave as with the kernel, at
+// /dev/hidrawN with any library. Reports, lost bytes and unplugging behave as with the kernel, at
 // one packet per millisecond.
 #pragma once
 #include <cstdint>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// UART of a board behind a CP2110.
+// UART of a board behind an emulated CP2110.
 #pragma once
 #include <memory>
 #include <utility>

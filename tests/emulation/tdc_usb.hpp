@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Time tagger on emulated USB: the device side of drivers/README.md, "Over USB".
+// Time tagger on an emulated USB bus: the device side of "Over USB" in drivers/README.md.
 #pragma once
 #include <memory>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Devices below the kernel's usbfs and hidraw interfaces, for unmodified programs. umockdev answers
-// their system calls and provides a separate sysfs. A program uses it if it was started with
-// environment(); this process must have called enter().
+// Emulated devices below the kernel's interfaces usbfs and hidraw, for unmodified programs.
+// umockdev answers the system calls and provides a separate sysfs. A program uses it if it was
+// started with environment(). The process of the emulation must have called enter().
 #pragma once
 #include <functional>
 #include <memory>

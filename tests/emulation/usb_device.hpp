@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // USB device with one vendor-specific interface and one bulk IN endpoint below Linux usbfs
-// (linux/usbdevice_fs.h). Transfers wait until the device has data; packets may end them early.
+// (linux/usbdevice_fs.h). Transfers wait until the device has data. Packets may end them early.
 #pragma once
 #include <array>
 #include <condition_variable>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // usb_lab [--dir DIR] [--scene KIND] [--hold S] [--window S] -- COMMAND ...: runs the command in a
-// laboratory with an emulated USB time tagger.
+// simulated laboratory with an emulated USB time tagger.
 #include <CLI/CLI.hpp>
 
 #include "drivers/port/loop.hpp"

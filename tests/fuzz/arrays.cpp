@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Input: the files of a folder of arrays as in files.hpp: run.toml (t), and .npy files as they are
+// Input: a folder of arrays as in files.hpp. It has run.toml (t) and .npy files, given as they are
 // (small letter) or by their recipe (capital letter). run.toml may name the run base.sqlite.
 #include "acquire/import/import.hpp"
 #include "acquire/record/run_file.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Blocks of the bridge in an input.
+// Corrects blocks of the bridge protocol in an input.
 #pragma once
 #include <cstring>
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input: u8 split of the stream, then the stream. A header CRC of zero is corrected.
+// Input: u8 seed for the split of the stream, then the stream of blocks. A header CRC of zero is
+// corrected.
 #include "blocks.hpp"
 
 using namespace echofuse;

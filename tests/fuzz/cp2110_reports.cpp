@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Input: a report from the bridge. The same bytes are also encoded as reports to the bridge.
+// Input: a report from the CP2110. The same bytes are also encoded as reports to the CP2110.
 #include "drivers/port/cp2110.hpp"
 #include "fuzz.hpp"
 

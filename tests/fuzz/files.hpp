@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Inputs of targets that read files.
+// Divides inputs into files, for targets that read files.
 #pragma once
 #include <algorithm>
 #include <array>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Common part of the fuzz targets. A target is one run(): entry.cpp passes it to libFuzzer (preset
-// "fuzz"), replay.cpp runs it on its corpus (other presets).
+// Common part of the fuzz targets. Each target is a function run(). entry.cpp passes it to
+// libFuzzer in the preset "fuzz". replay.cpp runs it on its corpus in other presets.
 #pragma once
 #include <algorithm>
 #include <cstdint>

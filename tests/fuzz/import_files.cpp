@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Input: u8 kind (0 .ptu, 1 .dat), then the file of another program.
+// Input: u8 kind (0 .ptu, 1 .dat), then a recording of another program.
 #include <sys/mman.h>
 #include <unistd.h>
 

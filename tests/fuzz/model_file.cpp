@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Input: u8 kind. 0: a model file follows, and its checksum is corrected. Otherwise one of the
-// models trained at the start, with edits until the input ends: u8 kind, and its arguments. The
-// checksum of the edited file is corrected, so that the edits reach the code behind it.
+// Input: u8 kind. For kind 0, a model file follows. Any other kind selects one of the models
+// trained at the start, and edits follow until the input ends. Each edit has u8 kind and its
+// arguments. The checksum of the file is corrected, so that the code behind the check is tested.
 #include <unistd.h>
 
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Input: u8 split of the stream, then the stream of the data port.
+// Input: u8 seed for the split of the stream, then the stream of the data port.
 #include <numeric>
 
 #include "drivers/radar/frame_parser.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Input: '=' for a key=value of the command line, or another byte for a file; then the text.
+// Input: '=' for a key=value of the command line or another byte for a file, then the text.
 #include "drivers/util/settings.hpp"
 
 #include "fuzz.hpp"

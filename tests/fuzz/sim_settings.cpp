@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input: 's' for a list of scenes, 'f' for a timetable of faults, 't' for a twin, another byte for
-// the simulator's settings; then the text of the file.
+// Input: 's' for a list of scenes, 'f' for a schedule of faults, 't' for a twin, or another byte
+// for the simulator's settings. Then the text of the file follows.
 #include <cmath>
 
 #include "drivers/util/exit_code.hpp"

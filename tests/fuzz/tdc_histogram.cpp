@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Input: i32 start channel, i32 click channel, i64 bin width, i64 first bin, u32 bins, then tags in
-// wire format. Compares the histogram, with every instruction set of this processor, with integer
-// arithmetic tag by tag, and checks the filter's counts.
+// Input: i32 start channel, i32 click channel, i64 bin width, i64 first bin, u32 number of bins,
+// then tags in wire format. Compares the histogram, with every instruction set of this processor,
+// with a reference that counts tag by tag. Checks the counts of the tag filter.
 #include <hwy/highway.h>
 
 #include "drivers/tdc/histogram.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input: data of a client of echofuse-view: a byte that selects the kind, then an HTTP request or a
-// WebSocket text.
+// Input: data from a client of echofuse-view. A byte selects an HTTP request or a WebSocket text,
+// which follows.
 #include "fuzz.hpp"
 #include "recon/live/http.hpp"
 #include "recon/live/message.hpp"

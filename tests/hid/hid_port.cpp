@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// HID port and stock hidapi against an emulated CP2110.
+// Tests the HID port with the stock hidapi and an emulated CP2110.
 #include <hidapi/hidapi.h>
 #include <sys/stat.h>
 #include <unistd.h>

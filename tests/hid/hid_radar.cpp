@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Simulated radar board behind two CP2110, with the unmodified driver.
+// Tests the unmodified driver with a simulated radar board behind two CP2110.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <fstream>

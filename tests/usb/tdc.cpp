@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// USB time tagger: the unmodified driver and libusb, with a device emulated below usbfs.
+// Tests the unmodified USB tagger driver and libusb with a device emulated below usbfs.
 #include <catch2/catch.hpp>
 
 #include "../drivers/blocks.hpp"

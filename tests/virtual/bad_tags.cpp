@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Faults in a time tagger's stream become events and verdicts of the run, on virtual time.
+// Tests that faults in the tag stream become events and verdicts of the run, in virtual time.
 #include <functional>
 #include <memory>
 #include <random>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A laboratory on virtual time with its own folder, and accessors of its run.
+// Laboratory in virtual time with its own folder, and functions that read its run.
 #pragma once
 #include <spdlog/spdlog.h>
 #include <unistd.h>

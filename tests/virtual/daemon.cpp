@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Events and records of a run when devices come, go and fail, on virtual time.
+// Tests events and records of a run with devices that connect, disconnect and fail, in virtual
+// time.
 #include <sys/wait.h>
 
 #include <csignal>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Commands that use the devices, on virtual time: stop, firmware check, late data, calibrate,
+// Tests commands that use devices, in virtual time: stop, firmware check, late data, calibrate,
 // doctor.
 #include <fcntl.h>
 #include <unistd.h>

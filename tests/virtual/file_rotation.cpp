@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// run --every: consecutive runs without a lost slot.
+// Tests run --every: consecutive run files without a lost slot.
 #include <map>
 #include <set>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A laboratory and a daemon in one process, on virtual time: simulated devices and drivers are
-// connected in memory. Equal options give bitwise equal runs.
+// Simulated laboratory and daemon in one process, in virtual time. Simulated devices and drivers
+// are connected in memory. Equal options give runs that are equal bit by bit.
 #pragma once
 #include <cstdint>
 #include <functional>

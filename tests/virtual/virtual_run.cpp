@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // virtual_run --out RUN --slots N [--window S] [--faults FILE] [--log FILE] [--seed N] [--name
-// NAME]: records a run in a laboratory on virtual time and prints the processor time in seconds.
+// NAME]: records a run of a simulated laboratory in virtual time and prints the processor time in
+// seconds.
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>

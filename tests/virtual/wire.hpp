@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Two wires in memory: a plain byte stream, and a listener for a bridge's clients.
+// Connections in memory: a plain byte stream, and a listener for the clients of a bridge.
 #pragma once
 #include <functional>
 #include <memory>
