@@ -90,7 +90,7 @@ TEST_CASE(
   CHECK(has(refusal(frames_of(w, 20, 1)), "more than one echo: "));
   w.second_wave = 0;
   w.gain[5] = 0;
-  CHECK(has(refusal(frames_of(w, 20, 1)), "antenna 5 is at -"));
+  CHECK(has(refusal(frames_of(w, 20, 1)), "the gain of antenna 5 relative to antenna 0 is -"));
   w.gain[5] = 1, w.noise = 0;
   const AntennaFit fit = fit_antennas(frames_of(w, 20, 1), 8, reflector);
   // The standard error includes the rounding error, which is equal in all frames.

@@ -96,15 +96,15 @@ TEST_CASE("import takes radar times from the device clock and checks them agains
   for (const double off_s :
        {std::ldexp(5e-9, 31), std::ldexp(5e-9, 27), std::ldexp(5e-9, 25), -0.2})
     check(RadarFile().frames(1, 19).frame(20, 20 * 0.0499 + off_s).frames(21, 60), even,
-          "1 frames have impossible times (frame 20 after 0.90 s): their numbers");
+          "1 frames have impossible times (frame 20 after 0.90 s): their times");
   check(RadarFile().frames(1, 19).frame(20, 9).frame(21, 3).frames(22, 60), even,
         "2 frames have impossible times");
   check(RadarFile().frames(1, 59).frame(60, 9), even, "");
   check(RadarFile().frame(1, 10.8).frames(2, 60), even,
-        "1 frames have impossible times (frame 1 at the start): their numbers");
+        "1 frames have impossible times (frame 1 at the start): their times");
   RadarFile still, twos;
   for (std::uint32_t n = 1; n <= 60; ++n) still.frame(n, 0), twos.frames(1 + n % 2, 1 + n % 2);
-  check(still, {20, 20, 20}, "the board's clock stopped for 60 frames: their numbers");
+  check(still, {20, 20, 20}, "the board's clock stopped for 60 frames: their times");
   check(twos, even, "restarts of the board");
   RadarFile points;
   points.tlv = 1;
@@ -147,7 +147,7 @@ TEST_CASE("import refuses a radar recording without a range profile and reports 
     mangled.push_back(b);
   }
   refuses(mangled, "line ends were converted (saved as text)");
-  refuses(Bytes(5000, 0xf3), "was it recorded at the data port's baud rate?");
+  refuses(Bytes(5000, 0xf3), "was the file recorded at the data port's baud rate?");
   refuses(RadarFile{.header = 36}.frames(1, 20).bytes, "from SDK 1 or 2.0 (header of 36 bytes)");
   refuses(RadarFile{.header = 48}.frames(1, 20).bytes, "from another demo (header of 48 bytes)");
   refuses(RadarFile{.header = 52}.frames(1, 20).bytes, "from another demo (header of 52 bytes)");
@@ -156,7 +156,7 @@ TEST_CASE("import refuses a radar recording without a range profile and reports 
   refuses(RadarFile{.tlv = 1}.frames(1, 20).bytes,
           "no frame has a range profile: guiMonitor's third");
   refuses(RadarFile{.bins = 256}.frames(1, 20).bytes,
-          "20 frames have 256 bins; expected from the cfg: 64: was it");
+          "20 frames have 256 bins; expected from the cfg: 64: was the recording");
   Bytes part = RadarFile().frames(1, 1).bytes;
   part.resize(100);
   refuses(part, "file contains only a part of a frame");

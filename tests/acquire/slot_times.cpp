@@ -55,7 +55,7 @@ TEST_CASE("a clock set during a run is stored as an event, and later UTC times a
   CHECK(events_of(path) ==
         std::vector{day +
                     "T22:31:10.200Z warning clock: the system clock was set, or the "
-                    "machine was suspended: from 2023-11-14T22:31:10.210Z to " +
+                    "machine was suspended: UTC jumped from 2023-11-14T22:31:10.210Z to " +
                     day + "T22:31:10.200Z; later slots use the new time"});
   std::vector<std::int64_t> offsets;
   for (const record::Anchor& anchor : record::RunReader(path).anchors())

@@ -52,7 +52,8 @@ TEST_CASE("a run of a single-pixel detector has no zone table") {
 
 TEST_CASE("a histogram that does not match the number of zones is refused") {
   const Folder folder;
-  CHECK_THROWS_WITH(write(folder / "a", three, 6), Contains("spd has 6 values, but its axis 9"));
+  CHECK_THROWS_WITH(write(folder / "a", three, 6),
+                    Contains("spd has 6 values, but its axis has 9"));
 }
 
 TEST_CASE("a zone of zero width, or with a time zero beyond one second, is refused") {

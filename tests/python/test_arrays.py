@@ -160,7 +160,7 @@ def test_implausible_depth_map_is_excluded(tmp_path):
     run = write(tmp_path / "own", depth_m=depth, began="2024-02-07", **scene())
     assert np.flatnonzero(~run.valid["depth"]).tolist() == [3]
     assert run.quality()["depth_verdict"][3].startswith("odd: its median is 7 mm")
-    assert "1 of 12 maps are implausible and omitted" in events(run)[0]
+    assert "1 of 12 maps are implausible and were omitted" in events(run)[0]
     assert np.isnan(run.depth[5, :2]).all() and not np.isnan(run.depth[5, 2:]).any()
 
 

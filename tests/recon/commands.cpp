@@ -56,7 +56,7 @@ TEST_CASE("a data set that exceeds the memory is refused before reading") {
   };
   add_records(records);
   refuses("train " + (dir / "run") + " --out " + (dir / "m"), 1,
-          "GB, and this machine's memory is ");
+          "of memory, but this machine has ");
   sql(dir / "run", "DELETE FROM record WHERE idx > 1000");
   CHECK(recon_program("train -q --model mean " + (dir / "run") + " --out " + (dir / "m")).code ==
         0);

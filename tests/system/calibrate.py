@@ -179,7 +179,7 @@ class Calibrate(unittest.TestCase):
             said = json.loads(done.stdout.splitlines()[-1])
             self.assertEqual(farther_m > 0, "radar_taps" in said["response"], said)
             if farther_m < 0:
-                self.assertIn("with cells of 50 cm at 3 m", said["unstated"]["radar_taps"])
+                self.assertIn("at 3 m for cells of 50 cm", said["unstated"]["radar_taps"])
                 continue
             taps, _, error = said["response"]["radar_taps"].partition(" +- ")
             for tap, true in zip(taps.split(), hann.split()):
