@@ -16,10 +16,11 @@
 
 namespace echofuse::examples {
 
-// Functions of the vendor's library that the driver calls.
+// Functions of the vendor's library that the driver calls. Their return value is false if the board
+// is not available.
 struct VendorBoard {
-  std::function<bool()> open;                                        // false if not attached
-  std::function<bool(std::vector<Tag>&, std::uint64_t& lost)> read;  // false if unplugged
+  std::function<bool()> open;                                        // false: not attached
+  std::function<bool(std::vector<Tag>&, std::uint64_t& lost)> read;  // false: unplugged
 };
 
 class ExampleTagger final : public Driver {
@@ -40,7 +41,8 @@ class ExampleTagger final : public Driver {
   std::chrono::milliseconds pause_{};  // pause before the next attempt to connect
   std::vector<Tag> tags_;
   std::uint64_t items_ = 0, lost_ = 0, reconnects_ = 0;
-  port::Timer timer_;  // last member, because its action uses the members above
+  // Declared last, so that it is destroyed before the members that its action uses.
+  port::Timer timer_;
 };
 
 }  // namespace echofuse::examples

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Contents of the classes of the public interface (recon/include/echofuse).
+// Private data of the public classes, which are declared in recon/include/echofuse.
 #pragma once
 #include <memory>
 #include <string>
@@ -28,7 +28,7 @@ struct Model::File {
   std::string inputs;
 };
 
-// Access for the functions of this folder.
+// Gives the functions of this folder access to the private members of the public classes.
 struct Internals {
   using RunFile = Run::File;
   using RecordContents = Record::Contents;

@@ -11,7 +11,7 @@
 namespace echofuse {
 namespace {
 
-// Without recon::Model, which is another class.
+// Names are imported one by one, because recon::Model would clash with echofuse::Model.
 using recon::Dataset, recon::Features, recon::MappedRecord, recon::Matrix, recon::RecordStatus,
     recon::SceneModel, recon::TrainedModel, recon::formatted;
 
@@ -31,11 +31,12 @@ DepthMap public_map(MappedRecord made, const SceneModel& scene) {
   return out;
 }
 
-// Makes a table of one row; no values make a row of zeros. `limit`: least value, if there is one.
+// Makes a table with one row of `wanted` values; fills it with zeros if `values` is empty. `limit`:
+// lowest accepted value.
 void put_row(Matrix& table, std::span<const float> values, std::size_t wanted, const char* name,
              std::optional<float> limit = {}) {
   const auto refuse = [&](const std::string& fault) {
-    throw Error(ExitCode::usage, std::string(name) + ": " + fault + "; the model takes " +
+    throw Error(ExitCode::usage, std::string(name) + ": " + fault + "; the model expects " +
                                      std::to_string(wanted) + " finite values" +
                                      (limit ? formatted(" of at least %g", double{*limit}) : ""));
   };
@@ -47,7 +48,7 @@ void put_row(Matrix& table, std::span<const float> values, std::size_t wanted, c
   std::ranges::copy(values, table.row(0).begin());
 }
 
-// One record at true ranges on the axes of the model.
+// Makes a data set of one record on the model's axes from values at true ranges.
 Dataset dataset_of(const TrainedModel& model, std::span<const float> counts,
                    std::span<const float> power) {
   const Features& takes = model->features;

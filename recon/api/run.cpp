@@ -9,7 +9,7 @@
 namespace echofuse {
 
 RunAxis public_axis(const Axis& axis) {
-  const bool codes = axis.quantity == "log2_q8";  // Record::power() is linear
+  const bool codes = axis.quantity == "log2_q8";  // Record::power() returns linear power, not codes
   return {axis.name, codes ? "power" : axis.quantity, axis.unit, axis.count, axis.start, axis.step};
 }
 
@@ -24,7 +24,7 @@ SensorReport report_of(const record::FusedRecord& record, Sensor sensor) {
   return {record.has(sensor), sync.verdict, sync.used, sync.lost};
 }
 
-// Converts records of one run to the units of the interface.
+// Converts records of one run to the types and units of the public interface.
 class Converter {
  public:
   explicit Converter(const record::RunReader& run)
@@ -86,7 +86,8 @@ std::size_t Run::zones() const { return histograms_of(file_->reader->zones()); }
 MapGrid Run::grid() const { return public_grid(record::map_grid_of(file_->reader->axes())); }
 
 Record Run::read(std::int64_t index) const {
-  // Read first: a run that is being recorded may get an axis with its next record.
+  // Reads the record before its axes, because a run that is being recorded may get an axis with its
+  // next record.
   const record::FusedRecord record = file_->reader->read(index);
   return Converter(*file_->reader)(record);
 }

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""A closed loop: follows a run while it is recorded, and labels the slots that follow each record
-by the range of its histogram's peak, so that the records are sorted when the run ends.
+"""Example of a closed loop. Follows a run while it is being recorded. After each record, labels
+the following slots "near" or "far" by the range of the record's histogram peak.
 
     echofuse-acquire run --out monday &
     python3 closed_loop.py monday
@@ -13,11 +13,11 @@ import echofuse
 import numpy as np
 
 NEAR_M = 3.5
-M_PER_PS = 299_792_458e-12 / 2  # two-way time
+M_PER_PS = 299_792_458e-12 / 2  # metres of range per picosecond of two-way time
 
 
 def label_of(record: echofuse.Record, centres_m: np.ndarray) -> str:
-    """Put your own decision here: a device, an alarm, a servo."""
+    """Returns "near" or "far". Replace this function to control a device, an alarm or a servo."""
     counts = record.spd.reshape(-1, len(centres_m)).sum(0)
     return "near" if centres_m[counts.argmax()] < NEAR_M else "far"
 
@@ -34,7 +34,7 @@ def main(path: str) -> None:
         if wanted != label:
             done = subprocess.run(["echofuse-acquire", "annotate", path, "--label", wanted])
             if done.returncode:
-                break  # the run has ended
+                break  # annotate fails when the run has ended
             label = wanted
 
 

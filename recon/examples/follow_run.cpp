@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Follows a run while it is recorded, and prints the depth in the centre of each map. Ends with the
-// run, or at Ctrl-C.
+// Follows a run while it is being recorded, and prints the depth at the centre of each map. Exits
+// at the end of the run or on Ctrl-C.
 //   g++ -std=c++20 follow_run.cpp $(pkg-config --static --cflags --libs echofuse) -o follow_run
 //   ./follow_run fused.safetensors monday
 #include <csignal>
@@ -19,8 +19,8 @@ void print(const echofuse::Record& record, const echofuse::DepthMap& map, std::s
     return;
   }
   const float depth_m = map.depth_m[side / 2 * side + side / 2];
-  std::printf("centre %.2f m", static_cast<double>(depth_m));
-  if (map.body) std::printf(", body at x %.2f m, z %.2f m", map.body->x_m, map.body->z_m);
+  std::printf("depth at the centre %.2f m", static_cast<double>(depth_m));
+  if (map.body) std::printf(", body at x = %.2f m, z = %.2f m", map.body->x_m, map.body->z_m);
   if (!map.out_of_distribution.empty()) std::printf(" (%s)", map.out_of_distribution.c_str());
   std::printf("\n");
 }

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""Reads a run and plots one record: mean histogram and profile of the run, and the record's own.
+"""Plots the histogram and the range profile of one record, with the means over the run.
 
     python3 read_and_plot.py monday 3 monday.pdf
 """
@@ -12,14 +12,14 @@ from matplotlib.figure import Figure
 
 
 def draw(run: echofuse.Run, row: int) -> Figure:
-    """One panel a sensor: the record's values and the run's mean."""
+    """Draws one panel per sensor with the data of the record and the mean over the run."""
     figure = Figure(figsize=(8, 3), layout="constrained")
     sensors = [name for name in ("spd", "radar") if name in run.axes]
     for ax, name in zip(np.atleast_1d(figure.subplots(1, len(sensors))), sensors):
         axis, values = run.axes[name], getattr(run, name)
-        values = values.reshape(len(run), -1, axis.count).sum(1)  # zones, if there are any
+        values = values.reshape(len(run), -1, axis.count).sum(1)  # sums the zones, if any
         ax.plot(axis.values, values[row], lw=.8, label=f"record {run.index[row]}")
-        ax.plot(axis.values, values[run.valid[name]].mean(0), lw=.8, label="mean of the run")
+        ax.plot(axis.values, values[run.valid[name]].mean(0), lw=.8, label="mean over the run")
         ax.set(xlabel=f"{name}, {axis.unit}", ylabel=axis.quantity, yscale="log")
         ax.legend()
     return figure

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Reads a run: prints for each record its label, the detector's clicks and where its histogram
-// peaks.
+// Prints the label, the number of clicks and the range of the histogram peak for each record of a
+// run.
 //   g++ -std=c++20 read_run.cpp $(pkg-config --static --cflags --libs echofuse) -o read_run
 //   ./read_run monday
 #include <algorithm>
@@ -26,7 +26,7 @@ void print(const echofuse::Run& run) {
     const long long clicks = std::accumulate(counts.begin(), counts.end(), 0LL);
     const auto bin = (std::ranges::max_element(counts) - counts.begin()) % time->count;
     const double two_way_ps = time->at(static_cast<double>(bin) + 0.5);
-    std::printf("%lld clicks, highest bin at %.2f m\n", clicks, two_way_ps * 299792458e-12 / 2);
+    std::printf("%lld clicks, histogram peak at %.2f m\n", clicks, two_way_ps * 299792458e-12 / 2);
     return true;
   });
 }

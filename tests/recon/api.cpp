@@ -117,7 +117,7 @@ TEST_CASE("the API refuses invalid files and values with a reason") {
   const Model model(trained(dir, "ridge"));
   const std::vector<float> power(24, 1);
   CHECK_THAT(error_of([&] { predict(model, std::vector<float>(29), power); }),
-             Catch::Contains("counts: 29 values; the model takes 30 finite values"));
+             Catch::Contains("counts: 29 values; the model expects 30 finite values"));
   const auto counts_with = [](float value) {
     std::vector<float> out(30, 5);
     out[7] = value;
@@ -126,9 +126,9 @@ TEST_CASE("the API refuses invalid files and values with a reason") {
   const std::pair<float, std::string> wrong[] = {{NAN, "nan"}, {INFINITY, "inf"}, {-1.0F, "-1"}};
   for (const auto& [value, text] : wrong)
     CHECK(error_of([&] { predict(model, counts_with(value), power); }) ==
-          "counts: value 7 is " + text + "; the model takes 30 finite values of at least 0");
+          "counts: value 7 is " + text + "; the model expects 30 finite values of at least 0");
   CHECK(error_of([&] { predict(model, counts_with(9), std::vector<float>(24, -INFINITY)); }) ==
-        "power: value 0 is -inf; the model takes 24 finite values");
+        "power: value 0 is -inf; the model expects 24 finite values");
   CHECK_THAT(error_of([&] { Run(dir / "train").read(80); }), Catch::Contains("no record 80"));
   CHECK(std::string(version()).find('.') != std::string::npos);
 }

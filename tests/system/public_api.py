@@ -57,7 +57,7 @@ class PublicApi(unittest.TestCase):
             cwd=self.dir)
         depth = np.nan_to_num(np.load(self.dir / "maps/thresholded.npy"))[0]
         self.assertEqual(rows, ["".join(str(int(z) % 10) if z > 0 else "." for z in row) for row in depth])
-        self.assertRegex(last, r"^body: x -?\d\.\d\d m, z \d\.\d\d m, within \d\.\d\d m$")
+        self.assertRegex(last, r"^body at x = -?\d\.\d\d m, z = \d\.\d\d m, 90 % interval of x \+- \d\.\d\d m$")
 
     def test_pkg_config_programs_read_and_follow_runs(self):
         flags = self.flags()
@@ -67,10 +67,10 @@ class PublicApi(unittest.TestCase):
         said = run(self.dir / "read_run", "scenes", cwd=self.dir).splitlines()
         self.assertRegex(said[0], r"^scenes: complete, 80 records of \d+ s$")
         self.assertEqual(len(said), 81)
-        self.assertRegex(said[1], r"^record 0 person: \d{3,} clicks, highest bin at \d\.\d\d m$")
+        self.assertRegex(said[1], r"^record 0 person: \d{3,} clicks, histogram peak at \d\.\d\d m$")
         said = run(self.dir / "follow_run", "m.safetensors", "scenes", cwd=self.dir).splitlines()
         self.assertEqual(len(said), 80)
-        self.assertRegex(said[0], r"^record 0: centre \d\.\d\d m, body at x -?\d\.\d\d m, z \d\.\d\d m")
+        self.assertRegex(said[0], r"^record 0: depth at the centre \d\.\d\d m, body at x = -?\d\.\d\d m, z = \d\.\d\d m")
         shutil.copy(self.dir / "scenes.sqlite", self.dir / "damaged.sqlite")
         with sqlite3.connect(self.dir / "damaged.sqlite") as damaged:
             damaged.execute("UPDATE record SET spd = x'00' WHERE idx = 3")

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Predicts the map of one record inside another program, and prints it: a digit is the depth in m.
+// Predicts the depth map of one record. Prints the depth of each pixel as one digit, in whole m.
 //   ./predict fused.safetensors monday 0
 #include <cstdio>
 #include <cstdlib>
@@ -20,9 +20,9 @@ int main(int count, char** words) try {
     }
     std::putchar('\n');
   }
-  if (map.body) std::printf("body: x %.2f m, z %.2f m", map.body->x_m, map.body->z_m);
+  if (map.body) std::printf("body at x = %.2f m, z = %.2f m", map.body->x_m, map.body->z_m);
   if (map.body && map.body->lateral_interval_90_m)
-    std::printf(", within %.2f m", *map.body->lateral_interval_90_m);
+    std::printf(", 90 %% interval of x +- %.2f m", *map.body->lateral_interval_90_m);
   std::printf("%s\n", map.body ? "" : "no body");
   return 0;
 } catch (const std::exception& error) {

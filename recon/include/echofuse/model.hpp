@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 /// @file
-/// Model file: what `echofuse-recon train` writes.
+/// Reads model files written by `echofuse-recon train`.
 #pragma once
 #include <cstddef>
 #include <memory>
@@ -10,28 +10,29 @@
 
 namespace echofuse {
 
-/// A trained model. It does not change; copies share its weights. Threading: any number of threads
-/// may use one model.
+/// A trained model. It is immutable, and its copies share the weights. Threading: any number of
+/// threads may use one model.
 class Model {
  public:
-  /// Loads a model file. Throws std::runtime_error that names the file and the fault: missing,
-  /// damaged, or of another format.
+  /// Loads a model file. Throws std::runtime_error with the file name and the fault if the file is
+  /// missing, damaged or of another format.
   explicit Model(const std::string& path);
 
-  /// Returns the kind of the model, as `factorised-16`.
+  /// Returns the name of the model, e.g. `factorised-16`.
   const std::string& name() const;
-  /// Returns the sensors that it takes: `fused`, `fused-profile` (the radar without its antennas),
-  /// `spd` or `radar`.
+  /// Returns the sensors that the model uses: `fused`, `fused-profile` (the radar's range profile
+  /// without antenna samples), `spd` or `radar`.
   const std::string& inputs() const;
-  /// Returns true if the model states the errors of its maps.
+  /// Returns true if the model estimates the errors of its maps.
   bool calibrated() const;
-  /// Returns the bins of the histogram; count 0 if the model takes no detector.
+  /// Returns the axis of the histogram bins; its count is 0 if the model does not use the detector.
   RunAxis spd_axis() const;
-  /// Returns the points of the range profile; count 0 if the model takes no radar.
+  /// Returns the axis of the range profile; its count is 0 if the model does not use the radar.
   RunAxis radar_axis() const;
-  /// Returns the number of histograms in a record: 1 for a single pixel, or for the sum of zones.
+  /// Returns the number of histograms that the model expects per record: one per zone, or 1 for a
+  /// single pixel or for the sum over the zones.
   std::size_t zones() const;
-  /// Returns the grid of its maps.
+  /// Returns the pixel grid of the model's depth maps.
   MapGrid grid() const;
 
  private:

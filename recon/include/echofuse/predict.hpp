@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 /// @file
-/// Depth map of a record, with its error.
+/// Predicts the depth map of a record and estimates its errors.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -13,40 +13,40 @@
 
 namespace echofuse {
 
-/// Body that a map shows.
+/// Position of the body in a depth map.
 struct Body {
-  double x_m = 0;  ///< to the right of the detector, m
-  double z_m = 0;  ///< distance from the detector's plane, m
-  /// Radius that contains the body in 90 % of the records like the training, m. Empty if the model
-  /// states no errors, or if the record is unlike the training.
+  double x_m = 0;  ///< lateral position, m; positive to the right of the detector
+  double z_m = 0;  ///< distance from the detector plane, m
+  /// Half-width of the 90 % interval of x_m, m, for records that resemble the training data. Empty
+  /// if the model does not estimate errors, or if the record is out of distribution.
   std::optional<double> lateral_interval_90_m;
 };
 
-/// Prediction for one record.
+/// Depth map predicted for one record.
 struct DepthMap {
-  /// Depth z in m on Model::grid(), row-major; 0: no return. The body is cut out of the background.
-  /// Empty with a fault.
+  /// Depth z of each pixel on Model::grid(), m, row-major; 0: no return. Each pixel contains
+  /// the depth of either the body or the background. Empty if `fault` is set.
   std::vector<float> depth_m;
-  /// Standard deviation of each pixel, m. Empty if the model states no errors.
+  /// Standard deviation of each pixel's depth, m. Empty if the model does not estimate errors.
   std::vector<float> deviation_m;
-  std::optional<Body> body;         ///< empty if the map shows none
-  std::string fault;                ///< reason without a map, such as `radar missing`; else empty
-  std::string note;                 ///< which sensor the map was made without; usually empty
-  std::string doubt;                ///< verdict of a doubtful sensor, as `SPD weak`
-  std::string out_of_distribution;  ///< why the record is unlike the training; usually empty
+  std::optional<Body> body;  ///< empty if the map contains no body
+  std::string fault;         ///< reason for a missing map, e.g. `radar missing`; otherwise empty
+  std::string note;          ///< missing sensor data, e.g. `radar lost: SPD alone`; usually empty
+  std::string doubt;  ///< verdict of a sensor with doubtful data, e.g. `SPD weak`; otherwise empty
+  std::string out_of_distribution;  ///< difference from the training data; usually empty
 };
 
-/// Predicts the map of the run's record with this number, as `echofuse-recon reconstruct` does:
-/// ranges are corrected by the run's calibration, counts for pile-up. A record that cannot be used
-/// has a `fault`. Throws std::runtime_error if the run's axes are not the model's. Threading: as
-/// Run.
+/// Predicts the map of record `index`, like `echofuse-recon reconstruct`. Corrects the ranges by
+/// the run's calibration, and the counts for pile-up. Sets `fault` if the record cannot be used.
+/// Throws std::runtime_error if the axes of run and model differ. Threading: like Run.
 DepthMap predict(const Model& model, const Run& run, std::int64_t index);
 
-/// Predicts a map from values of another source, at true ranges: `counts` as
-/// [Model::zones()][Model::spd_axis().count] detections, `power` as Model::radar_axis().count
-/// linear powers. Either may be empty: then a model of the other sensor answers, or the map has a
-/// `fault`. Throws std::runtime_error for another size, a value that is not finite, or a negative
-/// count; power is negative where noise was subtracted. Threading: any thread.
+/// Predicts a map from values that do not come from a run. `counts`: detections as
+/// [Model::zones()][Model::spd_axis().count]. `power`: Model::radar_axis().count linear powers;
+/// negative values are accepted, because noise may have been subtracted. Ranges must be free of
+/// bias. If `counts` or `power` is empty, an estimator for the other sensor is used if the model
+/// has one; otherwise `fault` is set. Throws std::runtime_error if the number of values is wrong, a
+/// value is not finite, or a count is negative. Threading: any thread.
 DepthMap predict(const Model& model, std::span<const float> counts, std::span<const float> power);
 
 }  // namespace echofuse

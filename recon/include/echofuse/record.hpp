@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 /// @file
-/// Record of a run: what the detector (SPD), the radar and the depth camera measured in one slot.
+/// Record of a run: data of the detector (SPD), the radar and the depth camera from one slot.
 #pragma once
 #include <chrono>
 #include <cstddef>
@@ -10,56 +10,58 @@
 #include <string>
 #include <utility>
 
-/// Reads runs of echofuse and predicts depth maps of their records.
+/// Reads runs of echofuse and predicts a depth map for each record.
 namespace echofuse {
 
-/// Positions of values along one side of a table.
+/// Evenly spaced coordinates along one dimension of a data table.
 struct RunAxis {
-  std::string name;         ///< `spd`, `radar`, `depth_x` or `depth_y`
-  std::string quantity;     ///< kind of the values: `counts`, `power`, `tangent`
-  std::string unit;         ///< unit of the positions: `ps` (two-way time), `m` (range) or `1`
-  std::uint32_t count = 0;  ///< number of values; 0: the run lacks this axis
-  double start = 0;         ///< position of value 0, in `unit`
-  double step = 0;          ///< distance of two values, in `unit`
+  std::string name;      ///< `spd`, `radar`, `depth_x` or `depth_y`
+  std::string quantity;  ///< quantity of the values: `counts`, `power` or `tangent`
+  std::string unit;  ///< unit of the coordinates: `ps` (two-way time), `m` (range) or `1` (tangent)
+  std::uint32_t count = 0;  ///< number of values; 0 if the run does not have this axis
+  double start = 0;         ///< coordinate of value 0, in `unit`
+  double step = 0;          ///< spacing between two values, in `unit`
 
-  /// Returns the position of value `i`. A bin of the histogram covers [at(i), at(i + 1)).
+  /// Returns the coordinate of value `i`, in `unit`. Bin i of the histogram extends from at(i)
+  /// to at(i + 1).
   double at(double i) const { return start + i * step; }
 };
 
-/// Grid of depth maps: `size` x `size` pixels, row after row from the top left.
+/// Grid of depth maps with `size` x `size` pixels, row-major from the top left.
 struct MapGrid {
-  std::uint32_t size = 0;   ///< pixels of a side
-  double half_tangent = 0;  ///< x/z and y/z of the outer edges
-  double far_m = 0;         ///< greatest depth, m
+  std::uint32_t size = 0;   ///< number of pixels per side
+  double half_tangent = 0;  ///< |x/z| and |y/z| at the outer edges
+  double far_m = 0;         ///< maximum depth, m
 
   /// Returns the number of pixels.
   std::size_t pixels() const { return std::size_t{size} * size; }
-  /// Returns the tangent x/z of a column's centre; x points to the right.
+  /// Returns the tangent x/z at the centre of a column; x points to the right.
   double x(std::size_t column) const {
     return (2.0 * double(column) + 1 - size) / size * half_tangent;
   }
-  /// Returns the tangent y/z of a row's centre; y points up.
+  /// Returns the tangent y/z at the centre of a row; y points up.
   double y(std::size_t row) const { return -x(row); }
 };
 
-/// State of one sensor in a record.
+/// State of one sensor during one record.
 struct SensorReport {
-  bool valid = false;      ///< true: the record has values of the sensor
-  std::string verdict;     ///< `ok`, or why the values are missing or doubtful
-  std::uint64_t used = 0;  ///< clicks of the detector, or frames
-  std::uint64_t lost = 0;  ///< tags or frames known to be missing
+  bool valid = false;      ///< true if the record contains data of this sensor
+  std::string verdict;     ///< `ok`, or why the data are missing or doubtful
+  std::uint64_t used = 0;  ///< number of detector clicks, or of frames, in the record
+  std::uint64_t lost = 0;  ///< number of tags or frames known to be missing
 };
 
-/// One record. Copies share the values. Threading: any number of threads may read one record.
+/// One record of a run. Copies share the data. Threading: any number of threads may read one
+/// record.
 class Record {
  public:
-  /// Returns the record's number in its run.
+  /// Returns the index of the record in its run.
   std::int64_t index() const;
-  /// Returns the start of the slot, in ns since 1970-01-01T00:00:00Z.
+  /// Returns the start of the record's slot, in ns since 1970-01-01T00:00:00Z.
   std::chrono::nanoseconds start_utc() const;
-  /// Returns the length of the slot.
+  /// Returns the length of the record's slot.
   std::chrono::nanoseconds length() const;
-  /// Returns the operator's label; may be empty.
+  /// Returns the operator's label of this record; may be empty.
   const std::string& label() const;
 
   /// Returns the state of the single-photon detector.
@@ -69,14 +71,14 @@ class Record {
   /// Returns the state of the depth camera.
   SensorReport camera() const;
 
-  /// Returns detections as [Run::zones()][bins of the axis `spd`], as recorded: with background and
-  /// pile-up. Empty if the detector is missing.
+  /// Returns the number of detections as [Run::zones()][bins of axis `spd`]. Background counts and
+  /// pile-up are included. Empty if the detector data are missing.
   std::span<const std::uint32_t> counts() const;
-  /// Returns the linear power (arbitrary scale) at each point of the axis `radar`. Empty if the
-  /// radar is missing.
+  /// Returns the linear power at each point of axis `radar`, in arbitrary units. Empty if the radar
+  /// data are missing.
   std::span<const float> power() const;
-  /// Returns the camera's depth z in m on Run::grid(), row-major; 0: no return. Empty if the camera
-  /// is missing.
+  /// Returns the depth z measured by the camera on Run::grid(), m, row-major; 0: no return. Empty
+  /// if the camera data are missing.
   std::span<const float> depth_m() const;
 
  private:

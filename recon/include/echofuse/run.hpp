@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 /// @file
-/// Run file: opens a finished, live or crashed run, and follows one that is being recorded.
+/// Reads the file of a finished, live or crashed run, and follows a run that is being recorded.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -15,46 +15,49 @@
 
 namespace echofuse {
 
-/// Facts that a run states about itself.
+/// Description of a run that is stored in its file.
 struct RunFacts {
-  std::string uuid;         ///< identity of the run, whatever its file is called
-  std::string started_utc;  ///< ISO 8601
-  std::string ended_utc;    ///< ISO 8601; empty unless the run is closed
-  std::string status;       ///< `open`, `complete`, `crashed`, or `stopped:` and the reason
-  std::string notes;        ///< text of the operator; may be empty
-  double window_s = 0;      ///< length of a slot, s
-  std::vector<std::pair<std::string, std::string>> meta;  ///< names and values of `run --meta`
+  std::string uuid;         ///< unique identifier of the run, independent of the file name
+  std::string started_utc;  ///< start time, ISO 8601
+  std::string ended_utc;    ///< end time, ISO 8601; empty unless the run is closed
+  std::string status;       ///< `open`, `complete`, `crashed`, or `stopped:` followed by the reason
+  std::string notes;        ///< the operator's notes on the run; may be empty
+  double window_s = 0;      ///< length of each slot, s
+  /// Names and values given by `run --meta`.
+  std::vector<std::pair<std::string, std::string>> meta;
 };
 
-/// Called with the number of a damaged record and its fault.
+/// Callback for a damaged record. Receives its index and a description of the fault.
 using OnDamaged = std::function<void(std::int64_t, const std::string&)>;
 
-/// A run file, read only. Every member throws std::runtime_error with one line that names the file
-/// and the fault. Threading: one thread at a time; each thread may open the file for itself.
+/// A run file, opened read-only. Every member throws std::runtime_error with a one-line message
+/// that contains the file name and the fault. Threading: a Run may be used by one thread at a time;
+/// each thread may open its own Run of the same file.
 class Run {
  public:
-  /// Opens the run at `path`; the ending `.sqlite` may be left out. Throws if the file is missing,
-  /// damaged, or no run of this version's format.
+  /// Opens the run at `path`; the extension `.sqlite` is optional. Throws if the file is missing,
+  /// damaged, or not a run in the format of this version.
   explicit Run(const std::string& path);
 
-  /// Returns the path as it was given.
+  /// Returns the path that was passed to the constructor.
   const std::string& path() const;
-  /// Returns the facts that the run states about itself.
+  /// Returns the description of the run that is stored in its file.
   RunFacts facts() const;
-  /// Returns the number of records, which grows while the run is recorded.
+  /// Returns the number of records, which increases while the run is being recorded.
   std::int64_t count() const;
-  /// Returns the axis of this name: `spd`, `radar`, `depth_x` or `depth_y`; empty if the run has no
-  /// such values.
+  /// Returns the axis of this name: `spd`, `radar`, `depth_x` or `depth_y`. Empty if the run does
+  /// not have this axis.
   std::optional<RunAxis> axis(const std::string& name) const;
-  /// Returns the number of the detector's histograms in a record: 1 for a single pixel.
+  /// Returns the number of histograms per record: one per detector zone, 1 for a single pixel.
   std::size_t zones() const;
   /// Returns the grid of the run's depth maps.
   MapGrid grid() const;
 
-  /// Returns the record with this number. Throws if it does not exist or is damaged.
+  /// Returns the record with this index. Throws if the record does not exist or is damaged.
   Record read(std::int64_t index) const;
-  /// Calls `visit` with each record from number `first` on, in order, until it returns false. Calls
-  /// `on_damaged` instead for a damaged record and goes on; without it, throws.
+  /// Calls `visit` for each record in order, from index `first` on, until `visit` returns false.
+  /// Calls `on_damaged` for each damaged record and continues; throws instead if `on_damaged` is
+  /// empty.
   void for_each(const std::function<bool(const Record&)>& visit, std::int64_t first = 0,
                 const OnDamaged& on_damaged = {}) const;
 
@@ -65,11 +68,11 @@ class Run {
   std::shared_ptr<const File> file_;
 };
 
-/// Calls `visit` with each record of a run that is being recorded, from number `first` on, as they
-/// come. Returns when the run is closed, `visit` returns false, or `go_on`, called at least every
-/// 20 ms between records, returns false. The run is opened again for each poll, so that the
-/// recorder can close it; a Run must not be kept after `visit`. `on_damaged`: as in Run::for_each.
-/// Throws as Run does.
+/// Calls `visit` for each record of a run that is being recorded, from index `first` on, when it
+/// has been written. Returns when the run is closed, or when `visit` or `go_on` returns false.
+/// Calls `go_on` at least every 20 ms while it waits for a record. Opens the run again for each
+/// poll, so that the recorder can close it; do not keep the Run after `visit` returns. Handles
+/// damaged records like Run::for_each. Throws like Run.
 void follow(const std::string& path, const std::function<bool(const Run&, const Record&)>& visit,
             std::int64_t first = 0, const std::function<bool()>& go_on = {},
             const OnDamaged& on_damaged = {});

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: MIT
 /// @file
-/// Versions of the interface and of the library.
+/// Version numbers of the interface and of the library.
 #pragma once
 
 namespace echofuse {
 
-/// Version of these headers. It rises when a program must be changed to build with them.
+/// Version of the interface in these headers. It increases when programs that use the headers must
+/// be changed.
 inline constexpr int api_version = 0;
 
-/// Returns the version of the linked library, as `0.3.0`.
+/// Returns the version of the linked library, e.g. `0.3.0`.
 const char* version();
 
 }  // namespace echofuse
