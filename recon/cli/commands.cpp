@@ -46,7 +46,8 @@ void add_model_and_run(CLI::App& app, std::string& model, std::string& run) {
   app.add_option("run", run, "run file")->type_name("RUN")->required();
 }
 
-// Prints notes on records to stderr: immediately while following, otherwise after the progress bar.
+// Prints notes on records to stderr. Prints each note at once in follow mode, otherwise all of them
+// after the progress bar.
 class ReconstructReport {
  public:
   ReconstructReport(std::string run, bool follow, bool quiet)
@@ -67,9 +68,10 @@ class ReconstructReport {
                    static_cast<long long>(r.index),
                    r.uncertainty->out_of_distribution.text().c_str());
     if (follow_ && r.after_slot_s && !quiet_)
-      std::fprintf(stderr,
-                   "record %lld: map %.3f s after the end of its slot, %.1f ms after its reading\n",
-                   static_cast<long long>(r.index), *r.after_slot_s, *r.after_reading_s * 1e3);
+      std::fprintf(
+          stderr,
+          "record %lld: map ready %.3f s after the end of the slot, %.1f ms after it was read\n",
+          static_cast<long long>(r.index), *r.after_slot_s, *r.after_reading_s * 1e3);
   }
 
   void finish(const std::string& out) {
@@ -79,19 +81,19 @@ class ReconstructReport {
       if (alike.at(r.fault.empty() ? r.note : r.fault).size() < many_alike) report(r);
     for (const auto& [text, of] : alike)
       if (of.size() >= many_alike)
-        std::fprintf(stderr, "%s: %zu records from %lld to %lld: %s\n", printable(run_).c_str(),
+        std::fprintf(stderr, "%s: %zu records between %lld and %lld: %s\n", printable(run_).c_str(),
                      of.size(), static_cast<long long>(of.front()->index),
                      static_cast<long long>(of.back()->index), printable(text).c_str());
     if (quiet_) return;
     std::fprintf(stderr, "%s: %zu records reconstructed, %zu left out", printable(out).c_str(),
                  good_, left_out_);
     for (const auto& [note, count] : notes_)
-      std::fprintf(stderr, "; %zu with %s", count, note.c_str());
+      std::fprintf(stderr, "; %zu with a fallback model (%s)", count, note.c_str());
     for (const auto& [doubt, count] : doubts_)
       std::fprintf(stderr, "; %zu with doubtful data: %s", count, doubt.c_str());
     std::sort(after_slot_s_.begin(), after_slot_s_.end());
     if (!after_slot_s_.empty())
-      std::fprintf(stderr, "; maps %.3f s after the end of their slots (median; maximum %.3f s)",
+      std::fprintf(stderr, "; maps ready %.3f s after the end of the slot (median; maximum %.3f s)",
                    after_slot_s_[after_slot_s_.size() / 2], after_slot_s_.back());
     std::fputc('\n', stderr);
     if (!reasons_.empty()) list_reasons();
@@ -113,13 +115,15 @@ class ReconstructReport {
                  static_cast<long long>(r.index),
                  printable(r.fault.empty() ? r.note : r.fault).c_str());
   }
-  static constexpr std::size_t many_alike = 10;  // later lines are only counted
+  // From this number on, notes with the same text are printed as one line with their count.
+  static constexpr std::size_t many_alike = 10;
   std::string run_;
   bool follow_, quiet_;
   std::size_t good_ = 0, left_out_ = 0;
   std::vector<RecordStatus> faults_;
   std::vector<double> after_slot_s_;
-  std::map<std::string, std::size_t> notes_, doubts_, reasons_;  // records per text
+  // Number of records for each text.
+  std::map<std::string, std::size_t> notes_, doubts_, reasons_;
 };
 
 }  // namespace
@@ -131,7 +135,7 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
   add_model_and_run(app, a->model, a->run);
   app.add_option("--out", a->out, "folder for the maps")->type_name("FOLDER")->required();
-  app.add_option("--format", a->formats, "one or more of " + map_format_help())
+  app.add_option("--format", a->formats, "map formats, one or more of " + map_format_help())
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::IsMember(map_format_names()))
@@ -140,7 +144,8 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
   add_range_offset_option(app, a->range_offset_m);
   CLI::Option* const rows = app.add_option(
       "--rows", a->rows,
-      "records to reconstruct: indices such as 3,7, or test for the records that MODEL holds out");
+      "records to reconstruct: indices, e.g. 3,7, or test for the records held out when MODEL was "
+      "trained");
   app.add_flag("--follow", a->follow,
                "follow a run in progress: reconstruct new records until it is closed")
       ->excludes(rows);

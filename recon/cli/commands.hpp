@@ -15,7 +15,7 @@ class App;
 namespace echofuse::recon {
 
 struct Common {
-  int threads = 0;  // threads of the matrix product; 0: one per core
+  int threads = 0;  // threads of the matrix product; 0 = one per core
   bool quiet = false;
 };
 
@@ -27,10 +27,11 @@ Command add_rows(CLI::App& app, const Common& common);
 Command add_compare(CLI::App& app, const Common& common);
 Command add_reconstruct(CLI::App& app, const Common& common);
 
-// Options of several commands.
+// Options that several subcommands share.
 void add_range_offset_option(CLI::App& app, double& offset_m);
 void add_empty_option(CLI::App& app, std::string& path);
-// Reads a model and, if `empty` is not empty, adapts it to that room; prints notes on stderr.
+// Loads a model and prints notes on it to stderr. If `empty` is not an empty string, adapts the
+// model to the empty room recorded in that run.
 TrainedModel model_for_room(const std::string& path, const std::string& empty,
                             double range_offset_m);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// `compare`: intervals of scores over records, and paired differences, from a table of records.
+// `compare`: prints confidence intervals and paired differences of the scores in a CSV table.
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
@@ -24,7 +24,7 @@ std::vector<MapScores> all_of(const NamedScores& one) {
   return out;
 }
 
-// Gains of `one` over the first in the records that both have.
+// Returns the gains of method `one` over method `first`, for the records that both methods contain.
 std::vector<PairedDifference> differences_of(const NamedScores& first, const NamedScores& one) {
   std::vector<MapScores> a, b;
   for (const auto& [index, scores] : one.of_record)
@@ -68,7 +68,7 @@ std::string text_of(const std::vector<NamedScores>& all) {
     if (&one == &all[0]) continue;
     for (const PairedDifference& d : differences_of(all[0], one))
       if (d.metric == metric_iou || d.metric == metric_lateral_m)
-        out += formatted("%s against %s: %s better by %s\n", one.name.c_str(), all[0].name.c_str(),
+        out += formatted("%s vs %s: %s better by %s\n", one.name.c_str(), all[0].name.c_str(),
                          metric_names[d.metric], interval_text(d).c_str());
   }
   return out;
@@ -82,9 +82,9 @@ Command add_compare(CLI::App& app, const Common&) {
     bool json = false;
   };
   const auto a = std::make_shared<Arguments>();
-  app.add_option(
-         "table", a->table,
-         "CSV table written by evaluate --per-record; each model is compared with the first one")
+  app.add_option("table", a->table,
+                 "CSV table written by evaluate --per-record; the first model is compared with "
+                 "each other model")
       ->type_name("TABLE")
       ->required();
   app.add_flag("--json", a->json, "print JSON instead of text");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// `evaluate`: scores models, and maps written by any program.
+// `evaluate`: scores models, and depth maps made by other programs.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -30,13 +30,14 @@ namespace echofuse::recon {
 namespace {
 
 struct Arguments {
-  std::vector<std::string> files, maps, train;  // model files and, last, the run
+  std::vector<std::string> files, maps, train;  // `files`: model files, followed by the run file
   std::string empty, per_record, rows;
   double range_offset_m = 0;
   bool all = false, json = false;
 };
 
-// Scores of one method on these rows of the data; `stated` is for models with an uncertainty.
+// Scores of one method for the records in `rows`. `stated` contains the estimated errors; empty if
+// the method does not estimate any.
 struct MethodScores {
   std::string name;
   Rows rows;
@@ -49,7 +50,8 @@ void put(nlohmann::json json) {
   std::puts(json.dump(2, ' ', true, nlohmann::json::error_handler_t::replace).c_str());
 }
 
-// Returns range and x (m) of the foreground in a true map.
+// Returns the mean depth and the mean x of the foreground in a true depth map, m, as two CSV
+// fields.
 std::string place_of(std::span<const float> truth, const SceneModel& scene) {
   const Axis x = scene.grid.x();
   double range_m = 0, side_m = 0, pixels = 0;
@@ -61,7 +63,7 @@ std::string place_of(std::span<const float> truth, const SceneModel& scene) {
   return pixels > 0 ? formatted("%.9g,%.9g", range_m / pixels, side_m / pixels) : ",";
 }
 
-// Writes one line per method and record.
+// Writes a CSV table with one line per method and record.
 void write_records(const std::string& path, const Dataset& data, const SceneModel& scene,
                    const std::vector<MethodScores>& all) {
   std::string out = "record,label,name";
@@ -85,13 +87,13 @@ void write_records(const std::string& path, const Dataset& data, const SceneMode
   write_file(path, Bytes(out.begin(), out.end()));
 }
 
-// Compares method k with the first one; returns nothing if their records differ.
+// Compares method k with the first method. Returns an empty list if their records differ.
 std::vector<PairedDifference> differences_of(const std::vector<MethodScores>& all, std::size_t k) {
   if (all[k].rows != all[0].rows) return {};
   return paired_differences(all[0].scores, all[k].scores);
 }
 
-// Prints differences of the other rows to the first, with intervals of 95 %.
+// Describes how much each method is better than the first one, with 95 % intervals.
 std::string paired_text(const std::vector<MethodScores>& all) {
   std::string out;
   for (std::size_t k = 1; k < all.size(); ++k)
@@ -112,7 +114,8 @@ nlohmann::json paired_json(const std::vector<MethodScores>& all) {
   return out;
 }
 
-// Sensors needed by any of these models; none for constant maps.
+// Returns the sensors that at least one of these models needs. Empty if all models return a
+// constant map.
 std::optional<Inputs> asked_by(const std::vector<TrainedModel>& models) {
   std::optional<Inputs> out;
   for (const TrainedModel& model : models)
@@ -121,7 +124,7 @@ std::optional<Inputs> asked_by(const std::vector<TrainedModel>& models) {
   return out;
 }
 
-// CRC-32C of the tables, as for a training (Dataset::hash).
+// Returns the CRC-32C of the tables, computed as in training (Dataset::hash).
 std::uint32_t crc32c_of(const Dataset& data) {
   std::uint32_t out = 0;
   for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array, &data.zone_spd})
@@ -131,7 +134,8 @@ std::uint32_t crc32c_of(const Dataset& data) {
   return out;
 }
 
-// The models among the arguments; the last one is the run.
+// Loads all models named in the arguments, and adapts them to the empty room. The last argument is
+// the run.
 std::vector<TrainedModel> models_for_room(const Arguments& a) {
   std::vector<TrainedModel> out;
   for (std::size_t k = 0; k + 1 < a.files.size(); ++k)
@@ -155,7 +159,7 @@ void print_evaluations(const std::vector<Evaluation>& all, const std::vector<Met
   print(printable_lines(text + paired_text(scored)));
 }
 
-// Evaluates several models on the records that have all sensors of all models.
+// Evaluates several models on the records that contain the sensors of all these models.
 ExitCode evaluate_models(const Arguments& a, const Common& common) {
   const std::string& run = a.files.back();
   const std::size_t count = a.files.size() - 1;
@@ -186,12 +190,14 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
     std::erase_if(rows,
                   [&](auto row) { return asked && !records.data.fault_of(row, *asked).empty(); });
     if (rows.empty())
-      throw Error(ExitCode::failed, run + ": no record with depth has all sensors of these models");
+      throw Error(
+          ExitCode::failed,
+          run + ": no record contains a depth map and data of all sensors that these models use");
     const std::string name = std::filesystem::path(a.files[k]).stem().string();
     if (!scoring) scoring = scoring_scene(model, records.data);
     Evaluation e = evaluate(model, records, rows, title("scoring " + name), scoring);
     if (const std::size_t lacking = whole.size() - rows.size(); lacking > 0)
-      e.left_out += lacking, e.faults["a sensor of another model missing"] += lacking;
+      e.left_out += lacking, e.faults["missing sensor of another model"] += lacking;
     if (k == 0)
       e.baselines = score_baselines(data, rows, scoring->scene, trained_on,
                                     a.train.empty() ? model.rows_of(trained_on, Subset::train)
@@ -208,7 +214,7 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
   return ExitCode::ok;
 }
 
-// Returns warnings about depth maps that contradict the sensors.
+// Returns warnings about true depth maps that contradict the sensor data.
 std::vector<std::string> notes_on_truth(const Dataset& data, const std::vector<ScoredRow>& scored) {
   std::vector<std::string> out{late_truth(data)};
   for (const ScoredRow& row : scored)
@@ -218,8 +224,8 @@ std::vector<std::string> notes_on_truth(const Dataset& data, const std::vector<S
   return out;
 }
 
-// Marks the rows excluded by --rows: rows outside the test part of the default split, or records
-// that no records.csv lists.
+// Marks the records excluded by --rows. With `test` these are the records outside the test part of
+// the default split, with `listed` those missing in every records.csv.
 void leave_out_unasked(const std::string& asked, const std::vector<WrittenMaps>& folders,
                        const Dataset& data, std::vector<std::string>& left_out) {
   if (asked.empty()) return;
@@ -237,10 +243,10 @@ void leave_out_unasked(const std::string& asked, const std::vector<WrittenMaps>&
     }
   }
   for (std::size_t row = 0; row < left_out.size(); ++row)
-    if (!wanted.contains(data.index[row])) left_out[row] = "not asked for by --rows";
+    if (!wanted.contains(data.index[row])) left_out[row] = "excluded by --rows";
 }
 
-// Why each row is not scored; empty if it is.
+// Returns the reason why each record is not scored; empty if the record is scored.
 std::vector<std::string> reasons_left_out(const Arguments& a,
                                           const std::vector<WrittenMaps>& written,
                                           const Dataset& data,
@@ -256,11 +262,11 @@ std::vector<std::string> reasons_left_out(const Arguments& a,
   return out;
 }
 
-// The maps of folders and models on the same rows, folders first.
+// Scores of folders and models on the same records. Folders come before models.
 struct ScoredMaps {
   std::vector<MethodScores> all;
-  std::vector<std::size_t> answered;  // records with a map, by folder
-  std::string unanswered;             // lines about folders without all maps
+  std::vector<std::size_t> answered;  // number of records that have a map, per folder
+  std::string unanswered;             // messages about folders that lack maps
 };
 
 void add_folder(ScoredMaps& out, const WrittenMaps& maps, const Dataset& data, const Rows& rows,
@@ -268,7 +274,7 @@ void add_folder(ScoredMaps& out, const WrittenMaps& maps, const Dataset& data, c
   out.answered.push_back(count_maps(maps, data, rows));
   if (out.answered.back() < rows.size())
     out.unanswered +=
-        formatted("%s: %zu of %zu records have a map; the others count as an empty map\n",
+        formatted("%s: %zu of %zu records have a map; the others are scored as empty maps\n",
                   maps.name.c_str(), out.answered.back(), rows.size());
   out.all.push_back({maps.name, rows,
                      score_maps(maps_of(maps, data, rows, scene.background), data, rows, scene)});
@@ -285,8 +291,8 @@ nlohmann::json maps_json(const ScoredMaps& maps, const std::vector<ScoredRow>& s
   return out;
 }
 
-// Evaluates folders of maps, and models. A record without a map in a folder counts as an empty map
-// there.
+// Evaluates folders of maps together with models. If a folder has no map for a record, the empty
+// room is scored in its place.
 ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   const auto title = [&](const char* text) { return common.quiet || a.json ? "" : text; };
   const std::string& run = a.files.back();
@@ -327,8 +333,8 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   std::vector<ScoredRow> scored;
   for (const MethodScores& one : maps.all) scored.push_back({one.name, summarise(one.scores)});
   std::string note = a.train.empty() && models.empty()
-                         ? "foreground and background come from this run's maps; "
-                           "--train RUN overrides them"
+                         ? "foreground and background are learnt from the depth maps of this run; "
+                           "--train RUN uses those of RUN"
                          : scoring.note;
   for (const std::string& line : notes_on_truth(data, scored))
     note += (note.empty() ? "" : "\n") + line;
@@ -353,7 +359,7 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
 Command add_evaluate(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
   app.add_option("files", a->files,
-                 "model files (the others are compared with the first), then the run file")
+                 "model files, then the run file; each model is compared with the first one")
       ->type_name("MODEL ... RUN")
       ->required();
   app.add_option("--maps", a->maps,
@@ -362,9 +368,10 @@ Command add_evaluate(CLI::App& app, const Common& common) {
       ->type_name("FOLDER")
       ->allow_extra_args(false);
   app.add_flag("--all", a->all, "also score records that the model was trained on");
-  app.add_option("--train", a->train,
-                 "training runs; they separate foreground from background and provide the data of "
-                 "the nearest-neighbour baseline")
+  app.add_option(
+         "--train", a->train,
+         "training runs; define foreground and background, and provide the neighbours of the "
+         "nearest-neighbour baseline")
       ->type_name("RUN")
       ->allow_extra_args(false);
   app.add_option("--rows", a->rows,
@@ -373,9 +380,8 @@ Command add_evaluate(CLI::App& app, const Common& common) {
       ->type_name("ROWS")
       ->check(CLI::IsMember({"test", "listed"}))
       ->needs("--maps");
-  app.add_option(
-         "--per-record", a->per_record,
-         "write the scores, true position and estimated error of each record to this CSV table")
+  app.add_option("--per-record", a->per_record,
+                 "write scores, true position and estimated error of each record to this CSV file")
       ->type_name("FILE");
   add_empty_option(app, a->empty);
   add_range_offset_option(app, a->range_offset_m);

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-// `rows`: lists the records for training, validation and test of a model, and why others are left
-// out.
+// `rows`: lists the training, validation and test records, and the reasons for excluding others.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
@@ -22,7 +21,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::array parts{"train", "validation", "test"};  // indices of Subset
+constexpr std::array parts{"train", "validation", "test"};  // in the order of enum Subset
 
 struct Arguments : TrainOptions {
   std::vector<std::string> runs, assignments;
@@ -30,7 +29,7 @@ struct Arguments : TrainOptions {
   bool json = false;
 };
 
-// One record of a run: its part, or why it is left out.
+// A record of a run with its part of the split, or the reason why it is excluded.
 struct ListedRow {
   std::string run;
   std::int64_t index = 0;
@@ -107,7 +106,9 @@ void list_json(const std::vector<ListedRow>& rows) {
 
 Command add_rows(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
-  app.add_option("run", a->runs, "run files, as for train")->type_name("RUN")->required();
+  app.add_option("run", a->runs, "run files, in the same order as for train")
+      ->type_name("RUN")
+      ->required();
   app.add_option(
          "--model", a->model_file,
          "list the records that this model was trained on, and those on which evaluate scores it")

@@ -27,7 +27,8 @@ struct Arguments : TrainOptions {
   std::string out, empty;
 };
 
-// CLI11 validator: returns an empty text for a valid model name, otherwise the error.
+// CLI11 validator. Returns an empty string if `text` is a valid model name, otherwise an error
+// message.
 std::string is_candidate(const std::string& text) {
   try {
     candidate_of(text, {});
@@ -37,11 +38,12 @@ std::string is_candidate(const std::string& text) {
   }
 }
 
-// Refuses options that the start model of --from already fixes.
+// Throws if --from is combined with options whose values are fixed by the start model.
 void check_from(const CLI::App& app, const std::vector<std::string>& assignments) {
   const auto refuse = [](const std::string& what) {
-    throw Error(ExitCode::usage,
-                what + " cannot be combined with --from: the start model fixes it");
+    throw Error(
+        ExitCode::usage,
+        what + " cannot be combined with --from, because the start model defines the value");
   };
   for (const char* option : {"--model", "--inputs", "--empty", "--epochs"})
     if (app.get_option(option)->count() > 0) refuse(option);
@@ -60,7 +62,8 @@ Dataset load_runs(const Arguments& a) {
 TrainedModel tune_model(const Arguments& a, bool test_share_given) {
   std::deque<TrainedModel> models;
   for (const std::string& path : a.from) models.push_back(load_model(path));
-  // Prepares the records for each start model.
+  // Converts the records for each start model separately, because the axes of the models may
+  // differ.
   const Dataset loaded = load_runs(a);
   Dataset own = loaded;
   bring_to_response(own, widest_response(own));
@@ -74,18 +77,18 @@ TrainedModel tune_model(const Arguments& a, bool test_share_given) {
   }
   TuneOptions options;
   options.split = a.split;
-  // With so few records all are used for tuning, because the cross-validation is a test already.
+  // No validation part is needed, because cross-validation selects the tuning. All records are then
+  // available for tuning.
   options.split.validation_share = 0;
   if (!test_share_given) options.split.test_share = 0;
   options.tuning.seed = a.fit.seed, options.quiet = a.fit.quiet;
   TunedModel tuned = tune(starts, options);
   if (!a.fit.quiet)
-    std::fprintf(
-        stderr, "%s%s%s%s", tuned.left_out.c_str(), tuned.left_out.empty() ? "" : "\n",
-        printable_lines(to_text(tuned)).c_str(),
-        tuned.model->uncertainty
-            ? ""
-            : "not calibrated: expected at least 50 records to estimate the errors of maps\n");
+    std::fprintf(stderr, "%s%s%s%s", tuned.left_out.c_str(), tuned.left_out.empty() ? "" : "\n",
+                 printable_lines(to_text(tuned)).c_str(),
+                 tuned.model->uncertainty ? ""
+                                          : "not calibrated: at least 50 records are needed to "
+                                            "estimate the errors of the maps\n");
   return std::move(tuned.model);
 }
 
@@ -106,7 +109,7 @@ Dataset load_to_train(Arguments& a, double radar_bin_m) {
   return data;
 }
 
-// Predicts one training record, like reconstruct.
+// Predicts the map of one training record, to check that the written model file works.
 void predict_one(const TrainedModel& model, const std::vector<std::string>& runs) {
   for (const std::string& run : runs) {
     const record::RunReader file(record::old_run(run));
@@ -136,15 +139,15 @@ ExitCode train_and_save(Arguments& a, const CLI::App& app, const Common& common)
   const auto trained =
       std::ranges::count(model.training.part, static_cast<std::uint8_t>(Subset::train));
   if (!tuning && trained < least_records)
-    std::fprintf(stderr, "%s: trained on only %td records; expected about a thousand\n",
+    std::fprintf(stderr, "%s: trained on only %td records; about 1000 are recommended\n",
                  a.out.c_str(), trained);
   if (!common.quiet)
-    std::fprintf(stderr, "%s: %s on %s, trained in %.1f s%s%s\n", a.out.c_str(),
+    std::fprintf(stderr, "%s: model %s, inputs %s, trained in %.1f s%s%s\n", a.out.c_str(),
                  model->name.c_str(), name_of(model->features.inputs).c_str(), model.train_s(),
                  model->log.best_epoch > 0 || model->log.loss.empty()
                      ? ""
                      : "; never better than the mean map",
-                 model->log.interrupted ? "; interrupted, the best epoch so far" : "");
+                 model->log.interrupted ? "; interrupted, saved the best epoch so far" : "");
   return model->log.interrupted ? ExitCode::interrupted : ExitCode::ok;
 }
 

@@ -38,21 +38,22 @@ void bind(Settings& settings, TrainSettings& s) {
   settings.add("gap", s.gap, 0, 1'000'000,
                "number of records to leave out between the parts of a blocked split");
   settings.add("radar_bin_m", s.radar_bin_m, 0, 3.5,
-               "radar bin width over 0 to 7 m, m, if antenna samples are not used (paper: 0.5); 0: "
-               "keep the recorded bins");
+               "width of the radar bins, m, for ranges of 0 to 7 m (paper: 0.5); not with antenna "
+               "samples; 0: keep the recorded bins");
   settings.add(
       "fallback", o.fallback,
-      "also train models for records without antennas or radar, in addition to the fused one");
+      "also train fallback models for records without antenna samples or without radar data");
   settings.add("any_response", o.any_response,
-               "accept runs with different radar responses if the runs do not state them (e.g. a "
-               "twin); runs with a much narrower response are then not converted");
-  settings.add("doubtful", o.doubtful,
-               "whether to use records with a weak, saturated or frozen sensor or a doubtful "
-               "camera: take, or leave (exclude)",
-               {"leave", "take"});
+               "accept training runs that do not state their radar response, even if the responses "
+               "differ (e.g. digital twins); much narrower responses are then not converted");
+  settings.add(
+      "doubtful", o.doubtful,
+      "records with a weak, saturated or frozen sensor or a doubtful camera: take (use them) "
+      "or leave (exclude them)",
+      {"leave", "take"});
   settings.add("lossy", o.lossy,
-               "whether to use records that lost more frames or pulses than signal.lossy_share "
-               "allows: take, or leave (exclude)",
+               "records that lost more frames or pulses than signal.lossy_share allows: take (use "
+               "them) or leave (exclude them)",
                {"take", "leave"});
   settings.add("candidates", s.candidates,
                "models that auto compares, e.g. mean,ridge; \"\": the default list");

@@ -16,20 +16,21 @@ namespace echofuse::recon {
 struct TrainSettings {
   explicit TrainSettings(TrainOptions& to) : options(to) {}
   TrainOptions& options;
-  // Values as entered.
+  // Values as entered by the user.
   std::string candidates;
   std::int64_t gap = 0;
   double radar_bin_m = 0;
   bool test_share_given = false;
 };
 
-// Options that define the training records: --inputs, --seed, --split, --set.
+// Adds the options that determine the training records and their split: --inputs, --seed, --split,
+// --set.
 void add_split_options(CLI::App& app, TrainOptions& options, std::vector<std::string>& assignments);
 void bind(Settings& settings, TrainSettings& s);
-// Lists every key with meaning, range and default, as TOML.
+// Returns all settings in TOML format, each with its meaning, range and default.
 std::string train_settings_help();
-// Accepts KEY=VALUE, or the name of a TOML file. Throws Error(config) with every fault, or
-// Error(usage) with the invalid item of a list.
+// Applies settings given as KEY=VALUE or as the name of a TOML file. Throws Error(config) with a
+// list of all faults. Throws Error(usage) if `candidates` contains an invalid model name.
 void take(const std::vector<std::string>& assignments, TrainSettings& s);
 
 }  // namespace echofuse::recon

@@ -15,7 +15,8 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::size_t least_records = 5;
-// Variance relative to photon noise, which is 1: a constant excess, and one per count.
+// Limits of the variance of counts divided by their Poisson variance: a constant, plus a part
+// proportional to the mean count.
 constexpr double most_scatter = 4, most_scatter_a_count = 0.002;
 
 std::vector<float> mean_of_rows(const Matrix& table, const Rows& rows) {
@@ -29,8 +30,8 @@ std::vector<float> less(const std::vector<float>& a, const std::vector<float>& b
   return out;
 }
 
-// Returns the correction of the radar's values for records of that room. `empty` is on the model's
-// axes.
+// Replaces the background of the model by the counts of the empty room. Returns the correction to
+// add to the radar values of records from that room. `empty` must be on the model's axes.
 EmptyRoom take(Estimator& model, const std::string& path, const Dataset& empty) {
   EmptyRoom now = empty_room_of(empty, path);
   if (model.features.radar_count() == 0) now.radar.clear();
@@ -39,8 +40,8 @@ EmptyRoom take(Estimator& model, const std::string& path, const Dataset& empty) 
   if (model.features.zones == 0) now.zone_spd.clear();
   if (model.features.array_count() > 0 && now.array.empty())
     throw Error(ExitCode::failed, printable(path) +
-                                      ": no antenna samples of the radar, which the model "
-                                      "needs; use a run with them");
+                                      ": no antenna samples of the radar, but the model "
+                                      "needs them; use a run that contains them");
   const std::vector<float> then = model.alignment.background();
   const auto radar_at = std::ssize(now.spd), array_at = radar_at + std::ssize(now.radar),
              zones_at = std::ssize(then) - std::ssize(now.zone_spd);
@@ -56,7 +57,8 @@ EmptyRoom take(Estimator& model, const std::string& path, const Dataset& empty) 
   return change;
 }
 
-// Variance of the counts relative to photon noise; the laser's power may drift.
+// Returns the variance of the counts divided by their Poisson variance. Scales the expected counts
+// of each record by its total, because the laser power may drift.
 double scatter(const Matrix& counts, const Rows& rows, const std::vector<float>& mean) {
   const double usual = std::accumulate(mean.begin(), mean.end(), 0.0);
   double sum = 0, terms = 0;
@@ -82,15 +84,14 @@ EmptyRoom empty_room_of(const Dataset& empty, const std::string& path) {
   std::map<std::string, std::size_t> reasons;
   for (std::size_t row = 0; row < empty.size(); ++row) {
     std::string why =
-        empty.has_inputs(row, all) ? empty.doubt_of(row, all, false) : "a sensor missing";
+        empty.has_inputs(row, all) ? empty.doubt_of(row, all, false) : "missing sensor";
     if (why.empty() && !empty.fault_of(row, all).empty()) why = dead_record;
     why.empty() ? rows.push_back(row) : void(++reasons[why]);
   }
   const std::string left_out = left_out_text(reasons, empty.size());
   if (rows.size() < least_records)
     throw Error(ExitCode::failed, printable(path) + ": " + std::to_string(rows.size()) +
-                                      " records have all sensors; expected at least 5 of the empty "
-                                      "room" +
+                                      " records have data of all sensors; expected at least 5" +
                                       (left_out.empty() ? "" : "; " + left_out));
   EmptyRoom out{mean_of_rows(empty.spd, rows), mean_of_rows(empty.radar, rows),
                 mean_of_rows(empty.array, rows), mean_of_rows(empty.zone_spd, rows),
@@ -99,9 +100,10 @@ EmptyRoom empty_room_of(const Dataset& empty, const std::string& path) {
                                         : std::accumulate(out.spd.begin(), out.spd.end(), 0.0) /
                                               static_cast<double>(out.spd.size());
   if (scatter(empty.spd, rows, out.spd) > most_scatter + most_scatter_a_count * counts)
-    throw Error(ExitCode::failed, printable(path) +
-                                      ": histograms vary by more than photon noise, so people may "
-                                      "be in it; expected a run of the empty room");
+    throw Error(ExitCode::failed,
+                printable(path) +
+                    ": the histograms vary by more than photon noise, so there "
+                    "may be people in the room; expected a run of the empty room");
   return out;
 }
 
@@ -127,29 +129,31 @@ std::string adapt_to_room(TrainedModel& model, const std::string& path, double r
     if (empty.has(row, Sensor::depth)) seen.push_back(row);
   if (!seen.empty()) require_map(empty, model->scene.grid, "the model");
   std::string text =
-      seen.empty() ? printable(path) + ": no depth maps, so maps keep the walls of the training"
-                   : "";
+      seen.empty()
+          ? printable(path) +
+                ": the run has no depth maps, so predicted maps show the walls of the training room"
+          : "";
   const std::vector<float> walls =
       seen.empty() ? model->scene.background : column_quantile(empty.depth, seen, 0.5);
   if (!model->alignment.known() || !model->model->show_background(walls))
     throw Error(ExitCode::failed, model->name +
-                                      " does not place a body and cannot be used in another "
-                                      "room; expected a factorised or mean-shape model");
+                                      " models cannot be used in another room; expected a "
+                                      "factorised or mean-shape model");
   const std::vector<float>& home = model->scene.background;
   if (!model->knows_empty_room &&
       std::any_of(home.begin(), home.end(), [](float depth_m) { return depth_m > 0; }))
-    text +=
-        std::string(text.empty() ? "" : "; ") +
-        "the model was trained without --empty, so its own walls may affect the maps in this room";
+    text += std::string(text.empty() ? "" : "; ") +
+            "the model was trained without --empty, so the walls of the training room may affect "
+            "the maps";
   model.match(empty);
-  // Removes the last estimators of the list if they depend on the training room.
+  // Removes fallback estimators that depend on the training room.
   std::erase_if(model.estimators, [&](Estimator& e) {
     return !e.alignment.known() || !e.model->show_background(walls);
   });
   if (model.estimators.size() < before)
     text += std::string(text.empty() ? "" : "; ") +
-            "records without a radar get no map, because their " +
-            "model depends on the training room";
+            "records without radar data get no map, because the " +
+            "fallback model for them depends on the training room";
   for (Estimator& e : model.estimators) {
     e.scene.background = walls;
     EmptyRoom change = take(e, path, empty);
@@ -164,7 +168,7 @@ void exchange_room(const EmptyRoom& change, Dataset& data) {
   const auto add = [](std::span<float> row, const std::vector<float>& by) {
     std::transform(by.begin(), by.end(), row.begin(), row.begin(), std::plus<float>());
   };
-  // A dead sensor stays dead.
+  // Leaves rows with equal values in all bins unchanged, so that a dead sensor is still detected.
   for (std::size_t row = 0; row < data.size(); ++row) {
     if (data.radar.cols == change.radar.size() && !all_same(data.radar.row(row)))
       add(data.radar.row(row), change.radar);

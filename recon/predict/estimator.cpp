@@ -36,17 +36,17 @@ void archive_features(Archive archive, Features& f, bool views) {
     archive_axis(archive.in("axes/array"), f.array_axis);
     const double lags = f.array_axis.scale;
     archive.require(f.inputs == Inputs::fused && views && f.array_axis.count > 0, "axes/array",
-                    "expected none, except for a fused model with aligned inputs");
+                    "expected only in a fused model with aligned inputs");
     archive.require(lags >= 1 && lags <= double{2 * most_lags} && lags == std::floor(lags) &&
                         static_cast<double>(lags_up(f.array_axis)) < lags,
-                    "axes/array/scale", "expected 1 to 32 lags, not all of them vertical");
+                    "axes/array/scale", "expected 1 to 32 lags, at least one of them not vertical");
   }
   archive.values("features/centre", f.centre, f.count());
   archive.number("features/spd_gain", f.spd_gain, -1e18, 1e18);
   archive.number("features/radar_gain", f.radar_gain, -1e18, 1e18);
 }
 
-// A single pixel alone cannot distinguish left and right.
+// Left and right can be distinguished only with both sensors, or with a detector with zones.
 bool shows_sides(const Layout& layout) {
   return layout.spd.count > 0 && (layout.radar.count > 0 || layout.zones > 0);
 }
@@ -56,7 +56,8 @@ void archive_training(Archive archive, FitOptions& fit, TrainingLog& log) {
   archive.values("loss_m", log.loss, Archive::any);
   archive.values("validation_loss_m", log.validation_loss, log.loss.size());
   archive.count("best_epoch", log.best_epoch, 0, most);
-  if (archive.reading()) return;  // share for bodies
+  if (archive.reading())
+    return;  // the fit options below are only stored for information, and never read
   std::vector<std::int64_t> hidden;
   for (const std::size_t width : fit.hidden.value_or(std::vector<std::size_t>{}))
     hidden.push_back(static_cast<std::int64_t>(width));
@@ -116,7 +117,8 @@ void Estimator::archive(Archive archive) {
   const bool aligned = archive.part("aligned", alignment.known());
   archive.require(!takes_views || aligned, "aligned", "expected 1 for this kind of model");
   if (aligned) {
-    archive.require(layout.spd.count > 0, "aligned", "expected 0 without the detector");
+    archive.require(layout.spd.count > 0, "aligned",
+                    "expected 0, because the model does not use the detector");
     alignment.archive(archive.in("alignment"), layout);
   }
   if (archive.reading()) model = kind_of(name).make();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Estimator: model for a set of sensors, with preprocessing, parameters and error statistics. A
-// model file contains a list of estimators (trained_model.hpp).
+// Estimator: a model for one set of sensors, with its preprocessing, parameters and error
+// statistics. A model file contains a list of estimators (trained_model.hpp).
 #pragma once
 #include <memory>
 #include <optional>
@@ -17,45 +17,48 @@
 namespace echofuse::recon {
 
 struct Estimator {
-  std::string name;  // name of its kind (model_kinds)
+  std::string name;  // kind of model, see model_kinds()
   Features features;
   SceneModel scene;
-  Alignment alignment;  // unused: empty
+  Alignment alignment;  // background and alignment of the inputs; empty if not used
   std::unique_ptr<Model> model;
-  std::optional<UncertaintyModel> uncertainty;  // empty: states no uncertainty
-  DomainReference domain;                       // statistics of its training records
+  std::optional<UncertaintyModel> uncertainty;  // empty if the model is not calibrated
+  DomainReference domain;                       // statistics of the training records
   TrainingLog log;
   FitOptions fit;
-  bool knows_empty_room = false;  // true if trained with a run of the empty room (state_empty_room)
+  bool knows_empty_room = false;  // true if the training data contained a run of the empty room
   double train_s = 0;
 
-  // Returns the views of the rows (steps 1 and 2 of the method). No columns unless the model uses
-  // them or they are `wanted` for the uncertainty.
+  // Returns the views of the given records (steps 1 and 2 in method.hpp), one per row. Returns no
+  // columns if the model does not use views, unless `wanted` is true because the error estimate
+  // needs them.
   Matrix views(const Dataset& data, const Rows& rows, bool wanted) const;
-  // Returns the model's inputs of the rows: their views, or features (features.hpp). Row i of the
-  // views belongs to rows[i]. `scaled` is scratch memory.
+  // Returns the model's inputs for the given records: `views`, or features (features.hpp) if the
+  // model does not use views. Row i of `views` belongs to rows[i]. `scaled` holds the features
+  // while the result is in use.
   const Matrix& inputs(const Dataset& data, const Rows& rows, const Matrix& views,
                        Matrix& scaled) const;
-  // Returns the maps of the rows, in metres.
+  // Returns the predicted map of each row, in metres.
   Matrix maps(const Dataset& data, const Rows& rows, const Matrix& views,
               SoftMaps* soft = nullptr) const;
   Matrix maps(const Dataset& data, const Rows& rows) const;
-  Cost cost() const;  // including the alignment
+  Cost cost() const;  // includes the cost of the alignment
   void archive(Archive archive);
 };
 
-// Shared by all models with the same training rows and inputs.
+// Results of preprocessing, shared by all models with the same training rows and inputs.
 struct Preprocessing {
   SceneModel scene;
-  Alignment alignment;   // empty unless wanted; also empty without a detector
-  Matrix views;          // views of all records of the data set
-  double elapsed_s = 0;  // counted in the time of each training
+  Alignment alignment;   // empty if not wanted, or without a detector
+  Matrix views;          // views of all records in the data set
+  double elapsed_s = 0;  // included in the training time of each model
   Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, SceneModel scene,
                 bool wanted);
 };
 
-// Fits scaling and model to the training rows. scaling "record" selects the default of the model's
-// kind. Throws Error(usage) if the model needs both sensors, or zones.
+// Fits the input scaling and the model to the training rows. The scaling "record" selects the
+// default scaling of the model kind. Throws Error(usage) if the model needs both sensors or zones,
+// but the data have neither.
 Estimator fit_model(const Dataset& data, const Split& split, const Preprocessing& preprocessing,
                     const std::string& name, Inputs inputs, const std::string& scaling,
                     const FitOptions& options);

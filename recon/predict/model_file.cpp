@@ -29,7 +29,7 @@ void archive_training(Archive archive, TrainingRecords& training) {
   archive.values("part", training.part, training.run.size());
   archive.values("hash", training.hash, training.run.size());
   for (const std::uint32_t run : training.run)
-    archive.require(run < runs, "run", "expected indices of its runs");
+    archive.require(run < runs, "run", "expected indices below the number of runs");
   for (const std::uint8_t part : training.part)
     archive.require(part <= static_cast<std::uint8_t>(Subset::test), "part", "expected 0, 1 or 2");
 }
@@ -45,7 +45,8 @@ void archive_split(Archive archive, SplitOptions& split) {
   archive.number("validation_share", split.validation_share, 0, 1);
 }
 
-// All estimators work on the axes of the first one; each uses fewer sensors than the previous one.
+// Requires that all estimators have the axes of the first one, and that each uses fewer sensors
+// than the previous one.
 void check_list(const Archive& archive, const TrainedModel& model) {
   const Features& first = model->features;
   for (std::size_t k = 1; k < model.estimators.size(); ++k) {
@@ -57,9 +58,9 @@ void check_list(const Archive& archive, const TrainedModel& model) {
                     name + "/inputs", "expected fewer sensors than in the previous estimator");
     archive.require(same_axis(own.spd_axis, first.spd_axis) &&
                         (!of_profile || same_axis(own.radar_axis, first.radar_axis)),
-                    name + "/axes", "expected the axes of the first estimator");
+                    name + "/axes", "expected the same axes as in the first estimator");
     archive.require(model.estimators[k].scene.grid == model->scene.grid, name + "/scene/map_size",
-                    "expected the map grid of the first estimator");
+                    "expected the same map grid as in the first estimator");
   }
 }
 
@@ -68,9 +69,10 @@ void check_format(Archive archive) {
   archive.text("format", format, {format});
   std::int64_t found = format_version;
   archive.count("format_version", found, 0, 1 << 20);
-  archive.require(found == format_version, "format_version",
-                  "is " + std::to_string(found) + "; expected " + std::to_string(format_version) +
-                      (found > format_version ? ": use a newer echofuse" : ": train it again"));
+  archive.require(
+      found == format_version, "format_version",
+      "is " + std::to_string(found) + "; expected " + std::to_string(format_version) +
+          (found > format_version ? ": use a newer echofuse" : ": train the model again"));
 }
 
 void archive_response(Archive archive, record::RadarResponse& response, bool& any) {
@@ -105,14 +107,15 @@ void archive(Archive archive, TrainedModel& model) {
 
 void check_can_save(const std::string& path) {
   if (std::filesystem::exists(path))
-    throw Error(ExitCode::usage, path + ": exists already; choose another --out, or remove it");
+    throw Error(ExitCode::usage,
+                path + ": the file exists; choose another --out, or remove the file");
   static_cast<void>(NewFile(path));
 }
 
 void save_model(const TrainedModel& model, const std::string& path,
                 const std::function<void(const TrainedModel&)>& check) {
   TensorFile file;
-  // const_cast is safe, because writing does not change the model.
+  // The const_cast is safe, because the archive does not change the model in write mode.
   archive({file, Archive::Direction::write}, const_cast<TrainedModel&>(model));
   NewFile out(path, path + ".part");
   const Bytes bytes = file.to_bytes();

@@ -16,9 +16,9 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t at_once = 512;  // bounds the memory of a prediction
+constexpr std::size_t at_once = 512;  // number of records per batch, which limits the memory use
 
-// No early exit, so that the compiler vectorises the loop.
+// Has no early exit, so that the compiler can vectorise the loop.
 ECHOFUSE_CLONES bool all_finite(const float* values, std::size_t count) {
   constexpr std::uint32_t exponent = 0x7f800000;
   std::uint32_t beyond = 0;
@@ -27,7 +27,7 @@ ECHOFUSE_CLONES bool all_finite(const float* values, std::size_t count) {
   return beyond == 0;
 }
 
-// Predicts with one estimator.
+// Predicts the maps of the rows with one estimator.
 Prediction predict_by(const Estimator& by, const Dataset& data, const Rows& rows,
                       PredictionDetail detail) {
   Prediction out;
@@ -52,7 +52,7 @@ Prediction predict_by(const Estimator& by, const Dataset& data, const Rows& rows
   return out;
 }
 
-// Copies row i of a part to row places[i] of the whole.
+// Copies row i of `part` to row places[i] of `whole`, which has `records` rows.
 void put(Prediction& whole, Prediction part, std::span<const std::size_t> places,
          std::size_t records) {
   if (places.size() == records) return void(whole = std::move(part));
@@ -68,16 +68,18 @@ void put(Prediction& whole, Prediction part, std::span<const std::size_t> places
     whole.uncertainties[places[i]] = std::move(part.uncertainties[i]);
 }
 
-// Returns the assumptions of the intervals about ranges, or nothing if the run has a calibration.
+// Returns what the error intervals assume about the ranges. Returns an empty string if the
+// calibration of the run provides the range error and the sensor baseline.
 std::string assumption_of(const Estimator& by, const Dataset& data) {
   if (!by.uncertainty || data.radar_axis.count == 0 || !side_by_ranges(data, by.features.inputs))
     return {};
   const auto all = [&](auto stated) { return std::ranges::all_of(data.sources, stated); };
   if (!all([](const Source& run) { return run.range_error_m.has_value(); }))
-    return "intervals assume exact ranges, because the run has no calibration of both sensors: "
-           "a range offset of 2 cm moves a body sideways by 2 cm x range / baseline";
+    return "90 % intervals assume unbiased ranges, because the run does not contain a calibration "
+           "of "
+           "both sensors; a range bias of 2 cm moves a body sideways by 2 cm x range / baseline";
   if (!all([](const Source& run) { return run.baseline_m > 0; }))
-    return "intervals do not include the calibration error, because the run has no "
+    return "90 % intervals do not include the calibration error, because the run does not state "
            "radar_baseline_m";
   return {};
 }
@@ -86,9 +88,10 @@ std::string assumption_of(const Estimator& by, const Dataset& data) {
 
 void require_finite(const Matrix& maps) {
   if (all_finite(maps.values.data(), maps.values.size())) return;
-  throw Error(ExitCode::failed,
-              "the model's maps are not finite: its weights are invalid; "
-              "train it again");
+  throw Error(
+      ExitCode::failed,
+      "predicted maps contain values that are not finite, because the weights of the model are "
+      "invalid; train the model again");
 }
 
 Records prepare_records(const TrainedModel& model, Dataset recorded, double range_offset_m) {
@@ -98,12 +101,13 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, double rang
   if (&by != &model.first())
     out.antennas =
         std::string(data.array_axis.count == 0 ? "no antenna samples of the radar"
-                                               : "antennas differ from those in training") +
+                                               : "radar antennas differ from those in training") +
         ": only the radar's range profile is used";
   const bool stated = std::ranges::all_of(
       data.sources, [](const Source& run) { return run.radar_response.known(); });
   if (model.radar_response.known() && data.radar_axis.count > 0 && !stated)
-    out.response = "the run does not state its radar's response: the training's is assumed";
+    out.response =
+        "the run does not state its radar response; that of the training data is assumed";
   subtract_range_offset(data, range_offset_m);
   model.match(data);
   out.ranges = assumption_of(by, data);
@@ -159,7 +163,7 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
   Prediction out;
   out.maps.cols = model->scene.background.size();
   for (const Estimator& by : model.estimators) {
-    Rows places;  // among these rows
+    Rows places;  // indices into `rows`
     for (std::size_t i = 0; i < rows.size(); ++i)
       if ((estimator_for[i] ? estimator_for[i] : &usual) == &by) places.push_back(i);
     for (std::size_t first = 0; first < places.size(); first += at_once) {
@@ -206,7 +210,8 @@ std::vector<MappedRecord> map_records(const TrainedModel& model, const Records& 
 }
 
 MappedRecord map_record(const TrainedModel& model, Dataset recorded, PredictionDetail detail) {
-  // A run that is being recorded may lack the axis of a sensor that the record lacks.
+  // Checks for missing sensors first: a run that is being recorded may not have an axis for them
+  // yet.
   if (std::string fault = model.fault_of(recorded, 0); !fault.empty())
     return {{recorded.index[0], std::move(fault), {}, {}}, {}, {}};
   const Records records = prepare_records(model, std::move(recorded));
@@ -230,8 +235,8 @@ Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
 
 void require_uncertainty(const TrainedModel& model) {
   if (!model->uncertainty)
-    throw Error(ExitCode::usage, std::string("the model states no uncertainty: ") +
-                                     why_not_calibrated + "; train it again");
+    throw Error(ExitCode::usage, std::string("the model is not calibrated: ") + why_not_calibrated +
+                                     "; train the model again");
 }
 
 }  // namespace echofuse::recon

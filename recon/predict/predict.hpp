@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Predictions for a run; the same steps for every record: conversion to the model's axes at true
-// ranges, alignment, place, shape, map, uncertainty, comparison with the training data.
+// Predicts the depth maps of a run. Processes every record in the same steps: conversion to the
+// model's axes at true ranges, the steps of method.hpp, and comparison with the training data.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -14,75 +14,81 @@
 
 namespace echofuse::recon {
 
-// Records ready for a model.
+// Records converted to the axes of a model.
 struct Records {
-  Dataset data;          // on the model's axes
-  std::string antennas;  // note about a run without the model's antennas; may be empty
-  std::string response;  // note about a run without a stated radar response; may be empty
-  std::string ranges;    // assumptions of the intervals without a calibration; may be empty
+  Dataset data;          // data on the model's axes
+  std::string antennas;  // note if the run lacks the antennas that the model uses; may be empty
+  std::string response;  // note if the run does not state its radar response; may be empty
+  std::string ranges;    // note on what the error intervals assume about ranges; may be empty
 };
 
-// Tests whether the records as a whole differ from the training data. For a run of the training it
-// uses the held-out records; for another run it leaves out copies of training records.
+// Tests whether the records as a group differ from the training data. Uses only the held-out
+// records of a training run. For other runs excludes copies of training records.
 DomainShift domain_shift_of(const TrainedModel& model, const Dataset& data);
 
-// Prepares recorded runs (load_recorded, load_part) or modified records for TrainedModel::for_run.
-// `range_offset_m`: radar range bias in addition to the calibration; both are subtracted in one
-// interpolation. Throws Error(failed) if the axes do not match the model's.
+// Converts recorded runs (load_recorded, load_part) or modified records to the axes of
+// TrainedModel::for_run. `range_offset_m`: radar range bias in addition to the calibration offset,
+// m; both are subtracted in one interpolation. Throws Error(failed) if the axes of the data cannot
+// be converted to those of the model.
 Records prepare_records(const TrainedModel& model, Dataset recorded, double range_offset_m = 0);
 
-// Throws Error(failed) if maps are not finite, because a file may contain any weights.
+// Throws Error(failed) if any value is not finite. This can happen because a model file may contain
+// arbitrary weights.
 void require_finite(const Matrix& maps);
 
-// Each level includes the previous ones.
+// Amount of output. Each level includes the previous one: maps, errors per record, errors per
+// pixel.
 enum class PredictionDetail : std::uint8_t { maps, uncertainty, pixels };
 
 struct Prediction {
-  Matrix maps;  // metres
+  Matrix maps;  // predicted depth, m
   std::vector<PredictionUncertainty>
-      uncertainties;  // empty if no estimator in use states an uncertainty
-  // Metres; no rows unless detail is `pixels`. `deviation` is NaN if the estimator states no
-  // uncertainty.
+      uncertainties;  // one per row; empty if not requested or not calibrated
+  // Mean and standard deviation of each pixel, m. No rows unless `pixels` was requested. The
+  // deviation is NaN if the estimator is not calibrated.
   Matrix mean, deviation;
 };
 
-// Predicts from data on the model's axes. Fallback estimators handle records without all sensors of
-// the first one. Throws Error(usage) for detail `pixels` if the model has no uncertainty.
+// Predicts maps from data on the model's axes. If a record lacks sensors of the first estimator, a
+// fallback estimator is used. Throws Error(usage) if `pixels` is requested of a model that is not
+// calibrated.
 Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
                    PredictionDetail detail = PredictionDetail::uncertainty);
 
 struct RecordStatus {
   std::int64_t index = 0;
-  std::string fault;  // empty: the record has a map
-  std::string note;   // missing sensors
-  std::string doubt;  // verdict of an input sensor, e.g. "SPD weak"
-  // Delays of a map while following, s: since the end of its slot, and since its reading.
+  std::string fault;  // reason for a missing map; empty if the record has a map
+  std::string note;   // sensors that are missing in the record; may be empty
+  std::string doubt;  // verdict of an input sensor with doubtful data, e.g. "SPD weak"
+  // Delays of a map in follow mode, s: after the end of the slot, and after the record was read.
   std::optional<double> after_slot_s = {}, after_reading_s = {};
-  // Set if the map shows a body.
+  // position of the body; empty if the map contains none
   std::optional<BodyPlace> body = {};
-  // Set if the record has a map and the estimator states an uncertainty.
+  // errors; empty if the record has no map or the estimator is not calibrated
   std::optional<PredictionUncertainty> uncertainty = {};
 };
 
-// Prediction of one record. Without a map, the status has a fault.
+// Prediction for one record. If the map is missing, status.fault contains the reason.
 struct MappedRecord {
   RecordStatus status;
-  std::vector<float> map_m, deviation_m;  // deviation_m: empty unless detail is `pixels`
+  // Depth and standard deviation of each pixel, m. deviation_m is empty unless `pixels` was
+  // requested.
+  std::vector<float> map_m, deviation_m;
 };
 
-// The most that the model can state.
+// Returns the highest level of detail that the model supports.
 PredictionDetail fullest_detail(const TrainedModel& model);
 
-// Predicts the maps of these rows.
+// Predicts the map of each given row.
 std::vector<MappedRecord> map_records(const TrainedModel& model, const Records& records,
                                       std::span<const std::size_t> rows, PredictionDetail detail);
-// Predicts the map of a recorded data set of one record. Throws like prepare_records().
+// Predicts the map of a recorded data set that contains one record. Throws like prepare_records().
 MappedRecord map_record(const TrainedModel& model, Dataset recorded, PredictionDetail detail);
-// Reads this record of the run and predicts its map.
+// Reads record `index` of the run and predicts its map.
 MappedRecord map_record(const TrainedModel& model, const record::RunReader& run, std::int64_t index,
                         PredictionDetail detail);
 
-// Throws Error(usage) if the model has no uncertainty, which deviations need.
+// Throws Error(usage) if the model is not calibrated, because deviations need its error estimate.
 void require_uncertainty(const TrainedModel& model);
 
 }  // namespace echofuse::recon

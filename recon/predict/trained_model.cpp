@@ -10,7 +10,8 @@
 namespace echofuse::recon {
 namespace {
 
-// Returns the run number in training.runs for each source of the data set, or -1.
+// Returns the index in training.runs of each run in the data set; -1 if the run was not used in
+// training.
 std::vector<std::int64_t> known_runs(const TrainingRecords& training, const Dataset& data) {
   std::vector<std::int64_t> out;
   for (const auto& source : data.sources) {
@@ -49,7 +50,8 @@ namespace {
 
 bool has_radar(const Dataset& data) { return data.radar_axis.count > 0; }
 
-// Returns true if the run has no radar, or its antennas are those of the estimator.
+// Returns true if the run has no radar, the estimator does not use antennas, or the run has the
+// antennas of the estimator.
 bool has_antennas(const Dataset& data, const Estimator& e) {
   return !has_radar(data) || e.features.array_axis.count == 0 ||
          is_near(data.array_axis, e.features.array_axis);

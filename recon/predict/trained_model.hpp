@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Trained model: an ordered list of estimators, and the list of its training records. A record is
-// processed by the first estimator for which it has all sensors. Order: both sensors with the
-// radar's antennas, both with only its range profile, the SPD alone. File: safetensors
-// (numbers/tensor_file.hpp). Names below N/ belong to estimator N:
+// processed by the first estimator for which it contains all sensor data. Order of the sensor sets:
+// SPD and radar with antenna samples, SPD and range profile, SPD alone. File format: safetensors
+// (numbers/tensor_file.hpp). Names that begin with N/ belong to estimator N:
 //
 //   facts    format "echofuse model", format_version, version, estimators, data_crc32c,
 //            split/kind, split/gap, split/seed, split/test_share, split/validation_share,
@@ -26,76 +26,82 @@ namespace echofuse::recon {
 enum class Subset : std::uint8_t { train, validation, test };
 
 struct TrainingRecords {
-  std::vector<std::string> runs;    // uuids
-  std::vector<std::uint32_t> run;   // per record: index into runs
-  std::vector<std::int64_t> index;  // per record: number in the run
-  std::vector<std::uint8_t> part;   // per record: Subset
-  std::vector<std::int64_t> hash;   // per record: Dataset::content
+  std::vector<std::string> runs;    // uuids of the training runs
+  std::vector<std::uint32_t> run;   // index of the record's run in `runs`
+  std::vector<std::int64_t> index;  // index of the record in its run
+  std::vector<std::uint8_t> part;   // Subset that contains the record
+  std::vector<std::int64_t> hash;   // hash of the record's data, Dataset::content
 };
 
 struct TrainedModel {
-  std::vector<Estimator> estimators;  // at least one; each may state an uncertainty
+  std::vector<Estimator> estimators;  // first choice and fallbacks; at least one
   SplitOptions split;
   TrainingRecords training;
   std::uint32_t data_hash = 0;
-  // Response of the training's profiles; unknown if not stated.
+  // Radar response of the training data; unknown if not stated.
   record::RadarResponse radar_response;
-  bool any_response = false;  // TrainOptions::any_response
-  // Correction added to the radar's values, if the model was adapted to another room.
+  // TrainOptions::any_response: the training runs may have different, unstated radar responses.
+  bool any_response = false;
+  // Correction added to the radar values after adapt_to_room().
   std::optional<EmptyRoom> room_change;
 
-  // model-> accesses the first estimator, which is used whenever possible.
+  // Access to the first estimator, which is used for all records with complete data.
   const Estimator& first() const { return estimators.front(); }
   Estimator& first() { return estimators.front(); }
   const Estimator* operator->() const { return &first(); }
   Estimator* operator->() { return &first(); }
   double train_s() const;  // sum over all estimators
 
-  // Returns the first estimator with the antennas of the run.
+  // Returns the first estimator that matches the radar antennas of the run.
   const Estimator& for_run(const Dataset& data) const;
-  // Converts the data to the axes of for_run(); depth maps must be on its grid. A run without a
-  // radar is treated as one with all radar frames lost, if an estimator works without radar.
+  // Converts the data to the axes of for_run(). The depth maps must already be on its grid. If the
+  // run has no radar and a fallback estimator works without radar, all radar frames are marked as
+  // lost.
   void match(Dataset& data) const;
-  // Returns the estimator for a record on these axes, or null (see fault_of).
+  // Returns the first estimator that can use the record; null if there is none (see fault_of). The
+  // data must be on the model's axes.
   const Estimator* estimator_for(const Dataset& data, std::size_t row) const;
-  // Returns the record's status: the sensor that the map was made without, or empty.
+  // Returns which sensor data were missing for the map, e.g. "radar lost: SPD alone"; empty if the
+  // data were complete.
   std::string note_of(const Dataset& data, std::size_t row) const;
-  // Returns why the record has no map, or an empty text.
+  // Returns why the record has no map; empty if it has one.
   std::string fault_of(const Dataset& data, std::size_t row) const;
-  // Returns unclipped maps of the given rows, m; within_span() clips them for display. predict.hpp
-  // returns more details.
+  // Returns the unclipped maps of the given rows, m. within_span() clips them for display. The
+  // functions in predict.hpp return more details.
   Matrix predict(const Dataset& data, const Rows& rows) const;
-  // Returns true if the data set contains a run of the model's training.
+  // Returns true if the model was trained on a run in this data set.
   bool knows(const Dataset& data) const;
-  // Returns the rows used for training or validation, even if their run has another uuid.
+  // Returns the rows used for training or validation. Recognises copies in other runs by their
+  // hash.
   Rows rows_trained_on(const Dataset& data) const;
-  // Returns the rows of the data set in this part of the model's training.
+  // Returns the rows that belong to this subset of the training split.
   Rows rows_of(const Dataset& data, Subset part) const;
 };
 
-// Name for files and displays: whether the model states its errors.
+// Text for files and displays.
 inline const char* calibration_name(bool calibrated) {
   return calibrated ? "calibrated" : "not calibrated";
 }
 inline const char* calibration_of(const TrainedModel& model) {
   return calibration_name(model->uncertainty.has_value());
 }
-// Condition for a model to be calibrated.
+// Explains what a calibrated model requires.
 constexpr const char* why_not_calibrated =
-    "needs a model with sensor inputs and an uninterrupted training on at least 50 records";
+    "calibration needs a model with sensor inputs and an uninterrupted training on at least 50 "
+    "records";
 
 TrainingRecords training_records(const Dataset& data, const Split& split);
 
-// Throws Error(disk) if a file cannot be created there, and Error(usage) if it exists. Called
-// before a long training.
+// Throws Error(usage) if the file exists, and Error(disk) if it cannot be created. Called before
+// training, because training takes long.
 void check_can_save(const std::string& path);
-// Writes PATH.part, reads it back, calls `check` with the model read, and renames the file. Throws
-// Error(disk); Error(failed) like load_model(); and Error(failed) if a file of this name exists, in
-// which case both files are kept.
+// Writes PATH.part, loads it again, passes the loaded model to `check`, and renames the file to
+// PATH. Throws Error(disk) if writing fails. Throws Error(failed) like load_model(). Throws
+// Error(failed) if PATH exists; both files are then kept.
 void save_model(const TrainedModel& model, const std::string& path,
                 const std::function<void(const TrainedModel&)>& check = {});
-// Throws Error(failed) with file, object, fault and expected value. Faults: no file, not a model,
-// damaged, another version, or inconsistent parts.
+// Loads a model file. Throws Error(failed) with file name, object, fault and expected value if the
+// file is missing, damaged, inconsistent, not a model, or of another format version.
 TrainedModel load_model(const std::string& path);
 TrainedModel load_model(const std::string& name, ByteView contents);
 

@@ -263,7 +263,7 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   if (!model.knows(data)) {
     for (const std::size_t row : with_depth(data))
       if (!model.fault_of(data, row).empty())
-        ++out.faults[data.has_inputs(row, out.inputs) ? dead_record : "a sensor missing"];
+        ++out.faults[data.has_inputs(row, out.inputs) ? dead_record : "missing sensor"];
     out.trained_on = model.rows_trained_on(data).size();
     out.of = data.size();
   }

@@ -37,7 +37,7 @@ def test_record_without_a_map_is_scored_as_an_empty_map(run, tmp_path):
     assert told["metrics"]["iou"]["mean"] == pytest.approx(0.1) and told["trivial"] == whole["trivial"]
     assert (whole["answered"], whole["metrics"]["iou"]["mean"]) == (60, 1)
     text = judged(few, run)
-    assert "few: 6 of 60 records have a map; the others count as an empty map" in text
+    assert "few: 6 of 60 records have a map; the others are scored as empty maps" in text
     assert text[text.index("depth_mae_m"):].splitlines()[1].split()[:3] == ["over", "maps", "6"]
 
 
@@ -47,7 +47,7 @@ def test_evaluate_scores_only_the_requested_rows(run, tmp_path):
     for asked in ("test", "listed"):
         told = judged(folder, run, "--json", "--rows", asked)
         assert (told["records"], told["answered"], told["metrics"]["iou"]["mean"]) == (len(rows), len(rows), 1)
-        assert told["left_out"] == {"not asked for by --rows": 60 - len(rows)}
+        assert told["left_out"] == {"excluded by --rows": 60 - len(rows)}
 
 
 def test_maps_made_without_a_sensor_are_loaded(tmp_path):

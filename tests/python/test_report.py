@@ -195,7 +195,7 @@ def test_report_contains_every_note_of_evaluate(here, tmp_path):
         db.execute("UPDATE record SET spd = (SELECT spd FROM record WHERE idx = 51) WHERE idx = 50")
     db.close()
     notes_of_evaluate = evaluated(here / "body", tmp_path / "odd.sqlite")["notes"].splitlines()
-    for part in ("camera frozen 25; including them IoU", "twice in the run 1", "1 records with depth left out: a sensor missing 1"):
+    for part in ("camera frozen 25; including them IoU", "twice in the run 1", "1 records with depth left out: missing sensor 1"):
         assert any(part in line for line in notes_of_evaluate), notes_of_evaluate
     code, said = report(tmp_path, "--run", tmp_path / "odd.sqlite", "--model", here / "body")
     assert code == 0, said
@@ -274,7 +274,7 @@ def test_failed_report_leaves_no_files(here, tmp_path):
     (["--live", "nofile"], 1, "nofile.sqlite: No such file or directory; expected a run file"),
     (["--run", "fresh.sqlite", "--model", "nomodel"], 1, "nomodel: No such file or directory; expected a model file"),
     (["--run", "fresh.sqlite", "--model", "run.sqlite"], 1, "run.sqlite: is a run; expected a model file"),
-    (["--run", "fresh.sqlite", "--model", "mean", "--empty", "run.sqlite"], 1, "does not place a body"),
+    (["--run", "fresh.sqlite", "--model", "mean", "--empty", "run.sqlite"], 1, "cannot be used in another room"),
 ])
 def test_report_refuses_invalid_arguments_in_one_line(here, tmp_path, monkeypatch, words, code, text):
     monkeypatch.chdir(here)

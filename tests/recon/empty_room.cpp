@@ -83,10 +83,10 @@ TEST_CASE("a model trained with an empty room keeps its accuracy in another room
   CHECK(adapt_to_room(model, dir / "there empty").empty());
   CHECK(iou_of(model, dir / "there") > 0.95 * at_home);
   const std::string error = error_of([&] { adapt_to_room(model, dir / "there"); });
-  CHECK(error ==
-        (dir / "there") +
-            ": histograms vary by more than photon noise, so people may be in it; expected "
-            "a run of the empty room");
+  CHECK(error == (dir / "there") +
+                     ": the histograms vary by more than photon noise, so there may be people in "
+                     "the room; expected "
+                     "a run of the empty room");
   const std::string there = (dir / "model") + " " + (dir / "there");
   CHECK(evaluated_iou(there) < 0.5 * at_home);
   CHECK(evaluated_iou(there + " --empty '" + (dir / "there empty") + "'") > 0.9 * at_home);
@@ -120,7 +120,7 @@ TEST_CASE("a dead radar is detected in another room, and an empty room needs fiv
   CHECK(data.radar.row(4)[0] != 0);
   write_room(dir / "four", here, 4, 2, false);
   CHECK(error_of([&] { state_empty_room(data, dir / "four"); }) ==
-        (dir / "four") + ": 4 records have all sensors; expected at least 5 of the empty room");
+        (dir / "four") + ": 4 records have data of all sensors; expected at least 5");
 }
 
 TEST_CASE("dead and doubtful records of an empty room are excluded and counted") {
@@ -166,14 +166,15 @@ TEST_CASE("a plain network cannot be adapted to another room") {
   write_room(dir / "here", here, 60, 1), write_room(dir / "empty", here, 20, 2, false);
   TrainedModel other = trained(dir / "here", "", "mean-shape");
   CHECK(adapt_to_room(other, dir / "empty") ==
-        "the model was trained without --empty, so its own walls may affect the maps in this room");
+        "the model was trained without --empty, so the walls of the training room may affect the "
+        "maps");
   const Outcome refused = recon_program("train -q --model mlp --empty " + (dir / "empty") +
                                         " --out " + (dir / "mlp.h5") + " " + (dir / "here"));
   CHECK(refused.code == 2);
   CHECK_THAT(refused.text, Catch::Contains("--empty: mlp does not use a background"));
   TrainedModel model = trained(dir / "here", "", "mlp-16");
   CHECK(error_of([&] { adapt_to_room(model, dir / "empty"); }) ==
-        "mlp does not place a body and cannot be used in another room; expected a factorised "
+        "mlp models cannot be used in another room; expected a factorised "
         "or mean-shape model");
 }
 

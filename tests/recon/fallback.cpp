@@ -108,7 +108,9 @@ TEST_CASE("reconstruct and evaluate report maps made from the SPD alone") {
   const auto o =
       recon_program("reconstruct " + (dir / "m") + " " + (dir / "live") + " --out " + (dir / "o"));
   CHECK(o.code == 5);
-  CHECK_THAT(o.text, Catch::Contains("4 records reconstructed, 0 left out; 1 with radar lost"));
+  CHECK_THAT(
+      o.text,
+      Catch::Contains("4 records reconstructed, 0 left out; 1 with a fallback model (radar lost"));
   CHECK(std::filesystem::exists(dir / "o/000002.png"));
   CHECK_THAT(contents(dir / "o/records.csv"),
              Catch::Contains("\n1,\"ok\",") && Catch::Contains("\n2,\"radar lost: SPD alone\","));
@@ -138,5 +140,5 @@ TEST_CASE("records without a map are counted but not scored") {
   CHECK(json["fallback_records"] == 1);
   CHECK(json["left_out"] == 2);
   CHECK_THAT(recon_program("evaluate " + (dir / "m") + " " + (dir / "live")).text,
-             Catch::Contains("2 records with depth left out: a sensor missing "));
+             Catch::Contains("2 records with depth left out: missing sensor "));
 }

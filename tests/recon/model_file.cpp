@@ -157,7 +157,7 @@ const std::vector<Hostile> hostile_files = {
      fact("estimators", 4)},
     {"a wrong number of estimators", "ridge", "1/", fact("estimators", 2)},
     {"an estimator with other axes", "mlp-12-10",
-     "1/axes: expected the axes of the first estimator", fact("1/axes/spd/step", 401.0)},
+     "1/axes: expected the same axes as in the first estimator", fact("1/axes/spd/step", 401.0)},
     {"two fused estimators", "mlp-12-10", "1/", fact("1/inputs", "fused")},
     {"fewer bins than weights", "ridge", "0/features/centre: has shape 54; expected 53",
      fact("0/axes/spd/count", 29)},
@@ -173,7 +173,7 @@ const std::vector<Hostile> hostile_files = {
      [](auto& m) { m.head["\x1b[2J"] = m.head[map_name], m.head["\x1b[2J"]["dtype"] = "\x1b[2J"; }},
     {"another format", "ridge", "format: expected one of echofuse model", fact("format", "recipe")},
     {"a newer version", "ridge", "use a newer echofuse", fact("format_version", 1000)},
-    {"an older version", "ridge", "train it again", fact("format_version", 9)},
+    {"an older version", "ridge", "train the model again", fact("format_version", 9)},
 };
 
 struct Spoilt {

@@ -141,8 +141,9 @@ TEST_CASE("written maps have the same scores as their model") {
   std::filesystem::copy(dir / "o", dir / "few");
   std::filesystem::remove(dir / "few/maps.npy");
   std::filesystem::remove(dir / "few/000007_mm.png");
-  CHECK_THAT(recon_program("evaluate --maps " + (dir / "few") + " " + (dir / "fresh")).text,
-             Catch::Contains("few: 19 of 20 records have a map; the others count as an empty map"));
+  CHECK_THAT(
+      recon_program("evaluate --maps " + (dir / "few") + " " + (dir / "fresh")).text,
+      Catch::Contains("few: 19 of 20 records have a map; the others are scored as empty maps"));
 }
 
 TEST_CASE("option --rows reconstructs only the given or held-out records") {

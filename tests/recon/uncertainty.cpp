@@ -368,7 +368,7 @@ TEST_CASE("a model file stores the uncertainty, if any") {
   CHECK_FALSE(loaded->uncertainty);
   CHECK(predict(loaded, data, all_rows(20)).uncertainties.empty());
   CHECK_THROWS_WITH(predict(loaded, data, all_rows(20), PredictionDetail::pixels),
-                    Catch::Contains("states no uncertainty"));
+                    Catch::Contains("the model is not calibrated"));
 }
 
 TEST_CASE("few records are cross-fitted, too few give no uncertainty") {
@@ -387,7 +387,8 @@ TEST_CASE("few records are cross-fitted, too few give no uncertainty") {
   CHECK_FALSE(load_model(dir / "fewer.h5")->uncertainty);
   const auto o = recon_program("reconstruct " + (dir / "fewer.h5") + " " + (dir / "fresh") +
                                " --out " + (dir / "o") + " --format npy");
-  CHECK_THAT(o.text, Catch::Contains("not calibrated: needs a model with sensor inputs"));
+  CHECK_THAT(o.text,
+             Catch::Contains("not calibrated: calibration needs a model with sensor inputs"));
   CHECK_THAT(contents(dir / "o/records.csv"), Catch::Contains(",,,,,not calibrated\n"));
   CHECK_THAT(contents(dir / "o/run.txt"), Catch::EndsWith("not calibrated\n"));
   CHECK_THAT(recon_program("evaluate " + (dir / "fewer.h5") + " " + (dir / "fresh")).text,
