@@ -14,9 +14,9 @@ namespace {
 
 constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
 constexpr double side_threshold_m = 0.3;
-constexpr double least_mass = 1;  // pixels; a smaller foreground has no position
+constexpr double least_mass = 1;  // minimum number of foreground pixels for a valid position
 
-// Mean of the added values; NaN without values.
+// Weighted mean of the added values; NaN if no value was added.
 struct Mean {
   double sum = 0;
   double weight = 0;
@@ -43,7 +43,7 @@ Mask found_mask(const std::vector<float>& share) {
   return mask;
 }
 
-// Returns x/z of the foreground's centroid.
+// Returns the mean x/z over the foreground pixels.
 double centroid_tangent(const Mask& mask, const record::MapGrid& grid) {
   const Axis x = grid.x();
   std::vector<double> of_column(x.count);
@@ -54,7 +54,7 @@ double centroid_tangent(const Mask& mask, const record::MapGrid& grid) {
   return tangent.value(least_mass);
 }
 
-// Mean of the SSIM map over the mask dilated by the 11 x 11 window.
+// Returns the mean of the SSIM map over the mask, dilated by the 11 x 11 window.
 double ssim_near(const std::vector<double>& map, const Mask& mask, std::size_t size) {
   const std::size_t inner = size - 2 * ssim_border, window = 2 * ssim_border + 1;
   std::vector<char> across(size * inner);
@@ -193,7 +193,7 @@ cv::Mat1d image_of(std::span<const float> values, std::size_t size) {
   return out;
 }
 
-// Windowed means of all pixels with a complete window.
+// Returns Gaussian-weighted means for all pixels with a complete window.
 cv::Mat1d blur(const cv::Mat& image) {
   cv::Mat1d out;
   cv::GaussianBlur(image, out, {2 * border + 1, 2 * border + 1}, 1.5);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Compiled with -fno-trapping-math, because a division next to a condition is not vectorised
-// otherwise.
+// Compiled with -fno-trapping-math. Otherwise the compiler does not vectorise a division in a loop
+// with a condition.
 #include "recon/metrics/scene_model.hpp"
 
 #include <algorithm>
@@ -13,20 +13,22 @@ namespace echofuse::recon {
 namespace {
 
 constexpr float foreground_step_m = 0.1f;
-constexpr double most_behind = 0.25;     // share of the foreground distance behind the background
-constexpr float nearest_share = 0.125f;  // minimum depth of a body over the mean foreground depth
-constexpr double most_nearer = 0.1;      // share of a map's values
+// Limit of the fraction of the foreground's deviation that lies behind the background.
+constexpr double most_behind = 0.25;
+// Minimum depth of a return, relative to the mean foreground depth.
+constexpr float nearest_share = 0.125f;
+constexpr double most_nearer = 0.1;  // maximum fraction of values that are nearer than this depth
 
 std::vector<float> median_map(const Matrix& depth, const Rows& rows) {
-  // A thousand maps are enough for the median.
+  // The median of about 1000 maps is accurate enough.
   const std::size_t stride = std::max<std::size_t>(1, rows.size() / 1000);
   Rows some;
   for (std::size_t i = 0; i < rows.size(); i += stride) some.push_back(rows[i]);
   return column_quantile(depth, some, 0.5);
 }
 
-// A pixel has no background if at least a fifth of the maps have no return there, even if most maps
-// show bodies there. A camera loses fewer returns.
+// Sets the background to 0 (no return) where at least a fifth of the maps have no return, even if
+// most maps contain a body there. A camera normally loses fewer returns.
 void clear_behind_bodies(std::vector<float>& background, const Matrix& depth, const Rows& rows) {
   std::vector<std::size_t> empty(depth.cols);
   for (const std::size_t row : rows)
@@ -113,7 +115,8 @@ ECHOFUSE_CLONES void share_of(const float* prediction, const float* background, 
                               std::size_t count, float* __restrict__ out) {
   for (std::size_t p = 0; p < count; ++p) {
     const float off = prediction[p] - background[p], way = depth_m - background[p];
-    // False if background and foreground have equal depth, so that they cannot be distinguished.
+    // False if background and foreground have almost equal depths, so that they cannot be
+    // distinguished.
     const bool tells = std::abs(way) > foreground_step_m;
     out[p] = (tells ? off : 0.f) / (tells ? way : 1.f);
   }

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: MIT
-// A scene is learnt from the training maps (background, mean map) and defines the foreground.
+// The scene model defines which pixels of a depth map are foreground. It is learnt from the
+// training maps and contains their background b and the mean depth m of their foreground. b is the
+// median of the training maps, or 0 where at least a fifth of them have no return.
 //
-// A pixel of a true map is foreground if d > 0 and b = 0 or |d - b| > 0.1 m, where b is the
-// background map: the median of the training maps, 0 where a fifth of them has no return. A
-// predicted pixel v is foreground if it is nearer to m than to b; m is the mean depth of the
-// training foreground. Where b = 0, the rule depends on the map: v > 0 if it contains returns; v >
-// m / 2 if it contains expected depths (probability of a return times depth, from a regression).
-// No pixel is foreground if a quarter of the deviation from the background lies behind it, e.g.
-// when a wall was moved. Then the thresholded map is the raw one.
+// A pixel of a true map with depth d is foreground if d > 0 and either b = 0 or |d - b| > 0.1 m. A
+// predicted pixel with depth v is foreground if v is nearer to m than to b. If b = 0, the rule
+// depends on the map. In a map of returns, v > 0 is foreground. In a map of expected depths
+// (probability of a return times depth, from a regression), v > m / 2 is foreground.
+//
+// If at least a quarter of the deviation from the background lies behind it, e.g. because a wall
+// was moved, no pixel is foreground. The thresholded map is then equal to the raw map.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -20,46 +22,52 @@
 namespace echofuse::recon {
 
 struct SceneModel {
-  std::vector<float> background;  // b: per-pixel median of the training maps, metres
-  std::vector<float> mean_map;    // metres
-  float foreground_depth_m = 0;   // m; 0: no foreground
-  record::MapGrid grid;           // grid of these and of all maps used with them
+  std::vector<float> background;  // b: median over the training maps for each pixel, m
+  std::vector<float> mean_map;    // mean over the training maps for each pixel, m
+  float foreground_depth_m = 0;   // mean depth of the foreground, m; 0 if there is no foreground
+  record::MapGrid grid;           // grid of these maps, and of all maps compared with them
 
   bool has_body() const { return foreground_depth_m > 0; }
 };
 
 inline constexpr const char* no_body =
-    "no body differs from the background: IoU and lateral error are undefined; RMSE is used";
+    "the depth maps show no body in front of the background: IoU and lateral error are undefined; "
+    "RMSE is used instead";
 
-// One row per record: the probability that the body covers each pixel if it is at the model's
-// position, and the body's depth there (m).
+// One row per record. For each pixel: the probability that the body covers it, given the predicted
+// position, and the depth of the body there (m).
 struct SoftMaps {
   Matrix foreground_probability, depth;
 };
 
 void archive(Archive archive, SceneModel& scene);
 
-// The mask of a map has one byte per pixel.
+// Foreground mask of a map, one byte per pixel.
 using Mask = std::vector<std::uint8_t>;
 
-// Learns from these rows (at least one) of the depth table; the maps are on this grid.
+// Learns background and foreground from the given rows of a table of depth maps. `rows` must not be
+// empty; `grid` is the grid of the maps.
 SceneModel learn_scene(const Matrix& depth, const Rows& rows, const record::MapGrid& grid);
 
 bool true_foreground(float depth_m, float background_m);
 
-// True if at most a tenth of the map's values without a background are below m / 8. Expected depths
-// have many such values at the edges of a body and in their ripple; returns have none.
+// Returns true if the map contains returns, false if it contains expected depths. Considers pixels
+// that have no background: a map contains returns if at most a tenth of their values are below m /
+// 8. Expected depths have many such values at the edges of a body.
 bool holds_returns(std::span<const float> map, const SceneModel& scene);
 
-// Position of each predicted pixel between background (0) and mean foreground depth (1); foreground
-// above 0.5. For a least-squares prediction in an open room it estimates the probability of
-// foreground, but may leave 0..1. For returns in an open room it is 0 or 1.
+// Returns the position of each pixel's depth between the background (0) and the mean foreground
+// depth (1). Pixels above 0.5 are foreground. Without a background, the value is 0 or 1 for
+// returns. For a least-squares prediction it estimates the probability of foreground, and may be
+// below 0 or above 1.
 std::vector<float> foreground_share(std::span<const float> prediction, const SceneModel& scene);
 
-// Returns the prediction as it is shown, stored and compared: clipped to 0..far_m of the grid.
+// Returns the prediction clipped to the range 0 to far_m of the grid, as it is displayed, stored
+// and scored.
 std::vector<float> within_span(std::span<const float> prediction, const SceneModel& scene);
 
-// The thresholded map: the prediction where it is foreground, the background elsewhere.
+// Returns the thresholded map, which contains the prediction at foreground pixels and the
+// background elsewhere.
 std::vector<float> thresholded_map(std::span<const float> prediction, const SceneModel& scene);
 
 }  // namespace echofuse::recon

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The two simplest baselines: maps that do not depend on the input.
+// Baselines that predict the same map for all inputs: the empty room and the mean training map.
 #include <algorithm>
 
 #include "recon/metrics/scene_model.hpp"

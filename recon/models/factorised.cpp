@@ -14,24 +14,25 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t cut_at_once = 4096;  // records at a time, to bound the memory
-constexpr float nearest_m = 0.1f;          // minimum range of a body
-constexpr double least_deviation =
-    0.05;  // minimum scale of an input, relative to the median deviation
-// The threshold of the mask (percent) is optimised on held-out records. If the position is
-// uncertain, a mask wider than that at 50 % has the best overlap.
+constexpr std::size_t cut_at_once = 4096;  // records per batch, which limits the memory use
+constexpr float nearest_m = 0.1f;          // minimum range of a body, m
+// Minimum scale of an input, relative to the median of all scales.
+constexpr double least_deviation = 0.05;
+// Range and step of the mask threshold, in percent. The threshold with the best IoU on held-out
+// records is used. If the position is uncertain, a threshold below 50 % is best, because the wider
+// mask overlaps better.
 constexpr int least_threshold = 25, most_threshold = 60, threshold_step = 5;
-// Two hidden layers per network. From many_records on the networks are wider and train with fewer
-// and larger steps.
+// Width of the two hidden layers of each network. From many_records on, the networks are wider, and
+// train for fewer epochs with larger batches.
 constexpr std::size_t many_records = 10'000, units = 48, units_of_many = 96;
-constexpr std::size_t place_networks = 3;  // an average of several is more accurate
-constexpr std::size_t shape_networks = 2;  // with many records one is enough
-// Relative to the lateral error. The depth is nearly the range; with more weight on it a network
-// learns less about the side.
+constexpr std::size_t place_networks = 3;  // an average over several networks is more accurate
+constexpr std::size_t shape_networks = 2;  // from many_records on, one network is used
+// Weight of the depth error relative to the lateral error. The depth is almost equal to the range;
+// with a larger weight, the network learns less about the lateral position.
 constexpr float depth_weight = 0.1f;
-constexpr std::size_t many_bodies =
-    40'000;  // half of them are not rotated, because rotation is an approximation
-constexpr std::size_t component_bodies = 3000;  // more bodies hardly change the components
+// From this number on, only half are rotated: rotation is an approximation.
+constexpr std::size_t many_bodies = 40'000;
+constexpr std::size_t component_bodies = 3000;  // more bodies would hardly change the components
 
 float intersection_over_union(std::span<const float> map, std::span<const float> truth,
                               std::span<const float> background) {
@@ -43,13 +44,14 @@ float intersection_over_union(std::span<const float> map, std::span<const float>
   return any > 0 ? static_cast<float>(both) / static_cast<float>(any) : 0;
 }
 
-// Targets of the position networks, m: lateral position at the body's range, and mean depth minus
-// that range.
+// Returns the targets of the position networks, m: the lateral position at the range of the body,
+// and its mean depth minus that range.
 std::array<float, 2> position_target(const Place& place, float range_m) {
   return {place.tangent * range_m, place.depth_m - range_m};
 }
 
-// Many records need fewer epochs with larger steps, and less weight decay.
+// Adapts the training to the number of records. With many records, fewer epochs, larger batches and
+// less weight decay are sufficient.
 void adapt_to(std::size_t records, Training& training) {
   const bool many = records >= many_records;
   training.hidden.assign(2, many ? units_of_many : units);
@@ -115,8 +117,9 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
   return log;
 }
 
-// Rotates every body of a batch; retarget(place, range_m, target) writes the targets at the new
-// position. Empty without rotation. Validation uses the unmodified records.
+// Returns a data augmentation that rotates every body of a batch. retarget(place, range_m, target)
+// writes the training targets for the new position. Returns an empty function if bodies cannot be
+// rotated. Validation uses the unmodified records.
 Redraw Factorised::augment(const RotatedBodies& rotated, const Retarget& retarget) const {
   if (!rotated.changes()) return {};
   return [this, &rotated, retarget](std::span<const std::size_t> batch, Matrix& inputs,
@@ -136,7 +139,8 @@ Redraw Factorised::augment_positions(const RotatedBodies& rotated) const {
   });
 }
 
-// The shape does not change if a body is rotated about the camera, which is at the SPD.
+// Keeps the targets, because the shape of a body does not change if it is rotated about the SPD.
+// The depth camera is at the same position.
 Redraw Factorised::augment_shapes(const RotatedBodies& rotated) const {
   return augment(rotated, [](const Place&, float, std::span<float>) {});
 }
@@ -173,7 +177,7 @@ void Factorised::fit_components(const Bodies& train, const Samples& samples,
   model_.depths = principal_components(std::move(bodies.depths), (basis + 1) / 2, options.seed + 1);
 }
 
-// Returns true if interrupted.
+// Returns true if the training was interrupted.
 bool Factorised::fit_shape(const Bodies& train, const Samples& train_samples,
                            const RotatedBodies& rotated, const Bodies& validation,
                            const Samples& validation_samples, const FitOptions& options) {
@@ -197,8 +201,8 @@ Shapes Factorised::cut(const Bodies& seen, const Samples& samples, const Rows& w
   return out;
 }
 
-// Returns the coefficients of a body's components, masks first, in units of the strongest component
-// of each kind.
+// Returns the coefficients of the principal components of each body. Coefficients of masks precede
+// those of depths. Each kind is divided by its largest standard deviation.
 Matrix Factorised::amounts(const Bodies& seen, const Samples& samples) const {
   const std::size_t records = seen.rows.size(), masks = model_.masks.basis.rows;
   Matrix out(records, masks + model_.depths.basis.rows);
@@ -239,9 +243,8 @@ void Factorised::choose_threshold(const Bodies& seen, const Samples& samples) {
 }
 
 FitOptions Factorised::sizes() const {
-  const std::size_t amounts =
-      model_.masks.basis.rows +
-      model_.depths.basis.rows;  // depths have half the number of components
+  // Depths use half as many components as masks.
+  const std::size_t amounts = model_.masks.basis.rows + model_.depths.basis.rows;
   FitOptions out;
   if (amounts > 0) out.basis = 2 * amounts / 3;
   return out;

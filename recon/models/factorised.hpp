@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Factorised model: position and appearance of a body are estimated separately. Position: from the
-// shift of the radar profile against the histogram, or from the detector's zones. Appearance: a few
-// components of masks and depths in a frame that moves with the body, drawn into the map. Small
-// networks estimate position and coefficients. Needs the radar or zones, and one body in front of
-// the background. The mean-shape model has no appearance network: it draws the mean body.
+// Factorised model: small networks estimate the position and the shape of a body separately. The
+// position is estimated from the shift between radar profile and histogram, or from the zones of
+// the detector. The shape is a sum of a few components of masks and depths, in a frame that moves
+// with the body, and is drawn into the map. The model requires the radar or zones, and one body in
+// front of the background. The mean-shape model has no shape network: it always draws the mean
+// body.
 #pragma once
 #include <functional>
 #include <memory>
@@ -37,15 +38,15 @@ class Factorised final : public Model {
   }
 
  private:
-  // Records with a body in both view and map.
+  // Records that contain a body both in the view and in the map.
   struct Bodies {
-    Matrix views;  // not yet standardised
-    Rows rows;     // rows of the samples
+    Matrix views;  // views that are not yet standardised
+    Rows rows;     // rows of these records in Samples
     std::vector<Place> places;
   };
   Bodies bodies_in(const Samples& samples) const;
   void learn_scale(const Matrix& views);
-  // Called for a rotated body with its position, its range (m) and the targets to write.
+  // Writes the targets of a rotated body. Arguments: its position, its range (m) and the targets.
   using Retarget = std::function<void(const Place&, float, std::span<float>)>;
   Redraw augment(const RotatedBodies& rotated, const Retarget& retarget) const;
   Redraw augment_positions(const RotatedBodies& rotated) const;
@@ -57,7 +58,7 @@ class Factorised final : public Model {
   bool fit_shape(const Bodies& train, const Samples& train_samples, const RotatedBodies& rotated,
                  const Bodies& validation, const Samples& validation_samples,
                  const FitOptions& options);
-  // Cuts these bodies out of the maps, in the body frame.
+  // Returns the masks and depths of the bodies in `which`, in the body frame.
   Shapes cut(const Bodies& bodies, const Samples& samples, const Rows& which) const;
   Matrix amounts(const Bodies& bodies, const Samples& samples) const;
   void move_mean_body(const Bodies& bodies, const Samples& samples);

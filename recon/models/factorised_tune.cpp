@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
-// Tuning of the factorised model to another room: its networks are trained further, and the mean
-// body moves to that of the new records. Components, threshold and scaling do not change.
+// Fine-tunes the factorised model for another room. Its networks are trained further, and its mean
+// body is moved towards that of the new records. Components, threshold and scaling do not change.
 #include "recon/method/method.hpp"
 #include "recon/models/factorised.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-// Shapes have more degrees of freedom than positions.
+// Factor on the L2 penalty for shapes, which have more degrees of freedom than positions.
 constexpr double shape_penalty = 10;
 
 void move_mean(Components& components, const Matrix& seen, const Matrix& found) {

@@ -7,7 +7,8 @@
 
 namespace echofuse::recon {
 
-// Fits a network to the samples' maps (mlp.cpp) and shows a progress line with this title.
+// Fits a network to the depth maps of the samples (mlp.cpp). Shows a progress line that begins with
+// `title`.
 TrainingLog fit_maps(Regression& regression, const Samples& train, const Samples& validation,
                      const Training& training, const std::string& title);
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Loss of a map with two outputs per pixel: the log-odds of foreground, and its depth.
+// Loss of a map with two outputs per pixel: log-odds of foreground, and depth of the foreground.
 //   mask   cross-entropy
-//   depth  s log cosh(e / s), in units of the depths' spread, on the true foreground only; s is an
-//          eighth of the spread, so that outliers count linearly, not quadratically
+//   depth  s log cosh(e / s) / spread for error e, on the true foreground only; s is an eighth of
+//          the spread of the depths, so that large errors count linearly instead of quadratically
 #pragma once
 #include <cmath>
 #include <span>
@@ -12,8 +12,9 @@
 
 namespace echofuse::recon {
 
-// Outputs: log-odds of every pixel, then depths of every pixel, m. Replaces them by the slopes of
-// the loss and returns it. T is float (training) or double (checking the slopes).
+// Computes the loss of one map. On input, `outputs` contains the log-odds of all pixels, followed
+// by the depths of all pixels (m). They are replaced by the derivatives of the loss. T is float in
+// training, and double in tests of the derivatives.
 template <class T>
 double mask_loss(std::span<const float> truth, std::span<const float> background, T depth_spread_m,
                  std::span<T> outputs) {
@@ -23,7 +24,8 @@ double mask_loss(std::span<const float> truth, std::span<const float> background
   for (std::size_t p = 0; p < pixels; ++p) {
     const bool body = true_foreground(truth[p], background[p]);
     T &odds = outputs[p], &depth = outputs[pixels + p];
-    const T small = std::exp(-std::abs(odds));  // does not overflow
+    // Cannot overflow, because the exponent is not positive.
+    const T small = std::exp(-std::abs(odds));
     sum += std::log1p(small) + std::max(odds, T{0}) - (body ? odds : T{0});
     odds = (odds > 0 ? 1 : small) / (1 + small) - T(body);
     if (!body) {

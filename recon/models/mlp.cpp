@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The paper's plain network: concatenated inputs, two hidden layers, linear output, squared loss.
-// Predicts the difference from the mean map, in units of the maps' standard deviation.
+// Plain network of the paper: concatenated inputs, two hidden layers, linear output, squared loss.
+// Predicts the difference from the mean map, in units of the standard deviation of the maps.
 #include "drivers/util/console.hpp"
 #include "recon/models/fit_maps.hpp"
 

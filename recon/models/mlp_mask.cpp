@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Network with two outputs a pixel, mask and depth (mask_loss.hpp). A regressed depth with a fixed
-// threshold makes the mask depend on the distance of the body; this one does not.
+// Network with two outputs per pixel, mask and depth (mask_loss.hpp). Unlike the mask obtained by
+// applying a fixed threshold to a regressed depth, the mask does not depend on the distance of the
+// body.
 #include <algorithm>
 #include <cmath>
 #include <random>
@@ -12,10 +13,12 @@
 namespace echofuse::recon {
 namespace {
 
-// Thresholds of the mask, in percent. The one with the best IoU on held-out records is kept.
+// Range and step of the mask threshold, in percent. The threshold with the best IoU on held-out
+// records is used.
 constexpr int least_threshold = 30, most_threshold = 60, threshold_step = 5;
-constexpr float input_noise = 0.1f;  // standard deviation, in units of the inputs' mean spread
-constexpr float nearest_m = 1e-3f;   // a return has a depth above 0
+// Standard deviation of the noise, relative to the rms of the inputs.
+constexpr float input_noise = 0.1f;
+constexpr float nearest_m = 1e-3f;  // minimum depth of a predicted return, m; must exceed 0
 
 float probability(float log_odds) { return 1 / (1 + std::exp(-log_odds)); }
 
@@ -27,7 +30,8 @@ class MlpMask final : public Model {
     Training training = training_of(options);
     training.loss = loss_of(train);
     training.redraw = with_noise(train);
-    const TrainingLog log = fit_maps(regression_, train, validation, training, "mask and depth");
+    const TrainingLog log =
+        fit_maps(regression_, train, validation, training, "mask and depth map");
     choose_threshold(validation.rows.empty() ? train : validation);
     return log;
   }
@@ -55,7 +59,8 @@ class MlpMask final : public Model {
   }
 
  private:
-  // The network starts from the mean mask and from the mean depth of each pixel's returns.
+  // Sets the initial outputs of the network to the mean mask and to the mean foreground depth of
+  // each pixel.
   Loss loss_of(const Samples& train) const {
     const std::size_t pixels = background_.size();
     std::vector<double> count(pixels), sum(pixels);
@@ -73,7 +78,7 @@ class MlpMask final : public Model {
     for (std::size_t p = 0; p < pixels; ++p) {
       const double without = static_cast<double>(train.rows.size()) - count[p];
       out.centre[p] = static_cast<float>(std::log((count[p] + 1) / (without + 1)));
-      // Few returns are drawn to the mean of all.
+      // Pixels with few foreground returns start closer to the mean over all pixels.
       out.centre[pixels + p] = static_cast<float>((sum[p] + 10 * mean) / (count[p] + 10));
       out.spread[pixels + p] = spread;
     }
@@ -82,7 +87,7 @@ class MlpMask final : public Model {
     };
     return out;
   }
-  // Noise on the inputs keeps the network from learning the records by heart.
+  // Adds noise to the inputs, which reduces overfitting.
   static Redraw with_noise(const Samples& train) {
     double squares = 0;
     for (const std::size_t row : train.rows)
@@ -116,7 +121,7 @@ class MlpMask final : public Model {
   }
 
   Regression regression_;
-  std::vector<float> background_;  // metres
+  std::vector<float> background_;  // depth of the background, m
   float threshold_ = 0.5f;
 };
 

@@ -12,7 +12,7 @@ namespace echofuse::recon {
 
 namespace {
 
-// Parses "512-256" to 512, 256; returns an empty list for other texts.
+// Parses sizes such as "512-256". Returns an empty list if the text has another form.
 std::vector<std::size_t> numbers_of(const std::string& text) {
   std::vector<std::size_t> out;
   std::istringstream in(text);
@@ -39,8 +39,8 @@ const FitOptions masked{.hidden = {{512, 512}},
                         .weight_decay = 0.1,
                         .patience = 30,
                         .batch = 64};
-// From this number of records on the batch is doubled: the maps are as good, and training takes
-// three quarters of the time. Fewer records need smaller steps.
+// From this number of records on, the batch size is doubled. The maps are equally accurate, and
+// training takes three quarters of the time. With fewer records, a smaller batch is needed.
 constexpr std::size_t many_records = 3000;
 const FitOptions placed{.basis = 16,
                         .epochs = 100,
@@ -118,7 +118,7 @@ Candidate candidate_of(const std::string& name, const FitOptions& base, std::siz
   const bool hidden = kind.size == ModelKind::Size::hidden;
   const bool basis = kind.size == ModelKind::Size::basis;
   FitOptions own = kind.own;
-  if (hidden) {  // the learning rate scales with the square root of the batch
+  if (hidden) {  // scales the learning rate with the square root of the batch size
     if (records >= many_records) *own.batch *= 2;
     const double times =
         static_cast<double>(base.batch.value_or(*own.batch)) / static_cast<double>(*kind.own.batch);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Interface of all models: fit, predict, report the cost, save.
+// Interface of all models. It consists of functions to fit, predict, report the cost, and save.
 #pragma once
 #include <cmath>
 #include <cstdint>
@@ -18,15 +18,16 @@ namespace echofuse::recon {
 
 class Alignment;
 
-// Inputs and depth maps of the same records, and the rows to use. Inputs are scaled (features.hpp),
-// or aligned (method/alignment.hpp) for models with aligned inputs.
+// Inputs and depth maps of the same records. `rows` selects the records to use. Inputs are scaled
+// (features.hpp), or aligned (method/alignment.hpp) if the model requires it.
 struct Samples {
   const Matrix& inputs;
-  const Matrix& maps;  // metres
+  const Matrix& maps;  // depth maps, m
   Rows rows;
-  const SceneModel* scene = nullptr;  // learnt from the training rows; null if not needed
-  // Alignment that made the inputs, for models with aligned inputs; radar power and lags as
-  // recorded.
+  // Background and foreground of the training rows; null if not needed.
+  const SceneModel* scene = nullptr;
+  // Alignment of the inputs, and the recorded radar power and lags; null if the inputs are not
+  // aligned.
   const Alignment* alignment = nullptr;
   const Matrix* radar = nullptr;
   const Matrix* array = nullptr;
@@ -37,73 +38,79 @@ class Model {
   virtual ~Model() = default;
   virtual TrainingLog fit(const Samples& train, const Samples& validation,
                           const FitOptions& options) = 0;
-  // Returns a copy of a trained model, adapted to a few records of another room and their scene.
-  // Null if this kind of model cannot be tuned.
+  // Returns a copy of the trained model that is adapted to a few records from another room. Returns
+  // null if this kind of model cannot be fine-tuned.
   virtual std::unique_ptr<Model> tuned(const Samples&, const Tuning&) const { return {}; }
-  // Replaces the background behind the body; returns false for models that do not place a body.
+  // Replaces the background that is drawn behind the body. Returns false if the model does not draw
+  // bodies on a background.
   virtual bool show_background(std::span<const float>) { return false; }
-  // Returns one map per row, in metres. Models that place a body also fill `soft` if given. Other
-  // models leave it empty, because their mean map contains the same information.
+  // Returns one depth map per row, m. If `soft` is given, models that predict a body position also
+  // fill it. Other models leave it empty, because their maps already contain the mean over all
+  // positions.
   virtual Matrix predict(const Matrix& inputs, SoftMaps* soft = nullptr) const = 0;
   virtual Cost cost() const = 0;
-  // Returns options with which fit() makes a model of the same size.
+  // Returns options for which fit() creates a model of the same size.
   virtual FitOptions sizes() const { return {}; }
-  // Writes the model, or reads and checks one of this shape (numbers/tensor_file.hpp).
+  // Writes the model to a file. In read mode, reads a model of the given shape and checks it
+  // (numbers/tensor_file.hpp).
   struct Shape {
-    std::size_t inputs, outputs;  // values per record, pixels per map
+    std::size_t inputs, outputs;  // values per record; pixels per map
     record::MapGrid grid;
   };
   virtual void archive(Archive archive, const Shape& shape) = 0;
 };
 
-// Kind of model: all that the rest of the program needs to know about it.
+// Properties of a kind of model. The rest of the program uses only these properties.
 struct ModelKind {
   enum class InputKind : std::uint8_t {
     nothing,
     inputs,
-    aligned
-  };                                                        // aligned: method/alignment.hpp
-  enum class Size : std::uint8_t { fixed, hidden, basis };  // meaning of the numbers in a name
+    aligned  // see method/alignment.hpp
+  };
+  enum class Size : std::uint8_t { fixed, hidden, basis };  // what the numbers in a model name mean
   std::string name;
   std::unique_ptr<Model> (*make)();
   InputKind takes;
   Size size;
-  FitOptions own;                  // best options on validation records at the base condition
-  const char* scaling = "record";  // scaling of the inputs (data/features.hpp)
+  // Default options, chosen on validation records.
+  FitOptions own;
+  const char* scaling = "record";  // default scaling of the inputs (data/features.hpp)
 };
-// A new kind needs an entry there and its own file, and, for `--model auto`, an entry in
-// candidates() in train/crossvalidate.cpp.
-const std::vector<ModelKind>& model_kinds();        // by increasing cost
-const ModelKind& kind_of(const std::string& name);  // throws Error(usage)
+// To add a kind of model, add a source file and an entry to this list. To include it in `--model
+// auto`, also add it to candidates() in train/crossvalidate.cpp.
+const std::vector<ModelKind>& model_kinds();        // in order of increasing cost
+const ModelKind& kind_of(const std::string& name);  // throws Error(usage) if the kind is unknown
 std::vector<std::string> model_names();
-std::string model_help();  // "empty, mean, ..., nearest[-N], paper (mlp-512-256)"
+std::string model_help();  // returns "empty, mean, ..., nearest[-N], paper (mlp-512-256)"
 
-// Factories of the models, one per file.
-std::unique_ptr<Model> make_empty_room();  // "empty": the empty room
-std::unique_ptr<Model> make_mean();        // mean training map
-std::unique_ptr<Model> make_nearest();     // from the maps of the nearest training records
-std::unique_ptr<Model> make_ridge();       // linear, penalty chosen by generalised cross-validation
-std::unique_ptr<Model> make_mlp();         // the paper's plain network
-std::unique_ptr<Model> make_mlp_mask();    // a network with two outputs, mask and depth
-std::unique_ptr<Model> make_pca(std::unique_ptr<Model> inner);  // maps from few components
-std::unique_ptr<Model> make_mean_shape();  // draws the mean body at the position
-std::unique_ptr<Model> make_factorised();  // position, and shape in the body frame
+// Factory functions, one per kind of model.
+std::unique_ptr<Model> make_empty_room();  // map of the empty room
+std::unique_ptr<Model> make_mean();        // mean of the training maps
+std::unique_ptr<Model> make_nearest();     // map of the nearest training records
+std::unique_ptr<Model> make_ridge();  // ridge regression, penalty by generalised cross-validation
+std::unique_ptr<Model> make_mlp();    // plain network of the paper
+std::unique_ptr<Model> make_mlp_mask();  // network that predicts a mask and a depth map
+// Wraps a model that predicts components.
+std::unique_ptr<Model> make_pca(std::unique_ptr<Model> inner);
+std::unique_ptr<Model> make_mean_shape();  // mean body at the predicted position
+std::unique_ptr<Model> make_factorised();  // predicted body shape at the predicted position
 
-// Model of a given size, by name:
-//   "mlp-1024-512-256"  hidden layers of these widths
-//   "factorised-8"      8 components
-//   "nearest-16"        16 neighbours
-//   "paper"             the paper's network
+// Model of a given size. Examples of names:
+//   "mlp-1024-512-256"  network with hidden layers of these widths
+//   "factorised-8"      factorised model with 8 components
+//   "nearest-16"        mean of 16 nearest neighbours
+//   "paper"             network of the paper
 struct Candidate {
   std::string name, model;
   FitOptions fit;
 };
-// Returns a candidate with all options of its kind, for this number of training records (including
-// duplicates). Options in `base` take precedence. Throws Error(usage).
+// Returns the candidate of this name with default options for this number of training records
+// (including duplicates). Options in `base` override the defaults. Throws Error(usage) if the name
+// is invalid.
 Candidate candidate_of(const std::string& name, const FitOptions& base, std::size_t records = 0);
 
-// Properties of a kind. Empty room and mean map ignore their inputs. Models that place a body use
-// aligned inputs, with the radar profile.
+// Properties of model kinds. The models of the empty room and of the mean map ignore their inputs.
+// Models that predict a body position need aligned inputs, including the radar profile.
 bool ignores_inputs(const std::string& name);
 bool wants_alignment(const std::string& name);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Nearest neighbours in the scaled inputs, as a look-up table of the training set. Returns the
-// weighted mean of their maps, or the map of a single neighbour.
+// Finds the training records nearest to a record in the space of scaled inputs. Returns the
+// weighted mean of their maps, or the map of the nearest record.
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -21,7 +21,7 @@ class Nearest final : public Model {
     return {};
   }
   Matrix predict(const Matrix& inputs, SoftMaps*) const override {
-    // |x - t|^2 = |x|^2 - 2 x.t + |t|^2, and |x|^2 is the same for all t.
+    // Uses |x - t|^2 = |x|^2 - 2 x.t + |t|^2 and omits |x|^2, which is equal for all t.
     Matrix score(inputs.rows, inputs_.rows), out(inputs.rows, maps_.cols);
     multiply({inputs.rows, inputs_.rows, inputs_.cols, Transpose::no, Transpose::yes, -2.f},
              inputs.values.data(), inputs_.values.data(), score.values.data());
@@ -45,9 +45,9 @@ class Nearest final : public Model {
     for (std::size_t t = 0; t < inputs_.rows; ++t)
       for (const float v : inputs_.row(t)) squares_[t] += v * v;
   }
-  // Weights are exp(-excess / width), where excess is the squared distance minus that of the
-  // nearest one. The width is a third of the mean excess; with the mean itself, 16 neighbours blur
-  // the IoU from .25 to .17.
+  // Weights a neighbour by exp(-excess / width). `excess` is its squared distance minus that of the
+  // nearest neighbour; `width` is a third of the mean excess. With a width of the full mean excess,
+  // 16 neighbours would reduce the IoU from .25 to .17.
   void blend(std::span<const float> score, std::span<float> map) const {
     const auto distance = [&](std::size_t t) { return score[t] + squares_[t]; };
     Rows order = all_rows(inputs_.rows);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Predicts coefficients of the strongest principal components of the training maps instead of every
-// pixel. The last and largest layer is fixed.
+// Predicts the coefficients of the strongest principal components of the training maps, instead of
+// every pixel. The components form a fixed last layer, which is the largest one.
 #include "recon/models/model.hpp"
 #include "recon/numbers/components.hpp"
 
@@ -24,7 +24,7 @@ class Pca final : public Model {
     return inner_->fit({train.inputs, amounts, train.rows},
                        {validation.inputs, amounts, validation.rows}, options);
   }
-  // The components do not contain the background, which a room adds to every map.
+  // Keeps the components, because they do not contain the background, which differs between rooms.
   std::unique_ptr<Model> tuned(const Samples& train, const Tuning& tuning) const override {
     auto out = std::make_unique<Pca>(nullptr);
     out->components_ = components_;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Ridge regression from the scaled inputs to the map. Solved by the singular values of the inputs,
-// so that nearly equal neighbouring bins are harmless. The penalty is chosen by generalised
-// cross-validation (Golub, Heath and Wahba, Technometrics 21, 215, 1979).
+// Ridge regression from the scaled inputs to the map. Uses the singular value decomposition of the
+// inputs, which is stable if neighbouring bins are almost equal. The penalty is chosen by
+// generalised cross-validation (Golub, Heath and Wahba, Technometrics 21, 215, 1979).
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -16,8 +16,8 @@ namespace {
 using InFloat = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// Penalty with the lowest generalised cross-validation score, relative to the largest singular
-// value squared. projected = |U'Y|^2 per singular vector, total = |Y|^2.
+// Returns the penalty with the lowest generalised cross-validation score. Tries multiples of the
+// squared largest singular value. `projected`: |U'Y|^2 for each singular vector. `total`: |Y|^2.
 double best_penalty(const Eigen::VectorXd& s, const Eigen::VectorXd& projected, double total,
                     double records) {
   double best = 0, least = std::numeric_limits<double>::max();
@@ -25,10 +25,10 @@ double best_penalty(const Eigen::VectorXd& s, const Eigen::VectorXd& projected, 
   for (int quarter_decades = -40; quarter_decades <= 4; ++quarter_decades) {
     const double penalty = std::pow(10, 0.25 * quarter_decades) * s(0) * s(0);
     const Eigen::ArrayXd kept = s.array().square() / (s.array().square() + penalty);
-    // Sums of squares, because a difference of large numbers would be rounding noise for a close
-    // fit.
+    // Computed as a sum of squares, because a difference of large numbers would amplify rounding
+    // errors if the fit is close.
     const double residual = outside + (projected.array() * (1 - kept).square()).sum();
-    const double freedom = records - 1 - kept.sum();  // 1 for the mean
+    const double freedom = records - 1 - kept.sum();  // subtracts 1 for the fitted mean
     if (freedom < 1e-3 * records) continue;
     const double gcv = residual / (freedom * freedom);
     if (gcv < least) least = gcv, best = penalty;
@@ -50,8 +50,8 @@ class Ridge final : public Model {
   }
 
  private:
-  Matrix weights_;             // inputs x pixels
-  std::vector<float> offset_;  // metres
+  Matrix weights_;             // inputs x pixels, m per input unit
+  std::vector<float> offset_;  // constant term of each pixel, m
   double penalty_ = 0;
 };
 
@@ -63,7 +63,7 @@ TrainingLog Ridge::fit(const Samples& train, const Samples&, const FitOptions&) 
   Eigen::MatrixXd x = Eigen::Map<const InFloat>(inputs.values.data(), en, ed).cast<double>();
   const Eigen::RowVectorXd input_mean = x.colwise().mean();
   x.rowwise() -= input_mean;
-  // Double precision throughout, because the weight of a weak direction amplifies rounding errors.
+  // Uses double precision, because directions with small singular values amplify rounding errors.
   RowMajor y(en, ep);
   for (std::size_t i = 0; i < n; ++i)
     y.row(static_cast<Eigen::Index>(i)) =
@@ -83,7 +83,7 @@ TrainingLog Ridge::fit(const Samples& train, const Samples&, const FitOptions&) 
   const Eigen::VectorXd projected = uty.rowwise().squaredNorm();
   penalty_ = best_penalty(s, projected, y.squaredNorm(), static_cast<double>(n));
 
-  // W = V diag(s / (s^2 + penalty)) U'Y; directions without signal get weight 0.
+  // W = V diag(s / (s^2 + penalty)) U'Y. Directions with a singular value of almost 0 get weight 0.
   const double tiny = 1e-12 * std::max(s(0), 1e-300);
   const Eigen::VectorXd shrink =
       (s.array() > tiny).select(s.array() / (s.array().square() + penalty_).max(1e-300), 0);

@@ -42,8 +42,8 @@ enum class PredictionDetail : std::uint8_t { maps, uncertainty, pixels };
 
 struct Prediction {
   Matrix maps;  // predicted depth, m
-  std::vector<PredictionUncertainty>
-      uncertainties;  // one per row; empty if not requested or not calibrated
+  // One per row; empty if not requested or not calibrated.
+  std::vector<PredictionUncertainty> uncertainties;
   // Mean and standard deviation of each pixel, m. No rows unless `pixels` was requested. The
   // deviation is NaN if the estimator is not calibrated.
   Matrix mean, deviation;

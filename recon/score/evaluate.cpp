@@ -19,9 +19,10 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t least_of_room = 20;  // minimum number of records to learn the room
+// Minimum number of records for learning the scene of a run.
+constexpr std::size_t least_of_room = 20;
 
-// Returns the inputs that both data sets have on equal axes; may be none.
+// Returns the sensors that have matching axes in both data sets; empty if there are none.
 std::optional<Inputs> common_inputs(const Dataset& data, const Dataset& other) {
   const bool spd = other.spd_axis.count > 0 && is_near(data.spd_axis, other.spd_axis) &&
                    data.zones.size() == other.zones.size();
@@ -49,7 +50,7 @@ Rows with_depth(const Dataset& data) {
   return rows;
 }
 
-// Returns rows with a depth map without an excluding verdict.
+// Returns the rows that have a depth map and no camera verdict that excludes it.
 Rows with_sound_depth(const Dataset& data) {
   Rows rows = all_rows(data.size());
   std::erase_if(rows, [&](std::size_t row) { return !data.sound_depth(row); });
@@ -67,14 +68,14 @@ std::string doubt_of(const TrainedModel& model, const Dataset& data, std::size_t
   return by ? data.doubt_of(row, by->features.inputs) : "";
 }
 
-// Both lists are sorted.
+// Returns the rows that are not in `unwanted`. Both lists must be sorted.
 Rows without(const Rows& rows, const Rows& unwanted) {
   Rows out;
   std::ranges::set_difference(rows, unwanted, std::back_inserter(out));
   return out;
 }
 
-// Accumulator for an UncertaintyCalibration.
+// Accumulates the values of an UncertaintyCalibration.
 struct StatedUncertainty {
   double within = 0, stated = 0, known = 0, flagged = 0, squares = 0, variance = 0, pixels = 0,
          records = 0;
@@ -100,7 +101,7 @@ struct StatedUncertainty {
   }
 };
 
-// Computes metrics and calibration in chunks, which bounds the memory.
+// Computes metrics and calibration in batches of records, to limit the memory use.
 void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
                        const std::string& title, Evaluation& out) {
   const SceneModel& scoring = out.scoring.scene;
@@ -137,7 +138,7 @@ std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const
     return data.has(row, Sensor::depth) ? model.fault_of(data, row) : "camera missing";
   };
   for (std::size_t row = 0; row < data.size(); ++row)
-    out[row] = held_out ? "in no part of the training" : fault(row);
+    out[row] = held_out ? "in no part of the training split" : fault(row);
   if (held_out)
     for (const Subset part : {Subset::train, Subset::validation, Subset::test})
       for (const std::size_t row : model.rows_of(data, part))
@@ -173,21 +174,21 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
   const char* const use_all = "; use --all to score the training records";
   throw Error(
       ExitCode::failed,
-      path + (!all && model.knows(data)
-                  ? ": the model was trained on this run, and no sound held-out record is left" +
-                        std::string(use_all)
-              : trained_on
-                  ? ": the model was trained on all of its records, as part of another run" +
-                        std::string(use_all)
-                  : ": no record has depth and the live sensors of a \"" +
-                        name_of(model->features.inputs) + "\" model"));
+      path +
+          (!all && model.knows(data)
+               ? ": the model was trained on this run, and no valid held-out record is left" +
+                     std::string(use_all)
+           : trained_on
+               ? ": all records of this run are copies of training records" + std::string(use_all)
+               : ": no record contains a depth map and valid data of the sensors of a \"" +
+                     name_of(model->features.inputs) + "\" model"));
 }
 
 ScoringScene scoring_scene(const Dataset& training) {
   const Rows seen = with_sound_depth(training);
   if (seen.empty())
     throw Error(ExitCode::failed,
-                training.sources.front().path + ": no record has a depth map without doubts");
+                training.sources.front().path + ": no record has a valid depth map");
   return {learn_scene(training.depth, seen, training.map), {}};
 }
 
@@ -200,8 +201,8 @@ ScoringScene scoring_scene(const TrainedModel& model, const Dataset& data) {
     moved += std::abs(own.background[p] - model->scene.background[p]) > 0.1f;
   if (2 * moved < own.background.size()) return {model->scene, {}};
   return {std::move(own),
-          "the room differs from the training's: foreground and background come from this run's "
-          "maps; --train RUN overrides them"};
+          "the room differs from the training room: foreground and background are learnt from the "
+          "depth maps of this run; --train RUN uses those of RUN"};
 }
 
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
@@ -215,7 +216,7 @@ std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const
 
 namespace {
 
-// Scores the doubtful records, which were left out, together with the others.
+// Scores the doubtful records together with the other records. The main scores exclude them.
 void add_doubtful(const TrainedModel& model, const Records& records, Evaluation& out) {
   const Dataset& data = records.data;
   Rows rest = without(with_map_and_depth(model, data), model.rows_trained_on(data)), doubtful;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Output of an evaluation: JSON for programs, aligned text for people.
+// Formats the results of an evaluation as JSON or as aligned text.
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -15,7 +15,8 @@ using nlohmann::json;
 
 std::string to_text(const TwoPeopleCounts& two) {
   if (two.records == 0) return "";
-  return formatted("%zu of %zu records of two people are flagged", two.flagged, two.records);
+  return formatted("%zu of %zu records with two people are flagged as out of distribution",
+                   two.flagged, two.records);
 }
 
 json number(double value) { return std::isnan(value) ? json(nullptr) : json(value); }
@@ -114,23 +115,24 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
       std::isnan(c->within_90)
           ? ""
           : formatted(
-                "%.1f %% of the records are within their stated lateral error, %.1f cm on average "
-                "(expected 90 %%); ",
+                "%.1f %% of the bodies are within their 90 %% interval, which is +- %.1f cm on "
+                "average; ",
                 100 * c->within_90, 100 * c->lateral_interval_90_m);
   return lateral + formatted(
-                       "%.2f %% out of distribution; rms error of the mean map's pixels %.2f m, "
-                       "stated %.2f m\n",
+                       "%.2f %% of the records are out of distribution; rms error per pixel "
+                       "%.2f m, estimated %.2f m\n",
                        100 * c->flagged, c->error_m, c->deviation_m);
 }
 
 std::string mirrored_truth(const Summaries& metrics) {
   constexpr std::size_t least_maps = 10;
-  constexpr double most_share = 0.1;  // a model that cannot distinguish the sides has 0.5
+  // A model that cannot distinguish left and right would have 0.5.
+  constexpr double most_share = 0.1;
   const Summary& right = metrics[metric_left_right];
   if (right.maps < least_maps || !(right.mean < most_share)) return {};
   return formatted(
-      "%.0f of %zu bodies are on the other side than in the depth maps: the camera's image is "
-      "mirrored here or was in training; flip these depth maps left to right",
+      "%.0f of %zu bodies are on the opposite side in the depth maps: the camera image is mirrored "
+      "in this run or was mirrored in training; flip the depth maps of this run left to right",
       (1 - right.mean) * static_cast<double>(right.maps), right.maps);
 }
 
@@ -145,7 +147,7 @@ std::string notes(const Evaluation& e) {
   for (const auto& [note, records] : e.fallbacks)
     out += formatted("%zu records: %s\n", records, note.c_str());
   if (e.left_out > 0) {
-    out += formatted("%zu records with depth left out: ", e.left_out);
+    out += formatted("%zu records with a depth map left out: ", e.left_out);
     for (std::string separator; const auto& [why, count] : e.faults)
       out += separator + formatted("%s %zu", why.c_str(), count), separator = ", ";
     out += '\n';
@@ -153,7 +155,7 @@ std::string notes(const Evaluation& e) {
   if (e.twice > 0) out += formatted("records left out: %s %zu\n", twice_in_run, e.twice);
   if (e.trained_on > 0)
     out += formatted("%zu of %zu records are copies of training records%s\n", e.trained_on, e.of,
-                     e.records + e.trained_on <= e.of ? ": left out" : ", and are scored");
+                     e.records + e.trained_on <= e.of ? " and are left out" : " and are scored");
   if (e.doubtful.empty()) return out;
   std::string reasons;
   for (const auto& [reason, records] : e.doubtful)
@@ -163,8 +165,8 @@ std::string notes(const Evaluation& e) {
     if (const std::string with = formatted(e.with_doubtful[m], " +-"),
         own = formatted(e.metrics[m], " +-");
         with != own)
-      differ += formatted("%s %s %s instead of %s", differ.empty() ? "; including them" : ",", name,
-                          with.c_str(), own.c_str());
+      differ += formatted("%s %s %s instead of %s", differ.empty() ? "; including them:" : ",",
+                          name, with.c_str(), own.c_str());
   out += "doubtful records left out: " + reasons + differ + '\n';
   return out;
 }

@@ -95,8 +95,8 @@ std::vector<NamedScores> read_scores(const std::string& path) {
   std::array<std::size_t, metric_count> of_metric{};
   for (std::size_t m = 0; m < metric_count; ++m) of_metric[m] = column(metric_names[m]);
   if (std::max({record, name, of_metric[metric_iou]}) >= head.size())
-    throw Error(ExitCode::failed, path + ": expected the columns record, name and iou, as of " +
-                                      "evaluate --per-record");
+    throw Error(ExitCode::failed, path + ": expected columns record, name and iou, as " +
+                                      "written by evaluate --per-record");
   const auto number = [&](const std::string& word, auto otherwise) {
     const auto read = std::from_chars(word.data(), word.data() + word.size(), otherwise);
     if (!word.empty() && (read.ec != std::errc{} || read.ptr != word.data() + word.size()))
@@ -107,13 +107,14 @@ std::vector<NamedScores> read_scores(const std::string& path) {
   std::map<std::string, std::map<std::int64_t, std::vector<MapScores>>> lines;
   while (std::getline(text, line)) {
     auto fields = csv_fields(line);
-    fields.resize(head.size() + 1);  // the last one stands for a metric without a column
+    // The additional empty field is used for metrics without a column.
+    fields.resize(head.size() + 1);
     MapScores scores;
     for (std::size_t m = 0; m < metric_count; ++m)
       scores[m] = number(fields[of_metric[m]], double{NAN});
     if (!lines.contains(fields[name])) names.push_back(fields[name]);
     if (fields[record].empty())
-      throw Error(ExitCode::failed, path + ": a line has no record number");
+      throw Error(ExitCode::failed, path + ": a line contains no record number");
     lines[fields[name]][number(fields[record], std::int64_t{})].push_back(scores);
   }
   std::vector<NamedScores> out;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Scores of maps by record: intervals, and differences of two methods.
+// Confidence intervals of scores, and paired differences between two methods on the same records.
 #pragma once
 #include <cmath>
 #include <map>
@@ -11,32 +11,36 @@
 
 namespace echofuse::recon {
 
-// Mean of a metric over records, and its 95 % interval; NaN for fewer than five records.
+// Mean of a metric over records, with its 95 % interval. The interval is NaN if there are fewer
+// than five records.
 struct MeanInterval {
-  std::size_t records = 0;  // records that define the metric
+  std::size_t records = 0;  // number of records for which the metric is defined
   double mean = NAN, low = NAN, high = NAN;
 };
 MeanInterval mean_interval(const std::vector<MapScores>& scores, Metric metric);
 
-// Gain of the second over the first; positive is better, also for errors.
+// Mean gain of a second method over a first one. Positive values mean that the second method is
+// better, also for error metrics.
 struct PairedDifference : MeanInterval {
   Metric metric{};
-  double first = 0, second = 0;  // means of both over the records that define the metric in both
+  // Means of both methods over the records for which both define the metric.
+  double first = 0, second = 0;
 };
 double gain(Metric metric, double first, double second);
-// Gains for records where both are defined, with intervals by a bootstrap over blocks of
-// neighbours.
+// Returns the gains over the records for which both methods define the metric. Computes the
+// intervals by a bootstrap over blocks of neighbouring records.
 std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& first,
                                                  const std::vector<MapScores>& second);
 nlohmann::json to_json(const std::vector<PairedDifference>& differences);
 
-// Scores of one name in a table of `evaluate --per-record`; if a record has several lines (several
-// trainings), their mean.
+// Scores with the same name in a table of `evaluate --per-record`. If a record has several lines
+// (from several trainings), their mean is used.
 struct NamedScores {
   std::string name;
-  std::map<std::int64_t, MapScores> of_record;  // NaN: not defined
+  std::map<std::int64_t, MapScores> of_record;  // NaN if the metric is undefined
 };
-// In the order of the names' first lines. Throws Error(failed) for another table.
+// Returns the scores in the order in which the names first occur. Throws Error(failed) if the file
+// is not such a table.
 std::vector<NamedScores> read_scores(const std::string& path);
 
 }  // namespace echofuse::recon

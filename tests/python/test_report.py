@@ -143,7 +143,7 @@ def test_models_are_scored_on_records_with_all_their_sensors(here, tmp_path):
     code, said = report(tmp_path, "--run", tmp_path / "some.sqlite", "--model", tmp_path / "both", here / "spd", here / "radar", "--live", dark)
     assert code == 0, said
     assert "on 45 simulated records of a new run" in said and "Recorded run: 5 records: radar lost: SPD alone." in said
-    assert "15 records with depth left out" in said
+    assert "15 records with a depth map left out" in said
     assert page_of(tmp_path)["fails"][0].startswith("Recorded run: ")
     code, said = report(tmp_path / "spd", "--run", dark, "--model", here / "spd")
     assert code == 0 and "spd (ridge, SPD alone), on 5 " in said
@@ -195,7 +195,7 @@ def test_report_contains_every_note_of_evaluate(here, tmp_path):
         db.execute("UPDATE record SET spd = (SELECT spd FROM record WHERE idx = 51) WHERE idx = 50")
     db.close()
     notes_of_evaluate = evaluated(here / "body", tmp_path / "odd.sqlite")["notes"].splitlines()
-    for part in ("camera frozen 25; including them IoU", "twice in the run 1", "1 records with depth left out: missing sensor 1"):
+    for part in ("camera frozen 25; including them: IoU", "twice in the run 1", "1 records with a depth map left out: missing sensor 1"):
         assert any(part in line for line in notes_of_evaluate), notes_of_evaluate
     code, said = report(tmp_path, "--run", tmp_path / "odd.sqlite", "--model", here / "body")
     assert code == 0, said

@@ -205,7 +205,7 @@ TEST_CASE("compare averages lines of one record and refuses a line without recor
   std::ofstream(path) << "record,name,iou\n7,a,0.2\n,a,0.4\n";
   const auto o = recon_program("compare " + path);
   CHECK(o.code == 1);
-  CHECK(o.text.find("a line has no record number") != std::string::npos);
+  CHECK(o.text.find("a line contains no record number") != std::string::npos);
 }
 
 TEST_CASE("the nearest-neighbour baseline does not depend on the evaluated model") {
@@ -233,7 +233,7 @@ TEST_CASE("train does not overwrite its input") {
     CHECK(o.code == 2);
     CHECK_THAT(o.text, Catch::Contains(why));
   };
-  refused("train " + (dir / "run") + " --model mean --out " + (dir / "run"), "exists already");
+  refused("train " + (dir / "run") + " --model mean --out " + (dir / "run"), "the file exists");
   CHECK(recon::load({dir / "run"}).size() == 60);
 }
 

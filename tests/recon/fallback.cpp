@@ -140,5 +140,5 @@ TEST_CASE("records without a map are counted but not scored") {
   CHECK(json["fallback_records"] == 1);
   CHECK(json["left_out"] == 2);
   CHECK_THAT(recon_program("evaluate " + (dir / "m") + " " + (dir / "live")).text,
-             Catch::Contains("2 records with depth left out: missing sensor "));
+             Catch::Contains("2 records with a depth map left out: missing sensor "));
 }

@@ -34,7 +34,7 @@ TEST_CASE("train never overwrites a file") {
   for (const std::string name : {"m", "run"}) {
     const std::string before = contents(dir / name);
     refuses(trained(dir, name, " --seed 2"),
-            name + ": exists already; choose another --out, or remove it");
+            name + ": the file exists; choose another --out, or remove the file");
     CHECK(contents(dir / name) == before);
   }
 }

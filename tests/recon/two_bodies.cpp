@@ -196,5 +196,5 @@ TEST_CASE("reconstruct and evaluate report records with two bodies") {
                         Catch::Contains("\n0,\"ok\",") &&
                         Catch::Contains(",\"two bodies, or one unlike the training records'"));
   const auto e = recon_program("evaluate " + (dir / "m") + " " + (dir / "run"));
-  CHECK_THAT(e.text, Catch::Contains(" of 10 records of two people are flagged"));
+  CHECK_THAT(e.text, Catch::Contains(" of 10 records with two people are flagged"));
 }

@@ -263,13 +263,13 @@ TEST_CASE("records converted from a wider response are rarely flagged and within
 TEST_CASE("the interval includes the calibration error, or states its assumption") {
   const Dataset plain = fresh_plates(40);
   const Records records = prepare_records(trained(), plain);
-  CHECK_THAT(records.ranges, Catch::Contains("has no calibration of both sensors"));
+  CHECK_THAT(records.ranges, Catch::Contains("does not contain a calibration of both sensors"));
   const auto assumed = uncertainties_of(records.data);
 
   Dataset calibrated = plain;
   calibrated.sources[0].range_error_m = 0.01;
   CHECK_THAT(prepare_records(trained(), calibrated).ranges,
-             Catch::Contains("has no radar_baseline_m"));
+             Catch::Contains("does not state radar_baseline_m"));
   calibrated.sources[0].baseline_m = 0.5;
   const Records stated = prepare_records(trained(), calibrated);
   CHECK(stated.ranges.empty());

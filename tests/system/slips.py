@@ -20,7 +20,7 @@ recon --help | 0 | evaluate
 recon train x --otu y | 2 | --otu: no such option; the nearest is --out
 recon train nofile --out m | 1 | nofile.sqlite: No such file or directory; expected a run file
 recon evaluate nomodel norun | 1 | nomodel: No such file or directory; expected a model file
-recon compare three.toml | 1 | three.toml: expected the columns record, name and iou, as of evaluate --per-record
+recon compare three.toml | 1 | three.toml: expected columns record, name and iou, as written by evaluate --per-record
 recon train x --out m --model factorisd | 2 | factorisd
 recon train x --out m --set epoch=3 | 3 | --set epoch=3: unknown key; no similar name
 acquire run --cont 3 | 2 | --cont: no such option; the nearest is --count
