@@ -20,7 +20,6 @@ bool same_name(std::string_view a, std::string_view b) {
   });
 }
 
-// Returns the host name without its port; empty if the name is not valid.
 std::string_view name_in(std::string_view host) {
   const std::size_t end = host.starts_with('[') ? host.find(']') + 1 : host.find(':');
   const std::string_view name = host.substr(0, end), rest = host.substr(name.size());
@@ -55,7 +54,7 @@ bool Access::accepts_origin(std::string_view origin, std::string_view host) cons
   return false;
 }
 
-// Compares in constant time, against timing attacks.
+// Compares in constant time, to prevent timing attacks.
 bool Access::is_token(std::string_view given) const {
   if (token.empty() || given.size() != token.size()) return false;
   unsigned differs = 0;

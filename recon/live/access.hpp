@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: MIT
-// Access rules: which requests may read a run, and which may write to it. No side effects.
+// Access rules: decide which requests may read a run, and which may write to it. They have no side
+// effects.
 //
-// Any web page can make a browser send requests to 127.0.0.1, so each request is checked:
-//   Host    must be a name of this machine that no foreign DNS entry can have (DNS rebinding)
-//   Origin  for a WebSocket, must be the host of this server's page (X-Forwarded-Host if a proxy
-//           sets it; a web page can set that field neither for a WebSocket nor, without a
-//           preflight, for another host)
+// Any web page can make a browser send requests to 127.0.0.1. Therefore two headers of each request
+// are checked:
+//   Host    must be a name of this machine that a foreign DNS entry cannot have. This prevents DNS
+//           rebinding.
+//   Origin  must be the host of this server's page. If a proxy sets X-Forwarded-Host, that host is
+//           used. A web page cannot set this header for a WebSocket, and for another host only
+//           after a preflight request.
 #pragma once
 #include <string>
 #include <string_view>
@@ -13,16 +16,17 @@
 namespace echofuse::view {
 
 struct Access {
-  std::string token;         // made at each start of the server
-  bool needs_token = false;  // reading needs the token; writing always does
-  bool loopback = true;      // true: listens on this machine only
-  bool many = false;         // serves a folder of runs
-  std::string host_name;     // name of this machine
+  std::string token;         // random; created at each start of the server
+  bool needs_token = false;  // true: reading requires the token; writing always requires it
+  bool loopback = true;      // true: the server listens only on the loopback interface
+  bool many = false;         // true: the server shows a folder of runs
+  std::string host_name;     // host name of this machine
 
-  // Accepts "127.0.0.1:8410", "[::1]", "localhost"; refuses the name of another machine.
+  // Returns true for addresses and names of this machine, e.g. "127.0.0.1:8410", "[::1]" or
+  // "localhost".
   bool accepts_host(std::string_view host) const;
-  // An empty origin means that no web page sent the request. `host` is X-Forwarded-Host if a proxy
-  // sets it, otherwise Host.
+  // Returns true if the request comes from this server's page, or from no web page (empty
+  // `origin`). `host`: X-Forwarded-Host if a proxy sets it, otherwise Host.
   bool accepts_origin(std::string_view origin, std::string_view host) const;
   bool may_read(std::string_view given) const { return !needs_token || is_token(given); }
   bool may_write(std::string_view given) const { return is_token(given); }
@@ -31,16 +35,17 @@ struct Access {
   bool is_token(std::string_view given) const;
 };
 
-// Returns 128 random bits of the system as hexadecimal digits.
+// Returns a token of 128 random bits as hexadecimal digits.
 std::string make_token();
 
-// Splits "/live?token=12" into "/live" and "12"; ignores other parameters.
+// Result of target_of, which splits "/live?token=12" into "/live" and "12". Other parameters are
+// ignored.
 struct Target {
   std::string_view path, token;
 };
 Target target_of(std::string_view target);
 
-// Decodes "a%20b" to "a b"; leaves an invalid escape unchanged.
+// Decodes percent escapes, e.g. "a%20b" to "a b". Leaves invalid escapes unchanged.
 std::string decoded(std::string_view part);
 
 }  // namespace echofuse::view

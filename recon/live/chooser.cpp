@@ -16,11 +16,11 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 constexpr double longest_call_s = 0.5;
-constexpr double live_pause_s = 5;  // because a live run changes with each record
+constexpr double live_pause_s = 5;  // minimum time between reads of a live run, s
 
 std::string name_of_run(const std::string& path) { return fs::path(path).stem().string(); }
 
-// Writes whole numbers without ".0".
+// Rounds to integers, because JSON would write floats with ".0".
 Json whole(const std::vector<float>& values, double scale) {
   Json out = Json::array();
   for (const float v : values) out.push_back(std::lround(scale * double{v}));
@@ -45,7 +45,8 @@ void add_picture(Json& out, const record::RunReader& run, std::int64_t first) {
 
 }  // namespace
 
-// Entry of the list. `more`: picture of the run, or the reason why it cannot be read.
+// Entry of a run in the list. `more`: thumbnail of the run, or the reason why the file cannot be
+// read.
 struct Chooser::RunDescription {
   std::optional<record::RunEntry> fields;
   Json more = Json::object();

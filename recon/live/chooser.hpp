@@ -11,21 +11,21 @@
 
 namespace echofuse::view {
 
-// Threading: one thread.
+// Threading: to be used by one thread.
 class Chooser {
  public:
   Chooser(std::string folder, const Clock& clock) : folder_(std::move(folder)), clock_(clock) {}
 
-  // Returns the path of the folder's run with this name (without extension); empty if there is
-  // none.
+  // Returns the path of the run with this name (without extension) in the folder; empty if it does
+  // not exist.
   std::string path_of(const std::string& name) const;
-  // Returns a JSON array of the runs, newest first. Each entry has one of:
-  //   run     the fields of `echofuse-acquire list --json` except the path, and of the middle
-  //           record `map` (cm, chooser_side^2, 0 = no return) or, without a camera, `histogram`
-  //           (clicks)
-  //   fault   name, and the reason why the file cannot be read
-  //   waits   name; the file is not read yet, because a call is limited to half a second: call
-  //   again
+  // Returns a JSON array with one object per run, newest first. There are three kinds of objects:
+  //   readable run    the fields of `echofuse-acquire list --json` except the path; and data of the
+  //                   record in the middle of the run: `map` (cm, chooser_side x chooser_side
+  //                   pixels, 0: no return) or, if it has no depth map, `histogram` (clicks)
+  //   damaged run     `name`, and the reason in `fault`
+  //   run not read    `name`, and `waits`: true. Each call reads files for at most half a second;
+  //                   call again to read the rest.
   std::string runs();
 
  private:
@@ -37,7 +37,7 @@ class Chooser {
   };
   std::string folder_;
   const Clock& clock_;
-  std::map<std::string, CachedRun> known_;  // by path
+  std::map<std::string, CachedRun> known_;  // cached entries by path
 };
 
 inline constexpr std::size_t chooser_side = 32;

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-# cmake -DOUT=page.cpp -DFILES=... -P embed.cmake: writes the files of the page as arrays into a C++ source.
+# Writes the files of the page as arrays into a C++ source file. Usage:
+# cmake -DOUT=page.cpp -DFILES=... -P embed.cmake
 set(types_html "text/html; charset=utf-8")
 set(types_js "text/javascript; charset=utf-8")
 set(types_css "text/css; charset=utf-8")

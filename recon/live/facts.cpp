@@ -19,7 +19,7 @@ std::string RunMessages::trigger_levels() const {
             d.sensor == Sensor::spd && at != d.firmware.npos)
           out = printable(d.firmware.substr(at + words.size()), 60);
     });
-  } catch (const Error&) {  // reported elsewhere
+  } catch (const Error&) {  // ignored here, because other messages report it
   }
   return out;
 }
@@ -35,7 +35,7 @@ void for_each_setting(const std::string& resolved,
       visit(table + line.substr(0, equals), line.substr(equals + 3));
 }
 
-// Returns settings and devices of the run as pairs [name, text].
+// Returns the settings and devices of the run as pairs [name, text].
 nlohmann::json RunMessages::facts() const {
   const record::RunInfo& info = run_.info();
   nlohmann::json out = nlohmann::json::array();
@@ -54,7 +54,7 @@ nlohmann::json RunMessages::facts() const {
         add(name_of(c.sensor) + std::string(", calibrated"),
             recon::formatted("%+.4f m, %.10s", c.offset_m, c.date_utc.c_str()));
     });
-  } catch (const Error&) {  // reported elsewhere
+  } catch (const Error&) {  // ignored here, because other messages report it
   }
   for_each_setting(info.config_resolved, add);
   return out;

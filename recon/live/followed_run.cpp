@@ -26,7 +26,7 @@ std::int64_t changed_ns(const struct stat& file) {
   return file.st_mtim.tv_sec * std::int64_t{1'000'000'000} + file.st_mtim.tv_nsec;
 }
 
-// Returns the start time; empty if the file cannot be read as a run.
+// Returns the start time of the run; empty if the file cannot be read as a run.
 std::string start_of(const std::string& path) {
   try {
     return record::RunReader(path).info().started_utc;
@@ -51,12 +51,13 @@ FileStamp stamp_of(const std::string& path) {
   return out;
 }
 
-// Returns the path of the run that began last; empty if the folder has none. Reads a file again
-// only if it changed, and a live run's file once.
+// Returns the path of the run that started last; empty if the folder contains no run. Reads a file
+// again only if it has changed. Reads the file of a live run only once, because its start time does
+// not change.
 std::string FollowedRun::newest_file() {
   std::error_code none;
   std::map<std::string, FolderEntry> begun;
-  std::pair<std::string, std::string> newest;  // start time and path
+  std::pair<std::string, std::string> newest;  // start time and path of the newest run
   for (fs::directory_iterator it(target_, none), end; it != end; it.increment(none)) {
     const std::string path = it->path().string();
     if (it->path().extension() != ".sqlite" || !it->is_regular_file(none)) continue;
@@ -70,7 +71,7 @@ std::string FollowedRun::newest_file() {
   return newest.second;
 }
 
-// Returns the path of the run file; empty without a run.
+// Returns the path of the run file; empty if there is no run.
 std::string FollowedRun::find() {
   std::error_code none;
   if (fs::is_directory(target_, none)) return newest_file();
@@ -87,7 +88,7 @@ bool FollowedRun::refresh() {
   path_ = path, stamp_ = stamp;
   try {
     if (path.empty())
-      trouble_ = printable(target_) + ": no run yet; waiting for it";
+      trouble_ = printable(target_) + ": the run does not exist yet; waiting for it";
     else
       read();
   } catch (const std::exception& e) {
@@ -137,7 +138,7 @@ void FollowedRun::take(const record::FusedRecord& o) {
     sensor.missing += sensor.configured && !sensor.valid ? 1 : 0;
     sensor.used = static_cast<double>(o.sync[s].used);
     sensor.lost += o.sync[s].lost;
-    // A missing sensor has no residual, although its clock fit continues.
+    // The residual of a missing sensor is unknown, although its clock fit continues.
     const std::optional<double> residual_s =
         sensor.valid && o.clocks[s] ? std::optional(o.clocks[s]->residual_s) : std::nullopt;
     sensor.residual_s = residual_s;
@@ -177,7 +178,8 @@ std::optional<double> age_s(const SensorState& sensor, UtcTime now) {
   return std::max(0.0, seconds(now - *sensor.last_valid));
 }
 
-// The limit includes the delay of the acquisition, which writes a record 0.5 s after its slot.
+// The limit includes 0.5 s of delay, because the acquisition writes a record 0.5 s after the end of
+// its slot.
 bool is_stale(const SensorState& sensor, double window_s, UtcTime now) {
   constexpr double grace_s = 0.5;
   const auto age = age_s(sensor, now);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Follows a run file: live, finished or crashed. Opens the file for each read only, because an open
-// reader would keep the writer from merging the WAL into one file.
+// Follows the file of a live, finished or crashed run. Opens the file separately for each read,
+// because the writer cannot merge the WAL into the file while a reader has it open.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -15,49 +15,55 @@
 
 namespace echofuse::view {
 
-// Values of each record for the strips over the run.
+// Values of one record that the page draws over time.
 struct Outline {
   std::int64_t index = 0;
   UtcTime start{}, end{};
   SensorSet valid;
-  PerSensor<float> used{}, lost{}, residual_s{};              // residual_s: NaN if not measured
-  float radar_c = std::numeric_limits<float>::quiet_NaN();    // highest temperature on the chip
-  float margin_ms = std::numeric_limits<float>::quiet_NaN();  // spare time of a radar frame
+  PerSensor<float> used{}, lost{}, residual_s{};  // clock residual is NaN if not measured
+  // Highest temperature on the radar chip, degrees C.
+  float radar_c = std::numeric_limits<float>::quiet_NaN();
+  float margin_ms = std::numeric_limits<float>::quiet_NaN();  // idle time per radar frame, ms
 };
 
-// State of one sensor up to the last record.
+// State of one sensor after the newest record.
 struct SensorState {
-  std::string verdict;  // verdict of the last record
+  std::string verdict;  // verdict on the newest record
   bool configured = false, valid = false;
-  std::optional<UtcTime> last_valid;    // end of its last valid slot
-  double used = 0;                      // in the last record
-  std::optional<std::int64_t> arrived;  // frames in its slot, used or not
-  std::uint64_t lost = 0, late = 0;     // counts of the whole run
-  std::uint64_t missing = 0;            // records of the run without this sensor
+  std::optional<UtcTime> last_valid;  // end of the last slot with valid data
+  double used = 0;                    // clicks or frames used in the newest record
+  // Number of frames received in its slot, including unused ones.
+  std::optional<std::int64_t> arrived;
+  std::uint64_t lost = 0, late = 0;  // number of lost and late samples in the whole run
+  std::uint64_t missing = 0;         // number of records without valid data of this sensor
   std::optional<double> residual_s;
 };
 
-// Changes whenever the run file changes.
+// Properties of a run file that change if its contents change.
 struct FileStamp {
-  std::uint64_t inode = 0, bytes = 0;  // with the WAL
+  std::uint64_t inode = 0, bytes = 0;  // bytes: file and WAL together
   std::int64_t changed_ns = 0;
-  bool written = false;  // a live process writes it; after a crash only this changes
+  // True: a process has the file open for writing (becomes false after a crash).
+  bool written = false;
   bool operator==(const FileStamp&) const = default;
 };
 FileStamp stamp_of(const std::string& path);
 
 class FollowedRun {
  public:
-  // `target` is a run file or a folder (then its newest run); it need not exist yet.
+  // `target`: run file or folder. In a folder the newest run is followed. The target may not exist
+  // yet.
   explicit FollowedRun(std::string target) : target_(std::move(target)) {}
 
-  // Reads new records; returns true if there were any. Cheap if the file has not changed.
+  // Reads new records. Returns true if anything has changed. Takes little time if the file has not
+  // changed.
   bool refresh();
 
   const std::string& path() const { return path_; }
-  // Reason why the run cannot be read, or empty.
+  // Returns the reason why the run cannot be read; empty if it can.
   const std::string& trouble() const { return trouble_; }
-  // Changes if the file becomes another run, its axes or status change, or it can be read again.
+  // Returns a number that increases if another run replaces this one, its axes or status change, or
+  // it becomes readable again.
   int edition() const { return edition_; }
   const record::RunInfo& info() const { return info_; }
   const std::vector<Axis>& axes() const { return axes_; }
@@ -65,21 +71,22 @@ class FollowedRun {
   const std::vector<Outline>& outlines() const { return outlines_; }
   const std::string& label() const { return label_; }
   const PerSensor<SensorState>& sensors() const { return sensors_; }
-  // Totals over all records: number, doubtful records, verdicts by sensor.
+  // Returns totals over all records: number of records, of doubtful records, and of each verdict
+  // per sensor.
   const record::RunSummary& verdicts() const { return verdicts_; }
-  std::optional<std::int64_t> last() const;  // index
+  std::optional<std::int64_t> last() const;  // index of the newest record
   bool live() const { return info_.status == "open"; }
   std::uint64_t bytes() const { return stamp_.bytes; }  // with the WAL
-  std::optional<std::uint64_t> free_bytes() const;      // on the disk of the run
+  std::optional<std::uint64_t> free_bytes() const;  // free space on the disk that contains the run
 
-  // Opens the run for one read. Throws Error.
+  // Opens the run and passes the reader to `use`. Throws Error if the run cannot be read.
   using ReadAction = std::function<void(const record::RunReader&)>;
   void with_reader(const ReadAction& use) const;
 
  private:
-  struct FolderEntry {  // a file of the folder
+  struct FolderEntry {  // entry of a file in the folder
     FileStamp stamp;
-    std::string utc;  // start time; empty if it is not a run
+    std::string utc;  // start time of the run; empty if the file is not a run
   };
   std::string newest_file();
   std::string find();
@@ -88,7 +95,7 @@ class FollowedRun {
   void take(const record::FusedRecord& outline);
 
   std::string target_, path_, trouble_, label_;
-  std::map<std::string, FolderEntry> begun_;  // by path
+  std::map<std::string, FolderEntry> begun_;  // entries by path
   FileStamp stamp_;
   int edition_ = 0;
   record::RunInfo info_;
@@ -99,9 +106,10 @@ class FollowedRun {
   record::RunSummary verdicts_;
 };
 
-// Returns the seconds since the end of the sensor's last valid slot; empty without a valid slot.
+// Returns the time since the end of the sensor's last valid slot, s; empty if no slot was valid.
 std::optional<double> age_s(const SensorState& sensor, UtcTime now);
-// Returns true after two slots without valid data; the lamp turns red.
+// Returns true if there were no valid data for two slot lengths plus 0.5 s. The lamp of the sensor
+// is then red.
 bool is_stale(const SensorState& sensor, double window_s, UtcTime now);
 
 }  // namespace echofuse::view

@@ -10,15 +10,15 @@ std::string_view field(const HttpRequest& request, Name name) {
   return {value.data(), value.size()};
 }
 
-// Returns the host in the browser's address bar; a proxy reports it in X-Forwarded-Host.
+// Returns the host name that the browser displays. Behind a proxy it is in X-Forwarded-Host.
 std::string_view host_of(const HttpRequest& request) {
   const std::string_view forwarded = field(request, "X-Forwarded-Host");
   return forwarded.empty() ? field(request, http::field::host)
                            : forwarded.substr(0, forwarded.find(','));
 }
 
-// connect-src names the socket's address, because some browsers do not apply 'self' to ws: and
-// wss:.
+// Returns the Content-Security-Policy. connect-src contains the full address of the WebSocket,
+// because some browsers do not apply 'self' to ws: and wss:.
 std::string policy(std::string_view host) {
   const std::string name(host.substr(0, host.find_first_of(";, \t")));
   return "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
@@ -41,7 +41,8 @@ HttpResponse make(const HttpRequest& request, http::status status, std::string_v
   return out;
 }
 
-// Maps "/run/NAME/live" and "/newest/live" to "/live".
+// Extracts the run name from a path, and shortens e.g. "/run/NAME/live" or "/newest/live" to
+// "/live".
 void choose(Caller& caller) {
   constexpr std::string_view newest = "/newest/", run = "/run/";
   const std::string path = caller.path;
@@ -73,18 +74,20 @@ Caller caller_of(const HttpRequest& request, const Access& access, bool socket) 
     return out;
   };
   if (request.count(http::field::host) != 1 || request.count(http::field::origin) > 1)
-    return refuse(http::status::bad_request, "expected exactly one Host header");
+    return refuse(http::status::bad_request,
+                  "expected exactly one Host header and at most one Origin header");
   if (!access.accepts_host(host))
-    return refuse(http::status::misdirected_request,
-                  "unknown host name; behind a proxy, set X-Forwarded-Host");
+    return refuse(
+        http::status::misdirected_request,
+        "unknown host name in the Host header; a proxy must pass it in X-Forwarded-Host instead");
   if (request.method() != http::verb::get && request.method() != http::verb::head)
     return refuse(http::status::method_not_allowed, "expected GET");
   if (!out.path.starts_with('/'))
     return refuse(http::status::bad_request, "expected a path that begins with /");
   const PageFile* part = part_of(out);
-  const bool open = part && out.path != "/";  // scripts and styles are public
+  const bool open = part && out.path != "/";  // scripts and styles can be read without a token
   if (!open && !access.accepts_origin(field(request, http::field::origin), host_of(request)))
-    return refuse(http::status::forbidden, "request from a page of another origin");
+    return refuse(http::status::forbidden, "the request comes from a page of another origin");
   if (!open && !access.may_read(wanted.token))
     return refuse(http::status::unauthorized,
                   "token missing or wrong: open the full address printed by the program");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Answers an HTTP request that is not a WebSocket: a page, its scripts, the list of runs, or an
-// error.
+// Checks HTTP requests. Answers those that are not WebSocket upgrades with a page, a script, the
+// list of runs, or an error.
 #pragma once
 #include <utility>  // std::exchange: Boost 1.74's asio/awaitable.hpp uses it without the include
 // clang-format off: the header above comes first
@@ -19,27 +19,28 @@ using HttpRequest = http::request<http::empty_body>;
 using HttpResponse = http::response<http::string_body>;
 inline constexpr std::uint32_t most_header_bytes = 8192;
 
-// Access rights and target of a request. If `refusal` is not ok, it is the response. In a folder,
-// /run/NAME/ is the page of a run, whether it exists or not; /newest/ is that of the newest run.
+// Target and access rights of a request. If `refusal` is not `ok`, it is the status of the
+// response. In a folder, /run/NAME/ is the page of a run, even if the run does not exist; /newest/
+// is the page of the newest run.
 struct Caller {
   http::status refusal = http::status::ok;
   std::string why;
-  std::string path;   // below the run's path
-  std::string run;    // run name; empty: the only run, or the newest of the folder
-  bool page = false;  // page of a run; otherwise / is the list of runs
+  std::string path;   // path relative to the page of the run
+  std::string run;    // run name; empty: the only or newest run
+  bool page = false;  // true: `/` is the page of a run; false: it is the list of runs
   bool may_write = false;
 };
-// `socket`: the request asks for a WebSocket, so its Origin is checked as well.
+// Checks a request. If `socket` is true, the request must be a WebSocket upgrade.
 Caller caller_of(const HttpRequest& request, const Access& access, bool socket);
 
-// `runs` returns the body of /runs for a folder.
+// Returns the HTTP response. `runs` returns the JSON of /runs for a folder.
 HttpResponse respond(const HttpRequest& request, const Caller& caller,
                      const std::function<std::string()>& runs);
 
-// A file of the page, embedded by the build.
+// File of the page that is embedded in the program.
 struct PageFile {
   std::string_view name, type, contents;
 };
-const PageFile* page_file(std::string_view name);  // null if not found
+const PageFile* page_file(std::string_view name);  // null if the file does not exist
 
 }  // namespace echofuse::view

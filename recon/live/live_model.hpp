@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Applies a model to single records of a run.
+// Predicts the maps of single records of a run.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -13,31 +13,31 @@
 namespace echofuse::view {
 
 struct Reconstruction {
-  std::vector<float> map_m,
-      deviation_m;  // on `grid`, m; no deviation if the model does not estimate it
+  // M, on `grid`; deviation_m is empty if the model is not calibrated.
+  std::vector<float> map_m, deviation_m;
   record::MapGrid grid;
-  std::string fault;               // reason for a missing map; may be empty
-  std::string note;                // missing sensors, or anomalies of the record
-  std::optional<double> x_m, z_m;  // body position, if the map shows one
+  std::string fault;               // reason for a missing map; otherwise empty
+  std::string note;                // missing sensors, or why the record is out of distribution
+  std::optional<double> x_m, z_m;  // position of the body, if the map contains one, m
   std::optional<double> lateral_interval_90_m;
-  std::optional<double> iou, lateral_error_m;  // against the depth camera
+  std::optional<double> iou, lateral_error_m;  // scores against the map of the depth camera
 };
 
 class LiveModel {
  public:
-  explicit LiveModel(const std::string& path);  // throws as recon::load_model
+  explicit LiveModel(const std::string& path);  // throws like recon::load_model
   const std::string& name() const { return name_; }
   bool calibrated() const { return model_->uncertainty.has_value(); }
-  // Returns true if this record was in the training data.
+  // Returns true if this record was used in training or validation.
   bool saw(const std::string& run_uuid, std::int64_t index) const;
-  // Does not throw if the record or the run is unusable; sets `fault` instead. Takes longer with
-  // the deviations of the pixels.
+  // Predicts the map of a record. Sets `fault` instead of throwing if the record or the run cannot
+  // be used. Deviations of the pixels take additional time.
   Reconstruction reconstruct(const record::RunReader& run, std::int64_t index,
                              bool with_deviation) const;
-  // Compares with the camera's map if both have the same grid.
+  // Computes iou and lateral_error_m if both maps have the same number of pixels.
   void compare(Reconstruction& made, std::span<const float> camera_map_m) const;
-  // Returns why the maps of these records are unreliable as a group (recon::DomainShift); empty if
-  // the test passes or has too few records.
+  // Returns how these records, as a group, differ from the training data (recon::DomainShift).
+  // Empty if they do not differ, or if they are too few for the test.
   std::string doubt(const record::RunReader& run, std::int64_t first, std::int64_t count) const;
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// echofuse-view: shows a run in a browser.
+// echofuse-view: shows a live or finished run in a browser.
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -23,12 +23,13 @@ struct Options {
   bool quiet = false;
 };
 
-// Moves the streams to /dev/null, because the parent process may wait until they are closed.
+// Redirects the standard streams to /dev/null, because the parent process may wait until they are
+// closed.
 void leave_terminal() {
   const int none = ::open("/dev/null", O_RDWR | O_CLOEXEC);
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
     if (none >= 0) ::dup2(none, stream);
-  std::signal(SIGINT, SIG_IGN);  // Ctrl-C goes to the acquisition
+  std::signal(SIGINT, SIG_IGN);  // ignores Ctrl-C, which is meant for the acquisition
 }
 
 ExitCode show(const Options& o) {
@@ -40,8 +41,9 @@ ExitCode show(const Options& o) {
     if (!o.model.empty()) model.emplace(o.model);
   } catch (const Error& e) {
     if (!o.server.until_closed) throw;
-    // Without its model the page is still useful.
-    std::fprintf(stderr, "echofuse-view: %s; no maps are shown\n", printable(e.what()).c_str());
+    // Continues without a model, because the page is still useful.
+    std::fprintf(stderr, "echofuse-view: %s; the page shows no reconstructions\n",
+                 printable(e.what()).c_str());
   }
   Server server(o.server, model ? &*model : nullptr, clock);
   if (!o.server.until_closed)
@@ -56,16 +58,14 @@ ExitCode show(const Options& o) {
 
 int run(int argc, char** argv) {
   Options o;
-  CLI::App app(
-      "show a run in a browser, live or finished; for a folder, the page lists its "
-      "runs",
-      "echofuse-view");
+  CLI::App app("show a live or finished run in a browser, or list the runs of a folder",
+               "echofuse-view");
   app.set_version_flag("--version", version_line("echofuse-view"));
   app.add_option("RUN", o.server.run, "run file, or folder of runs")->type_name("RUN")->required();
   app.add_option("--model", o.model, "model for live reconstructions")->type_name("MODEL");
   app.add_option("--listen", o.server.listen,
                  "ADDRESS:PORT to listen on (default 127.0.0.1:8410, or a free port if 8410 is in "
-                 "use); browsers on other machines need the token that is printed");
+                 "use); browsers on other machines need the printed token");
   app.add_option("--planned", o.server.planned,
                  "planned number of records; the page shows how many remain")
       ->check(CLI::PositiveNumber);

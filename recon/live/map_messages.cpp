@@ -12,12 +12,13 @@ namespace {
 
 using Json = nlohmann::json;
 constexpr double track_s = 60;
-constexpr std::size_t most_places = 30;  // in a track
+constexpr std::size_t most_places = 30;  // maximum number of points in a track
 constexpr std::size_t most_places_kept = 1000;
 
 }  // namespace
 
-// Adds the camera image, its map, and the model's map with the track of the body.
+// Adds the camera image and its depth map. With a model, also adds the predicted map and the track
+// of the body.
 void RunMessages::add_maps(MessageWriter& out, Json& head, const record::FusedRecord& r,
                            const record::RunReader& run) {
   const std::vector<Axis> axes = run.axes();
@@ -65,8 +66,8 @@ RunMessages::TrackPoint RunMessages::place_of(const Reconstruction& made) {
   return {given(made.x_m), given(made.z_m), given(made.lateral_interval_90_m)};
 }
 
-// Returns the positions of the body in the minute before a record: age in s, then x, z and 90 %
-// interval of x in m.
+// Returns the track of the body in the minute before the end of record `index`. Each point contains
+// age (s), x, z, and the 90 % interval of x (m).
 std::vector<float> RunMessages::track(const record::RunReader& run, std::int64_t index) {
   std::vector<const Outline*> minute;
   const auto& all = run_.outlines();

@@ -44,7 +44,7 @@ bool is_index(const Json& value) {
 Request sum_of(const Json& value) {
   if (!value.is_array() || value.size() != 3 || !is_index(value[0]) || value[0] > most_summed ||
       !value[1].is_number() || !value[2].is_number())
-    return BadRequest{"sum: expected [records up to 1000, metres, metres]"};
+    return BadRequest{"sum: expected [number of records (0 to 1000), metres, metres]"};
   return ShowSum{value[0].get<std::int64_t>(), {value[1].get<double>(), value[2].get<double>()}};
 }
 
@@ -98,15 +98,17 @@ Message MessageWriter::finish(Json header) const {
 }
 
 Request parse_request(std::string_view text) {
-  if (text.size() > most_request_bytes) return BadRequest{"request too long"};
-  // The parser's stack and time grow with nesting; no valid request is nested.
+  if (text.size() > most_request_bytes) return BadRequest{"request too long (limit 1024 bytes)"};
+  // Limits the nesting, because deep nesting would use much stack and time. Valid requests have at
+  // most two levels.
   int depth = 0, deepest = 0;
   for (const char c : text) {
     depth += (c == '[' || c == '{') - (c == ']' || c == '}');
     deepest = std::max(deepest, depth);
   }
   const Json request = deepest > 8 ? Json() : Json::parse(text, nullptr, false);
-  if (!request.is_object() || request.size() != 1) return BadRequest{"expected one JSON object"};
+  if (!request.is_object() || request.size() != 1)
+    return BadRequest{"expected a JSON object with one key"};
   const std::string& key = request.begin().key();
   const Json& value = *request.begin();
   if (key == "show" && value == "live") return ShowLive{};

@@ -2,50 +2,49 @@
 // Messages of the WebSocket /live.
 //
 // Each message from the server is binary:
-//   offset 0   u32 LE n, length of the header
-//   offset 4   header: a JSON object, UTF-8; then zeros up to the next multiple of 8
-//   offset a   arrays, each at a multiple of 8 from a; header["arrays"] describes them:
-//              {NAME: {"type": "u8"|"u16"|"u32"|"f32"|"f64", "offset": from a, "shape": [...]}},
-//              little-endian, row-major
-// header["kind"] is one of
-//   run        constants of the run: file, uuid, window_s, axes, grid of the maps, creator,
-//              model name, trigger (levels of the tagger), most_clicks_a_pulse (limit of pile-up),
-//              baseline_m (radar to the left of the detector, 0 if unknown), whether the model
-//              estimates its uncertainty (calibrated), facts (settings, devices: [name, text]
-//              each), may_write
-//   state      every second and with each record: status, records, first_index, last_index,
-//              elapsed_s, remaining_s, label, disk, events, and sensors: {NAME: {verdict, valid,
-//              age_s (since the end of its last valid slot), used, arrived (frames in its slot),
-//              lost, late, missing (records without it), residual_s}}; alerts: {source:
-//              sensor, disk or run, kind: "weak", "no data", "low", "crashed"} each; with a model
-//              doubt: reason why the newest maps are unreliable as a group, or null; doubts:
-//              summary of the verdicts of the whole run
-//   record     index, utc, label, live, sensors, rates and fits (tally.hpp), and spd (counts),
-//              radar (dB), beams (dB by range and sine of azimuth, for radars with antennas),
-//              camera (mm), map (m, the camera's depth on the grid of the maps); with a model
-//              reconstruction (m) and deviation (m), or the reason why it is missing; body
-//              position (x_m, z_m), reliability, whether this record was in the training data
-//              (seen), errors against the camera (iou, lateral_error_m);
-//              track: positions of the body in the minute before, newest first: [n, 4] of age (s),
-//              x, z, 90 % interval of x (m), NaN if unknown; holes: share of pixels without a
-//              return in camera and map
-//   sum        after each record, if requested: rates and fits (tally.hpp) of the last `records`
-//              records, `from` (index of the first), and for more than one record spd (clicks) and
-//              radar (dB of the mean power); or `why` it is missing
-//   reference  spd: mean histogram of the first minute
-//   strip      the whole run in at most strip_columns columns: first (index), time_s; for each
-//              sensor used, lost, residual_s and the share of valid records; radar_c (highest
-//              temperature on the radar chip, degrees C) and margin_ms (spare time of its frames):
-//              worst of the column
-//   sheet      thumbnails of records spread over the run: index, maps (m) of sheet_side pixels,
-//              which of them lack a depth map (lacks); time_s since the first record; and columns
-//              of a waterfall: spd (clicks), radar (dB), NaN if missing
-//   answer     result of a mark or label: ok, text
-//   trouble    every second instead of state if the run cannot be shown: text (reason)
-// From the client: text of at most 1024 bytes, one of
+//   offset 0   length of the header in bytes, u32 little-endian
+//   offset 4   header: a JSON object in UTF-8, followed by zeros up to the next multiple of 8
+//   offset a   arrays, little-endian and row-major, each at a multiple of 8 bytes from a.
+//              header["arrays"] describes them:
+//              {NAME: {"type": "u8"|"u16"|"u32"|"f32"|"f64", "offset": from a, "shape": [...]}}
+// header["kind"] is one of:
+//   run        Constants of the run: file, uuid, window_s, axes, map (grid), model (name), trigger
+//              (levels of the tagger), most_clicks_a_pulse (pile-up limit), baseline_m (distance of
+//              the radar to the left of the detector, 0 if unknown), calibrated (true if the model
+//              estimates its errors), facts (settings and devices as [name, text]), may_write.
+//   state      Sent every second and after each record: status, records, first_index, last_index,
+//              elapsed_s, remaining_s, label, disk, events. sensors: {NAME: {verdict, valid, age_s
+//              (since the end of its last valid slot), used, arrived (frames in its slot), lost,
+//              late, missing (number of records without its data), residual_s}}. alerts: list of
+//              {source: sensor, disk or run, kind: "weak", "no data", "low", "crashed"}. doubt: how
+//              the newest records differ from the training data of the model, or null. doubts:
+//              summary of the verdicts of the whole run.
+//   record     index, utc, label, live, sensors, rates and fits (tally.hpp), spd (counts), radar
+//              (dB), beams (dB by range and sine of azimuth, for radars with antenna samples),
+//              camera (mm), map (camera depth on the grid of the maps, m), holes (fraction of
+//              pixels without a return in camera and map). With a model also reconstruction (m) and
+//              deviation (m) or the reason (fault), body position (x_m, z_m) and its interval, seen
+//              (true for a training record), errors against the camera (iou, lateral_error_m), and
+//              track: positions of the body in the last minute, newest first, [n, 4] of age (s), x,
+//              z and 90 % interval of x (m), NaN if unknown.
+//   sum        Sent after each record if requested: rates and fits (tally.hpp) of the last N
+//              records, records (N), from (index of the first one). For more than one record also
+//              spd (clicks) and radar (dB of the mean power). why: reason if the sum is missing.
+//   reference  spd: mean histogram of the first minute.
+//   strip      The whole run in at most strip_columns columns: first (index), time_s; for each
+//              sensor used, lost, residual_s (worst in the column) and valid (fraction of records);
+//              radar_c (highest temperature on the radar chip, degrees C) and margin_ms (shortest
+//              idle time of a radar frame).
+//   sheet      Thumbnails of records at equal distances in the run: index, maps (m) of sheet_side x
+//              sheet_side pixels, lacks (true if the depth map is missing), time_s since the first
+//              record. Columns of a waterfall: spd (clicks), radar (dB), NaN if missing.
+//   answer     Result of a mark or label: ok, text.
+//   trouble    Sent every second instead of state if the run cannot be shown: text (reason).
+// Each message from the client is a text of at most 1024 bytes, e.g.
 //   {"show": "live"}  {"show": 17}  {"sheet": [0, 500]}  {"mark": "door opened"}  {"label": "two"}
-//   {"sum": [100, 2.5, 4]}: 100 records, or since the newest mark (0); fits between 2.5 and 4 m
-// If a client sends requests faster than they are answered, only the newest is answered.
+//   {"sum": [100, 2.5, 4]}: sums 100 records (0: all since the newest mark), fits from 2.5 to 4 m
+// If a client sends requests faster than they are answered, only the newest of each kind is
+// answered.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -67,7 +66,7 @@ inline constexpr std::size_t strip_columns = 360, sheet_maps = 48, sheet_side = 
 
 using Message = std::shared_ptr<const Bytes>;
 
-// Returns null if the value is not finite.
+// Returns JSON null if the value is not finite.
 nlohmann::json number(double value);
 
 class MessageWriter {
@@ -99,7 +98,7 @@ struct ShowSheet {
   std::int64_t first = 0, last = 0;
 };
 struct ShowSum {
-  std::int64_t records = 1;  // 0: since the newest mark
+  std::int64_t records = 1;  // 0: all records since the newest mark
   FitRange range;
 };
 struct Mark {
@@ -111,7 +110,8 @@ struct BadRequest {
 };
 using Request = std::variant<ShowLive, ShowRecord, ShowSheet, ShowSum, Mark, BadRequest>;
 
-// Accepts any input.
+// Parses a request from a client. Accepts any text; returns BadRequest if the text is not a valid
+// request.
 Request parse_request(std::string_view text);
 
 }  // namespace echofuse::view

@@ -15,14 +15,16 @@ namespace {
 
 using record::fwhm_of_sigma;
 
-// Model height * exp(-(i - centre)^2 / 2 sigma^2) + background at the points i; lengths in bins.
+// Model of a peak at bins i: height * exp(-(i - centre)^2 / 2 sigma^2) + background. Lengths are in
+// bins.
 struct Gaussian {
   using Parameters = Eigen::Vector4d;  // centre, sigma, height, background
   std::span<const double> values;
   std::ptrdiff_t first, last;
   bool counts;
 
-  // Returns the weighted sum of squares; fills J^T W J and J^T W r.
+  // Returns the weighted sum of squared residuals r, and computes J^T W J and J^T W r of the normal
+  // equations.
   double normal(const Parameters& p, Eigen::Matrix4d& square, Parameters& slope) const {
     square.setZero(), slope.setZero();
     double sum = 0;
@@ -84,7 +86,8 @@ std::optional<PeakFit> fit_peak(std::span<const double> values, const Axis& axis
     p = next, sum = after, square = other, slope = unused, damping /= 5;
     if (done) break;
   }
-  // The noise of counts is known (Poisson). That of powers is estimated from the residuals.
+  // The variance of counts is known (Poisson). The variance of powers is estimated from the
+  // residuals.
   const double noise = counts ? 1 : sum / (points - 4);
   const Eigen::Matrix4d covariance = square.inverse() * noise;
   const double height_error = std::sqrt(std::max(covariance(2, 2), 0.0));

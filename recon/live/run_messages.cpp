@@ -20,9 +20,10 @@ constexpr double first_minute_s = 60;
 constexpr std::size_t most_reference_records = 200;
 constexpr std::int64_t checked_records = 100;
 constexpr double check_pause_s = 10;
-constexpr std::int64_t most_since_mark = 20'000;    // records of a sum: 0.3 s of reading
-constexpr std::size_t most_sums = 4;                // kept, so that the next record extends them
-constexpr std::size_t most_events_searched = 1000;  // in search of a mark
+constexpr std::int64_t most_since_mark = 20'000;  // records; reading them takes about 0.3 s
+constexpr std::size_t most_sums = 4;  // number of cached sums; the next record extends them
+// Maximum number of events in which a mark is searched.
+constexpr std::size_t most_events_searched = 1000;
 
 Json axis_json(const Axis& a) {
   return {{"quantity", a.quantity},
@@ -32,7 +33,8 @@ Json axis_json(const Axis& a) {
           {"step", a.step}};
 }
 
-// Adds the histogram; for a detector with zones also the histogram and direction of each zone.
+// Adds the histogram to the message. If the detector has zones, also adds the histogram and the
+// direction of each zone.
 void add_clicks(MessageWriter& out, Json& head, const record::FusedRecord& r,
                 const record::RunReader& run) {
   const Zones zones = run.zones();
@@ -53,7 +55,7 @@ Message trouble(const std::string& text) {
   return MessageWriter().finish({{"kind", "trouble"}, {"text", text}});
 }
 
-// Parses the configuration once per run.
+// Returns settings from the stored configuration, which is parsed once per run.
 const RunMessages::RunSettings& RunMessages::settings() {
   if (std::exchange(settings_edition_, run_.edition()) == run_.edition()) return settings_;
   settings_ = {};
@@ -118,7 +120,8 @@ Json RunMessages::sensors() const {
   return out;
 }
 
-// Returns the free disk space, and how long it lasts at the run's mean rate.
+// Returns the free disk space, and the time until the disk is full at the mean data rate of the
+// run.
 Json RunMessages::disk() const {
   const auto free = run_.free_bytes();
   if (!free) return nullptr;
@@ -130,7 +133,7 @@ Json RunMessages::disk() const {
   return out;
 }
 
-// Returns the alerts for the limits alert.* of the run's configuration.
+// Returns the active alerts. The limits are the settings alert.* of the run.
 Json RunMessages::alerts() {
   Json out = Json::array();
   const std::string& status = run_.info().status;
@@ -227,7 +230,8 @@ Message RunMessages::make_record(std::int64_t index, bool live) {
   return out.finish(std::move(head));
 }
 
-// Tests at intervals, because the result changes slowly and the test takes some milliseconds.
+// Tests the newest maps every 10 s, because the result changes slowly and the test takes several
+// milliseconds.
 void RunMessages::check_maps() {
   const auto last = run_.last();
   if (!model_ || !last || *last == checked_last_) return;
@@ -241,12 +245,12 @@ void RunMessages::check_maps() {
       doubt_ = model_->doubt(run, first, *last - first + 1);
     });
   } catch (const Error&) {
-    doubt_.clear();  // the run cannot be read, which is reported elsewhere
+    doubt_.clear();  // other messages report that the run cannot be read
   }
 }
 
-// Returns the first record after the newest mark that precedes the end of record `index`; empty
-// without a mark.
+// Returns the index of the first record after the newest mark, or `index` if it is later. Only
+// considers marks before the end of record `index`. Empty if there is no mark.
 std::optional<std::int64_t> RunMessages::first_since_mark(std::int64_t index) const {
   const auto& all = run_.outlines();
   const auto shown = std::ranges::find(all, index, &Outline::index);
@@ -268,7 +272,8 @@ Message RunMessages::sum(std::int64_t index, const ShowSum& request) {
                          ? std::optional(std::max(oldest, index - request.records + 1))
                          : first_since_mark(index);
   if (!first)
-    return MessageWriter().finish({{"kind", "sum"}, {"why", "no mark before this record"}});
+    return MessageWriter().finish(
+        {{"kind", "sum"}, {"why", "there is no mark before this record"}});
   if (sums_.size() >= most_sums && !sums_.contains(request.records)) sums_.clear();
   if (index - *first >= most_since_mark)
     return MessageWriter().finish(
@@ -294,7 +299,7 @@ Message RunMessages::sum(std::int64_t index, const ShowSum& request) {
   known.first = *first, known.last = index;
   sums_[request.records] = known;
   MessageWriter out;
-  if (request.records != 1) {  // otherwise the message `record` contains the data
+  if (request.records != 1) {  // a single record is already in the message `record`
     if (!known.tally.clicks().empty()) out.add("spd", known.tally.clicks());
     if (const auto db = known.tally.profile_db(axes); !db.empty()) out.add("radar", db);
   }

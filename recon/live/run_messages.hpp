@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Builds the messages that describe a run (message.hpp), on demand.
+// Creates the messages that describe a run (message.hpp) when they are needed.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -18,10 +18,12 @@
 
 namespace echofuse::view {
 
-// Threading: one thread. Messages about a record throw Error if it cannot be read.
+// Threading: to be used by one thread. Functions that read a record throw Error if it cannot be
+// read.
 class RunMessages {
  public:
-  // `model` may be null; `run` and `model` outlive this. `planned`: planned number of records.
+  // `model` may be null. `run`, `model` and `clock` must outlive this object. `planned`: planned
+  // number of records.
   RunMessages(FollowedRun& run, const LiveModel* model, std::optional<std::int64_t> planned,
               const Clock& clock)
       : run_(run), model_(model), planned_(planned), clock_(clock) {}
@@ -29,15 +31,16 @@ class RunMessages {
   FollowedRun& run() { return run_; }
   Message about_run(bool may_write);
   Message state();
-  Message record(std::int64_t index, bool live);            // the last one is cached
-  Message sum(std::int64_t index, const ShowSum& request);  // ends with this record
+  Message record(std::int64_t index, bool live);            // caches the newest message
+  Message sum(std::int64_t index, const ShowSum& request);  // sum of records up to `index`
   Message strip() const;
   Message sheet(std::int64_t first, std::int64_t last) const;
-  // Null until the first minute or the run has ended.
+  // Returns the mean histogram of the first minute. Null until the first minute, or the run, has
+  // ended.
   Message reference();
 
  private:
-  struct RunSettings {  // stored configuration of the run
+  struct RunSettings {  // settings from the stored configuration of the run
     double laser_hz = 0, most_clicks_a_pulse = record::most_clicks_a_pulse;
     record::AlertLimits alert;
   };
@@ -46,7 +49,8 @@ class RunMessages {
   nlohmann::json disk() const;
   nlohmann::json alerts();
   nlohmann::json facts() const;
-  std::string trigger_levels() const;  // from the firmware text of the time tagger's bridge
+  // Part of the firmware text that the bridge of the time tagger sends.
+  std::string trigger_levels() const;
   Message make_record(std::int64_t index, bool live);
   void add_maps(MessageWriter& out, nlohmann::json& head, const record::FusedRecord& record,
                 const record::RunReader& run);
@@ -64,22 +68,23 @@ class RunMessages {
     std::int64_t first = 0, last = -1;
     int edition = -1;
   };
-  std::map<std::int64_t, Summed> sums_;  // by requested number of records
-  struct TrackPoint {                    // body position; NaN if unknown
+  std::map<std::int64_t, Summed> sums_;  // cached sums, by requested number of records
+  struct TrackPoint {  // body position and half-width of its interval, m; NaN if unknown
     float x_m, z_m, interval_90_m;
   };
   static TrackPoint place_of(const Reconstruction& made);
-  std::map<std::int64_t, TrackPoint> places_;  // by record
+  std::map<std::int64_t, TrackPoint> places_;  // cached points of the track, by record index
   RunSettings settings_;
   int last_edition_ = -1, places_edition_ = -1, reference_edition_ = -1, settings_edition_ = -1;
   bool last_live_ = false;
-  // Why the maps of the newest records are unreliable as a group, or empty.
+  // Result of LiveModel::doubt() for the newest records; empty if the maps are reliable.
   std::string doubt_;
   HostTime checked_{};
   std::int64_t checked_last_ = -1;
 };
 
-// Calls visit(key, value) for each line of a resolved configuration ("tdc.bins", "336").
+// Calls visit(key, value) for each line of a resolved configuration, e.g. with "tdc.bins" and
+// "336".
 void for_each_setting(const std::string& resolved,
                       const std::function<void(const std::string&, const std::string&)>& visit);
 

@@ -32,8 +32,8 @@ constexpr auto pulse_pause = std::chrono::milliseconds(250);
 constexpr auto longest_pause = std::chrono::milliseconds(200);
 constexpr auto shortest_pause = std::chrono::milliseconds(25);
 constexpr double state_pause_s = 1, strip_pause_s = 2;
-constexpr double end_wait_s = 5;     // until_closed: wait after the run's end
-constexpr double start_wait_s = 60;  // until_closed: wait for a run to start
+constexpr double end_wait_s = 5;     // --until-closed: time to wait after the end of the run, s
+constexpr double start_wait_s = 60;  // --until-closed: time to wait for the start of a run, s
 
 tcp::endpoint endpoint_of(const std::string& text) {
   const std::size_t colon = text.rfind(':');
@@ -52,7 +52,7 @@ tcp::endpoint endpoint_of(const std::string& text) {
   return {address, static_cast<unsigned short>(number)};
 }
 
-// A run with connected browsers.
+// A run that is displayed by at least one browser, or the default run.
 struct ServedRun {
   ServedRun(const std::string& target, const LiveModel* model, std::optional<std::int64_t> planned,
             const Clock& clock)
@@ -127,7 +127,7 @@ class Server::Impl final : public SessionOwner {
   void arm();
   void update(ServedRun& served);
   void send_updates(ServedRun& served, bool news);
-  // Returns true once per `pause_s`.
+  // Returns true and sets `last` to the current time if at least `pause_s` has passed since `last`.
   bool is_due(HostTime& last, double pause_s) const {
     const HostTime now = clock_.now();
     return seconds(now - last) >= pause_s && (last = now, true);
@@ -136,28 +136,30 @@ class Server::Impl final : public SessionOwner {
   Message newest(ServedRun& served);
   void send_record(ServedRun& served, Session& session, const Message& record);
   ServedRun& served_run(const Session& session);
-  // Calls action(served) for each run with connected browsers.
+  // Calls action(served) for each run that is displayed by at least one browser.
   template <class Action>
   void each(Action action);
   template <class Make>
   Message attempt(Make make);
 
-  int open_ = 0;  // connections; declared first because sessions in io_ decrement it when destroyed
-  net::io_context io_;  // destroyed after its users below
+  int open_ = 0;  // number of connections; declared before io_, because sessions in io_ decrement
+                  // it when destroyed
+  net::io_context io_;  // declared before its users, so that it is destroyed after them
   tcp::acceptor acceptor_{io_};
   net::steady_timer pulse_{io_}, update_timer_{io_}, retry_{io_};
   const ServerOptions options_;
   const LiveModel* model_;
   const Clock& clock_;
   Access access_;
-  ServedRun home_;  // the only run, or the folder's newest
+  ServedRun home_;  // the only run, or the newest one in the folder
   Chooser chooser_;
-  std::map<std::string, ServedRun> chosen_;  // by name
+  std::map<std::string, ServedRun> chosen_;  // other runs of the folder, by name
   bool armed_ = false;
   HostTime begun_{}, last_live_{};
 };
 
-// Listens on --listen if given, otherwise on the first free port of ten, otherwise on any port.
+// Listens on the address given by --listen. Otherwise listens on the first free port of ten, or on
+// any free port if all ten are in use.
 void Server::Impl::listen() {
   const bool stated = !options_.listen.empty();
   tcp::endpoint at = stated ? endpoint_of(options_.listen)
@@ -177,7 +179,8 @@ void Server::Impl::listen() {
   }
 }
 
-// Closes a connection above the limit at once. Waits after an error such as too many open files.
+// Accepts connections. Closes a connection at once if the limit is reached. Pauses after an error,
+// e.g. too many open files.
 void Server::Impl::accept() {
   acceptor_.async_accept([this](Error_code error, tcp::socket socket) {
     if (error == net::error::operation_aborted) return;
@@ -225,7 +228,7 @@ void Server::Impl::opened(const std::shared_ptr<Session>& session) {
   if (!armed_) arm();
 }
 
-// Frees the state of a run when its last browser disconnects.
+// Deletes the state of a run when the last browser disconnects.
 void Server::Impl::closed(const std::shared_ptr<Session>& session) {
   if (!session->run().empty() && !chosen_.contains(session->run())) return;
   ServedRun& served = served_run(*session);
@@ -268,7 +271,8 @@ void Server::Impl::greet(ServedRun& served, Session& session) {
   if (session.live) send_record(served, session, newest(served));
 }
 
-// Sends a record, and the sum that ends with it if the session has requested one.
+// Sends a record. If the session has requested a sum, also sends the sum that ends with this
+// record.
 void Server::Impl::send_record(ServedRun& served, Session& session, const Message& record) {
   session.send(MessageKind::record, record);
   if (session.summed) session.send(MessageKind::sum, sum(served, session));

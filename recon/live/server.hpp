@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Serves the page and its messages over HTTP and WebSocket (RFC 6455). Reads and computes nothing
-// while no browser is connected.
+// Serves the page and its messages over HTTP and WebSocket (RFC 6455). Does not read the run while
+// no browser is connected.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -16,26 +16,29 @@ namespace echofuse::view {
 inline constexpr int most_connections = 64;
 
 struct ServerOptions {
-  // A run file or a folder. For a folder, / lists its runs, /run/NAME/ is the page of a run, and
-  // /newest/ is that of the newest run. May not exist yet; a missing path counts as a file.
+  // Run file or folder; may not exist yet. A missing path is treated as a run file. For a folder,
+  // the page / lists its runs, /run/NAME/ shows one run, and /newest/ shows the newest one.
   std::string run;
-  std::optional<std::int64_t> planned;  // planned records of the run (of a folder: the newest)
-  std::string listen;         // "127.0.0.1:8410"; empty: the first free port of ten on this machine
-  bool until_closed = false;  // end when the run has ended and no browser is connected
+  // Planned number of records of the run, or of the newest run in a folder.
+  std::optional<std::int64_t> planned;
+  std::string listen;  // e.g. "127.0.0.1:8410"; empty: first free port of ten on this machine
+  bool until_closed = false;  // exit when the run has ended and no browser is connected
 };
 
-// Threading: one thread. A slow client skips messages: only the newest of each kind is queued. A
-// client that answers no ping for 10 s is disconnected.
+// Threading: to be used by one thread. For a slow client, only the newest message of each kind is
+// queued, and older ones are dropped. A client that does not answer a ping within 10 s is
+// disconnected.
 class Server {
  public:
-  // Throws Error(usage) if the address is invalid, Error(failed) if it cannot listen there. `model`
-  // may be null and must outlive the server.
+  // Throws Error(usage) if the listening address is invalid, and Error(failed) if it cannot be
+  // used. `model` may be null, and must outlive the server.
   Server(const ServerOptions& options, const LiveModel* model, const Clock& clock);
   ~Server();
-  std::string address() const;  // URL for a browser, with the token
-  // Returns why no run can be shown yet, or empty. Throws Error(failed) if the file is not a run.
+  std::string address() const;  // URL of the page, including the token
+  // Returns the reason why no run can be displayed yet; otherwise empty. Throws Error(failed) if
+  // the file is not a run.
   std::string missing();
-  void run();  // until interrupted()
+  void run();  // serves until interrupted() is true
 
  private:
   class Impl;

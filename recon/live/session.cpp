@@ -12,7 +12,7 @@ namespace {
 namespace beast = boost::beast;
 namespace websocket = beast::websocket;
 constexpr auto patience = std::chrono::seconds(10);
-constexpr std::size_t most_marks = 8;  // pending
+constexpr std::size_t most_marks = 8;  // maximum number of pending marks
 
 }  // namespace
 
@@ -26,7 +26,7 @@ bool guarded(const std::function<void()>& body) {
   }
 }
 
-// An exception in a handler ends only this session.
+// Runs the body of a handler. If it throws, only this session ends.
 void Session::handle(const std::function<void()>& body) {
   if (!guarded(body)) close();
 }
@@ -48,7 +48,8 @@ void Session::on_request() {
   caller_ = caller_of(request_, owner_.access(), socket);
   const bool program = caller_.path.size() > 1 && page_file(caller_.path.substr(1));
   if (caller_.refusal == http::status::ok && !program && !owner_.has_run(caller_.run))
-    caller_.refusal = http::status::not_found, caller_.why = "no such run in the folder";
+    caller_.refusal = http::status::not_found,
+    caller_.why = "the folder contains no run with this name";
   if (socket && caller_.refusal == http::status::ok) return upgrade();
   response_ = respond(request_, caller_, [this] { return owner_.runs(); });
   http::async_write(stream_.next_layer(), response_,
@@ -66,7 +67,7 @@ void Session::upgrade() {
       .handshake_timeout = patience, .idle_timeout = patience, .keep_alive_pings = true});
   stream_.read_message_max(most_request_bytes);
   stream_.binary(true);
-  stream_.auto_fragment(false);  // one frame per message
+  stream_.auto_fragment(false);  // sends each message as one frame
   stream_.async_accept(request_, [self = shared_from_this()](beast::error_code error) {
     if (error) return;
     self->handle([&] {
@@ -103,7 +104,8 @@ void Session::on_message() {
   serve();
 }
 
-// Answers requests only if the send queue is empty, so a client that does not read causes no work.
+// Answers pending requests only while the send queue is empty. A client that does not read its
+// messages therefore causes no work.
 void Session::serve() {
   if (writing_ || over_) return;
   for (auto [pending, kind] : {std::pair{&record_, MessageKind::record},

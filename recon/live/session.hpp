@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// One connection, from its request to its end.
+// Handles one connection, from the HTTP request until it is closed.
 #pragma once
 #include <utility>  // before Asio (http.hpp)
 // clang-format off: the header above comes first
@@ -31,23 +31,25 @@ inline constexpr std::size_t kinds = 9;
 
 class Session;
 
-// Owns the sessions and answers their requests.
+// Interface of the server to its sessions.
 class SessionOwner {
  public:
   virtual ~SessionOwner() = default;
   virtual const Access& access() const = 0;
   virtual bool has_run(const std::string& name) = 0;
-  virtual std::string runs() = 0;                                    // JSON
-  virtual void opened(const std::shared_ptr<Session>& session) = 0;  // called for a WebSocket
+  virtual std::string runs() = 0;  // JSON list of the runs
+  // Called when a WebSocket has been opened.
+  virtual void opened(const std::shared_ptr<Session>& session) = 0;
   virtual void closed(const std::shared_ptr<Session>& session) = 0;
-  virtual Message answer_to(Session& session, const Request& request) = 0;  // null: no answer
+  // Null if no answer is to be sent.
+  virtual Message answer_to(Session& session, const Request& request) = 0;
 };
 
-// Runs the body of a handler; returns false if it threw. Writes the exception to stderr, because it
-// would otherwise end the program.
+// Runs the body of a handler. If it throws, prints the exception on stderr and returns false. An
+// uncaught exception would end the program.
 bool guarded(const std::function<void()>& body);
 
-// Threading: the owner's thread. The owner outlives the session.
+// One connection. Threading: to be used by the thread of its owner, which must outlive it.
 class Session : public std::enable_shared_from_this<Session> {
  public:
   Session(boost::asio::ip::tcp::socket socket, SessionOwner& owner, int& open)
@@ -59,13 +61,13 @@ class Session : public std::enable_shared_from_this<Session> {
   Session& operator=(const Session&) = delete;
 
   void start();
-  // Sends a message. It replaces a queued one of the same kind.
+  // Queues a message for sending. Replaces a queued message of the same kind.
   void send(MessageKind kind, Message message);
   bool may_write() const { return caller_.may_write; }
   const std::string& run() const { return caller_.run; }
 
-  bool live = true;       // follows the newest record
-  std::int64_t held = 0;  // otherwise shows this one
+  bool live = true;       // true: displays the newest record
+  std::int64_t held = 0;  // otherwise: index of the displayed record
   std::optional<ShowSum> summed;
 
  private:
@@ -90,7 +92,7 @@ class Session : public std::enable_shared_from_this<Session> {
   Message writing_;
   std::array<Message, kinds> waiting_;
   std::optional<Request> record_, sum_, sheet_;  // newest pending request of each kind
-  std::deque<Request> marks_;                    // all pending marks and labels
+  std::deque<Request> marks_;                    // all pending marks and labels, in order
 };
 
 }  // namespace echofuse::view

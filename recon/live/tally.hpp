@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Sum of one or more records: histogram, mean range profile, rates and fits.
+// Sums one or more records. Computes their histogram, mean range profile, rates and peak fits.
 #pragma once
 #include <cstdint>
 #include <limits>
@@ -10,7 +10,7 @@
 
 namespace echofuse::view {
 
-// Range in which peaks are fitted, m.
+// Range in which the highest peak is fitted, m.
 struct FitRange {
   double from_m = -std::numeric_limits<double>::infinity();
   double to_m = std::numeric_limits<double>::infinity();
@@ -18,15 +18,16 @@ struct FitRange {
 
 class Tally {
  public:
-  // Adds a record's SPD and radar; `sign` -1 subtracts them.
+  // Adds the SPD and radar data of a record, or subtracts them if `sign` is -1.
   void add(const record::FusedRecord& record, const std::vector<Axis>& axes, int sign = 1);
-  const std::vector<double>& clicks() const { return clicks_; }        // by bin; empty without SPD
-  std::vector<float> profile_db(const std::vector<Axis>& axes) const;  // empty without radar
-  // {"rates": {sync_hz, pulse_hz, click_hz, dark_hz, clicks_a_pulse}, "spd_records": number of
-  // records with SPD, "fits": {spd, radar: {centre_m, error_m, fwhm_m}}}; unknown values are null.
-  // sync_hz counts received syncs. Behind a conditional filter there are more pulses: pulse_hz is
-  // `laser_hz`, or an estimate if that is 0. dark_hz: clicks before the first return, per second of
-  // the observed time.
+  const std::vector<double>& clicks() const { return clicks_; }  // by bin; empty without SPD
+  // Mean profile in dB; empty if there are no radar data.
+  std::vector<float> profile_db(const std::vector<Axis>& axes) const;
+  // Returns {"rates": {sync_hz, pulse_hz, click_hz, dark_hz, clicks_a_pulse}, "spd_records": number
+  // of records with SPD data, "fits": {spd, radar: {centre_m, error_m, fwhm_m}}}. Unknown values
+  // are null. sync_hz: received sync signals per second. The laser emits more pulses if the tagger
+  // has a conditional filter; pulse_hz is `laser_hz`, or an estimate if that is 0. dark_hz: clicks
+  // before the first return, divided by the time for which these bins were open.
   nlohmann::json numbers(const std::vector<Axis>& axes, double laser_hz = 0,
                          const FitRange& range = {}) const;
 
@@ -34,7 +35,8 @@ class Tally {
   nlohmann::json rates(const Axis& axis, double laser_hz) const;
   std::vector<double> clicks_, power_;
   double spd_records_ = 0, radar_records_ = 0;
-  double slots_s_ = 0, starts_ = 0, all_clicks_ = 0, pulses_ = 0;  // sums over records with SPD
+  // Sums over all records with SPD data.
+  double slots_s_ = 0, starts_ = 0, all_clicks_ = 0, pulses_ = 0;
 };
 
 }  // namespace echofuse::view

@@ -75,12 +75,12 @@ class LiveView(live.Live):
         self.assertEqual([e["file"] for e in events if e["event"] == "run"], files)
         self.assertEqual(events[-1]["on_disk"], 5)
         self.assertIn(f"{files[1]}: 5 of 5 records in 2 runs, complete", log)
-        self.assertIn("not a model file, or truncated; expected a safetensors file; no maps are shown", log)
+        self.assertIn("not a model file, or truncated; expected a safetensors file; the page shows no reconstructions", log)
 
     def test_viewer_follows_a_live_run(self):
         """The viewer waits for the run, follows and marks it, and shows lost devices and the daemon's end."""
         client = Browser(self.view())
-        self.assertIn("no run yet", client.until("trouble")["text"])
+        self.assertIn("the run does not exist yet", client.until("trouble")["text"])
         daemon = self.record("--set", "run.label=empty")
         self.assertTrue(client.until("run")["may_write"])
         first = client.until("record", lambda m: m["live"])["index"]

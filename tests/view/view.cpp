@@ -112,14 +112,14 @@ TEST_CASE("each kind of request is parsed within its limits") {
   CHECK(refusal(R"({"label": 3})") == "mark and label: expected a string");
   for (const char* text : {R"({"sum": [1001, 2, 4]})", R"({"sum": [1, 2]})",
                            R"({"sum": [1, "2", 4]})", R"({"sum": [-1, 2, 4]})"})
-    CHECK(refusal(text) == "sum: expected [records up to 1000, metres, metres]");
+    CHECK(refusal(text) == "sum: expected [number of records (0 to 1000), metres, metres]");
   for (const char* text : {R"({"show": -1})", R"({"show": 1.5})", R"({"show": "old"})",
                            R"({"sheet": [4, 3]})", R"({"sheet": [1, 2, 3]})", R"({"hide": 1})"})
     CHECK(refusal(text) == "unknown request: expected show, sheet, sum, mark or label");
   for (const char* text : {"", "[]", "17", R"({"show": 1, "mark": "x"})", R"({"show": )",
                            R"({"show": [[[[[[[[[[]]]]]]]]]]})"})
-    CHECK(refusal(text) == "expected one JSON object");
-  CHECK(refusal(std::string(1025, ' ')) == "request too long");
+    CHECK(refusal(text) == "expected a JSON object with one key");
+  CHECK(refusal(std::string(1025, ' ')) == "request too long (limit 1024 bytes)");
 }
 
 TEST_CASE("a sensor is stale two slots after its last valid slot") {
