@@ -135,7 +135,7 @@ class Page(live_view.LiveView):
         self.wait("status of the page", lambda: self.text("status") == "NO DATA from any sensor")
         self.wait("lamp of the maps", lambda: self.lamp("maps") == "bad" and self.verdict("maps") ==
                   "lacks SPD and radar, which the model needs")
-        self.assertRegex(self.text("histogram-readout"), r"^no data; last in record \d+$")
+        self.assertRegex(self.text("histogram-readout"), r"^no data; last data in record \d+$")
         self.assertIn("old", self.js("return document.getElementById('histogram').className"))
         self.assertGreater(self.js("return +document.querySelector('#losses tr td:nth-child(3)').textContent"), 0)
         daemon.kill()

@@ -74,11 +74,11 @@ class Panels(page.Page):
         self.wait("alarm of the disk", lambda: self.js("return window.alarms") > 0)
 
         # Rates of the channels: the laboratory's tagger passes only syncs with a click.
-        self.wait("filter", lambda: self.text("sync-name") == "sync, filtered")
+        self.wait("filter", lambda: self.text("sync-name") == "filtered sync")
         for number in "sync-rate", "click-rate", "dark-rate":
             self.wait(number, lambda: re.fullmatch(r"[\d.]+[kM]?/s", self.text(number)))
         self.wait("clicks a pulse", lambda: self.number("pulse-rate") > 0)
-        self.wait("warning of pile-up", lambda: "Dim the light to at most 0.000001" in self.text("pile-up"))
+        self.wait("warning of pile-up", lambda: "Reduce the light to at most 0.000001" in self.text("pile-up"))
         self.wait("curves of the radar", lambda: self.js(
             "return ['of-temperature', 'of-margin'].every(id => !document.getElementById(id).hidden)"))
         self.choose(10)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Sound of the alerts. Browsers allow sound only after a click, so a button turns it on and shows its state.
+// Plays sounds for alerts. Browsers allow sound only after a click, so a button turns it on and shows its state.
 const repeatS = 10;
 
 export class Alarm {
@@ -13,11 +13,11 @@ export class Alarm {
     await (this.on ? this.context.suspend() : this.context.resume());
     this.on = this.context.state === 'running';
     this.button.setAttribute('aria-pressed', this.on);
-    this.button.lastChild.textContent = this.on ? 'ound is on' : 'ound on';  // after the underlined letter
+    this.button.lastChild.textContent = this.on ? 'ound is on' : 'ound on';  // text after the underlined letter 's'
     this.known.clear();
     if (this.on) this.play([660]);
   }
-  // Sounds for a new alert, and every `repeatS` while an alert lasts.
+  // Plays a sound for each new alert, and again every `repeatS` seconds while an alert lasts.
   take(alerts) {
     const fresh = alerts.some(alert => !this.known.has(alert)), now = performance.now() / 1000;
     this.known = new Set(alerts);

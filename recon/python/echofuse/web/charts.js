@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Histogram, range profile, waterfall and strips over the run (uPlot).
+// Charts drawn with uPlot: histogram, range profile, waterfalls, and strips over the run.
 /* global uPlot */
 export const metresPerPs = 299792458 / 2e12;
 export const colour = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-// Font size of the charts, px; key f (large type) changes it.
+// Returns the font size of charts, px. Key f (large type) changes it.
 export const textSize = () => parseFloat(colour('--chart-text'));
 export const text = () => `${textSize()}px ${getComputedStyle(document.body).fontFamily}`;
 
@@ -16,13 +16,13 @@ export const siNumber = v => Math.abs(v) >= 1e6 ? `${+(v / 1e6).toPrecision(3)}M
   : Math.abs(v) >= 1e3 ? `${+(v / 1e3).toPrecision(3)}k` : `${+v.toPrecision(3)}`;
 export const short = (_, values) => values.map(v => v == null ? '' : siNumber(v));
 
-// A chart that fills its element and is rebuilt when its style changes.
+// A chart that fills its element. It is created again when its style changes.
 export class Chart {
   constructor(id, height) {
     this.at = document.getElementById(id);
     this.height = height;
     this.data = null;
-    this.gaps = [], this.rules = [];  // gaps: intervals of x; rules: {at, name}, lines across
+    this.gaps = [], this.rules = [];  // gaps: intervals of x to shade; rules: labelled lines {at, name, across}
     new ResizeObserver(() => this.plot?.setSize(this.size())).observe(this.at);
   }
   size() {
@@ -35,7 +35,7 @@ export class Chart {
                            hooks: {drawClear: [u => this.under(u)]}, ...this.options()},
                           this.data ?? [[]], this.at);
   }
-  // Draws the background of the curves.
+  // Draws shaded gaps and labelled lines behind the curves.
   under(u) {
     const c = u.ctx, {left, top, width, height} = u.bbox, at = x => u.valToPos(x, 'x', true), ratio = devicePixelRatio;
     c.save();
@@ -70,17 +70,18 @@ export function save(blob, name) {
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
 
-// Unit of the axis of histogram and profile: metres, or nanoseconds of two-way time.
+// Units of the range axis of histogram and profile: metres, or nanoseconds of two-way time.
 export const units = {m: {name: 'range, m', perM: 1, words: m => `${m.toFixed(2)} m`, width: m => `${+(100 * m).toPrecision(3)} cm`},
                       ns: {name: 'two-way time, ns', perM: 1e-3 / metresPerPs, words: m => `${(m * 1e-3 / metresPerPs).toFixed(2)} ns`,
                            width: m => `${+(m * 1e-3 / metresPerPs).toPrecision(3)} ns`}};
 
-// A chart over range, of one record or a sum. Dragging zooms it and its partner; a double click resets. Two clicks set cursors A
-// and B. The readout shows their distance, and the FWHM of the highest peak between them (without cursors: in the visible part).
+// A chart over range, for one record or a sum of records. Drag to zoom it and its partner; double-click to reset. Two
+// clicks set cursors A and B. The readout shows their distance, and the FWHM of the highest peak between them. Without
+// cursors it shows the highest peak in the visible part.
 class Bench extends Chart {
   constructor(id, height) {
     super(id, height);
-    this.zoom = null, this.marks = [], this.partner = null;  // positions in `unit`
+    this.zoom = null, this.marks = [], this.partner = null;  // cursor positions and zoom are in `unit`
     this.unit = units.m, this.fit = null;
     this.readout = document.getElementById(`${id}-readout`);
   }
@@ -88,7 +89,8 @@ class Bench extends Chart {
     super.set(data);
     this.readOut(this.plot.cursor.idx);
   }
-  // If the newest record has no data, the last curve remains, dimmed. A held record without data has no curve.
+  // Sets the reason why data are missing. If the newest record has no data, the previous curve stays visible, dimmed.
+  // If a record selected by the user has no data, no curve is shown.
   lack(why, live) {
     this.lacks = why;
     this.at.classList.toggle('old', !!why && live);
@@ -97,7 +99,7 @@ class Bench extends Chart {
   get range() {
     return {time: false, range: () => this.zoom ?? [0, (this.farthest ?? 1) * this.unit.perM]};
   }
-  // Range of the peak fit, m: between the cursors, or the visible part.
+  // Range of the peak fit, m: between the cursors, otherwise the visible part.
   get part() {
     const ends = this.marks.length === 2 ? this.marks.map(mark => mark.at).sort((a, b) => a - b) : this.zoom ?? [-1e6, 1e6];
     return ends.map(at => at / this.unit.perM);
@@ -139,14 +141,14 @@ class Bench extends Chart {
       this.show_part(null);
     });
   }
-  // Returns the index of the highest point of this part; null without data.
+  // Returns the index of the highest point in the given range; null if there are no data.
   peak([from, to] = this.part) {
     const [x, y] = this.data ?? [[], []], {perM} = this.unit;
     let top = null;
     for (let i = 0; i < x.length; ++i) if (x[i] >= from * perM && x[i] <= to * perM && y[i] != null && (top == null || y[i] > y[top])) top = i;
     return top;
   }
-  // Shows the value under the cursor, otherwise the peak and the fit of the viewer.
+  // Shows the value under the pointer. Without pointer or with two cursors, shows the peak and its fit.
   readOut(index) {
     if (this.lacks) return void (this.readout.textContent = this.lacks);
     const [x, y] = this.data ?? [[], []], top = this.peak(), {perM, width} = this.unit, words_at = i => this.words(x[i] / perM, y[i]);
@@ -170,7 +172,7 @@ class Bench extends Chart {
   }
 }
 
-// Upper end of the axis: rises at once and falls slowly, so that records can be compared by eye.
+// Returns the upper end of the y axis. It rises at once but falls slowly, so that records can be compared by eye.
 function calmTop(before, values, least) {
   let top = least;
   for (const v of values) if (v > top) top = v;
@@ -178,7 +180,7 @@ function calmTop(before, values, least) {
 }
 
 const ofTen = v => Number.isInteger(+Math.log10(v).toFixed(9)) ? v : null;
-const floor = 0.5;  // lower end of the logarithmic axis
+const floor = 0.5;  // lower end of the logarithmic axis, clicks
 
 export class Histogram extends Bench {
   constructor(id = 'histogram') {
@@ -265,7 +267,7 @@ export class Profile extends Bench {
   }
 }
 
-// Returns the next round number, for the upper end of an axis.
+// Returns the next round number above `most`, as the upper end of an axis.
 const niceTop = most => {
   const ten = 10 ** Math.floor(Math.log10(Math.max(most, 1)));
   return [1, 1.5, 2, 3, 4, 5, 6, 8, 10].map(n => n * ten).find(v => v >= most);
@@ -273,7 +275,7 @@ const niceTop = most => {
 const fromZero = {range: (_, low, high) => [0, niceTop(Math.max(high, 1))]};
 const endsOnly = {values: short, size: 52, splits: (u, i, low, high) => [low, high]};
 
-// Rate of a sensor over the run, with marks at the top where data were lost; the text states the amount.
+// Rate of a sensor over the run. Marks at the top show where data were lost; the heading shows how many.
 class Strip extends Chart {
   constructor(sensor) {
     super(`strip-${sensor}`, 64);
@@ -290,7 +292,7 @@ class Strip extends Chart {
     };
   }
 }
-// Formats seconds as m:ss or h:mm:ss, as in the terminal.
+// Formats seconds as m:ss or h:mm:ss, as in the terminal output.
 export const clock = s => {
   if (s == null) return '–';
   const whole = Math.max(0, Math.floor(s)), two = n => String(n).padStart(2, '0');
@@ -299,14 +301,14 @@ export const clock = s => {
 };
 const times = {incrs: [1, 2, 5, 10, 20, 30, ...[1, 2, 5, 10, 20, 30, 60, 120, 180, 360, 720, 1440].map(min => 60 * min)], space: 70,
                values: (_, at) => at.map(clock)};
-// Intensity of one sensor over range and time (or direction): bright is high, blank without data.
+// Intensity of one sensor over range and time (or direction). Bright colours mean high values; missing data are blank.
 export class Waterfall extends Chart {
   constructor(id, height = 150, x = {...times}, label = '') {
     super(id, height);
     Object.assign(this, {x, label});
   }
-  // image: one column per record, the farthest range on top. span: start of the first and end of the last column.
-  // table: colour map. ends: labels at the bottom and top of the colour bar.
+  // image: one column per record, with the farthest range at the top. span: start of the first and end of the last
+  // column. table: colour map. ends: labels at the lower and upper end of the colour bar.
   show(image, span, farthest, table, ends) {
     Object.assign(this, {image, span, farthest, table, ends});
     this.set([span, [null, null]]);
@@ -333,7 +335,7 @@ export class Waterfall extends Chart {
     c.fillText(this.ends[0], bar + 16 * ratio, top + height);
   }
 }
-// One value over the run, e.g. a temperature.
+// A single quantity over the run, e.g. a temperature.
 export class Curve extends Chart {
   constructor(id) {
     super(id, 64);

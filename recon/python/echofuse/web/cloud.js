@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Points of a map in space (WebGL): x right, y up, z away from the camera, metres.
+// Draws the pixels of a depth map as points in space (WebGL). x points to the right, y up, z away from the camera; metres.
 import {isDark, rgbOf, tables} from './maps.js';
 
 const vertex = `attribute vec3 place; attribute vec3 tint; uniform mat4 view; uniform float size; varying vec3 shown;
@@ -19,11 +19,12 @@ function program(gl) {
   return out;
 }
 
-// Returns the view matrix, column-major: a projection of 40 degrees times an orbit around (0, -0.5, middle).
+// Returns the column-major view matrix: a perspective projection with a field of view of 40 degrees, and a rotation
+// around the point (0, -0.5, middle).
 function viewOf(turn, tilt, away, middle, aspect) {
   const [cy, sy, cx, sx] = [Math.cos(turn), Math.sin(turn), Math.cos(tilt), Math.sin(tilt)];
   const f = 1 / Math.tan(Math.PI / 9), near = 0.05, far = 60, a = (far + near) / (near - far), b = 2 * far * near / (near - far);
-  // Camera space has z towards the viewer, so the scene's z (away from the sensors) is negated.
+  // In camera space z points towards the viewer. The z of the scene points away from the sensors, so it is negated.
   const rows = [[cy, 0, -sy], [sx * sy, cx, sx * cy], [-cx * sy, sx, -cx * cy]];
   const t = rows.map((r, i) => r[1] * 0.5 - r[2] * middle - (i === 2 ? away : 0));
   const out = new Float32Array(16);
@@ -35,7 +36,7 @@ function viewOf(turn, tilt, away, middle, aspect) {
   return out;
 }
 
-// Projects a point to clip coordinates x, y and w.
+// Projects a point and returns its clip coordinates x, y and w.
 const placed = (view, x, y, z) => [0, 1, 3].map(i => view[i] * x + view[4 + i] * y + view[8 + i] * z + view[12 + i]);
 
 export class Cloud {
@@ -44,10 +45,11 @@ export class Cloud {
     this.box = document.getElementById('cloud-box');
     this.gl = this.canvas.getContext('webgl', {antialias: true, preserveDrawingBuffer: true});
     if (!this.gl) {
-      this.box.textContent = 'Points need WebGL, which this browser lacks.';
+      this.box.textContent = 'Points cannot be drawn, because this browser does not support WebGL.';
       return;
     }
-    this.turn = -0.6, this.tilt = 0.3, this.away = null, this.middle = 3.5;  // away: null shows the whole floor, until the first zoom
+    // away: viewing distance; null until the first zoom, so that the whole floor is visible.
+    this.turn = -0.6, this.tilt = 0.3, this.away = null, this.middle = 3.5;
     this.program = program(this.gl);
     this.labels = [2, 3, 4, 5].map(z => {
       const at = document.createElement('span');
@@ -98,7 +100,7 @@ export class Cloud {
       else zoomBy(zoom);
     });
   }
-  // map: square, metres, over tangents of +-halfTangent.
+  // map: square depth map in metres; its x/z and y/z range from -halfTangent to halfTangent.
   set(map, halfTangent, span) {
     if (!this.gl) return;
     const places = [], tints = [];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// WebSocket to the server; messages as defined in recon/live/message.hpp.
+// WebSocket connection to the server. recon/live/message.hpp defines the messages.
 const types = {u8: Uint8Array, u16: Uint16Array, u32: Uint32Array, f32: Float32Array, f64: Float64Array};
 
 export function decode(buffer) {
@@ -15,12 +15,12 @@ export function decode(buffer) {
   return message;
 }
 
-// Returns why a request was refused: the viewer's text, or the status line of a web server in between.
+// Returns why a request was refused: the text sent by the viewer, or the status line if another web server answered.
 export const refusal = async answer => answer.headers.get('content-type')?.startsWith('text/plain')
-  ? (await answer.text()).trim() : `${answer.status} ${answer.statusText}, from a web server in front of the viewer`;
+  ? (await answer.text()).trim() : `${answer.status} ${answer.statusText}, reported by a web server in front of the viewer`;
 
-// Calls take(message) for each message, and changed(open, why) when the connection opens or closes. Reconnects
-// within 5 s, without a limit of attempts.
+// Calls take(message) for each message, and changed(open, why) when the connection opens or closes. If the
+// connection is lost, tries to reconnect at intervals of at most 5 s, without a limit on the number of attempts.
 export class Link {
   constructor(take, changed) {
     this.take = take;

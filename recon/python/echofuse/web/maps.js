@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
-// Depth maps as images: viridis over the distances in the scene, near is bright. Pixels without a return have the background
-// colour; an outline surrounds the returns, because some colours are similar. Axes in degrees, colour bar in metres.
+// Draws depth maps as images. The colour map viridis covers the distances in the scene; near is bright. Pixels without a
+// return are grey. Returns are outlined, because some colours are similar to grey. Axes in degrees, colour bar in metres.
 import {colour, text, textSize} from './charts.js';
 
 const viridis = ['440154', '482475', '414487', '355f8d', '2a788e', '21918c', '22a884', '44bf70', '7ad151', 'bddf26', 'fde725'];
 const inferno = ['000004', '1b0c41', '4a0c6b', '781c6d', 'a52c60', 'cf4446', 'ed6925', 'fb9b06', 'f7d13d', 'fcffa4'];
-// Blue: too near; orange: too far; equal lightness.
+// Colours of depth errors: blue is too near, orange is too far; both ends have equal lightness.
 const twoEnds = ['08306b', '1c5a9c', '4585bf', '84b0d8', 'c5d8ec', 'f7f7f7', 'f5d5b8', 'eaa96c', 'd37b2c', 'a95308', '6e3003'];
 const table = anchors => {
   const rgb = anchors.map(hex => [0, 2, 4].map(i => parseInt(hex.slice(i, i + 2), 16)));
@@ -26,7 +26,8 @@ export function rgbOf(value, span, map) {
   return map[Math.round(255 * Math.min(Math.max(share, 0), 1))];
 }
 
-// Returns the range of 96 % of the returns, rounded outwards to half a metre; 2.5 to 5 m without returns.
+// Returns the range that contains 96 % of the returns, rounded outwards to multiples of 0.5 m. Returns 2.5 to 5 m if
+// there are fewer than 50 returns.
 export function spanOf(values) {
   const there = Float32Array.from(values).filter(v => v > 0).sort();
   if (there.length < 50) return [2.5, 5];
@@ -35,7 +36,7 @@ export function spanOf(values) {
   return [near, Math.max(far, near + 1)];
 }
 
-// values: row-major, shape [rows, columns]; NaN means no return, and so does 0 unless `zero` is true.
+// values: row-major, [rows, columns]. NaN means no return; 0 also means no return unless `zero` is true.
 export function picture(values, rows, columns, span, map, scale = 1, zero = false) {
   const image = new ImageData(columns, rows), grey = noReturn();
   for (let i = 0; i < rows * columns; ++i) {
@@ -49,7 +50,7 @@ export function picture(values, rows, columns, span, map, scale = 1, zero = fals
   return canvas;
 }
 
-// Draws an outline around all returns; width and height are those of the image on the canvas.
+// Draws an outline around each area of returns. width and height: size of the image on the canvas.
 function outline(c, image, left, top, width, height) {
   if (!image.returns || width < image.width) return;
   const {width: columns, height: rows, returns} = image, dx = width / columns, dy = height / rows;
@@ -66,7 +67,7 @@ function outline(c, image, left, top, width, height) {
   c.stroke();
 }
 
-// Draws the image over the whole canvas.
+// Draws the image so that it fills the canvas.
 export function fill(canvas, image) {
   const c = canvas.getContext('2d'), {width, height} = canvas;
   c.imageSmoothingEnabled = false;
@@ -74,13 +75,14 @@ export function fill(canvas, image) {
   outline(c, image, 0, 0, width, height);
 }
 
-// Returns an image of map minus truth where both have a return; marks missed and false returns.
+// Returns an image of the error (map minus truth) at pixels where both have a return. Also stores which returns are
+// missed or false.
 export function errorPicture(map, truth, rows, columns, span) {
   const both = map.map((v, i) => v > 0 && truth[i] > 0 ? v - truth[i] : NaN), image = picture(both, rows, columns, span, tables.error, 1, true);
   image.missed = map.map((v, i) => truth[i] > 0 && !(v > 0)), image.invented = map.map((v, i) => v > 0 && !(truth[i] > 0));
   return image;
 }
-// Hatches missed pixels and dots false ones.
+// Hatches pixels with missed returns, and dots pixels with false returns.
 function mark(c, image, left, top, width, height) {
   const dx = width / image.width, dy = height / image.height;
   const over = marked => {
@@ -99,12 +101,13 @@ function mark(c, image, left, top, width, height) {
   c.restore();
 }
 
-// Margins around a map for labels of this size: elevation left, azimuth below, colour bar right.
+// Height of the upper margin, px. Other margins depend on the size of the labels: elevation left, azimuth below, colour
+// bar right.
 const top = 8;
 const roomOf = size => ({left: 3.9 * size, bottom: 2.8 * size, bar: 28 + 4.4 * size});
 
 export class MapView {
-  // ratio: height over width of the image; kind: key of `tables`.
+  // id: id of the canvas; kind: key of `tables`, which defines the colours.
   constructor(id, kind = 'near') {
     this.canvas = document.getElementById(id);
     this.kind = kind;
@@ -118,7 +121,7 @@ export class MapView {
         this.readOut();
       });
   }
-  // Shows the value under the pointer, otherwise the note.
+  // Shows the value under the pointer. Without pointer, shows the note.
   readOut() {
     if (!this.value) return;
     const {pointer, inner, image, values} = this;
@@ -138,13 +141,13 @@ export class MapView {
     return this.kind === 'sure' ? `±${(100 * z).toFixed(1)} cm; ${where}`
       : `depth ${z.toFixed(3)} m; ${where}; x ${(tangent * z).toFixed(2)} m, z ${z.toFixed(2)} m`;
   }
-  // tangents: [left, right, bottom, top] of the image edges. values: those of the image, times `scale` in m.
+  // tangents: [left, right, bottom, top] of the image edges. values: pixel values, in units of `scale` m.
   set(image, tangents, span, values = null, scale = 1) {
     Object.assign(this, {image, tangents, span, values, scale, why: ''});
     this.ratio = (tangents[3] - tangents[2]) / (tangents[1] - tangents[0]);
     this.draw();
   }
-  // Shows why a new image is missing; if `keep` is true, over the last one, dimmed.
+  // Shows the reason why an image is missing. If `keep` is true, the previous image stays visible, dimmed.
   lack(why, keep) {
     this.why = why;
     if (!keep) this.image = null, this.note = '';
@@ -224,7 +227,7 @@ export class MapView {
     const [low, far] = this.span, step = [0.25, 0.5, 1].find(s => s / (far - low) * high > 2.6 * size) ?? 2;
     for (let v = Math.ceil(low / step) * step; v <= far + 1e-9; v += step) {
       const y = top + (1 - (v - low) / (far - low)) * high;
-      // The end colours also stand for all values beyond.
+      // The colours at both ends also represent all values beyond the scale.
       const last = v + step > far + 1e-9, end = !this.unit ? '' : Math.abs(v - far) < 1e-9 ? '≥ ' : Math.abs(v - low) < 1e-9 && this.kind !== 'sure' ? '≤ ' : '';
       c.fillText(`${end}${+v.toFixed(2)}${last ? this.unit : ''}`, x + 16, Math.min(Math.max(y + size / 3, top + 0.8 * size), top + high));
     }

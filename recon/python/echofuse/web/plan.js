@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Plan view in metres: the detector at the origin, the radar to its left, x to the right and z away. Shows the power of the
-// radar's antennas, the field of view of the maps, and the track of the body.
+// Plan view in metres. The detector is at the origin and the radar to its left; x points to the right, z away. Shows the
+// power received by the radar antennas, the field of view of the maps, and the track of the body.
 import {colour, text, textSize} from './charts.js';
 import {picture, tables} from './maps.js';
 
-// Returns the range and the sine of the azimuth of a point, seen from the radar.
+// Returns the range and the sine of the azimuth of a point, relative to the radar.
 export const fromRadar = (x, z, baseline) => {
   const range = Math.hypot(x + baseline, z);
   return [range, (x + baseline) / range];
@@ -15,7 +15,8 @@ export class Plan {
     this.canvas = document.getElementById('plan');
     new ResizeObserver(() => this.shown && this.draw()).observe(this.canvas.parentElement);
   }
-  // beams: dB by range and sine of the azimuth, or null; track: [age s, x, z, interval] of each position, newest first.
+  // beams: dB by range and sine of the azimuth, or null. track: [age s, x, z, interval] of each body position, newest
+  // first.
   show(what) {
     this.shown = what;
     this.draw();
@@ -51,7 +52,7 @@ export class Plan {
     }
     if (track?.length) this.walk(c, at, scale, track);
   }
-  // Draws circles of distance and rays of azimuth around the detector.
+  // Draws circles of equal distance and lines of equal azimuth around the detector.
   grid(c, at, farthest, half, halfTangent, size) {
     const [left, top] = at(-half, farthest), [right, bottom] = at(half, 0), scale = at(1, 0)[0] - at(0, 0)[0];
     c.save();
@@ -80,7 +81,7 @@ export class Plan {
     const places = Array.from({length: track.shape[0]}, (_, i) => track.subarray(4 * i, 4 * i + 4)).filter(place => place[1] === place[1]);
     const line = (from, to, paint, wide) => { c.strokeStyle = paint, c.lineWidth = wide, c.beginPath(), c.moveTo(...from), c.lineTo(...to), c.stroke(); };
     const ends = ([, x, z, interval]) => [at(x - interval, z), at(x + interval, z)];
-    // A light line below the dark one keeps the track visible on the colours of the antennas.
+    // A light line is drawn below the dark one, so that the track is visible on the colours of the antenna power.
     for (const [paint, wide] of [['--card', 5], ['--bad', 2.5]]) {
       for (let i = places.length - 1; i > 0; --i) line(at(places[i][1], places[i][2]), at(places[i - 1][1], places[i - 1][2]), colour(paint), wide);
       places.forEach((place, i) => { if (place[3] === place[3]) c.globalAlpha = i ? 0.35 : 1, line(...ends(place), colour(paint), i ? wide / 2 : wide); });

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: MIT
-// Draws the report from the blocks that recon/python/echofuse/report/blocks.py wrote: one function per kind of block.
+// Draws the report from the blocks created by recon/python/echofuse/report/blocks.py, with one function per kind of block.
 /* global uPlot */
 import {Chart, Histogram, Profile, Strips, Waterfall, axis, colour, metresPerPs, short, siNumber, text, textSize} from './charts.js';
 import {Cloud} from './cloud.js';
 import {MapView, errorPicture, isDark, picture, tables} from './maps.js';
 
 const report = JSON.parse(document.getElementById('data').textContent), errorSpan = [-0.5, 0.5];
-const redraws = [];  // drawing functions to repeat after a change of theme or width
+const redraws = [];  // functions that draw again after a change of theme or width
 let ids = 0;
 const newId = kind => `${kind}-${++ids}`;
-// Appends an element to another one.
+// Appends a new element to its parent, and returns it.
 function make(parent, kind, more = {}) {
   const {data, ...properties} = more, at = Object.assign(document.createElement(kind), properties);
   if (data) Object.assign(at.dataset, data);
@@ -17,7 +17,7 @@ function make(parent, kind, more = {}) {
   return at;
 }
 const pictured = new Set(report.records.map(r => r.index));
-// Appends the numbers of records, as links to those with pictures.
+// Appends the indices of records. Indices of records that have pictures become links.
 function links(parent, {records, more}) {
   records.forEach((index, i) => {
     parent.append(i ? ', ' : '');
@@ -25,7 +25,7 @@ function links(parent, {records, more}) {
   });
   parent.append(more ? ', ...' : '');
 }
-// Appends a sentence; "record N" becomes a link if that record of the scored run has pictures.
+// Appends a sentence. The words "record N" become a link if the scored run has pictures of that record.
 function sentence(parent, text) {
   for (const part of text.split(/(record \d+)/)) {
     const index = /^record (\d+)$/.exec(part)?.[1];
@@ -35,9 +35,9 @@ function sentence(parent, text) {
 }
 const add = (parent, blocks) => blocks.forEach(block => kinds[block.kind](parent, block));
 
-// A chart of series with separate x values, merged into one row as uPlot requires. A series may have "bars" ([low,
-// high] per point), "crossed" and "names" (per point), and may be dashed with the area below shaded. "ticks" are labels
-// at x = 0, 1, 2 ...
+// A chart of series with different x values. uPlot needs a common x axis, so all x values are merged. A series may have
+// error bars ("bars": [low, high] per point), crosses ("crossed") and names ("names"). It may be dashed, with the area
+// below it shaded. "ticks" are labels at x = 0, 1, 2 ...
 class Plot extends Chart {
   constructor(parent, block) {
     const id = newId('chart');
@@ -78,14 +78,14 @@ class Plot extends Chart {
                ...block.series.map(s => ({label: s.name, value: format, width: 2, stroke: colour(`--${s.colour}`), ...s.shaded && {dash: [6, 4], fill: colour('--look-paper')}, ...look[s.look](colour(`--${s.colour}`))}))],
     };
   }
-  // Rotates labels that do not fit side by side.
+  // Rotates the tick labels if they do not fit side by side.
   turned(words) {
     const c = document.createElement('canvas').getContext('2d');
     c.font = text();
     const widest = Math.max(...words.map(word => c.measureText(word).width)), fits = u => widest + 8 < (u.width - 5 * textSize()) / words.length;
     return {rotate: u => fits(u) ? 0 : 45, size: u => fits(u) ? 2 * textSize() : 0.72 * widest + 1.6 * textSize()};
   }
-  // Draws bars, crosses and names over the points.
+  // Draws error bars, crosses and names over the points.
   over(u) {
     const c = u.ctx, ratio = devicePixelRatio, points = [], taken = [];
     const stroke = (...lines) => (c.beginPath(), lines.forEach(([a, b, x, y]) => (c.moveTo(a * ratio, b * ratio), c.lineTo(x * ratio, y * ratio))), c.stroke());
@@ -105,7 +105,7 @@ class Plot extends Chart {
     const wide = u.over.clientWidth, high = u.over.clientHeight;
     for (const {x, y, name, colour: ink} of points.sort((a, b) => a.y - b.y)) {
       const at = make(u.over, 'span', {className: 'named', textContent: name}), w = at.offsetWidth, h = at.offsetHeight;
-      // Returns the area of this place that is occupied or outside the chart.
+      // Returns the area of a label at this position that overlaps other items, plus a penalty outside the chart.
       const cost = ([left, top]) => taken.reduce((sum, b) => sum + Math.max(0, Math.min(left + w, b[2]) - Math.max(left, b[0])) * Math.max(0, Math.min(top + h, b[3]) - Math.max(top, b[1])), 0)
         + 1e4 * (Math.max(0, -left) + Math.max(0, left + w - wide) + Math.max(0, -top) + Math.max(0, top + h - high));
       let best = null, least = Infinity;
@@ -124,7 +124,7 @@ class Plot extends Chart {
   }
 }
 
-// Decodes base64 text into integers of this many bytes.
+// Decodes base64 text into integers of `bytes` bytes, and multiplies them by `unit`.
 function unpacked(text, bytes, unit) {
   const raw = Uint8Array.from(atob(text), c => c.charCodeAt(0));
   return Float32Array.from({length: raw.length / bytes}, (_, i) => (bytes === 2 ? raw[2 * i] + 256 * raw[2 * i + 1] : raw[i]) * unit);
@@ -141,7 +141,7 @@ const record = i => {
   return r;
 };
 
-// Returns the part of the field that contains the bodies in truth and maps, with a margin.
+// Returns the square part of the map that contains the bodies in truth and predictions, with a margin.
 function about(r) {
   const all = {left: 0, top: 0, size: r.side}, at = [];
   for (const map of [r.truth, ...r.maps.map(m => m.map)])
@@ -156,8 +156,8 @@ function squareOf(r, low, high, room) {
   return size > 0.8 * r.side ? {left: 0, top: 0, size: r.side} : {left, top, size};
 }
 
-// Maps of one record that share the visible part of the field. Dragging selects a part; a double click toggles the
-// whole field. The text shows the values of all maps under the pointer.
+// Maps of one record that show the same part of the field of view. Drag to select a part; double-click to switch
+// between the bodies and the whole field. The text below each map shows its value under the pointer.
 class Pictures {
   constructor(parent, block) {
     Object.assign(this, {r: record(block.record), views: [], start: about(record(block.record))});
@@ -193,8 +193,8 @@ class Pictures {
     const note = make(box, 'p', {className: 'pixel'});
     const missed = what === 'error' && model.map.reduce((sum, v, i) => sum + (r.truth[i] > 0 && !(v > 0)), 0);
     const invented = what === 'error' && model.map.reduce((sum, v, i) => sum + (v > 0 && !(r.truth[i] > 0)), 0);
-    note.textContent = what === 'map' ? model.scores : what === 'deviation' ? `Place of the body: ${model.stated}.`
-      : what === 'error' ? `${missed} of ${r.truth.reduce((sum, v) => sum + (v > 0), 0)} pixels missed, ${invented} false returns.` : '';
+    note.textContent = what === 'map' ? model.scores : what === 'deviation' ? `Position of the body: ${model.stated}.`
+      : what === 'error' ? `${missed} of ${r.truth.reduce((sum, v) => sum + (v > 0), 0)} true returns missed, ${invented} false returns.` : '';
     const view = new MapView(id, what === 'error' ? 'error' : what === 'deviation' || what === 'share' ? 'sure' : 'near');
     if (what === 'share') view.unit = '';
     Object.assign(view, {what, values, model, note, text: note.textContent, cross: make(box, 'i', {className: 'cross', hidden: true}), box});
@@ -211,7 +211,7 @@ class Pictures {
               : picture(cut(v.values), size, size, span, tables[v.kind], 1, v.kind === 'sure'), edges, span, v.values);
     }
   }
-  // Returns the pointer position as fractions of the image, from its left and top.
+  // Returns the position of the pointer in the image, as fractions of its width and height from the top left.
   place(event, view) {
     const box = view.canvas.getBoundingClientRect(), {left, top, width, height} = view.inner;
     return [(event.clientX - box.left - left) / width, (event.clientY - box.top - top) / height].map(v => Math.min(Math.max(v, 0), 0.9999));
@@ -322,7 +322,7 @@ const kinds = {
     for (const sensor in key) {
       const head = make(box, 'h3', {textContent: `${key[sensor]} `}), small = make(head, 'small', {textContent: unit[sensor]});
       make(small, 'span', {id: `lost-${sensor}`, className: 'lost'});
-      if (block.gaps[sensor].length) make(small, 'span', {className: 'lost', textContent: '; no data where red'});
+      if (block.gaps[sensor].length) make(small, 'span', {className: 'lost', textContent: '; no data in red intervals'});
       make(box, 'div', {id: `strip-${sensor}`, className: 'strip', role: 'img', ariaLabel: `${key[sensor]} over the run`});
     }
     const head = make(make(box, 'h3', {textContent: 'clock residuals '}), 'small', {textContent: 'µs: '});
@@ -336,7 +336,7 @@ const kinds = {
     strips.take(block.arrays, block.window_s);
     redraws.push(() => strips.renew());
   },
-  // Data of a sensor over the run: one column per group of records, nearest bin first; 255 = no data.
+  // Draws the data of each sensor over the run. Each column is a group of records, nearest bin first; 255: no data.
   waterfalls(parent, {tables: all, unit, end}) {
     const box = make(parent, 'figure', {className: 'card waterfalls'}), head = {spd: ['SPD', 'clicks by range and time'], radar: ['radar', 'power by range and time']};
     for (const {sensor, values, columns, bins, start_m: start, end_m: far, most} of all) {
@@ -345,7 +345,7 @@ const kinds = {
       make(box, 'div', {id, className: 'chart', role: 'img', ariaLabel: `${name}: ${what}`});
       const words = sensor === 'spd' ? ['0', siNumber(Math.expm1(most))] : ['0 dB', `${siNumber(most)} dB`];
       const chart = new Waterfall(id, 150, {values: short}, `time, ${unit}`), below = Math.max(0, Math.round(bins * start / (far - start)));
-      // The farthest range is on top; rows below the sensor's first bin are blank.
+      // The farthest range is at the top. Rows below the first bin of the sensor are blank.
       const image = Float32Array.from({length: (bins + below) * columns}, (_, i) => {
         const v = raw[i % columns * bins + bins - 1 - Math.floor(i / columns)];
         return i < bins * columns && v < 255 ? v : NaN;
@@ -405,11 +405,11 @@ const chapters = report.sections.map(({id, heading, blocks}) => {
   add(section, blocks);
   return [entry, section];
 });
-// A chapter is empty on paper if all its parts are folded, or if it is the rotating view.
+// A chapter is not printed if all its parts are folded, or if it contains the rotating view.
 const isEmpty = section => [...section.children].every(part => part.matches('h2, details:not([open])')) || section.querySelector('#cloud') !== null;
 if (location.hash) document.getElementById(location.hash.slice(1))?.scrollIntoView();
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
-// On paper the theme is light and the width fixed.
+// Printed pages use the light theme and a fixed width.
 let theme;
 addEventListener('beforeprint', () => {
   theme = root.dataset.theme, root.dataset.theme = 'light', root.classList.add('paper');

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
-// The runs of a folder: one card per run, with a link to its page.
+// Shows the runs of a folder, with one card per run that links to its page.
 import {clock, colour, siNumber} from './charts.js';
 import {refusal} from './link.js';
 import {fill, picture, spanOf, tables} from './maps.js';
 
 const $ = id => document.getElementById(id);
 const side = 112, pause = {all: 5000, more: 100};
-let listed = '';  // JSON of the displayed list
+let listed = '';  // JSON of the displayed list of runs
 
 function thumbnail(run, span) {
   const canvas = document.createElement('canvas'), c = canvas.getContext('2d'), high = side * devicePixelRatio;
@@ -45,10 +45,11 @@ function card(run, span) {
 }
 function draw() {
   const runs = JSON.parse(listed), span = spanOf(runs.flatMap(run => run.map ?? []).map(cm => cm / 100));
-  $('about').textContent = runs.length ? `${runs.length}, newest first` : 'none in this folder yet';
+  $('about').textContent = runs.length ? `${runs.length}, newest first` : 'no runs in this folder yet';
   $('runs-list').replaceChildren(...runs.map(run => card(run, span)));
 }
-// Polls the list, at short intervals until all runs are read. Redraws only after a change, so that a click hits its card.
+// Requests the list of runs every 5 s, or every 0.1 s until all runs have been read. Redraws only if the list has
+// changed, so that cards do not move while the user clicks.
 async function poll() {
   let wait = pause.all;
   try {

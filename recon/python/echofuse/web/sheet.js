@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Thumbnails: small maps of records spread over the run; a click shows the record.
+// Shows thumbnails of depth maps at regular intervals over the run. A click selects the record.
 import {colour} from './charts.js';
 import {fill, picture, tables} from './maps.js';
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The page of a run: handles messages of the server; keys and buttons send requests.
+// Page of a run. Displays messages from the server, and sends requests when a key or button is pressed.
 import {Curve, Histogram, Profile, Strips, Waterfall, clock, metresPerPs, siNumber, units} from './charts.js';
 import {Alarm} from './alarm.js';
 import {Cloud} from './cloud.js';
@@ -17,12 +17,13 @@ const plan = new Plan();
 histogram.partner = profile, profile.partner = histogram;
 const views = {map: new MapView('map'), camera: new MapView('camera'), reconstruction: new MapView('reconstruction'),
                deviation: new MapView('deviation', 'sure')};
-const alarm = new Alarm('sound'), zones = new Zones(), newestWith = {};  // newest record with data, by view
+// newestWith: index of the newest record that had data, for each view.
+const alarm = new Alarm('sound'), zones = new Zones(), newestWith = {};
 const sheet = new Sheet(index => show(index));
 let run = null, state = null, record = null, sum = null, strip = null, span = [2.5, 5], spanKnown = false;
 let wasLive = false, received = 0, lastMessage = performance.now(), connected = false, live = true, wanted = null, cloudOf = 'map', sheetAt = -1;
 window.framesSeen = 0;
-// The viewer sends a message every second; without one for 3 s it is silent.
+// The viewer sends a message at least every second. It is considered unreachable after 3 s without one.
 const silence = () => (performance.now() - lastMessage) / 1000, reached = () => connected && silence() < 3;
 
 const age = s => s < 10 ? `${s.toFixed(1)} s ago` : s < 600 ? `${Math.round(s)} s ago` : `${clock(s)} ago`;
@@ -39,7 +40,7 @@ const rate = (n, name) => `${n < 10 ? +n.toPrecision(2) : count(Math.round(n))} 
 
 const doubtsOf = shown => sensors.filter(name => !['ok', 'not configured'].includes(shown.sensors[name].verdict))
   .map(name => `${names[name]}: ${shown.sensors[name].verdict}`);
-// Returns colour and word of a lamp; the colour repeats the word.
+// Returns the colour and the word of a lamp. The word alone is sufficient if colours cannot be distinguished.
 function lampOf(sensor, over) {
   if (!sensor.configured) return ['off', 'OFF'];
   if (!over && sensor.stale) return ['bad', 'LOST'];
@@ -72,7 +73,7 @@ function drawLamps() {
   $('doubts').hidden = false, $('doubts').dataset.none = !state.doubts;
   drawMapsLamp();
 }
-// Shows the worst state of the run and its sensors.
+// Shows the worst state among the run and its sensors.
 function drawStatus(lost, look) {
   const of = list => list.map(name => names[name]).join(', '), words = {open: 'recording', complete: 'complete'};
   const all = sensors.filter(name => state.sensors[name].configured);
@@ -82,13 +83,13 @@ function drawStatus(lost, look) {
   setText('status', text);
   $('status').dataset.status = !reached() || lost.length ? 'lost' : look.length || full ? 'look' : state.status.split(':')[0];
 }
-// Shows whether the maps are reliable.
+// Shows whether the reconstruction of the record is reliable.
 function drawMapsLamp() {
   $('lamp-maps').hidden = !run.model;
   const made = record?.reconstruction;
   if (!made) return light('maps', ['off', '–'], run.model ? 'none yet' : '', '');
   const met = made.iou == null ? '' : `camera: IoU ${made.iou.toFixed(2)}` +
-    (made.lateral_error_m == null ? '' : `, ${(made.lateral_error_m * 100).toFixed(0)}\u00a0cm off`);
+    (made.lateral_error_m == null ? '' : `, ${(made.lateral_error_m * 100).toFixed(0)}\u00a0cm lateral error`);
   const why = faultOf(made) || [...doubtsOf(record), made.note, state?.doubt && 'run differs from the training data'].filter(Boolean).join('; ');
   light('maps', made.fault ? ['bad', 'NONE'] : made.seen ? ['look', 'TRAINED ON THIS RECORD'] : !run.calibrated ? ['look', 'NOT CALIBRATED'] : why ? ['look', 'DOUBT'] : ['ok', 'OK'],
         [why, made.x_m == null ? '' : `x\u00a0${made.x_m.toFixed(2)}\u00a0m` + (made.lateral_interval_90_m == null ? '' :
@@ -134,10 +135,10 @@ function drawNumbers() {
 function drawRecord() {
   if (!record || !run) return;
   const a = record.arrays, grid = run.map.half_tangent, made = record.reconstruction;
-  // If the newest record lacks data, the last data remain, dimmed.
+  // If the newest record has no data, the previous data stay visible, dimmed.
   const here = (at, has) => {
     if (has) newestWith[at] = record.index;
-    return has ? '' : live && newestWith[at] != null ? `no data; last in record ${newestWith[at]}` : 'no data in this record';
+    return has ? '' : live && newestWith[at] != null ? `no data; last data in record ${newestWith[at]}` : 'no data in this record';
   };
   const shown = {spd: here('spd', a.spd), radar: here('radar', a.radar)};
   if (summed() === 1) drawMeasured(record, shown);
@@ -170,31 +171,31 @@ function drawRecord() {
   drawPlan();
   const points = cloudOf === 'reconstruction' && a.reconstruction ? a.reconstruction : a.map;
   if (points || !live) cloud.set(points, cloudOf === 'reconstruction' && made ? made.half_tangent : grid, span);
-  // The lamps show the verdicts of the newest record.
+  // In live mode the lamps show the verdicts. For a held record, the verdicts are listed here.
   setText('shown', $('shown').title = [`record ${record.index}${live ? ' (newest)' : ''}`, `${record.utc.slice(11, 21)} UTC`, record.label, ...(live ? [] : ['held', ...doubtsOf(record)])].filter(Boolean).join(', '));
   sheet.point(record.index);
 }
 
-// Draws sensors, antennas and body from above, in the detector's frame, like the maps.
+// Draws sensors, antenna power and body from above, with the detector at the origin.
 function drawPlan() {
   const {beams, track} = record.arrays, made = record.reconstruction, hasBeams = beams?.some(v => v > -Infinity);
   $('card-plan').hidden = !hasBeams && !track?.length;
   if ($('card-plan').hidden) return;
   plan.show({beams: hasBeams ? beams : null, axis: run.axes.array, baseline: run.baseline_m, track,
              halfTangent: made?.half_tangent ?? run.map.half_tangent, label: run.axes.radar ? 'radar' : ''});
-  setText('plan-of', [hasBeams && 'power of the antennas (30 dB)', track && 'body in the last minute', !run.baseline_m && run.axes.radar && 'baseline not stated: radar at the detector'].filter(Boolean).join('; '));
+  setText('plan-of', [hasBeams && 'power received by the antennas (30 dB)', track && 'body in the last minute', !run.baseline_m && run.axes.radar && 'baseline unknown: radar drawn at the detector'].filter(Boolean).join('; '));
   const interval = made?.lateral_interval_90_m;
   setText('place', !made ? '' : made.x_m == null ? 'no body in the reconstruction'
     : `body at x ${made.x_m.toFixed(2)} m${interval == null ? '' : ` ± ${interval.toFixed(2)} m (90 %)`}, z ${made.z_m.toFixed(2)} m, azimuth ${(Math.atan2(made.x_m, made.z_m) * 180 / Math.PI).toFixed(1)}°`);
 }
 
-// Shows the fits of the viewer; a difference has no fit.
+// Shows the peak fits computed by the viewer. A difference of histograms has no fit.
 function takeFits(fits) {
   histogram.fit = histogram.difference ? null : fits?.spd, profile.fit = fits?.radar;
 }
-// Number of records in the sum; 0: since the newest mark.
+// Returns the number of records in the displayed sum; 0: all records since the newest mark.
 const summed = () => +$('sum').value;
-// Draws histogram, profile and rates of a record or a sum of records.
+// Draws histogram, profile and rates of one record or of a sum of records.
 function drawMeasured({arrays, rates, fits, spd_records: records}, lacks) {
   histogram.records = records;
   takeFits(fits);
@@ -202,12 +203,12 @@ function drawMeasured({arrays, rates, fits, spd_records: records}, lacks) {
   profile.take(arrays.radar ?? null, lacks.radar, live);
   const hertz = v => v == null ? '–' : `${siNumber(v)}/s`, most = run.most_clicks_a_pulse, crowded = most > 0 && rates?.clicks_a_pulse > most;
   setText('sync-rate', hertz(rates?.sync_hz)), setText('click-rate', hertz(rates?.click_hz)), setText('dark-rate', hertz(rates?.dark_hz));
-  setText('sync-name', rates?.sync_hz < 0.5 * rates?.pulse_hz ? 'sync, filtered' : 'laser sync');
+  setText('sync-name', rates?.sync_hz < 0.5 * rates?.pulse_hz ? 'filtered sync' : 'laser sync');
   setText('pulse-rate', rates?.clicks_a_pulse == null ? '–' : `${+rates.clicks_a_pulse.toPrecision(2)}`);
   $('box-pulse').classList.toggle('bad', crowded), $('pile-up').hidden = !crowded;
-  if (crowded) setText('pile-up', `Pile-up: the first photon of a pulse hides later ones. Dim the light to at most ${most} clicks per pulse.`);
+  if (crowded) setText('pile-up', `Pile-up: the first photon of a pulse hides later ones. Reduce the light to at most ${most} clicks per pulse.`);
 }
-// Requests the sum again when its records or the range of the fit change.
+// Requests a new sum when the number of records or the range of the peak fit changes.
 function askSum() {
   sum = null;
   const part = (histogram.marks.length === 2 || !profile.marks.length ? histogram : profile).part;
@@ -234,7 +235,8 @@ const take = {
     $('facts').replaceChildren(...run.facts.flatMap(words => ['dt', 'dd'].map((kind, i) => Object.assign(document.createElement(kind), {textContent: words[i]}))));
     const {spd, radar} = run.axes;
     const end = spd ? (spd.start + spd.count * spd.step) * metresPerPs : radar ? radar.start + radar.count * radar.step : 1;
-    histogram.farthest = profile.farthest = end;  // a common axis: peaks at equal range are aligned
+    // Both charts have the same range axis, so that peaks at equal ranges are aligned.
+    histogram.farthest = profile.farthest = end;
     if (run.axes.spd && (other || histogram.x?.length !== run.axes.spd.count)) histogram.axes(run.axes.spd);
     if (run.axes.radar) profile.axes(run.axes.radar);
     trouble('');
@@ -263,7 +265,7 @@ const take = {
   sum(message) {
     sum = message;
     setText('rates-of', summed() === 1 || message.why ? message.why ?? '' : `of ${message.records} records from record ${message.from}`);
-    if (summed() === 1) {  // the message `record` contains the data
+    if (summed() === 1) {  // the message `record` already contains these data
       takeFits(message.fits);
       for (const chart of [histogram, profile]) chart.readOut(null);
     } else drawMeasured(message, {spd: message.why ?? (message.arrays.spd ? '' : 'no data'), radar: message.why ?? (message.arrays.radar ? '' : 'no data')});
@@ -300,7 +302,8 @@ const take = {
   },
 };
 
-// Draws the waterfalls: logarithm of the clicks, radar power over its median; scaled to the maximum of the run.
+// Draws both waterfalls: the logarithm of the clicks, and the radar power relative to its median. The colours are
+// scaled to the maximum of the run.
 function drawWaterfalls() {
   const {message} = sheet;
   if (!message || !run) return;
@@ -316,7 +319,7 @@ function drawWaterfalls() {
         row.forEach((v, b) => { turned[(bins - 1 - b) * records + r] = sensor === 'spd' ? Math.log1p(v) : Math.max(v - middle, 0); });
     }
     const most = turned.reduce((top, v) => v > top ? v : top, 1), unit = sensor === 'spd' ? metresPerPs : 1;
-    // The axis starts at 0; ranges below the sensor's first bin stay blank.
+    // The axis starts at 0. Ranges below the first bin of the sensor are blank.
     const nothing = Math.max(0, Math.round(bins * a.start / (a.count * a.step)));
     const whole = new Float32Array((bins + nothing) * records).fill(NaN);
     whole.set(turned);

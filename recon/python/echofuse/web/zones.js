@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Histograms of a detector's zones, each at its position in the field of view, with a common scale.
+// Draws the histogram of each detector zone at the position of the zone in the field of view, all with the same scale.
 import {colour, siNumber, text, textSize} from './charts.js';
 
-// Returns the centres [x, y] of the zones, and the side of equal squares around them that do not overlap. If a direction is
-// missing, the zones form rows of equal length.
+// Returns the centres [x, y] of the zones, and the side length of equal squares around them that do not overlap. If the
+// direction of any zone is unknown, arranges the zones in rows of equal length.
 export function places(directions) {
   const columns = Math.ceil(Math.sqrt(directions.length));
   if (directions.some(zone => !zone)) return {side: 1, centres: directions.map((_, i) => [i % columns, -Math.floor(i / columns)])};
@@ -15,7 +15,7 @@ export class Zones {
   constructor() {
     this.canvas = document.getElementById('zones');
   }
-  // counts: [zones, bins]; directions: [x, y, width] of each zone, or null.
+  // counts: array of shape [zones, bins]. directions: [x, y, width] of each zone, or null if unknown.
   show(counts, directions) {
     const {canvas} = this, ratio = devicePixelRatio, c = canvas.getContext('2d');
     const {side, centres} = places(directions), half = side / 2;
