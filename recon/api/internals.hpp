@@ -28,7 +28,7 @@ struct Model::File {
   std::string inputs;
 };
 
-// Gives the functions of this folder access to the private members of the public classes.
+// Gives recon/api access to the private members of the public classes.
 struct Internals {
   using RunFile = Run::File;
   using RecordContents = Record::Contents;

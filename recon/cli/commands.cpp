@@ -70,7 +70,8 @@ class ReconstructReport {
     if (follow_ && r.after_slot_s && !quiet_)
       std::fprintf(
           stderr,
-          "record %lld: map ready %.3f s after the end of the slot, %.1f ms after it was read\n",
+          "record %lld: map ready %.3f s after the end of the slot, %.1f ms after the record "
+          "was read\n",
           static_cast<long long>(r.index), *r.after_slot_s, *r.after_reading_s * 1e3);
   }
 

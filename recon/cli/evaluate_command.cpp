@@ -197,7 +197,7 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
     if (!scoring) scoring = scoring_scene(model, records.data);
     Evaluation e = evaluate(model, records, rows, title("scoring " + name), scoring);
     if (const std::size_t lacking = whole.size() - rows.size(); lacking > 0)
-      e.left_out += lacking, e.faults["missing sensor of another model"] += lacking;
+      e.left_out += lacking, e.faults["no data of a sensor that another model needs"] += lacking;
     if (k == 0)
       e.baselines = score_baselines(data, rows, scoring->scene, trained_on,
                                     a.train.empty() ? model.rows_of(trained_on, Subset::train)
@@ -334,7 +334,7 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   for (const MethodScores& one : maps.all) scored.push_back({one.name, summarise(one.scores)});
   std::string note = a.train.empty() && models.empty()
                          ? "foreground and background are learnt from the depth maps of this run; "
-                           "--train RUN uses those of RUN"
+                           "use --train RUN to learn them from other runs"
                          : scoring.note;
   for (const std::string& line : notes_on_truth(data, scored))
     note += (note.empty() ? "" : "\n") + line;

@@ -38,7 +38,7 @@ std::string is_candidate(const std::string& text) {
   }
 }
 
-// Throws if --from is combined with options whose values are fixed by the start model.
+// Throws Error(usage) if --from is combined with an option that the start model defines.
 void check_from(const CLI::App& app, const std::vector<std::string>& assignments) {
   const auto refuse = [](const std::string& what) {
     throw Error(
@@ -146,7 +146,7 @@ ExitCode train_and_save(Arguments& a, const CLI::App& app, const Common& common)
                  model->name.c_str(), name_of(model->features.inputs).c_str(), model.train_s(),
                  model->log.best_epoch > 0 || model->log.loss.empty()
                      ? ""
-                     : "; never better than the mean map",
+                     : "; the network was never better than the mean map",
                  model->log.interrupted ? "; interrupted, saved the best epoch so far" : "");
   return model->log.interrupted ? ExitCode::interrupted : ExitCode::ok;
 }
@@ -168,7 +168,8 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_option(
          "--from", a->from,
          "fine-tune this model with at least 10 records from another room; cross-validation "
-         "chooses the strength; if several models are given, the best result is kept")
+         "chooses how much the weights may change; if several models are given, the best result is "
+         "kept")
       ->type_name("MODEL")
       ->allow_extra_args(false);
   app.add_option("--empty", a->empty,

@@ -37,9 +37,10 @@ void bind(Settings& settings, TrainSettings& s) {
                "fraction of the remaining records to use for early stopping and model selection");
   settings.add("gap", s.gap, 0, 1'000'000,
                "number of records to leave out between the parts of a blocked split");
-  settings.add("radar_bin_m", s.radar_bin_m, 0, 3.5,
-               "width of the radar bins, m, for ranges of 0 to 7 m (paper: 0.5); not with antenna "
-               "samples; 0: keep the recorded bins");
+  settings.add(
+      "radar_bin_m", s.radar_bin_m, 0, 3.5,
+      "sum the radar power in bins of this width, m, from 0 to 7 m (paper: 0.5; 0: keep the "
+      "recorded bins); only for models without antenna samples");
   settings.add(
       "fallback", o.fallback,
       "also train fallback models for records without antenna samples or without radar data");

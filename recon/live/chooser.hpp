@@ -11,7 +11,7 @@
 
 namespace echofuse::view {
 
-// Threading: to be used by one thread.
+// Threading: must be used from one thread only.
 class Chooser {
  public:
   Chooser(std::string folder, const Clock& clock) : folder_(std::move(folder)), clock_(clock) {}

@@ -19,7 +19,7 @@ std::string RunMessages::trigger_levels() const {
             d.sensor == Sensor::spd && at != d.firmware.npos)
           out = printable(d.firmware.substr(at + words.size()), 60);
     });
-  } catch (const Error&) {  // ignored here, because other messages report it
+  } catch (const Error&) {  // ignored: other messages report this error
   }
   return out;
 }
@@ -54,7 +54,7 @@ nlohmann::json RunMessages::facts() const {
         add(name_of(c.sensor) + std::string(", calibrated"),
             recon::formatted("%+.4f m, %.10s", c.offset_m, c.date_utc.c_str()));
     });
-  } catch (const Error&) {  // ignored here, because other messages report it
+  } catch (const Error&) {  // ignored: other messages report this error
   }
   for_each_setting(info.config_resolved, add);
   return out;

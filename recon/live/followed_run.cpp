@@ -71,7 +71,7 @@ std::string FollowedRun::newest_file() {
   return newest.second;
 }
 
-// Returns the path of the run file; empty if there is no run.
+// Returns the path of the run file; empty if it does not exist.
 std::string FollowedRun::find() {
   std::error_code none;
   if (fs::is_directory(target_, none)) return newest_file();

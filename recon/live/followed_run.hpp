@@ -32,7 +32,7 @@ struct SensorState {
   bool configured = false, valid = false;
   std::optional<UtcTime> last_valid;  // end of the last slot with valid data
   double used = 0;                    // clicks or frames used in the newest record
-  // Number of frames received in its slot, including unused ones.
+  // Number of frames received in the slot of the newest record, including unused ones.
   std::optional<std::int64_t> arrived;
   std::uint64_t lost = 0, late = 0;  // number of lost and late samples in the whole run
   std::uint64_t missing = 0;         // number of records without valid data of this sensor
@@ -41,7 +41,7 @@ struct SensorState {
 
 // Properties of a run file that change if its contents change.
 struct FileStamp {
-  std::uint64_t inode = 0, bytes = 0;  // bytes: file and WAL together
+  std::uint64_t inode = 0, bytes = 0;  // bytes: size of file and WAL
   std::int64_t changed_ns = 0;
   // True: a process has the file open for writing (becomes false after a crash).
   bool written = false;

@@ -13,7 +13,7 @@
 namespace echofuse::view {
 
 struct Reconstruction {
-  // M, on `grid`; deviation_m is empty if the model is not calibrated.
+  // In m, on `grid`. deviation_m is empty if the model is not calibrated.
   std::vector<float> map_m, deviation_m;
   record::MapGrid grid;
   std::string fault;               // reason for a missing map; otherwise empty

@@ -44,7 +44,7 @@
 //   {"show": "live"}  {"show": 17}  {"sheet": [0, 500]}  {"mark": "door opened"}  {"label": "two"}
 //   {"sum": [100, 2.5, 4]}: sums 100 records (0: all since the newest mark), fits from 2.5 to 4 m
 // If a client sends requests faster than they are answered, only the newest of each kind is
-// answered.
+// answered; all marks and labels are answered.
 #pragma once
 #include <cstdint>
 #include <memory>

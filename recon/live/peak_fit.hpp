@@ -23,7 +23,7 @@ std::optional<PeakFit> fit_peak(std::span<const double> values, const Axis& axis
 
 // Returns the number of bins before the first return, minus a margin of 3. The return begins where
 // the sum of five neighbouring bins significantly exceeds the mean of all previous bins. Returns
-// the number of all bins if there is no return, and 0 if 10 or fewer bins would be left.
+// the number of all bins if no return was found, and 0 if 10 or fewer bins would be left.
 std::size_t bins_before_return(std::span<const double> counts);
 
 }  // namespace echofuse::view

@@ -20,7 +20,8 @@ constexpr double first_minute_s = 60;
 constexpr std::size_t most_reference_records = 200;
 constexpr std::int64_t checked_records = 100;
 constexpr double check_pause_s = 10;
-constexpr std::int64_t most_since_mark = 20'000;  // records; reading them takes about 0.3 s
+// Maximum number of records in a sum since a mark; reading them takes about 0.3 s.
+constexpr std::int64_t most_since_mark = 20'000;
 constexpr std::size_t most_sums = 4;  // number of cached sums; the next record extends them
 // Maximum number of events in which a mark is searched.
 constexpr std::size_t most_events_searched = 1000;
@@ -250,7 +251,7 @@ void RunMessages::check_maps() {
 }
 
 // Returns the index of the first record after the newest mark, or `index` if it is later. Only
-// considers marks before the end of record `index`. Empty if there is no mark.
+// considers marks before the end of record `index`. Empty if no mark was found.
 std::optional<std::int64_t> RunMessages::first_since_mark(std::int64_t index) const {
   const auto& all = run_.outlines();
   const auto shown = std::ranges::find(all, index, &Outline::index);
@@ -272,8 +273,7 @@ Message RunMessages::sum(std::int64_t index, const ShowSum& request) {
                          ? std::optional(std::max(oldest, index - request.records + 1))
                          : first_since_mark(index);
   if (!first)
-    return MessageWriter().finish(
-        {{"kind", "sum"}, {"why", "there is no mark before this record"}});
+    return MessageWriter().finish({{"kind", "sum"}, {"why", "no mark before this record"}});
   if (sums_.size() >= most_sums && !sums_.contains(request.records)) sums_.clear();
   if (index - *first >= most_since_mark)
     return MessageWriter().finish(

@@ -18,8 +18,8 @@
 
 namespace echofuse::view {
 
-// Threading: to be used by one thread. Functions that read a record throw Error if it cannot be
-// read.
+// Threading: must be used from one thread only. Functions that read a record throw Error if it
+// cannot be read.
 class RunMessages {
  public:
   // `model` may be null. `run`, `model` and `clock` must outlive this object. `planned`: planned
@@ -31,7 +31,7 @@ class RunMessages {
   FollowedRun& run() { return run_; }
   Message about_run(bool may_write);
   Message state();
-  Message record(std::int64_t index, bool live);            // caches the newest message
+  Message record(std::int64_t index, bool live);            // the last message is cached
   Message sum(std::int64_t index, const ShowSum& request);  // sum of records up to `index`
   Message strip() const;
   Message sheet(std::int64_t first, std::int64_t last) const;
@@ -49,7 +49,7 @@ class RunMessages {
   nlohmann::json disk() const;
   nlohmann::json alerts();
   nlohmann::json facts() const;
-  // Part of the firmware text that the bridge of the time tagger sends.
+  // Returns the trigger levels stated in the firmware text of the time tagger; may be empty.
   std::string trigger_levels() const;
   Message make_record(std::int64_t index, bool live);
   void add_maps(MessageWriter& out, nlohmann::json& head, const record::FusedRecord& record,

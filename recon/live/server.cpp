@@ -142,8 +142,9 @@ class Server::Impl final : public SessionOwner {
   template <class Make>
   Message attempt(Make make);
 
-  int open_ = 0;  // number of connections; declared before io_, because sessions in io_ decrement
-                  // it when destroyed
+  // Number of connections. Declared before io_, because sessions in io_ decrement it when
+  // destroyed.
+  int open_ = 0;
   net::io_context io_;  // declared before its users, so that it is destroyed after them
   tcp::acceptor acceptor_{io_};
   net::steady_timer pulse_{io_}, update_timer_{io_}, retry_{io_};

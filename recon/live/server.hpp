@@ -25,8 +25,8 @@ struct ServerOptions {
   bool until_closed = false;  // exit when the run has ended and no browser is connected
 };
 
-// Threading: to be used by one thread. For a slow client, only the newest message of each kind is
-// queued, and older ones are dropped. A client that does not answer a ping within 10 s is
+// Threading: must be used from one thread only. For a slow client, only the newest message of each
+// kind is queued, and older ones are dropped. A client that does not answer a ping within 10 s is
 // disconnected.
 class Server {
  public:

@@ -41,7 +41,7 @@ class SessionOwner {
   // Called when a WebSocket has been opened.
   virtual void opened(const std::shared_ptr<Session>& session) = 0;
   virtual void closed(const std::shared_ptr<Session>& session) = 0;
-  // Null if no answer is to be sent.
+  // Returns null if the request needs no answer.
   virtual Message answer_to(Session& session, const Request& request) = 0;
 };
 
@@ -49,7 +49,7 @@ class SessionOwner {
 // uncaught exception would end the program.
 bool guarded(const std::function<void()>& body);
 
-// One connection. Threading: to be used by the thread of its owner, which must outlive it.
+// One connection. Threading: must be used from the thread of its owner. The owner must outlive it.
 class Session : public std::enable_shared_from_this<Session> {
  public:
   Session(boost::asio::ip::tcp::socket socket, SessionOwner& owner, int& open)

@@ -15,7 +15,7 @@ namespace echofuse::recon {
 // Structural similarity of two depth maps (Wang, Bovik, Sheikh, Simoncelli, IEEE TIP 13, 600,
 // 2004), with an 11 x 11 Gaussian window of sigma 1.5, K1 = 0.01, K2 = 0.03 and the population
 // covariance.
-// Border cropped on each side: half the window, pixels.
+// Pixels within this distance of the border have no complete window and are cropped.
 inline constexpr std::size_t ssim_border = 5;
 
 // Returns the SSIM of two maps of size x size pixels, for each pixel with a complete window:
@@ -37,7 +37,7 @@ enum Metric : std::size_t {
   metric_rmse_fg_m,    // raw; over the true foreground, m
   metric_depth_mae_m,  // raw; over the intersection of true and predicted foreground, m
   metric_abs_rel,      // raw; mean of |error| / true depth over pixels with a true return
-  metric_delta_125,    // raw; fraction of these pixels with max(v/d, d/v) < 1.25
+  metric_delta_125,    // raw; fraction of pixels with max(v/d, d/v) < 1.25 (v predicted, d true)
   metric_lateral_m,  // difference in x/z of the foreground centroids, times the true mean depth, m
   // The next two metrics are undefined if |x| <= 0.3 m, because a body near the axis overlaps its
   // mirror image.
@@ -56,7 +56,7 @@ using MapScores = std::array<double, metric_count>;
 MapScores score(std::span<const float> prediction, std::span<const float> truth,
                 const SceneModel& scene);
 
-// Returns x/z of the centroid of the predicted foreground; NaN if there is no foreground.
+// Returns x/z of the centroid of the predicted foreground; NaN if the foreground is empty.
 double foreground_tangent(std::span<const float> prediction, const SceneModel& scene);
 
 // Position of the body in a predicted map, m. x points to the right, z away from the detector. NaN

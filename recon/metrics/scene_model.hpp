@@ -24,7 +24,7 @@ namespace echofuse::recon {
 struct SceneModel {
   std::vector<float> background;  // b: median over the training maps for each pixel, m
   std::vector<float> mean_map;    // mean over the training maps for each pixel, m
-  float foreground_depth_m = 0;   // mean depth of the foreground, m; 0 if there is no foreground
+  float foreground_depth_m = 0;   // mean depth of the foreground, m; 0 if the foreground is empty
   record::MapGrid grid;           // grid of these maps, and of all maps compared with them
 
   bool has_body() const { return foreground_depth_m > 0; }
@@ -52,8 +52,9 @@ SceneModel learn_scene(const Matrix& depth, const Rows& rows, const record::MapG
 bool true_foreground(float depth_m, float background_m);
 
 // Returns true if the map contains returns, false if it contains expected depths. Considers pixels
-// that have no background: a map contains returns if at most a tenth of their values are below m /
-// 8. Expected depths have many such values at the edges of a body.
+// that have no background: a map contains returns if at most a tenth of their values are below an
+// eighth of the mean foreground depth. Expected depths have many such values at the edges of a
+// body.
 bool holds_returns(std::span<const float> map, const SceneModel& scene);
 
 // Returns the position of each pixel's depth between the background (0) and the mean foreground

@@ -30,7 +30,8 @@ constexpr std::size_t shape_networks = 2;  // from many_records on, one network 
 // Weight of the depth error relative to the lateral error. The depth is almost equal to the range;
 // with a larger weight, the network learns less about the lateral position.
 constexpr float depth_weight = 0.1f;
-// From this number on, only half are rotated: rotation is an approximation.
+// From this number of bodies on, only half of them are rotated, because rotation is an
+// approximation.
 constexpr std::size_t many_bodies = 40'000;
 constexpr std::size_t component_bodies = 3000;  // more bodies would hardly change the components
 
@@ -243,7 +244,7 @@ void Factorised::choose_threshold(const Bodies& seen, const Samples& samples) {
 }
 
 FitOptions Factorised::sizes() const {
-  // Depths use half as many components as masks.
+  // The number of depth components is half that of mask components.
   const std::size_t amounts = model_.masks.basis.rows + model_.depths.basis.rows;
   FitOptions out;
   if (amounts > 0) out.basis = 2 * amounts / 3;

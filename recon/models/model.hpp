@@ -90,7 +90,7 @@ std::unique_ptr<Model> make_nearest();     // map of the nearest training record
 std::unique_ptr<Model> make_ridge();  // ridge regression, penalty by generalised cross-validation
 std::unique_ptr<Model> make_mlp();    // plain network of the paper
 std::unique_ptr<Model> make_mlp_mask();  // network that predicts a mask and a depth map
-// Wraps a model that predicts components.
+// The inner model predicts the coefficients of principal components of the maps.
 std::unique_ptr<Model> make_pca(std::unique_ptr<Model> inner);
 std::unique_ptr<Model> make_mean_shape();  // mean body at the predicted position
 std::unique_ptr<Model> make_factorised();  // predicted body shape at the predicted position

@@ -113,7 +113,7 @@ std::string state_empty_room(Dataset& data, const std::string& path) {
   const Inputs sensors = data.radar_axis.count == 0 ? Inputs::spd
                          : data.spd_axis.count == 0 ? Inputs::radar
                                                     : Inputs::fused;
-  match_axes(empty, data.spd_axis, data.radar_axis, sensors, "the training runs'");
+  match_axes(empty, data.spd_axis, data.radar_axis, sensors, "that of the training runs");
   match_array(empty, data.array_axis);
   require_zones(empty, data.zones.size());
   data.empty_room = empty_room_of(empty, path);

@@ -34,8 +34,8 @@ struct Estimator {
   // needs them.
   Matrix views(const Dataset& data, const Rows& rows, bool wanted) const;
   // Returns the model's inputs for the given records: `views`, or features (features.hpp) if the
-  // model does not use views. Row i of `views` belongs to rows[i]. `scaled` holds the features
-  // while the result is in use.
+  // model does not use views. Row i of `views` belongs to rows[i]. The result may refer
+  // to `scaled`.
   const Matrix& inputs(const Dataset& data, const Rows& rows, const Matrix& views,
                        Matrix& scaled) const;
   // Returns the predicted map of each row, in metres.
@@ -49,7 +49,7 @@ struct Estimator {
 // Results of preprocessing, shared by all models with the same training rows and inputs.
 struct Preprocessing {
   SceneModel scene;
-  Alignment alignment;   // empty if not wanted, or without a detector
+  Alignment alignment;   // empty if not requested or without a detector
   Matrix views;          // views of all records in the data set
   double elapsed_s = 0;  // included in the training time of each model
   Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, SceneModel scene,
@@ -57,8 +57,8 @@ struct Preprocessing {
 };
 
 // Fits the input scaling and the model to the training rows. The scaling "record" selects the
-// default scaling of the model kind. Throws Error(usage) if the model needs both sensors or zones,
-// but the data have neither.
+// default scaling of the model kind. Throws Error(usage) if the model needs both sensors, or a
+// detector with zones, and the data do not contain them.
 Estimator fit_model(const Dataset& data, const Split& split, const Preprocessing& preprocessing,
                     const std::string& name, Inputs inputs, const std::string& scaling,
                     const FitOptions& options);

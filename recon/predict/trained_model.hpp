@@ -58,7 +58,7 @@ struct TrainedModel {
   // run has no radar and a fallback estimator works without radar, all radar frames are marked as
   // lost.
   void match(Dataset& data) const;
-  // Returns the first estimator that can use the record; null if there is none (see fault_of). The
+  // Returns the first estimator that can use the record; null if none can (see fault_of). The
   // data must be on the model's axes.
   const Estimator* estimator_for(const Dataset& data, std::size_t row) const;
   // Returns which sensor data were missing for the map, e.g. "radar lost: SPD alone"; empty if the
@@ -78,7 +78,7 @@ struct TrainedModel {
   Rows rows_of(const Dataset& data, Subset part) const;
 };
 
-// Text for files and displays.
+// Returns the text for files and displays.
 inline const char* calibration_name(bool calibrated) {
   return calibrated ? "calibrated" : "not calibrated";
 }

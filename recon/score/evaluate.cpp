@@ -202,7 +202,7 @@ ScoringScene scoring_scene(const TrainedModel& model, const Dataset& data) {
   if (2 * moved < own.background.size()) return {model->scene, {}};
   return {std::move(own),
           "the room differs from the training room: foreground and background are learnt from the "
-          "depth maps of this run; --train RUN uses those of RUN"};
+          "depth maps of this run; use --train RUN to learn them from other runs"};
 }
 
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,

@@ -46,7 +46,7 @@ struct TwoPeopleCounts {
 // Definition of foreground and background for the scores. All methods in a table use the same one.
 struct ScoringScene {
   SceneModel scene;
-  std::string note;  // where foreground and background come from; empty: training data
+  std::string note;  // source of foreground and background; empty: training data
 };
 // Learns the scene from all valid depth maps of the training runs. Throws Error(failed) if there
 // are none.
@@ -64,7 +64,8 @@ struct Evaluation {
   Rows rows;
   std::vector<MapScores> scores;
   std::vector<PredictionUncertainty> uncertainties;
-  std::map<std::string, std::size_t> fallbacks;  // number of records for each note
+  // Number of records that a fallback model predicted, for each text of TrainedModel::note_of.
+  std::map<std::string, std::size_t> fallbacks;
   // Records of a new run that have no predicted map: total number, and number for each reason.
   std::size_t left_out = 0;
   std::map<std::string, std::size_t> faults = {};

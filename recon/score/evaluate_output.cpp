@@ -131,8 +131,8 @@ std::string mirrored_truth(const Summaries& metrics) {
   const Summary& right = metrics[metric_left_right];
   if (right.maps < least_maps || !(right.mean < most_share)) return {};
   return formatted(
-      "%.0f of %zu bodies are on the opposite side in the depth maps: the camera image is mirrored "
-      "in this run or was mirrored in training; flip the depth maps of this run left to right",
+      "the predicted side is wrong for %.0f of %zu bodies: the camera image is mirrored in this "
+      "run or was mirrored in training; flip the depth maps of this run left to right",
       (1 - right.mean) * static_cast<double>(right.maps), right.maps);
 }
 

@@ -185,5 +185,5 @@ TEST_CASE("an empty room with other axes is refused before training") {
   Dataset data = load({dir / "here"});
   CHECK_THAT(error_of([&] { state_empty_room(data, dir / "other"); }),
              Catch::StartsWith((dir / "other") + ": spd axis is 30 x ") &&
-                 Catch::Contains("the training runs' is 60 x "));
+                 Catch::Contains("that of the training runs is 60 x "));
 }

@@ -68,10 +68,9 @@ TEST_CASE("mirrored depth maps are reported with a remedy") {
   const auto text = [&](const std::string& run) {
     return recon_program("-q evaluate " + (dir / "m ") + run).text;
   };
-  CHECK_THAT(text(dir / "fresh"), !Catch::Contains("opposite side"));
-  CHECK_THAT(text(dir / "mirrored"),
-             Catch::Contains("bodies are on the opposite side in the depth maps") &&
-                 Catch::Contains("flip the depth maps"));
+  CHECK_THAT(text(dir / "fresh"), !Catch::Contains("predicted side"));
+  CHECK_THAT(text(dir / "mirrored"), Catch::Contains("the predicted side is wrong for") &&
+                                         Catch::Contains("flip the depth maps"));
 }
 
 TEST_CASE("maps of another run are refused, maps of training records are not scored") {

@@ -44,9 +44,9 @@ DepthMap predict(const Model& model, const Run& run, std::int64_t index);
 /// Predicts a map from values that do not come from a run. `counts`: detections as
 /// [Model::zones()][Model::spd_axis().count]. `power`: Model::radar_axis().count linear powers;
 /// negative values are accepted, because noise may have been subtracted. Ranges must be free of
-/// bias. If `counts` or `power` is empty, an estimator for the other sensor is used if the model
-/// has one; otherwise `fault` is set. Throws std::runtime_error if the number of values is wrong, a
-/// value is not finite, or a count is negative. Threading: any thread.
+/// bias. If `counts` or `power` is empty, the map is predicted from the other sensor if the model
+/// supports this; otherwise `fault` is set. Throws std::runtime_error if the number of values is
+/// wrong, a value is not finite, or a count is negative. Threading: any thread.
 DepthMap predict(const Model& model, std::span<const float> counts, std::span<const float> power);
 
 }  // namespace echofuse
