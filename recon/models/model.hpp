@@ -67,7 +67,11 @@ struct ModelKind {
     inputs,
     aligned  // see method/alignment.hpp
   };
-  enum class Size : std::uint8_t { fixed, hidden, basis };  // what the numbers in a model name mean
+  enum class Size : std::uint8_t {
+    fixed,
+    hidden,
+    basis
+  };  // meaning of the numbers in a model name
   std::string name;
   std::unique_ptr<Model> (*make)();
   InputKind takes;
