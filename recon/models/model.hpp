@@ -67,11 +67,8 @@ struct ModelKind {
     inputs,
     aligned  // see method/alignment.hpp
   };
-  enum class Size : std::uint8_t {
-    fixed,
-    hidden,
-    basis
-  };  // meaning of the numbers in a model name
+  // Meaning of the numbers in a model name.
+  enum class Size : std::uint8_t { fixed, hidden, basis };
   std::string name;
   std::unique_ptr<Model> (*make)();
   InputKind takes;
