@@ -39,8 +39,8 @@ void bind(Settings& settings, TrainSettings& s) {
                "number of records to leave out between the parts of a blocked split");
   settings.add(
       "radar_bin_m", s.radar_bin_m, 0, 3.5,
-      "sum the radar power in bins of this width, m, from 0 to 7 m (paper: 0.5; 0: keep the "
-      "recorded bins); only for models without antenna samples");
+      "sum the radar power in bins of this width, m, from 0 to 7 m (paper: 0.5), and ignore the "
+      "antenna samples; 0: keep the recorded bins");
   settings.add(
       "fallback", o.fallback,
       "also train fallback models for records without antenna samples or without radar data");

@@ -30,7 +30,8 @@ struct Caller {
   bool page = false;  // true: `/` is the page of a run; false: it is the list of runs
   bool may_write = false;
 };
-// Checks a request. If `socket` is true, the request must be a WebSocket upgrade.
+// Checks a request. `socket`: true if it is a WebSocket upgrade, which /live requires and all other
+// paths refuse.
 Caller caller_of(const HttpRequest& request, const Access& access, bool socket);
 
 // Returns the HTTP response. `runs` returns the JSON of /runs for a folder.
