@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// echofuse-sim: simulated data sets and laboratories. Each add_... function defines one subcommand
-// and sets the function to run when it is selected.
+// echofuse-sim simulates data sets and laboratories of devices. Each add_... function defines one
+// subcommand, and the function that runs it.
 #include <toml++/toml.h>
 
 #include <CLI/CLI.hpp>
@@ -25,8 +25,8 @@ namespace {
 using namespace echofuse;
 using Command = std::function<ExitCode(bool quiet)>;
 
-// Returns settings for the response (acquire/measurement/response.hpp), the axes and the baseline
-// of this calibration file. Throws Error(config) if the file has no response.
+// Returns the instrument response, the axes and the baseline of a calibration file as KEY=VALUE
+// settings. Throws Error(config) if the file has no response.
 std::vector<std::string> settings_like(const std::string& path) try {
   std::vector<std::pair<std::string, std::string>> stated;
   const toml::table file = toml::parse(read_config_text(path), path);
@@ -42,8 +42,9 @@ std::vector<std::string> settings_like(const std::string& path) try {
     if (key == "radar_taps") out.push_back(key + "=" + number);
   }
   if (out.empty())
-    throw Error(ExitCode::config,
-                path + ": contains no response; expected a file of `echofuse-acquire calibrate`");
+    throw Error(ExitCode::config, path +
+                                      ": contains no instrument response; expected a file written "
+                                      "by `echofuse-acquire calibrate`");
   const auto add = [&](std::string_view key, double value) {
     char number[40];
     std::snprintf(number, sizeof number, "=%.17g", value);
@@ -58,7 +59,7 @@ std::vector<std::string> settings_like(const std::string& path) try {
   throw Error(ExitCode::config, path + ": not TOML: " + std::string(e.description()));
 }
 
-// Command-line arguments of a plan.
+// Command-line arguments that set the values of a sim::Plan: --config, --like and --set.
 struct PlanArguments {
   std::string config, like;
   std::vector<std::string> settings;
@@ -77,8 +78,8 @@ void add_plan_options(CLI::App& app, PlanArguments& a) {
       ->allow_extra_args(false);
 }
 
-// Reads the plan for a command with one laboratory, with its drawn conditions. Accepts the settings
-// file of a data set.
+// Reads the settings into `plan`. If the plan has a twin, replaces its conditions by those drawn
+// for the selected laboratory. Throws Error(config) if the plan has several laboratories.
 void read_plan(const PlanArguments& a, sim::Plan& plan, Settings& settings) {
   bind(settings, plan);
   if (!a.config.empty()) settings.read_file(a.config);
@@ -87,8 +88,9 @@ void read_plan(const PlanArguments& a, sim::Plan& plan, Settings& settings) {
   validate(plan.conditions);
   if (plan.twin.empty()) return;
   if (plan.laboratories > 0)
-    throw Error(ExitCode::config,
-                "laboratories is only for data sets; set laboratory to choose one");
+    throw Error(
+        ExitCode::config,
+        "setting `laboratories` is valid only for data sets; set `laboratory` to select one");
   plan.conditions = sim::laboratories_of(plan).front();
   plan.twin.clear();
   plan.laboratory = 0;
@@ -100,12 +102,14 @@ struct DatasetArguments : PlanArguments {
   std::optional<std::int64_t> records, people, letters, two_people, empty, objects, seed;
 };
 
-// Record counts on the command line replace all configured counts.
+// Replaces all record counts of the plan if the command line has any. Throws Error(usage) if the
+// counts contradict each other or are all 0.
 void apply_counts(const DatasetArguments& a, sim::Plan& plan) {
   const bool by_kind = a.people || a.letters || a.two_people || a.empty || a.objects;
   if (!plan.scenes.empty() && (by_kind || a.records))
     throw Error(ExitCode::usage,
-                "the scenes list sets the records: " + plan.scenes + "; remove the record counts");
+                "the scene list " + plan.scenes +
+                    " determines the records; remove the record counts from the command line");
   if (by_kind) {
     plan.people = a.people.value_or(0);
     plan.letters = a.letters.value_or(0);
@@ -119,9 +123,11 @@ void apply_counts(const DatasetArguments& a, sim::Plan& plan) {
   }
   const auto count = static_cast<std::int64_t>(scenes_of(plan).size());
   if (a.records && *a.records != count)
-    throw Error(ExitCode::usage, "--records " + std::to_string(*a.records) + " differs from the " +
-                                     std::to_string(count) + " records requested by kind");
-  if (count == 0) throw Error(ExitCode::usage, "no records requested");
+    throw Error(ExitCode::usage, "--records " + std::to_string(*a.records) + " differs from " +
+                                     std::to_string(count) +
+                                     ", the sum of the other record counts");
+  if (count == 0)
+    throw Error(ExitCode::usage, "no records requested; set at least one record count above 0");
 }
 
 sim::Plan make_plan(DatasetArguments& a) {
@@ -168,14 +174,17 @@ void add_dataset(CLI::App& app, Command& command) {
                   "number of records: one quarter show people, the rest letters; default: " +
                       std::to_string(plan.people + plan.letters))
       ->check(count);
-  sub->add_option("--people", a->people, "number of records of one person")->check(count);
-  sub->add_option("--letters", a->letters, "number of records of a person with a letter")
+  sub->add_option("--people", a->people, "number of records that show one person")->check(count);
+  sub->add_option("--letters", a->letters, "number of records that show a person holding a letter")
       ->check(count);
-  sub->add_option("--two-people", a->two_people, "number of records of two people")->check(count);
-  sub->add_option("--empty", a->empty,
-                  "number of records of the empty room (for training, also set background_counts)")
+  sub->add_option("--two-people", a->two_people, "number of records that show two people")
       ->check(count);
-  sub->add_option("--objects", a->objects, "number of records of the object (--set object=FILE)")
+  sub->add_option(
+         "--empty", a->empty,
+         "number of records that show the empty room (for training, also set background_counts)")
+      ->check(count);
+  sub->add_option("--objects", a->objects,
+                  "number of records that show the object (--set object=FILE)")
       ->check(count);
   sub->add_option("--seed", a->seed, "random seed; default: " + std::to_string(plan.seed))
       ->check(CLI::NonNegativeNumber);
@@ -198,7 +207,8 @@ void add_dataset(CLI::App& app, Command& command) {
 
 struct LabArguments : PlanArguments {
   sim::LabOptions options;
-  std::vector<std::string> command;  // command to run in the laboratory
+  // program to run while the laboratory is open, with its arguments
+  std::vector<std::string> command;
 };
 
 void print_sent(const std::string& sent) {
@@ -215,7 +225,7 @@ ExitCode run_lab(LabArguments& a, bool quiet) {
   sim::Plan plan;
   Settings settings;
   read_plan(a, plan, settings);
-  // Images of a real camera always differ from frame to frame.
+  // Adds noise by default, because a real camera never returns the same image twice.
   if (!settings.given("depth_noise_m") && plan.conditions.depth_noise_m == 0)
     plan.conditions.depth_noise_m = 0.0005;
   if (!settings.given("radar_psf")) plan.conditions.radar_psf = a.options.conditions.radar_psf;
@@ -225,8 +235,7 @@ ExitCode run_lab(LabArguments& a, bool quiet) {
     a.options.schedule.kind = plan.scenes;
   }
   if (a.options.schedule.kind == "object")
-    plan.objects = 1, scenes_of(plan);  // reports a missing
-                                        // mesh
+    plan.objects = 1, scenes_of(plan);  // throws Error(config) if no mesh is set
   a.options.schedule.seed = plan.seed;
   port::SystemLoop loop;
   sim::Lab lab(loop, a.options);
@@ -255,7 +264,7 @@ void add_lab(CLI::App& app, Command& command) {
       ->check(CLI::Range(0.0, 0.0) | CLI::Range(0.01, 86'400.0))
       ->capture_default_str();
   sub->add_option("--window", o.window_s,
-                  "record length, s; photon numbers in the settings are per record")
+                  "record length, s; photon counts in the settings are per record")
       ->check(CLI::Range(0.05, 3600.0))
       ->capture_default_str();
   sub->add_option("--laser-rate-hz", o.tagging.laser_rate_hz, "laser pulses per second")
@@ -264,12 +273,13 @@ void add_lab(CLI::App& app, Command& command) {
   sub->add_option(
       "--radar-cfg", o.radar_cfg,
       "TI .cfg file, or the name of an installed one (default: the paper's 50 cm profile); "
-      "an ..._sdk3.4.cfg simulates a board with SDK 3.4, others 3.5");
+      "a name ending in _sdk3.4.cfg simulates SDK 3.4, any other name SDK 3.5");
   sub->add_option("--radar-board", o.radar_board, "TI board to simulate")
       ->check(CLI::IsMember({"isk", "aop", "ods"}))
       ->capture_default_str();
   sub->add_option("--faults", o.faults, "TOML file of faults with their times")->type_name("FILE");
-  sub->add_option("--log", o.log, "log all sent data, one JSON object per line")->type_name("FILE");
+  sub->add_option("--log", o.log, "log all sent data to this file, one JSON object per line")
+      ->type_name("FILE");
   add_plan_options(*sub, *a);
   sub->add_option("command", a->command,
                   "run this command in the laboratory, then stop the laboratory")
@@ -279,7 +289,7 @@ void add_lab(CLI::App& app, Command& command) {
   add_examples(*sub,
                {"echofuse-sim lab --scene mixed --hold 3",
                 "echofuse-sim lab --dir . --scene reflector -- bash"},
-               "3 config; with COMMAND: its exit code");
+               "3 config; if COMMAND is given, its exit code");
   sub->callback([&command, a] { command = [a](bool quiet) { return run_lab(*a, quiet); }; });
 }
 
@@ -292,7 +302,7 @@ void add_config(CLI::App& app, Command& command) {
   auto a = std::make_shared<Arguments>();
   add_plan_options(*sub, *a);
   sub->add_option("--twin", a->ranges,
-                  "print the parameter ranges of this twin: a file, or `default`")
+                  "print the parameter ranges of this twin (a file name or `default`)")
       ->type_name("FILE");
   sub->add_flag("--json", a->json, "print JSON: value, range and meaning of every key");
   add_examples(*sub,

@@ -29,7 +29,7 @@ namespace {
 
 constexpr std::int64_t batch_records = 128;
 
-// Independent random streams of one seed.
+// Independent random streams derived from the seed of a plan.
 enum class SeedStream : std::uint64_t {
   scenes,
   order,
@@ -67,14 +67,16 @@ void count_clicks(record::FusedRecord& r, std::int64_t pulses) {
   std::uint64_t clicks = 0;
   for (const auto n : r.spd) clicks += n;
   r.spd_counts.in_range = clicks;
-  r.spd_counts.starts = static_cast<std::uint64_t>(pulses);  // 0: low flux; pulses are not counted
+  // 0 at low flux (no pile-up), where pulses are not simulated
+  r.spd_counts.starts = static_cast<std::uint64_t>(pulses);
   r.spd_counts.tags = clicks + r.spd_counts.starts;
   if (pulses > 0)
     r.signal.clicks_a_pulse = static_cast<double>(clicks) / static_cast<double>(pulses);
   r.sync[Sensor::spd].used = clicks;
 }
 
-// Makes records first to last - 1. A record does not depend on the thread that makes it.
+// Simulates records first to last - 1 in parallel. The result does not depend on the number of
+// threads.
 std::vector<record::FusedRecord> make_batch(const Generator& generator, std::int64_t first,
                                             std::int64_t last, int threads) {
   std::vector<record::FusedRecord> batch(static_cast<std::size_t>(last - first));
@@ -100,7 +102,8 @@ std::string one_line(std::string lines) {
   return out.substr(0, out.size() - std::min<std::size_t>(2, out.size()));
 }
 
-// Laboratories with different radar windows have no common response.
+// Returns the instrument response to store in the run file; nothing if the radar responses of the
+// laboratories differ. Omits the IRF width if there are several laboratories.
 std::optional<record::Response> stated_response(const Plan& plan) {
   const auto all = laboratories_of(plan);
   record::Response out = stated_response(all.front());
@@ -135,7 +138,7 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
   return info;
 }
 
-// Returns the text of the files that a plan names.
+// Returns the content of the files that the settings name: scene list and mesh.
 std::string files_of(const Plan& plan) {
   std::string out;
   for (const std::string& path : {plan.scenes, plan.conditions.object})
@@ -143,8 +146,9 @@ std::string files_of(const Plan& plan) {
   return out;
 }
 
-// UUID (RFC 9562 version 8) of a part of a data set, derived from version, settings, part and the
-// content of the named files: FNV-1a (64 bits), CRC-32C and length of that text.
+// Returns the UUID (RFC 9562 version 8) of a part of a data set. It consists of three values
+// computed from version, settings, part and the content of the named files: the 64-bit FNV-1a hash,
+// the CRC-32C, and the length.
 std::string part_uuid(const record::RunInfo& info, const JobPart& part, const std::string& files) {
   const std::string text =
       info.version + "\n" + info.config_resolved + "\n" + part.name() + "\n" + files;
@@ -157,7 +161,8 @@ std::string part_uuid(const record::RunInfo& info, const JobPart& part, const st
       8);
 }
 
-// Returns true if a run already contains these records, for example because a job was queued twice.
+// Returns true if the file already is the complete run of this part, for example because a job was
+// queued twice.
 bool is_there(const std::string& path, const record::RunInfo& info, JobPart::IndexRange records) {
   if (!std::filesystem::exists(path)) return false;
   const record::RunReader run(path);
@@ -266,14 +271,16 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
   const Conditions& c = conditions(index);
   const bool coherent = c.radar_sum == "coherent";
   AntennaRadar radar = radar_of(c);
-  // The root of the covariance needs all patches.
+  // Incoherent antenna samples need the covariance of all patches, so the room cannot be simulated
+  // separately.
   const RoomAlone* room = coherent || !keeps_array_ ? room_behind(scene) : nullptr;
   thread_local Returns returns;
   radar_returns(scene, c, returns, room ? RoomReturns::subtracted : RoomReturns::included);
   if (room) radar.room = room->echo;
   if (coherent || keeps_array_) {
     auto seen = profile_of_antennas(index, returns, radar, r);
-    // Subtract the mean noise, because readers of the radar's codes subtract the median.
+    // Subtracts the mean noise power, as recon/data/dataset.cpp subtracts the median power of
+    // measured profiles.
     for (double& p : seen) p -= radar_noise_power(c, mean_peak_);
     if (coherent) return seen;
   }
@@ -283,8 +290,9 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
   return power;
 }
 
-// Draws from a separate stream, so that the rest of the record does not depend on the antennas
-// (with coherent echoes: all except the profile). Returns the mean power at each point.
+// Simulates the antenna samples, stores their statistics in the record, and returns the mean power
+// at each range point. Uses a separate random stream, so that the number of antennas does not
+// change photon counts and depth map.
 std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Returns& returns,
                                                    const AntennaRadar& radar,
                                                    record::FusedRecord& r) const {
@@ -302,7 +310,7 @@ std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Ret
 
 namespace {
 
-// Returns the number of records written.
+// Writes the records in `range` until done or interrupted. Returns the number of records written.
 std::int64_t write_records(const Generator& generator, JobPart::IndexRange range,
                            record::RunWriter& writer, const DatasetOptions& options) {
   Progress progress("records", static_cast<std::size_t>(range.size()), options.quiet);
@@ -310,7 +318,7 @@ std::int64_t write_records(const Generator& generator, JobPart::IndexRange range
     return std::async(std::launch::async, make_batch, std::cref(generator), first,
                       std::min(first + batch_records, range.end), options.threads);
   };
-  // Writes one batch while the next is computed.
+  // Computes the next batch while the previous one is written.
   auto pending = start_batch(range.begin);
   while (writer.records() < range.size() && !interrupted()) {
     const auto batch = pending.get();
@@ -334,7 +342,10 @@ std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
     info.uuid = part_uuid(info, *options.part, files_of(plan));
     if (is_there(options.out, info, range)) return range.size();
     if (std::filesystem::exists(options.out))
-      throw Error(ExitCode::failed, options.out + ": exists already and is not this part");
+      throw Error(
+          ExitCode::failed,
+          options.out +
+              ": exists already and is not this part of the data set; choose another --out");
     staged.emplace(options.out, NewFile::Staged{});
   }
   record::RunWriter writer(staged ? staged->path() : options.out, info);

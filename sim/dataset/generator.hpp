@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Writes a run file of simulated records. Equal plans give equal bytes on any number of threads,
-// except for UUID and time of day.
+// Writes a run file of simulated records. Equal plans give identical files, except for UUID and
+// time of day, on any number of threads.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -15,44 +15,48 @@
 
 namespace echofuse::sim {
 
-// Plan of a data set; the run stores it as config_resolved.
+// Settings of a data set. The run file contains them as config_resolved.
 struct Plan {
   std::int64_t seed = 1;
-  std::int64_t people = 1000, letters = 3000, two_people = 0, empty = 0;  // as in the paper
+  // Record counts by kind. The defaults are those of Lai et al., COL 22(2) 022701 (2024).
+  std::int64_t people = 1000, letters = 3000, two_people = 0, empty = 0;
   std::int64_t objects = 0;
-  std::string scenes;     // scene list (sim/scene/scene_list.hpp); replaces the record counts
-  Conditions conditions;  // nominal conditions
-  // `twin` holds the ranges of what laboratories differ in (twin_named), or is empty. Either all
-  // records come from one laboratory, or record i comes from laboratory i mod `laboratories`.
+  std::string scenes;     // scene list file (sim/scene/scene_list.hpp); replaces the counts
+  Conditions conditions;  // nominal values; a twin varies them
+  // `twin` contains the ranges from which the settings of laboratories are drawn (twin_named);
+  // empty: no twin. If `laboratories` is 0, all records come from laboratory number `laboratory`.
+  // Otherwise record i comes from laboratory i mod `laboratories`.
   std::string twin;
   std::int64_t laboratory = 0, laboratories = 0;
 };
 
 void bind(Settings& settings, Plan& plan);
-// Replaces the twin by the text of its ranges, without keys that are given. Call after reading.
-// Throws Error(config) for a twin that cannot be read and for laboratories without a twin.
+// Replaces plan.twin by the TOML text of its ranges, without the keys that the settings give. Call
+// after all settings have been read. Throws Error(config) if the twin cannot be read, or if a
+// laboratory is selected but there is no twin.
 void resolve_twin(const Settings& settings, Plan& plan);
-// Returns the conditions of the plan's laboratories; without a twin there is only one.
+// Returns the conditions of each laboratory of the plan; one element if plan.laboratories is 0.
 std::vector<Conditions> laboratories_of(const Plan& plan);
 
-// Returns the scenes of all records: those of the list in its order, or the numbers of each kind in
-// a (seeded) random order. Throws Error(config) for a list that cannot be read and for objects
-// without a mesh.
+// Returns the scene of each record. They are in the order of the scene list or, if there is no
+// list, in a random order that depends on the seed. Throws Error(config) if the list cannot be
+// read, or if an object scene has no mesh.
 std::vector<SceneSpec> scenes_of(const Plan& plan);
 
-// Returns and echoes of the room alone. The room stands still: in a scene before it, only the part
-// that people and objects change has to be looked at (RoomReturns::subtracted).
+// Signals of the empty room, computed once because the room is static. A scene in front of the room
+// needs only the change caused by people and objects (RoomReturns::subtracted).
 struct RoomAlone {
-  std::vector<double> light;  // spd_rate, without background counts
-  std::vector<double> power;  // radar_power, if incoherent
-  // Result of room_echo() with coherent antennas; else empty.
+  std::vector<double> light;  // expected detections per bin (spd_rate), without background counts
+  std::vector<double> power;  // radar_power(); empty if echoes are coherent
+  // room_echo() if echoes are coherent; otherwise empty
   std::vector<std::complex<float>> echo;
 };
 RoomAlone room_alone(const Conditions& conditions, const AntennaRadar& radar);
-// The sum is nowhere below 0.
+// Adds the values of the empty room to `all`, element by element, and sets negative sums to 0.
 void add_room(const std::vector<double>& room, std::vector<double>& all);
 
-// Makes any record of a plan by itself. Threading: make() may be called from many threads.
+// Simulates the records of a plan one by one, in any order. Threading: several threads may call
+// make() at the same time.
 class Generator {
  public:
   explicit Generator(Plan plan);
@@ -82,21 +86,23 @@ class Generator {
   std::vector<Conditions> laboratories_;
   std::vector<SceneSpec> scenes_;
   double mean_peak_ = 0;
-  record::Antennas antennas_;  // includes their errors; one antenna, if their samples are not kept
+  // Antennas with their simulated errors; a single antenna if the run file stores no antenna data.
+  record::Antennas antennas_;
   bool keeps_array_ = false;
-  std::optional<RoomAlone> room_;  // set if all records stand before it, in one laboratory
+  std::optional<RoomAlone> room_;  // set if the plan has one laboratory and a room
 };
 
 struct DatasetOptions {
   std::string out;
-  std::string config_text;  // kept verbatim in the run
+  std::string config_text;  // text of the settings file, stored verbatim in the run file
   int threads = 2;
   bool quiet = false;
-  std::optional<JobPart> part = {};  // if set, only its records
+  std::optional<JobPart> part = {};  // if set, only the records of this part are written
 };
 
-// Writes the run file, and returns the number of records written (fewer if interrupted). A part is
-// there only when it is whole, and one that is there already is left as it is.
+// Writes the run file. Returns the number of records written, which is smaller than requested after
+// an interrupt. The file of a part appears only when it is complete. If the complete file already
+// exists, it is kept and nothing is written.
 std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options);
 
 }  // namespace echofuse::sim

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Binds the settings of a plan, and resolves its twin.
+// Binds the settings of a plan to their keys, and resolves its twin.
 #include <algorithm>
 
 #include "sim/dataset/generator.hpp"
@@ -9,18 +9,21 @@ namespace echofuse::sim {
 
 void bind(Settings& settings, Plan& plan) {
   settings.add("seed", plan.seed, 0, INT64_MAX, "random seed; equal seeds give equal records");
-  settings.add("people", plan.people, 0, 10'000'000, "records of one person");
-  settings.add("letters", plan.letters, 0, 10'000'000, "records of a person holding a letter");
-  settings.add("two_people", plan.two_people, 0, 10'000'000, "records of two people");
-  settings.add("empty", plan.empty, 0, 10'000'000, "empty records");
-  settings.add("objects", plan.objects, 0, 10'000'000, "records of the object");
-  settings.add("scenes", plan.scenes, "TOML file of [[scene]] tables; replaces these counts");
+  settings.add("people", plan.people, 0, 10'000'000, "number of records that show one person");
+  settings.add("letters", plan.letters, 0, 10'000'000,
+               "number of records that show a person holding a letter");
+  settings.add("two_people", plan.two_people, 0, 10'000'000,
+               "number of records that show two people");
+  settings.add("empty", plan.empty, 0, 10'000'000, "number of records that show the empty room");
+  settings.add("objects", plan.objects, 0, 10'000'000, "number of records that show the object");
+  settings.add("scenes", plan.scenes,
+               "TOML file with [[scene]] tables; replaces the record counts");
   settings.add("twin", plan.twin,
-               "ranges of the simulated laboratories: default, a file, or TOML text");
+               "parameter ranges of simulated laboratories: `default`, a file name, or TOML text");
   settings.add("laboratory", plan.laboratory, 0, INT64_MAX, "number of the simulated laboratory");
-  settings.add(
-      "laboratories", plan.laboratories, 0, 1'000'000,
-      "number of laboratories; record i is from laboratory i modulo this; 0: only one laboratory");
+  settings.add("laboratories", plan.laboratories, 0, 1'000'000,
+               "number of laboratories; record i comes from laboratory i modulo this number; 0: "
+               "one laboratory");
   bind(settings, plan.conditions);
 }
 
@@ -28,8 +31,10 @@ void resolve_twin(const Settings& settings, Plan& plan) {
   if (plan.twin.empty()) {
     for (const char* key : {"laboratory", "laboratories"})
       if (settings.given(key) && (plan.laboratory > 0 || plan.laboratories > 0))
-        throw Error(ExitCode::config,
-                    std::string(key) + " needs a twin: it draws from the twin's ranges");
+        throw Error(
+            ExitCode::config,
+            std::string(key) +
+                " needs a twin with parameter ranges; set twin = \"default\" or a file name");
     return;
   }
   if (plan.laboratories > 0 && plan.laboratory > 0)

@@ -306,5 +306,6 @@ TEST_CASE("an existing part is kept, another run with its name is refused") {
     CHECK_THAT(error_of([&] {
                  write_dataset(plan, {path, "", 1, true, JobPart::of(other)});
                }),
-               Catch::Contains("exists already and is not this part"));
+               Catch::Contains(
+                   "exists already and is not this part of the data set; choose another --out"));
 }
