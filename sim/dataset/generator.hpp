@@ -33,14 +33,14 @@ struct Plan {
 void bind(Settings& settings, Plan& plan);
 // Replaces plan.twin by the TOML text of its ranges, without the keys that the settings give. Call
 // after all settings have been read. Throws Error(config) if the twin cannot be read, or if a
-// laboratory is selected but there is no twin.
+// laboratory is selected without a twin.
 void resolve_twin(const Settings& settings, Plan& plan);
 // Returns the conditions of each laboratory of the plan; one element if plan.laboratories is 0.
 std::vector<Conditions> laboratories_of(const Plan& plan);
 
-// Returns the scene of each record. They are in the order of the scene list or, if there is no
-// list, in a random order that depends on the seed. Throws Error(config) if the list cannot be
-// read, or if an object scene has no mesh.
+// Returns the scene of each record, in the order of the scene list. Without a list the order is
+// random and depends on the seed. Throws Error(config) if the list cannot be read, or if an object
+// scene has no mesh.
 std::vector<SceneSpec> scenes_of(const Plan& plan);
 
 // Signals of the empty room, computed once because the room is static. A scene in front of the room

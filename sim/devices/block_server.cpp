@@ -59,7 +59,8 @@ void BlockServer::disconnect(const char* why) {
   if (!writing_) next_client();
 }
 
-// Called only after the last write of the former client has ended: its buffers are in the queue.
+// Logs and discards the queued blocks of the last client, then accepts the next client. Must not be
+// called during a write, which uses a buffer of the queue.
 void BlockServer::next_client() {
   for (const QueuedBlock& block : queue_) log(block, block.begun == HostTime{} ? "unsent" : "cut");
   queue_.clear();
@@ -67,7 +68,8 @@ void BlockServer::next_client() {
   if (!stopping_) listener_.accept();
 }
 
-// A client cannot connect to an unplugged device.
+// Starts or ends an unplug fault, and writes the next block if it is due. While the device is
+// unplugged, clients cannot connect.
 void BlockServer::poll() {
   if (stopping_) return;
   if (const bool in = !injector_.active(FaultKind::unplug); in != listener_.plugged()) {
@@ -105,7 +107,8 @@ void BlockServer::log(const QueuedBlock& block, const char* what) {
   handlers_.log(block.begun == HostTime{} ? injector_.now() : block.begun, what, &block);
 }
 
-// Writes the next block unless the line is stalled or the block is not yet due; poll() retries.
+// Writes the next block. Does nothing during a stall fault or if the block is not yet due; poll()
+// tries again.
 void BlockServer::write() {
   QueuedBlock& next = queue_.front();
   if (injector_.active(FaultKind::stall) || injector_.now() < next.due) return;
@@ -118,7 +121,7 @@ void BlockServer::write() {
 }
 
 void BlockServer::written(bool whole) {
-  if (whole) {  // complete, even if the connection has been closed since
+  if (whole) {  // all bytes were written, even if the connection was closed afterwards
     const QueuedBlock& block = queue_.front();
     log(block, block.what);
     ++blocks_;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Server end of the block protocol: serves one client at a time, greets it, and sends a device's
-// blocks in order, with that device's faults.
+// Server side of the bridge protocol. Serves one client at a time: sends a greeting, then the
+// blocks of a device in order. Applies the faults of the device.
 #pragma once
 #include <cstdint>
 #include <deque>
@@ -13,24 +13,26 @@
 
 namespace echofuse::sim {
 
-// Threading: the loop's thread. Device, injector and listener outlive the server; the device
-// forwards the injector's polls to poll().
+// Threading: use only in the thread of the event loop. Listener and injector must outlive the
+// server. The device calls poll() whenever the injector calls on_poll.
 class BlockServer {
  public:
   struct QueuedBlock {
     BlockKind kind{};
-    Bytes bytes;               // payload; write() adds the header
-    std::uint64_t items = 0;   // number of tags, or frame number
-    HostTime first{}, last{};  // host times of the first and last tag
-    // Numbers that the server sets.
+    Bytes bytes;              // payload; put() adds the block header
+    std::uint64_t items = 0;  // number of tags or histograms
+    // ^Host times of the first and last tag; a block without tags has its creation time twice.
+    HostTime first{}, last{};
+    // The server sets the following members.
     std::uint32_t sequence = 0;
-    const char* what = "sent";  // result of sending, unless a fault changes it
+    const char* what = "sent";  // log entry after sending; a fault may change it
     HostTime due{}, begun{};
-    std::int64_t damage = -1;  // index of the damaged byte; -1: none
+    std::int64_t damage = -1;  // index of the byte changed by a `corrupt` fault; -1: none
   };
   struct Handlers {
-    port::Action connected;  // before the client is greeted
-    // Logs the fate of a block (with its numbers) or of a connection (without).
+    port::Action connected;  // called when a client has connected, before the greeting
+    // Writes a log entry about a block (sent, cut, dropped) or, if `block` is null, about a
+    // connection.
     std::function<void(HostTime time, const char* what, const QueuedBlock* block)> log;
   };
 
@@ -38,14 +40,14 @@ class BlockServer {
               std::size_t queue_bytes, Handlers handlers);
 
   bool connected() const { return connected_; }
-  // Greets the client again if the last block of this kind is 0.9 s old.
+  // Sends the greeting again if the last one was sent more than 0.9 s ago.
   void greet_again();
-  // Returns false if the queue is full and the block is lost.
+  // Queues a block for sending. Returns false if the queue is full; the block is then lost.
   bool put(QueuedBlock block);
-  // Counts items lost before the next block.
+  // Increases the number of lost items that the next block reports.
   void lose(std::uint64_t items) { lost_ += items; }
   void poll();
-  // Sends a goodbye to the client and accepts no other.
+  // Sends a goodbye block to the client. Further clients are not accepted.
   void stop();
 
   std::uint64_t clients() const { return clients_; }

@@ -46,11 +46,12 @@ class DepthFeed final : public Device {
   }
 
  private:
-  // Each process that uses OpenNI2 loads its own module, so several may connect.
+  // A connected OpenNI2 driver module. Several may be connected, because each process that uses
+  // OpenNI2 loads its own module.
   struct FeedClient {
     explicit FeedClient(Local::socket s) : socket(std::move(s)) {}
     Local::socket socket;
-    Bytes out;  // bytes being written; empty: ready for the next frame
+    Bytes out;  // bytes being written; empty if the client can receive the next frame
     std::array<std::uint8_t, 16> unread{};
     bool gone = false;
   };
@@ -58,7 +59,7 @@ class DepthFeed final : public Device {
   struct DepthFrameOut {
     DepthHeader header;
     std::vector<std::uint16_t> pixels;
-    const char* what;  // result of sending
+    const char* what;  // log entry after sending: sent, corrupt or garbage
     HostTime due;
   };
 
@@ -101,7 +102,8 @@ class DepthFeed final : public Device {
     injector_.log(begun, what, {{"frame", index}});
   }
 
-  // While unplugged, the socket is removed and connected viewers get end of file.
+  // Sends frames that are due, and starts or ends an unplug fault. While the camera is unplugged,
+  // its socket is removed and connected clients read an end of file.
   void poll() {
     if (stopping_) return;
     send_due();
@@ -165,7 +167,7 @@ class DepthFeed final : public Device {
   void send(const DepthFrameOut& frame) {
     for (ViewerIterator viewer = viewers_.begin(); viewer != viewers_.end(); ++viewer) {
       if (viewer->gone) continue;
-      if (!viewer->out.empty()) {  // still busy with an older frame
+      if (!viewer->out.empty()) {  // the previous frame is still being written
         ++skipped_;
         log(injector_.now(), "skipped", frame.header.frame_index);
         continue;
@@ -198,13 +200,14 @@ class DepthFeed final : public Device {
   port::Timer timer_;
   HostTime next_;
   std::list<FeedClient> viewers_;
-  std::vector<std::uint16_t> pixels_, last_;  // exact frame; last frame sent
+  // Depths of the current scene without camera errors, and of the last frame with errors, mm.
+  std::vector<std::uint16_t> pixels_, last_;
   std::int64_t pictured_ = -1;
   bool stopping_ = false;
   std::uint32_t frame_index_ = 0;
   std::uint64_t all_viewers_ = 0, frames_ = 0, skipped_ = 0;
-  std::deque<DepthFrameOut> held_;        // frames waiting for their due time
-  Rng rng_ = make_rng(options_.seed, 1);  // for range noise and dropouts
+  std::deque<DepthFrameOut> held_;        // frames that are not yet due
+  Rng rng_ = make_rng(options_.seed, 1);  // for depth noise and missing pixels
   ErrorCode ignored_;
   FaultInjector injector_;
 };

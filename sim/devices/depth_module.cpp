@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// OpenNI2 driver with one depth camera, which reads frames from a laboratory's socket. The path of
-// the module gives the path of the socket: LAB/openni/OpenNI2/Drivers/MODULE -> LAB/depth.sock. The
-// camera is present while the laboratory accepts connections. The unmodified OpenNI2 library loads
-// the module. Threading: OpenNI calls from its user's threads; one thread of the module reads the
-// socket.
+// OpenNI2 driver with one depth camera, loaded by the unmodified OpenNI2 library. It reads frames
+// from the socket LAB/depth.sock of a laboratory. LAB follows from the path of the module,
+// LAB/openni/OpenNI2/Drivers/MODULE. The camera is present while the laboratory accepts
+// connections. Threading: OpenNI calls the driver in threads of the application. A separate thread
+// reads the socket.
 #include <Driver/OniDriverAPI.h>
 #include <dlfcn.h>
 #include <poll.h>
@@ -23,7 +23,8 @@
 
 #include "sim/devices/depth_wire.hpp"
 
-// ONI_EXPORT_DRIVER needs these two macros of XnLib, which OpenNI2 does not install.
+// ONI_EXPORT_DRIVER uses these two macros of the library XnLib. OpenNI2 contains XnLib but does not
+// install its headers.
 #define XN_NEW(type, argument) new (std::nothrow) type(argument)
 #define XN_DELETE(pointer) delete (pointer)
 
@@ -42,7 +43,9 @@ std::string find_socket() {
   Dl_info info{};
   if (dladdr(&serial, &info) == 0 || !info.dli_fname) return {};
   std::string path = info.dli_fname;
-  if (path[0] != '/') {  // OpenNI loads drivers with their folder as working directory
+  // A relative path starts at the drivers folder, which is the working directory while OpenNI loads
+  // drivers.
+  if (path[0] != '/') {
     char here[4096];
     if (!getcwd(here, sizeof here)) return {};
     path = std::string(here) + "/" + path;
@@ -50,9 +53,10 @@ std::string find_socket() {
   for (int up = 0; up < 4; ++up) path.resize(std::min(path.size(), path.rfind('/')));
   return path + "/depth.sock";
 }
-// Found while the module is loaded, because the working directory changes later.
+// Determined while the module is loaded, because the working directory changes afterwards.
 const std::string socket_path = find_socket();
-// A URI per laboratory keeps their cameras apart.
+// The URI contains the socket path, so that the cameras of several laboratories have different
+// URIs.
 const std::string uri = "echofuse-sim://" + socket_path;
 
 class DepthStream final : public oni::driver::StreamBase {
@@ -87,7 +91,7 @@ class DepthStream final : public oni::driver::StreamBase {
     });
     return known ? status : ONI_STATUS_NOT_SUPPORTED;
   }
-  // Accepts only the current value, because all properties are fixed.
+  // Accepts a property only with its current value, because all properties are read-only.
   OniStatus setProperty(int property, const void* data, int size) override {
     bool same = false;
     with_property(property, [&](const auto& value) {
@@ -95,8 +99,8 @@ class DepthStream final : public oni::driver::StreamBase {
     });
     return same ? ONI_STATUS_OK : ONI_STATUS_NOT_SUPPORTED;
   }
-  // A recorder reads the properties from here; a recording without STRIDE and CROPPING cannot be
-  // played.
+  // Sends all properties to a recorder. A recording without STRIDE and CROPPING cannot be played
+  // back.
   void notifyAllProperties() override {
     for (const int property : {ONI_STREAM_PROPERTY_VIDEO_MODE, ONI_STREAM_PROPERTY_HORIZONTAL_FOV,
                                ONI_STREAM_PROPERTY_VERTICAL_FOV, ONI_STREAM_PROPERTY_MIN_VALUE,
@@ -134,7 +138,8 @@ class DepthStream final : public oni::driver::StreamBase {
     return {ONI_PIXEL_FORMAT_DEPTH_1_MM, static_cast<int>(camera_.width),
             static_cast<int>(camera_.height), static_cast<int>(camera_.fps)};
   }
-  // Calls `use` with the property's value, in OpenNI's type; returns false if it is missing.
+  // Calls `use` with the value of the property, in the type that OpenNI defines for it. Returns
+  // false if the property is not supported.
   template <class Use>
   bool with_property(int property, Use use) const {
     switch (property) {
@@ -172,7 +177,7 @@ class DepthStream final : public oni::driver::StreamBase {
   bool running_ = false;
 };
 
-// Open streams, shared with the reader thread.
+// Open streams of the camera. The reader thread delivers frames to them.
 class Streams {
  public:
   void add(DepthStream* stream) {
@@ -244,7 +249,7 @@ class DepthDriver final : public oni::driver::DriverBase {
                        oni::driver::DeviceDisconnectedCallback disconnected,
                        oni::driver::DeviceStateChangedCallback changed, void* cookie) override {
     DriverBase::initialize(connected, disconnected, changed, cookie);
-    connect();  // connects now, so that the camera is present right after initialisation
+    connect();  // connects here, because applications list the cameras right after initialisation
     reader_ = std::thread([this] { run(); });
     return ONI_STATUS_OK;
   }
@@ -315,7 +320,8 @@ class DepthDriver final : public oni::driver::DriverBase {
     return true;
   }
 
-  // Returns false at end of file, on shutdown, or after `patience` polls without data.
+  // Reads `size` bytes. Returns false at end of file, on shutdown, or after `patience` consecutive
+  // polls without data; -1: no limit.
   bool read_exactly(void* into, std::size_t size, int patience) {
     auto* place = static_cast<char*>(into);
     for (int waited = 0; size > 0 && !quit_ && waited != patience;) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Simulated devices of a laboratory. Each runs in one loop and never blocks it.
+// Simulated devices of a laboratory. Each device runs in the thread of an event loop and never
+// blocks it.
 #pragma once
 #include <cstdint>
 #include <fstream>
@@ -22,8 +23,9 @@ class SystemLoop;
 
 namespace echofuse::sim {
 
-// Log of the data that a laboratory sent, one JSON object per line: {"t": host monotonic ns,
-// "device": "tdc", "what": "sent", NAME: NUMBER...} sim/README.md lists the entries of each device.
+// Log of the data that a laboratory sends. Each line is a JSON object:
+//   {"t": host monotonic ns, "device": "tdc", "what": "sent", NAME: NUMBER...}
+// sim/README.md lists the entries of each device.
 class SentLog {
  public:
   using Numbers = std::initializer_list<std::pair<const char*, std::int64_t>>;
@@ -54,7 +56,7 @@ class SentLog {
 
 class Listener;
 
-// Faults of the devices, and the log of sent data (may be null).
+// Faults of all devices, and the log of sent data (null: no log).
 struct FaultPlan {
   std::vector<Fault> faults;
   SentLog* sent_log = nullptr;
@@ -63,51 +65,55 @@ struct FaultPlan {
 class Device {
  public:
   virtual ~Device() = default;
-  // Sends a goodbye if the protocol has one; pending writes end within a second.
+  // Ends the service. Sends a goodbye if the protocol of the device has one. Writes in progress end
+  // within one second.
   virtual void stop() = 0;
-  // Returns the counts of sent items, by name.
+  // Returns the number of sent items of each kind, with the name of the kind.
   virtual std::vector<std::pair<std::string, std::uint64_t>> sent() const = 0;
 };
 
-// Time tagger behind the bridge protocol. Serves one client at a time and sends a block per tick.
-// If the client is slow, the oldest tags are kept; new ones are dropped and counted.
+// Time tagger that sends tags over the bridge protocol, one block per tick, to one client at a
+// time. If the client reads too slowly, queued tags are kept, and new tags are dropped and counted.
 struct TdcOptions {
   Tagging tagging;
   double window_s = 3;
   std::uint64_t seed = 1;
   std::size_t send_queue_bytes = 8 << 20;
-  std::chrono::milliseconds tick{5};      // interval of the blocks
-  std::chrono::milliseconds longest{20};  // longest time span of a block's tags
+  std::chrono::milliseconds tick{5};      // time between two blocks
+  std::chrono::milliseconds longest{20};  // longest time span of the tags in one block
   FaultPlan plan{};
 };
 std::unique_ptr<Device> make_tdc_bridge(port::Loop& loop, ScenePlayer& player,
                                         const TdcOptions& options,
                                         std::unique_ptr<Listener> listener);
 
-// Detector with zones (spd_zones > 1) behind the bridge protocol: histograms instead of tags.
+// Detector with zones (spd_zones > 1) that sends histograms over the bridge protocol.
 std::unique_ptr<Device> make_histogram_bridge(port::Loop& loop, ScenePlayer& player,
                                               const TdcOptions& options,
                                               std::unique_ptr<Listener> listener);
 
-// The two UARTs of a radar board are pseudo-terminals with symbolic links.
+// Radar board. Its command and data UARTs are pseudo-terminals; cli_link and data_link are symbolic
+// links to them.
 struct RadarOptions {
   std::string cli_link, data_link;
   std::uint64_t seed = 1;
   FaultPlan plan{};
-  unsigned sdk = 5;           // minor version: 5 is SDK 3.5
-  std::string board = "isk";  // isk, aop, ods
+  unsigned sdk = 5;           // minor version of the mmWave SDK 3.x: 5 for SDK 3.5
+  std::string board = "isk";  // TI board: isk, aop or ods
 };
 std::unique_ptr<Device> make_radar_ptys(port::SystemLoop& loop, ScenePlayer& player,
                                         const RadarOptions& options);
 
-// Depth camera; its frames go to the OpenNI2 driver module (depth_module.cpp) through a unix
-// socket.
+// Depth camera. Sends its frames over a unix socket to the OpenNI2 driver module
+// (depth_module.cpp).
 struct DepthOptions {
   std::string socket_path;
   std::uint32_t width = 320, height = 240;
   double fps = 30;
-  double half_tangent_x = 0.8, half_tangent_y = 0.6;  // at least 8/5 of the maps' field of view
-  std::uint64_t seed = 1;                             // seed of the faults
+  // Tangents of half the field of view. They must be larger than those of the depth maps (default
+  // 0.55).
+  double half_tangent_x = 0.8, half_tangent_y = 0.6;
+  std::uint64_t seed = 1;  // seed of random faults and depth noise
   FaultPlan plan{};
 };
 std::unique_ptr<Device> make_depth_feed(port::SystemLoop& loop, ScenePlayer& player,

@@ -26,12 +26,14 @@ FaultInjector::FaultInjector(port::Loop& loop, ScenePlayer& player, const char* 
 
 void FaultInjector::wait() {
   const double now_s = player_.now_s(), next_s = faults_.next_change_s(now_s);
-  constexpr double settling_s = 1;  // time in which delayed data are sent
+  constexpr double settling_s = 1;  // time after a fault in which delayed data are sent
   if (faults_.any_at(now_s))
     settled_s_ = std::max(settled_s_, now_s + settling_s + amount(FaultKind::late).value_or(0));
   if (std::isinf(next_s) && now_s > settled_s_) return;
   HostTime at = now() + poll_pause;
-  if (now_s > settled_s_)  // one microsecond after the change, because times are rounded
+  // Without an active fault, polls one microsecond after the next change, because times are
+  // rounded.
+  if (now_s > settled_s_)
     at = std::max(at, player_.start() + from_seconds(next_s) + std::chrono::microseconds(1));
   timer_.at(at, [this] {
     log_changes();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Injects faults into one device, and logs the faults and the sent data. Threading: the loop's
-// thread.
+// Injects faults into one device, and logs the faults and the sent data. Threading: use only in the
+// thread of the event loop.
 #pragma once
 #include <functional>
 #include <string>
@@ -15,8 +15,8 @@ namespace echofuse::sim {
 
 class FaultInjector {
  public:
-  // `device` is a string literal. `on_poll` is called every 5 ms during a fault and for one second
-  // after it, so that the device applies its start and end.
+  // `device` is a string literal: tdc, radar or depth. `on_poll` is called when a fault starts or
+  // ends, every 5 ms during a fault, and for at least one second after its end.
   FaultInjector(port::Loop& loop, ScenePlayer& player, const char* device, const FaultPlan& plan,
                 std::uint64_t seed, std::function<void()> on_poll);
 
@@ -25,15 +25,16 @@ class FaultInjector {
   std::optional<double> amount(FaultKind kind) const { return faults_.at(kind, player_.now_s()); }
   double gain() const { return amount(FaultKind::gain).value_or(1); }
   double clock_error_s(double time_s) const { return faults_.clock_error_s(time_s); }
-  // Returns true with probability amount() while the fault is active.
+  // During a fault of this kind, returns true with the probability amount(); otherwise returns
+  // false.
   bool triggers(FaultKind kind);
-  // Changes one byte and returns its index.
+  // Changes a random byte and returns its index.
   std::size_t corrupt(Bytes& bytes);
-  // Returns the garbage bytes to send now; empty without such a fault.
+  // Returns the random bytes to send now; empty unless a `garbage` fault is active.
   Bytes garbage();
   std::uint64_t noise() { return rng_(); }
   HostTime now() const { return player_.now(); }
-  // Returns the time to send data that are ready now.
+  // Returns the time to send data that are ready now: now, or later during a `late` fault.
   HostTime due() const { return now() + from_seconds(amount(FaultKind::late).value_or(0)); }
 
   void log(HostTime time, const char* what, SentLog::Numbers numbers) {

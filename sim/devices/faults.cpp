@@ -13,7 +13,7 @@ namespace {
 
 struct FaultRule {
   const char* name;
-  double usual, min, max;  // range and default of the amount
+  double usual, min, max;  // default and range of Fault::amount
 };
 constexpr std::array<FaultRule, 10> kinds = {{{"drop", 1, 0, 1},
                                               {"corrupt", 1, 0, 1},
@@ -114,8 +114,8 @@ class FaultReader : TableReader {
   }
 };
 
-// Returns the elapsed share (0 to 1) of the repetition at time_s, and the number of earlier
-// repetitions; nothing before the first.
+// Returns the number of earlier repetitions at time_s, and the seconds since the start of the
+// current one. Returns nothing before the first start.
 std::optional<std::pair<double, double>> progress(const Fault& f, double time_s) {
   if (time_s < f.at_s) return {};
   const double since = time_s - f.at_s;

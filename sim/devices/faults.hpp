@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Timetable of a laboratory's faults. Time zero is the start of each laboratory.
+// Schedule of the faults in a laboratory. Time zero is the start of the laboratory.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -24,32 +24,40 @@ enum class FaultKind : std::uint8_t {
 inline constexpr std::size_t fault_kinds = 10;
 const char* name_of(FaultKind kind);
 
-// Active from at_s for for_s seconds of laboratory time, and again every every_s unless that is 0.
-// Unit of `amount`: drop and corrupt: share of blocks or frames; late: s; garbage: bytes per block
-// or frame (camera: share of frames); clock_drift: ppm; clock_offset: s; gain: factor.
+// Fault that starts at_s seconds after the start of the laboratory and lasts for_s seconds. It is
+// repeated every every_s seconds; 0: no repetition. Units of `amount`:
+//   drop, corrupt  fraction of blocks or frames
+//   late           delay, s
+//   garbage        bytes per block or radar frame; camera: fraction of frames
+//   clock_drift    ppm
+//   clock_offset   s
+//   gain           factor
 struct Fault {
-  std::string device;  // tdc, radar, depth
+  std::string device;  // tdc, radar or depth
   FaultKind kind{};
   double at_s = 0, for_s = 0, every_s = 0, amount = 0;
 };
 
-// Parses [[fault]] tables. Throws Error(config) that lists each mistake as name:line:column.
+// Parses a TOML text with [[fault]] tables. Throws Error(config) with all mistakes, one line each:
+// "name:line:column: mistake".
 std::vector<Fault> read_faults(const std::string& text, const std::string& name);
 
-// Faults of one device as functions of laboratory time. Threading: one thread, because const
-// members update a cache.
+// Faults of one device as functions of laboratory time. Threading: use in one thread only, because
+// const members update a cache.
 class Faults {
  public:
   Faults() = default;
   Faults(const std::vector<Fault>& all, const std::string& device);
 
   bool empty() const { return faults_.empty(); }
-  // Returns the amount of the active fault of this kind, or nothing.
+  // Returns the amount of the fault of this kind that is active at time_s, or nothing.
   std::optional<double> at(FaultKind kind, double time_s) const;
   bool any_at(double time_s) const;
-  // Returns the time of the next change after time_s; infinity after the last one.
+  // Returns the first time after time_s at which a fault starts or ends; infinity after the last
+  // change.
   double next_change_s(double time_s) const;
-  // Returns how far the device's clock is ahead, s. The drift gained stays after the fault.
+  // Returns the offset of the device clock from laboratory time, s; positive if it is ahead. An
+  // offset accumulated by drift remains after the fault.
   double clock_error_s(double time_s) const;
 
   struct FaultChange {
@@ -57,14 +65,14 @@ class Faults {
     const Fault* fault;
     bool begins;
   };
-  // Returns the changes in (from_s, to_s], sorted by time.
+  // Returns the starts and ends of faults in (from_s, to_s], in order of time.
   std::vector<FaultChange> changes(double from_s, double to_s) const;
 
  private:
-  // State between two changes, cached because each tag needs it.
+  // State from one change of faults to the next. It is cached because it is needed for each tag.
   struct Segment {
-    double from_s = 0, to_s = 0;    // empty: no segment yet
-    double error_s = 0, slope = 0;  // clock error at from_s (s), and its slope
+    double from_s = 0, to_s = 0;    // time range of the segment, s; empty before the first use
+    double error_s = 0, slope = 0;  // clock offset at from_s, s, and its slope
     std::array<std::optional<double>, fault_kinds> amounts{};
   };
   const Segment& segment(double time_s) const;

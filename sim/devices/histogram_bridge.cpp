@@ -22,8 +22,8 @@ std::string hello_of(const Zones& zones) {
       .dump();
 }
 
-// Detector with zones behind the bridge protocol: one histogram block per exposure, of the scene at
-// mid-exposure.
+// Detector with zones that sends one histogram block per exposure over the bridge protocol. A
+// histogram shows the scene in the middle of its exposure.
 class HistogramBridge final : public Device {
  public:
   HistogramBridge(port::Loop& loop, ScenePlayer& player, const TdcOptions& options,
@@ -38,7 +38,8 @@ class HistogramBridge final : public Device {
         server_(*listener_, injector_, hello_of(zones_of(conditions_)), options.send_queue_bytes,
                 {.connected = [] {},
                  .log = [this](auto time, auto what, auto) { injector_.log(time, what, {}); }}) {
-    const double share = exposure_s / options.window_s;  // the rates are per window
+    // exposures per window; expected counts are per window
+    const double share = exposure_s / options.window_s;
     conditions_.pulses_per_window =
         std::llround(share * static_cast<double>(conditions_.pulses_per_window));
     conditions_.window_s = exposure_s;
@@ -90,13 +91,13 @@ class HistogramBridge final : public Device {
   }
 
   ScenePlayer& player_;
-  Conditions conditions_;  // counts of one exposure
+  Conditions conditions_;  // window_s and pulses_per_window are those of one exposure
   double window_share_ = 1;
   std::unique_ptr<Listener> listener_;
   port::Timer timer_;
   HostTime next_;
   Rng rng_;
-  std::vector<double> rates_;  // expected counts per window of scene `seen_`
+  std::vector<double> rates_;  // expected counts per window of scene number seen_
   std::int64_t seen_ = -1;
   FaultInjector injector_;
   BlockServer server_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Listening socket that a device's clients connect to, one at a time.
+// Listening socket of a device. It accepts one client at a time.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -11,7 +11,7 @@
 
 namespace echofuse::sim {
 
-// Threading: the loop's thread. Handlers are called from the loop.
+// Threading: use only in the thread of the event loop, which also calls the handlers.
 class Listener {
  public:
   struct Handlers {
@@ -20,18 +20,23 @@ class Listener {
   };
   virtual ~Listener() = default;
   virtual void start(Handlers handlers) = 0;
-  // Ends this client's connection; accept() must be called again for the next.
+  // Accepts one client, now or when it connects. Call again after hang_up() to accept the next
+  // client.
   virtual void accept() = 0;
-  // While unplugged, clients cannot connect. A connected client stays connected.
+  // Opens or closes the listening socket. While it is closed, clients cannot connect; a connected
+  // client stays connected.
   virtual void plug(bool in) = 0;
   virtual bool plugged() const = 0;
-  // Only one write at a time. `bytes` must live until `done(whole)`; whole: all were written.
+  // Writes `bytes`, then calls done(whole); `whole` is true if all bytes were written. `bytes` must
+  // stay valid until then. Only one write may be in progress.
   virtual void write(ByteView bytes, std::function<void(bool whole)> done) = 0;
+  // Closes the connection to the client.
   virtual void hang_up() = 0;
   virtual std::string address() const = 0;
 };
 
-// Listens on 127.0.0.1; port 0 takes any free port. Address: "bridge:tcp://127.0.0.1:PORT".
+// Returns a listener on 127.0.0.1 with the address "bridge:tcp://127.0.0.1:PORT". Port 0 selects
+// any free port.
 std::unique_ptr<Listener> make_tcp_listener(port::SystemLoop& loop, std::uint16_t port);
 
 }  // namespace echofuse::sim

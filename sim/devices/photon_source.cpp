@@ -14,7 +14,8 @@ namespace echofuse::sim {
 namespace {
 
 constexpr double most_tags_per_s = 5e6;
-// A photon is stored as pulse << 32 | delay, which limits the period.
+// A detection is stored as pulse << 32 | delay in ps, so the laser period must be less than 2^32
+// ps.
 constexpr double longest_period_ps = 4e9;
 
 std::string in_mhz(double hz) { return std::to_string(hz / 1e6) + " MHz"; }
@@ -22,20 +23,23 @@ std::string in_mhz(double hz) { return std::to_string(hz / 1e6) + " MHz"; }
 void check(const Conditions& c, const Tagging& t, double window_s) {
   const double last_ps = c.first_bin_ps + static_cast<double>(c.bins) * c.bin_width_ps;
   if (t.laser_rate_hz * last_ps > 1e12)
-    throw Error(ExitCode::config, "laser rate " + in_mhz(t.laser_rate_hz) +
-                                      ": the next pulse precedes the last bin at " +
-                                      std::to_string(last_ps / 1e3) + " ns; expected at most " +
-                                      in_mhz(1e12 / last_ps));
+    throw Error(ExitCode::config,
+                "laser rate " + in_mhz(t.laser_rate_hz) +
+                    ": the next pulse is emitted before the end of the last bin at " +
+                    std::to_string(last_ps / 1e3) + " ns; expected at most " +
+                    in_mhz(1e12 / last_ps));
   if (t.laser_rate_hz * longest_period_ps < 1e12)
     throw Error(ExitCode::config,
                 "laser rate " + std::to_string(t.laser_rate_hz) + " Hz: expected at least 250 Hz");
   const double photons = (c.signal_photons + c.background_counts) / window_s;
   const double tags = t.conditional_filter ? 2 * photons : photons + t.laser_rate_hz;
   if (tags > most_tags_per_s)
-    throw Error(ExitCode::config, std::to_string(tags / 1e6) +
-                                      " million tags per second (photons of a window over " +
-                                      std::to_string(window_s) +
-                                      " s): the simulated tagger supports at most 5 million");
+    throw Error(
+        ExitCode::config,
+        std::to_string(tags / 1e6) +
+            " million tags per second (photon counts divided by the window of " +
+            std::to_string(window_s) +
+            " s): the simulated tagger supports at most 5 million; reduce the photon counts");
 }
 
 }  // namespace
@@ -110,9 +114,10 @@ void PhotonSource::draw_detections(std::int64_t pulses, double mean, bool signal
   std::uniform_int_distribution<std::int64_t> pulse(0, pulses - 1);
   for (std::int64_t i = 0; i < count; ++i) {
     const double delay = signal ? signal_delay_ps() : background_delay_ps();
-    // Jitter beyond a period is outside every histogram and would break the order of the stream.
+    // Detections outside the laser period would break the time order of the stream. They lie
+    // outside every histogram, so they are dropped.
     if (!(delay >= 0 && delay < period_ps_ - 1)) continue;
-    // The delay is rounded down, so that a photon stays in its bin if bin edges are whole
+    // Rounds the delay down, so that a detection stays in its bin if the bin edges are whole
     // picoseconds.
     detections_.push_back(static_cast<std::uint64_t>(pulse(rng_)) << 32 |
                           static_cast<std::uint64_t>(delay));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Detections of a pulsed laser and a single-photon detector, drawn photon by photon from the
-// distribution of the simulated histogram (sim/sensors/optics.hpp).
+// Draws the detections of a pulsed laser and a single-photon detector one by one. Their
+// distribution is that of the simulated histogram (sim/sensors/optics.hpp).
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -15,31 +15,35 @@ namespace echofuse::sim {
 struct Tagging {
   std::int32_t sync_channel = 1, click_channel = 2;
   double laser_rate_hz = 1e6;
-  // sends only syncs that a detection follows
+  // if true, only the sync tags of pulses with a detection are sent
   bool conditional_filter = true;
 };
 
-// The number of detections in a window is Poisson; each falls in a random pulse. A signal photon
-// belongs to a return drawn by weight; its delay is 2R/c plus the IRF's jitter. Background is
-// uniform over the histogram's bins, as with a gated detector. With pulses_per_window > 0 the laser
-// fires that often per window, independent of laser_rate_hz. Then only the first detection of a
-// pulse is kept; with spd_dead_time_ps, those outside the dead time of the last one kept.
+// Random detections of the current scene. Their number in a window is Poisson distributed, and each
+// detection belongs to a random pulse.
+// A signal photon belongs to a random return k, chosen with probability proportional to its weight.
+// Its delay is 2 R_k/c plus jitter with the distribution of the IRF. Background is uniform over the
+// bins of the histogram, as with a gated detector.
+// If pulses_per_window > 0, the laser rate is pulses_per_window / window_s instead of
+// laser_rate_hz. Only the first detection of each pulse is kept or, if spd_dead_time_ps > 0, each
+// detection after the dead time of the previous one.
 class PhotonSource {
  public:
-  // Signal and background counts are per window_s seconds. Throws Error(config) if a period is
-  // shorter than the histogram, or the tag rate exceeds the simulator's limit.
+  // Signal and background counts of the conditions are per window_s seconds. Throws Error(config)
+  // if the laser period is shorter than the histogram, or if the tag rate exceeds the limit of the
+  // simulator.
   PhotonSource(const Conditions& conditions, const Tagging& tagging, double window_s,
                std::uint64_t seed);
 
   double laser_rate_hz() const { return tagging_.laser_rate_hz; }
-  // Sets the scene of the next draw.
+  // Sets the returns of the scene for the next draw().
   void set_returns(const Returns& returns);
-  // Scales signal and background from the next draw on.
+  // Multiplies the signal and background counts of the next draw() by `gain`.
   void set_gain(double gain) { gain_ = gain; }
-  // Appends all tags of the pulses [first, last) to `out`, sorted by time; returns their number.
-  // Pulse n fires at n / laser_rate_hz seconds.
+  // Appends the tags of all pulses in [first, last) to `out`, in order of time, and returns their
+  // number. Pulse n is emitted at n / laser_rate_hz seconds.
   std::size_t draw(std::int64_t first, std::int64_t last, Bytes& out);
-  // Returns the expected number of tags.
+  // Returns the expected number of tags in this number of pulses.
   double mean_tags(std::int64_t pulses) const;
 
  private:
@@ -58,9 +62,10 @@ class PhotonSource {
   double window_s_, period_ps_, gain_ = 1;
   Rng rng_;
   std::normal_distribution<double> jitter_;
-  double ready_ps_ = 0;                        // end of the dead time
-  std::vector<double> delay_ps_, cumulative_;  // delays and summed weights of the scene's returns
-  std::vector<std::uint64_t> detections_;      // pulse << 32 | delay in ps, scratch
+  double ready_ps_ = 0;  // time at which the current dead time ends, ps
+  // Delay of each return of the scene, ps, and the cumulative sum of the weights.
+  std::vector<double> delay_ps_, cumulative_;
+  std::vector<std::uint64_t> detections_;  // detections of one draw(): pulse << 32 | delay in ps
 };
 
 }  // namespace echofuse::sim

@@ -14,7 +14,8 @@
 namespace echofuse::sim {
 namespace {
 
-// A USB serial adapter delivers bytes after its latency timer, 1 to 16 ms.
+// Time between two deliveries of received bytes to the host. The latency timers of USB serial
+// adapters are 1 to 16 ms.
 constexpr auto chunk_time = std::chrono::milliseconds(4);
 
 [[noreturn]] void fail(const std::string& what) {
@@ -42,7 +43,7 @@ void publish(const std::string& target, const std::string& link) {
     fail("cannot create the link " + link);
 }
 
-// Returns the termios constant of a rate, or B0 if a pty does not support it.
+// Returns the termios constant of a baud rate; B0 if pseudo-terminals do not support the rate.
 speed_t speed_of(unsigned baud) {
   switch (baud) {
     case 115200:
@@ -121,7 +122,8 @@ std::size_t PtyUart::deliver(Bytes chunk) {
 
 std::unique_ptr<Device> make_radar_ptys(port::SystemLoop& loop, ScenePlayer& player,
                                         const RadarOptions& options) {
-  auto ports = std::make_shared<std::vector<PtyUart*>>();  // the radar board owns the UARTs
+  // ports of the radar board, which owns the UARTs
+  auto ports = std::make_shared<std::vector<PtyUart*>>();
   const auto pty = [&](const std::string& link) {
     return [&loop, ports, link](unsigned baud, Uart::Receive receive) {
       auto uart = std::make_unique<PtyUart>(loop, link, baud, std::move(receive));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// UART of a board behind a pseudo-terminal. A pty has no rate and loses nothing; a UART sends at
-// its rate and loses bytes that the host does not read. Internal to the simulated radar.
+// UART of a simulated radar board, connected to the host by a pseudo-terminal (pty). A pty has no
+// baud rate and loses no data. The simulated UART sends at its baud rate, and loses bytes that the
+// host does not read in time.
 #pragma once
 #include <array>
 #include <boost/asio/posix/stream_descriptor.hpp>
@@ -13,12 +14,14 @@ namespace echofuse::sim {
 
 class PtyUart final : public Uart {
  public:
-  // Opens a pty and creates or replaces the symbolic link to it. Throws Error(failed).
+  // Opens a pty and creates a symbolic link to it, which replaces an existing link. Throws
+  // Error(failed) if either cannot be created.
   PtyUart(port::SystemLoop& loop, std::string link, unsigned baud, Receive receive);
   ~PtyUart() override;
 
   void close() override;
-  // Removes the port, or creates a new one behind the same link. Bytes sent in between are lost.
+  // Removes the port if `in` is false; otherwise creates a new pty with the same link. Bytes sent
+  // without a port are lost.
   void plug(bool in);
 
  private:
@@ -30,7 +33,7 @@ class PtyUart final : public Uart {
   std::string link_;
   Receive receive_;
   boost::asio::posix::stream_descriptor master_;
-  int slave_ = -1;  // kept open, because the master reports EIO without an open slave
+  int slave_ = -1;  // kept open, because reads from the master fail with EIO if no slave is open
   std::array<std::uint8_t, 512> in_{};
   Rng noise_;
 };

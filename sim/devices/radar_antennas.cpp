@@ -11,12 +11,12 @@
 namespace echofuse::sim {
 namespace {
 
-// Converts amplitudes to the integers of the heat map: 16 bits hold a reflector 30 times as bright
-// as the mean scene.
+// Factor from amplitudes (mean scene: 1) to the 16-bit integers of the heat map, which saturate at
+// 32 times the amplitude of the mean scene.
 constexpr float sample_gain = 1 << 10;
-constexpr unsigned above = 1;  // the ISK's transmitter in another row
+constexpr unsigned above = 1;  // index of the ISK transmitter outside the row of the others
 
-constexpr double layout_hz = 62e9;  // unit of antenna places: half a wavelength of this
+constexpr double layout_hz = 62e9;  // frequency at which the layout unit is half a wavelength
 
 std::vector<AntennaRadar::TxRxPair> about_their_middle(std::vector<AntennaRadar::TxRxPair> pairs) {
   AntennaRadar::TxRxPair middle;
@@ -84,7 +84,7 @@ void RadarAntennas::start(const Chirp& chirp, double mean_peak) {
                   (1e9 * chirp.start_ghz +
                    1e6 * chirp.played_slope_mhz_us() *
                        (chirp.adc_start_us + 500.0 * chirp.samples / chirp.sample_rate_ksps));
-  // The firmware takes the first antennas, independent of the number in the row.
+  // If the chirp uses no transmitter in the row, the samples of all antennas are sent.
   if (of_row == 0) of_row = tx.size();
   sent_ = tx.empty() ? 0 : used_.size() / tx.size() * of_row;
   echo_.reset();

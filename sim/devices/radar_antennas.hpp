@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Virtual antennas of a simulated board, and their samples. An IWR6843ISK sends the samples of a
-// row (TLV 4), a board with 12 antennas in a plane (radar_antennas = 12: the AOP) all of them (TLV
-// 8). Errors of phase and gain are fixed per board, not per run.
+// Virtual antennas of a simulated radar board, and their samples. An IWR6843ISK sends the samples
+// of the antennas in a row (TLV 4). A board with 12 antennas in a plane (AOP; radar_antennas = 12)
+// sends all samples (TLV 8). Phase and gain errors depend only on the board, not on the run.
 #pragma once
 #include <array>
 #include <complex>
@@ -22,15 +22,18 @@ class RadarAntennas {
  public:
   RadarAntennas(const Conditions& conditions, std::uint64_t seed, const std::string& board = "isk");
 
-  // Sets the chirp. The noise equals that of range_profile_codes.
+  // Starts sampling with this chirp. `mean_peak` is the result of mean_peak_power(). It sets the
+  // noise power, as in range_profile_codes().
   void start(const Chirp& chirp, double mean_peak);
-  // Samples one frame at all antennas; `gain` scales the signal. The phases do not depend on a
-  // subframe's start frequency.
+  // Samples one frame at all antennas. `gain` multiplies the signal power. The phases are those of
+  // the first subframe, even if another subframe has a different start frequency.
   void sample_frame(const RenderedScene& rendered, double time_s, double gain, Rng& rng);
-  // Returns the range profile of this frame, from the same samples; coherent echoes only.
+  // Returns the range profile codes of the last frame, computed from its samples. Valid only for
+  // coherent echoes.
   std::vector<std::uint16_t> profile_codes() const;
   RadarTlv tlv() const;
-  // Returns the result of measureRangeBiasAndRxChanPhase: one factor per antenna.
+  // Returns the antenna factors that measureRangeBiasAndRxChanPhase prints: real and imaginary part
+  // per antenna.
   std::string coefficients() const;
 
  private:
@@ -39,21 +42,23 @@ class RadarAntennas {
   const Conditions& conditions_;
   std::uint64_t seed_;
   bool planar_;
-  record::Antennas channels_;                  // one per pair of transmitter and receiver
-  std::vector<AntennaRadar::TxRxPair> pairs_;  // transmitters and receivers of channels_
+  record::Antennas channels_;  // all antennas: one per pair of transmitter and receiver
+  // positions of the transmitter and receiver of each antenna
+  std::vector<AntennaRadar::TxRxPair> pairs_;
   std::vector<AntennaRadar::TxRxPair> used_pairs_;
   double wavelength_m_ = 0;
-  record::Antennas used_;  // antennas of the chirp, in transmitter order
-  std::size_t sent_ = 0;   // number of sent antennas, from the first
+  record::Antennas used_;  // antennas that the chirp uses, in the order of its transmitters
+  std::size_t sent_ = 0;   // the samples of the first sent_ antennas in used_ are sent
   RadarAxis axis_;
   double chirp_s_ = 0;
   std::int64_t chirps_ = 1;
   std::size_t receivers_used_ = receivers;
-  std::vector<std::size_t> numbers_;  // indices of used_ in channels_
+  std::vector<std::size_t> numbers_;  // indices of the antennas used_ in channels_
   double noise_power_ = 0, sampled_s_ = 0;
   std::int64_t scene_ = -1;
   std::optional<AntennaEcho> echo_;
-  std::vector<std::complex<float>> samples_;  // in the firmware's integers
+  // Amplitudes of the last frame, [range bin][antenna], relative to that of the mean scene.
+  std::vector<std::complex<float>> samples_;
 };
 
 }  // namespace echofuse::sim

@@ -19,7 +19,7 @@ namespace {
 
 constexpr unsigned cli_baud = 115200, data_baud = 921600;
 constexpr double cpu_hz = 200e6;
-constexpr double processing_us = 3000;  // from the last chirp to the first byte sent
+constexpr double processing_us = 3000;  // time from the last chirp to the first sent byte
 
 ByteView bytes_of(const std::string& text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
@@ -90,7 +90,8 @@ class RadarBoard final : public Device {
     framing_ = firmware_.running().has_value();
     if (!framing_) return;
     if (subframe_ > 0 || chirp().frames == 0 || frames_of_start_ < chirp().frames) {
-      frame_number_ += subframe_ == 0;  // subframes carry the number of their frame
+      // Subframes have the number of the frame that contains them.
+      frame_number_ += subframe_ == 0;
       frames_of_start_ += subframe_ == 0;
       sampled_s_ = player_.now_s();
       sampled_subframe_ = subframe_;
@@ -105,7 +106,8 @@ class RadarBoard final : public Device {
   double period_us() const { return 1e3 * chirp().frame_period_ms; }
 
   void output() {
-    if (!data_->idle()) {  // longer than a frame: the demo firmware skips such a frame
+    // The previous frame is still being sent. The demo firmware skips the new frame in this case.
+    if (!data_->idle()) {
       ++skipped_;
       log(injector_.now(), "skipped", {frame_number_});
       return;
@@ -138,7 +140,8 @@ class RadarBoard final : public Device {
     return power;
   }
 
-  // With coherent echoes antennas are sampled for every frame, because people move.
+  // Computes the range profile and, if requested, the heat map. Coherent echoes need antenna
+  // samples for each frame, because people move.
   void sample_frame() {
     const Conditions& c = player_.conditions();
     const bool heat_map = firmware_.outputs().heat_map, coherent = c.radar_sum == "coherent";
@@ -180,14 +183,15 @@ class RadarBoard final : public Device {
 
   struct FrameIdentity {
     std::uint32_t number = 0, crc = 0;
-    std::int64_t damage = -1;  // index of the damaged byte of the frame; -1: none
+    std::int64_t damage = -1;  // index of the byte changed by a `corrupt` fault; -1: none
   };
   void log(HostTime begun, const char* done, const FrameIdentity& what) {
     injector_.log(begun, done,
                   {{"frame", what.number}, {"damage", what.damage}, {"crc", what.crc}});
   }
 
-  // Sending time and margin are those of the previous frame, because this one is not sent yet.
+  // Returns the statistics TLV. Its transmission time and margin are those of the previous frame,
+  // because the current frame has not yet been sent.
   RadarStats stats() const {
     const double margin_us = period_us() - chirp().active_us() - processing_us - transmit_us_;
     RadarStats s{};
@@ -221,7 +225,7 @@ class RadarBoard final : public Device {
     Bytes wire;
     FrameIdentity what;
     HostTime due;
-    Bytes junk{};  // garbage after the frame
+    Bytes junk{};  // random bytes sent after the frame (`garbage` fault)
   };
 
   ScenePlayer& player_;
@@ -231,15 +235,17 @@ class RadarBoard final : public Device {
   Rng rng_;
   RadarAntennas antennas_;
   RadarAxis axis_;
-  std::vector<std::uint16_t> last_profile_;  // result of sending
+  std::vector<std::uint16_t> last_profile_;  // range profile codes of the last frame
   RadarTlv last_heat_map_;
   HostTime next_frame_{};
   double mean_peak_ = 0, sampled_s_ = 0, transmit_us_ = 0;
   bool framing_ = false;
   std::uint32_t frame_number_ = 0;
-  std::size_t subframe_ = 0, sampled_subframe_ = 0;  // next frame to begin; next frame to send
+  std::size_t subframe_ = 0,
+              // Index of the subframe to start next, and of the subframe to send next.
+      sampled_subframe_ = 0;
   std::uint64_t frames_of_start_ = 0, frames_ = 0, skipped_ = 0;
-  std::deque<QueuedFrame> line_;  // frames waiting for their due time
+  std::deque<QueuedFrame> line_;  // frames that are not yet due
   std::function<void(bool in)> plug_;
   FaultInjector injector_;
 };

@@ -10,7 +10,9 @@
 namespace echofuse::sim {
 namespace {
 
-constexpr std::int64_t one = 1 << 26, slope_units = 900;  // one: 2.7 GHz
+// Register units of the front end: 2.7 GHz / one for frequencies, and slope_units times that per
+// microsecond for slopes.
+constexpr std::int64_t one = 1 << 26, slope_units = 900;
 
 std::int64_t slope_number(double slope_mhz_us) {
   return static_cast<std::int64_t>(slope_mhz_us * one / (2700.0 * slope_units));
@@ -29,7 +31,7 @@ bool Chirp::ramp_possible() const {
   if (samples == 0 || sample_rate_ksps <= 0 || slope_mhz_us <= 0) return false;
   const auto start = static_cast<std::int64_t>(start_ghz * one / 2.7);
   const auto ramp = std::llround(100 * ramp_end_us);
-  // Half a unit of time is allowed beyond the band.
+  // Allows the ramp to end half a time unit (5 ns) outside the band.
   const auto end = start + slope_number(slope_mhz_us) * slope_units * (2 * ramp - 1) / 200;
   const double sampled_us = adc_start_us + 1e3 * samples / sample_rate_ksps;
   return start >= 60 * one * 10 / 27 && end <= 64 * one * 10 / 27 &&
@@ -47,7 +49,7 @@ double Chirp::firmware_step_m() const {
 RadarAxis Chirp::axis(const Conditions& c) const {
   const double rate_hz = sample_rate_ksps * 1e3, slope_hz_s = played_slope_mhz_us() * 1e12;
   const unsigned bins = std::bit_ceil(samples);
-  RadarAxis axis = radar_response(c);  // window of the demo firmware
+  RadarAxis axis = radar_response(c);
   axis.count = antennas == 12 && bins == 1024 ? 1022 : bins;
   axis.step_m = speed_of_light_m_s * rate_hz / (2 * slope_hz_s * bins);
   axis.resolution_m = speed_of_light_m_s / (2 * slope_hz_s * samples / rate_hz);

@@ -18,9 +18,10 @@ constexpr char banner_line[] = "******************************************\n";
 constexpr char prompt_text[] = "mmwDemo:/>";
 
 struct CommandRule {
-  bool needed;        // required before a start
-  bool when_started;  // allowed while the sensor runs
-  bool by_direction;  // its third word selects one of two settings: 0 range, 1 Doppler
+  bool needed;        // required before sensorStart
+  bool when_started;  // allowed while the sensor is running
+  // The third word of the command selects one of two settings: 0 range, 1 Doppler.
+  bool by_direction;
 };
 const std::map<std::string, CommandRule> configuring = {
     {"flushCfg", {false, true, false}},
@@ -64,14 +65,14 @@ unsigned whole(const std::vector<std::string>& words, std::size_t i) {
   return static_cast<unsigned>(std::clamp(number(words, i), 0.0, 1e9));
 }
 
-// Appends the transmitters of the mask that are not in the list yet.
+// Appends the transmitters in the mask that are not yet in the list.
 void add_transmitters(unsigned mask, std::vector<unsigned>& transmitters) {
   for (unsigned t = 0; t < 3; ++t)
     if (mask >> t & 1 && std::count(transmitters.begin(), transmitters.end(), t) == 0)
       transmitters.push_back(t);
 }
 
-// Computes the ramp from a profileCfg and the offsets of a chirpCfg.
+// Computes the frequency ramp of a chirp from its profileCfg and the offsets in its chirpCfg.
 void set_ramp(const std::vector<std::string>& profile, const std::vector<std::string>& added,
               Chirp& chirp) {
   chirp.start_ghz = number(profile, 2) + 1e-9 * number(added, 4);
@@ -83,7 +84,7 @@ void set_ramp(const std::vector<std::string>& profile, const std::vector<std::st
   chirp.sample_rate_ksps = number(profile, 11);
 }
 
-// Splits at spaces and line ends only; the firmware keeps a tab inside a word.
+// Splits a line at spaces. As in the firmware, a tab does not separate words.
 std::vector<std::string> split(const std::string& line) {
   std::vector<std::string> words;
   std::istringstream in(line.substr(0, line.find_last_not_of('\n') + 1));
@@ -112,7 +113,8 @@ void RadarFirmware::boot() {
   prompt();
 }
 
-// The UART driver's text mode sends the carriage return after the line feed.
+// Sends a text. The UART driver of the firmware sends a carriage return after, not before, each
+// line feed.
 void RadarFirmware::say(const std::string& text) {
   std::string wire;
   for (const char c : text) {
@@ -127,7 +129,8 @@ void RadarFirmware::prompt() { cli_(prompt_text); }
 void RadarFirmware::receive(ByteView bytes) {
   for (const std::uint8_t byte : bytes) {
     if (stopping_ || dead_) return;
-    // A carriage return is echoed and read as a line feed, which is echoed as well.
+    // The firmware echoes a carriage return, converts it to a line feed, and echoes the line feed
+    // too.
     if (byte == '\r') cli_("\r");
     const char c = byte == '\r' ? '\n' : static_cast<char>(byte);
     cli_(std::string(1, c));
@@ -250,7 +253,9 @@ bool RadarFirmware::all_pending() const {
   });
 }
 
-// Three contradictions between configuration and command.
+// Prints an error and returns true if sensorStart does not match the configuration. Without an
+// argument it requires a complete new configuration; "sensorStart 0" requires that nothing was
+// configured since the last start.
 bool RadarFirmware::refuse_start(bool reconfigure) {
   const bool first = state_ == DemoState::init || state_ == DemoState::opened;
   if (reconfigure && all_pending()) return false;
@@ -268,8 +273,8 @@ bool RadarFirmware::refuse_start(bool reconfigure) {
   return true;
 }
 
-// Antennas, ADC and power mode reach the front end at the first start only. If they change later,
-// the demo fails an assertion and its command line hangs.
+// Antennas, ADC and power mode are configured only at the first start. If they change later, prints
+// the failed assertion of the demo and returns true; the command line then hangs, as on the board.
 bool RadarFirmware::changed_latched() {
   for (const char* name : latched_commands) {
     if (state_ == DemoState::init) latched_[name] = config_[name];
@@ -325,9 +330,9 @@ void RadarFirmware::between_frames() {
   answer(0);
 }
 
-// Returns the frame as one chirp, or its subframes. Returns nothing if a command is missing, the
-// front end would refuse the frame, or subframes differ in more than their start frequency (not
-// simulated).
+// Returns the chirp of each subframe, or a single chirp if there are no subframes. Returns nothing
+// if a command is missing or the front end would refuse the frame. Subframes may differ only in
+// their start frequency, because other differences are not simulated.
 std::vector<Chirp> RadarFirmware::subframes_configured() {
   constexpr unsigned advanced = 3, most = 4;
   if (whole(config_["dfeDataOutputMode"], 1) != advanced) {
@@ -347,7 +352,7 @@ std::vector<Chirp> RadarFirmware::subframes_configured() {
     Chirp like_first = *one;
     if (!out.empty()) like_first.start_ghz = out.front().start_ghz;
     if (!out.empty() && like_first != out.front()) {
-      say("Error: subframes of other chirps are not simulated\n");
+      say("Error: subframes with different chirps are not simulated\n");
       return {};
     }
     out.push_back(*one);
@@ -355,7 +360,8 @@ std::vector<Chirp> RadarFirmware::subframes_configured() {
   return out;
 }
 
-// The front end checks every profile, and every chirp with its offsets.
+// Returns true if the front end accepts the ramp of each profile, and of each chirp with its
+// offsets.
 bool RadarFirmware::ramps_possible() {
   Chirp ramp;
   const auto refused = [&](const CommandWords& profile, const CommandWords& added) {
@@ -369,7 +375,8 @@ bool RadarFirmware::ramps_possible() {
          });
 }
 
-// Returns the profile of this chirp, or of the last chirp.
+// Returns the parameters of a frame with the profile of chirp number of_chirp or, if it is empty,
+// with the last configured profile. Returns nothing if the front end would refuse the frame.
 std::optional<Chirp> RadarFirmware::chirp(const FramePart& frame,
                                           std::optional<unsigned> of_chirp) {
   const CommandWords channel = config_["channelCfg"];

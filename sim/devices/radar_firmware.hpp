@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Command line of TI's out-of-box demos, SDK 3.4 to 3.6, after their sources (utils/cli,
-// demo/xwr68xx/mmw/mss/mmw_cli.c, demo/xwr64xx/mmw/mmw_cli.c, uartsci.c): echo, prompt, "Done",
-// "Error -1", "Ignored: ...", the commands required before a start, and those fixed after the first
-// one. It has no ports and no clock.
+// Simulates the command line of TI's out-of-box demos, SDK 3.4 to 3.6, as in their sources:
+// utils/cli, demo/xwr68xx/mmw/mss/mmw_cli.c, demo/xwr64xx/mmw/mmw_cli.c and uartsci.c. It includes
+// echo, prompt and replies, the commands required before a start, and the commands fixed after the
+// first start. It uses no ports and no clock.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -17,56 +17,53 @@
 
 namespace echofuse::sim {
 
-// outputs set by guiMonitor and measureRangeBiasAndRxChanPhase
+// Outputs requested by guiMonitor and measureRangeBiasAndRxChanPhase.
 struct RadarOutputs {
   bool objects = false, range_profile = false, heat_map = false, stats = false;
   bool measure_bias = false;
   double target_m = 0, search_m = 0;
 };
 
-// The ISK runs the signal processor's demo (xWR68xx). AOP and ODS run the hardware accelerator's
-// (xWR64xx), which lacks bpmCfg.
+// Variant of the demo. The ISK runs the demo for the signal processor (xWR68xx). AOP and ODS run
+// the demo for the hardware accelerator (xWR64xx), which lacks the command bpmCfg.
 enum class RadarDemo : bool { dsp, accelerator };
 
 class RadarFirmware {
  public:
   using Write = std::function<void(const std::string&)>;
-  // `cli` receives the text of the command port, `data` the bytes of the data port. `sdk` is the
-  // minor version: 5 for SDK 3.5; SDK 3.4 lacks calibData.
+  // `cli` is called with the text sent to the command port, `data` with the bytes sent to the data
+  // port. `sdk` is the minor version: 5 for SDK 3.5. SDK 3.4 lacks the command calibData.
   RadarFirmware(Write cli, Write data, unsigned sdk = 5, RadarDemo demo = RadarDemo::dsp);
 
-  // Sends banner and prompt.
+  // Sends the startup banner and the prompt.
   void boot();
-  // Receives bytes from the host. Bytes are lost while a command runs (a stop waits for the frame),
-  // because the UART buffers only one byte.
+  // Receives bytes from the host. Bytes are lost while a command is executed, because the UART
+  // buffers only one byte. sensorStop is executed until the end of the frame.
   void receive(ByteView bytes);
-  // Sends a line that the firmware prints on its own.
+  // Sends text to the command port.
   void say(const std::string& text);
 
-  // Chirp in use, from sensorStart to the end of the frame during which sensorStop arrived;
+  // Chirp in use from sensorStart to the end of the frame during which sensorStop arrives;
   // otherwise empty.
   const std::optional<Chirp>& running() const { return running_; }
-  // Returns the chirp of each subframe, in order; one unless advFrameCfg sets more.
+  // Returns the chirp of each subframe, in order. There is one subframe unless advFrameCfg
+  // configures more.
   const std::vector<Chirp>& subframes() const { return subframes_; }
   const RadarOutputs& outputs() const { return outputs_; }
   unsigned data_baud() const { return data_baud_; }
-  // Reports that no frame is in progress, so that a pending sensorStop completes.
+  // Call between two frames. Completes a pending sensorStop.
   void between_frames();
 
  private:
   using CommandWords = std::vector<std::string>;
-  enum class DemoState {
-    init = 0,
-    opened = 1,
-    started = 2,
-    stopped = 3
-  };  // state in
-      // queryDemoStatus's numbers
+  // State of the demo, with the numbers that queryDemoStatus prints.
+  enum class DemoState { init = 0, opened = 1, started = 2, stopped = 3 };
 
   void run_line();
   void prompt();
   void answer(int status);
-  std::optional<int> execute(const CommandWords& words);  // empty: the answer follows later
+  // Returns the status of a command; nothing if the reply is sent later.
+  std::optional<int> execute(const CommandWords& words);
   int configure(const CommandWords& words, const std::string& key);
   std::optional<int> sensor_start(const CommandWords& words);
   std::optional<int> sensor_stop();
@@ -80,7 +77,9 @@ class RadarFirmware {
   bool refuse_start(bool reconfigure);
   bool changed_latched();
   struct FramePart {
-    unsigned first, last, loops, frames;  // chirps from first to last
+    // Numbers of the first and last chirp, loops over these chirps per frame, and number of frames
+    // (0: unlimited).
+    unsigned first, last, loops, frames;
     double period_ms;
   };
   std::vector<Chirp> subframes_configured();
@@ -94,12 +93,14 @@ class RadarFirmware {
   DemoState state_ = DemoState::init;
   bool stopping_ = false, dead_ = false;
   unsigned data_baud_ = 921600;
-  std::map<std::string, CommandWords> config_;   // last accepted words of each command
-  std::map<std::string, CommandWords> latched_;  // words at the first start
+  std::map<std::string, CommandWords> config_;  // words of the last accepted command of each kind
+  // Commands that cannot change after the first start, with their words at that start.
+  std::map<std::string, CommandWords> latched_;
   std::vector<CommandWords> chirps_;
-  std::map<unsigned, CommandWords> profiles_, subframe_cfgs_;  // by profile or chirp number
+  // profileCfg by profile number, subFrameCfg by subframe number.
+  std::map<unsigned, CommandWords> profiles_, subframe_cfgs_;
   CommandWords last_profile_;
-  std::set<std::string> pending_;  // commands since the last start
+  std::set<std::string> pending_;  // required commands received since the last start
   std::optional<Chirp> running_;
   std::vector<Chirp> subframes_;
   RadarOutputs outputs_;

@@ -12,8 +12,8 @@ namespace echofuse::sim {
 
 namespace {
 
-// A corner reflector returns echoes from its apex at any orientation, so all patches of the plate
-// get its centre.
+// Moves all radar patches of the reflector plate to its centre, because a corner reflector returns
+// echoes from its apex at any orientation.
 void gather_reflector(Vec3 centre, const Conditions& c, Returns& returns) {
   const double x = centre.x - radar_x_m(c), range = std::hypot(x, centre.y, centre.z);
   for (std::size_t k = 0; k < returns.place.size(); ++k) {

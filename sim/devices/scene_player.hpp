@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Scene source of all simulated devices: shows one scene after the other on a common time base.
-// Threading: one thread.
+// Provides all simulated devices with the same sequence of scenes on a common time base. Threading:
+// use in one thread only.
 #pragma once
 #include <cstdint>
 #include <limits>
@@ -14,36 +14,38 @@
 
 namespace echofuse::sim {
 
-// Scene, and its returns for each sensor.
+// Scene with the returns that each sensor receives from it.
 struct RenderedScene {
   std::int64_t index = -1;
   Scene scene;
-  Returns spd, radar;  // the radar's include the place of each patch
+  Returns spd, radar;  // `radar` includes the origin of each patch (place)
 };
 
 struct SceneSchedule {
-  std::string kind = "person";  // a name of SceneKind, or mixed
+  std::string kind = "person";  // name of a SceneKind, or mixed
   std::int64_t seed = 1;
-  // Time per scene. Scenes change at multiples of it on the host's clock, like the daemon's slots.
-  // 0: only the first scene.
+  // Time per scene, s; 0: only the first scene. Scenes change at multiples of hold_s on the host
+  // clock, like the slots of the daemon.
   double hold_s = 0;
-  std::vector<SceneSpec> list{};  // replaces the kind; repeats after the last
+  std::vector<SceneSpec> list{};  // scenes to show in this order, repeatedly; replaces `kind`
 };
 
 class ScenePlayer {
  public:
-  // Time zero of the player, and of every device clock, is clock.now() here.
+  // The time of construction is time zero of the player and of all device clocks.
   ScenePlayer(const Clock& clock, const Conditions& conditions, const SceneSchedule& schedule);
 
   const Conditions& conditions() const { return conditions_; }
   HostTime start() const { return start_; }
   HostTime now() const { return clock_.now(); }
   double now_s() const { return seconds(clock_.now() - start_); }
-  // at() returns the scene at this time, rendered at its first use. scene_end_s() returns its end.
+  // at() returns the scene at this time; a new scene is rendered at the first call. scene_end_s()
+  // returns the time at which the scene ends.
   const RenderedScene& at(double time_s);
   double scene_end_s(double time_s) const;
 
-  // Returns scene `index` of a schedule; "mixed" is one person to three letters, as in Lai et al.
+  // Returns scene `index` of a schedule. "mixed" consists of one person for every three letters on
+  // average, as in Lai et al. (2024).
   static SceneSpec spec_of(const SceneSchedule& schedule, std::int64_t index);
 
  private:

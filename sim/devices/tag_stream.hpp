@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Tags of a scene in real time, in blocks for the device that sends them.
+// Generates the tags of the current scenes in real time, in blocks for the device that sends them.
 #pragma once
 #include <functional>
 
@@ -13,12 +13,13 @@ class TagStream {
   using Lose = std::function<void(std::uint64_t tags)>;
 
   TagStream(ScenePlayer& player, const TdcOptions& options);
-  // Scales the photons of later pulses.
+  // Multiplies the photon counts of all later pulses by `gain`.
   void set_gain(double gain) { source_.set_gain(gain); }
-  // Starts the tags at this time.
+  // Starts the stream at the present time. Earlier pulses are skipped.
   void start();
-  // Emits the pulses up to now, in blocks of one scene and at most the longest block's time span.
-  // Pulses later than the device's memory of one second are lost.
+  // Calls `emit` with blocks of all tags up to now. A block contains tags of one scene and spans at
+  // most TdcOptions::longest. If the stream is more than one second late, calls `lose` with the
+  // number of skipped tags.
   void advance(const Emit& emit, const Lose& lose);
 
  private:

@@ -70,7 +70,8 @@ class TcpListener final : public Listener {
   }
 
  private:
-  // A client sends nothing, so this read ends only when it disconnects.
+  // Detects a disconnect. Clients of this protocol send nothing, so a read ends only when the
+  // client disconnects.
   void watch() {
     socket_.async_read_some(boost::asio::buffer(unread_), [this](const ErrorCode& error, auto) {
       if (error == boost::asio::error::operation_aborted) return;
@@ -86,7 +87,7 @@ class TcpListener final : public Listener {
   tcp::socket socket_;
   Handlers handlers_;
   std::array<std::uint8_t, 256> unread_{};
-  bool wanted_ = false, accepting_ = false;  // next client; its accept is pending
+  bool wanted_ = false, accepting_ = false;  // the next client may connect; async_accept is pending
 };
 
 }  // namespace

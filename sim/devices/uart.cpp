@@ -29,8 +29,8 @@ void Uart::pace() {
     pacing_ = false;
     return;
   }
-  // 8N1 takes ten bit times per byte. Deadlines are absolute, so that a late timer does not reduce
-  // the throughput.
+  // A byte takes ten bit times (8N1). Deadlines are absolute, so that late timers do not reduce the
+  // throughput.
   const double bytes_per_s = baud_ / 10.0;
   const auto fits = static_cast<std::size_t>(
       std::max(1.0, bytes_per_s * std::chrono::duration<double>(chunk_time_).count()));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// UART of a board: sends at its rate, independent of the receiver.
+// UART of a radar board. It sends at its baud rate, even if the receiver does not read.
 #pragma once
 #include <chrono>
 #include <cstdint>
@@ -17,7 +17,7 @@ class Uart {
  public:
   using Receive = std::function<void(ByteView)>;
 
-  // Sends in chunks of `chunk_time`; the receiver gets a chunk at once.
+  // Bytes are delivered in chunks that take `chunk_time` to send.
   Uart(port::Loop& loop, unsigned baud, std::chrono::milliseconds chunk_time)
       : baud_(baud), chunk_time_(chunk_time), loop_(loop), timer_(loop) {}
   virtual ~Uart() = default;
@@ -26,9 +26,10 @@ class Uart {
 
   using OnSent = std::function<void(bool arrived)>;
 
-  // Queues the bytes; `sent` is called after the last byte.
+  // Queues bytes for sending. Calls `sent` after the last byte; `arrived` means that no byte was
+  // lost.
   void send(ByteView bytes, OnSent sent = {});
-  // Stops or restarts the line; queued bytes are kept.
+  // Stops sending if `still`, otherwise resumes it. Queued bytes are kept.
   void hold(bool still);
   bool idle() const { return queue_.empty(); }
   unsigned baud() const { return baud_; }
@@ -36,11 +37,12 @@ class Uart {
   virtual void close() { timer_.cancel(); }
 
   std::uint64_t sent() const { return sent_; }
-  // Number of bytes lost because they were not read before the host's buffers overflowed.
+  // Returns the number of bytes that were lost because the host did not read them before its buffer
+  // overflowed.
   std::uint64_t lost() const { return lost_; }
 
  private:
-  // Delivers bytes to the receiver; returns the number accepted.
+  // Delivers bytes to the receiver. Returns the number of accepted bytes.
   virtual std::size_t deliver(Bytes chunk) = 0;
   void begin();
   void pace();
@@ -53,7 +55,8 @@ class Uart {
   HostTime due_{};
   bool pacing_ = false, still_ = false;
   struct Waiting {
-    std::uint64_t begin, end;  // byte positions since the start
+    // Positions of the bytes in the stream since the UART was created: [begin, end).
+    std::uint64_t begin, end;
     OnSent sent;
     bool whole = true;
   };
@@ -61,14 +64,16 @@ class Uart {
   std::uint64_t sent_ = 0, lost_ = 0;
 };
 
-// Creates a UART at this rate, which calls `receive`. A radar board needs one per port.
+// Creates a UART with this baud rate. The UART calls `receive` with received bytes. A radar board
+// needs one UART per port.
 using MakeUart = std::function<std::unique_ptr<Uart>(unsigned baud, Uart::Receive receive)>;
 struct RadarBoardOptions {
   std::uint64_t seed = 1;
   FaultPlan plan{};
-  unsigned sdk = 5;                     // minor version: 5 is SDK 3.5
-  std::string board = "isk";            // isk, aop, ods
-  std::function<void(bool in)> plug{};  // unplugs both ports or plugs them in; called repeatedly
+  unsigned sdk = 5;           // minor version of the mmWave SDK 3.x: 5 for SDK 3.5
+  std::string board = "isk";  // TI board: isk, aop or ods
+  // Connects (`in`) or disconnects both ports. It is called repeatedly, even without a change.
+  std::function<void(bool in)> plug{};
 };
 std::unique_ptr<Device> make_radar_board(port::Loop& loop, ScenePlayer& player,
                                          const RadarBoardOptions& options, const MakeUart& make_cli,

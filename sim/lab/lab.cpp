@@ -32,13 +32,14 @@ using Json = nlohmann::ordered_json;
 
 constexpr char first_line[] = "# echofuse-sim lab";
 constexpr char module_name[] = "libechofuse_sim_depth.so";
-// Files of a laboratory in its directory; after it closes, only the lasting ones remain.
+// Files of a laboratory in its directory. Transient files are removed when the laboratory closes;
+// lasting files remain.
 const char* const transient[] = {"radar-cli",      "radar-data", "radar-cli.new",
                                  "radar-data.new", "depth.sock", "openni"};
 const char* const lasting[] = {"lab.toml", "radar.cfg", "sent.json"};
-constexpr char lock_name[] = "lab.lock";  // present while a laboratory runs
+constexpr char lock_name[] = "lab.lock";  // file that exists while a laboratory is running
 
-// Returns true for a file that a killed laboratory left incomplete.
+// Returns true for a partially written file of a laboratory that was killed.
 bool is_unfinished(const std::string& name) {
   return name.ends_with(".part") &&
          std::any_of(std::begin(lasting), std::end(lasting),
@@ -71,10 +72,11 @@ fs::path make_directory(const std::string& wanted) {
                                      std::to_string(sizeof(sockaddr_un::sun_path) - 1) +
                                      "); use a shorter --dir");
   if (!is_ours(dir))
-    throw Error(ExitCode::usage,
-                dir.string() +
-                    ": contains files that are not a laboratory's; expected an empty "
-                    "or a former laboratory's directory");
+    throw Error(
+        ExitCode::usage,
+        dir.string() +
+            ": contains files that do not belong to a laboratory; expected an empty directory "
+            "or that of an earlier laboratory");
   return dir;
 }
 
@@ -86,16 +88,18 @@ fs::path find_radar_cfg(const LabOptions& options) {
   return data_folder() / ("radar/" + name + ".cfg");
 }
 
-// OpenNI2 as found by the build.
+// Folder of the OpenNI2 library that the build found.
 const fs::path openni_folder = ECHOFUSE_OPENNI2_DIR;
 
-// OpenNI2 searches drivers next to its own library only, so a private copy of both is the only way
-// to add one without root. The module is copied, so that a rebuild does not change it during use.
+// Creates a private set of OpenNI2 library and drivers. OpenNI2 loads drivers only from a folder
+// next to its library, so a driver cannot be added to an installed OpenNI2 without root rights. The
+// driver module is copied, so that a rebuild does not change it during use.
 void make_openni(const fs::path& dir) {
   const fs::path drivers = dir / "openni/OpenNI2/Drivers";
   const fs::path library = openni_folder / "libOpenNI2.so.0";
   if (!fs::exists(library))
-    throw Error(ExitCode::failed, library.string() + ": the depth camera needs OpenNI2");
+    throw Error(ExitCode::failed,
+                library.string() + ": file not found; the simulated depth camera needs OpenNI2");
   fs::create_directories(drivers);
   fs::create_symlink(library, dir / "openni/libOpenNI2.so.0");
   fs::create_symlink(openni_folder / "OpenNI2/Drivers/libOniFile.so.0",
@@ -111,7 +115,7 @@ void make_openni(const fs::path& dir) {
 std::int64_t whole_ps(const char* key, double value) {
   if (value != std::floor(value))
     throw Error(ExitCode::config, std::string(key) + " = " + std::to_string(value) +
-                                      ": the daemon's histogram needs whole picoseconds");
+                                      ": the daemon accepts only whole picoseconds");
   return static_cast<std::int64_t>(value);
 }
 
@@ -135,7 +139,7 @@ std::string detector_lines(const Conditions& conditions) {
              : "\ndetector_dead_time_ps = " + Json(detector.dead_time_ps).dump();
 }
 
-// `label` is the label of the scene, if it never changes.
+// Returns the text of lab.toml. `label` is the label of the scene; empty if scenes change.
 std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string& tdc_address,
                      const std::string& label) {
   const record::MapGrid map = map_grid(o.conditions);
@@ -176,7 +180,8 @@ struct Lab::Impl {
         loop(l),
         player(loop, o.conditions, o.schedule) {
     if (!lock.held())
-      throw Error(ExitCode::usage, dir.string() + ": another laboratory is running here");
+      throw Error(ExitCode::usage,
+                  dir.string() + ": another laboratory is running in this directory");
     if (!o.faults.empty()) plan.faults = read_faults(read_config_text(o.faults), o.faults);
     if (!o.log.empty()) plan.sent_log = &sent_log.emplace(o.log);
   }
@@ -284,8 +289,8 @@ ExitCode serve_command(Lab& lab, const std::vector<std::string>& command, bool q
   if (talks)
     std::fprintf(
         stderr,
-        "laboratory open: lab.toml names its devices; running `%s` in it. Leave it (exit) to close "
-        "the laboratory\n",
+        "laboratory is open; the addresses of its devices are in lab.toml. Running `%s`; the "
+        "laboratory closes when it exits\n",
         command.front().c_str());
   int status = 0;
   bool told = false;
@@ -293,7 +298,7 @@ ExitCode serve_command(Lab& lab, const std::vector<std::string>& command, bool q
     if (interrupted() && !std::exchange(told, true)) ::kill(child, SIGTERM);
     return ::waitpid(child, &status, WNOHANG) != 0;
   });
-  if (talks) std::fputs("laboratory closed; its devices are gone\n", stderr);
+  if (talks) std::fputs("laboratory is closed\n", stderr);
   return static_cast<ExitCode>(WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status));
 }
 

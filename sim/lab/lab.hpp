@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
-// A laboratory has a time tagger, a radar and a depth camera that look at the same scenes. They are
-// reached as the real ones are. Its directory holds:
+// Simulated laboratory with a time tagger, a radar and a depth camera that observe the same scenes.
+// Programs use these devices like real ones. The directory of the laboratory contains:
 //
-//   lab.toml                 the daemon's configuration; written last: when it is there, all is
-//   radar-cli, radar-data    links to the radar's two serial ports
-//   radar.cfg                the chirp configuration that lab.toml names
-//   depth.sock               frames for the OpenNI2 driver module
-//   openni/                  a private OpenNI2 driver set, for LD_LIBRARY_PATH
-//   sent.json                at the end: what each device sent
+//   lab.toml                 configuration for the daemon; written last, when all devices are ready
+//   radar-cli, radar-data    symbolic links to the two serial ports of the radar
+//   radar.cfg                chirp configuration, used by lab.toml
+//   depth.sock               socket that sends frames to the OpenNI2 driver module
+//   openni/                  private OpenNI2 library and drivers, for LD_LIBRARY_PATH
+//   sent.json                number of items that each device sent; written at the end
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -25,12 +25,12 @@ namespace echofuse::sim {
 
 struct LabTagger {
   std::unique_ptr<Device> device;
-  std::string address;  // device key in lab.toml
-  // environment variables that a program needs to find the tagger
+  std::string address;  // value of tdc.address in lab.toml
+  // Environment variables that a program needs to find the tagger.
   std::vector<std::pair<std::string, std::string>> environment{};
 };
 
-// default window of TI's demos
+// Selects the Blackman window over the chirp, the default of TI's demos.
 inline Conditions with_firmware_window(Conditions c = {}) {
   c.radar_psf = "blackman";
   return c;
@@ -40,35 +40,38 @@ struct LabOptions {
   std::string dir = "lab";
   SceneSchedule schedule;
   Conditions conditions = with_firmware_window();
-  Tagging tagging{.laser_rate_hz = 4e6};  // in the brightest scenes fewer than 1 of 20 pulses give
-                                          // a detection
-  double window_s = 3;    // window of the daemon; signal and background counts are per window
-  std::string radar_cfg;  // empty: the paper's 50 cm profile
+  // At this laser rate fewer than 5 % of the pulses yield a detection, even in the brightest
+  // scenes.
+  Tagging tagging{.laser_rate_hz = 4e6};
+  double window_s = 3;    // slot length, s; signal and background counts are per slot
+  std::string radar_cfg;  // TI .cfg file; empty: the 50 cm profile of Lai et al. (2024)
   std::string radar_board = "isk";
-  std::string faults;  // fault file; empty: no faults
-  std::string log;     // log of sent data; empty: no log
-  // Creates a time tagger that replaces the one behind the bridge; it receives the faults.
+  std::string faults;  // TOML file of faults; empty: no faults
+  std::string log;     // log file of sent data; empty: no log
+  // If set, creates the time tagger instead of the default one with bridge protocol. Faults are
+  // passed to it.
   std::function<LabTagger(port::SystemLoop&, ScenePlayer&, const TdcOptions&)> make_tagger;
 };
 
 class Lab {
  public:
-  // Starts all devices. Stops the loop when destroyed. Throws Error: usage for a directory that is
-  // in use, or neither empty nor a former laboratory; failed or config for other errors.
+  // Starts all devices. The destructor removes links and sockets. Throws Error(usage) if the
+  // directory is in use or contains files that do not belong to a laboratory, and Error(failed),
+  // Error(config) or Error(disk) for other errors.
   Lab(port::SystemLoop& loop, const LabOptions& options);
   ~Lab();
   Lab(const Lab&) = delete;
   Lab& operator=(const Lab&) = delete;
 
-  // Returns the shell command that records from this laboratory.
+  // Returns a shell command that records data from this laboratory.
   std::string daemon_command() const;
   // Returns the environment variables that a program needs to use the devices.
   std::vector<std::pair<std::string, std::string>> environment() const;
-  // Serves until `done` returns true (called at least 50 times per second). Then stops all devices,
-  // removes links and sockets and writes sent.json.
+  // Runs the devices until `done` returns true; it is called at least 50 times per second. Then
+  // stops all devices, removes links and sockets, and writes sent.json.
   void serve(const std::function<bool()>& done);
-  // Returns the counts of sent items as a JSON object: device -> {name: count}, and "play" with the
-  // time zero.
+  // Returns a JSON object with the number of items that each device sent: {device: {name: count}}.
+  // Its key "play" contains the schedule of scenes and the host time of its start.
   std::string sent() const;
 
  private:
@@ -76,9 +79,10 @@ class Lab {
   std::unique_ptr<Impl> parts_;
 };
 
-// Serves while the command runs. The command has the laboratory's devices in its environment and
-// this program's folder on its path; it receives SIGTERM and the first SIGINT. Returns its exit
-// code, or 128 + N if signal N ended it. Throws Error(failed) if the command cannot be started.
+// Runs the devices while the command runs. The environment of the command gives access to the
+// devices, and its PATH includes the folder of this program. If this program is interrupted, the
+// command receives SIGTERM. Returns the exit code of the command, or 128 + N if signal N ended it.
+// Throws Error(failed) if the command cannot be started.
 ExitCode serve_command(Lab& lab, const std::vector<std::string>& command, bool quiet = false);
 
 }  // namespace echofuse::sim

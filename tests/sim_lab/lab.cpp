@@ -72,14 +72,14 @@ TEST_CASE("a laboratory folder in use, of another program, or with too long a pa
   SECTION("in use") {
     LabThread lab(options);
     CHECK_THAT(refusal(options, ExitCode::usage),
-               Catch::Contains("another laboratory is running here"));
+               Catch::Contains("another laboratory is running in this directory"));
     CHECK(fs::exists(options.dir + "/radar-cli"));
   }
   SECTION("folder of another program") {
     fs::create_directories(options.dir);
     std::ofstream(options.dir + "/thesis.tex") << "\\documentclass";
     CHECK_THAT(refusal(options, ExitCode::usage),
-               Catch::Contains("files that are not a laboratory's"));
+               Catch::Contains("files that do not belong to a laboratory"));
     CHECK(names_in(options.dir) == std::set<std::string>{"thesis.tex"});
   }
   SECTION("path too long") {
@@ -112,7 +112,8 @@ TEST_CASE("start-up errors of a laboratory name their cause and leave no open fi
   }
   SECTION("laser rate too high") {
     options.tagging.laser_rate_hz = 80e6;
-    CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("precedes the last bin"));
+    CHECK_THAT(refusal(options, ExitCode::config),
+               Catch::Contains("the next pulse is emitted before the end of the last bin"));
   }
   CHECK_FALSE(fs::exists(options.dir + "/radar-cli"));
   CHECK_FALSE(fs::exists(options.dir + "/depth.sock"));

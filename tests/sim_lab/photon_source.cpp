@@ -170,7 +170,8 @@ TEST_CASE("laser and tag rates beyond the limits are refused") {
     return "";
   };
   CHECK(refusal(1e6, 3).empty());
-  CHECK_THAT(refusal(80e6, 3), Catch::Contains("precedes the last bin"));
+  CHECK_THAT(refusal(80e6, 3),
+             Catch::Contains("the next pulse is emitted before the end of the last bin"));
   CHECK_THAT(refusal(10, 3), Catch::Contains("at least 250 Hz"));
   c.signal_photons = 1e9;
   CHECK_THAT(refusal(1e6, 3), Catch::Contains("at most 5 million"));

@@ -55,7 +55,7 @@ recon --threads many train x --out m | 2 | --threads
 sim dataset --out seen.sqlite --records 4 | 1 | seen.sqlite: exists
 sim dataset --out x --records 4 --people 1 | 2 | --records 4 differs from 1, the sum of the other record counts
 sim lab --scene preson | 2 | --scene: preson not in {person,letter,mixed,
-sim lab --dir . | 2 | contains files that are not a laboratory's
+sim lab --dir . | 2 | contains files that do not belong to a laboratory
 sim lab --dir new --hold 3s | 2 | --hold
 acquire run --model nomodel | 2 | --model requires --view
 acquire run --view --model nomodel | 2 | --model nomodel: no such file
