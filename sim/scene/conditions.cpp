@@ -14,52 +14,59 @@ namespace {
 
 void bind_scene(Settings& s, Conditions& c) {
   s.add("window_s", c.window_s, 0.01, 3600,
-        "length of a record; photons and frames are per record");
-  s.add("baseline_m", c.baseline_m, 0, 10, "radar position is (-baseline, 0, 0)");
+        "record length; photon counts and radar frames are per record");
+  s.add("baseline_m", c.baseline_m, 0, 10,
+        "distance of the radar from the detector; the radar is at x = -baseline_m");
   s.add("reflector_before", c.reflector_before,
-        "calibration reflector at 1 m: in front of the detector or of each sensor, or "
-        "baseline_m left or right of the detector",
+        "position of the calibration reflector at z = 1 m: in front of the detector, in front "
+        "of each sensor, or baseline_m to the left or right of the detector",
         {"detector", "each", "left", "right"});
   s.add("half_tangent", c.half_tangent, 0.05, 1,
-        "tangent of half the field of view of SPD and depth camera");
+        "tangent of half the field of view of detector and depth camera");
   s.add("camera_height_m", c.camera_height_m, 0, 3, "height of the sensors above the floor");
-  s.add("target_x_m", c.target_x_m, 0, 5, "largest |x| of people");
-  s.add("target_z_min_m", c.target_z_min_m, 1.2, 20, "smallest distance of people");
-  s.add("target_z_max_m", c.target_z_max_m, 1.2, 20, "largest distance of people");
+  s.add("target_x_m", c.target_x_m, 0, 5, "largest |x| of people and objects");
+  s.add("target_z_min_m", c.target_z_min_m, 1.2, 20, "smallest distance of people and objects");
+  s.add("target_z_max_m", c.target_z_max_m, 1.2, 20, "largest distance of people and objects");
   s.add("target_scale", c.target_scale, 0.1, 3, "scale factor of people and letters");
-  s.add("person_yaw_deg", c.person_yaw_deg, 0, 180, "largest yaw of people");
-  s.add("letter_yaw_deg", c.letter_yaw_deg, 0, 80, "largest yaw of letters");
+  s.add("person_yaw_deg", c.person_yaw_deg, 0, 180, "largest |yaw| of people");
+  s.add("letter_yaw_deg", c.letter_yaw_deg, 0, 80,
+        "largest |yaw| of letters, relative to the direction towards the sensors");
   s.add("object", c.object, "OBJ file of the mesh in object scenes");
   s.add("object_scale", c.object_scale, 1e-6, 1e6, "metres per unit of the mesh");
-  s.add("object_up", c.object_up, "axis of the mesh that points up; -y: camera frame",
+  s.add("object_up", c.object_up,
+        "axis of the mesh that points up; -y: y points down, as in camera coordinates",
         {"y", "z", "-y"});
   s.add("background", c.background, "room behind the people", room_names());
   s.add("multipath_order", c.multipath_order, 0, 2,
-        "largest number of reflections by walls, floor and ceiling on a path");
+        "largest number of reflections at walls, floor and ceiling per path");
 }
 
 void bind_people(Settings& s, Conditions& c) {
-  s.add("height_min_m", c.height_min_m, 0.5, 2.5, "shortest person");
-  s.add("height_max_m", c.height_max_m, 0.5, 2.5, "tallest person");
+  s.add("height_min_m", c.height_min_m, 0.5, 2.5, "height of the shortest person");
+  s.add("height_max_m", c.height_max_m, 0.5, 2.5, "height of the tallest person");
   s.add("girth", c.girth, 0.3, 3, "trunk width, relative to the base body");
   s.add("shoulder_width", c.shoulder_width, 0.3, 3, "shoulder width, relative to the base body");
   s.add("limb_width", c.limb_width, 0.3, 3, "width of arms and legs, relative to the base body");
   s.add("leg_length", c.leg_length, 0.7, 1.4,
-        "leg length, relative to the base body; total height is kept");
-  s.add("body_spread", c.body_spread, 0, 0.5, "relative variation of these four between people");
-  s.add("pose_spread", c.pose_spread, 0, 1.5, "range of joint angles, relative to the base pose");
+        "leg length, relative to the base body; the total height does not change");
+  s.add("body_spread", c.body_spread, 0, 0.5,
+        "relative variation of girth, shoulder_width and limb_width between people; leg_length "
+        "varies by a quarter of it");
+  s.add("pose_spread", c.pose_spread, 0, 1.5,
+        "width of the ranges of joint angles, relative to the default");
   s.add("albedo_min", c.albedo_min, 0, 1, "albedo of the darkest clothes");
   s.add("albedo_max", c.albedo_max, 0, 1, "albedo of the brightest clothes");
   s.add("albedo_contrast", c.albedo_contrast, 0, 3,
-        "albedos of top, trousers, shoes and skin vary by exp(+-contrast)");
+        "albedos of top, trousers, shoes and skin vary by factors exp(+-albedo_contrast)");
 }
 
 void bind_letters(Settings& s, Conditions& c) {
   s.add("letter_albedo", c.letter_albedo, 0, 1, "albedo of letters");
   s.add("letter_scale", c.letter_scale, 0.2, 3, "scale factor of letters");
-  s.add("letter_reach", c.letter_reach, 0.3, 1.5, "distance from the chest, relative to the base");
-  s.add("letter_lift_m", c.letter_lift_m, -1, 1, "height added to the base position");
-  s.add("letter_tilt_deg", c.letter_tilt_deg, 0, 80, "largest tilt forward or back");
+  s.add("letter_reach", c.letter_reach, 0.3, 1.5,
+        "distance of letters from the chest, relative to the default");
+  s.add("letter_lift_m", c.letter_lift_m, -1, 1, "height added to the default height of letters");
+  s.add("letter_tilt_deg", c.letter_tilt_deg, 0, 80, "largest tilt of letters, forward or back");
 }
 
 void bind_reflectivity(Settings& s, Conditions& c) {
@@ -70,78 +77,90 @@ void bind_reflectivity(Settings& s, Conditions& c) {
   s.add("radar_plate", c.radar_plate, 0, 100,
         "radar reflectivity of letters, relative to the optical albedo");
   s.add("radar_follows_albedo", c.radar_follows_albedo, 0, 1,
-        "share of the clothes' albedo differences that affects the radar");
+        "fraction of the albedo variation of clothes and skin that affects the radar");
   s.add("radar_lobe", c.radar_lobe, 0, 20,
-        "exponent n: echo ~ cos^n of the angle of incidence; 1: Lambert");
-  s.add("radar_plate_lobe", c.radar_plate_lobe, 0, 20, "exponent n for letters");
-  s.add("optical_lobe", c.optical_lobe, 0, 20, "exponent n of people and letters for light");
+        "exponent n of the radar echo of people, cos^n of the angle of incidence; 1: Lambert");
+  s.add("radar_plate_lobe", c.radar_plate_lobe, 0, 20,
+        "exponent n of the radar echo of letters and objects; 1: Lambert");
+  s.add("optical_lobe", c.optical_lobe, 0, 20,
+        "exponent n of the light returned by people, letters and objects; 1: Lambert");
 }
 
 void bind_spd(Settings& s, Conditions& c) {
   s.add("spd_rays", c.spd_rays, 0, 2048,
-        "rays across the field of view, at least 16; 0: chosen from signal_photons");
-  s.add("spd_zones", c.spd_zones, 1, 8, "zones of the detector in x and in y: 1, 3, 4 or 8");
-  s.add("irf_fwhm_ps", c.irf_fwhm_ps, 0.1, 100'000, "width of the Gaussian impulse response");
+        "number of rays across the field of view, at least 16; 0: derived from signal_photons");
+  s.add("spd_zones", c.spd_zones, 1, 8, "number of detector zones in x and in y: 1, 3, 4 or 8");
+  s.add("irf_fwhm_ps", c.irf_fwhm_ps, 0.1, 100'000,
+        "full width at half maximum of the Gaussian impulse response");
   s.add("irf_tail_ps", c.irf_tail_ps, 0, 100'000,
         "time constant of the exponential tail; 0: no tail");
-  s.add("irf_tail_share", c.irf_tail_share, 0, 1, "share of photons in the tail");
-  s.add("bin_width_ps", c.bin_width_ps, 1, 100'000, "bin width of the SPD histogram");
+  s.add("irf_tail_share", c.irf_tail_share, 0, 1, "fraction of photons in the tail");
+  s.add("bin_width_ps", c.bin_width_ps, 1, 100'000, "bin width of the detector histogram");
   s.add("first_bin_ps", c.first_bin_ps, 0, 1e6, "two-way time at the start of bin 0");
-  s.add("bins", c.bins, 1, 65'536, "bins of the SPD histogram");
-  s.add("signal_photons", c.signal_photons, 0, 1e9, "detections per record for the mean scene");
+  s.add("bins", c.bins, 1, 65'536, "number of bins of the detector histogram");
+  s.add("signal_photons", c.signal_photons, 0, 1e9,
+        "signal detections per record for the mean scene");
   s.add("background_counts", c.background_counts, 0, 1e9, "ambient and dark counts per record");
   s.add("spd_delay_ps", c.spd_delay_ps, -1e6, 1e6,
-        "two-way delay of cables and electronics; not in the run file");
+        "two-way delay of cables and electronics; not stored in the run file");
   s.add("pulses_per_window", c.pulses_per_window, 0, 1'000'000'000'000,
-        "laser pulses per record, for pile-up (first photon per pulse); 0: no pile-up");
+        "laser pulses per record; only the first photon of a pulse is detected (pile-up); "
+        "0: no pile-up");
   s.add("spd_dead_time_ps", c.spd_dead_time_ps, 0, 1e9,
-        "dead time of a free-running detector; 0: one photon per pulse");
+        "dead time of a free-running detector; 0: one photon per pulse is detected");
   s.add("spd_detector_stated", c.spd_detector_stated,
-        "state the detector's pile-up in the run file");
+        "store the dead time or first-photon mode of the detector in the run file");
   s.add("spd_falloff", c.spd_falloff, 0, 10,
-        "signal is exp(-falloff) at the edges of the field of view");
+        "signal at the edges of the field of view is multiplied by exp(-spd_falloff)");
   s.add("spd_field", c.spd_field, 0.1, 3,
         "field of view of the detector, relative to half_tangent");
-  s.add("spd_yaw_deg", c.spd_yaw_deg, -30, 30, "detector yaw towards +x; not in the run file");
-  s.add("slot_sway_m", c.slot_sway_m, 0, 1, "rms range motion of people within a record");
+  s.add("spd_yaw_deg", c.spd_yaw_deg, -30, 30,
+        "detector yaw towards +x; not stored in the run file");
+  s.add("slot_sway_m", c.slot_sway_m, 0, 1, "rms change of the range of people within a record");
 }
 
 void bind_radar(Settings& s, Conditions& c) {
-  s.add("radar_rays", c.radar_rays, 16, 2048, "rays across the field of view");
+  s.add("radar_rays", c.radar_rays, 16, 2048, "number of rays across the field of view");
   s.add("radar_resolution_m", c.radar_resolution_m, 0.001, 10, "range resolution, c / 2B");
   s.add("radar_step_m", c.radar_step_m, 0.001, 10, "distance between range points");
-  s.add("radar_bins", c.radar_bins, 1, 65'536, "range points");
-  s.add("radar_snr_db", c.radar_snr_db, -40, 200, "SNR at the peak of the mean scene");
-  s.add("radar_bias_m", c.radar_bias_m, -10, 10, "bias added to ranges; not in the run file");
+  s.add("radar_bins", c.radar_bins, 1, 65'536, "number of range points");
+  s.add("radar_snr_db", c.radar_snr_db, -40, 200,
+        "peak of the mean scene / rms noise of a profile averaged over 60 frames");
+  s.add("radar_bias_m", c.radar_bias_m, -10, 10,
+        "bias added to ranges; not stored in the run file");
   s.add("radar_psf", c.radar_psf,
-        "window over the sweep, which gives the range response; sinc: no window",
+        "window over the sweep, which determines the range response; sinc: no window",
         {"sinc", "hann", "hamming", "blackman"});
   s.add("radar_taper", c.radar_taper, 0, 1,
-        "window between none (near 0) and Blackman (1); 0: use radar_psf");
-  s.add(
-      "radar_taps", c.radar_taps,
-      "power of the range response at 0, 1/4, 2/4 ... cells, starting with 1; replaces the window");
+        "window over the sweep, from almost none (near 0) to Blackman (1); 0: use radar_psf");
+  s.add("radar_taps", c.radar_taps,
+        "power of the range response at 0, 1/4, 2/4 ... resolution cells, starting with 1; "
+        "replaces the window");
   s.add("radar_flanks", c.radar_flanks,
-        "like radar_taps, but over both flanks of an asymmetric response; ranges refer to its best "
-        "symmetric fit");
-  s.add("radar_sum", c.radar_sum, "sum of scatterers", {"incoherent", "coherent"});
+        "power of an asymmetric range response every 1/4 cell, over both flanks; range zero is "
+        "the centre of its best symmetric fit");
+  s.add("radar_sum", c.radar_sum,
+        "addition of echoes: powers (incoherent) or amplitudes (coherent)",
+        {"incoherent", "coherent"});
   s.add("radar_leakage", c.radar_leakage, 0, 1e6,
         "power of the transmitter leakage at range 0, relative to the mean scene");
   s.add("radar_wall_reflectivity", c.radar_wall_reflectivity, 0, 1,
-        "specular power reflectivity of walls, for multipath_order");
+        "specular power reflectivity of walls, used if multipath_order > 0");
   s.add("radar_wall_scatter", c.radar_wall_scatter, 0, 1,
-        "diffuse reflectivity of walls and furniture, relative to the optical albedo");
+        "diffuse radar reflectivity of walls and furniture, relative to the optical albedo");
   s.add("baseline_error_m", c.baseline_error_m, -1, 1, "true baseline minus baseline_m");
   s.add("radar_falloff", c.radar_falloff, 0, 10,
-        "echo is exp(-falloff) at the edges of the field of view");
-  s.add("radar_yaw_deg", c.radar_yaw_deg, -45, 45, "radar yaw towards +x; not in the run file");
+        "echo at the edges of the field of view is multiplied by exp(-radar_falloff)");
+  s.add("radar_yaw_deg", c.radar_yaw_deg, -45, 45,
+        "radar yaw towards +x; not stored in the run file");
   s.add("radar_psf_width", c.radar_psf_width, 0.3, 3,
-        "true width of the range response, relative to the stated one");
+        "true width of the range response, relative to the width in the run file");
 }
 
 void bind_array(Settings& s, Conditions& c) {
   s.add("radar_antennas", c.radar_antennas, 0, 12,
-        "virtual antennas: 1 to 8 in a row, 12 in a plane; 0: one, without an array in the run");
+        "number of virtual antennas: 1 to 8 in a row, 12 in a plane; 0: one antenna, and the "
+        "run file contains no antenna data");
   s.add("radar_frames", c.radar_frames, 1, 10'000,
         "radar frames per record; must exceed radar_antennas");
   s.add("radar_phase_error_rad", c.radar_phase_error_rad, 0, 10, "rms phase error of the antennas");
@@ -151,23 +170,25 @@ void bind_array(Settings& s, Conditions& c) {
   s.add("radar_sway_m", c.radar_sway_m, 0, 1, "rms sway of a standing person's head, per axis");
   s.add("radar_twist_deg", c.radar_twist_deg, 0, 90,
         "rms rotation of a person about the vertical axis");
-  s.add("radar_breath_m", c.radar_breath_m, 0, 0.1, "amplitude of the chest motion by breathing");
+  s.add("radar_breath_m", c.radar_breath_m, 0, 0.1,
+        "amplitude of the breathing motion of the chest");
 }
 
 void bind_depth(Settings& s, Conditions& c) {
   s.add("map_size", c.map_size, record::least_map_size, record::most_map_size,
         "pixels per side of the depth maps");
   s.add("map_half_tangent", c.map_half_tangent, 0, record::most_map_half_tangent,
-        "x/z and y/z at the edges of the depth maps; 0: half_tangent");
+        "x/z and y/z at the edges of the depth maps; 0: same as half_tangent");
   s.add("map_z_max_m", c.map_z_max_m, record::least_map_far_m, record::most_map_far_m,
-        "largest depth of the maps; farther points are no return");
+        "largest depth of the maps; farther points count as no return");
   s.add("depth_noise_m", c.depth_noise_m, 0, 1,
-        "noise sigma at 1 m; grows with the square of the distance");
-  s.add("depth_dropout", c.depth_dropout, 0, 1, "share of edge pixels without a return");
+        "rms depth noise at 1 m; proportional to the square of the depth");
+  s.add("depth_dropout", c.depth_dropout, 0, 1, "fraction of edge pixels without a return");
   s.add("depth_offset_m", c.depth_offset_m, -1, 1, "bias added to the depth");
 }
 
-// Returns the amplitudes of radar_flanks; empty unless the text has 5 to 128 powers with maximum 1.
+// Returns the amplitudes (square roots) of the powers in radar_flanks. Returns nothing unless the
+// text has 5 to 128 powers with maximum 1.
 std::vector<double> flanks_of(const std::string& text) {
   constexpr std::size_t least = 5, most = 2 * record::RadarResponse::most_taps;
   std::vector<double> out;
@@ -238,7 +259,8 @@ void validate(const Conditions& c) {
                 "spd_zones is " + std::to_string(c.spd_zones) + "; expected 1, 3, 4 or 8");
   if (c.spd_zones > 1 && c.multipath_order > 0)
     throw Error(ExitCode::config,
-                "spd_zones > 1 with multipath_order > 0: light by walls has no direction");
+                "spd_zones > 1 cannot be combined with multipath_order > 0, because the simulated "
+                "light from walls has no direction");
   if (c.spd_dead_time_ps > 0 && c.pulses_per_window == 0)
     throw Error(ExitCode::config, "spd_dead_time_ps needs pulses_per_window > 0");
   if (c.map_half_tangent > 0 && c.map_half_tangent < record::least_map_half_tangent)

@@ -8,7 +8,8 @@
 namespace echofuse::sim {
 namespace {
 
-// Below this mean, counting events one by one is as fast, and the rejection methods are not valid.
+// Below this mean, events are counted one by one. This is equally fast, and the rejection methods
+// are not valid here.
 constexpr double few = 10;
 
 double log_factorial(double k) {
@@ -16,7 +17,7 @@ double log_factorial(double k) {
   return ::lgamma_r(k + 1, &sign);
 }
 
-// Counts by adding waiting times between events until they exceed the mean.
+// Returns the number of events before the sum of exponential waiting times exceeds the mean.
 std::int64_t count_poisson(double mean, Rng& rng) {
   const double limit = std::exp(-mean);
   std::int64_t k = 0;
@@ -24,7 +25,7 @@ std::int64_t count_poisson(double mean, Rng& rng) {
   return k;
 }
 
-// Counts by adding geometric gaps between successes until they exceed n.
+// Returns the number of successes before the sum of the geometric gaps between them exceeds n.
 std::int64_t count_binomial(std::int64_t n, double p, Rng& rng) {
   const double scale = 1 / std::log1p(-p);
   std::int64_t k = 0;
@@ -34,7 +35,8 @@ std::int64_t count_binomial(std::int64_t n, double p, Rng& rng) {
   }
 }
 
-// One pair of uniforms of the transformed rejection, with hat parameters a and b.
+// Candidate k of the transformed rejection, from two uniform random numbers and the hat parameters
+// a and b.
 struct Proposal {
   double us, v, k;
   Proposal(double a, double b, double centre, Rng& rng) {

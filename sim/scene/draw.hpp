@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Random numbers for photon counts. The distributions of the standard library call lgamma, a data
-// race because of its global sign, and differ between libraries.
+// Random numbers for photon counts. Standard library distributions give different numbers in
+// different implementations. They also call lgamma, which is a data race because it writes a global
+// sign.
 #pragma once
 #include <cstdint>
 
@@ -8,14 +9,15 @@
 
 namespace echofuse::sim {
 
-// Returns a number in [low, high) with 53 random bits.
+// Returns a uniform random number in [low, high) with 53 random bits.
 double uniform(Rng& rng, double low, double high);
 
-// Poisson number by PTRS of Hormann, "The transformed rejection method for generating Poisson
-// random variables" (1993).
+// Returns a Poisson-distributed number by the method PTRS of Hormann, "The transformed rejection
+// method for generating Poisson random variables" (1993).
 std::int64_t poisson(double mean, Rng& rng);
 
-// Binomial number by BTRS of Hormann, "The generation of binomial random variates" (1993).
+// Returns a binomially distributed number by the method BTRS of Hormann, "The generation of
+// binomial random variates" (1993).
 std::int64_t binomial(std::int64_t n, double p, Rng& rng);
 
 }  // namespace echofuse::sim

@@ -17,7 +17,7 @@ namespace echofuse::sim {
 namespace {
 
 constexpr std::size_t most_triangles = 1'000'000;
-constexpr double farthest = 1e6;  // largest valid coordinate
+constexpr double farthest = 1e6;  // largest absolute coordinate, in units of the mesh
 
 // Splits a text into words, line by line.
 class WordReader {
@@ -32,7 +32,7 @@ class WordReader {
     ++line_;
     return true;
   }
-  // Returns the next word, empty at the end of the line.
+  // Returns the next word of the line; empty at the end of the line.
   std::string_view word() {
     const std::size_t begin = std::min(rest_.find_first_not_of(" \t\r"), rest_.size());
     const std::size_t end = std::min(rest_.find_first_of(" \t\r", begin), rest_.size());
@@ -50,7 +50,7 @@ class WordReader {
   }
   double coordinate(std::string_view word) const {
     const auto value = number<double>(word, "a coordinate");
-    if (!(std::abs(value) <= farthest)) fail(word, "a coordinate of at most 1e6");
+    if (!(std::abs(value) <= farthest)) fail(word, "a coordinate from -1e6 to 1e6");
     return value;
   }
   [[noreturn]] void fail(std::string_view found, const std::string& expected) const {
@@ -65,7 +65,7 @@ class WordReader {
   std::size_t at_ = 0, line_ = 0;
 };
 
-// Adds a polygon as a triangle fan.
+// Adds a polygon as a triangle fan. Leaves out triangles of zero area.
 void add_polygon(Mesh& mesh, const std::vector<std::uint32_t>& corners) {
   for (std::size_t i = 2; i < corners.size(); ++i) {
     const Vec3 a = mesh.points[corners[0]], b = mesh.points[corners[i - 1]],
@@ -78,13 +78,14 @@ void add_polygon(Mesh& mesh, const std::vector<std::uint32_t>& corners) {
 void check_size(const Mesh& mesh, const std::string& name) {
   if (mesh.triangles.empty())
     throw Error(ExitCode::config,
-                name + ": no triangles; expected a Wavefront OBJ file with faces");
+                name + ": contains no triangles; expected a Wavefront OBJ file with faces");
   if (mesh.triangles.size() > most_triangles)
     throw Error(ExitCode::config, name + ": " + std::to_string(mesh.triangles.size()) +
                                       " triangles; expected at most a million");
 }
 
-// Indices count from 1, or backwards from -1.
+// Returns the index of a vertex, from 0. Indices in the file count from 1 or, if negative,
+// backwards from the last vertex.
 std::uint32_t obj_corner(const WordReader& text, std::string_view word, std::size_t points) {
   const auto index = text.number<std::int64_t>(word.substr(0, word.find('/')), "a vertex index");
   const auto count = static_cast<std::int64_t>(points);
@@ -106,7 +107,7 @@ Mesh read_obj(std::string_view content, const std::string& name) {
       corners.clear();
       for (auto word = text.word(); !word.empty(); word = text.word())
         corners.push_back(obj_corner(text, word, mesh.points.size()));
-      if (corners.size() < 3) text.fail(key, "at least three corners of a face");
+      if (corners.size() < 3) text.fail(key, "a face with at least three vertices");
       add_polygon(mesh, corners);
     }
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Triangle meshes of a laboratory's own objects, read from files.
+// Triangle meshes of objects that users provide as files.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -12,14 +12,16 @@ namespace echofuse::sim {
 
 struct Mesh {
   std::vector<Vec3> points;
-  std::vector<std::array<std::uint32_t, 3>> triangles;  // without triangles of zero area
+  // vertex indices, from 0; no triangle has zero area
+  std::vector<std::array<std::uint32_t, 3>> triangles;
 };
 
-// Reads Wavefront OBJ: v and f; polygons become triangle fans, other lines are ignored. `name` is
-// used in messages. Throws Error(config) with one line: NAME:line, found and expected text.
+// Reads a mesh in Wavefront OBJ format. Reads vertices (v) and faces (f), splits polygons into
+// triangle fans, and ignores other lines. `name` is used in messages. Throws Error(config) with
+// NAME:line, the text found and the text expected.
 Mesh read_mesh(const std::string& text, const std::string& name);
 
-// Reads the mesh of a file once. Threading: any thread.
+// Returns the mesh in a file. The file is read only at the first call. Threading: any thread.
 const Mesh& mesh_of(const std::string& path);
 
 }  // namespace echofuse::sim

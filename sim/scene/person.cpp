@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Segment lengths are fractions of the body height by Drillis & Contini 1966, as tabulated by
-// Winter, Biomechanics and Motor Control of Human Movement. Radii are chosen by eye.
+// Segment lengths are fractions of the body height from Drillis and Contini (1966), as tabulated by
+// Winter, Biomechanics and Motor Control of Human Movement. Radii are estimates.
 #include "sim/scene/person.hpp"
 
 #include <algorithm>
@@ -20,18 +20,20 @@ constexpr double shoulder_half_width = 0.115, hip_half_width = 0.055;
 
 double radians(double degrees) { return degrees * std::numbers::pi / 180; }
 
-// Returns a limb's direction: hanging down, then swung forward, then spread to its side (+-1).
+// Returns the direction of a limb that hangs down, is swung forward by swing_deg, and is then
+// spread to its side by spread_deg. `side` is -1 or 1.
 Vec3 limb(double side, double swing_deg, double spread_deg) {
   const double swing = radians(swing_deg), spread = radians(spread_deg);
   return {side * std::sin(spread), -std::cos(spread) * std::cos(swing),
           std::cos(spread) * std::sin(swing)};
 }
 
-// Returns a random factor in 1 +- `by`. Draws no random number if `by` is 0.
+// Returns a random factor from 1 - by to 1 + by. If `by` is 0, no random number is drawn.
 double varied(double by, Rng& rng) { return by > 0 ? 1 + uniform(rng, -by, by) : 1; }
 double varied_log(double by, Rng& rng) { return by > 0 ? std::exp(uniform(rng, -by, by)) : 1; }
 
-// Returns a joint angle in degrees.
+// Returns a random joint angle, degrees. pose_spread scales the range from low to high about its
+// middle.
 double pose(double low, double high, const Conditions& c, Rng& rng) {
   const double middle = (low + high) / 2, half = c.pose_spread * (high - low) / 2;
   return uniform(rng, middle - half, middle + half);
@@ -48,10 +50,11 @@ Leg random_leg(double side, double length, const Conditions& c, Rng& rng) {
   return {hip, knee, knee + length * shin * limb(side, swing - bend, spread)};
 }
 
-// Factors on the sizes of the base body.
+// Size factors relative to the base body.
 struct Build {
   double girth, shoulders, limbs, legs;
-  // Factor on the part above the hip; larger for shorter legs, so that the height is kept.
+  // Factor of lengths above the hip. It is larger for shorter legs, so that the total height does
+  // not change.
   double trunk() const { return 1 - (legs - 1) * hip_height / (1 - hip_height); }
 };
 Build random_build(const Conditions& c, Rng& rng) {
@@ -60,7 +63,7 @@ Build random_build(const Conditions& c, Rng& rng) {
           c.limb_width * varied(by, rng), c.leg_length * varied(by / 4, rng)};
 }
 
-// Reflectivity for light and for the radar.
+// Reflectivity of a surface for light and for the radar.
 struct Surface {
   double albedo, radar;
 };
@@ -70,14 +73,14 @@ struct Clothes {
 Clothes random_clothes(const Conditions& c, double albedo, Rng& rng) {
   const auto part = [&](double radar) {
     const double own = std::min(1.0, albedo * varied_log(c.albedo_contrast, rng));
-    constexpr double middle = 0.5;  // middle of the base albedos
+    constexpr double middle = 0.5;  // middle of the default albedo range
     return Surface{own, radar * (middle + c.radar_follows_albedo * (own - middle))};
   };
   return {part(c.radar_cloth), part(c.radar_cloth), part(c.radar_cloth), part(c.radar_skin)};
 }
 
-// Builds one body. Local coordinates are in body heights: x to the image's right if it faces -z, y
-// up from the floor, z to its front.
+// Builds one body. Local coordinates are in units of the body height. y points up from the floor
+// and z to the front of the body. x points to the right of the image if the body faces the sensors.
 class BodyBuilder {
  public:
   BodyBuilder(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng)
@@ -114,7 +117,7 @@ class BodyBuilder {
     scene_.capsules.push_back(
         {world(a), world(b), height_m_ * radius, surface.albedo, surface.radar});
   }
-  // Puts the lower foot on the floor.
+  // Adds both legs. They are shifted vertically so that the lower foot is on the floor.
   void add_legs(Rng& rng) {
     const std::array<Leg, 2> legs{random_leg(-1, build_.legs, conditions_, rng),
                                   random_leg(1, build_.legs, conditions_, rng)};
@@ -155,7 +158,8 @@ class BodyBuilder {
   Vec3 ground_, right_, front_, hip_, trunk_;
 };
 
-// The plate has separate axes, because it leans forward or back.
+// Returns the plate of a letter, without its position. It has its own axes, because it may be
+// tilted forward or back.
 Plate held_plate(const Conditions& c, const BodyBuilder& body, Rng& rng) {
   const double most_deg = c.letter_tilt_deg;
   const double lean = most_deg > 0 ? radians(uniform(rng, -most_deg, most_deg)) : 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// People as 16 capsules, alone or with a letter.
+// Adds people to a scene. A person consists of 16 capsules and may hold a letter.
 #pragma once
 #include <cstdint>
 
@@ -8,19 +8,21 @@
 
 namespace echofuse::sim {
 
-// Place and direction of a person: yaw 0 faces -z (the sensors), positive yaw turns to +x.
+// Position and direction of a person. At yaw 0 the person faces the sensors (-z); positive yaw
+// turns towards +x.
 struct Stand {
   double x_m = 0, z_m = 0, yaw_rad = 0;
 };
 
 inline constexpr std::int32_t capsules_of_person = 16;
 
-// Adds a person with height, build, clothes and reflectivity from the conditions, and a random
-// pose.
+// Adds a person with a random pose. The conditions contain the ranges of height, build, clothes and
+// reflectivity.
 void add_person(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng);
 
-// Adds a person who holds a flat letter in both hands at arm's length, facing the same direction.
-// The size is one of acquire/measurement/letter.hpp times letter_scale. Returns the letter.
+// Adds a person who holds a flat letter in both hands at arm's length. The letter faces in the
+// direction of the person. Letter and size are random (acquire/measurement/letter.hpp), and the
+// size is multiplied by letter_scale and target_scale. Returns the letter.
 char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng);
 
 }  // namespace echofuse::sim

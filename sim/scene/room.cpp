@@ -13,14 +13,15 @@ Plate rectangle(Vec3 centre, Vec3 u, Vec3 v, double width_m, double height_m, do
   return {centre, u, v, {{-width_m / 2, 0, width_m / 2, 0, height_m}}, albedo};
 }
 
-// Upright wall from (x0, z0) to (x1, z1), high enough to fill the field of view vertically.
+// Returns an upright wall from (x0, z0) to (x1, z1). Its height of 7 m exceeds the vertical field
+// of view.
 Plate wall(double x0, double z0, double x1, double z1, double albedo) {
   const Vec3 from{x0, 0, z0}, to{x1, 0, z1};
   const double width = length(to - from);
   return rectangle(0.5 * (from + to), (1 / width) * (to - from), up, width, 7, albedo);
 }
 
-// Returns two side walls, floor and ceiling, all of the same length.
+// Returns two side walls, floor and ceiling, which extend from z = 0 to length_m.
 std::vector<Plate> tube(double left_x, double right_x, double length_m) {
   const Vec3 right{1, 0, 0}, away{0, 0, 1};
   const double middle_x = (left_x + right_x) / 2, middle_y = (floor_y_m + ceiling_y_m) / 2;
@@ -31,7 +32,8 @@ std::vector<Plate> tube(double left_x, double right_x, double length_m) {
           rectangle({middle_x, ceiling_y_m, z}, right, away, width, length_m, 0.8)};
 }
 
-// Adds a box on the floor with the faces visible from the front: front, both sides, top.
+// Adds the faces of a box on the floor that are visible from the sensors: the front, both sides and
+// the top.
 void add_box(std::vector<Plate>& plates, double x, double front_z, double width, double height,
              double depth, double albedo) {
   const Vec3 right{1, 0, 0}, away{0, 0, 1};
@@ -63,12 +65,12 @@ std::vector<Room> build() {
   moved[0].x = -0.9, moved[1].x = -1.9, moved[2].x = 1.35, moved[3].x = 0.45;
   moved[3].front_z = 4.85;
   with_somebody.push_back({-2.15, 4.3, 0.45, 1.75, 0.25, 0.45});
-  // The door is 0.9 m wide and as high as the visible wall.
+  // The door opening is 0.9 m wide. It is as high as the wall, so its upper edge is not visible.
   const std::vector<Plate> open{left, wall(-0.3, 5.225, 1.1, 5.341, 0.7),
                                 wall(2.0, 5.415, 3.4, 5.531, 0.7), wall(0.6, 6.3, 2.6, 6.4, 0.5)};
   const std::vector<Plate> other{wall(-3.4, 5.45, -0.2, 5.2, 0.3),
                                  wall(-0.4, 5.05, 3.2, 4.75, 0.8)};
-  // End walls of the room between the side walls.
+  // The end walls are the parts of the walls of "room" between the side walls.
   std::vector<Plate> closed = tube(-2.2, 2.9, 5.6);
   closed.push_back(wall(-2.2, 4.746, 0.1, 5.01, 0.5));
   closed.push_back(wall(-0.3, 5.225, 2.9, 5.490, 0.7));

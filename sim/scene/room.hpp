@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Static rooms behind the people. One is the fixed background of the single-sensor baseline (Turpin
-// et al., Optica 7, 900, 2020); the others test a model in a new room.
+// Static rooms behind the people. The first room is the fixed background of the single-sensor
+// baseline (Turpin et al., Optica 7, 900, 2020). The others are used to test a model in an unknown
+// room.
 #pragma once
 #include <string>
 #include <vector>
@@ -13,23 +14,25 @@ struct Room {
   std::string name;
   std::vector<Plate> plates;
   // The first `walls` plates are walls, floor and ceiling, which reflect radar waves specularly.
-  // The rest are faces of boxes.
+  // The other plates are faces of boxes.
   std::size_t walls = 0;
 };
 
-// "room": two slanted walls and four boxes behind the people, all at z > 4.6 m and within 7.0 m
-// slant range over the base field of view. Left and right differ in range everywhere, so the range
-// of the occluded light indicates the person's direction.
-// "moved": its boxes at other positions. "door": an open door in its right wall, with a wall 1 m
-// behind. "bystander": a motionless person at its left wall. "other": other walls, boxes and
-// colours.
-// "closed": walls and boxes of "room" between side walls at x = -2.2 and 2.9 m, with floor and
-// ceiling. "corridor": walls at x = -1.25 and 0.95 m, floor and ceiling, without an end. These two
-// have multipath by the sides (multipath_order).
+// Returns all rooms:
+//   room       two slanted walls and four boxes behind the people, at z > 4.6 m
+//   moved      as room, but the boxes are at other positions
+//   door       as room, but the right wall has an open door, with a wall 1 m behind it
+//   bystander  as room, but a motionless person is at the left wall
+//   other      other walls, boxes and albedos
+//   closed     as room, but with side walls at x = -2.2 and 2.9 m, floor and ceiling
+//   corridor   side walls at x = -1.25 and 0.95 m, floor and ceiling, without end walls
+// All surfaces of `room` in the default field of view are within 7.0 m slant range. The left and
+// right halves of `room` differ in range everywhere, so the range of occluded light indicates the
+// direction of the person. Only `closed` and `corridor` have notable multipath (multipath_order).
 const std::vector<Room>& rooms();
 const Room& room();
-const Room* room_named(const std::string& background);  // nullptr: none, or unknown
-std::vector<std::string> room_names();                  // "none" first
+const Room* room_named(const std::string& background);  // nullptr if the name is "none" or unknown
+std::vector<std::string> room_names();                  // all names, and "none" as the first
 Scene empty_room(const Room& of = room());
 
 }  // namespace echofuse::sim

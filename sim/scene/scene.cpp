@@ -26,7 +26,8 @@ double random_turn(double most_deg, Rng& rng) {
   return uniform(rng, -most_deg, most_deg) * std::numbers::pi / 180;
 }
 
-// Random numbers are drawn even for a fixed place, so that later random values do not change.
+// Replaces a random position and yaw by the values given in `spec`. The random values are drawn in
+// any case, so that later random numbers do not depend on `spec`.
 Stand chosen(const SceneSpec& spec, Stand random) {
   const double degree = std::numbers::pi / 180;
   return {spec.x_m.value_or(random.x_m), spec.z_m.value_or(random.z_m),
@@ -47,7 +48,7 @@ void add_letter(Scene& scene, const Conditions& c, const SceneSpec& spec, Rng& r
   scene.label = std::string(record::letter_label) + add_letter_person(scene, c, stand, rng);
 }
 
-// Puts two people side by side, each in one half of the width.
+// Adds two people side by side, one in each half of the allowed width.
 void add_two(Scene& scene, const Conditions& c, Rng& rng) {
   for (const double side : {-0.5, 0.5}) {
     Stand stand = random_stand(c, c.person_yaw_deg, rng);
@@ -57,12 +58,14 @@ void add_two(Scene& scene, const Conditions& c, Rng& rng) {
   scene.label = "two_people";
 }
 
-// The centre of its ground plan is at the place, its lowest point on the floor.
 constexpr double object_albedo = 0.5;
 
+// Adds the mesh. The centre of its floor plan is at the position in `stand`, and its lowest point
+// is on the floor.
 void add_object(Scene& scene, const Conditions& c, const Stand& stand) {
   const Mesh& mesh = mesh_of(c.object);
-  // Files are right-handed; scene coordinates, with y up and z away, are left-handed.
+  // Mesh coordinates are right-handed. Scene coordinates are left-handed: x right, y up, z away
+  // from the sensors.
   const auto upright = [&](Vec3 p) {
     return c.object_up == "z"    ? Vec3{p.x, p.z, p.y}
            : c.object_up == "-y" ? Vec3{p.x, -p.y, p.z}
@@ -79,7 +82,7 @@ void add_object(Scene& scene, const Conditions& c, const Stand& stand) {
   const double cosine = std::cos(stand.yaw_rad), sine = std::sin(stand.yaw_rad);
   const auto world = [&](std::uint32_t corner) {
     const Vec3 p = c.object_scale * (upright(mesh.points[corner]) - foot);
-    // Turns like a person: faces the sensors at yaw 0, and turns to +x.
+    // Rotates the mesh like a person: yaw 0 faces the sensors, and positive yaw turns towards +x.
     return Vec3{stand.x_m + cosine * p.x - sine * p.z, p.y - c.camera_height_m,
                 stand.z_m + sine * p.x + cosine * p.z};
   };
@@ -122,8 +125,8 @@ Scene make_scene(const Conditions& c, const SceneSpec& spec, std::uint64_t seed,
       scene.label = "empty";
       break;
     case SceneKind::reflector: {
-      // The plate is small: at 1 m its edges are at most 0.02 mm farther than its centre. Its
-      // signal at 1 m equals the mean scene's.
+      // The plate is so small that its edges are at most 0.02 mm farther away than its centre at 1
+      // m. Its signal at 1 m equals that of the mean scene.
       const double half = 0.006 * reflector_m;
       const double x_m = c.reflector_before == "right"  ? c.baseline_m
                          : c.reflector_before == "left" ? -c.baseline_m

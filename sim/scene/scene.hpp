@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Scene in front of the sensors: capsules (people), flat plates made of strokes (letters, walls,
-// faces of boxes) and triangles (a laboratory's own object).
+// Scene in front of the sensors. It consists of capsules (people), flat plates made of strokes
+// (letters, walls and faces of boxes), and triangles (meshes of users).
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -14,19 +14,20 @@
 
 namespace echofuse::sim {
 
+// Radar reflectivity that is the same as the albedo.
 inline constexpr double as_albedo = -1;
 
 // Capsule: all points within radius_m of the segment a-b.
 struct Capsule {
   Vec3 a, b;
   double radius_m = 0, albedo = 0;
-  double radar = as_albedo;  // reflectivity for the radar
+  double radar = as_albedo;  // radar reflectivity
 };
 
 using record::Stroke;
 
-// Plate: union of its strokes in the plane centre + u*U + v*V, with orthonormal U and V. Reflects
-// on both sides.
+// Plate: union of its strokes. A point (a, b) of a stroke is at centre + a*u + b*v, where the unit
+// vectors u and v are orthogonal. Both sides reflect.
 struct Plate {
   Vec3 centre, u, v;
   std::vector<Stroke> strokes;
@@ -39,23 +40,24 @@ struct Triangle {
   double albedo = 0;
 };
 
-struct Room;  // declared in room.hpp
+struct Room;  // defined in room.hpp
 
 struct Scene {
   std::vector<Capsule> capsules;
   std::vector<Plate> plates;
   std::vector<Triangle> triangles;
-  const Room* room = nullptr;  // behind everything else
-  std::string label;           // person, letter:A, two_people, empty, object:chair
+  const Room* room = nullptr;  // room behind all shapes, or nullptr
+  std::string label;           // for example person, letter:A, two_people, empty, object:chair
 };
 
-// reflector: small white plate at reflector_m, in front of the SPD or to its side
-// (Conditions::reflector_before). object: mesh of Conditions::object on the floor.
+// A reflector is a small plate at z = reflector_m, in front of the SPD or to its side
+// (Conditions::reflector_before). An object is the mesh Conditions::object on the floor.
 enum class SceneKind : std::uint8_t { person, letter, two_people, empty, reflector, object };
 std::optional<SceneKind> kind_named(std::string_view name);
-std::string kind_names();  // separated by commas
+std::string kind_names();  // all names, separated by commas
 
-// Kind of a scene, with place and yaw of the person, letter or object; random if not given.
+// Kind of a scene, and the position and yaw of its person, letter or object. Values that are not
+// given are random.
 struct SceneSpec {
   SceneKind kind = SceneKind::empty;
   std::optional<double> x_m{}, z_m{}, yaw_deg{};
@@ -65,12 +67,13 @@ struct SceneSpec {
   bool operator==(const SceneSpec&) const = default;
 };
 
-// Scene `index` of `seed` does not depend on other scenes or on the thread.
+// Returns scene number `index` for this seed. The result does not depend on other scenes or on the
+// thread.
 Scene make_scene(const Conditions& conditions, const SceneSpec& spec, std::uint64_t seed,
                  std::uint64_t index);
 
-// radar_sees_apart() is true if a reflectivity differs from the albedo. as_radar_sees() returns the
-// scene with the radar reflectivities as albedos.
+// radar_sees_apart() returns true if the radar reflectivity of a shape differs from its albedo.
+// as_radar_sees() returns the scene with each albedo replaced by the radar reflectivity.
 bool radar_sees_apart(const Scene& scene);
 Scene as_radar_sees(Scene scene);
 

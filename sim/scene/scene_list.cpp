@@ -49,11 +49,11 @@ class SceneListReader : TableReader {
         say(node, std::string(name) + ": unknown key; expected kind, count, x_m, z_m, yaw_deg");
       }
     }
-    if (!has_kind) say(table, "no kind; expected one of " + kind_names());
+    if (!has_kind) say(table, "kind is missing; expected one of " + kind_names());
     const bool placed = spec.kind == SceneKind::person || spec.kind == SceneKind::letter ||
                         spec.kind == SceneKind::object;
     if (!placed && (spec.x_m || spec.z_m || spec.yaw_deg))
-      say(table, "x_m, z_m and yaw_deg are for a person, letter or object only");
+      say(table, "x_m, z_m and yaw_deg are valid only for a person, letter or object");
     if (static_cast<std::int64_t>(all.size()) + count > most_scenes)
       return say(table, "more than 10 million scenes; reduce count");
     all.insert(all.end(), static_cast<std::size_t>(count), spec);

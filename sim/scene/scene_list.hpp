@@ -3,7 +3,7 @@
 //   [[scene]]
 //   kind = "person"     # person, letter, two_people, empty, reflector, object
 //   count = 3           # number of consecutive records; default 1
-//   x_m = 0.5           # place and yaw; random if not given
+//   x_m = 0.5           # position and yaw; random if not given
 //   z_m = 3.5
 //   yaw_deg = 20
 #pragma once
@@ -14,7 +14,8 @@
 
 namespace echofuse::sim {
 
-// Throws Error(config) with all faults, one line "NAME:line:column: fault" each.
+// Reads a scene list. Throws Error(config) with all mistakes, one line "NAME:line:column: mistake"
+// each.
 std::vector<SceneSpec> read_scene_list(const std::string& text, const std::string& name);
 
 }  // namespace echofuse::sim

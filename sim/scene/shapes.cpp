@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Compiled without errno and traps for square roots (CMakeLists.txt), so that they are vectorised.
+// Compiled without errno and floating-point traps (CMakeLists.txt), so that the compiler vectorises
+// loops with square roots.
 #include "sim/scene/shapes.hpp"
 
 #include <cmath>
@@ -9,12 +10,13 @@
 namespace echofuse::sim {
 namespace {
 
-// Shapes closer than this to the sensor's plane are tested against every ray.
+// Shapes with a part at a smaller z than this are tested against every ray, because the tangents of
+// their outlines are unbounded.
 constexpr double near_m = 0.05;
 constexpr Interval everything{-INFINITY, INFINITY}, none{INFINITY, -INFINITY};
 
-// Returns the tangents under which a disc of this radius at (s, z) appears in its plane: the exact
-// silhouette of a sphere along one axis, (s - t z)^2 = radius^2 (1 + t^2).
+// Returns the interval of tangents t that a sphere with its centre at (s, z) covers along one axis.
+// Its limits are the exact silhouette: (s - t z)^2 = radius^2 (1 + t^2).
 Interval disc_tangents(double s, double z, double radius) {
   if (z - radius < near_m) return everything;
   const double square = z * z - radius * radius;
@@ -36,17 +38,19 @@ constexpr auto y_of = [](Vec3 p) { return p.y; };
 
 ECHOFUSE_CLONES void meet_capsule(const CapsuleShape& c, const double* x, const double* y,
                                   double* z, std::size_t count) {
-  const CapsuleShape s = c;  // local copy: stores to z cannot alias it
+  const CapsuleShape s = c;  // local copy, because stores to z[i] could alias c
   for (std::size_t i = 0; i < count; ++i) {
     const double ray2 = x[i] * x[i] + y[i] * y[i] + 1;
     const double along = s.axis.x * x[i] + s.axis.y * y[i] + s.axis.z;
     const double to_a = s.a.x * x[i] + s.a.y * y[i] + s.a.z;
     const double to_b = s.b.x * x[i] + s.b.y * y[i] + s.b.z;
-    const double square = s.axis2 * ray2 - along * along;  // 0: parallel, or the axis is a point
+    // 0 if the ray is parallel to the axis, or if the axis is a point
+    const double square = s.axis2 * ray2 - along * along;
     const double half = s.axis2 * to_a - s.axis_a * along;
     const double root = half * half - square * s.outside;
-    // The point of the axis nearest to the ray is at foot = from_a - sqrt(root) along, from 0 at a
-    // to axis2 * square at b. Comparing signed squares avoids the root.
+    // The point where the ray meets the infinite cylinder projects to the position foot = from_a -
+    // sqrt(root) along on the axis. This is 0 at a and axis2 * square at b. Signed squares are
+    // compared to avoid the square root.
     const double from_a = half * along - s.axis_a * square, from_b = from_a - s.axis2 * square;
     const double bound = along * std::abs(along) * root;
     const bool after_a = from_a * std::abs(from_a) > bound;
@@ -92,7 +96,7 @@ ECHOFUSE_CLONES void meet_triangle(const TriangleShape& t, const double* x, cons
   }
 }
 
-// Computes where rays cross the plate's plane: depth and plate coordinates.
+// Computes depth and plate coordinates of the points where rays cross the plane of the plate.
 ECHOFUSE_CLONES void cross_plane(const PlateShape& p, const double* x, const double* y,
                                  double* __restrict met, double* __restrict along_u,
                                  double* __restrict along_v, std::size_t count) {
@@ -131,7 +135,7 @@ ECHOFUSE_CLONES void aim_rays(const double* columns, const double* sides, const 
   }
 }
 
-// Computes |cos| of the incidence on a surface with a unit normal.
+// Computes |cos| of the angle of incidence on a flat surface with unit normal n.
 ECHOFUSE_CLONES void shade_flat(Vec3 n, const double* x, const double* y, double* cosine,
                                 std::size_t count) {
   for (std::size_t i = 0; i < count; ++i)
@@ -192,7 +196,8 @@ CapsuleShape::CapsuleShape(const Capsule& capsule, Vec3 sensor)
       end_a(dot(a, a) - radius * radius),
       end_b(dot(b, b) - radius * radius) {}
 
-// Computes where rays meet the cylinder about a-b, otherwise the sphere at the nearer end.
+// Computes the depth at which each ray meets the cylinder around a-b or, beyond its ends, the
+// sphere at the nearer end.
 void CapsuleShape::meet(const double* x, const double* y, double* z, std::size_t count) const {
   meet_capsule(*this, x, y, z, count);
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Capsules, plates and triangles relative to a sensor. Rays are (x, y, 1), so the ray parameter is
-// z. Rays are processed in batches, with identical bits on every machine.
+// Capsules, plates and triangles in coordinates relative to a sensor. A ray is the line z (x, y,
+// 1), so its parameter is the depth z. Functions process arrays of rays. Results are bitwise
+// identical on every machine.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -19,17 +20,17 @@ inline Interval hull(Interval a, Interval b) {
   return {std::min(a.low, b.low), std::max(a.high, b.high)};
 }
 
-// SIMD width in rays. A remainder costs as much as several full steps, so rows are padded and
-// counts are rounded up at either end.
+// SIMD width in rays. The scalar remainder of a loop costs as much as several SIMD steps. So rows
+// are padded by spare_rays, and ray counts are rounded up to whole steps.
 inline constexpr std::size_t rays_at_once = 4, spare_rays = 2 * rays_at_once;
 constexpr std::size_t whole_steps(std::size_t rays) {
   return (rays + rays_at_once - 1) / rays_at_once * rays_at_once;
 }
 
-// Every shape has
-//   meet     depth z at which ray i, (x[i], y[i], 1), meets it; NaN or <= 0: no intersection
-//   cosines  |cos| between normal and ray i at depth z[i]
-//   tangents_x, tangents_y  bounds of the tangents at which it can be met
+// Functions of every shape, for rays (x[i], y[i], 1):
+//   meet       depth z at which ray i meets the shape; NaN or <= 0 if it does not
+//   cosines    |cos| of the angle between normal and ray i at depth z[i]
+//   tangents_x, tangents_y  bounds of the tangents of rays that can meet the shape
 struct CapsuleShape {
   Vec3 a, b, axis;
   double radius, albedo, axis2, axis_a, outside, end_a, end_b;
@@ -40,7 +41,8 @@ struct CapsuleShape {
                std::size_t count) const;
   Interval tangents_x() const;
   Interval tangents_y() const;
-  // Bounding box of the spheres at its ends; the part between them is inside their convex hull.
+  // Bounding box of the sphere at one end, in tangents. The convex hull of both boxes contains the
+  // capsule.
   struct BoundingBox {
     Interval x, y;
   };
@@ -65,10 +67,10 @@ struct PlateShape {
   std::array<Vec3, 4> corners() const;
 };
 
-// Triangles with a common edge both include it, so that no ray passes between them.
+// Neighbouring triangles both include their common edge, so that rays cannot pass between them.
 struct TriangleShape {
   Vec3 a, b, c, normal;
-  Vec3 edge_a, edge_b, edge_c;  // normals of the planes through the sensor and one edge
+  Vec3 edge_a, edge_b, edge_c;  // normals of the planes through the sensor and each edge
   double albedo, distance;
 
   TriangleShape(const Triangle& t, Vec3 sensor);
@@ -79,22 +81,21 @@ struct TriangleShape {
   Interval tangents_y() const;
 };
 
-// Computes the rays of a row, offset from their columns by dx to either side, and clears the depth
-// buffer.
+// Computes the rays of a row: ray_x = columns + dx sides, ray_y = y + dy. Clears the depth buffer.
 void aim(const double* columns, const double* sides, const double* dy, double dx, double y,
          double* ray_x, double* ray_y, double* z, std::int32_t* shape, std::size_t count);
 
-// Computes slant range and weight = factor albedo cos / |(x, y, 1)|^3 / range^2 of each ray; both
-// are 0 where z is infinite.
+// Computes the slant range and weight = factor albedo cos / |(x, y, 1)|^3 / range^2 of each ray. If
+// z is infinite, the range is infinite and the weight is 0.
 void light_back(const double* x, const double* y, const double* z, const double* cosine,
                 const double* albedo, double factor, double* range, double* weight,
                 std::size_t count);
 
-// Stores depth and shape `number` for each ray that meets it nearer than its current depth.
+// Stores depth and number of a shape for each ray that meets the shape before its current depth.
 void keep_nearer(const double* met, std::int32_t number, double* z, std::int32_t* shape,
                  std::size_t count);
 
-// Merges another surface: keeps the nearer of both for each ray.
+// Merges a background into a row: keeps the nearer of both surfaces for each ray.
 void put_behind(const double* far_z, const double* far_cosine, const double* far_albedo, double* z,
                 double* cosine, double* albedo, std::size_t count);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Reads [[kind]] tables of a TOML file and collects all faults. Include only in .cpp files, because
-// toml++ is a heavy header.
+// Reads the [[kind]] tables of a TOML file and collects all mistakes. Include this header only in
+// .cpp files, because toml++ is a large header.
 #pragma once
 #include <toml++/toml.h>
 
@@ -18,8 +18,8 @@ class TableReader {
   explicit TableReader(std::string file_name) : name_(std::move(file_name)) {}
 
  protected:
-  // Calls use(table) for each [[kind]]; everything else is a fault. Throws Error(config) if the
-  // text is not TOML.
+  // Calls use(table) for each [[kind]] table. Anything else in the file is a mistake. Throws
+  // Error(config) if the text is not valid TOML.
   template <class Use>
   void read_tables(const std::string& text, const std::string& kind, Use use) try {
     const toml::table file = toml::parse(text, name_);

@@ -16,7 +16,7 @@
 namespace echofuse::sim {
 namespace {
 
-// Values that the run file states.
+// Settings that cannot have a range, because the run file contains their values.
 constexpr std::array stated{"bin_width_ps",     "first_bin_ps", "radar_step_m",
                             "half_tangent",     "baseline_m",   "radar_resolution_m",
                             "map_half_tangent", "map_z_max_m"};
@@ -28,7 +28,8 @@ std::string number_text(double value) {
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }
 
-// Returns the message for a value outside the setting's limits.
+// Returns the error message for a value outside the limits of a setting; nothing if the value is
+// valid.
 std::optional<std::string> fault_of(const std::string& key, double value) {
   Conditions conditions;
   Settings settings;
@@ -78,15 +79,15 @@ class TwinReader : TableReader {
       return say(key + ": \"log\" needs a low limit above 0");
     if (std::find(stated.begin(), stated.end(), key) != stated.end())
       return say(key +
-                 ": stated by the run file; draw an error (baseline_error_m, radar_psf_width, "
-                 "spd_field) instead");
+                 ": cannot have a range, because the run file contains its value; use an error "
+                 "(baseline_error_m, radar_psf_width, spd_field) instead");
     for (const double end : {range.low, range.high})
       if (const auto fault = fault_of(key, end)) return say(*fault);
     return range;
   }
 };
 
-// FNV-1a hash.
+// Returns the 64-bit FNV-1a hash of a text.
 std::uint64_t hash(std::string_view text) {
   std::uint64_t h = 0xcbf29ce484222325ULL;
   for (const char c : text) h = (h ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;

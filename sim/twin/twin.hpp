@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A twin is a set of ranges from which each virtual laboratory draws its conditions.
+// A twin is a set of ranges from which the settings of virtual laboratories are drawn.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -9,7 +9,8 @@
 
 namespace echofuse::sim {
 
-// Range of a key of Conditions: uniform in [low, high], or uniform in the logarithm.
+// Range of a setting in Conditions: uniform in [low, high] or, if `logarithmic`, uniform in the
+// logarithm.
 struct KeyRange {
   std::string key;
   double low = 0, high = 0;
@@ -17,25 +18,26 @@ struct KeyRange {
 };
 
 struct Twin {
-  std::int64_t seed = 1;  // changes all laboratories
+  std::int64_t seed = 1;  // changes the values of all laboratories
   std::vector<KeyRange> ranges;
 };
 
-// Parses TOML: `key = [low, high]`, `key = [low, high, "log"]` and `seed = 1`. Throws Error(config)
-// with every fault: a key that is not a real number of Conditions, that the run file states (axes,
-// baseline_m) or that occurs twice, and a range that is empty or outside the key's limits.
+// Parses TOML text with lines `key = [low, high]`, `key = [low, high, "log"]` and `seed = 1`.
+// Throws Error(config) with all mistakes. A key must be a real-valued setting in Conditions, except
+// those in the run file (axes, baseline_m), and may occur once. A range must be inside the limits
+// of the setting.
 Twin read_twin(const std::string& text, const std::string& name);
-// Returns the ranges as text for read_twin, without comments.
+// Returns the twin as TOML text for read_twin(), without comments.
 std::string to_text(const Twin& twin);
-// Returns the text of the installed ranges (config/twin.toml), with the source of each.
+// Returns the text of the installed file config/twin.toml, which contains the source of each range.
 std::string default_twin();
-// Reads a twin: `default`, TOML text (contains "="), or a file name.
+// Reads a twin. `name` is `default`, TOML text (with "="), or a file name.
 Twin twin_named(const std::string& name);
 
-// Returns the draws of laboratory k, as `key = value` lines. Each key has its own random stream, so
-// changing one range leaves the other draws unchanged.
+// Returns the settings drawn for this laboratory number, as `key = value` lines. Each key has its
+// own random stream, so changing one range does not change the other values.
 std::string draws_of(const Twin& twin, std::int64_t laboratory);
-// Returns `nominal` with these draws.
+// Returns `nominal` with the values that are drawn for this laboratory number.
 Conditions conditions_of(const Twin& twin, std::int64_t laboratory, const Conditions& nominal);
 
 }  // namespace echofuse::sim

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Encodes the bytes of the simulated devices. Written from the format descriptions, independent of
-// the parsers in drivers/, so that both cannot share a mistake.
+// Encodes the data of the simulated devices. The encoders are written from the format descriptions,
+// independently of the parsers in drivers/, so that both do not contain the same mistake.
 #pragma once
 #include <complex>
 #include <cstdint>
@@ -13,27 +13,28 @@
 
 namespace echofuse::sim {
 
-// One block of the bridge protocol, version 1, is little-endian:
+// Header of a block in version 1 of the bridge protocol (little-endian; offsets in bytes):
 //   0 u8[4] "EFBR" | 4 u16 version | 6 u16 kind | 8 u32 sequence | 12 u32 payload bytes
 //   16 u64 items dropped before this block | 24 u32 0 | 28 u32 CRC-32C of bytes 0..27 and payload
 enum class BlockKind : std::uint16_t { hello = 0, tags = 1, depth = 2, bye = 3, histogram = 4 };
 inline constexpr std::size_t bridge_header_bytes = 32;
 Bytes bridge_block(BlockKind kind, std::uint32_t sequence, std::uint64_t dropped, ByteView payload);
 
-// Payload of a histogram block:
+// Payload of a histogram block (offsets in bytes):
 //   0 u32 zones | 4 u32 bins | 8 u64 device time, us | 16 u64 pulses | 24 f64 first bin, ps
 //   32 f64 bin width, ps | 40 u32 exposure, us | 44 u32 counts, zone after zone
 Bytes histogram_payload(std::span<const std::uint32_t> counts, std::uint32_t bins,
                         std::uint64_t time_us, std::uint64_t pulses, double first_bin_ps,
                         double bin_width_ps, std::uint32_t exposure_us);
 
-// A detection is a 16-byte tag: u8 type 0 | u8 0 | u16 0 | i32 channel | i64 time_ps
+// A detection is encoded as a 16-byte tag: u8 type 0 | u8 0 | u16 0 | i32 channel | i64 time_ps
 inline constexpr std::size_t tag_bytes = 16;
 void put_tag(Bytes& out, std::int32_t channel, std::int64_t time_ps);
 
-// A frame of TI's out-of-box demo (SDK 3.x, mmw_output.h) has a 40-byte header, TLVs {u32 type, u32
-// payload length, payload}, then padding to a multiple of 32 bytes. The firmware pads with leftover
-// memory; here the padding is drawn from `junk`, sometimes with a stale magic word.
+// A frame of TI's out-of-box demo (SDK 3.x, mmw_output.h) consists of a 40-byte header, TLVs {u32
+// type, u32 payload length, payload}, and padding to a multiple of 32 bytes. The firmware pads with
+// old memory contents. Here the padding is random data from `junk`, which sometimes include a magic
+// word.
 struct RadarHeader {
   std::uint32_t frame_number = 0;
   std::uint32_t time_cpu_cycles = 0;
@@ -44,20 +45,21 @@ struct RadarTlv {
   std::uint32_t type = 0;
   Bytes payload;
 };
-// "3.5.0.4" and the xWR68xx demo
+// SDK version 3.5.0.4, and the platform number of the xWR68xx demo.
 inline constexpr std::uint32_t radar_sdk_version = 0x03050004, radar_platform = 0xA6843;
 Bytes radar_frame(const RadarHeader& header, const std::vector<RadarTlv>& tlvs, Rng& junk);
 
-RadarTlv objects_tlv();                                               // type 1, without objects
-RadarTlv range_profile_tlv(const std::vector<std::uint16_t>& codes);  // type 2
-// Heat map as TLV 4, planar 8: for each range bin and antenna i16 imaginary, i16 real.
+RadarTlv objects_tlv();  // TLV 1 with an empty list of objects
+RadarTlv range_profile_tlv(const std::vector<std::uint16_t>& codes);  // TLV 2
+// Returns the heat map as TLV 4 or, if `planar`, TLV 8. It contains the i16 imaginary and i16 real
+// part of each sample: [range bin][antenna].
 RadarTlv heat_map_tlv(bool planar, std::span<const std::complex<float>> samples);
-RadarTlv stats_tlv(const RadarStats& stats);                    // type 6
-RadarTlv temperature_tlv(const RadarTemperature& temperature);  // type 9
+RadarTlv stats_tlv(const RadarStats& stats);                    // TLV 6
+RadarTlv temperature_tlv(const RadarTemperature& temperature);  // TLV 9
 
-// Returns codes of a range profile. A bin is the sum over the virtual antennas of log2(magnitude)
-// in Q8, divided by their number's next power of two (objectdetection's
-// DPIF_DETMATRIX_DATA_QFORMAT).
+// Returns the code of a bin in the range profile: the sum of log2(magnitude) over the virtual
+// antennas, divided by their number rounded up to a power of two, in Q8 format
+// (DPIF_DETMATRIX_DATA_QFORMAT of TI's objectdetection).
 std::uint16_t log2_q8(double sum_log2_magnitude, unsigned antennas);
 
 }  // namespace echofuse::sim

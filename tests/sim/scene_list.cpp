@@ -60,7 +60,7 @@ TEST_CASE("all errors of a scene list are reported with line and column") {
       "[[scene]]\nkind = \"person\"\nx = 2\n");
   CHECK_THAT(said, Catch::Contains("list.toml:2:8: kind: expected one of person, letter"));
   CHECK_THAT(said, Catch::Contains("list.toml:4:9: count"));
-  CHECK_THAT(said, Catch::Contains("for a person, letter or object only"));
+  CHECK_THAT(said, Catch::Contains("valid only for a person, letter or object"));
   CHECK_THAT(said, Catch::Contains("list.toml:9:5: x: unknown key"));
   CHECK_THAT(refusal("[[scene]]\ncount = 2\n"), Catch::Contains("list.toml:1:1: no kind"));
   CHECK_THAT(refusal(""), Catch::Contains("no [[scene]]"));

@@ -108,5 +108,5 @@ TEST_CASE("zones that cannot be simulated are refused") {
   CHECK_THROWS_WITH(validate(with_zones(5)), Contains("expected 1, 3, 4 or 8"));
   Conditions walls = with_zones(3);
   walls.multipath_order = 1;
-  CHECK_THROWS_WITH(validate(walls), Contains("light by walls has no direction"));
+  CHECK_THROWS_WITH(validate(walls), Contains("the simulated light from walls has no direction"));
 }
