@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Echoes at the antennas: those of static and of moving scatterers.
+// Echoes of static and moving scatterers at the antennas.
 #include <Eigen/Dense>
 #include <algorithm>
 #include <bit>
@@ -23,7 +23,7 @@ using Eigen::ArrayXXf;
 using Eigen::Index;
 using Eigen::MatrixXcf;
 using Eigen::MatrixXf;
-using EchoSamples = Eigen::Map<MatrixXcf>;  // column: point; row: antenna
+using EchoSamples = Eigen::Map<MatrixXcf>;  // row: antenna; column: range point
 
 constexpr double pi = std::numbers::pi;
 constexpr double slots_per_cell = 8;
@@ -31,7 +31,8 @@ double slot_of(double range_m, const RadarAxis& axis) {
   return std::floor(range_m / axis.resolution_m * slots_per_cell);
 }
 
-// Responses at the points of an axis (columns) to echoes at slot centres (rows).
+// Returns the responses at the points of an axis (columns) to echoes at the centres of range slots
+// (rows).
 MatrixXf responses(const RadarAxis& axis, const std::vector<double>& slots) {
   const RangeResponse response(axis);
   std::vector<double> psf;
@@ -44,7 +45,8 @@ MatrixXf responses(const RadarAxis& axis, const std::vector<double>& slots) {
   return out;
 }
 
-// Adds the echoes of slots (columns) with the response of each point.
+// Adds echoes to the samples. `slots` contains the sum of the echoes in each slot (columns) at each
+// antenna (rows), `response` the response of each range point (columns) to each slot (rows).
 void add_echoes(const MatrixXcf& slots, const MatrixXf& response, EchoSamples& samples) {
   const Eigen::Map<const MatrixXf> from(reinterpret_cast<const float*>(slots.data()),
                                         2 * slots.rows(), slots.cols());
@@ -52,7 +54,8 @@ void add_echoes(const MatrixXcf& slots, const MatrixXf& response, EchoSamples& s
       .noalias() += from * response;
 }
 
-// Plane waves from directions u, v (columns) at the antennas (rows), with the channels' errors.
+// Returns plane waves from directions u, v (columns) at the antennas (rows), with the phase and
+// gain errors of the antennas. ahead_turns is the initial phase of each wave, turns.
 MatrixXcf waves(const Antennas& antennas, const ArrayXf& u, const ArrayXf& v,
                 const ArrayXf& amplitude, const ArrayXf& ahead_turns) {
   const auto n = static_cast<Index>(antennas.size());
@@ -78,7 +81,8 @@ MatrixXcf waves(const Antennas& antennas, const ArrayXf& u, const ArrayXf& v,
   return out;
 }
 
-// The same patch gives the same result, whatever objects are in front of other patches.
+// Returns the random phase of a static patch, turns. It depends only on the patch and the seed, so
+// that objects in front of other patches do not change it.
 float turns_of_patch(const Returns& returns, std::size_t k, std::uint64_t seed) {
   const auto range = std::bit_cast<std::uint64_t>(returns.range_m[k]);
   const auto x = std::bit_cast<std::uint32_t>(returns.place[k].x);
@@ -86,7 +90,7 @@ float turns_of_patch(const Returns& returns, std::size_t k, std::uint64_t seed) 
   return static_cast<float>(mix(seed ^ mix(range ^ mix(x ^ mix(y)))) >> 40) * 0x1p-24f;
 }
 
-// Wave of a near point at the antennas.
+// Returns the spherical wave of a near point at each antenna.
 MatrixXcf near_wave(const AntennaRadar& radar, const EchoCell& point) {
   const double z = point.range_m * std::sqrt(1 - point.x * point.x - point.y * point.y);
   const auto way_m = [&](double x, double y) {
@@ -103,7 +107,7 @@ MatrixXcf near_wave(const AntennaRadar& radar, const EchoCell& point) {
   return out;
 }
 
-// Reflector and leakage are points.
+// Adds the echoes of calibration reflector and leakage, which are points.
 void add_points(const Returns& returns, const AntennaRadar& radar, EchoSamples& samples) {
   const RangeResponse response(radar.axis);
   std::vector<double> psf;
@@ -120,7 +124,8 @@ void add_points(const Returns& returns, const AntennaRadar& radar, EchoSamples& 
   }
 }
 
-// Room and objects are coherent. Their hidden parts have negative weights, which subtracts them.
+// Adds the coherent echoes of room and objects. Hidden patches of a subtracted room have negative
+// weights, which removes their echoes.
 void add_still(const Returns& returns, const AntennaRadar& radar, EchoSamples& samples) {
   std::vector<std::size_t> patches;
   double first = INFINITY, last = 0;
@@ -159,7 +164,7 @@ class AntennaEcho::Moving {
   virtual void add(double later_s, Rng& rng, EchoSamples& samples) = 0;
 };
 
-// Coherent echoes of people.
+// Coherent echoes of moving people.
 class AntennaEcho::Speckle : public Moving {
  public:
   Speckle(const Returns& returns, const AntennaRadar& radar, const Conditions& c, Rng& rng)
@@ -178,7 +183,8 @@ class AntennaEcho::Speckle : public Moving {
     for (Index k = count; k-- > 0;) {
       const EchoCell& cell = cells_.cells[static_cast<std::size_t>(k)];
       u[k] = static_cast<float>(cell.x), v[k] = static_cast<float>(cell.y);
-      // Complex Gaussian number: exponential power, uniform phase.
+      // The echo is a complex Gaussian number: its power is exponentially distributed, its phase
+      // uniform.
       amplitude[k] = static_cast<float>(std::sqrt(-cell.weight * std::log(1 - uniform(rng, 0, 1))));
       ahead[k] = static_cast<float>(uniform(rng, 0, 1));
       const auto person = static_cast<std::size_t>(cell.person);
@@ -211,7 +217,7 @@ class AntennaEcho::Speckle : public Moving {
       if (chirp_s_ > 0) {
         const auto apart = static_cast<float>(chirp_s_);
         lose_doppler(apart * static_cast<float>(transmitters) * speeds, turned);
-        turns += apart * speeds;  // until the next transmitter sends
+        turns += apart * speeds;  // phase change until the next transmitter sends
       }
       const auto first = static_cast<Index>(t * receivers_);
       const auto count = std::min(static_cast<Index>(receivers_), waves_.rows() - first);
@@ -226,8 +232,8 @@ class AntennaEcho::Speckle : public Moving {
   }
 
  private:
-  // Keeps Doppler bin 0 only; the argument is the phase advance between chirps of a transmitter, in
-  // turns.
+  // Multiplies each echo by its fraction in Doppler bin 0. `turns` is the phase change between two
+  // chirps of the same transmitter, turns.
   void lose_doppler(const ArrayXf& turns, Eigen::VectorXcf& turned) const {
     for (Index k = 0; k < turns.size(); ++k) {
       const float half = std::numbers::pi_v<float> * turns[k], one = std::sin(half);
@@ -235,7 +241,8 @@ class AntennaEcho::Speckle : public Moving {
     }
   }
 
-  // Each person turns about an upright axis through the centre of the person's visible patches.
+  // Returns the axis about which each person twists: x and z relative to the radar, m. The axis is
+  // vertical and passes through the centre of the visible patches.
   std::vector<std::array<double, 2>> upright_axes() const {
     std::vector<double> weight(cells_.people);
     std::vector<std::array<double, 2>> axes(cells_.people);
@@ -256,13 +263,15 @@ class AntennaEcho::Speckle : public Moving {
   float chirps_;
   EchoCells cells_;
   BodyMotion motion_;
-  MatrixXf response_;        // slots x points
-  MatrixXcf waves_;          // antennas x cells, with the phases of the first frame
-  MatrixXf turns_per_mode_;  // cells x modes, one person after the other
+  MatrixXf response_;  // response: slots (rows), range points (columns)
+  MatrixXcf waves_;    // echoes without motion: antennas (rows), cells (columns)
+  // Phase change in turns per unit of each mode: cells (rows); modes of person 0, person 1 ...
+  // (columns).
+  MatrixXf turns_per_mode_;
 };
 
-// People and the room are incoherent: x = L q, where L L^H is the covariance and q is orthonormal
-// over any `frames` frames.
+// Incoherent echoes of people and room. The samples of a frame are x = L q with the covariance L
+// L^H. Over any `frames` consecutive frames, the mean of q q^H is the identity matrix.
 class AntennaEcho::Expectation : public Moving {
  public:
   Expectation(const Returns& returns, const AntennaRadar& radar, const Conditions& c)
@@ -301,8 +310,8 @@ class AntennaEcho::Expectation : public Moving {
   }
 
   void add(double, Rng&, EchoSamples& samples) override {
-    // Quadratic phases make successive frames, and their mean, behave as independent looks (Chu,
-    // IEEE Trans. Inf. Theory 18, 531, 1972).
+    // Phases that are quadratic in the frame number make consecutive frames, and means of them,
+    // behave like independent looks (Chu, IEEE Trans. Inf. Theory 18, 531, 1972).
     const std::int64_t f = frame_ % frames_, apart = frames_ / roots_.cols();
     Eigen::VectorXcf q(roots_.cols());
     for (Index a = 0; a < q.size(); ++a) {
@@ -316,8 +325,8 @@ class AntennaEcho::Expectation : public Moving {
   }
 
  private:
-  // Replaces a covariance by its Cholesky root. With fewer sources than antennas some pivots
-  // contain only rounding errors; their columns are set to 0.
+  // Replaces a covariance matrix by its Cholesky factor L. If there are fewer sources than
+  // antennas, some pivots contain only rounding errors; their columns are set to 0.
   static void take_root(Eigen::Map<Eigen::MatrixXcd>& c) {
     const double trace = c.diagonal().real().sum();
     for (Index b = 0; b < c.cols(); ++b) {
@@ -330,7 +339,7 @@ class AntennaEcho::Expectation : public Moving {
   }
 
   std::int64_t frames_, frame_ = 0;
-  MatrixXcf roots_;  // the points' matrices one below the other
+  MatrixXcf roots_;  // matrices L of all range points, one below the other
 };
 
 AntennaEcho::AntennaEcho(const Returns& returns, const AntennaRadar& radar, const Conditions& c,

@@ -48,9 +48,10 @@ Antennas stated_antennas(const Antennas& antennas, const Conditions& c) {
 namespace {
 
 constexpr double pi = std::numbers::pi;
-constexpr double sway_rate = 2;       // 1/s, for sway and twist
-constexpr double breath_rate = 0.25;  // Hz
-// Heights for a person of average height.
+constexpr double sway_rate = 2;       // natural frequency of sway and twist, rad/s
+constexpr double breath_rate = 0.25;  // frequency of breathing, Hz
+// Heights of head and chest of an average person, and half the height of the moving part of the
+// chest, m.
 constexpr double head_m = 1.65, chest_m = 1.25, chest_half_m = 0.3;
 
 }  // namespace
@@ -71,8 +72,9 @@ BodyMotion::BodyMotion(const Conditions& c, std::size_t people, Rng& rng)
   set_modes();
 }
 
-// Exact for any time step. Mean of position and speed: exp(-wt) [[1 + wt, wt], [-wt, 1 - wt]]; the
-// added covariance restores the stationary covariance, the identity.
+// Advances all motions by time_s; exact for any time step. With t = sway_rate time_s, the mean of
+// (position, speed) is exp(-t) [[1 + t, t], [-t, 1 - t]] times the previous value. The random terms
+// restore the stationary covariance, which is the identity matrix.
 void BodyMotion::advance(double time_s, Rng& rng) {
   const double t = sway_rate * time_s, decay = std::exp(-t);
   const double a = decay * (1 + t), b = decay * t, d = decay * (1 - t);
@@ -154,8 +156,9 @@ EchoCells echo_cells(const Returns& returns, double slot_m, bool with_room) {
       patches.push_back(k);
   }
   if (patches.empty()) return out;
-  // Sorts by range, person, height and direction. Numbering within the common bounding box puts the
-  // cells of a slot next to one another.
+  // Numbers the cells in the order of range, person, height and direction. The number is the
+  // position in the common bounding box of all patches, so the cells of a slot have consecutive
+  // numbers.
   Eigen::Array4Xi keys(4, static_cast<Index>(patches.size()));
   for (Index i = 0; i < keys.cols(); ++i) {
     const std::size_t k = patches[static_cast<std::size_t>(i)];
@@ -212,7 +215,8 @@ AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
   const double later_s = c.window_s / static_cast<double>(frames);
   const auto rms = static_cast<float>(std::sqrt(noise_power / 2));
   AntennaEcho echo(returns, radar, c, rng);
-  // Allocating new memory would take half as long as this computation.
+  // Memory is reused for the next record, because allocation would take half as long as this
+  // simulation.
   thread_local std::vector<std::complex<float>> samples;
   samples.resize(frames * echo.samples());
   for (std::size_t f = 0; f < frames; ++f)
@@ -221,9 +225,11 @@ AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
   AntennaRecord out;
   out.array.reserve(kept_bins * record::values_of_bin(antennas));
   const auto n = static_cast<Index>(antennas);
-  Eigen::Array<float, lanes, Eigen::Dynamic> planes(lanes, 2 * n);  // in the order of add_planes
+  // Samples of one frame as ArrayStatistics::add_planes() expects them.
+  Eigen::Array<float, lanes, Eigen::Dynamic> planes(lanes, 2 * n);
   const std::span re(planes.data(), lanes * antennas), im(re.data() + re.size(), re.size());
-  // The statistics of a block stay in the cache over all frames.
+  // Range points are processed in blocks, so that the statistics of a block stay in the cache
+  // during all frames.
   for (std::size_t first = 0; first < points; first += lanes) {
     const std::size_t bins = std::min(lanes, points - first);
     const auto rows = static_cast<Index>(bins);

@@ -1,21 +1,26 @@
 // SPDX-License-Identifier: MIT
-// The radar's virtual antennas receive, frame by frame:
-//   x_m = gain_m exp(i phase_m) sum_k a_k psf(R - R_k) exp(i pi (x_m u_k + y_m v_k)) + noise
-// with places x, y in half wavelengths and direction cosines u (right) and v (up). Power is in
-// units in which the mean scene as a single point has power 1 (radar_power).
-//   coherent    Every cell of range, direction and height has an amplitude of its own, complex
-//               Gaussian (fully developed speckle), and its phase turns by 4 pi / wavelength times
-//               the way that sway, twist and breath take it (BodyMotion). The room and objects
-//               stand still: their phases belong to the seed, and the mean of all frames is theirs.
-//   incoherent  As if there were infinitely many looks: over any radar_frames successive frames
-//               the covariance is exactly sum_k w_k psf^2 a a^H. Successive ones are uncorrelated.
-// Leakage and the calibration reflector are points that stand still. The reflector is near: with
-// the places of transmitters t and receivers r its phase is
-//   -2 pi (|P - t| + |P - r| - 2 |P|) / wavelength. The transmitters send in turn,
-// chirp_s apart and `chirps` times each. An echo that moves at v m/s has at transmitter t of T
+// Simulates the samples of the virtual antennas of the radar. In each frame, antenna m receives
+//   s_m = gain_m exp(i phase_m) sum_k a_k psf(R - R_k) exp(i pi (x_m u_k + y_m v_k)) + noise
+// from echoes k with range R_k and amplitude a_k. x_m and y_m are the position of the antenna in
+// half wavelengths, u_k (right) and v_k (up) the direction cosines of the echo. The mean scene as a
+// single point has power 1, as in radar_power().
+// If radar_sum is coherent, each cell of range, direction and height has its own complex Gaussian
+// amplitude (fully developed speckle). The phase of a cell changes by 4 pi / wavelength times its
+// displacement by sway, twist and breath (BodyMotion). The phases of room and objects are constant
+// and depend only on the seed.
+// If radar_sum is incoherent, the mean over any radar_frames consecutive frames has exactly the
+// covariance sum_k w_k psf^2 e_k e_k^H, as for infinitely many looks. The vector e_k contains the
+// factors of all antennas for the direction of echo k. Consecutive frames are uncorrelated.
+// Leakage and calibration reflector are static points. The reflector is so near that its wave is
+// spherical. If transmitter and receiver of an antenna are at t and r, the echo from P has the
+// phase
+//   -2 pi (|P - t| + |P - r| - 2 |P|) / wavelength.
+// The transmitters send in turn, at intervals of chirp_s, `chirps` times each. An echo that moves
+// at v m/s has at transmitter t of T the factor
 //   exp(-4 pi i v t chirp_s / wavelength) sin(pi f C) / (C sin(pi f)),
-// with C = chirps, f = 2 v T chirp_s / wavelength (Doppler bin 0).
-// The response psf is that to the middle of an eighth of a resolution cell.
+// with C = chirps and f = 2 v T chirp_s / wavelength. The quotient of sines is the fraction of the
+// echo in Doppler bin 0.
+// The psf of people and room is computed once per eighth of a resolution cell in range.
 #pragma once
 #include <array>
 #include <complex>
@@ -32,42 +37,48 @@
 
 namespace echofuse::sim {
 
-// Places of up to 8 antennas in a row. With 12, transmitters (0,0) (2,2) (0,2) have receivers (1,1)
-// (1,0) (0,1) (0,0) each, as on TI's IWR6843AOP.
+// Returns the positions of antennas in half wavelengths. Up to 8 antennas are in a row. 12 antennas
+// are the pairs of transmitters at (0,0) (2,2) (0,2) and receivers at (1,1) (1,0) (0,1) (0,0), as
+// on TI's IWR6843AOP.
 record::Antennas antennas_in_layout(std::size_t count);
-// Returns antennas with random errors of phase and gain (radar_phase_error_rad,
-// radar_gain_error_db), drawn from the seed.
+// Returns radar_antennas antennas with random phase and gain errors, which depend only on the seed.
+// radar_phase_error_rad and radar_gain_error_db are their rms values.
 record::Antennas simulated_antennas(const Conditions& conditions, std::uint64_t seed);
-// Returns the antennas for the run file; with the simulated errors if radar_array_calibrated.
+// Returns the antennas to store in the run file. They include the simulated errors only if
+// radar_array_calibrated is true.
 record::Antennas stated_antennas(const record::Antennas& antennas, const Conditions& conditions);
 
-// Motion of standing people. They sway about their ankles as an inverted pendulum (Morasso et al.,
-// PLoS ONE 14, e0213870, 2019), by some millimetres at the centre of pressure (Prieto et al., IEEE
-// Trans. Biomed. Eng. 43, 956, 1996), twist about an upright axis and breathe. At 60 GHz 2.5 mm
-// turn the echo's phase by 360 degrees.
+// Motion of standing people. They sway about their ankles like an inverted pendulum (Morasso et
+// al., PLoS ONE 14, e0213870, 2019), twist about a vertical axis, and breathe. The centre of
+// pressure sways by some millimetres (Prieto et al., IEEE Trans. Biomed. Eng. 43, 956, 1996). At 60
+// GHz, a range change of 2.5 mm changes the phase of the echo by 360 degrees.
 class BodyMotion {
  public:
-  // Modes: sway to the right and away from the radar (m, at head height), twist (rad), breath (m).
+  // Modes of motion: sway to the right and sway away from the radar (m, at head height), twist
+  // (rad), and breath (m).
   static constexpr std::size_t modes = 4;
   using Modes = std::array<float, modes>;
 
-  // Each person's motion is random and stationary from the start. Sway and twist are critically
-  // damped oscillators driven by white noise, with covariance (1 + wt) exp(-wt) and w = 2 per
-  // second: the head moves at about 1 cm/s. Breath is a sine of 0.25 Hz.
+  // The motion of each person is random and stationary from the start. Sway and twist are
+  // critically damped oscillators driven by white noise, with the covariance (1 + wt) exp(-wt) and
+  // w = 2 per second. So the head moves at about 1 cm/s. Breath is a sine of 0.25 Hz.
   BodyMotion(const Conditions& conditions, std::size_t people, Rng& rng);
   void advance(double time_s, Rng& rng);
-  // Displacement in each mode, one entry per person.
+  // Returns the displacement of each person in each mode.
   const std::vector<Modes>& places() const { return places_; }
-  const std::vector<Modes>& speeds() const { return speeds_; }  // per second
+  const std::vector<Modes>& speeds() const {
+    return speeds_;
+  }  // time derivative of places(), per s
 
-  // Change of a patch's range (m) per unit of each mode. x, y: direction cosines x/R and y/R;
-  // height above the floor; place of the person's axis (m, from the radar).
+  // Returns the change of the range of a patch, m, per unit of each mode. x and y are the direction
+  // cosines x/R and y/R of the patch, and height_m is its height above the floor. The vertical axis
+  // of the person is at axis_x_m, axis_z_m relative to the radar.
   static Modes range_per_mode(double x, double y, double height_m, double axis_x_m, double axis_z_m,
                               double body_scale);
 
  private:
   struct Oscillator {
-    double place = 0, speed = 0;  // unit variance; speed in units of w
+    double place = 0, speed = 0;  // unit variance each; speed in units of w
   };
   void set_modes();
 
@@ -79,37 +90,45 @@ class BodyMotion {
   std::vector<Modes> places_, speeds_;
 };
 
-// Sum of patches that the antennas cannot resolve: summed weight, centre of all other values. The
-// phase of eight antennas changes by 0.7 rad across a cell (0.03 in direction cosine). The phase of
-// a head that sways 5 mm also changes by 0.7 rad across a cell (0.1 m in height).
+// Patches that the antennas cannot resolve: the sum of their weights, and the weighted means of the
+// other values. Across a cell (0.03 in direction cosine) the phase difference between eight
+// antennas changes by 0.7 rad. Across its height (0.1 m) the phase of a body that sways by 5 mm at
+// the head changes by 0.7 rad.
 struct EchoCell {
   double weight = 0, range_m = 0, x = 0, y = 0, height_m = 0;
   std::int32_t person = Returns::still;
 };
 struct EchoCells {
-  std::vector<EchoCell> cells;       // sorted by slot of range
-  std::vector<std::size_t> begin;    // first cell of each slot, and the end
-  std::vector<double> slot_range_m;  // mean range of the patches in each slot
+  std::vector<EchoCell> cells;     // sorted by range slot
+  std::vector<std::size_t> begin;  // index of the first cell of each slot, then the number of cells
+  std::vector<double> slot_range_m;  // weighted mean range of the patches in each slot, m
   std::size_t people = 0;
 };
+// Combines the patches of people and, if with_room is true, of the room into cells. Range slots
+// have the length slot_m.
 EchoCells echo_cells(const Returns& returns, double slot_m, bool with_room);
-// Adds up all patches of one kind (Returns::reflector, leakage); weight 0: no such patch.
+// Combines all patches of one kind (Returns::reflector or Returns::leakage) into a cell. Its weight
+// is 0 if the scene does not contain the kind.
 EchoCell cell_of_kind(const Returns& returns, std::int32_t kind);
 
-// Common to all records of a run. The still seed is that of the room.
+// Properties of the radar that are the same for all records of a run. still_seed determines the
+// phases of room and objects.
 struct AntennaRadar {
   RadarAxis axis;
   record::Antennas antennas;
   std::uint64_t still_seed = 0;
-  // Antennas of one transmitter are adjacent. Transmitters send in turn, chirp_s apart, `chirps`
-  // times per frame; chirp_s = 0: all at once.
+  // The antennas of one transmitter are adjacent; `receivers` is their number. The transmitters
+  // send in turn, at intervals of chirp_s, `chirps` times per frame. If chirp_s is 0, all send at
+  // the same time.
   std::size_t receivers = 4;
   double chirp_s = 0;
   std::int64_t chirps = 1;
-  // Result of room_echo() if the room is subtracted from the returns (render.hpp); otherwise empty.
+  // Result of room_echo() if the room is subtracted from the returns (RoomReturns::subtracted);
+  // otherwise empty.
   std::span<const std::complex<float>> room{};
-  // Transmitter and receiver of each antenna, m from the centre of either group, and the
-  // wavelength; empty: the reflector's wave is plane.
+  // Positions of transmitter and receiver of each antenna, m, relative to the mean position of all
+  // transmitters or receivers. If `pairs` is empty, the wave of the reflector is plane.
+  // wavelength_m is used only with `pairs`.
   struct TxRxPair {
     double tx_x = 0, tx_y = 0, rx_x = 0, rx_y = 0;
   };
@@ -126,7 +145,8 @@ class AntennaEcho {
   AntennaEcho& operator=(AntennaEcho&&) noexcept;
 
   std::size_t samples() const { return points_ * antennas_; }
-  // Writes [points of the axis x antennas] without noise, `later_s` after the previous frame.
+  // Writes the samples of the frame `later_s` after the previous one, without noise: [range
+  // point][antenna].
   void frame(double later_s, Rng& rng, std::span<std::complex<float>> samples);
 
  private:
@@ -135,19 +155,19 @@ class AntennaEcho {
   class Expectation;
 
   std::size_t points_, antennas_;
-  std::vector<std::complex<float>> still_;  // samples of static scatterers
+  std::vector<std::complex<float>> still_;  // samples of static scatterers: [range point][antenna]
   std::unique_ptr<Moving> moving_;
 };
 
-// Samples of the room alone, coherent.
+// Returns the coherent samples of the empty room: [range point][antenna].
 std::vector<std::complex<float>> room_echo(const AntennaRadar& radar, const Conditions& conditions);
 
-// Antenna data of a record: radar_frames frames over window_s, with noise of this power in each
-// sample.
+// Antenna data of a record with radar_frames frames in window_s.
 struct AntennaRecord {
-  std::vector<float> array;   // statistics of the first `kept_bins` points (ArrayStatistics)
-  std::vector<double> power;  // power at each point, mean over frames and antennas
+  std::vector<float> array;   // statistics (ArrayStatistics) of the first kept_bins points
+  std::vector<double> power;  // power at each range point, averaged over frames and antennas
 };
+// Simulates the antenna data of a record. noise_power is the noise power of each sample.
 AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
                              std::size_t kept_bins, const Conditions& conditions,
                              double noise_power, Rng& rng);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Adds the errors of a depth camera to exact depths.
+// Simulates the errors of a depth camera.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -11,16 +11,17 @@
 
 namespace echofuse::sim {
 
-// Adds a triangulating camera's errors to a frame of exact z (mm, row-major, 0: no return): noise
-// of sigma = depth_noise_m z^2 (z in metres), holes, a constant offset, and steps of depth_step_m
-// z^2. Drops the share depth_dropout of edge pixels: those with a neighbour above, below, left or
-// right that has no return or differs by more than 0.1 m.
+// Adds the errors of a triangulating depth camera to a frame of exact depths z (mm, row-major; 0:
+// no return). Each depth gets Gaussian noise of rms depth_noise_m z^2 (z in m) and the constant
+// depth_offset_m. Edge pixels lose their return with the probability depth_dropout. An edge pixel
+// has a neighbour (left, right, above or below) without a return, or with a depth that differs by
+// more than 0.1 m.
 void disturb_depth(std::vector<std::uint16_t>& mm, std::uint32_t width,
                    const Conditions& conditions, Rng& rng);
 
-// Returns the depth image of a record on this grid: exact, or, with any camera error set, resampled
-// by the product's code from a frame of 320 x 240 pixels with errors. Depths beyond the grid's
-// range are kept; readers drop them.
+// Returns the depth map of a record on this grid, mm. If all camera errors are 0, the map is exact.
+// Otherwise a frame of 320 x 240 pixels with errors is resampled as in recorded runs
+// (record::to_target()). Depths beyond the range of the grid are kept; readers discard them.
 std::vector<std::uint16_t> depth_map_mm(const Scene& scene, record::MapGrid grid,
                                         const Conditions& conditions, Rng& rng);
 

@@ -9,14 +9,15 @@
 namespace echofuse::sim {
 namespace {
 
-constexpr std::size_t pairs = 2 * lanes;  // numbers per step
+constexpr std::size_t pairs = 2 * lanes;  // random numbers per step
 
 using Words = std::array<std::uint32_t, lanes>;
 
-// Natural logarithm of a number in (0, 1], to 1e-7.
+// Returns the natural logarithm of a number in (0, 1], with a relative error of about 1e-7.
 float logarithm(float u) {
-  constexpr std::int32_t root_half = 0x3f3504f3;  // bits of sqrt(1/2); mantissas are within one
-                                                  // octave of it
+  // Bits of sqrt(1/2). The number is split into a power of two and a factor from sqrt(1/2) to
+  // sqrt(2).
+  constexpr std::int32_t root_half = 0x3f3504f3;
   const std::int32_t bits = std::bit_cast<std::int32_t>(u) - root_half;
   const float t = std::bit_cast<float>((bits & 0x7fffff) + root_half) - 1;
   const float s = t / (t + 2), q = s * s;
@@ -38,7 +39,7 @@ void next(std::array<Words, 4>& state, Words& out) {
   }
 }
 
-// Runs `steps` steps of `pairs` numbers.
+// Adds Gaussian numbers to steps * pairs values.
 void add_steps(std::array<Words, 4>& kept, float rms, float* values, std::size_t steps) {
   std::array<Words, 4> state = kept;
   Words first, second;
@@ -46,11 +47,12 @@ void add_steps(std::array<Words, 4>& kept, float rms, float* values, std::size_t
     next(state, first);
     next(state, second);
     for (std::size_t i = 0; i < lanes; ++i) {
-      // u is in (0, 1]; x is half of an angle, in [-pi/2, pi/2).
+      // u is uniform in (0, 1]. x is half of a uniform angle, so it is uniform in [-pi/2, pi/2).
       const float u = (static_cast<float>(static_cast<std::int32_t>(first[i] >> 1)) + 1) * 0x1p-31f;
       const float x = static_cast<float>(static_cast<std::int32_t>(second[i])) *
                       (std::numbers::pi_v<float> * 0x1p-32f);
-      const float q = x * x;  // tan(x), from which sine and cosine follow, exact to 1e-5
+      // Sine and cosine of x as power series. Those of the whole angle have errors below 2e-5.
+      const float q = x * x;
       const float s = x * (1 + q * (-1.f / 6 + q * (1.f / 120 + q * (-1.f / 5040 + q / 362880))));
       const float c =
           1 + q * (-0.5f + q * (1.f / 24 + q * (-1.f / 720 + q * (1.f / 40320 - q / 3628800))));

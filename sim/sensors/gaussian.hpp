@@ -10,13 +10,14 @@
 
 namespace echofuse::sim {
 
-// Gaussian random numbers, many times faster than std::normal_distribution and equal on every
-// machine. Box and Muller (Ann. Math. Stat. 29, 610, 1958) on eight streams of xoshiro128++
-// (Blackman and Vigna, ACM Trans. Math. Softw. 47, 36, 2021). All are within 6.6 rms.
+// Generates Gaussian random numbers many times faster than std::normal_distribution, with the same
+// result on every machine. Applies the method of Box and Muller (Ann. Math. Stat. 29, 610, 1958) to
+// eight streams of xoshiro128++ (Blackman and Vigna, ACM Trans. Math. Softw. 47, 36, 2021). All
+// numbers are within 6.6 standard deviations.
 class GaussianNoise {
  public:
   explicit GaussianNoise(Rng& seed);
-  // Adds a Gaussian number of this rms to each value.
+  // Adds an independent Gaussian number with this rms value to each value.
   void add(std::span<float> values, float rms);
 
  private:

@@ -30,7 +30,8 @@ void Gaze::dim(const Rays& rays, std::int32_t capsules, double* weight, std::siz
   }
 }
 
-// Box and Muller on the plastic number's sequence (Roberts 2018).
+// Applies the Box-Muller method to the low-discrepancy sequence of the plastic number (Roberts
+// 2018).
 double Gaze::sway(std::size_t k) const {
   if (sway_m <= 0) return 0;
   const auto turns = [&](double step) {

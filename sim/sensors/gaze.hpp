@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Position, direction and field of view of a sensor, and the weights of its patches in addition to
-// the inverse-square law.
+// Position, direction and field of view of a sensor, and the factors of its patch weights in
+// addition to the inverse-square law.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -11,25 +11,28 @@ namespace echofuse::sim {
 struct Conditions;
 
 struct Gaze {
-  // Each ray has direction (x, y, 1), the cosine of incidence, and the number of the shape:
-  // capsules first; negative: the room.
+  // Rays with directions (x, y, 1), the cosine of incidence, and the number of the shape that each
+  // ray meets. Capsules have the lowest numbers; a negative number is the room.
   struct Rays {
     const double *x, *y, *cosine;
     const std::int32_t* shape;
   };
 
-  double sensor_x_m = 0, extra_m = 0;  // extra_m is added to every reported range
+  double sensor_x_m = 0, extra_m = 0;  // extra_m is added to each range
   double falloff = 0, middle_x = 0, half_tangent = 1;
-  double lobe = 1, plate_lobe = 1;  // exponents of the cosine; 1: Lambert
+  double lobe = 1, plate_lobe = 1;  // cosine exponents for capsules and other shapes; 1: Lambert
   double sway_m = 0;
-  double room = 1;                   // factor of the room's light or echo
-  std::optional<double> height_m{};  // sensor height above the floor; if set, places are kept
-  bool zones = false;                // true: directions are kept
+  double room = 1;  // factor of light or echo from the room
+  // Height of the sensor above the floor. If it is set, Returns::place is filled.
+  std::optional<double> height_m{};
+  bool zones = false;  // if true, the tangents of the patches are stored
 
-  // Converts weights of Lambert's law to those of the lobes, and applies the falloff:
-  //   cos -> (n + 2)/3 cos^n, which keeps the integral over a sphere's image.
+  // Multiplies the weights of Lambertian surfaces by the falloff and the factor of the room, and
+  // replaces the cosine:
+  //   cos -> (n + 2)/3 cos^n, which keeps the integral over the image of a sphere.
   void dim(const Rays& rays, std::int32_t capsules, double* weight, std::size_t count) const;
-  // Returns the extra range of patch k, m: values of rms sway_m, evenly spread over any run of k.
+  // Returns the range offset of patch k due to sway, m. The offsets have the rms value sway_m and
+  // are evenly distributed over any run of k.
   double sway(std::size_t k) const;
 };
 

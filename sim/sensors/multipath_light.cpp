@@ -24,7 +24,8 @@ struct Grid {
   }
 };
 
-// One-way falloff; that of the gaze is two-way.
+// Returns the falloff in one direction of travel. Gaze::falloff applies to both directions
+// together.
 double dimming(const Gaze& gaze, const Patch& p) {
   if (gaze.falloff <= 0) return 1;
   const double dx = p.at.x / p.at.z - gaze.middle_x, dy = p.at.y / p.at.z;
@@ -32,7 +33,7 @@ double dimming(const Gaze& gaze, const Patch& p) {
                   (2 * gaze.half_tangent * gaze.half_tangent));
 }
 
-// Wall patches that no body hides.
+// Returns the wall patches that are not hidden by a body.
 Patches lit_walls(const Scene& scene, const Gaze& gaze, const Grid& grid) {
   Patches walls = patches_of(*scene.room, gaze.sensor_x_m, grid.x, grid.y);
   std::vector<double> body_m(std::size_t{grid.x.count} * grid.y.count, INFINITY);
@@ -42,7 +43,8 @@ Patches lit_walls(const Scene& scene, const Gaze& gaze, const Grid& grid) {
   return walls;
 }
 
-// Histogram of light by path length: step and upper limit, which is beyond any window.
+// Bin width and limit of the histograms of light by path length, m. The limit exceeds the window of
+// any SPD histogram.
 constexpr double step_m = 0.05, longest_m = 30;
 class ByLength {
  public:
@@ -54,7 +56,7 @@ class ByLength {
   void add(double way_m, double light) {
     if (way_m < longest_m) at(static_cast<std::size_t>(way_m / step_m)) += light;
   }
-  // Adds all light of `from`, delayed by a path and scaled by `share`.
+  // Adds all light of `from`, multiplied by `share` and delayed by the path way_m.
   void add(const ByLength& from, double way_m, double share) {
     const auto later = static_cast<std::size_t>(way_m / step_m + 0.5);
     if (from.first_ >= from.last_ || from.last_ + later > from.light_.size()) return;
@@ -62,7 +64,7 @@ class ByLength {
     for (std::size_t i = from.first_; i < from.last_; ++i)
       light_[i + later] += share * from.light_[i];
   }
-  // Calls use(path length, light).
+  // Calls use(path length, light) for each bin that contains light.
   template <class Use>
   void for_each(Use use) const {
     for (std::size_t i = first_; i < last_; ++i)
@@ -88,8 +90,8 @@ class Walls {
       });
   }
 
-  // Adds the light returned by patches. `ways` is 2 for bodies (light travels in both directions)
-  // and 1 for walls.
+  // Adds the light returned by the patches `seen`. `ways` is 2 for bodies, because light takes each
+  // path in both directions, and 1 for walls.
   void light(const Patches& seen, int ways, Returns& out) const {
     for (std::size_t k = 0; k < seen.size(); ++k) {
       const Patch& patch = seen[k];
@@ -109,7 +111,7 @@ class Walls {
       twice.for_each(
           [&](double way_m, double light) { put(way_m + patch.range_m, ways * back * light); });
       if (ways < 2) continue;
-      ByLength both;  // out by one wall, back by another
+      ByLength both;  // light that travels out by one wall and back by another
       once.for_each([&](double there_m, double light) { both.add(once, there_m, light); });
       both.for_each(
           [&](double way_m, double light) { put(way_m, patch.albedo * patch.area_m2() * light); });
@@ -117,7 +119,8 @@ class Walls {
   }
 
  private:
-  // Calls use(wall patch, path length to `to`, light that `to` receives from it).
+  // Calls use(p, path length, light) for each wall patch p that illuminates `to`. The arguments are
+  // the path length to `to` and the light that `to` receives.
   template <class Use>
   void send(const Patch& to, Use use) const {
     for (std::size_t p = 0; p < patches_.size(); ++p)
@@ -128,8 +131,8 @@ class Walls {
   const Gaze& gaze_;
   Patches patches_;
   std::int64_t order_;
-  std::vector<double> light_;    // share of the laser's light that each patch sends (exitance)
-  std::vector<ByLength> again_;  // same, for light from other walls
+  std::vector<double> light_;    // exitance of each wall patch due to the laser
+  std::vector<ByLength> again_;  // exitance due to light from other walls
 };
 
 }  // namespace

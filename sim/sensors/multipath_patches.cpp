@@ -20,7 +20,7 @@ std::vector<Patch> patches_of(const Scene& scene, double sensor_x_m, const Axis&
       const Vec3 ray{row.x[i], row.y[i], 1};
       const double long_ray = length(ray);
       const Vec3 at = row.z[i] * ray;
-      // dOmega = dtx dty / |(tx, ty, 1)|^3
+      // Solid angle of a ray with tangents tx and ty: dOmega = dtx dty / |(tx, ty, 1)|^3.
       out.push_back({at, scanner.normal(row.shape[i], at), (1 / long_ray) * ray,
                      row.z[i] * long_ray, row.albedo[i], row.cosine[i],
                      pixel / (long_ray * long_ray * long_ray), row.shape[i],

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Surface patches that exchange light.
+// Surface patches that exchange light or echoes.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -9,30 +9,30 @@
 
 namespace echofuse::sim {
 
-// Surface patch that one ray of a sensor meets.
+// Part of a surface that one ray of a sensor meets.
 struct Patch {
-  Vec3 at, normal;  // relative to the sensor (m); unit vector towards it
-  Vec3 direction;   // unit vector from the sensor
+  Vec3 at, normal;  // position relative to the sensor, m; unit normal facing the sensor
+  Vec3 direction;   // unit vector from the sensor to the patch
   double range_m = 0, albedo = 0;
-  double cosine = 0;          // between normal and ray, > 0
-  double solid_angle_sr = 0;  // albedo for this sensor
-  std::int32_t shape = -1;    // capsules, then plates, then triangles
-  std::uint32_t ray = 0;      // row-major
+  double cosine = 0;          // |cos| of the angle between normal and ray
+  double solid_angle_sr = 0;  // solid angle of the ray at the sensor
+  std::int32_t shape = -1;    // shape number: capsules, then plates, then triangles
+  std::uint32_t ray = 0;      // index of the ray, row-major
 
   double area_m2() const { return solid_angle_sr * range_m * range_m / cosine; }
 };
 
-// Returns the patches of a scene without its room, from the staggered rays of cast(). Leaves out
-// patches at grazing incidence (cosine < 0.02), because their area is undefined.
+// Returns the patches of a scene without its room: one for each ray of cast() with
+// Sampling::staggered that meets a surface. Leaves out grazing incidence (cosine < 0.02), where the
+// area is undefined.
 std::vector<Patch> patches_of(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y);
 std::vector<Patch> patches_of(const Room& room, double sensor_x_m, const Axis& x, const Axis& y);
 
-// Returns the share of the light from Lambertian `to` that reaches `from`, per area of `to`. For a
-// disc of its size it is
+// Returns the form factor of two Lambertian patches: irradiance of `to` / exitance of `from`. It is
 //   F = A cos cos' / (pi d^2 + A)
-// as seen from its axis (Howell, Catalog of Radiation Heat Transfer Configuration Factors, B-12,
-// times the cosines off the axis). The A in the denominator conserves energy for near patches.
-// Returns 0 behind either surface.
+// with the area A of `from` and the distance d. On the axis of a disc this is exact (Howell,
+// Catalog of Radiation Heat Transfer Configuration Factors, B-12). The A in the denominator
+// conserves energy for near patches. F is 0 if one patch is behind the other.
 double form_factor(const Patch& to, const Patch& from);
 
 }  // namespace echofuse::sim

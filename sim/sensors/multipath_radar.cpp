@@ -18,7 +18,8 @@ Vec3 mirrored_at(const Plate& wall, Vec3 p) {
   return p - 2 * dot(n, p - wall.centre) * n;
 }
 
-// A wall consists of one stroke.
+// Returns true if p, a point in the plane of the wall, is on the wall. A wall consists of one
+// stroke.
 bool on_wall(const Plate& wall, Vec3 p) {
   const Stroke& s = wall.strokes.front();
   const double along_u = dot(p - wall.centre, wall.u) - s.u0;
@@ -29,7 +30,8 @@ bool on_wall(const Plate& wall, Vec3 p) {
   return along >= 0 && along <= reach && std::abs(across) <= s.width_m / 2;
 }
 
-// Returns the point where the segment between two places crosses the wall.
+// Returns the point where the line from one place to the other crosses the wall; nothing if it
+// misses the wall.
 std::optional<Vec3> through(const Plate& wall, Vec3 from, Vec3 to) {
   const Vec3 n = normal_of(wall);
   const double before = dot(n, from - wall.centre), behind = dot(n, to - wall.centre);
@@ -39,7 +41,8 @@ std::optional<Vec3> through(const Plate& wall, Vec3 from, Vec3 to) {
   return at;
 }
 
-// One path to a patch: its share of the returned power, and its direction.
+// One path to a patch: its factor in the power of the echo, its length, its direction at the radar,
+// and its number of reflections.
 struct Arrival {
   double share, length_m;
   Vec3 departure;
@@ -110,7 +113,7 @@ class Echoes {
   std::int32_t capsules_;
   const Scene& scene_;
   Returns& returns_;
-  std::vector<Arrival> ways_;  // paths to one patch
+  std::vector<Arrival> ways_;  // paths to the current patch
 };
 
 }  // namespace
@@ -130,7 +133,7 @@ std::vector<ImageSource> image_sources(const Room& room, Vec3 sensor, int order)
 std::optional<Way> way_to(const ImageSource& image, Vec3 sensor, Vec3 place) {
   const Vec3 whole = place - image.at;
   const double long_m = length(whole);
-  Vec3 met = place;  // last reflection point before `place`
+  Vec3 met = place;  // point of the path, traced back from `place` to the sensor
   if (image.reflections == 2) {
     const auto second = through(*image.walls[1], image.at, place);
     if (!second) return std::nullopt;

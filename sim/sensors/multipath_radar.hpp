@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Echoes of a radar or of sound from specular walls, by image sources (Allen and Berkley, J.
-// Acoust. Soc. Am. 65, 943, 1979).
+// Echoes of radar or sound that are reflected by specular walls, from image sources (Allen and
+// Berkley, J. Acoust. Soc. Am. 65, 943, 1979).
 #pragma once
 #include <array>
 #include <optional>
@@ -12,32 +12,35 @@ namespace echofuse::sim {
 
 struct Gaze;
 
-// Mirror image of a sensor in the walls.
+// Mirror image of a sensor after reflection at one or two walls.
 struct ImageSource {
   Vec3 at;
-  std::array<const Plate*, 2> walls{};  // reflecting walls, in order
-  int reflections = 0;                  // 0: the sensor itself
+  std::array<const Plate*, 2> walls{};  // reflecting walls, in the order of the outgoing path
+  int reflections = 0;                  // number of reflections; 0: the sensor itself
 };
-// Returns the sensor itself and its images in the room's first `walls` plates, with at most `order`
-// reflections (0 to 2).
+// Returns the sensor and its mirror images with at most `order` reflections (0 to 2). Only the
+// first Room::walls plates of the room reflect.
 std::vector<ImageSource> image_sources(const Room& room, Vec3 sensor, int order);
 
 struct Way {
-  Vec3 departure;  // unit vector at the sensor
-  Vec3 arrival;    // unit vector at the place
+  Vec3 departure;  // unit vector of the path at the sensor
+  Vec3 arrival;    // unit vector of the path at the place
   double length_m = 0;
 };
-// Returns the path from the sensor to a place; nothing if a reflection point is outside its wall.
-// Ignores obstacles.
+// Returns the path from the sensor to a place by the reflections of `image`. Returns nothing if a
+// reflection point is outside its wall. Ignores obstacles.
 std::optional<Way> way_to(const ImageSource& image, Vec3 sensor, Vec3 place);
 
-// Adds the echoes of patches visible to the radar, out by path i and back by path j (Lambertian,
-// one emitter and receiver in one place):
+// Adds the echoes of patches visible to the radar that travel out on path i and back on path j,
+// with 1 <= n_i + n_j <= multipath_order reflections. Patches are Lambertian. Emitter and receiver
+// are at the same position.
 //   w_ij = albedo dA (rho^n_i g_i cos_i / d_i^2) (rho^n_j g_j cos_j / d_j^2), range (d_i + d_j) / 2
-// if 1 <= n_i + n_j <= order reflections; g is the one-way falloff. i, j and j, i are one echo of
-// twice the amplitude, 4 w: behind one mirror the mean power over phases is 1 + 4 rho + rho^2, the
-// mean of |1 + sqrt(rho) exp(i phi)|^4. The radar sends and receives at z > 0 only. With antennas
-// the direction is the mean of both paths'.
+// A path has the length d, the angle of incidence with cosine cos, and the one-way falloff g; rho
+// is radar_wall_reflectivity. If i and j differ, path and reverse path add to twice the amplitude,
+// so the weight is 4 w_ij. Behind one mirror the power relative to the direct echo is the mean of
+// |1 + sqrt(rho) exp(i phi)|^4 over all phases phi: 1 + 4 rho + rho^2. The radar sends and receives
+// only at z > 0. If places are stored, the direction of an echo is the mean direction of both
+// paths.
 void add_echoes_by_walls(const Scene& scene, const Conditions& conditions, const Gaze& gaze,
                          const Axis& x, const Axis& y, Returns& returns);
 

@@ -16,7 +16,7 @@ namespace {
 
 std::int64_t whole_up(double x) { return static_cast<std::int64_t>(std::ceil(x)); }
 
-// Returns the integral up to t of the detector's response (IRF) to a photon at time 0.
+// Impulse response (IRF) of the detector to a photon at time 0. cdf(t) is its integral up to t.
 class Irf {
  public:
   explicit Irf(const Conditions& c)
@@ -26,7 +26,7 @@ class Irf {
 
   bool operator==(const Irf&) const = default;
   double sigma() const { return sigma_; }
-  // Less than 1e-9 of the energy is outside [begin, end].
+  // Less than 1e-9 of the IRF is outside [begin, end].
   double begin() const { return -6.2 * sigma_; }
   double end() const { return 6.2 * sigma_ + 21 * tail_; }
   double cdf(double t) const {
@@ -36,8 +36,8 @@ class Irf {
 
  private:
   static double normal(double u) { return 0.5 * std::erfc(-u / std::numbers::sqrt2); }
-  // Remaining share of an exponentially modified Gaussian; uses logarithms, because the exponent
-  // alone overflows for sigma >> tail.
+  // Returns the amount by which an exponential tail reduces the cumulative Gaussian at t. Uses
+  // logarithms, because the exponential alone overflows for sigma >> tail.
   double late(double t) const {
     const double ratio = sigma_ / tail_;
     const double share = normal(t / sigma_ - ratio);
@@ -46,7 +46,8 @@ class Irf {
   double sigma_, tail_, share_;
 };
 
-// Adds weight times its row of shares for each point of one bin; rows are `stride` apart.
+// Adds to `bins`, for each grid point of one bin, its weight times its row of shares. Rows are
+// `stride` apart.
 ECHOFUSE_CLONES void add_shares(const double* weights, std::size_t points, const double* shares,
                                 std::size_t stride, std::size_t count, double* __restrict__ bins) {
   for (std::size_t i = 0; i < points; ++i) {
@@ -55,9 +56,9 @@ ECHOFUSE_CLONES void add_shares(const double* weights, std::size_t points, const
   }
 }
 
-// Signal finer than bin and IRF, as weights on a grid of `phases` points per bin. Each return is
-// split linearly between its two neighbours. At a spacing of sigma/16 this widens the IRF by less
-// than 4e-4 of its width.
+// Signal on a time grid finer than bins and IRF, with `phases` points per bin. Each return is split
+// linearly between its two neighbouring points. At a spacing of sigma/16 this widens the IRF by
+// less than 4e-4 of its width.
 class FineSignal {
  public:
   FineSignal(const Conditions& c, const Irf& irf)
@@ -78,13 +79,13 @@ class FineSignal {
     weights_[i + 1] += rest * weight;
   }
 
-  // Adds to each bin its share of every point. The share depends only on the point's position
-  // within its bin.
+  // Adds to each bin its share of every grid point. The share depends only on the position of the
+  // point within its bin and on the distance between the bins.
   void spread(const Irf& irf, double width_ps, std::vector<double>& bins) const {
     const std::int64_t first = -whole_up(-irf.begin() / width_ps) - 1;
     const std::int64_t last = whole_up(irf.end() / width_ps) + 1;
     const auto length = static_cast<std::size_t>(last - first);
-    // Shares are reused between records, because they depend only on response and bin width.
+    // The shares are kept for the next record, because they depend only on IRF and bin width.
     thread_local std::vector<double> shares;
     thread_local std::optional<std::pair<Irf, double>> of;
     if (of != std::pair{irf, width_ps}) {
@@ -114,7 +115,8 @@ class FineSignal {
  private:
   std::int64_t phases_;
   double step_;
-  std::int64_t bins_before_;  // light before the first bin may still decay into it
+  // Number of grid bins before bin 0 from which the IRF extends into bin 0.
+  std::int64_t bins_before_;
   double start_;
   std::vector<double> weights_;
 };
@@ -153,8 +155,8 @@ std::vector<double> spd_rate(const Returns& returns, const Conditions& c) {
   const auto add = [&](std::size_t k) {
     signal.add(ps_per_m * returns.range_m[k], c.signal_photons * returns.weight[k]);
   };
-  // Interleaves four parts, because successive returns fall in the same bin and would have to wait
-  // for each other's additions.
+  // Adds returns from four parts of the list in turn. Successive returns of one part often fall in
+  // the same bin, so each addition would have to wait for the previous one.
   constexpr std::size_t parts = 4;
   const std::size_t count = returns.range_m.size(), part = count / parts;
   for (std::size_t k = 0; k < part; ++k)
@@ -176,7 +178,7 @@ std::vector<std::uint32_t> draw_counts(const std::vector<double>& rate, const Co
     return counts;
   }
   const auto pulses = static_cast<double>(c.pulses_per_window);
-  std::int64_t waiting = c.pulses_per_window;  // pulses without a detection so far
+  std::int64_t waiting = c.pulses_per_window;  // number of pulses without a detection so far
   for (std::size_t i = 0; i < rate.size(); ++i) {
     const double chance = -std::expm1(-rate[i] / pulses);
     const std::int64_t n = binomial(waiting, chance, rng);

@@ -18,7 +18,8 @@ constexpr double pi = std::numbers::pi;
 
 constexpr int many_frames = 60;
 
-// sinc(u) at many points u = cells[i] - cell, from the sines and cosines of both parts of pi u.
+// Computes sinc(u) for all u = cells[i] - cell, from the sines and cosines of pi cells[i] and of pi
+// cell.
 ECHOFUSE_CLONES void sincs(const double* cells, const double* sines, const double* cosines,
                            double cell, double sine, double cosine, double* __restrict out,
                            std::size_t count) {
@@ -38,9 +39,9 @@ ECHOFUSE_CLONES void add_squared(double weight, const double* psf, double* __res
   for (std::size_t i = 0; i < count; ++i) power[i] += weight * psf[i] * psf[i];
 }
 
-// Echoes on a range grid much finer than the resolution, each split linearly between its two
-// neighbours. So a whole room costs no more than a few hundred points. Interpolating the psf in
-// this way is accurate to 5e-5 of its peak.
+// Echoes on a range grid much finer than the resolution. Each echo is split linearly between its
+// two neighbouring points, so even a whole room costs only as much as a few hundred points. The
+// interpolation of the psf has an error of 5e-5 of its peak.
 template <class Value>
 class FineEcho {
  public:
@@ -58,8 +59,8 @@ class FineEcho {
     values_[i] += (1 - rest) * value;
     values_[i + 1] += rest * value;
   }
-  // Calls visit(value, psf) for each point of the grid, with its response at the points of the
-  // axis.
+  // Calls visit(value, psf) for each grid point with an echo. `psf` is its response at all points
+  // of the axis.
   template <class Visit>
   void for_each(const RadarAxis& axis, Visit visit) const {
     const RangeResponse response(axis);
@@ -95,12 +96,12 @@ void RangeResponse::at(double cell, std::vector<double>& psf) const {
     for (std::size_t i = 0; i < psf.size(); ++i) psf[i] = psf_.at(cells_[i] - cell);
     return;
   }
-  // sin(pi (u_i - u)) follows from the sines of both angles; computing each sine would dominate the
-  // run time.
+  // Derives sin(pi (u_i - u)) from the sines and cosines of both angles, because computing each
+  // sine would dominate the run time.
   const double sine = std::sin(pi * cell), cosine = std::cos(pi * cell);
   sincs(cells_.data(), sines_.data(), cosines_.data(), cell, sine, cosine, psf.data(), psf.size());
   if (psf_.first != 0) to_windowed(cells_.data(), cell, psf_.windowed(), psf.data(), psf.size());
-  // points where the formula is 0 / 0
+  // Recomputes the points where the formula is 0 / 0.
   for (int order = -2; order <= 2; ++order) {
     const double point = std::round((cell + order - cells_[0]) / cells_per_point_);
     if (!(point >= 0 && point < static_cast<double>(psf.size()))) continue;

@@ -12,40 +12,44 @@ namespace echofuse::sim {
 struct Conditions;
 struct Returns;
 
-// Computes Psf::at at every point of an axis, for one range after another.
+// Computes the response Psf::at() at all points of an axis, for echoes at different ranges.
 class RangeResponse {
  public:
   explicit RangeResponse(const RadarAxis& axis);
-  // Writes the response at each point to an echo at range `cell`, in resolution cells.
+  // Writes the response at each point to an echo at the range `cell`, in resolution cells.
   void at(double cell, std::vector<double>& psf) const;
 
  private:
   Psf psf_;
   double cells_per_point_;
-  std::vector<double> cells_, sines_, cosines_;  // one entry per point
+  // Of each point: its range in resolution cells, and the sine and cosine of pi times that.
+  std::vector<double> cells_, sines_, cosines_;
 };
 
-// Returns the power of receiver noise per antenna sample and frame: radar_snr_db below mean_peak.
+// Returns the power of the receiver noise in a sample of one antenna and frame. It is radar_snr_db
+// below mean_peak.
 double radar_noise_power(const Conditions& c, double mean_peak);
 
-// Returns the rms noise at each point of a profile averaged over `frames` frames. In 60 frames (3 s
-// at 20 frames per second) it is radar_snr_db below mean_peak; it falls with the root of their
-// number. In one frame the noise is the power of complex Gaussian noise: exponential, its mean
-// equal to its rms. The mean of 60 frames and more is treated as Gaussian.
+// Returns the rms noise at each point of a profile averaged over `frames` frames. For 60 frames (3
+// s at 20 frames per second) it is radar_snr_db below mean_peak. It is proportional to 1 /
+// sqrt(frames). In a single frame the noise is the power of complex Gaussian noise: its
+// distribution is exponential, and its mean equals its rms. A mean of 60 or more frames is treated
+// as Gaussian.
 double profile_noise(const Conditions& c, double mean_peak, std::int64_t frames);
-// Adds the noise of the mean of `frames` frames, minus its average: powers may be negative.
+// Adds the noise of a profile averaged over `frames` frames, minus its expected value. So powers
+// may be negative.
 void add_profile_noise(std::vector<double>& power, double mean_peak, const Conditions& conditions,
                        std::int64_t frames, Rng& rng);
-// Adds the noise of one frame.
+// Adds the noise power of one frame.
 void add_frame_noise(std::vector<double>& power, double mean_peak, const Conditions& conditions,
                      Rng& rng);
 
-// Returns the linear power of incoherent echoes, sum_k w_k psf^2, without noise. Unit: the mean
-// scene as a single point gives 1. antennas.hpp handles coherent echoes.
+// Returns the noise-free power of incoherent echoes at each point: sum_k w_k psf^2. Its unit is
+// such that the mean scene as a single point has power 1. antennas.hpp simulates coherent echoes.
 std::vector<double> radar_power(const Returns& returns, const RadarAxis& axis);
 
-// Returns the peak of the noise-free incoherent profile, averaged over a fixed set of
-// base-condition scenes with this axis and baseline. Takes about 50 ms, once per data set.
+// Returns the peak power of a noise-free incoherent profile, averaged over a fixed set of scenes of
+// the base condition with this axis and baseline. Takes about 50 ms; call it once per data set.
 double mean_peak_power(const RadarAxis& axis, const Conditions& conditions);
 
 }  // namespace echofuse::sim

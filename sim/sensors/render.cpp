@@ -17,7 +17,7 @@
 namespace echofuse::sim {
 namespace {
 
-// Returns the place where ray i of the row meets a surface at this range.
+// Returns the origin of the patch that ray i of the row meets at this range.
 Returns::PatchOrigin place_of(const Scene& scene, const ScanRow& row, std::size_t i, double range_m,
                               double sensor_height_m) {
   const double z = row.z[i];
@@ -25,20 +25,22 @@ Returns::PatchOrigin place_of(const Scene& scene, const ScanRow& row, std::size_
           static_cast<float>(row.y[i] * z + sensor_height_m), person_of(scene, row.shape[i])};
 }
 
-// Patches hit by the rays of a row, in ray order.
+// Collects the patches that the rays of each row meet, in the order of the rays.
 class PatchCollector {
  public:
   PatchCollector(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y,
                  Returns& returns)
       : scene_(scene),
         gaze_(gaze),
-        // dOmega = dtx dty / |(tx, ty, 1)|^3
+        // Pixel area dtx dty in tangents, over mean_scene_weight; light_back() converts it to a
+        // solid angle.
         pixel_(std::abs(x.step * y.step) / mean_scene_weight),
         returns_(returns) {
     returns.place.clear(), returns.tangent_x.clear(), returns.tangent_y.clear();
   }
 
-  // Adds rays first to last - 1 of the row, with weights times `sign`.
+  // Adds the patches of the rays first to last - 1 of the row. Their weights are multiplied by
+  // `sign`.
   void add(const ScanRow& row, double sign, std::size_t first, std::size_t last) {
     const std::size_t count = last - first, most = seen_ + count + spare_rays;
     if (returns_.range_m.size() < most) {

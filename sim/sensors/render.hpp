@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Casts rays at capsules, plates and triangles, without tessellation.
+// Renders a scene by casting rays at capsules, plates and triangles, without tessellation.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -9,64 +9,68 @@
 
 namespace echofuse::sim {
 
-// First surface that a ray hits; range 0: none.
+// First surface that a ray meets. If the ray meets nothing, range_m is 0.
 struct Hit {
   float range_m = 0;  // slant range from the sensor
   float z_m = 0;
-  float cos_theta = 0;  // between the surface normal and the ray, >= 0
+  float cos_theta = 0;  // cosine of the angle between surface normal and ray, >= 0
   float albedo = 0;
 };
 
-// Position of a ray in its pixel. Staggered rays are off the pixel centre by a different step in
-// each row and column. So edges along the grid (letters held upright) are counted correctly on
-// average, instead of one row too many or too few.
+// Position of each ray in its pixel. Staggered rays have a different offset from the pixel centre
+// in each row and column. So the area of a shape with edges along the grid (upright letters) is
+// correct on average. Rays at the pixel centres may count a whole row too many or too few.
 enum class Sampling : std::uint8_t { centres, staggered };
 
-// Casts one ray per point of the axes (values: x/z and y/z of the ray); row-major, y
-// outermost. The sensor at (x, 0, 0) looks along +z.
+// Casts one ray for each pair of points of the axes, which are the tangents x/z and y/z of the ray.
+// The result is row-major, [y][x]. The sensor is at (sensor_x_m, 0, 0) and looks along +z.
 std::vector<Hit> cast(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y,
                       Sampling sampling = Sampling::centres);
 
-// Returns z in millimetres as seen from the origin, row-major; 0: nothing within 65.535 m.
+// Returns the depth z of each pixel for a camera at the origin, mm, row-major; 0 if nothing is
+// within 65.535 m.
 std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, const Axis& y);
 
-// Surface patches visible to one sensor. weight = albedo cos(theta) dOmega / R^2 (source and
-// receiver in one place, Lambertian), in units of the mean scene's: the weights of an average scene
-// of the base condition sum to 1.
+// Surface patches visible to one sensor. The weight of a patch is albedo cos(theta) dOmega / R^2
+// (Lambertian; source and receiver at the same position), divided by mean_scene_weight. So the
+// weights of an average scene of the base condition add up to 1.
 struct Returns {
   std::vector<double> range_m;
   std::vector<double> weight;
-  std::vector<float> tangent_x{}, tangent_y{};  // directions; only for a detector with zones
-  // The radar's returns have places if it has antennas (radar_antennas > 0) or its echoes
-  // interfere. A place has the direction cosines x/R and y/R, the height above the floor, and the
-  // owner of the patch: person 0, 1..., or something that stands still.
+  // Tangents of the direction of each patch; only for a detector with zones.
+  std::vector<float> tangent_x{}, tangent_y{};
+  // Direction cosines x/R and y/R of a patch, its height above the floor, and its owner: a person
+  // (0, 1, ...) or one of the negative constants below. Returns of the radar have these values if
+  // radar_antennas > 0 or radar_sum is coherent.
   struct PatchOrigin {
     float x = 0, y = 0, height_m = 0;
     std::int32_t person = still;
   };
-  static constexpr std::int32_t still = -1;  // the room, an object
+  static constexpr std::int32_t still = -1;  // owner: the room or an object
   static constexpr std::int32_t reflector = -2, leakage = -3;
   std::vector<PatchOrigin> place{};
 };
 
-// Returns the index of the person that shape `number` of a scene (scanner.hpp) belongs to. Person i
-// is the i-th group of capsules; plates belong to the people who hold them.
+// Returns the owner of shape `number` (see Scanner) for PatchOrigin::person. Person i consists of
+// group i of capsules. Plates belong to person 0; without people they are the reflector.
 std::int32_t person_of(const Scene& scene, std::int32_t number);
 
-// Sum of albedo cos(theta) dOmega / R^2 over the mean scene (1000 people to 3000 letters of the
-// base condition). Equals that of a calibration target, a white plate of 0.24 m^2 at 3.5 m: A /
-// R^4. A constant, so that nearer, larger or darker targets keep their own brightness.
+// Sum of albedo cos(theta) dOmega / R^2 over the mean scene (base condition, one person for every
+// three letters). It equals that of a white plate of 0.24 m^2 at 3.5 m: A / R^4. It is a constant,
+// so the sum of the weights of a scene depends on distance, size and albedo of its targets.
 inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
 
-// Returns the patches visible from the origin and from the radar's place, each with its own
-// occlusion. Ranges include spd_delay_ps and radar_bias_m. Returns by walls follow
-// (multipath_order; range: half of the path), then the radar's leakage. RoomReturns::subtracted
-// leaves out the room, except patches hidden by others, which get negative weights. Any quantity
-// linear in the weights is then the change relative to the empty room.
+// These functions return the patches visible to the detector or the radar, each with its own
+// occlusion. Ranges include spd_delay_ps or radar_bias_m. The patches are followed by the returns
+// reflected by walls (multipath_order; range: half of the path length) and by the leakage of the
+// radar. RoomReturns::subtracted leaves out the visible patches of the room. Its hidden patches are
+// included with negative weights. Quantities that are linear in the weights are then changes
+// relative to the empty room.
 enum class RoomReturns : std::uint8_t { included, subtracted };
 Returns spd_returns(const Scene& scene, const Conditions& conditions);
 Returns radar_returns(const Scene& scene, const Conditions& conditions);
-// Same, reusing the memory of an earlier scene, because allocation takes as long as rendering.
+// As above, but `out` is reused for each scene, because allocating new memory takes as long as
+// rendering.
 void spd_returns(const Scene& scene, const Conditions& conditions, Returns& out,
                  RoomReturns room = RoomReturns::included);
 void radar_returns(const Scene& scene, const Conditions& conditions, Returns& out,

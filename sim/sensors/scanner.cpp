@@ -25,13 +25,14 @@ Vec3 Scanner::normal(std::int32_t shape, Vec3 at) const {
   return dot(out, at) > 0 ? -1 * out : out;
 }
 
-// Returns the image of a static room, cached per sensor. Threading: any thread.
+// Returns the image of a static room. It is rendered once for each sensor and then cached.
+// Threading: any thread.
 std::shared_ptr<const Image> Scanner::room_image(const Room& room, double sensor_x_m, const Axis& x,
                                                  const Axis& y, Sampling sampling) {
   static std::mutex mutex;
   using Key = std::pair<const Room*, std::vector<double>>;
   static std::map<Key, std::shared_ptr<const Image>> images;
-  constexpr std::size_t most = 8;  // a data set needs three
+  constexpr std::size_t most = 8;  // maximum number of cached images; a data set needs three
   const Key key{&room,
                 {sensor_x_m, static_cast<double>(sampling), x.start, x.step, y.start, y.step,
                  static_cast<double>(x.count), static_cast<double>(y.count)}};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Scans a scene with rays, row by row. Internal to render.cpp.
+// Scans a scene with rays, row by row. Internal to the files in sim/sensors.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -16,15 +16,17 @@
 
 namespace echofuse::sim {
 
-using PointRange = std::pair<std::uint32_t, std::uint32_t>;  // [first, last) of an axis
+// indices [first, last) of the points of an axis
+using PointRange = std::pair<std::uint32_t, std::uint32_t>;
 
-// Interval in points, widened by half a step for staggered rays.
+// Converts an interval of tangents to point indices, widened by half a step for staggered rays.
 inline Interval in_points(const Axis& axis, Interval t) {
   const double a = (t.low - axis.start) / axis.step, b = (t.high - axis.start) / axis.step;
   return {std::min(a, b) - 0.5, std::max(a, b) + 0.5};
 }
 
-// Returns the points of the axis inside the interval; rounding may add a neighbour.
+// Returns the points of the axis with rays inside the interval. Rounding may add a neighbouring
+// point.
 inline PointRange points_within(const Axis& axis, Interval t) {
   const auto [low, high] = in_points(axis, t);
   const double n = axis.count;
@@ -32,18 +34,18 @@ inline PointRange points_within(const Axis& axis, Interval t) {
           static_cast<std::uint32_t>(std::clamp(std::ceil(high) + 1, 0.0, n))};
 }
 
-// Returns an offset in (-0.5, 0.5), evenly spread over any run of k (multiples of the golden
-// ratio).
+// Returns offset k in (-0.5, 0.5), from multiples of the golden ratio. The offsets of any run of k
+// are evenly distributed.
 inline double golden_offset(std::uint32_t k) {
   const double turns = (k + 0.5) * std::numbers::phi;
   return turns - std::floor(turns) - 0.5;
 }
 
-// Offsets of each ray from its point. Columns are counted from the middle with mirrored offsets, so
+// Offset of each ray from its point. The offsets of the left and right half are mirror images, so
 // that mirrored scenes give mirrored results.
 struct Offsets {
   std::vector<double> dx_of_row, x_of_column, dy_of_column;
-  std::vector<double> side_of_column;  // -1 left of the middle, 1 right of it
+  std::vector<double> side_of_column;  // -1 left of the middle column, 1 right of it, 0 in it
 
   Offsets(const Axis& x, const Axis& y, Sampling sampling)
       : dx_of_row(y.count),
@@ -62,7 +64,7 @@ struct Offsets {
   }
 };
 
-// Shape, with the range of rays that can hit it.
+// Shape with the columns [x0, x1) and rows [y0, y1) of the rays that can meet it.
 template <class Shape>
 struct Placed {
   Shape shape;
@@ -72,12 +74,13 @@ struct Placed {
     std::tie(x0, x1) = points_within(x, shape.tangents_x());
     std::tie(y0, y1) = points_within(y, shape.tangents_y());
   }
-  // Returns the columns of row iy that can hit the shape.
+  // Returns the columns of rays in row iy that can meet the shape.
   PointRange columns(std::uint32_t) const { return {x0, x1}; }
 };
 
-// A tilted limb fills little of its box. Its bounds are interpolated between both ends, (1 - t) a +
-// t b; a row selects a range of t.
+// A tilted limb fills only a small part of its bounding box. So its bounds in a row are
+// interpolated between the bounds a and b of both ends: (1 - t) a + t b. The row determines the
+// range of t.
 template <>
 struct Placed<CapsuleShape> {
   CapsuleShape shape;
@@ -87,7 +90,7 @@ struct Placed<CapsuleShape> {
     const auto [a, b] = s.ends();
     std::tie(x0, x1) = points_within(x, hull(a.x, b.x));
     std::tie(y0, y1) = points_within(y, hull(a.y, b.y));
-    constexpr double more = 1e-6;  // exceeds rounding errors
+    constexpr double more = 1e-6;  // margin for rounding errors
     const Interval ax = in_points(x, a.x), bx = in_points(x, b.x);
     const Interval ay = in_points(y, a.y), by = in_points(y, b.y);
     left_ = {ax.low - more, bx.low - more}, right_ = {ax.high + more, bx.high + more};
@@ -100,7 +103,7 @@ struct Placed<CapsuleShape> {
     const auto y = static_cast<double>(iy);
     top_.keep_below(y, from, to), bottom_.keep_below(-y, from, to);
     if (from > to) return {0, 0};
-    // Truncates instead of rounding; clamping keeps values left of the axis at its start.
+    // Rounds down to a column, after limiting the value to the columns of the shape.
     const auto cut = [&](double point) {
       return static_cast<std::uint32_t>(std::clamp<double>(point, x0, x1));
     };
@@ -109,11 +112,11 @@ struct Placed<CapsuleShape> {
   }
 
  private:
-  // Bounds at both ends.
+  // Bound that changes linearly from end a (t = 0) to end b (t = 1).
   struct Bound {
     Bound(double of_a, double of_b) : a(of_a), by(of_b - of_a), per(by == 0 ? 0 : 1 / by) {}
     double at(double t) const { return a + t * by; }
-    // Restricts [from, to] to those t with a bound of at most y.
+    // Limits [from, to] to the t at which the bound is at most y.
     void keep_below(double y, double& from, double& to) const {
       const double t = (y - a) * per;
       if (by > 0) to = std::min(to, t);
@@ -122,27 +125,28 @@ struct Placed<CapsuleShape> {
     }
     double a, by, per;
   };
-  Bound left_{0, 0}, right_{0, 0}, top_{0, 0}, bottom_{0, 0};  // bottom_ is negated
-  static constexpr std::uint32_t worth_it = 16;                // points
+  Bound left_{0, 0}, right_{0, 0}, top_{0, 0}, bottom_{0, 0};  // in points; bottom_ is negated
+  static constexpr std::uint32_t worth_it = 16;  // least width in points for which this saves time
   bool bounded_ = true;
 };
 
 inline constexpr std::int32_t nothing = -1;
-// z is infinite where nothing is hit. Arrays are padded to a SIMD width.
+// Rendered image: arrays [y][x], padded to a SIMD width. z is infinite where a ray meets nothing.
 struct Image {
   std::vector<double> z, cosine, albedo;
 };
 
-// Depth buffer of rays [from, to) of a row with directions (x, y, 1); z is infinite where nothing
-// is hit. Arrays are padded to a SIMD width.
+// Rays [from, to) of a row, with directions (x, y, 1), and what they meet. z is infinite where a
+// ray meets nothing. Arrays are padded to a SIMD width.
 struct ScanRow {
   std::uint32_t iy, from, to;
   const double *x, *y, *z;
-  const double *cosine, *albedo;       // only for Shading::on
-  const std::int32_t* shape;           // nothing: the room
-  const std::vector<PointRange>& met;  // groups of neighbours with a hit; only for Shading::on
+  const double *cosine, *albedo;  // only for Shading::on
+  const std::int32_t* shape;      // shape number; -1: the room
+  // Runs of neighbouring rays that meet something; only for Shading::on.
+  const std::vector<PointRange>& met;
 };
-// Calls use(first, last) for each run of neighbours in [from, to) that all satisfy keep(i).
+// Calls use(first, last) for each longest run of neighbours in [from, to) that all satisfy keep(i).
 template <class Keep, class Use>
 void for_each_run(std::size_t from, std::size_t to, Keep keep, Use use) {
   for (std::size_t first = from, last = from; first < to; first = last) {
@@ -153,8 +157,8 @@ void for_each_run(std::size_t from, std::size_t to, Keep keep, Use use) {
 }
 enum class Shading : std::uint8_t { off, on };
 
-// Renders an image row by row; holds one row. Shapes are numbered: capsules, then plates, then
-// triangles.
+// Renders an image row by row and keeps only the current row. Shapes are numbered in the order
+// capsules, plates, triangles.
 class Scanner {
  public:
   Scanner(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y, Sampling sampling,
@@ -179,7 +183,7 @@ class Scanner {
       background_ = room_image(*scene.room, sensor_x_m, x, y, sampling);
   }
 
-  // Calls visit(row) for every row that may contain a hit.
+  // Calls visit(row) for every row in which a ray may meet something.
   template <class Visit>
   void scan(Shading shading, Visit visit) {
     const auto [first, last] = rows();
@@ -188,7 +192,7 @@ class Scanner {
       if (from_ >= to_) continue;
       aim_row(iy);
       draw_row();
-      to_ = std::min(to_, x_.count);  // without padding
+      to_ = std::min(to_, x_.count);  // excludes the padding
       if (shading == Shading::on) shade_row();
       if (background_) add_background(iy);
       visit(ScanRow{iy, from_, to_, ray_x_.data(), ray_y_.data(), z_.data(), cosine_.data(),
@@ -196,14 +200,14 @@ class Scanner {
     }
   }
 
-  // Returns the unit normal at the hit, pointing to the sensor.
+  // Returns the unit normal of the shape at this point, facing the sensor.
   Vec3 normal(std::int32_t shape, Vec3 at) const;
 
   static std::shared_ptr<const Image> room_image(const Room& room, double sensor_x_m, const Axis& x,
                                                  const Axis& y, Sampling sampling);
 
  private:
-  // Returns the rows that may contain a hit.
+  // Returns the rows in which a ray may meet something.
   PointRange rows() const {
     if (background_) return {0, y_.count};
     PointRange out{y_.count, 0};
@@ -214,7 +218,7 @@ class Scanner {
     return out;
   }
 
-  // Collects the shapes that may be hit in the row, and their range of columns.
+  // Collects the shapes that rays of row iy may meet, with their columns.
   void find_shapes(std::uint32_t iy) {
     from_ = background_ ? 0 : x_.count;
     to_ = background_ ? x_.count : 0;
@@ -237,7 +241,7 @@ class Scanner {
     }
   }
 
-  // Calls use(shape) with the shape of this number.
+  // Calls use(shape) for the shape with this number.
   template <class Use>
   void with_shape(std::int32_t shape, Use use) const {
     auto number = static_cast<std::size_t>(shape);
@@ -301,12 +305,12 @@ class Scanner {
   const Axis& x_;
   const Axis& y_;
   Offsets offsets_;
-  // values of one row, padded
+  // Values of the current row, padded.
   std::vector<double> ray_x_, ray_y_, met_, z_, cosine_, albedo_;
   std::vector<std::int32_t> shape_;
   std::vector<InRow> in_row_;
   std::vector<PointRange> runs_;
-  std::uint32_t from_ = 0, to_ = 0;  // range of the row that may contain a hit
+  std::uint32_t from_ = 0, to_ = 0;  // columns of the current row in which a ray may meet something
   std::vector<Placed<CapsuleShape>> capsules_;
   std::vector<Placed<PlateShape>> plates_;
   std::vector<Placed<TriangleShape>> triangles_;

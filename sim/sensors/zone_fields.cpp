@@ -16,12 +16,13 @@ double pitch(const Conditions& c) {
   return 2 * spd_gaze(c).half_tangent / static_cast<double>(c.spd_zones);
 }
 
-// Centre of zone i along one side; 0 is the middle.
+// Returns the centre of zone i along one side, as a tangent relative to the axis of the detector.
 double centre(const Conditions& c, std::size_t i) {
   return (static_cast<double>(i) + 0.5 - static_cast<double>(c.spd_zones) / 2) * pitch(c);
 }
 
-// Shares of the light from each tangent that the zones along one side receive, zone by zone.
+// Returns the fraction of the light from each tangent that each zone along one side receives:
+// [zone][tangent].
 std::vector<double> shares(const std::vector<float>& tangents, double middle, const Conditions& c) {
   const std::size_t side = zones_a_side(c), count = tangents.size();
   const double deviation = zone_deviation * pitch(c);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Zones of the simulated detector: spd_zones x spd_zones parts of its field of view. Their fields
-// are Gaussian, overlap like those of a TMF8820, and add up to 1 everywhere. So all zones together
-// count as much as a single pixel.
+// Zones of the simulated detector: spd_zones x spd_zones parts of its field of view. The
+// sensitivities of the zones are Gaussian, overlap like those of a TMF8820, and add up to 1 in each
+// direction. So all zones together detect as much light as a single pixel.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -12,18 +12,19 @@
 
 namespace echofuse::sim {
 
-// Standard deviation of a field, relative to the spacing of the zones.
+// Standard deviation of the Gaussian sensitivity of a zone, relative to the spacing of the zones.
 inline constexpr double zone_deviation = 0.75;
 
-// Returns the zones for the run, row by row from the top left; empty for a single pixel.
-// spd_yaw_deg is not applied, because the daemon does not know it.
+// Returns the zones to store in the run file, row by row from the top left; empty for a single
+// pixel. They do not include spd_yaw_deg, because it is unknown in a real laboratory.
 Zones zones_of(const Conditions& conditions);
 
-// Returns the expected detections per window (spd_rate) of each zone, zone by zone. The background
-// is spread evenly over the zones. Several zones need returns with directions.
+// Returns the expected detections in each bin during one window (spd_rate) for each zone:
+// [zone][bin]. The background is divided equally among the zones. If there are several zones,
+// `returns` must include tangents.
 std::vector<double> zone_rates(const Returns& returns, const Conditions& conditions);
 
-// Draws the counts of one window. Each zone has its own detector (draw_counts).
+// Draws the counts of one window: [zone][bin]. Each zone has a separate detector (draw_counts).
 std::vector<std::uint32_t> draw_zone_counts(const std::vector<double>& rates,
                                             const Conditions& conditions, Rng& rng);
 

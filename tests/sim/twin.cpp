@@ -70,7 +70,8 @@ TEST_CASE("all errors of a twin file are reported") {
   } catch (const Error& e) {
     const std::string what = e.what();
     for (const char* part :
-         {"w.toml:1:9: unknown key \"girht\"", "baseline_m: stated by the run file",
+         {"w.toml:1:9: unknown key \"girht\"",
+          "baseline_m: cannot have a range, because the run file contains its value",
           "girth: expected low and high", "radar_rays", "\"log\" needs a low", "from 0 to 1.5",
           "seed: expected"})
       CHECK(what.find(part) != std::string::npos);
