@@ -21,7 +21,7 @@ class BlockServer {
     BlockKind kind{};
     Bytes bytes;              // payload; put() adds the block header
     std::uint64_t items = 0;  // number of tags or histograms
-    // ^Host times of the first and last tag; a block without tags has its creation time twice.
+    // Host times of the first and last tag; a block without tags has its creation time twice.
     HostTime first{}, last{};
     // The server sets the following members.
     std::uint32_t sequence = 0;

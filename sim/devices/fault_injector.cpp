@@ -26,7 +26,7 @@ FaultInjector::FaultInjector(port::Loop& loop, ScenePlayer& player, const char* 
 
 void FaultInjector::wait() {
   const double now_s = player_.now_s(), next_s = faults_.next_change_s(now_s);
-  constexpr double settling_s = 1;  // time after a fault in which delayed data are sent
+  constexpr double settling_s = 1;  // time after a fault during which delayed data are sent, s
   if (faults_.any_at(now_s))
     settled_s_ = std::max(settled_s_, now_s + settling_s + amount(FaultKind::late).value_or(0));
   if (std::isinf(next_s) && now_s > settled_s_) return;

@@ -69,7 +69,7 @@ class Faults {
   std::vector<FaultChange> changes(double from_s, double to_s) const;
 
  private:
-  // State from one change of faults to the next. It is cached because it is needed for each tag.
+  // State between two changes of faults. It is cached, because it is used for each tag.
   struct Segment {
     double from_s = 0, to_s = 0;    // time range of the segment, s; empty before the first use
     double error_s = 0, slope = 0;  // clock offset at from_s, s, and its slope

@@ -241,9 +241,8 @@ class RadarBoard final : public Device {
   double mean_peak_ = 0, sampled_s_ = 0, transmit_us_ = 0;
   bool framing_ = false;
   std::uint32_t frame_number_ = 0;
-  std::size_t subframe_ = 0,
-              // Index of the subframe to start next, and of the subframe to send next.
-      sampled_subframe_ = 0;
+  // Index of the subframe to start next, and of the subframe to send next.
+  std::size_t subframe_ = 0, sampled_subframe_ = 0;
   std::uint64_t frames_of_start_ = 0, frames_ = 0, skipped_ = 0;
   std::deque<QueuedFrame> line_;  // frames that are not yet due
   std::function<void(bool in)> plug_;

@@ -87,7 +87,8 @@ class TcpListener final : public Listener {
   tcp::socket socket_;
   Handlers handlers_;
   std::array<std::uint8_t, 256> unread_{};
-  bool wanted_ = false, accepting_ = false;  // the next client may connect; async_accept is pending
+  // accept() was called for the next client; async_accept is pending.
+  bool wanted_ = false, accepting_ = false;
 };
 
 }  // namespace

@@ -65,7 +65,7 @@ class Bridge final : public Device {
       drop(count);
   }
 
-  // Converts the time of tag i to the device clock. Returns its host time.
+  // Converts the time of tag i to the device clock. Returns the host time of the tag.
   HostTime set_clock(Bytes& payload, std::size_t i) const {
     std::uint8_t* const place = payload.data() + i * tag_bytes + tag_time_offset;
     std::int64_t ps = 0;

@@ -290,7 +290,7 @@ ExitCode serve_command(Lab& lab, const std::vector<std::string>& command, bool q
     std::fprintf(
         stderr,
         "laboratory is open; the addresses of its devices are in lab.toml. Running `%s`; the "
-        "laboratory closes when it exits\n",
+        "laboratory closes when this command exits\n",
         command.front().c_str());
   int status = 0;
   bool told = false;

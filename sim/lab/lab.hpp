@@ -48,8 +48,8 @@ struct LabOptions {
   std::string radar_board = "isk";
   std::string faults;  // TOML file of faults; empty: no faults
   std::string log;     // log file of sent data; empty: no log
-  // If set, creates the time tagger instead of the default one with bridge protocol. Faults are
-  // passed to it.
+  // If set, creates the time tagger. The default tagger uses the bridge protocol. The options
+  // contain the faults.
   std::function<LabTagger(port::SystemLoop&, ScenePlayer&, const TdcOptions&)> make_tagger;
 };
 
@@ -67,7 +67,7 @@ class Lab {
   std::string daemon_command() const;
   // Returns the environment variables that a program needs to use the devices.
   std::vector<std::pair<std::string, std::string>> environment() const;
-  // Runs the devices until `done` returns true; it is called at least 50 times per second. Then
+  // Runs the devices until `done` returns true. `done` is called at least 50 times per second. Then
   // stops all devices, removes links and sockets, and writes sent.json.
   void serve(const std::function<bool()>& done);
   // Returns a JSON object with the number of items that each device sent: {device: {name: count}}.

@@ -57,7 +57,8 @@ void bind_people(Settings& s, Conditions& c) {
   s.add("albedo_min", c.albedo_min, 0, 1, "albedo of the darkest clothes");
   s.add("albedo_max", c.albedo_max, 0, 1, "albedo of the brightest clothes");
   s.add("albedo_contrast", c.albedo_contrast, 0, 3,
-        "albedos of top, trousers, shoes and skin vary by factors exp(+-albedo_contrast)");
+        "albedos of top, trousers, shoes and skin have random factors from "
+        "exp(-albedo_contrast) to exp(albedo_contrast)");
 }
 
 void bind_letters(Settings& s, Conditions& c) {

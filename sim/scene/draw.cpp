@@ -8,8 +8,8 @@
 namespace echofuse::sim {
 namespace {
 
-// Below this mean, events are counted one by one. This is equally fast, and the rejection methods
-// are not valid here.
+// Below this mean, events are counted one by one, which is equally fast. The rejection methods are
+// valid only above it.
 constexpr double few = 10;
 
 double log_factorial(double k) {

@@ -21,7 +21,7 @@ inline constexpr double as_albedo = -1;
 struct Capsule {
   Vec3 a, b;
   double radius_m = 0, albedo = 0;
-  double radar = as_albedo;  // radar reflectivity
+  double radar = as_albedo;  // radar reflectivity; as_albedo: same as `albedo`
 };
 
 using record::Stroke;

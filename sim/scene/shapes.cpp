@@ -48,9 +48,9 @@ ECHOFUSE_CLONES void meet_capsule(const CapsuleShape& c, const double* x, const 
     const double square = s.axis2 * ray2 - along * along;
     const double half = s.axis2 * to_a - s.axis_a * along;
     const double root = half * half - square * s.outside;
-    // The point where the ray meets the infinite cylinder projects to the position foot = from_a -
-    // sqrt(root) along on the axis. This is 0 at a and axis2 * square at b. Signed squares are
-    // compared to avoid the square root.
+    // The point where the ray meets the infinite cylinder is at the axis position foot = from_a -
+    // sqrt(root) along: 0 at end a, axis2 * square at end b. Comparing signed squares avoids the
+    // square root.
     const double from_a = half * along - s.axis_a * square, from_b = from_a - s.axis2 * square;
     const double bound = along * std::abs(along) * root;
     const bool after_a = from_a * std::abs(from_a) > bound;

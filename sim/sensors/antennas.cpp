@@ -72,7 +72,7 @@ BodyMotion::BodyMotion(const Conditions& c, std::size_t people, Rng& rng)
   set_modes();
 }
 
-// Advances all motions by time_s; exact for any time step. With t = sway_rate time_s, the mean of
+// Advances all motions by time_s; exact for any time step. With t = sway_rate * time_s, the mean of
 // (position, speed) is exp(-t) [[1 + t, t], [-t, 1 - t]] times the previous value. The random terms
 // restore the stationary covariance, which is the identity matrix.
 void BodyMotion::advance(double time_s, Rng& rng) {
@@ -156,9 +156,8 @@ EchoCells echo_cells(const Returns& returns, double slot_m, bool with_room) {
       patches.push_back(k);
   }
   if (patches.empty()) return out;
-  // Numbers the cells in the order of range, person, height and direction. The number is the
-  // position in the common bounding box of all patches, so the cells of a slot have consecutive
-  // numbers.
+  // Numbers the cells by range, person, height and direction within the bounding box of all
+  // patches, so that the cells of a slot have consecutive numbers.
   Eigen::Array4Xi keys(4, static_cast<Index>(patches.size()));
   for (Index i = 0; i < keys.cols(); ++i) {
     const std::size_t k = patches[static_cast<std::size_t>(i)];

@@ -78,7 +78,7 @@ class BodyMotion {
 
  private:
   struct Oscillator {
-    double place = 0, speed = 0;  // unit variance each; speed in units of w
+    double place = 0, speed = 0;  // unit variance each; speed in units of sway_rate
   };
   void set_modes();
 

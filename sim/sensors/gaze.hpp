@@ -22,7 +22,7 @@ struct Gaze {
   double falloff = 0, middle_x = 0, half_tangent = 1;
   double lobe = 1, plate_lobe = 1;  // cosine exponents for capsules and other shapes; 1: Lambert
   double sway_m = 0;
-  double room = 1;  // factor of light or echo from the room
+  double room = 1;  // factor of the weights of the room
   // Height of the sensor above the floor. If it is set, Returns::place is filled.
   std::optional<double> height_m{};
   bool zones = false;  // if true, the tangents of the patches are stored

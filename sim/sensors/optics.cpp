@@ -46,8 +46,8 @@ class Irf {
   double sigma_, tail_, share_;
 };
 
-// Adds to `bins`, for each grid point of one bin, its weight times its row of shares. Rows are
-// `stride` apart.
+// Adds the light of all grid points of one bin: for each point, its weight times its row of shares.
+// Rows are `stride` apart.
 ECHOFUSE_CLONES void add_shares(const double* weights, std::size_t points, const double* shares,
                                 std::size_t stride, std::size_t count, double* __restrict__ bins) {
   for (std::size_t i = 0; i < points; ++i) {

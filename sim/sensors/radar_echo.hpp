@@ -22,7 +22,7 @@ class RangeResponse {
  private:
   Psf psf_;
   double cells_per_point_;
-  // Of each point: its range in resolution cells, and the sine and cosine of pi times that.
+  // Ranges of the points in resolution cells, and the sines and cosines of pi times these ranges.
   std::vector<double> cells_, sines_, cosines_;
 };
 
@@ -44,8 +44,8 @@ void add_profile_noise(std::vector<double>& power, double mean_peak, const Condi
 void add_frame_noise(std::vector<double>& power, double mean_peak, const Conditions& conditions,
                      Rng& rng);
 
-// Returns the noise-free power of incoherent echoes at each point: sum_k w_k psf^2. Its unit is
-// such that the mean scene as a single point has power 1. antennas.hpp simulates coherent echoes.
+// Returns the noise-free power of incoherent echoes at each point: sum_k w_k psf^2. The mean scene
+// as a single point has power 1. antennas.hpp simulates coherent echoes.
 std::vector<double> radar_power(const Returns& returns, const RadarAxis& axis);
 
 // Returns the peak power of a noise-free incoherent profile, averaged over a fixed set of scenes of

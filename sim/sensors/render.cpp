@@ -32,8 +32,8 @@ class PatchCollector {
                  Returns& returns)
       : scene_(scene),
         gaze_(gaze),
-        // Pixel area dtx dty in tangents, over mean_scene_weight; light_back() converts it to a
-        // solid angle.
+        // Pixel area dtx dty in tangents, divided by mean_scene_weight. light_back() converts the
+        // area to a solid angle.
         pixel_(std::abs(x.step * y.step) / mean_scene_weight),
         returns_(returns) {
     returns.place.clear(), returns.tangent_x.clear(), returns.tangent_y.clear();

@@ -60,10 +60,10 @@ std::int32_t person_of(const Scene& scene, std::int32_t number);
 // so the sum of the weights of a scene depends on distance, size and albedo of its targets.
 inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
 
-// These functions return the patches visible to the detector or the radar, each with its own
-// occlusion. Ranges include spd_delay_ps or radar_bias_m. The patches are followed by the returns
-// reflected by walls (multipath_order; range: half of the path length) and by the leakage of the
-// radar. RoomReturns::subtracted leaves out the visible patches of the room. Its hidden patches are
+// Return the patches visible to the detector or the radar, each with its own occlusion. Ranges
+// include spd_delay_ps or radar_bias_m. The patches are followed by the returns reflected by walls
+// (multipath_order; range: half of the path length) and by the leakage of the radar.
+// RoomReturns::subtracted leaves out the visible patches of the room. Its hidden patches are
 // included with negative weights. Quantities that are linear in the weights are then changes
 // relative to the empty room.
 enum class RoomReturns : std::uint8_t { included, subtracted };
