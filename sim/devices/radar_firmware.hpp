@@ -37,8 +37,8 @@ class RadarFirmware {
 
   // Sends the startup banner and the prompt.
   void boot();
-  // Receives bytes from the host. Bytes are lost while a command is executed, because the UART
-  // buffers only one byte. sensorStop is executed until the end of the frame.
+  // Receives bytes from the host. Bytes are lost while a command runs, because the UART buffers
+  // only one byte. sensorStop runs until the current frame ends.
   void receive(ByteView bytes);
   // Sends text to the command port.
   void say(const std::string& text);

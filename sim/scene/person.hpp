@@ -20,9 +20,9 @@ inline constexpr std::int32_t capsules_of_person = 16;
 // reflectivity.
 void add_person(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng);
 
-// Adds a person who holds a flat letter in both hands at arm's length. The letter faces in the
-// direction of the person. Letter and size are random (acquire/measurement/letter.hpp), and the
-// size is multiplied by letter_scale and target_scale. Returns the letter.
+// Adds a person who holds a flat letter in both hands at arm's length. The letter faces in the same
+// direction as the person. Letter and size are random (acquire/measurement/letter.hpp);
+// letter_scale and target_scale multiply the size. Returns the letter.
 char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng);
 
 }  // namespace echofuse::sim

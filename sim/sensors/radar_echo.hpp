@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Range profile of an FMCW radar (linear chirps) after its matched filter.
+// Simulates the range profile of an FMCW radar (linear chirps) after its matched filter.
 #pragma once
 #include <cstdint>
 #include <vector>

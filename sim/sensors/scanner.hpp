@@ -41,7 +41,7 @@ inline double golden_offset(std::uint32_t k) {
   return turns - std::floor(turns) - 0.5;
 }
 
-// Offset of each ray from its point. The offsets of the left and right half are mirror images, so
+// Offset of each ray from its point. The offsets in the left and right half are mirror images, so
 // that mirrored scenes give mirrored results.
 struct Offsets {
   std::vector<double> dx_of_row, x_of_column, dy_of_column;

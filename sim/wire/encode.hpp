@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Encodes the data of the simulated devices. The encoders are written from the format descriptions,
-// independently of the parsers in drivers/, so that both do not contain the same mistake.
+// independently of the parsers in drivers/, so that a mistake in a parser is not repeated here.
 #pragma once
 #include <complex>
 #include <cstdint>
@@ -33,7 +33,7 @@ void put_tag(Bytes& out, std::int32_t channel, std::int64_t time_ps);
 
 // A frame of TI's out-of-box demo (SDK 3.x, mmw_output.h) consists of a 40-byte header, TLVs {u32
 // type, u32 payload length, payload}, and padding to a multiple of 32 bytes. The firmware pads with
-// old memory contents. Here the padding is random data from `junk`, which sometimes include a magic
+// old memory contents. Here the padding is random data from `junk`, sometimes including a magic
 // word.
 struct RadarHeader {
   std::uint32_t frame_number = 0;
@@ -49,13 +49,13 @@ struct RadarTlv {
 inline constexpr std::uint32_t radar_sdk_version = 0x03050004, radar_platform = 0xA6843;
 Bytes radar_frame(const RadarHeader& header, const std::vector<RadarTlv>& tlvs, Rng& junk);
 
-RadarTlv objects_tlv();  // TLV 1 with an empty list of objects
-RadarTlv range_profile_tlv(const std::vector<std::uint16_t>& codes);  // TLV 2
-// Returns the heat map as TLV 4 or, if `planar`, TLV 8. It contains the i16 imaginary and i16 real
-// part of each sample: [range bin][antenna].
+RadarTlv objects_tlv();  // TLV type 1, with an empty list of objects
+RadarTlv range_profile_tlv(const std::vector<std::uint16_t>& codes);  // TLV type 2
+// Returns the heat map as a TLV of type 4 or, if `planar`, type 8. It contains the i16 imaginary
+// and i16 real part of each sample: [range bin][antenna].
 RadarTlv heat_map_tlv(bool planar, std::span<const std::complex<float>> samples);
-RadarTlv stats_tlv(const RadarStats& stats);                    // TLV 6
-RadarTlv temperature_tlv(const RadarTemperature& temperature);  // TLV 9
+RadarTlv stats_tlv(const RadarStats& stats);                    // TLV type 6
+RadarTlv temperature_tlv(const RadarTemperature& temperature);  // TLV type 9
 
 // Returns the code of a bin in the range profile: the sum of log2(magnitude) over the virtual
 // antennas, divided by their number rounded up to a power of two, in Q8 format

@@ -125,7 +125,8 @@ TEST_CASE("config --json prints every setting") {
   CAPTURE(o.text);
   CHECK(o.code == 0);
   CHECK(o.text.starts_with("{\"schema\": 1, \"settings\": {\n  \""));
-  CHECK(has(o.text, "\"bins\": {\"value\": 100, \"min\": 1, \"max\": 65536, \"help\": \"bins of"));
+  CHECK(has(o.text,
+            "\"bins\": {\"value\": 100, \"min\": 1, \"max\": 65536, \"help\": \"number of bins"));
   CHECK(has(o.text, "\"radar_step_m\": {\"value\": 0.25, \"min\": 0.001, \"max\": 10, "));
   CHECK(has(o.text, "\"radar_array_calibrated\": {\"value\": true, \"help\": "));
   CHECK(has(o.text, "\"scenes\": {\"value\": \"a\\\"b\\\\c\", \"help\": "));
