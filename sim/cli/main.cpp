@@ -102,8 +102,8 @@ struct DatasetArguments : PlanArguments {
   std::optional<std::int64_t> records, people, letters, two_people, empty, objects, seed;
 };
 
-// Replaces all record counts of the plan if the command line has any. Throws Error(usage) if the
-// counts contradict each other or are all 0.
+// If the command line has record counts, they replace all record counts of the plan. Throws
+// Error(usage) if the counts contradict each other or are all 0.
 void apply_counts(const DatasetArguments& a, sim::Plan& plan) {
   const bool by_kind = a.people || a.letters || a.two_people || a.empty || a.objects;
   if (!plan.scenes.empty() && (by_kind || a.records))

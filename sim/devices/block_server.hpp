@@ -14,14 +14,14 @@
 namespace echofuse::sim {
 
 // Threading: use only in the thread of the event loop. Listener and injector must outlive the
-// server. The device calls poll() whenever the injector calls on_poll.
+// server. The device must call poll() from the on_poll function of the injector.
 class BlockServer {
  public:
   struct QueuedBlock {
     BlockKind kind{};
     Bytes bytes;              // payload; put() adds the block header
     std::uint64_t items = 0;  // number of tags or histograms
-    // Host times of the first and last tag; a block without tags has its creation time twice.
+    // Host times of the first and last tag. In a block without tags, both are the creation time.
     HostTime first{}, last{};
     // The server sets the following members.
     std::uint32_t sequence = 0;

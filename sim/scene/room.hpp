@@ -32,7 +32,7 @@ struct Room {
 const std::vector<Room>& rooms();
 const Room& room();
 const Room* room_named(const std::string& background);  // nullptr if the name is "none" or unknown
-std::vector<std::string> room_names();                  // all names, and "none" as the first
+std::vector<std::string> room_names();                  // "none", then the names of all rooms
 Scene empty_room(const Room& of = room());
 
 }  // namespace echofuse::sim

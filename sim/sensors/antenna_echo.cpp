@@ -310,8 +310,8 @@ class AntennaEcho::Expectation : public Moving {
   }
 
   void add(double, Rng&, EchoSamples& samples) override {
-    // Phases that are quadratic in the frame number make consecutive frames, and means of them,
-    // behave like independent looks (Chu, IEEE Trans. Inf. Theory 18, 531, 1972).
+    // Phases that are quadratic in the frame number make successive frames behave like independent
+    // looks (Chu, IEEE Trans. Inf. Theory 18, 531, 1972). So do the means of successive frames.
     const std::int64_t f = frame_ % frames_, apart = frames_ / roots_.cols();
     Eigen::VectorXcf q(roots_.cols());
     for (Index a = 0; a < q.size(); ++a) {

@@ -39,7 +39,7 @@ void next(std::array<Words, 4>& state, Words& out) {
   }
 }
 
-// Adds Gaussian numbers to steps * pairs values.
+// Adds Gaussian numbers with this rms value to steps * pairs values.
 void add_steps(std::array<Words, 4>& kept, float rms, float* values, std::size_t steps) {
   std::array<Words, 4> state = kept;
   Words first, second;

@@ -31,8 +31,8 @@ struct Gaze {
   // replaces the cosine:
   //   cos -> (n + 2)/3 cos^n, which keeps the integral over the image of a sphere.
   void dim(const Rays& rays, std::int32_t capsules, double* weight, std::size_t count) const;
-  // Returns the range offset of patch k due to sway, m. The offsets have the rms value sway_m and
-  // are evenly distributed over any run of k.
+  // Returns the range offset of patch k due to sway, m. The offsets have the rms value sway_m, and
+  // those of successive patches are evenly distributed.
   double sway(std::size_t k) const;
 };
 

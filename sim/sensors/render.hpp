@@ -51,8 +51,9 @@ struct Returns {
   std::vector<PatchOrigin> place{};
 };
 
-// Returns the owner of shape `number` (see Scanner) for PatchOrigin::person. Person i consists of
-// group i of capsules. Plates belong to person 0; without people they are the reflector.
+// Returns the owner of shape `number` (see Scanner) for PatchOrigin::person. Each person consists
+// of capsules_of_person successive capsules. Plates belong to person 0 or, if the scene contains no
+// people, to the reflector.
 std::int32_t person_of(const Scene& scene, std::int32_t number);
 
 // Sum of albedo cos(theta) dOmega / R^2 over the mean scene (base condition, one person for every

@@ -18,7 +18,7 @@ struct KeyRange {
 };
 
 struct Twin {
-  std::int64_t seed = 1;  // changes the values of all laboratories
+  std::int64_t seed = 1;  // seed of the random values in all laboratories
   std::vector<KeyRange> ranges;
 };
 
