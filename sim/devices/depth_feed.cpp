@@ -207,7 +207,7 @@ class DepthFeed final : public Device {
   std::uint32_t frame_index_ = 0;
   std::uint64_t all_viewers_ = 0, frames_ = 0, skipped_ = 0;
   std::deque<DepthFrameOut> held_;        // frames that are not yet due
-  Rng rng_ = make_rng(options_.seed, 1);  // for depth noise and missing pixels
+  Rng rng_ = make_rng(options_.seed, 1);  // random numbers for depth noise and missing pixels
   ErrorCode ignored_;
   FaultInjector injector_;
 };

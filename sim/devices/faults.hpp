@@ -24,8 +24,8 @@ enum class FaultKind : std::uint8_t {
 inline constexpr std::size_t fault_kinds = 10;
 const char* name_of(FaultKind kind);
 
-// Fault that starts at_s seconds after the start of the laboratory and lasts for_s seconds. It is
-// repeated every every_s seconds; 0: no repetition. Units of `amount`:
+// Fault that starts at_s seconds after the start of the laboratory and lasts for_s seconds. Its
+// repetition period is every_s seconds; 0: no repetition. Units of `amount`:
 //   drop, corrupt  fraction of blocks or frames
 //   late           delay, s
 //   garbage        bytes per block or radar frame; camera: fraction of frames

@@ -14,9 +14,9 @@ namespace {
 // Factor from amplitudes (mean scene: 1) to the 16-bit integers of the heat map, which saturate at
 // 32 times the amplitude of the mean scene.
 constexpr float sample_gain = 1 << 10;
-constexpr unsigned above = 1;  // index of the ISK transmitter outside the row of the others
+constexpr unsigned above = 1;  // index of the ISK transmitter that is not in the row
 
-constexpr double layout_hz = 62e9;  // frequency at which the layout unit is half a wavelength
+constexpr double layout_hz = 62e9;  // frequency for which antenna positions are in half wavelengths
 
 std::vector<AntennaRadar::TxRxPair> about_their_middle(std::vector<AntennaRadar::TxRxPair> pairs) {
   AntennaRadar::TxRxPair middle;

@@ -54,7 +54,7 @@ std::vector<std::uint16_t> range_profile_codes(const std::vector<double>& power,
                                                unsigned antennas, const Conditions& conditions,
                                                Rng& rng);
 inline constexpr double radar_gain = 1 << 20;
-double log2_level(double magnitude);  // log2 of a magnitude in the integers of the chip
+double log2_level(double magnitude);  // log2(radar_gain * magnitude), at least 0
 
 // Returns the range bias in the result of measureRangeBiasAndRxChanPhase, m: range of the profile
 // peak, computed with the range step of the firmware, minus target_m. The peak is searched within

@@ -133,7 +133,8 @@ std::vector<ImageSource> image_sources(const Room& room, Vec3 sensor, int order)
 std::optional<Way> way_to(const ImageSource& image, Vec3 sensor, Vec3 place) {
   const Vec3 whole = place - image.at;
   const double long_m = length(whole);
-  Vec3 met = place;  // point of the path, traced back from `place` to the sensor
+  // Current point of the path, which is traced back from `place` to the sensor.
+  Vec3 met = place;
   if (image.reflections == 2) {
     const auto second = through(*image.walls[1], image.at, place);
     if (!second) return std::nullopt;

@@ -126,7 +126,8 @@ struct Placed<CapsuleShape> {
     double a, by, per;
   };
   Bound left_{0, 0}, right_{0, 0}, top_{0, 0}, bottom_{0, 0};  // in points; bottom_ is negated
-  static constexpr std::uint32_t worth_it = 16;  // least width in points for which this saves time
+  // Width in points from which the interpolation saves time.
+  static constexpr std::uint32_t worth_it = 16;
   bool bounded_ = true;
 };
 
