@@ -32,8 +32,8 @@ struct Conditions {
   double pose_spread = 1;
   double albedo_min = 0.3, albedo_max = 0.7, albedo_contrast = 0;
 
-  // Letters. By default a letter is 0.33 to 0.37 body heights in front of the chest. Its height is
-  // from 0.12 body heights below the shoulders to 0.02 above.
+  // Letters. By default a letter is 0.33 to 0.37 body heights in front of the chest. Its centre is
+  // between 0.12 body heights below the shoulders and 0.02 body heights above them.
   double letter_albedo = 0.8, letter_scale = 1, letter_reach = 1, letter_lift_m = 0;
   double letter_tilt_deg = 0;
 
