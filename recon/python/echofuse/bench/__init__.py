@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Compares methods: accuracy against cost, stability, and the benchmark of three tracks
-(`echofuse-bench --help` lists the kinds of methods).
+"""Compares methods by accuracy, cost and stability, and runs the benchmark of three tracks.
+`echofuse-bench --help` lists the kinds of methods.
 
 >>> from echofuse import bench
 >>> bench.measure(bench.method("nearest"), "train.sqlite", "test.sqlite")["iou"]

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Compares methods: accuracy against cost (pareto), the conditions in which each fails
-(stability), and the reproducible benchmark of three tracks (run).
+"""Compares methods that predict depth maps. `pareto` measures accuracy against cost, `stability`
+finds the conditions in which each method fails, and `run` runs the benchmark of three tracks.
 
-A method is one of::
+A METHOD is one of::
 
     factorised-16, mlp-512-256:spd   a model of `echofuse-recon train`, optionally with its inputs
-    package.module:Class             a class with fit(run, rows) and predict(run), which returns
-                                     maps [n, N, N] in metres, NaN = no return
-    ./mine                           a command, called as ./mine TRAIN TEST OUT, that writes
+    package.module:Class             a Python class with fit(run, rows) and predict(run); predict
+                                     returns maps [n, N, N] in metres, NaN = no return
+    ./mine                           a command; it is called as ./mine TRAIN TEST OUT and writes
                                      OUT/maps.npy and OUT/records.csv"""
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def wide_formatter(prog: str) -> argparse.HelpFormatter:
 
 
 def add_table_options(command: argparse.ArgumentParser) -> None:
-    """Adds the options of the commands that write a table."""
+    """Adds the options that all commands with a result table have."""
     command.add_argument("--out", required=True, metavar="CSV",
                          help="table to write; existing rows are not measured again")
     command.add_argument("--seeds", type=int,
@@ -54,11 +54,11 @@ def add_table_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--jobs", type=int, default=1,
                          help="number of rows measured in parallel (default 1)")
     command.add_argument("--part", type=parse_part, default=(1, 1), metavar="K/N",
-                         help="measure only the K-th of N parts, e.g. in a Slurm array")
+                         help="measure only part K of N of the table, e.g. in a Slurm array")
     command.add_argument("--markdown", action="store_true", help="print the table as Markdown")
     command.add_argument("--figure", metavar="FILE",
-                         help="draw the table (needs python3-matplotlib): NAME.svg, NAME.pdf or "
-                              "NAME.png")
+                         help="draw the table as NAME.svg, NAME.pdf or NAME.png (needs "
+                              "python3-matplotlib)")
     command.add_argument("-q", "--quiet", action="store_true", help="do not print the progress")
 
 
@@ -85,10 +85,10 @@ def make_parser() -> argparse.ArgumentParser:
     command.add_argument("--methods", nargs="+", metavar="METHOD", default=default,
                          help=f"methods to compare (default: {' '.join(default)})")
     command.add_argument("--sweep", nargs="*", metavar="METHOD", default=[],
-                         help="methods to measure also with fewer photons and fewer records")
+                         help="methods that are also measured with fewer photons and records")
     stability.add_command(add_command("stability", "find the conditions in which methods fail",
                                       stability.run))
-    recipe.add_command(add_command("run", "run the benchmark of a recipe", recipe.run))
+    recipe.add_command(add_command("run", "run the benchmark that a recipe describes", recipe.run))
     command = commands.add_parser("letters",
                                   help="measure the fraction of readable letters in maps",
                                   description=letters.__doc__, formatter_class=wide_formatter,
@@ -97,7 +97,7 @@ def make_parser() -> argparse.ArgumentParser:
                          help="folder with maps.npy and records.csv, written by `echofuse-recon "
                               "reconstruct --format npy`")
     command.add_argument("truth", metavar="RUN",
-                         help="run with the true maps and labels such as letter:A")
+                         help="run with the true depth maps and with labels such as letter:A")
     command.set_defaults(run=_letters)
     for command in (parser, *commands.choices.values()):
         command.add_argument("--version", action="version",
@@ -109,7 +109,7 @@ def make_parser() -> argparse.ArgumentParser:
 def main() -> None:
     """Runs echofuse-bench with the arguments in sys.argv."""
     args = make_parser().parse_args()
-    sys.path.append(os.getcwd())  # finds methods in the current folder
+    sys.path.append(os.getcwd())  # methods in the current folder can be imported
     try:
         if getattr(args, "figure", None):
             require_matplotlib()

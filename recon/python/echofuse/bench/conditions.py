@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Conditions of the stability study, ordered along axes. A condition is a set of `echofuse-sim
-dataset` settings, or of changes to a recorded run (derive.py)."""
+"""Defines the conditions of the stability study. Each axis varies one property. A condition is a
+set of `echofuse-sim dataset` settings, or of changes to a recorded run (derive.py)."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
@@ -15,15 +15,15 @@ from . import derive
 
 @dataclass(frozen=True)
 class World:
-    """A condition: differences from the base condition."""
+    """A condition, as its differences from the base condition."""
 
-    set: tuple[str, ...] = ()  #: simulator settings KEY=VALUE
+    set: tuple[str, ...] = ()  #: simulator settings, each KEY=VALUE
     scenes: str = "records"  #: option of `echofuse-sim dataset` that selects the kind of scene
-    at_x_m: float | None = None  #: |x| of the body
-    walk_m: float = 0  #: path length during a record
-    fog_m: float = 0  #: visibility; 0 = clear air
-    records: float = 1  #: factor of the number of training records
-    changes: tuple[derive.Change, ...] = ()  #: applied to the finished run
+    at_x_m: float | None = None  #: |x| of the bodies, m; None: random x
+    walk_m: float = 0  #: distance that a person walks during a record, m
+    fog_m: float = 0  #: visibility, m; 0 = clear air
+    records: float = 1  #: number of training records, relative to the base condition
+    changes: tuple[derive.Change, ...] = ()  #: changes to the recorded or simulated run
 
 
 BASE = World()
@@ -31,13 +31,15 @@ BASE = World()
 
 @dataclass(frozen=True)
 class Axis:
-    """Ordered conditions by label; one of them is BASE."""
+    """Conditions along one axis, in order, by label. One of them is BASE."""
 
-    kind: str  # "matched" or "shifted"
+    # "matched": both the training and the test have the condition; "shifted": only the test has it
+    kind: str
     name: str
-    title: str  # includes the unit
+    title: str  # title in tables and figures, with the unit
     values: dict[str, World] = field(default_factory=dict)
-    quick: tuple[str, ...] = ()  # labels of the quick study, in addition to the base
+    # labels that --quick measures in addition to the base; empty: all labels
+    quick: tuple[str, ...] = ()
 
     @property
     def id(self) -> str:
@@ -53,7 +55,8 @@ SCENES = {"people and letters": BASE, "people": World(scenes="people"),
 
 
 class _Axes:
-    """Collects the axes of simulated records. `base`: settings of the simulator, {key: value}."""
+    """Collects the axes of the simulated study. `base` contains the simulator settings of the base
+    condition, {key: value}."""
 
     def __init__(self, base: dict[str, Any]) -> None:
         self.base = base
@@ -82,7 +85,9 @@ class _Axes:
               quick: Sequence[str]) -> None:
         self.axes.append(Axis(kind, name, title, values, tuple(quick)))
 
-    def at_resolution(self, m: float) -> tuple[str, ...]:  # same span and samples per cell
+    def at_resolution(self, m: float) -> tuple[str, ...]:
+        """Returns the settings for a radar resolution. The range span and the number of samples per
+        resolution cell do not change."""
         step, span = (m * self.base["radar_step_m"] / self.resolution_m,
                       self.base["radar_step_m"] * (self.base["radar_bins"] - 1))
         return (f"radar_resolution_m={m:.9g}", f"radar_step_m={step:.9g}",
@@ -98,7 +103,7 @@ class _Axes:
 
 
 def _matched_sensors(axes: _Axes) -> None:
-    """Adds sensor settings that apply to training and test."""
+    """Adds axes of sensor settings that apply to both the training and the test."""
     base = axes.base
     axes.setting("matched", "irf", "SPD impulse response, FWHM (ps)", "irf_fwhm_ps",
                  (2, 50, 200, 500, 1000, 2000), (2, 2000))
@@ -132,7 +137,7 @@ def _matched_sensors(axes: _Axes) -> None:
 
 
 def _matched_scenes(axes: _Axes) -> None:
-    """Adds scenes, slots and rooms that apply to training and test."""
+    """Adds axes of scenes, slot lengths and rooms, most of them for both training and test."""
     base = axes.base
     axes.numeric("matched", "records", "training records (factor)", (6.67, 3, 1, 0.28, 0.07),
                  (0.28,), lambda v: World(records=v), 1)
@@ -156,7 +161,7 @@ def _matched_scenes(axes: _Axes) -> None:
 
 
 def _shifted_instrument(axes: _Axes) -> None:
-    """Adds instrument changes after training."""
+    """Adds axes of instrument changes that occur after the training."""
     base = axes.base
     gains = (0.25, 0.5, 1, 2, 4)
     axes.setting("shifted", "spd_delay", "SPD delay after calibration (ps)", "spd_delay_ps",
@@ -198,14 +203,14 @@ def _shifted_instrument(axes: _Axes) -> None:
 
 
 def _fog(axes: _Axes) -> None:
-    """Adds fog: in training and test, and in the test alone."""
+    """Adds one axis with fog in both training and test, and one with fog only in the test."""
     for kind in ("matched", "shifted"):
         axes.numeric(kind, "fog", "visibility in fog (m), 0 = clear",
                      (0, 1000, 300, 100, 50, 20, 10, 5), (100, 20), lambda m: World(fog_m=m), 0)
 
 
 def _surprises(axes: _Axes) -> None:
-    """Adds conditions that are missing in the training."""
+    """Adds axes of conditions that do not occur in the training data."""
     base = axes.base
     for sensor in ("radar", "spd"):
         axes.labelled("shifted", f"lost_{sensor}", "radar" if sensor == "radar" else "SPD",
@@ -225,7 +230,8 @@ def _surprises(axes: _Axes) -> None:
 
 
 def simulated_axes(base: dict[str, Any]) -> list[Axis]:
-    """Returns all axes of simulated records. `base`: settings of the simulator, {key: value}."""
+    """Returns all axes of the simulated study. `base` contains the simulator settings of the base
+    condition, {key: value}."""
     axes = _Axes(base)
     for add in (_matched_sensors, _matched_scenes, _shifted_instrument, _fog, _surprises):
         add(axes)
@@ -233,8 +239,8 @@ def simulated_axes(base: dict[str, Any]) -> list[Axis]:
 
 
 def _rooms(at_resolution: Callable[[float], tuple[str, ...]]) -> dict[str, World]:
-    """Returns rooms with and without wall echoes. RF and sound: single sensors as in Turpin et
-    al., PRL 126, 174301."""
+    """Returns conditions in different rooms, with and without wall echoes. "RF" and "sound" imitate
+    the single radio and sound sensors of Turpin et al., PRL 126, 174301."""
     echoes = ("multipath_order=2",)
     direct = (*at_resolution(0.044), "radar_wall_scatter=0.1")
     sound = (*at_resolution(0.02), *echoes, "radar_wall_reflectivity=0.97",
@@ -255,7 +261,7 @@ def _rooms(at_resolution: Callable[[float], tuple[str, ...]]) -> dict[str, World
 
 
 def recorded_axes() -> list[Axis]:
-    """Returns the axes that can be derived from any recorded run."""
+    """Returns the axes that can be derived from recorded runs, without a simulator."""
     def both(name: str, title: str, base: str, values: dict[str, derive.Change]) -> list[Axis]:
         worlds = {base: BASE} | {label: World(changes=(change,))
                                  for label, change in values.items()}

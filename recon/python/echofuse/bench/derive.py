@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Copies a run with changed records: fewer photons or records, background light, noise, missing
-sensors. The copy has its own uuid.
+"""Copies a run with changed records: fewer photons, fewer records, more background light, more
+noise, or missing sensors. The copy has a new uuid.
 
 >>> from echofuse.bench import derive
 >>> derive.copy("monday.sqlite", "dim.sqlite", derive.thinned(0.1, seed=1))
@@ -21,13 +21,14 @@ from ..runs.acquire import import_arrays
 
 @dataclass
 class Records:
-    """Parts of a run that a change may edit in place."""
+    """Data of a run, which a change may edit in place."""
 
     run: runs.Run
-    keep: NDArray[np.bool_] = field(init=False)  #: records to copy [n]
+    keep: NDArray[np.bool_] = field(init=False)  #: whether each record is copied [n]
     spd: NDArray[np.uint32] = field(init=False)  #: counts [n, bins] or [n, zones, bins]
-    radar: NDArray[np.float32] = field(init=False)  #: profiles as stored [n, points]
-    lost: dict[str, NDArray[np.bool_]] = field(init=False)  #: missing samples by sensor [n]
+    radar: NDArray[np.float32] = field(init=False)  #: range profiles as stored [n, points]
+    #: for each sensor, whether each record lacks its data [n]
+    lost: dict[str, NDArray[np.bool_]] = field(init=False)
     range_offset_m: float = 0
 
     def __post_init__(self) -> None:
@@ -42,7 +43,7 @@ Change = Callable[[Records], None]
 def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) -> pathlib.Path:
     """Applies the changes in order and writes the run `out` with `echofuse-acquire import`. The
     signal checks are disabled, because a change may weaken a sensor on purpose. Raises
-    FileExistsError, RuntimeError."""
+    FileExistsError if `out` exists, and RuntimeError if the import fails."""
     out = pathlib.Path(out)
     if out.exists():
         raise FileExistsError(f"{out}: exists already")
@@ -73,7 +74,7 @@ def thinned(share: float, seed: int) -> Change:
 
 
 def background(counts: float, seed: int) -> Change:
-    """Adds room light: a mean of `counts` per record, uniform over all bins (Poisson)."""
+    """Adds room light: Poisson counts, on average `counts` per record, uniform over all bins."""
     def change(records: Records) -> None:
         rate = counts / max(int(np.prod(records.spd.shape[1:])), 1)
         more = np.random.default_rng(seed).poisson(rate, records.spd.shape)
@@ -82,7 +83,7 @@ def background(counts: float, seed: int) -> Change:
 
 
 def fewer(share: float, seed: int) -> Change:
-    """Keeps a random share of the records, at least one."""
+    """Keeps a random fraction `share` of the records, but at least one record."""
     def change(records: Records) -> None:
         kept = np.random.default_rng(seed).permutation(len(records.keep))[:max(
             1, int(np.ceil(share * len(records.keep))))]
@@ -91,7 +92,8 @@ def fewer(share: float, seed: int) -> Change:
 
 
 def noise(snr_db: float, seed: int) -> Change:
-    """Adds Gaussian noise to each profile of linear power, `snr_db` below its peak."""
+    """Adds Gaussian noise to each profile of linear power. The standard deviation of the noise is
+    `snr_db` below the peak of the profile."""
     def change(records: Records) -> None:
         require_linear(records)
         peak = np.nanmax(records.radar, axis=1, keepdims=True)
@@ -101,7 +103,7 @@ def noise(snr_db: float, seed: int) -> Change:
 
 
 def range_offset(metres: float) -> Change:
-    """Adds a range bias to the calibrated radar, m."""
+    """Adds a bias, m, to the calibrated radar ranges."""
     def change(records: Records) -> None:
         records.range_offset_m += metres
     return change
@@ -115,7 +117,7 @@ def lost(sensor: str) -> Change:
 
 
 def gain(factor: float) -> Change:
-    """Multiplies the radar's linear power by a factor."""
+    """Multiplies the linear radar power by a factor."""
     def change(records: Records) -> None:
         require_linear(records)
         records.radar = (records.radar * np.float32(factor)).astype(np.float32)
@@ -123,16 +125,16 @@ def gain(factor: float) -> Change:
 
 
 def require_linear(records: Records) -> None:
-    """Raises ValueError unless the radar data are one profile of linear power."""
+    """Raises ValueError if the radar data are not linear power, or contain antenna samples."""
     axis = records.run.axes.get("radar")
     if axis is None or axis.quantity not in ("power",
                                              "binned_power") or "array" in records.run.axes:
         raise ValueError(
-            f"{records.run.path}: expected a radar profile of linear power, without samples of "
-            "antennas")
+            f"{records.run.path}: expected a radar profile of linear power without antenna "
+            "samples")
 
 
 def read(path: str | pathlib.Path) -> Records:
-    """Reads the records of a run, as passed to a change."""
+    """Reads the data of a run in the form that a change receives."""
     with runs.open(path) as run:
         return Records(run)

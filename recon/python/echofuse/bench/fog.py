@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Adds fog to simulated histograms: attenuation of the signal, and backscatter.
+"""Adds fog to simulated histograms. Fog attenuates the signal and scatters light back.
 
-Droplet radii have a gamma distribution, n(r) ~ r^alpha exp(-b r), with the usual parameters for
-the visibility (Shettle and Fenn, AFGL-TR-79-0214, 1979). The extinction at 550 nm is
-3.912 / visibility (Koschmieder, contrast 2 %). The extinction efficiency is that of van de Hulst
-(1957), section 11.22; the lidar ratio that of O'Connor et al., J. Atmos. Oceanic Technol. 21, 777
-(2004). Not modelled: multiple scattering, shadows in the fog, the impulse response of the
-backscatter, and the attenuation of the radar (1 %)."""
+The droplet radii have a gamma distribution, n(r) ~ r^alpha exp(-b r). Its parameters depend on the
+visibility (Shettle and Fenn, AFGL-TR-79-0214, 1979). The extinction at 550 nm is
+3.912 / visibility (Koschmieder, contrast 2 %). The extinction efficiency follows van de Hulst
+(1957), section 11.22. The lidar ratio is taken from O'Connor et al., J. Atmos. Oceanic Technol.
+21, 777 (2004). The model neglects multiple scattering, shadows in the fog, the impulse response
+of the backscatter, and the attenuation of the radar (1 %)."""
 from __future__ import annotations
 
 from typing import Any
@@ -19,7 +19,8 @@ from ..runs.run import PS_PER_M
 LASER_UM, VISIBLE_UM = 1.55, 0.55
 REFRACTIVE_INDEX = {LASER_UM: 1.318, VISIBLE_UM: 1.333}
 LIDAR_RATIO_SR = 18.8
-MEAN_SCENE_WEIGHT = 0.24 / 3.5**4  # scene with signal_photons counts (sim/sensors/render.hpp)
+# weight of an average scene, which returns signal_photons counts (sim/sensors/render.hpp)
+MEAN_SCENE_WEIGHT = 0.24 / 3.5**4
 
 
 def extinction_per_m(visibility_m: float) -> float:
@@ -39,8 +40,9 @@ def extinction_per_m(visibility_m: float) -> float:
 
 def add_fog(clear: NDArray[np.uint32], visibility_m: float, settings: dict[str, Any],
             seed: int) -> NDArray[np.uint32]:
-    """Returns the counts [n, bins] in fog. `clear` are counts in clear air without background and
-    pile-up, which are added after the fog. `settings` are those of the simulator, {key: value}."""
+    """Returns the counts [n, bins] in fog, with background and pile-up. `clear` contains the counts
+    in clear air, without background and pile-up. `settings` contains the simulator settings,
+    {key: value}."""
     rng, bins, step_ps = np.random.default_rng(seed), clear.shape[1], settings["bin_width_ps"]
     start_ps = settings["first_bin_ps"] - settings["spd_delay_ps"]
     range_m = (start_ps + (np.arange(bins) + 0.5) * step_ps) / PS_PER_M
@@ -50,8 +52,8 @@ def add_fog(clear: NDArray[np.uint32], visibility_m: float, settings: dict[str, 
     tangent2 = np.add.outer(*2 * [(edge * (np.arange(cells) + 0.5) / cells) ** 2])
     falloff = np.exp(-settings["spd_falloff"] * tangent2 / edge**2)
     solid_angle_sr = 4 * (edge / cells) ** 2 * np.sum((1 + tangent2) ** -1.5 * falloff)
-    # Received power per solid angle: albedo cos / (pi R^2) from a Lambertian surface,
-    # beta dR / R^2 from a layer of air.
+    # Received power per solid angle: a Lambertian surface returns albedo cos / (pi R^2), and a
+    # layer of foggy air with thickness dR and backscatter coefficient beta returns beta dR / R^2.
     back = np.pi * extinction / LIDAR_RATIO_SR * solid_angle_sr / MEAN_SCENE_WEIGHT
     near = (range_m > 1) & (range_m < 15)
     rate = np.where(near, back * transmission / range_m**2, 0) * step_ps / PS_PER_M
@@ -63,7 +65,7 @@ def add_fog(clear: NDArray[np.uint32], visibility_m: float, settings: dict[str, 
 
 
 def first_photons(counts: NDArray[Any], pulses: int, rng: np.random.Generator) -> NDArray[Any]:
-    """Returns counts [bins] of a detector that registers only the first photon of each pulse."""
+    """Returns the counts [bins] of a detector that registers only the first photon per pulse."""
     bins = np.repeat(np.arange(counts.size), counts)
     first = np.unique(rng.integers(pulses, size=bins.size), return_index=True)[1]
     return np.bincount(bins[first], minlength=counts.size)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Recognises ten letters in maps. Pixels in front of the letter plate or up to 20 cm behind it are
-resampled to 2 cm cells and correlated with templates of the letters. The true map determines size
-and position of the plate. The score of a letter is its best normalised correlation within 8 cm of
-this position."""
+"""Recognises ten letters in depth maps. The true map determines the size and the position of the
+letter plate. Pixels in front of the plate, or up to 20 cm behind it, are resampled to 2 cm cells
+and correlated with templates of the letters. The score of a letter is its highest normalised
+correlation within 8 cm of the plate position."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 LETTERS = "ACEHLNOTUX"
-# width, height, stroke (acquire/measurement/letter.hpp), metres
+# width, height and stroke width of the letter plates, m (acquire/measurement/letter.hpp)
 SIZES = ((0.30, 0.40, 0.07), (0.20, 0.30, 0.05))
 CELL_M, MAX_SHIFT_M, NEAR_M = 0.02, 0.08, 0.2
-BLUR_DEPTH_M = 3.0  # depth at which templates are blurred by one pixel of the map
+BLUR_DEPTH_M = 3.0  # templates are blurred by the width of one map pixel at this depth
 Floats = NDArray[np.float64]
 
 
 def strokes(letter: str, width: float, height: float,
             stroke: float) -> list[tuple[float, float, float, float]]:
-    """Returns the centre lines (u0, v0, u1, v1) of the strokes; u right, v up, m."""
+    """Returns the centre line (u0, v0, u1, v1) of each stroke, m. u points right, v points up."""
     right, top = width / 2, height / 2
     a, b = right - stroke / 2, top - stroke / 2
     foot = -top / 3
@@ -38,8 +38,8 @@ def strokes(letter: str, width: float, height: float,
 
 
 def template(letter: str, size: tuple[float, float, float], step: float) -> Floats:
-    """Returns the letter with a margin of one cell [rows, columns], from four-fold oversampling.
-    `step` is the pixel size, tangent."""
+    """Returns a blurred image of the letter with a margin of one cell [rows, columns]. Each cell is
+    the mean of 4 x 4 samples. `step` is the width of a map pixel, tangent."""
     fine, (width, height, stroke) = 4, size
     shape = [round(length / CELL_M) + 2 for length in (height, width)]
     v, u = ((np.arange(fine * n) + 0.5 - fine * n / 2) * CELL_M / fine for n in shape)
@@ -58,12 +58,13 @@ def template(letter: str, size: tuple[float, float, float], step: float) -> Floa
 
 def near_layer(depth_m: NDArray[np.float32], half_tangent: float, plate: tuple[float, float, float],
                shape: tuple[int, int]) -> Floats:
-    """Returns cells around a plate (tangents x, y; depth, m): 1 where the map is at most NEAR_M
-    behind it, interpolated."""
+    """Resamples a map to cells around a plate. A cell is 1 if the map is in front of the plate or
+    at most NEAR_M behind it, otherwise 0; values between pixels are interpolated. `plate` contains
+    the tangents x and y of its centre, and its depth, m."""
     x, y, at_m = plate
     side = len(depth_m)
     near = np.pad(np.nan_to_num(depth_m, nan=np.inf) < at_m + NEAR_M, 1).astype(float)
-    per_m = side / (2 * half_tangent) / at_m  # pixels
+    per_m = side / (2 * half_tangent) / at_m  # pixels per metre at the plate
     rows, columns = ((np.arange(n) - (n - 1) / 2) * CELL_M * per_m + middle
                      for n, middle in zip(shape, (-y * at_m * per_m + (side - 1) / 2,
                                                   x * at_m * per_m + (side - 1) / 2)))
@@ -76,8 +77,8 @@ def near_layer(depth_m: NDArray[np.float32], half_tangent: float, plate: tuple[f
 
 
 def match(patch: Floats, pattern: Floats) -> tuple[float, float, float]:
-    """Returns the highest normalised correlation, and its position right and down of the patch
-    centre, cells."""
+    """Returns the highest normalised correlation of the pattern with the patch, and its offset from
+    the patch centre to the right and down, cells."""
     rows, columns = (n - k + 1 for n, k in zip(patch.shape, pattern.shape))
 
     def correlated(values: Floats, kernel: Floats) -> Floats:
@@ -95,10 +96,10 @@ def match(patch: Floats, pattern: Floats) -> tuple[float, float, float]:
 
 def read(maps: NDArray[np.float32], truth: NDArray[np.float32], labels: Sequence[str],
          half_tangent: float) -> tuple[Floats, NDArray[np.int64]]:
-    """Recognises the letters in maps [n, N, N] (m, NaN: no return). Returns [n] scores: 1 if the
-    labelled letter ("letter:A") fits best, 1 / k in a tie of k letters, otherwise 0 (chance level
-    0.1); and [n] indices into SIZES. Other labels give NaN and -1. Requires that no background is
-    closer than 20 cm behind the plate."""
+    """Recognises the letters in maps [n, N, N] (m, NaN: no return). Returns scores [n] and indices
+    into SIZES [n]. The score is 1 if the labelled letter ("letter:A") fits best, 1 / k if it ties
+    with other letters (k in total), and otherwise 0. The chance level is 0.1. Records with other
+    labels get NaN and -1. The background must be more than 20 cm behind the plate."""
     step, out = 2 * half_tangent / truth.shape[1], np.full(len(maps), np.nan)
     sizes = np.full(len(maps), -1)
     known = [{letter: template(letter, size, step) for letter in LETTERS} for size in SIZES]
@@ -123,7 +124,7 @@ def read(maps: NDArray[np.float32], truth: NDArray[np.float32], labels: Sequence
 
 
 def text(share: Floats, sizes: NDArray[np.int64]) -> str:
-    """Returns a summary: one line for all letters, and one per size."""
+    """Returns a summary with one line for all letters, and one line per size."""
     lines = []
     for name, rows in [("letters", sizes >= 0),
                        *((f"{100 * high:.0f} x {100 * wide:.0f} cm", sizes == k)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Methods of the bench: models of `echofuse-recon train`, Python classes and commands, and their
-common evaluation."""
+"""Trains and scores the methods of the bench: models of `echofuse-recon train`, Python classes, and
+commands."""
 from __future__ import annotations
 
 import contextlib
@@ -34,9 +34,9 @@ METRICS = ("iou", "ssim", "ssim_hard", "ssim_fg", "rmse_m", "rmse_fg_m", "depth_
            "delta_125", "lateral_m",
            "ghost", "left_right")
 COSTS = ("multiply_adds", "infer_us_median", "infer_us_p99", "infer_us_batch", "train_s")
-RECORDED = ("iou", "lateral_m", "depth_mae_m", "ssim_fg")  # scores stored per record
+RECORDED = ("iou", "lateral_m", "depth_mae_m", "ssim_fg")  # scores that are stored for each record
 COUNTS = ("answered", "records", "depth_maps", "threads")
-CONSTANT = ("empty", "mean")  # use no sensor data
+CONSTANT = ("empty", "mean")  # baselines that use no sensor data
 Path = str | pathlib.Path
 Row = dict[str, Any]
 
@@ -51,21 +51,22 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def version() -> str:
-    """Returns the program version, e.g. "echofuse-recon 0.1.0 (8e0b8d8)"."""
+    """Returns the version of echofuse-recon, e.g. "echofuse-recon 0.1.0 (8e0b8d8)"."""
     return call("echofuse-recon", "--version").stdout.split(",")[0].strip()
 
 
 class Fitted(Protocol):
-    """Interface of a method in Python."""
+    """Interface of a method that is written in Python."""
 
     def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None:
-        """Learns from the records `rows` of a run."""
+        """Trains the method on these rows of a run."""
 
     def predict(self, run: runs.Run) -> NDArray[np.float32]:
-        """Returns maps [n, N, N], m; NaN: no return."""
+        """Returns a depth map of each record [n, N, N], m; NaN: no return."""
 
 
-# predict(test, folder) returns arguments for `echofuse-recon evaluate`, and costs by name
+# predict(test, folder) returns the arguments of `echofuse-recon evaluate` that select the maps or
+# the model, and the measured costs by name.
 Predict = Callable[[pathlib.Path, pathlib.Path], tuple[list[str], Row]]
 
 
@@ -74,37 +75,39 @@ class Method:
     """A method that the bench can train and test."""
 
     model: str  #: name of the model, class or command
-    inputs: str  #: sensors used; "-" = chosen by the method
-    #: fit(train, folder, seed, fallback) trains the method; with `fallback` a model of both sensors
-    #: also predicts records with one sensor
+    inputs: str  #: sensors that the method uses; "-": not specified
+    #: fit(train, folder, seed, fallback) trains the method. If `fallback` is true, a model of both
+    #: sensors also predicts records with only one sensor.
     fit: Callable[[pathlib.Path, pathlib.Path, int, bool], Predict]
-    source: str = "-"  #: hash of the code of a user method
-    oracle: bool = False  #: predict() also gets the truth (class attribute `oracle`)
+    source: str = "-"  #: hash of the code of a user method, otherwise "-"
+    #: whether predict() also receives the true maps (class attribute `oracle`)
+    oracle: bool = False
 
     @property
     def name(self) -> str:
-        """MODEL, or MODEL:INPUTS if the inputs are not the default."""
+        """Name on the command line: MODEL, or MODEL:INPUTS if the inputs are not the default."""
         return self.model if self.inputs in ("fused", "-") else f"{self.model}:{self.inputs}"
 
     @property
     def is_user_method(self) -> bool:
-        """Whether the method is a class or a command of the user."""
+        """Whether the method is a Python class or a command that the user provides."""
         return self.inputs == "-" and self.model not in CONSTANT
 
     @property
     def is_blind(self) -> bool:
-        """Whether predict() gets a copy of the test run without the truth."""
+        """Whether predict() receives a copy of the test run without the true maps."""
         return self.is_user_method and not self.oracle
 
     def test_input(self, test: pathlib.Path, folder: pathlib.Path) -> pathlib.Path:
-        """Returns the test run to predict; for a user method a copy without the truth."""
+        """Returns the run that the method predicts: the test run or, if the method is blind, a copy
+        without the true maps."""
         if not self.is_blind:
             return test
         return derive.copy(test, folder / "test.sqlite", derive.lost("depth"))
 
 
 def source_of(*paths: str | None) -> str:
-    """Returns a hash of these files; missing ones are skipped."""
+    """Returns a hash of the contents of these files. Missing files are skipped."""
     total = hashlib.sha256()
     for path in paths:
         if path and os.path.isfile(path):
@@ -113,8 +116,8 @@ def source_of(*paths: str | None) -> str:
 
 
 def method(text: str) -> Method:
-    """Returns the method of this name (`echofuse-bench --help` lists the kinds). Raises UsageError
-    if the class is missing."""
+    """Returns the method with this name (`echofuse-bench --help` lists the kinds). Raises
+    UsageError if the class is missing."""
     if "/" in text:
         words = shlex.split(text)
         return Method(text, "-", lambda train, folder, seed,
@@ -133,7 +136,8 @@ def method(text: str) -> Method:
 
 
 def python_method(name: str, make: Callable[..., Fitted]) -> Method:
-    """Returns a method with this name; make() or make(seed=...) returns a Fitted object."""
+    """Returns a method with this name. `make` is called as make(seed=...) or, if it has no such
+    parameter, as make(); it returns a Fitted object."""
     module = sys.modules.get(getattr(make, "__module__", ""))
     return Method(name, "-", lambda train, folder, seed, fallback: _by_object(make, train, seed),
                   source_of(getattr(module, "__file__", None)),
@@ -153,13 +157,14 @@ def _by_candidate(model: str, inputs: str, train: pathlib.Path, folder: pathlib.
 def _by_object(make: Callable[..., Fitted], train: pathlib.Path, seed: int) -> Predict:
     try:
         inspect.signature(make).bind(seed=seed)
-    except (TypeError, ValueError):  # no parameter `seed`, or no signature
+    except (TypeError, ValueError):  # `make` has no parameter `seed`, or no signature
         fitted = make()
     else:
         fitted = make(seed=seed)
     with runs.open(train) as train_run:
         started = time.perf_counter()
-        inputs = usual_inputs(train_run).replace("fused", "fused-profile")  # also without antennas
+        # "fused-profile" also accepts records without antenna samples.
+        inputs = usual_inputs(train_run).replace("fused", "fused-profile")
         rows = split(train_run, inputs=inputs, test_share=0, validation_share=0).train
         fitted.fit(train_run, rows)
         train_s = time.perf_counter() - started
@@ -178,18 +183,19 @@ def _by_object(make: Callable[..., Fitted], train: pathlib.Path, seed: int) -> P
 
 
 def timed_predict(fitted: Fitted, run: runs.Run) -> tuple[NDArray[np.float32], float]:
-    """Returns maps [n, N, N] and the time of the prediction, us. The run is in memory."""
+    """Returns maps [n, N, N] and the prediction time, us. The time does not include reading the
+    sensor data."""
     for sensor, valid in run.valid.items():
         if valid.any():
-            getattr(run, sensor)  # loads the sensor data
+            getattr(run, sensor)  # loads the sensor data into memory
     started = time.perf_counter()
     maps = np.asarray(fitted.predict(run), np.float32)
     return maps, 1e6 * (time.perf_counter() - started)
 
 
 def single_record_times(fitted: Fitted, run: runs.Run, max_records: int = 30) -> Row:
-    """Returns median and p99 of the time of a single prediction; nothing if the method does not
-    accept single records."""
+    """Returns the median and the 99th percentile of the prediction time of single records, us.
+    Empty if the method does not accept single records."""
     rows = np.unique(np.linspace(0, len(run) - 1, min(len(run), max_records)).astype(int)).tolist()
     try:
         us = [timed_predict(fitted, run[row:row + 1])[1] for row in rows]
@@ -206,10 +212,11 @@ def _by_command(text: str, train: pathlib.Path, seed: int) -> Predict:
                               env=os.environ | {"ECHOFUSE_SEED": str(seed)}, check=False)
         if done.returncode:
             error = BenchError(
-                f"{text}: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
+                f"{text}: {(done.stderr.strip().splitlines() or ['no error message'])[-1]}")
             error.add_note(done.stderr.strip())
             raise error
-        named = folder / "maps/run.txt"  # evaluate refuses maps of another run, such as the copy
+        # run.txt may name the copy without true maps, but `evaluate` refuses maps of another run.
+        named = folder / "maps/run.txt"
         if named.exists() and named.read_text().startswith(runs.open(test).info["uuid"]):
             named.unlink()
         return ["--maps", str(folder / "maps")], {"train_s": time.perf_counter() - started}
@@ -219,9 +226,9 @@ def _by_command(text: str, train: pathlib.Path, seed: int) -> Predict:
 
 def evaluate(predict: Predict, train: pathlib.Path, test: pathlib.Path,
              test_input: pathlib.Path) -> tuple[Row, list[Row]]:
-    """Returns mean metrics and costs, and the scores of each record. `test_input` is
-    Method.test_input(test). The costs of a model are those that `echofuse-recon` reports; the time
-    of a class is that of predict() with the run in memory."""
+    """Returns the mean metrics and costs, and the scores of each record. `test_input` is the result
+    of Method.test_input(). `echofuse-recon` reports the costs of a model. The prediction time of a
+    Python class is the time of predict() with the sensor data in memory."""
     with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
         words, costs = predict(test_input, pathlib.Path(scratch))
         scores = pathlib.Path(scratch, "records.csv")
@@ -233,16 +240,17 @@ def evaluate(predict: Predict, train: pathlib.Path, test: pathlib.Path,
     row: Row = {name: nan_if_none(report["metrics"].get(name, {}).get("mean")) for name in METRICS}
     counts = {"answered": report.get("answered", report["records"]), "records": report["records"],
               "depth_maps": report["metrics"]["depth_mae_m"]["maps"],
-              "threads": 1 if report.get("cost")  # echofuse-recon measures with one thread
+              "threads": 1 if report.get("cost")  # echofuse-recon measures costs on one thread
               else int(os.environ.get("OMP_NUM_THREADS") or os.cpu_count() or 1)}
-    if "answered" not in report:  # records without a map are excluded for a model
+    if "answered" not in report:  # scores of a model exclude records without a map
         counts["records"] += report["left_out"]
     cost = costs | (report.get("cost") or {})
     return row | counts | {name: nan_if_none(cost.get(name)) for name in COSTS}, records
 
 
 def measure(method: Method, train: Path, test: Path, seed: int = 1) -> Row:
-    """Trains the method on one run and returns its scores on another."""
+    """Trains the method on the run `train`. Returns its mean metrics and costs on the run
+    `test`."""
     train, test = pathlib.Path(train).resolve(), pathlib.Path(test).resolve()
     with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
         folder = pathlib.Path(scratch)

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Benchmark track of real photons: converts public TMF8820 files into runs of nine zones and of
-their sum. Each NAME.json.gz with a mesh is a test set. Training records are rendered with zones
-fitted to a few poses; these poses are excluded from the test sets."""
+"""Makes the runs of the benchmark track with real photons. Public TMF8820 files are converted into
+runs with nine zones, and into runs with the sum of the zones. Each NAME.json.gz with a mesh is a
+test set. The training records are rendered with zones that were fitted to a few poses. These poses
+are excluded from the test sets."""
 from __future__ import annotations
 
 import pathlib
@@ -12,31 +13,33 @@ from . import zone_fit
 
 
 class RunPair(NamedTuple):
-    """A training run and a test run."""
+    """A training run and the test run for its models."""
 
     shape: str
-    zones: str  # "zones", or "sum" of the zones
+    zones: str  # "zones", "sum" (of the zones), or "1" (no zones)
     train: pathlib.Path
     test: pathlib.Path
 
 
 def mesh_of(data: pathlib.Path, shape: str) -> pathlib.Path | None:
-    """Returns the path of NAME.stl or NAME.obj; NAME_random has the same mesh."""
+    """Returns the mesh file of a shape, NAME.stl or NAME.obj; None if it is missing. The shape
+    NAME_random uses the mesh of NAME."""
     names = [name + end for name in (shape, shape.removesuffix("_random"))
              for end in (".stl", ".obj")]
     return next((path for name in names if (path := data / name).exists()), None)
 
 
 def shapes_in(data: pathlib.Path) -> list[str]:
-    """Returns the names of the shapes that have records and a mesh."""
+    """Returns the names of the shapes that have both records and a mesh."""
     names = (path.name.removesuffix(".json.gz") for path in sorted(data.glob("*.json.gz")))
     return [name for name in names if mesh_of(data, name)]
 
 
 def make_runs(track: dict[str, Any], folder: pathlib.Path,
               data: pathlib.Path) -> Iterator[RunPair]:
-    """Yields the runs of the track; generates missing ones."""
-    from . import tmf8820  # not at the top: python3 -m echofuse.bench.tmf8820 runs it as a program
+    """Generates the missing runs of the track, and yields all its runs."""
+    # Not imported at the top, because `python3 -m echofuse.bench.tmf8820` would import it twice.
+    from . import tmf8820
 
     fit, source = track["fit"], data / f"{track['fit']['shape']}.json.gz"
     name, plan = track["name"], track["train"]
@@ -45,7 +48,7 @@ def make_runs(track: dict[str, Any], folder: pathlib.Path,
     if not path.exists():
         mesh = mesh_of(data, fit["shape"])
         if mesh is None:
-            raise ValueError(f"{data}: mesh of {fit['shape']} is missing")
+            raise ValueError(f"{data}: mesh of {fit['shape']} is missing (expected .stl or .obj)")
         tmf8820.fit_to_poses(source, mesh, fit["poses"]).save(path)
     zones = zone_fit.load(path)
 
@@ -64,7 +67,7 @@ def make_runs(track: dict[str, Any], folder: pathlib.Path,
         tests = {value: folder / f"{name}-{value}-{shape}.sqlite" for value in trains}
         excluded = fit["poses"] if shape == fit["shape"] else ()
         mesh = mesh_of(data, shape)
-        assert mesh is not None  # guaranteed by shapes_in()
+        assert mesh is not None  # shapes_in() returns only shapes with a mesh
         write(tests, lambda shape=shape, mesh=mesh, excluded=excluded: tmf8820.measured_records(
             data / f"{shape}.json.gz", mesh, excluded), shape, "measured")
         for value in trains:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Runs a benchmark from a recipe: tracks with a training run and test runs, which are generated
-locally and verified by checksums."""
+"""Runs the benchmark that a recipe describes. A track of the benchmark has training and test runs,
+which are generated locally and verified by checksums."""
 from __future__ import annotations
 
 import argparse
@@ -18,8 +18,8 @@ from .table import checksum
 
 
 def make_run(track: dict[str, Any], part: str, folder: pathlib.Path) -> pathlib.Path:
-    """Returns the run `part` ("train" or "test") of a track; generates it if it is missing. Raises
-    BenchError."""
+    """Returns the path of the run `part` ("train" or "test") of a track. Generates the run if it is
+    missing. Raises BenchError if its checksum is wrong."""
     out = folder / f"{track['name']}-{part}.sqlite"
     if not out.exists():
         plan = track[part]
@@ -31,7 +31,7 @@ def make_run(track: dict[str, Any], part: str, folder: pathlib.Path) -> pathlib.
 
 
 def require_checksum(path: pathlib.Path, expected: str | None) -> None:
-    """Raises BenchError if the records have another checksum."""
+    """Raises BenchError if the checksum of the sensor data differs from `expected`."""
     if expected and checksum(path) != expected:
         raise BenchError(
             f"{path}: records differ from the recipe: sha256 {checksum(path)} (expected "
@@ -40,7 +40,8 @@ def require_checksum(path: pathlib.Path, expected: str | None) -> None:
 
 def run_pairs(track: dict[str, Any], folder: pathlib.Path,
               data: pathlib.Path | None) -> list[photon_track.RunPair]:
-    """Returns the training and test runs of a track; an empty list if its data are missing."""
+    """Returns the pairs of training and test runs of a track; empty if the user's data are
+    missing."""
     if "fit" not in track:
         return [photon_track.RunPair("", "1", *(make_run(track, part, folder)
                                                 for part in ("train", "test")))]
@@ -57,7 +58,8 @@ def run_pairs(track: dict[str, Any], folder: pathlib.Path,
 @functools.cache
 def available_methods(*names: str) -> list[Method]:
     """Returns the named methods, except those that need a missing library (PyTorch,
-    scikit-learn). The examples are next to the package, or inside the installed package."""
+    scikit-learn). Finds method modules in the folder examples, which is next to the package in
+    the source tree and inside the installed package."""
     package = pathlib.Path(__file__).resolve().parents[1]
     sys.path += [str(package / "examples"), str(package.parent / "examples")]
     out = []
@@ -74,14 +76,14 @@ def available_methods(*names: str) -> list[Method]:
 def add_command(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--recipe", type=pathlib.Path,
                         default=pathlib.Path(__file__).with_name("echofuse-bench-2.toml"),
-                        help="recipe, a TOML file (default: echofuse-bench-2)")
+                        help="recipe of the benchmark, a TOML file (default: echofuse-bench-2)")
     parser.add_argument("--runs", type=pathlib.Path, default=pathlib.Path("bench-runs"),
                         help="folder of the runs; missing runs are generated (default: bench-runs)")
     parser.add_argument("--data", type=pathlib.Path, default=os.environ.get("ECHOFUSE_DATA"),
-                        help="folder of the public data of real photons (default: $ECHOFUSE_DATA); "
-                             "without it that track is skipped")
+                        help="folder with the public real-photon data (default: $ECHOFUSE_DATA); "
+                             "if it is missing, the track \"photons\" is skipped")
     parser.add_argument("--methods", nargs="*", default=[], metavar="METHOD",
-                        help="methods to add to those of the recipe")
+                        help="methods to measure in addition to those of the recipe")
     parser.add_argument("--tracks", nargs="+", help="tracks to run (default: all)")
     parser.add_argument("--checksums", action="store_true",
                         help="print the checksums of the runs and exit")
@@ -102,8 +104,8 @@ def run(args: argparse.Namespace) -> tables.Table:
             continue
         pairs = run_pairs(track, args.runs, data)
         if not pairs:
-            print(f"echofuse-bench: track {track['name']} skipped: --data has no "
-                  f"{track['fit']['shape']}.json.gz", file=sys.stderr)
+            print(f"echofuse-bench: track {track['name']} skipped: no "
+                  f"{track['fit']['shape']}.json.gz in the folder given by --data", file=sys.stderr)
         for pair in pairs:
             if args.checksums:
                 for path in (pair.train, pair.test):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Stability study: measures methods under conditions (conditions.py) from easy to broken. A matched
-axis trains under the test condition, a shifted axis under the base condition."""
+"""Stability study: measures methods under increasingly difficult conditions (conditions.py). On a
+matched axis, methods are trained under the test condition. On a shifted axis, they are trained
+under the base condition."""
 from __future__ import annotations
 
 import argparse
@@ -16,7 +17,7 @@ from . import derive, fog, table as tables
 from .conditions import BASE, Axis, World, recorded_axes, simulated_axes
 from .methods import CONSTANT, Method, Row, method, version
 
-TEST_SEEDS = 1000  # offset between the seeds of training and test records
+TEST_SEEDS = 1000  # added to the seeds of test records
 
 
 class Simulated:
@@ -31,7 +32,7 @@ class Simulated:
 
     @property
     def source_line(self) -> str:
-        """First line of a table of these runs."""
+        """First line of a result table that is measured on these runs."""
         settings = " ".join(word for word in self.settings if word != "--set")
         return (f"{version()}: {self.records} training and {self.test_records} test records, "
                 f"simulated{'; ' * bool(settings)}{settings}")
@@ -66,7 +67,7 @@ class Simulated:
         return changed
 
     def _in_fog(self, world: World, records: int, seed: int, out: pathlib.Path) -> derive.Change:
-        """Returns a change to the counts of the same scenes in fog."""
+        """Returns a change that replaces the counts with counts of the same scenes in fog."""
         if self.base["spd_dead_time_ps"] > 0:
             raise BenchError("fog: not supported with a detector dead time")
         if self.base["spd_zones"] > 1:
@@ -95,8 +96,9 @@ class Simulated:
 
     def _walkers(self, world: World, records: int, seed: int, out: pathlib.Path,
                  words: Sequence[str]) -> None:
-        """Generates records of walking people: sums of five short records along the path. Photon
-        counts are added and radar power is averaged; the true map is that of the midpoint."""
+        """Generates records of walking people. Each record combines five short records along the
+        path: photon counts are added, and radar power is averaged. The true map shows the person
+        at the midpoint of the path."""
         if self.base["radar_antennas"] > 1:
             raise BenchError("walking people: not supported with several antennas")
         steps, rng = 5, np.random.default_rng(seed)
@@ -124,7 +126,7 @@ class Simulated:
 
 
 class Recorded:
-    """Derives the runs of any condition from a recorded training run and test run."""
+    """Derives the runs of each condition from a recorded training run and a recorded test run."""
 
     def __init__(self, train: str, test: str) -> None:
         self.runs = pathlib.Path(train), pathlib.Path(test)
@@ -150,7 +152,8 @@ class Recorded:
 def cells(source: Simulated | Recorded, axes: Sequence[Axis], methods: Sequence[Method], *,
           seeds: int,
           quick: bool) -> list[tables.Cell]:
-    """Returns one cell per method, seed and condition: the base and all values of the axes."""
+    """Returns one table cell per method, seed and condition. The conditions are the base condition
+    and the values of the axes (all, or those of the quick study)."""
     places = [("base", "base", BASE, BASE)]
     for axis in axes:
         for label, world in axis.values.items():
@@ -174,9 +177,9 @@ def cells(source: Simulated | Recorded, axes: Sequence[Axis], methods: Sequence[
 
 
 def first_failures(rows: Sequence[Row], axis: Axis) -> dict[str, list[str]]:
-    """Returns, by method, the values closest to the base, in both directions, at which the method
-    fails: its IoU does not exceed that of the best baseline (empty room, mean map, nearest record)
-    by more than the spread over the seeds. NaN fails."""
+    """Returns for each method the axis values at which it first fails, from the base in both
+    directions. A method fails if its IoU does not exceed that of the best baseline (empty room,
+    mean map, nearest record) by more than the standard deviation over the seeds, or is NaN."""
     def iou(model: str, inputs: str | None, label: str) -> dict[str, float]:
         at = ("base", "base") if axis.values[label] == BASE else (axis.id, label)
         return {row["seed"]: float(row["iou"]) for row in rows
@@ -223,7 +226,7 @@ def add_command(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--set", nargs="*", default=[], metavar="KEY=VALUE",
                         help="simulator settings of the base condition")
     parser.add_argument("--runs", nargs=2, metavar=("TRAIN", "TEST"),
-                        help="use recorded runs instead of the simulator")
+                        help="use these recorded runs instead of simulated ones")
 
 
 def run(args: argparse.Namespace) -> tables.Table:

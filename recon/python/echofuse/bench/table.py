@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Result table of the bench, and the cells that fill its rows."""
+"""Measures the rows of the result table, and stores them in a CSV file."""
 from __future__ import annotations
 
 import argparse
@@ -37,14 +37,15 @@ COLUMNS_OF_RECORDS = (*HEAD, "record", *RECORDED)
 
 
 class Table:
-    """Rows of a CSV file with the key axis, value, model, inputs, seed; the last row of a key is
-    valid. An existing row is not measured again unless the source of the method changed. Each new
-    row is synced to disk before the next. Concatenated files (cat) are valid, too.
+    """Result rows in a CSV file. Axis, value, model, inputs and seed are the key of a row. If a key
+    occurs several times, the last row is valid. An existing row is measured again only if the
+    code of the method changed. Each new row is synced to disk before the next one is measured.
+    A concatenation of tables (cat) is a valid table.
 
-    `source` is the first line, which names the data; a file with another one is refused
-    (UsageError). The rows of a part (k, n) are in NAME-part-k-of-n.csv; the whole table includes
-    all existing parts. NAME.records.csv contains the scores of each record. `failed` counts the
-    failed rows of user methods; the tracebacks are in NAME.log."""
+    `source` is the first line, which names the data. A file with another first line is refused
+    (UsageError). The rows of part (k, n) are in NAME-part-k-of-n.csv; the whole table includes the
+    rows of all existing parts. NAME.records.csv contains the scores of each record. `failed` is
+    the number of failed rows of user methods; NAME.log contains their tracebacks."""
 
     def __init__(self, path: Path, source: str = "", part: tuple[int, int] = (1, 1)) -> None:
         whole = pathlib.Path(path)
@@ -83,7 +84,7 @@ class Table:
         rows = csv.DictReader(line for line in lines if not line.startswith("#"))
         if data and tuple(rows.fieldnames or ()) != COLUMNS:
             raise UsageError(f"{path}: not a bench table; name another --out")
-        if path == self.path and whole != data:  # partial line of a killed process
+        if path == self.path and whole != data:  # partial line, left by a killed process
             with writing(path), open(path, "r+b") as file:
                 file.truncate(len(whole))
         return {self.key(row): row for row in rows if row["axis"] != "axis"}
@@ -94,7 +95,8 @@ class Table:
         return tuple(str(row[name]) for name in COLUMNS[:5])
 
     def has(self, cell: Cell) -> bool:
-        """Returns whether the row exists. A failed row of a user method does not count."""
+        """Returns whether the table contains the row of this cell. A failed row of a user method
+        does not count."""
         row = self.rows.get(self.key(cell.head))
         return (row is not None and row["source"] == cell.method.source
                 and not (cell.method.is_user_method and np.isnan(float(row["iou"]))))
@@ -104,16 +106,16 @@ class Table:
         previous = self.rows.get(self.key(row), {"source": ""})
         self.rows[self.key(row)] = row
         if previous["source"] == row["source"] and np.isnan(float(row["iou"])):
-            return  # repeated failure
+            return  # the file already has a row for this failure
         head = {name: row[name] for name in HEAD}
-        with writing(self.path):  # records first: an existing row always has them
+        with writing(self.path):  # scores first, so that each row has scores
             if records:
                 self._append(self.records, COLUMNS_OF_RECORDS, [head | score for score in records])
             self._append(self.path, COLUMNS, [row])
 
     @contextlib.contextmanager
     def exclusive(self) -> Iterator[None]:
-        """Locks the table for writing, and reads rows that other processes wrote. Raises BenchError
+        """Locks the table for writing, and reads rows that other processes added. Raises BenchError
         if another process holds the lock."""
         lock = self.path.with_name(f".{self.path.name}.lock")
         with writing(self.path):
@@ -138,7 +140,7 @@ class Table:
 
     def _append(self, path: pathlib.Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        truncated = ends_without_newline(path)  # after a kill
+        truncated = ends_without_newline(path)  # a killed process may leave a partial line
         with open(path, "a", newline="") as file:
             file.write("\n" * truncated)
             out = csv.DictWriter(file, columns, restval="nan", lineterminator="\n")
@@ -165,8 +167,8 @@ def ends_without_newline(path: pathlib.Path) -> bool:
 
 
 def read_scores(path: pathlib.Path) -> dict[Key, list[Row]]:
-    """Reads the scores of each record, grouped by the columns HEAD. The last line of a record is
-    valid; partial lines are skipped."""
+    """Reads the scores of each record, grouped by the values of the columns HEAD. If a record
+    occurs several times, its last line is valid. Partial lines are skipped."""
     found: dict[Key, dict[str, Row]] = {}
     if path.exists():
         with open(path, newline="", encoding="utf-8") as file:
@@ -178,9 +180,9 @@ def read_scores(path: pathlib.Path) -> dict[Key, list[Row]]:
 
 
 def compare(table: Table, axis: str, best_first: Sequence[Key]) -> dict[Key, Row]:
-    """Returns the results of `echofuse-recon compare` by method (value, model, inputs): 95 %
-    intervals over the records and differences to the first method. The score of a record is the
-    mean over the seeds."""
+    """Returns the results of `echofuse-recon compare` for each method (value, model, inputs): 95 %
+    intervals over the records, and differences from the first method of `best_first`. The score of
+    a record is the mean over the seeds."""
     scores = read_scores(table.records)
     rows = [row for key, row in table.rows.items() if key[0] == axis]
     lines = [(record["record"], k, *(record[name] for name in RECORDED))
@@ -198,7 +200,7 @@ def compare(table: Table, axis: str, best_first: Sequence[Key]) -> dict[Key, Row
 
 
 def checksum(path: Path) -> str:
-    """Returns the SHA-256 of the sensor data of a run: counts, profiles as stored, depths in mm."""
+    """Returns the SHA-256 of the sensor data of a run: counts, stored profiles and depths in mm."""
     total = hashlib.sha256()
     with runs.open(path) as run:
         total.update(run.spd.astype("<u4").tobytes())
@@ -209,8 +211,8 @@ def checksum(path: Path) -> str:
 
 
 def content_hash(path: Path) -> str:
-    """Returns a hash of the records of a run with axes, offsets and verdicts, without times and
-    uuid."""
+    """Returns a hash of the sensor data, axes, offsets, record indices and verdicts of a run. The
+    hash does not depend on times and uuid."""
     with runs.open(path) as run:
         facts = (sorted(map(repr, run.axes.values())), sorted(run.offset_m.items()),
                  run.index.tolist(),
@@ -220,7 +222,7 @@ def content_hash(path: Path) -> str:
 
 
 def source_line(train: Path, test: Path) -> str:
-    """Returns the first line of a table of these runs: version and content hashes."""
+    """Returns the first line of a table that is measured on these runs: version, content hashes."""
     return f"{version()}: runs {content_hash(train)} {content_hash(test)}"
 
 
@@ -228,27 +230,29 @@ def source_line(train: Path, test: Path) -> str:
 class RunSource:
     """A run that is generated on demand."""
 
-    key: str  #: identity of the run
-    make: Callable[[pathlib.Path], pathlib.Path]  #: writes the run into a folder, returns its path
+    key: str  #: unique name of the run
+    #: writes the run into a folder and returns its path
+    make: Callable[[pathlib.Path], pathlib.Path]
 
 
 def existing_run(path: Path) -> RunSource:
-    """Returns the source of an existing run."""
+    """Returns a RunSource for an existing run."""
     resolved = pathlib.Path(path).resolve()
     return RunSource(str(resolved), lambda folder: resolved)
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A row to measure."""
+    """A table row that is to be measured."""
 
-    axis: str  #: varied condition
-    value: str  #: value on this axis
+    axis: str  #: name of the property that is varied
+    value: str  #: value of this property
     method: Method  #: method to measure
-    seed: int  #: seed of the training
-    train: RunSource  #: training run
-    test: RunSource  #: test run
-    fallback: bool = False  #: whether records with one sensor are predicted, too
+    seed: int  #: seed for the training
+    train: RunSource  #: run for the training
+    test: RunSource  #: run for the test
+    #: whether a model of both sensors also predicts records with only one sensor
+    fallback: bool = False
 
     @property
     def head(self) -> Row:
@@ -258,22 +262,23 @@ class Cell:
 
     @property
     def fit_key(self) -> str:
-        """Key of the trained method."""
+        """Key of the trained method in Shared."""
         return f"{self.method.name} {self.seed} {self.fallback} {self.train.key}"
 
     @property
     def test_input_key(self) -> str:
-        """Key of the test run that the method reads."""
+        """Key of the copy of the test run that a blind method reads."""
         return f"{self.test.key} without truth"
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Keys of the runs and trained methods that the cell uses."""
+        """Keys of the runs and of the trained method that the cell uses."""
         return self.train.key, self.test.key, self.test_input_key, self.fit_key
 
 
 class Shared:
-    """Runs and trained methods of the cells: created at first use, removed after the last use."""
+    """Runs and trained methods that cells share. They are created at their first use, and removed
+    after their last use."""
 
     def __init__(self, cells: Sequence[Cell], folder: pathlib.Path) -> None:
         self.folder, self.lock = folder, threading.Lock()
@@ -316,9 +321,10 @@ class Shared:
 
 def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int, int] = (1, 1),
          quiet: bool = False) -> None:
-    """Measures the missing rows of the table, or of this part. Cells with the same trained method
-    are in one part. A failed method gets a row of NaN; each reason is printed once, and the
-    traceback is written to the log. Raises OSError and sqlite3.Error (missing file, full disk)."""
+    """Measures the missing rows of the table, or of part K of N. Cells that use the same trained
+    method are in the same part. If a method fails, its row contains NaN, its traceback is written
+    to the log file, and its error message is printed once. Raises OSError or sqlite3.Error for a
+    missing file or a full disk."""
     pieces = {key: k for k, key in enumerate(dict.fromkeys(cell.fit_key for cell in cells))}
     printed: set[str] = set()
 
@@ -326,7 +332,7 @@ def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int,
         try:
             row, records = shared.row(cell)
             return cell.head | row, records, None
-        except (UsageError, OSError, sqlite3.Error):  # not caused by the method
+        except (UsageError, OSError, sqlite3.Error):  # the method did not cause these errors
             raise
         except Exception as error:  # noqa: BLE001 (user code)
             return cell.head | dict.fromkeys(METRICS + COSTS + COUNTS, float("nan")), [], error
@@ -361,8 +367,8 @@ def pareto_cells(train: Path, test: Path, methods: Iterable[Method], *, seeds: i
                  photons: Sequence[float] = (0.1, 0.01, 0.001),
                  records: Sequence[float] = (0.05, 0.2, 0.5), sweep: Iterable[Method] = (),
                  axis: str = "model") -> list[Cell]:
-    """Returns one cell per method and seed, and for the methods of `sweep` also cells with shares
-    of the photons and of the training records."""
+    """Returns one cell per method and seed. For the methods of `sweep`, also returns cells with
+    fractions of the photons (`photons`) and of the training records (`records`)."""
     train_run, test_run = existing_run(train), existing_run(test)
     cells = [Cell(axis, "1", method, seed, train_run, test_run) for method in methods
              for seed in range(1, seeds + 1)]
@@ -386,9 +392,9 @@ def pareto_cells(train: Path, test: Path, methods: Iterable[Method], *, seeds: i
 
 
 def means(table: Table, axis: str = "model") -> list[Row]:
-    """Returns one row per method and value with mean and spread (standard deviation over the seeds)
-    of each metric and cost. "compared" contains the result of `echofuse-recon compare` against the
-    method with the highest IoU."""
+    """Returns one row per method and value. It contains the mean of each metric and cost (NAME) and
+    its standard deviation over the seeds (NAME_spread). "compared" contains the result of
+    `echofuse-recon compare` against the method with the highest IoU."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for key, row in table.rows.items():
         if row["axis"] == axis:
@@ -455,7 +461,7 @@ def markdown(rows: Sequence[Row]) -> str:
 
 def finish(table: Table, args: argparse.Namespace, draw: Callable[[Any], Any],
            axis: str = "model") -> None:
-    """Prints the table as Markdown and draws the figure, if requested."""
+    """Prints the table as Markdown and draws the figure if the options request it."""
     if args.markdown:
         print(markdown(means(table, axis)))
     if args.figure:

@@ -2,11 +2,11 @@
 """Converts TMF8820 (ams OSRAM) histograms of a known object into runs.
 
 The data set is public (Mu et al., "Towards 3D Vision with Low-Cost Single-Photon Cameras", CVPR
-2024). NAME.json.gz contains 128 poses of a shape with `hists` (9 zones x 128 bins),
-`reference_hist` and `pose` (4 x 4); NAME.stl or NAME.obj contains the shape on its table.
-`measured` computes the true map from mesh and pose; the table counts as no return. `fit` fits the
-fields, time zeros and response of the zones to a few poses (zone_fit.py). `rendered` simulates
-random boxes, wedges and cylinders on a table with these zones.
+2024). NAME.json.gz contains 128 records of a shape. Each record has `hists` (9 zones x 128 bins),
+`reference_hist` and `pose` (4 x 4). NAME.stl or NAME.obj is a mesh of the shape and its table.
+`measured` computes the true maps from the mesh and the poses; the table counts as no return. `fit`
+fits the fields of view, the time zeros and the response of the zones to a few poses (zone_fit.py).
+`rendered` simulates records of random boxes, wedges and cylinders on a table with these zones.
 
     python3 -m echofuse.bench.tmf8820 measured tall_block.json.gz tall_block.stl --out test
     python3 -m echofuse.bench.tmf8820 fit block.json.gz block.stl --poses 0,22,44 --out fit.json
@@ -30,16 +30,17 @@ from ..runs.acquire import write_run
 from . import zone_fit
 
 Array = NDArray[np.float64]
-# bins, range per bin, bin of range 0; fitted to a block at known poses
+# number of bins, range per bin (m), and bin of range 0; fitted to a block at known poses
 BINS, BIN_M, ZERO_BIN = 128, zone_fit.BIN_M, 12.0
-OBJECT_M = 0.003  # minimum height of the object above the table
-SIZE, HALF_TANGENT = 32, 0.3  # pixels per side; half of the field of 33 degrees
-COUNTS, BACKGROUND = 3e6, 600.0  # typical record: photons in all zones, background counts per bin
+OBJECT_M = 0.003  # minimum height of the object above the table, m
+SIZE, HALF_TANGENT = 32, 0.3  # pixels per map side; tangent of half the field of view of 33 degrees
+# typical record: photons in all zones, and background counts per bin, summed over the zones
+COUNTS, BACKGROUND = 3e6, 600.0
 
 
 def read_measured(path: str | pathlib.Path) -> tuple[Array, Array, Array]:
-    """Reads counts [n, zones, 128], references [n, 128] and poses [n, 4, 4] of a shape. Raises
-    ValueError."""
+    """Reads the counts [n, zones, 128], reference histograms [n, 128] and poses [n, 4, 4] of a
+    shape. Raises ValueError if the file is invalid."""
     try:
         with gzip.open(path) as file:
             records: list[dict[str, Any]] = json.load(file)
@@ -50,14 +51,14 @@ def read_measured(path: str | pathlib.Path) -> tuple[Array, Array, Array]:
             f"{path}: expected records with hists, reference_hist and pose: {error}") from None
     if hists.ndim != 3 or hists.shape[2] != BINS or pose.shape[1:] != (4, 4):
         raise ValueError(
-            f"{path}: shape of hists {hists.shape} (expected [n, zones, {BINS}]), of pose "
-            f"{pose.shape} (expected [n, 4, 4])")
+            f"{path}: hists has shape {hists.shape} (expected [n, zones, {BINS}]), pose has "
+            f"shape {pose.shape} (expected [n, 4, 4])")
     return hists, reference, pose
 
 
 def read_mesh(path: str | pathlib.Path) -> Array:
-    """Reads triangles [k, 3 corners, xyz], m, from a binary .stl or an .obj file. Raises
-    ValueError."""
+    """Reads triangles [k, 3 corners, xyz], m, from a binary .stl or an .obj file. Raises ValueError
+    for another kind of file."""
     contents = pathlib.Path(path).read_bytes()
     if pathlib.Path(path).suffix == ".obj":
         lines = [line.split() for line in contents.decode().splitlines()]
@@ -75,7 +76,8 @@ def read_mesh(path: str | pathlib.Path) -> Array:
 
 
 def table_height(triangles: Array) -> float:
-    """Returns z of the table: the highest horizontal plane with at least half the maximum area."""
+    """Returns z of the table, m. The table is the highest horizontal plane that has at least half
+    the area of the largest one."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     flat = np.abs(normals[:, 2]) > 0.999 * np.linalg.norm(normals, axis=1)
     areas: dict[float, float] = {}
@@ -86,9 +88,10 @@ def table_height(triangles: Array) -> float:
 
 def cast(pose: Array, triangles: Array, size: int = SIZE,
          half_tangent: float = HALF_TANGENT) -> tuple[Array, Array, Array]:
-    """Casts rays from a pose (columns: x, y, view, position) through size x size pixels, row-major
-    from the top left. Returns depth along the view (inf: no hit), cosine at the surface and height
-    of the hit. Moeller-Trumbore intersection."""
+    """Casts rays from a pose through size x size pixels, row-major from the top left. The columns
+    of the pose are the x axis, the y axis, the viewing direction and the position. Returns for each
+    ray the depth along the viewing direction (m, inf: no hit), the cosine of the angle of
+    incidence, and the height of the hit, m (Moeller-Trumbore intersection)."""
     x, y = zone_fit.tangents(size, half_tangent)
     rays = np.stack([x, y, np.ones_like(x)], -1).reshape(-1, 3) @ pose[:3, :3].T
     first, edge_1, edge_2 = (triangles[:, 0], triangles[:, 1] - triangles[:, 0],
@@ -112,27 +115,27 @@ def cast(pose: Array, triangles: Array, size: int = SIZE,
 
 
 def truth_of(depth: Array, height: Array, table_m: float) -> NDArray[np.float32]:
-    """Returns the map [SIZE, SIZE] of the object, m; NaN elsewhere."""
+    """Returns the depth map [SIZE, SIZE] of the object, m; NaN in pixels without the object."""
     return np.where(np.isfinite(depth) & (height > table_m + OBJECT_M), depth,
                     np.nan).astype(np.float32).reshape(SIZE, SIZE)
 
 
 def box(x: float, y: float, z: float) -> Array:
-    """Returns the triangles of a box centred on the plane z = 0."""
+    """Returns the triangles of a box that stands on the plane z = 0, centred on the z axis."""
     corners = np.array([(sx * x / 2, sy * y / 2, sz * z) for sz in (0, 1)
                         for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
     return _hull(corners, 4)
 
 
 def wedge(x: float, y: float, z: float) -> Array:
-    """Returns the triangles of a box that narrows to a ridge."""
+    """Returns the triangles of a box that stands on the plane z = 0 and narrows to a ridge."""
     out = box(x, y, z)
     out[..., 0] *= np.where(out[..., 2] > 0, 0.05, 1)
     return out
 
 
 def cylinder(radius: float, z: float, sides: int = 16) -> Array:
-    """Returns the triangles of a cylinder centred on the plane z = 0."""
+    """Returns the triangles of a cylinder that stands on the plane z = 0, centred on the z axis."""
     angle = 2 * np.pi * np.arange(sides) / sides
     ring = radius * np.stack([np.cos(angle), np.sin(angle)], 1)
     return _hull(np.concatenate([np.c_[ring, np.zeros(sides)], np.c_[ring, np.full(sides, z)]]),
@@ -140,14 +143,15 @@ def cylinder(radius: float, z: float, sides: int = 16) -> Array:
 
 
 def _hull(corners: Array, n: int) -> Array:
-    """Returns side and top faces between a lower and an upper ring of n corners."""
+    """Returns the triangles of the sides and of the top. The first n corners are the lower ring,
+    the next n corners are the upper ring."""
     faces = [(k, (k + 1) % n, n + k)
              for k in range(n)] + [((k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
     return np.asarray(corners[np.array(faces + [(n, n + k, n + k + 1) for k in range(1, n - 1)])])
 
 
 def random_solid(rng: np.random.Generator) -> tuple[Array, float]:
-    """Returns a random solid on the plane z = 0, rotated about z, and its height, m."""
+    """Returns a random solid that stands on the plane z = 0, and its height, m."""
     wide, deep, high = rng.uniform(0.03, 0.12), rng.uniform(0.03, 0.12), rng.uniform(0.04, 0.25)
     solid = (box(wide, deep, high), wedge(wide, deep, high),
              cylinder(wide / 2, high))[rng.integers(3)]
@@ -156,7 +160,8 @@ def random_solid(rng: np.random.Generator) -> tuple[Array, float]:
 
 
 def random_pose(rng: np.random.Generator, high: float) -> Array:
-    """Returns a random pose above the table that points at the object, with random roll."""
+    """Returns a random pose of the chip above the table. The chip points at the object and has a
+    random roll angle."""
     around = rng.uniform(0, 2 * np.pi)
     place = np.append(rng.uniform(0, 0.18) * np.array([np.cos(around), np.sin(around)]),
                       rng.uniform(max(0.1, high * 0.6), 0.34))
@@ -173,8 +178,8 @@ def random_pose(rng: np.random.Generator, high: float) -> Array:
 
 def histograms(depth: Array, gain: Array, fit: zone_fit.ZoneFit, zero_bin: Array,
                response: tuple[Array, int]) -> Array:
-    """Returns relative counts [zones, 128] of G * G rays: field x gain / r^2 at the range of each
-    ray, convolved with the response."""
+    """Returns the relative counts [zones, 128] from G * G rays. Each ray adds field x gain / r^2 at
+    its range; the sum is convolved with the response."""
     met = np.isfinite(depth)
     range_m = np.where(met, depth, 1) * zone_fit.slant()
     weights = fit.fields * np.where(met, gain / range_m**2, 0)
@@ -192,7 +197,8 @@ def histograms(depth: Array, gain: Array, fit: zone_fit.ZoneFit, zero_bin: Array
 def render_records(fit: zone_fit.ZoneFit, reference: Array, records: int,
                    seed: int) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
     """Renders counts [n, zones, 128] and maps [n, SIZE, SIZE] of random objects. `reference` [128]
-    is that of the chip. Albedo, response, time zeros and gains vary by more than the fit errors."""
+    is the reference histogram of the chip. Albedo, response, time zeros and gains vary at random by
+    more than their fit errors."""
     rng = np.random.default_rng(seed)
     table = np.array([[(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [(-1, -1, 0), (1, 1, 0), (-1, 1, 0)]],
                      float)
@@ -213,7 +219,7 @@ def render_records(fit: zone_fit.ZoneFit, reference: Array, records: int,
 
 
 def hits_from(poses: Array, mesh: str | pathlib.Path) -> zone_fit.Scenes:
-    """Casts the rays of a zone's field from these poses."""
+    """Casts G * G rays from each of these poses at the mesh."""
     triangles = read_mesh(mesh)
     found = [cast(pose, triangles, zone_fit.G, zone_fit.FIELD_TANGENT) for pose in poses]
     depth, cosine, height = (np.array(part) for part in zip(*found))
@@ -222,7 +228,8 @@ def hits_from(poses: Array, mesh: str | pathlib.Path) -> zone_fit.Scenes:
 
 def fit_to_poses(data: str | pathlib.Path, mesh: str | pathlib.Path,
                  poses: Sequence[int]) -> zone_fit.ZoneFit:
-    """Fits the zones of the chip to these poses of a shape. Raises ValueError."""
+    """Fits the zones of the chip to the records of a shape with these pose numbers. Raises
+    ValueError for an invalid file or pose number."""
     counts, references, places = read_measured(data)
     rows = list(poses)
     if not rows or not all(0 <= row < len(counts) for row in rows):
@@ -248,7 +255,8 @@ def write(out: str | pathlib.Path, counts: NDArray[Any], maps: NDArray[np.float3
 def measured_records(
         data: str | pathlib.Path, mesh: str | pathlib.Path,
         excluded: Sequence[int] = ()) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-    """Returns measured counts [n, zones, 128] and true maps, without the excluded poses."""
+    """Returns the measured counts [n, zones, 128] and the true maps [n, SIZE, SIZE] of all poses
+    except the excluded ones."""
     counts, _, poses = read_measured(data)
     triangles = read_mesh(mesh)
     table_m = table_height(triangles)
@@ -262,16 +270,16 @@ def main() -> None:
                                      description=__doc__.split("\n\n")[0])
     parser.add_argument("what", choices=("measured", "fit", "rendered"),
                         help="convert measured records, fit the zones, or render records")
-    parser.add_argument("data", help="NAME.json.gz of a shape; `rendered` uses only its reference")
+    parser.add_argument("data", help="NAME.json.gz of a shape; `rendered` uses only the reference")
     parser.add_argument("mesh", nargs="?",
                         help="NAME.stl or NAME.obj of the shape; not used by `rendered`")
-    parser.add_argument("--poses", help="numbers of the poses to fit, e.g. 0,8,16 (default: all)")
-    parser.add_argument("--fit", help="file written by `fit`; without it measured zones are summed")
+    parser.add_argument("--poses", help="pose numbers to fit, e.g. 0,8,16 (default: all)")
+    parser.add_argument("--fit", help="file that `fit` wrote (default: sum the measured zones)")
     parser.add_argument("--records", type=int, default=3000,
-                        help="records to render (default 3000)")
+                        help="number of records to render (default 3000)")
     parser.add_argument("--seed", type=int, default=1,
                         help="seed of the rendered records (default 1)")
-    parser.add_argument("--out", required=True, help="run to write, or JSON file of the fit")
+    parser.add_argument("--out", required=True, help="run to write; with `fit`, JSON file to write")
     args = parser.parse_args()
     try:
         _make(args)
@@ -282,7 +290,7 @@ def main() -> None:
 def _make(args: argparse.Namespace) -> None:
     fit = zone_fit.load(args.fit) if args.fit else None
     if args.what != "rendered" and args.mesh is None:
-        raise ValueError("mesh of the shape is missing")
+        raise ValueError("`measured` and `fit` need a mesh file, NAME.stl or NAME.obj")
     if args.what == "fit":
         poses = ([int(word) for word in args.poses.split(",")] if args.poses
                  else range(len(read_measured(args.data)[0])))
@@ -293,7 +301,7 @@ def _make(args: argparse.Namespace) -> None:
         label = pathlib.Path(args.data).name.split(".")[0]
         write(args.out, *measured_records(args.data, args.mesh), fit, label, "measured")
     elif fit is None:
-        raise ValueError("rendered needs --fit")
+        raise ValueError("`rendered` needs --fit FILE")
     else:
         reference = read_measured(args.data)[1].mean(0)
         records = render_records(fit, reference, args.records, args.seed)

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Fits the field and the time zero of each detector zone, and the exponent of the response, to
-captures of a known object.
+"""Fits the field of view and the time zero of each detector zone, and the exponent of the response,
+to measurements of a known object.
 
 Model of the counts of zone k in bin b:
     r_kb = sum over rays i of  w_ki a_i cos_i / R_i^2  h^g(b - zero_k - R_i / bin)
-where w_ki is the field on G x G tangents, a_i the albedo (1 on the object), h the chip's reference
-histogram and g its exponent. w is the non-negative least squares solution with Poisson weights
-(accelerated projected gradient of Beck and Teboulle)."""
+where w_ki is the weight of ray i (of G x G) in the field of zone k, a_i the albedo (1 on the
+object), h the reference histogram of the chip, and g the response exponent. w is the non-negative
+least squares solution with Poisson weights (accelerated projected gradient of Beck and
+Teboulle)."""
 from __future__ import annotations
 
 import json
@@ -18,29 +19,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.floating[Any]]
-G, FIELD_TANGENT = 30, 0.46  # grid of a field; 14 % of the weight is outside +-0.3
-KNOTS = 8  # a field is a sum of KNOTS x KNOTS hat functions: few poses do not constrain each ray
+# rays per side of a field, and tangent at its edge; 14 % of the weight is outside +-0.3
+G, FIELD_TANGENT = 30, 0.46
+# A field is a sum of KNOTS x KNOTS hat functions, because a few poses do not determine the weight
+# of each ray.
+KNOTS = 8
 BIN_M = 0.0138
-FIRST, LAST = 11, 60  # range of fitted bins
+FIRST, LAST = 11, 60  # bins FIRST to LAST - 1 are fitted
 FINE = 0.05  # step of the tabulated response, bins
 EXPONENTS, ALBEDOS = (1.0, 1.35, 1.7, 2.0), (0.8, 1.2, 1.8)
 
 
 def tangents(size: int, half: float) -> tuple[Array, Array]:
-    """Returns x and y [size, size] of the pixel centres, row 0 at the top."""
+    """Returns the tangents x and y [size, size] of the pixel centres. Row 0 is at the top."""
     at = half * ((2 * np.arange(size) + 1) / size - 1)
     x, y = np.meshgrid(at, -at)
     return x, y
 
 
 def slant() -> Array:
-    """Returns range / depth of each ray of a field [G * G]."""
+    """Returns the ratio of range to depth for each ray of a field [G * G]."""
     x, y = tangents(G, FIELD_TANGENT)
     return np.asarray(np.sqrt(1 + x**2 + y**2).ravel())
 
 
 def response_of(reference: Array, exponent: float) -> tuple[Array, int]:
-    """Returns the response [bins], normalised to sum 1, and its peak bin from a mean reference
+    """Computes the response [bins], normalised to sum 1, and its peak bin from the mean reference
     histogram."""
     above = np.clip(reference - np.median(reference[-20:]), 0, None)
     response = (above / above.sum()) ** exponent
@@ -48,7 +52,8 @@ def response_of(reference: Array, exponent: float) -> tuple[Array, int]:
 
 
 def hats() -> Array:
-    """Returns the hat functions of linear interpolation between knots [G * G, KNOTS * KNOTS]."""
+    """Returns the weight of each knot at each ray [G * G, KNOTS * KNOTS], for bilinear
+    interpolation between the knots."""
     at = (np.arange(G) + 0.5) / G * KNOTS - 0.5
     hat = np.clip(1 - np.abs(at[:, None] - np.arange(KNOTS)), 0, None)
     return np.asarray(np.einsum("ik,jl->ijkl", hat, hat).reshape(G * G, KNOTS * KNOTS))
@@ -56,15 +61,16 @@ def hats() -> Array:
 
 @dataclass(frozen=True)
 class Scenes:
-    """Ray hits [poses, G * G]: depth (m, inf: no hit), cosine, whether it is on the object."""
+    """First hit of each ray [poses, G * G]: depth (m, inf: no hit), cosine of the angle of
+    incidence, and whether the hit is on the object."""
 
     depth_m: Array
     cosine: Array
     is_object: NDArray[np.bool_]
 
     def unit_counts(self, response: tuple[Array, int], zero_bin: float, albedo: float) -> Array:
-        """Returns the counts of a ray with weight 1 in the fitted bins [poses * bins, G * G].
-        `albedo` is that of the table relative to the object."""
+        """Returns the counts from each ray in the fitted bins [poses * bins, G * G], if the ray has
+        weight 1. `albedo` is the ratio of the table albedo to the object albedo."""
         taps, peak = response
         fine = np.interp(np.arange(-20, 100, FINE) + peak, np.arange(len(taps)), taps)
         met = np.isfinite(self.depth_m)
@@ -79,9 +85,9 @@ class Scenes:
 
 
 def non_negative(a: Array, y: Array, steps: int) -> Array:
-    """Minimises |a x - y| for x >= 0."""
+    """Returns the x >= 0 that minimises |a x - y|, after this number of steps."""
     squares, to = a.T @ a, a.T @ y
-    # power iteration for the largest eigenvalue
+    # The power iteration finds the largest eigenvalue, which limits the step size.
     v = np.ones(len(to), squares.dtype)
     for _ in range(30):
         v = squares @ v
@@ -98,8 +104,8 @@ def non_negative(a: Array, y: Array, steps: int) -> Array:
 
 
 def fitted_field(a: Array, counts: Array, steps: int) -> tuple[Array, float]:
-    """Returns the field of one zone and the explained share of the weighted variance, from
-    counts [poses, bins]."""
+    """Fits the field of one zone to counts [poses, bins]. Returns the field [G * G] and the
+    fraction of the weighted variance that it explains."""
     y = counts[:, FIRST:LAST].ravel()
     weight = 1 / np.sqrt(np.maximum(y, 0) + 0.02 * y.max())
     basis = hats()
@@ -108,7 +114,7 @@ def fitted_field(a: Array, counts: Array, steps: int) -> tuple[Array, float]:
 
 
 def explained(a: Array, field: Array, counts: Array) -> float:
-    """Returns the share of the weighted variance of the counts that a field explains."""
+    """Returns the fraction of the weighted variance of the counts that a field explains."""
     y = counts[:, FIRST:LAST].ravel()
     weight = 1 / np.sqrt(np.maximum(y, 0) + 0.02 * y.max())
     return float(1 - (((a @ field - y) * weight)**2).sum() / (((y - y.mean()) * weight)**2).sum())
@@ -120,9 +126,9 @@ class ZoneFit:
 
     fields: Array  #: field weights [zones, G * G]
     zero_bin: Array  #: time zeros [zones], bins
-    exponent: float  #: of the response
-    albedo: float  #: of the table relative to the object
-    explained: Array  #: explained share of the variance [zones]
+    exponent: float  #: exponent of the response
+    albedo: float  #: ratio of the table albedo to the object albedo
+    explained: Array  #: explained fraction of the variance [zones]
 
     def centres(self) -> Array:
         """Returns mean x, mean y and standard deviation of each field [zones, 3], tangents."""
@@ -147,7 +153,7 @@ class ZoneFit:
 
 
 def load(path: str | pathlib.Path) -> ZoneFit:
-    """Reads a fit that save() wrote. Raises ValueError."""
+    """Reads a fit that save() wrote. Raises ValueError if the file is invalid."""
     try:
         facts: dict[str, Any] = json.loads(pathlib.Path(path).read_text())
         fit = ZoneFit(np.array(facts["fields"], float), np.array(facts["zero_bin"], float),
@@ -161,8 +167,9 @@ def load(path: str | pathlib.Path) -> ZoneFit:
 
 
 def fit_zones(counts: Array, reference: Array, scenes: Scenes) -> ZoneFit:
-    """Fits counts [poses, zones, bins] of a known object: first a common time zero, exponent and
-    albedo by four-fold cross-validation over the poses, then the time zero of each zone."""
+    """Fits the zones to counts [poses, zones, bins] of a known object. First selects a common time
+    zero, exponent and albedo by four-fold cross-validation over the poses. Then fits the time zero
+    of each zone."""
     counts = counts - np.median(counts[:, :, -30:], axis=2, keepdims=True)
     zones = counts.shape[1]
 
@@ -191,6 +198,6 @@ def fit_zones(counts: Array, reference: Array, scenes: Scenes) -> ZoneFit:
                 best[k] = (share, float(own), field)
     fields = np.array([field for _, _, field in best])
     digits = 5 - int(np.floor(np.log10(max(fields.max(), 1e-30))))
-    # Rounding makes rendered records equal on all machines.
+    # Rounded fields make the rendered records equal on all machines.
     return ZoneFit(np.round(fields, digits), np.array([zero for _, zero, _ in best]), exponent,
                    albedo, np.array([share for share, _, _ in best]))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Exports a run to HDF5 (h5py) or netCDF (xarray), or one record to CSV.
 
-The HDF5 file is NeXus-like. Every array has units, every dimension has a scale; n records in the
-order of the run:
+The HDF5 file has a NeXus-like layout. Every array has units, and every dimension has a scale. It
+contains n records in the order of the run:
   /entry               title, entry_identifier, start_time, end_time, configuration, radar_cfg
   /entry/data          names and units as in to_xarray(): spd u32 [n, bins] or [n, zones, bins];
                        radar f32 [n, bins] linear power; radar_codes f32 [n, bins] as sent by TI
@@ -11,12 +11,12 @@ order of the run:
                        [n]; axes spd_time (ps, start of each bin), radar_range, array_range (m),
                        depth_x, depth_y (tangents); record, time i64 [n] (ns); label;
                        SENSOR_valid u8, SENSOR_used, SENSOR_lost u64, SENSOR_verdict
-  /entry/SENSOR        each of these arrays as NXdata
+  /entry/SENSOR        NXdata group for each of these arrays
   /entry/instrument/SENSOR   address, model, serial, firmware
-  /entry/tables/TABLE  columns of the run file: i64 with `missing_value`, f64 with NaN, text; their
-                       scale is the first column, or `row` if that contains text
-For an invalid sensor, spd contains zeros; radar, array and depth contain NaN. netCDF has the
-contents of to_xarray()."""
+  /entry/tables/TABLE  columns of the run file: i64 with `missing_value`, f64 with NaN, or text; the
+                       scale is the first column, or `row` if the first column contains text
+If a sensor is invalid in a record, spd contains zeros, and radar, array and depth contain NaN.
+The netCDF file contains the data set that to_xarray() returns."""
 from __future__ import annotations
 
 import argparse
@@ -52,7 +52,8 @@ CODES = ("256 * log2(magnitude), summed over the `scale` virtual antennas of the
 ARRAY = ("for each range bin, over the frames of a record: mean sample of each antenna (real, "
          "imaginary); power of each antenna; mean of x_m conj(x_n) for m < n, row by row; mean of "
          "sum_m x_m(t) conj(x_m(t-1)); antennas as in /entry/tables/antenna")
-# Arrays by name: axes after the record axis, units, meaning, and a function that returns values.
+# For each array: its axes after the record axis, units, meaning, and a function that returns its
+# values.
 SIGNALS: dict[str, tuple[list[str], str, str, Callable[[Run], Any]]] = {
     "spd": (["spd_time"], "counts", "detections per bin of two-way time of flight",
             lambda part: part.spd),
@@ -62,7 +63,7 @@ SIGNALS: dict[str, tuple[list[str], str, str, Callable[[Run], Any]]] = {
               "firmware integers, squared for powers", ARRAY, antennas.values),
     "depth": (["depth_y", "depth_x"], "m", "z of each pixel, NaN: no return",
               lambda part: part.depth)}
-# names in /entry: columns of the table run
+# Names in /entry, and the columns of the table `run` that they contain.
 TEXTS = {"title": "notes", "entry_identifier": "uuid", "start_time": "started_utc",
          "end_time": "ended_utc", "status": "status",
          "operator": "operator", "configuration": "config_resolved", "radar_cfg": "radar_cfg"}
@@ -71,7 +72,8 @@ AXES = {"spd_time": "spd", "radar_range": "radar", "array_range": "array", "dept
 
 
 def units_of(table: str, column: str) -> str:
-    """Returns the units from the suffix of a column name; "1" for counts, flags and ratios."""
+    """Returns the units of a column according to the suffix of its name; "1" for counts, flags and
+    ratios."""
     if table in ("antenna", "axis") and column in ("x", "y", "start", "step"):
         return "half wavelengths" if table == "antenna" else "as the row's unit says"
     if column.endswith("utc_ns"):
@@ -82,8 +84,8 @@ def units_of(table: str, column: str) -> str:
 
 def put(group: Any, name: str, values: Any, scale: Any = None, **attributes: Any) -> Any:
     """Creates a data set from a column or a text and returns it. Texts have a fixed length, which
-    all readers support, and are ASCII if possible, for Octave. A column without a scale becomes a
-    scale itself."""
+    all readers support. They are ASCII if possible, for readers such as Octave. If `scale` is None,
+    the column becomes a dimension scale itself."""
     import h5py
 
     values = np.array(values.encode("utf-8", "surrogateescape") if isinstance(values, str)
@@ -101,7 +103,7 @@ def put(group: Any, name: str, values: Any, scale: Any = None, **attributes: Any
 
 
 def attach(data_set: Any, scales: list[Any]) -> None:
-    """Attaches a scale to each dimension."""
+    """Attaches a scale to each dimension of a data set."""
     for at, scale in enumerate(scales):
         if scale != data_set:
             data_set.dims[at].attach_scale(scale)
@@ -109,14 +111,14 @@ def attach(data_set: Any, scales: list[Any]) -> None:
 
 
 def write_head(entry: Any, run: Run, tables: dict[str, dict[str, Any]]) -> None:
-    """Writes the facts of the run, its devices and their calibration."""
+    """Writes the metadata of the run, its devices and their calibration."""
     entry.parent.attrs["default"] = "entry"
     entry.attrs.update({"NX_class": "NXentry", "default": "data"})
     for name, key in TEXTS.items():
         put(entry, name, str(run.info[key] or ""))
     put(entry, "program_name", f"echofuse {run.info['version']}")
-    # The first row of each device, also if it was reconnected. Ranges are as measured: true range =
-    # range - offset_m.
+    # If a device was reconnected, only its first row is written. The file contains measured ranges;
+    # true range = measured range - offset_m.
     for sensor, (table, group) in ((s, t) for s in SENSORS
                                    for t in (("device", "instrument/"),
                                              ("calibration", "calibration_"))):
@@ -135,8 +137,8 @@ def write_head(entry: Any, run: Run, tables: dict[str, dict[str, Any]]) -> None:
 
 
 def make_signals(entry: Any, run: Run) -> list[str]:
-    """Creates empty arrays of the run's sensors with axes, and a group NXdata for each. Returns
-    their names."""
+    """Creates an empty array with axes, and an NXdata group, for each sensor of the run. Returns
+    the names of the arrays."""
     data, axes = entry["data"], {name: axis for name, axis in run.axes.items() if axis.count > 0}
     for name, axis in ((name, axes[key]) for name, key in AXES.items() if key in axes):
         put(data, name, axis.values, units=axis.unit,
@@ -159,7 +161,7 @@ def make_signals(entry: Any, run: Run) -> list[str]:
         line = int(np.prod(shape[2:])) * 4
         layout: dict[str, Any] = {"dtype":
                                   "u4"} if name == "spd" else {"dtype": "f4", "fillvalue": np.nan}
-        if shape[0] and line * shape[1] >= 64:  # bytes; a filter enlarges smaller arrays
+        if shape[0] and line * shape[1] >= 64:  # compression enlarges records below 64 bytes
             layout |= {"chunks": (1, min(max((16 << 20) // line, 1), shape[1]), *shape[2:]),
                        "shuffle": True, "compression": 1}
         data.create_dataset(name, shape,
@@ -175,12 +177,12 @@ def make_signals(entry: Any, run: Run) -> list[str]:
 
 
 def write_h5(run: Run, path: pathlib.Path, progress: Progress) -> int:
-    """Writes HDF5 and returns the number of unreadable records."""
+    """Writes the run as HDF5 and returns the number of unreadable records."""
     import h5py
 
     with h5py.File(path, "x") as file:
         tables = {name: run.table(name) for name in run.tables}
-        # a running recording may have added records
+        # omits rows that were added after the run was opened
         record = {name: values[:len(run)] for name, values in tables["record"].items()}
         entry = file.create_group("entry")
         data = entry.create_group("data")
@@ -226,8 +228,8 @@ def write_h5(run: Run, path: pathlib.Path, progress: Progress) -> int:
 def export(run: Run, place: pathlib.Path, record: int | None = None,
            progress: Progress = lambda done: None) -> int:
     """Writes the run to NAME.h5 or NAME.nc, or one record to NAME.csv. Returns the number of
-    unreadable records. Raises ValueError, FileExistsError, ImportError, and OSError for a full
-    disk."""
+    unreadable records. Raises FileExistsError, ValueError for a missing or damaged record,
+    ImportError for a missing library, and OSError for a full disk."""
     for module in {".h5": ["h5py"], ".nc": ["xarray", netcdf.engine()]}.get(place.suffix, []):
         try:
             importlib.import_module(module)
@@ -255,7 +257,7 @@ def main() -> None:
     parser.add_argument("--to", required=True, type=pathlib.Path, metavar="FILE",
                         help="file to write: NAME.h5, NAME.nc, or NAME.csv with --record")
     parser.add_argument("--record", type=int, metavar="INDEX",
-                        help="export only this record, as CSV")
+                        help="export only the record with this index, as CSV")
     parser.add_argument("-q", "--quiet", action="store_true", help="do not print the progress")
     args = parser.parse_args()
     if args.to.suffix not in ((".h5", ".nc") if args.record is None else (".csv",)):
@@ -264,8 +266,8 @@ def main() -> None:
     warnings.showwarning = lambda message, *_: print(f"echofuse-export: {message}", file=sys.stderr)
 
     def end(code: int, text: str) -> NoReturn:
-        """Exits without finalising the interpreter, because HDF5 would try to write to the full
-        disk again and crash."""
+        """Exits without finalising the interpreter. Otherwise HDF5 would try again to write to the
+        full disk, and crash."""
         print(f"echofuse-export: {text}", file=sys.stderr, flush=True)
         os._exit(code)
 
@@ -274,7 +276,7 @@ def main() -> None:
             print(f"\rexport {done}/{len(run)} ", end="" if done < len(run) else "\n",
                   file=sys.stderr)
 
-    sys.excepthook = lambda *_: None  # HDF5 objects print errors when they are deleted
+    sys.excepthook = lambda *_: None  # hides errors that HDF5 objects print when deleted
     sys.unraisablehook = lambda _: None
     try:
         try:

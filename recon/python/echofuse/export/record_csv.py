@@ -13,15 +13,16 @@ from ..runs.run_files import printable
 
 
 def write(run: Run, index: int, path: pathlib.Path) -> int:
-    """Writes one record as lines "sensor,x,y,value", after a "#" header with the units. Returns 0
-    unreadable records. Raises ValueError."""
+    """Writes one record as lines "sensor,x,y,value", after header lines ("#") with the units.
+    Returns 0, the number of unreadable records. Raises ValueError if the record is missing or
+    damaged."""
     if index not in run.index:
         raise ValueError(f"{run.path}: record {index} is missing (the run has {len(run)} records)")
     part = run[np.flatnonzero(run.index == index)[:1]]
     load(part)
 
     def escaped(text: str) -> str:
-        """Escapes separators and quotes, so that the text stays in the header line."""
+        """Escapes separators and quotes, so that the header line is one CSV field."""
         return "".join(f"\\x{ord(c):02x}" if c in ',;"' else c for c in printable(text))
 
     lines = [f"# record {index} of {escaped(str(part.path))}, label {escaped(part.labels[0])}",
