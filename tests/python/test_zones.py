@@ -104,7 +104,7 @@ def test_both_readers_refuse_a_malicious_zone_table(tmp_path, sql, said):
 def test_unknown_zone_directions_are_refused_when_needed(tmp_path):
     run = write(tmp_path / "own", spd=counts())
     assert len(run.zones) == 2 and np.isnan(run.zones[0].x)
-    with pytest.raises(ValueError, match="zones have no directions; state them with spd.zones"):
+    with pytest.raises(ValueError, match="detector zones are unknown; set spd.zones"):
         zones.directions(run)
 
 

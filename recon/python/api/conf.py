@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Sphinx configuration of the API pages (scripts/manual --api OUT). A public name without a
-docstring is an error."""
+"""Configures Sphinx for the API pages (scripts/manual --api OUT). The build reports each public
+name without a docstring."""
 import pathlib
 import sys
 from typing import Any

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Scores of depth maps as functions of arrays, e.g. for a training loop, equal to those of
-`echofuse-recon evaluate` (recon/metrics).
+"""Computes scores of depth maps from arrays, e.g. in a training loop. The scores are equal to those
+of `echofuse-recon evaluate` (recon/metrics).
 
-All functions take maps [n, N, N] and true maps [n, N, N] of the same records (z, m, NaN or 0: no
-return, from the top left), and the scene of the training maps. They return float64 [n]; NaN if the
-score is undefined for a map.
+Each score function takes predicted maps [n, N, N], the true maps [n, N, N] of the same records, and
+the scene of the training maps. A map contains z, m, from the top left; NaN or 0: no return. The
+function returns float64 [n], with NaN for maps without a defined score.
 
 >>> scene = metrics.Scene.of_maps(run.maps(split.train))
 >>> np.nanmean(metrics.iou(maps, run.maps(split.test), scene))
@@ -21,15 +21,15 @@ from numpy.typing import ArrayLike, NDArray
 from .runs.axis import tangents
 
 Scores = NDArray[np.float64]
-STEP_M = 0.1  # minimum distance between foreground and background
-BEHIND = 0.25  # maximum share of the foreground behind the background, weighted by distance
-NEAREST, NEARER = 0.125, 0.1  # limits of Scene.holds_returns()
-SIDE_M = 0.3  # minimum |x| of a body for a distinct mirror image
-WINDOW, SIGMA = 11, 1.5  # SSIM window, pixels
+STEP_M = 0.1  # minimum distance between foreground and background, m
+BEHIND = 0.25  # maximum fraction of the foreground, weighted by distance, behind the background
+NEAREST, NEARER = 0.125, 0.1  # thresholds of Scene.holds_returns(): relative depth, fraction
+SIDE_M = 0.3  # minimum |x| of a body for a distinct mirror image, m
+WINDOW, SIGMA = 11, 1.5  # width and standard deviation of the SSIM window, pixels
 
 
 def pixels(maps: ArrayLike) -> NDArray[np.float32]:
-    """Replaces NaN in maps [n, N, N] by 0. Raises ValueError."""
+    """Replaces NaN in maps [n, N, N] by 0. Raises ValueError for another shape."""
     table = np.nan_to_num(np.asarray(maps, np.float32))
     if table.ndim != 3 or table.shape[1] != table.shape[2]:
         raise ValueError(f"maps: shape {list(table.shape)} (expected [n, N, N])")
@@ -37,19 +37,19 @@ def pixels(maps: ArrayLike) -> NDArray[np.float32]:
 
 
 def ratio(numerator: NDArray[Any], denominator: NDArray[Any], least: float = 0) -> Scores:
-    """Returns numerator / denominator, NaN unless denominator > least."""
+    """Returns numerator / denominator; NaN if the denominator is not greater than `least`."""
     valid = denominator > least
     return np.where(valid, numerator / np.where(valid, denominator, 1), np.nan)
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Background and foreground of the training maps (recon/metrics/scene_model.hpp)."""
+    """Background and foreground depths of the training maps (recon/metrics/scene_model.hpp)."""
 
-    background_m: NDArray[np.float32]  #: z [N, N], 0: no return
-    foreground_m: float  #: mean z of the foreground; 0: no separable body
+    background_m: NDArray[np.float32]  #: z of the background [N, N], m; 0: none
+    foreground_m: float  #: mean z of the foreground, m; 0: no separable body
     half_tangent: float = 0.55  #: x / z at the right edge of the maps
-    far_m: float = 6.0  #: maximum z of a map
+    far_m: float = 6.0  #: maximum z of a map, m
 
     @classmethod
     def of_maps(cls, maps: ArrayLike, half_tangent: float = 0.55, far_m: float = 6.0) -> Scene:
@@ -68,22 +68,24 @@ class Scene:
         return cls(background, mean, half_tangent, far_m)
 
     def true_mask(self, truth: ArrayLike) -> NDArray[np.bool_]:
-        """Returns the foreground [n, N, N] of true maps: returns more than 0.1 m off the background
-        or without one."""
+        """Returns the foreground mask [n, N, N] of true maps. A return is foreground if it is more
+        than 0.1 m from the background, or if its pixel has no background."""
         z, b = pixels(truth), self.background_m
         return (self.foreground_m > 0) & (z > 0) & ((b <= 0) | (abs(z - b) > np.float32(STEP_M)))
 
     def holds_returns(self, maps: ArrayLike) -> NDArray[np.bool_]:
-        """Returns whether maps [n] contain depths of returns, in contrast to a regression with many
-        values near 0: at most 10 % of the values without background are below foreground_m / 8."""
+        """Returns whether each map [n] contains depths of returns: in the pixels without
+        background, at most 10 % of the values are below foreground_m / 8. In contrast, a regression
+        yields many values near 0."""
         z = pixels(maps)
         open_ = (self.background_m <= 0) & (z > 0)
         nearer = open_ & (z < np.float32(NEAREST) * np.float32(self.foreground_m))
         return np.asarray(nearer.sum((1, 2)) <= NEARER * open_.sum((1, 2)))
 
     def share(self, maps: ArrayLike) -> NDArray[np.float32]:
-        """Returns the relative depth [n, N, N] between background (0) and mean foreground (1);
-        pixels above 0.5 are foreground. Without a background, a return is 1."""
+        """Returns the relative depth [n, N, N] between background (0) and mean foreground (1).
+        Pixels above 0.5 are foreground. If a pixel has no background, a return in it has the value
+        1."""
         z, b = self.clipped(maps), self.background_m
         if self.foreground_m <= 0:
             return np.zeros_like(z)
@@ -94,46 +96,49 @@ class Scene:
         return np.where(returns, z > 0, share).astype(np.float32)
 
     def clipped(self, maps: ArrayLike) -> NDArray[np.float32]:
-        """Clips maps [n, N, N] to 0 to far_m."""
+        """Limits the depths of maps [n, N, N] to the interval from 0 to far_m."""
         return pixels(maps).clip(0, np.float32(self.far_m))
 
 
 def iou(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
-    """Returns the intersection over union of the foregrounds."""
+    """Returns the intersection over union of the predicted and the true foreground [n]."""
     true, found = scene.true_mask(truth), scene.share(maps) > 0.5
     return ratio((true & found).sum((1, 2)), (true | found).sum((1, 2)))
 
 
 def depth_mae(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
-    """Returns the mean absolute depth error in the intersection of the foregrounds, m."""
+    """Returns the mean absolute depth error [n], m, over the pixels in both the predicted and the
+    true foreground."""
     both = scene.true_mask(truth) & (scene.share(maps) > 0.5)
     error = abs(scene.clipped(maps).astype(float) - pixels(truth))
     return ratio((error * both).sum((1, 2)), both.sum((1, 2)))
 
 
 def centroids(mask: NDArray[np.bool_], scene: Scene) -> Scores:
-    """Returns x / z [n] of the centroids of masks; NaN for fewer than two pixels."""
+    """Returns x / z [n] of the centroid of each mask; NaN for a mask with fewer than two pixels."""
     columns = mask.sum(1)
     return ratio(columns @ tangents("map_x", mask.shape[2], scene.half_tangent).values,
                  columns.sum(1), 1)
 
 
 def true_range(truth: ArrayLike, scene: Scene) -> Scores:
-    """Returns the mean true z [n] of the foreground, m."""
+    """Returns the mean z [n] of the true foreground, m."""
     mask = scene.true_mask(truth)
     return ratio((pixels(truth).astype(float) * mask).sum((1, 2)), mask.sum((1, 2)))
 
 
 def lateral(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
-    """Returns the sideways distance of the foreground centroids at the true mean z, m."""
+    """Returns the lateral distance [n], m, between the centroids of the predicted and the true
+    foreground, at the mean z of the true foreground."""
     true = centroids(scene.true_mask(truth), scene)
     found = centroids(scene.share(maps) > 0.5, scene)
     return np.asarray(abs(found - true) * true_range(truth, scene))
 
 
 def mirror_fraction(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
-    """Returns the share of the foreground at the mirrored position (`ghost` in `evaluate`): 0 = all
-    at the true position, 1 = all mirrored. NaN for `|x|` < 0.3 m."""
+    """Returns the fraction of the predicted foreground at the mirrored position [n] (`ghost` in
+    `evaluate`). 0: all of it is at the true position, 1: all of it is mirrored. NaN for `|x|` < 0.3
+    m."""
     true, share = scene.true_mask(truth), scene.share(maps).astype(float)
     mirror = true[:, :, ::-1]
     x_m = abs(centroids(true, scene)) * true_range(truth, scene)
@@ -152,15 +157,15 @@ def blurred(table: Scores) -> Scores:
 
 
 def ssim_fg(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
-    """Returns the mean SSIM over the true foreground, dilated by the window (Wang et al., IEEE TIP
-    13, 600, 2004; K1 0.01, K2 0.03, population covariance, data range far_m). NaN for maps smaller
-    than 11 x 11."""
+    """Returns the mean SSIM [n] over the true foreground, dilated by the window (Wang et al., IEEE
+    TIP 13, 600, 2004; K1 0.01, K2 0.03, population covariance, data range far_m). NaN for maps
+    smaller than 11 x 11."""
     a, b, true = scene.clipped(maps), pixels(truth), scene.true_mask(truth)
     out = np.full(len(a), np.nan)
     if a.shape[1] < WINDOW:
         return out
     c1, c2 = (0.01 * scene.far_m) ** 2, (0.03 * scene.far_m) ** 2
-    for first in range(0, len(a), 64):  # blocks of records limit the memory
+    for first in range(0, len(a), 64):  # blocks of 64 records limit the memory use
         rows = slice(first, first + 64)
         x, y, near = a[rows].astype(float), b[rows].astype(float), true[rows]
         mx, my = blurred(x), blurred(y)

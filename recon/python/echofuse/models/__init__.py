@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Predicts maps with trained models in NumPy; the results equal those of echofuse-recon."""
+"""Predicts depth maps with trained models in NumPy. The maps are equal to those of
+echofuse-recon."""
 from .maps import load_maps, save_maps
 from .model import Estimator, Maps, Model, load_model, read_safetensors
 

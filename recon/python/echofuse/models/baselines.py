@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Baseline estimators (recon/models): maps from counts and power without alignment. t and f are the
-tensors and facts of an estimator; [n, d]: n records with d values."""
+"""Baseline estimators (recon/models), which predict maps from counts and radar power without
+aligning them. t and f are the tensors and facts of an estimator. [n, d] means n records with d
+values."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -12,7 +13,7 @@ from .method import Array, network
 
 
 def predict(t: dict[str, Array], f: dict[str, Any], counts: Array, power: Array) -> Array:
-    """Predicts maps [n, pixels], m, from counts [n, bins] and power [n, points]."""
+    """Predicts maps [n, pixels], m, from counts [n, bins] and radar power [n, points]."""
     x, kind = scaled(t, f, counts, power), f["model"]
     if kind in ("mean", "empty"):
         return np.repeat(t["model/map_m"][None], len(x), 0)
@@ -32,7 +33,7 @@ def predict(t: dict[str, Array], f: dict[str, Any], counts: Array, power: Array)
 
 
 def scaled(t: dict[str, Array], f: dict[str, Any], counts: Array, power: Array) -> Array:
-    """Returns the scaled inputs [n, bins + points]; both sensors have similar weights."""
+    """Returns the inputs [n, bins + points], scaled so that both sensors have similar weights."""
     scalings: dict[str, Callable[[Array], Any]] = {
         "plain": lambda x: x, "sqrt": lambda x: np.sqrt(np.maximum(x, 0)), "record": normalised,
         "root": lambda x: np.sqrt(np.maximum(normalised(x), 0))}
@@ -52,7 +53,8 @@ def normalised(x: Array) -> Array:
 
 
 def nearest(inputs: Array, maps: Array, neighbours: int, x: Array) -> Array:
-    """Returns the mean map of the nearest training records [m, d], weighted by distance."""
+    """Returns for each record x [n, d] the mean map of the nearest training records, weighted by
+    distance. `inputs` [m, d] and `maps` [m, pixels] belong to the training records."""
     distance = (inputs.astype(float) ** 2).sum(1) - 2 * x.astype(float) @ inputs.T.astype(float)
     order = np.argsort(distance, 1, kind="stable")[:, :neighbours]
     farther = np.take_along_axis(distance, order, 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""CRC-32C (RFC 3720) with NumPy."""
+"""Computes the checksum CRC-32C (RFC 3720) with NumPy."""
 from __future__ import annotations
 
 import numpy as np
@@ -10,7 +10,7 @@ Words = NDArray[np.uint32]
 
 
 def _stepped(states: Words, bits: int) -> Words:
-    """Returns the states after `bits` zero bits."""
+    """Returns the CRC states after the input of `bits` zero bits."""
     for _ in range(bits):
         states = (states >> 1) ^ np.where(states & 1, np.uint32(POLYNOMIAL), np.uint32(0))
     return states
@@ -20,8 +20,9 @@ TABLE: Words = _stepped(np.arange(256, dtype=np.uint32), 8)
 
 
 def _after_zeros(count: int) -> Words:
-    """Returns the state of each single-bit state after `count` zero bytes [32]."""
-    power = _stepped(np.uint32(1) << np.arange(32, dtype=np.uint32), 8)  # one byte
+    """Returns a matrix over GF(2) that advances a CRC state by `count` zero bytes. Row k [32] is
+    the state that follows from bit k."""
+    power = _stepped(np.uint32(1) << np.arange(32, dtype=np.uint32), 8)  # matrix for one zero byte
     out = np.uint32(1) << np.arange(32, dtype=np.uint32)
     while count:
         if count & 1:
@@ -31,16 +32,18 @@ def _after_zeros(count: int) -> Words:
 
 
 def _applied(matrix: Words, states: Words) -> Words:
-    """Multiplies states by a matrix over GF(2)."""
+    """Multiplies CRC states by a matrix over GF(2)."""
     bits = (states[:, None] >> np.arange(32, dtype=np.uint32)) & 1
     return np.asarray(np.bitwise_xor.reduce(np.where(bits, matrix, np.uint32(0)), 1))
 
 
 def crc32c(data: bytes) -> int:
-    """Returns the checksum of four or more bytes: equal parts in parallel, combined in pairs."""
+    """Returns the checksum of four or more bytes. Equal parts are processed in parallel, and their
+    states are combined in pairs."""
     values = np.frombuffer(data, np.uint8)
     length = max(1, -(-len(values) // ROWS))
-    # Leading zeros do not change a state of 0, so the initial state is merged into the data.
+    # The data are padded with leading zeros, which do not change a state of 0. The initial state is
+    # therefore XORed into the first four bytes of the data.
     padded = np.zeros(ROWS * length, np.uint8)
     padded[len(padded) - len(values):] = values
     padded[len(padded) - len(values):][:4] ^= 0xFF

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Reads and writes maps for `echofuse-recon evaluate --maps`: FOLDER/maps.npy and
+"""Reads and writes maps in the format of `echofuse-recon evaluate --maps`: FOLDER/maps.npy and
 FOLDER/records.csv."""
 from __future__ import annotations
 
@@ -18,12 +18,14 @@ if TYPE_CHECKING:
 
 
 def origin_of(run: Run) -> str:
-    """Returns the text of run.txt for maps of this run (recon/maps/written_maps.hpp)."""
+    """Returns the text of run.txt, which identifies the run of the maps
+    (recon/maps/written_maps.hpp)."""
     return f"{run.info['uuid']}\n{printable(str(run.path))}\n"
 
 
 def require_indices(maps: NDArray[Any], index: NDArray[Any], run: Run | None) -> None:
-    """Raises ValueError unless each map has a record of the run."""
+    """Raises ValueError for wrong shapes, or if the map indices are not different records of the
+    run."""
     if maps.ndim != 3 or maps.shape[1] != maps.shape[2]:
         raise ValueError(f"depth_m: shape {list(maps.shape)} (expected [n, N, N])")
     if index.shape != maps.shape[:1] or (index.size and index.dtype.kind not in "iu"):
@@ -31,7 +33,8 @@ def require_indices(maps: NDArray[Any], index: NDArray[Any], run: Run | None) ->
                          "indices)")
     known, count = np.unique(index, return_counts=True)
     if (count > 1).any():
-        raise ValueError(f"index: record {known[count > 1][0]} has {count[count > 1][0]} maps")
+        raise ValueError(f"index: record {known[count > 1][0]} has {count[count > 1][0]} maps "
+                         "(expected 1)")
     if run is not None and (missing := np.setdiff1d(index, run.index)).size:
         raise ValueError(f"index: {run.path} has no record {missing[0]}; pass values of run.index")
 
@@ -40,7 +43,7 @@ def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
               origin: str = "", *, run: Run | None = None) -> None:
     """Writes maps [n, N, N] (m, NaN: no return) of the records with these indices [n]. `run` or
     `origin` (text of run.txt) identifies the run. Raises FileExistsError if the folder contains
-    maps of another run, and ValueError."""
+    maps of another run, and ValueError for wrong shapes or indices."""
     folder, maps, indices = pathlib.Path(folder), np.asarray(depth_m), np.asarray(index)
     require_indices(maps, indices, run)
     folder.mkdir(parents=True, exist_ok=True)
@@ -48,7 +51,7 @@ def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
         origin = origin_of(run)
     named = folder / "run.txt"
     if origin and named.exists() and named.read_text().split("\n")[0] != origin.split("\n")[0]:
-        raise FileExistsError(f"{folder}: contains maps of another run; give another folder")
+        raise FileExistsError(f"{folder}: contains maps of another run; choose another folder")
     named.unlink(missing_ok=True)
     if origin:
         with replaced(folder / "run.txt") as new:
@@ -76,8 +79,8 @@ def load_maps(folder: str | pathlib.Path) -> tuple[NDArray[np.float32], NDArray[
 
 
 def span_of(depth_m: ArrayLike) -> tuple[float, float]:
-    """Returns the depth range of 96 % of the returns, rounded to 0.5 m; 2.5 to 5 m with fewer than
-    50 returns."""
+    """Returns the depth range of 96 % of the returns, m, rounded outwards to 0.5 m; 2.5 and 5 if
+    there are fewer than 50 returns."""
     returns = np.asarray(depth_m, float)
     returns = np.sort(returns[returns > 0])
     if len(returns) < 50:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The method of recon/method/method.cpp in NumPy, with the same equation numbers:
+"""Implements the method of recon/method/method.cpp in NumPy, with the same equation numbers:
 
   (1) n_i = N_i - B_i - median      counts above the background
   (2) r = sum n_i r_i / sum n_i     range of the body, over |r_i - r| < body_m
@@ -12,7 +12,7 @@
   (9) mask, depth = mean + amplitudes x components     in a frame that moves with the body
  (10) map = z + depth / mask where mask > threshold, else the background
 
-The C++ code is faster, this code is simpler. [n, d]: n records with d values."""
+The C++ code is faster; this code is simpler. [n, d] means n records with d values."""
 from __future__ import annotations
 
 from typing import Any
@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 from ..runs import PS_PER_M
 
 Array = NDArray[Any]
-TAPS = np.arange(-7, 9)  # interpolation taps, profile points
+TAPS = np.arange(-7, 9)  # offsets of the interpolation taps, profile points
 
 
 class Method:
-    """Method of one estimator, with its tensors t, facts f, and constants c
+    """The method with the tensors t, facts f and constants c of one estimator
     (recon/method/constants.hpp)."""
 
     def __init__(self, t: dict[str, Array], f: dict[str, Any]) -> None:
@@ -36,25 +36,26 @@ class Method:
                   if name.startswith("alignment/config/")}
 
     def axis(self, name: str) -> tuple[int, float, float]:
-        """Returns count, start and step of a sensor's axis."""
+        """Returns count, start and step of the axis of a sensor."""
         return (self.f[f"axes/{name}/count"], self.f[f"axes/{name}/start"],
                 self.f[f"axes/{name}/step"])
 
     def predict(self, counts: Array, power: Array, lags: Array, zones: Array) -> Array:
-        """Predicts maps [n, pixels], m, from counts [n, bins], power [n, points], lags [n, points,
-        2 D + 1] and zones [n, zones, bins]."""
+        """Predicts maps [n, pixels], m, from counts [n, bins], radar power [n, points], antenna
+        lags [n, points, 2 D + 1] and zone counts [n, zones, bins]."""
         return self.draw(np.array([self.features(*record)
                                    for record in zip(counts, power, lags, zones)]))
 
     def features(self, counts: Array, power: Array, lags: Array, zones: Array) -> Array:
-        """Returns the network inputs [inputs] of one record, from counts [bins], power [points],
-        lags [points, 2 D + 1] and zones [zones, bins]; all 0 without a body."""
+        """Returns the network inputs [inputs] of one record, from counts [bins], radar power
+        [points], antenna lags [points, 2 D + 1] and zone counts [zones, bins]. All inputs are 0 if
+        no body is found."""
         c, (bins, start, step) = self.c, self.axis("spd")
         no_body = np.zeros(self.t["model/centre"].size, np.float32)
         first_m, step_m = (start + 0.5 * step) / PS_PER_M, step / PS_PER_M
-        n = counts - self.t["alignment/counts"]  # (1)
+        n = counts - self.t["alignment/counts"]  # equation (1)
         n = n - np.sort(n)[bins // 2]
-        begin, end, centre, at = 0, bins, 0.0, np.arange(bins)  # (2)
+        begin, end, centre, at = 0, bins, 0.0, np.arange(bins)  # equation (2)
         for i in range(c["centroid_passes"] + 1):
             weight = (n if i else np.maximum(n, 0))[begin:end].astype(float)
             if weight.sum() <= 0:
@@ -66,7 +67,7 @@ class Method:
         r = np.float32(first_m + centre * step_m)
         if not body > c["significance"] * np.sqrt(all_counts):
             return no_body
-        h = self.aligned_counts(r, n, c["histogram_step_m"])  # (3)
+        h = self.aligned_counts(r, n, c["histogram_step_m"])  # equation (3)
         of_zones = [np.zeros(0)]
         if len(zones):
             above = zones - self.t["alignment/zones"].reshape(zones.shape)
@@ -75,14 +76,14 @@ class Method:
         total = h.sum() if h.sum() > 0 else 1
         h, of_radar = h / total, [np.zeros(0)]
         if power.size:
-            g, points = self.profile(r, power)  # (4)
+            g, points = self.profile(r, power)  # equation (4)
             of_radar = [self.correlation(h, g, points), g]
         features = [*of_radar[:-1], h, np.concatenate(of_zones) / total, of_radar[-1],
                     self.antennas(r, lags), [r]]
         return np.asarray(np.concatenate(features), np.float32)
 
     def aligned_counts(self, r: np.floating[Any], n: Array, bin_m: float) -> Array:
-        """Returns counts n [bins] resampled to bins of width bin_m around r."""
+        """Resamples counts n [bins] to bins of width bin_m, centred on the range r."""
         c, (bins, start, step) = self.c, self.axis("spd")
         columns = np.arange(round(2 * c["histogram_m"] / bin_m) + 1)
         first_m, step_m = (start + 0.5 * step) / PS_PER_M, step / PS_PER_M
@@ -91,7 +92,8 @@ class Method:
         return np.asarray(np.diff(np.interp(edges, np.arange(bins + 1), running)))
 
     def profile(self, r: np.floating[Any], power: Array) -> tuple[Array, Array]:
-        """Equation (4): returns the aligned profile [k], and its positions relative to r [k], m."""
+        """Equation (4): returns the aligned profile [k], and the ranges of its points relative to r
+        [k], m."""
         c, (count, start, step) = self.c, self.axis("radar")
         apart = step * np.ceil(c["least_profile_step_m"]
                                / step) / (2 if step >= c["coarse_step_m"] else 1)
@@ -107,13 +109,14 @@ class Method:
         return g / total if total > 0 else g, points
 
     def correlation(self, h: Array, g: Array, points: Array) -> Array:
-        """Equations (5), (6): returns the normalised correlation [shifts] between the profile g [k]
-        and the histogram h convolved with the radar response; the largest shift is first."""
+        """Equations (5) and (6): convolves the histogram h with the radar response, and returns its
+        normalised correlation with the profile g [k] for each shift [shifts]. The largest shift is
+        first."""
         c, apart, step = self.c, points[1] - points[0], self.c["histogram_step_m"]
         near, far = int(np.floor(c["shift_from_m"] / apart)), int(np.ceil(c["shift_to_m"] / apart))
         shifts = far - near + 1
         positions = points[0] + apart * (np.arange(len(points) + shifts - 1) - far)
-        within = step * ((np.arange(4) + 0.5) / 4 - 0.5)  # counts are distributed over their bin
+        within = step * ((np.arange(4) + 0.5) / 4 - 0.5)  # spreads counts over their bin
         centres = -c["histogram_m"] + step * (np.arange(len(h)) + 0.5)
         resolution = c["steps_a_resolution"] * self.axis("radar")[2]
         expected = h @ (np.sinc((positions - centres[:, None] - within[:, None, None])
@@ -123,17 +126,18 @@ class Method:
         return np.divide(windows @ g, norm, out=np.zeros(shifts), where=norm > 0)
 
     def antennas(self, r: np.floating[Any], lags: Array) -> Array:
-        """Equation (7): returns the direction cosine u, u r, and the lags around the body,
-        normalised to its power and rotated to direction u; then the shortest lags by range part.
-        Empty without antennas. lags: [points, 2 D + 1]."""
+        """Equation (7): returns the direction cosine u, the product u r, the lags summed over the
+        body, and the shortest lags of each range part. The lags are normalised to the power of the
+        body, and horizontal lags are rotated to direction u. Empty if there are no antennas. The
+        shape of `lags` is [points, 2 D + 1]."""
         if "alignment/lags" not in self.t or lags.size == 0:
             return np.zeros(0)
         c, (count, start, step) = self.c, self.axis("array")
-        # vertical lags are last
+        # The vertical lags follow the horizontal lags.
         up = int(self.f["axes/array/quantity"].partition(", ")[2].partition(" ")[0] or 0)
         across = int(self.f["axes/array/scale"]) - up
         values = (lags - self.t["alignment/lags"].reshape(lags.shape)).astype(float)
-        # [bins, D + 1]
+        # complex lags [points, D + 1]; lag 0 is the power
         z = np.concatenate([values[:, :1] + 0j, values[:, 1::2] + 1j * values[:, 2::2]], 1)
         at = start + step * np.arange(count) - r
         inside = np.clip(np.minimum(at - c["profile_from_m"], c["profile_to_m"] - at) / step + 0.5,
@@ -165,7 +169,8 @@ class Method:
         return np.array(out)
 
     def networks(self, x: Array, group: str) -> Array:
-        """Returns the mean output [n, outputs] of a group of networks for inputs [n, inputs]."""
+        """Returns the mean output [n, outputs] of the networks in a group for inputs [n,
+        inputs]."""
         return np.asarray(np.mean([network(self.t, f"{group}/{k}", x)
                                    for k in range(self.f[f"{group}/networks"])], 0))
 
@@ -174,10 +179,10 @@ class Method:
         maps = np.repeat(self.t["model/background_m"][None], len(inputs), 0)
         bodies = np.flatnonzero(inputs[:, -1])
         standard = (inputs[bodies] - self.t["model/centre"]) / self.t["model/deviation"]
-        right, behind = self.networks(standard, "model/place").T  # (8)
+        right, behind = self.networks(standard, "model/place").T  # equation (8)
         r, nearest = inputs[bodies, -1], self.f["model/nearest_m"]
         tangent, z = right / np.maximum(r, nearest), np.maximum(r + behind, nearest)
-        # (9)
+        # equation (9)
         mask, depth = (self.t[f"model/{name}/mean"][None].repeat(len(bodies), 0)
                        for name in ("masks", "depths"))
         if self.f["model"] == "factorised":
@@ -188,12 +193,12 @@ class Method:
             mask = mask + units["masks"] * found[:, :split] @ self.t["model/masks/basis"]
             depth = depth + units["depths"] * found[:, split:] @ self.t["model/depths/basis"]
         keys = ("rows", "columns", "left_m", "top_m", "pitch_m")
-        # cells of the body frame
+        # size and position of the cell grid around the body
         rows, columns, left, top, pitch = (self.f[f"model/frame/{key}"] for key in keys)
         half = self.f["scene/map_half_tangent"]
         # tangents of the pixel centres
         pixel = half * ((2 * np.arange(self.size) + 1) / self.size - 1)
-        for i, row in enumerate(bodies):  # (10)
+        for i, row in enumerate(bodies):  # equation (10)
             across = interpolation(((pixel - tangent[i]) * z[i] - left) / pitch, columns)
             down = interpolation((-pixel * z[i] - top) / pitch, rows)
             m = down @ mask[i].reshape(rows, columns) @ across.T
@@ -214,8 +219,8 @@ def network(t: dict[str, Array], group: str, x: Array) -> Array:
 
 
 def interpolation(at: Array, cells: int) -> Array:
-    """Returns the linear weights of the two cells next to each position [pixels, cells]; 0 outside
-    the cells."""
+    """Returns the linear interpolation weights of the cells at each position [pixels, cells]. All
+    weights of a position outside the cells are 0."""
     low = np.floor(at).astype(int)
     inside = (low >= 0) & (low + 1 < cells)
     out = np.zeros((len(at), cells))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Predicts maps with a trained model in NumPy. Each record is predicted by the first estimator that
-needs only its valid sensors."""
+"""Predicts maps with a trained model in NumPy. Each record is predicted by the first estimator for
+which all required sensors are valid."""
 from __future__ import annotations
 
 import json
@@ -49,7 +49,7 @@ def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, NDArray[Any]],
 
 
 class Estimator:
-    """Estimator of maps from records, with its tensors t and facts f from the model file."""
+    """Predicts maps from sensor data, with its tensors t and facts f from the model file."""
 
     def __init__(self, tensors: dict[str, NDArray[Any]], facts: dict[str, Any], group: str) -> None:
         self.t = {name[len(group):]: values for name, values in tensors.items()
@@ -61,13 +61,14 @@ class Estimator:
         keys = ("quantity", "unit", "count", "start", "step", "scale")
         required = {"spd": self.inputs != "radar", "radar": self.inputs != "spd",
                     "array": self.inputs == "fused"}
-        #: required axes, by sensor
+        #: axes of the required sensors, by sensor name
         self.axes = {name: {key: self.f[f"axes/{name}/{key}"] for key in keys}
                      for name, is_required in required.items() if is_required
                      and self.f.get(f"axes/{name}/count", 0)}
 
     def matched(self, name: str, axis: Axis | None, table: NDArray[Any]) -> NDArray[Any]:
-        """Resamples values to the sensor axis of the estimator; empty if the sensor is not used."""
+        """Resamples sensor values to the axis of the estimator. Returns [n, 0] if the estimator
+        does not use the sensor."""
         return (table[:, :0] if axis is None
                 or name not in self.axes else axis.resampled(table, self.axes[name]))
 
@@ -84,8 +85,8 @@ class Estimator:
 
 
 class Arrays:
-    """Arrays instead of a run, at true ranges: counts [n, bins], linear power [n, points], lags [n,
-    points, 2 D + 1] (Run.lags). All rows are valid."""
+    """Arrays that replace a run as the input of a model: counts [n, bins], linear power [n, points]
+    and lags [n, points, 2 D + 1] (Run.lags), all at true ranges. All rows are valid."""
 
     def __init__(self, axes: dict[str, Axis], spd: ArrayLike | None, radar: ArrayLike | None,
                  lags: ArrayLike | None) -> None:
@@ -134,9 +135,10 @@ class Maps:
     index: NDArray[np.int64]  #: record index of each map [n]
     depth_x: NDArray[np.float64]  #: x / z of the pixel centres [N], to the right
     depth_y: NDArray[np.float64]  #: y / z of the pixel centres [N], upwards; top row first
-    inputs: list[str]  #: inputs of each estimator [n]: fused, fused-profile, spd, radar
+    #: inputs of the estimator that predicted each map [n]: fused, fused-profile, spd, radar
+    inputs: list[str]
     half_tangent: float  #: tangent at the map edges
-    origin: str = ""  #: text of run.txt (recon/maps/written_maps.hpp)
+    origin: str = ""  #: text of run.txt, which identifies the run
 
     def __len__(self) -> int:
         return len(self.index)
@@ -148,8 +150,8 @@ class Maps:
     def __getitem__(self, rows: slice | Sequence[int] | NDArray[Any]) -> Maps: ...
 
     def __getitem__(self, rows: Any) -> NDArray[np.float32] | Maps:
-        """maps[3], maps[-1]: a map [N, N], m. maps[10:20], maps[[1, 2]], maps[mask]: Maps. Raises
-        IndexError."""
+        """maps[3] and maps[-1] return one map [N, N], m. maps[10:20], maps[[1, 2]] and maps[mask]
+        return Maps. Raises IndexError."""
         if isinstance(rows, (int, np.integer)):
             return np.asarray(self.depth_m[rows])
         chosen = rows_of(len(self), rows)
@@ -179,8 +181,8 @@ class Maps:
 
 
 class Model:
-    """Model file written by `echofuse-recon train`. Records without a sensor are predicted by
-    another estimator of the model, if it has one."""
+    """Model from a file that `echofuse-recon train` wrote. If a sensor is missing in a record, an
+    estimator for the other sensor predicts it, if the model contains one."""
 
     def __init__(self, path: str | pathlib.Path) -> None:
         tensors, facts = read_safetensors(path)
@@ -191,7 +193,7 @@ class Model:
                          if facts.get("response/known") else None)
         #: run, index and part (2: held out) of each record of the training runs
         self.split = {key: tensors[f"split/{key}"].ravel() for key in ("run", "index", "part")}
-        #: whether runs with a much narrower response are not converted
+        #: whether the model accepts runs with a much narrower response without conversion
         self.any_response = bool(facts["response/any"])
         self.estimators = [Estimator(tensors, facts, f"{k}/") for k in range(facts["estimators"])]
 
@@ -213,11 +215,12 @@ class Model:
                 radar: ArrayLike | None = None, lags: ArrayLike | None = None,
                 axes: dict[str, Axis] | None = None,
                 range_offset_m: float = 0) -> Maps:
-        """Predicts maps of all records with the required sensors. Input is a run (or its path), or
-        arrays at true ranges: counts spd [n, bins], linear power radar [n, points] and lags, with
-        `axes` (default: Model.axes) and index 0, 1, 2. range_offset_m: radar range bias to
-        subtract, m, in addition to the calibration of the run. Raises ValueError for
-        incompatible axes."""
+        """Predicts the maps of all records that have the required sensors. The input is a run (or
+        its path), or arrays at true ranges: counts `spd` [n, bins], linear power `radar` [n,
+        points] and `lags` (Run.lags). The records of arrays have the indices 0, 1, 2 ... `axes` are
+        the axes of the arrays (default: Model.axes). `range_offset_m` is a radar range bias, m; it
+        is subtracted in addition to the calibration of the run. Raises ValueError for incompatible
+        axes."""
         if run is None:
             return self._maps(Arrays(self.axes | (axes or {}), spd, radar, lags), range_offset_m)
         return self._maps(run if isinstance(run, runs.Run) else runs.open(run), range_offset_m)
@@ -266,7 +269,8 @@ class Model:
         done = np.flatnonzero(by >= 0)
         half = first.f["scene/map_half_tangent"]
         axes = [tangents(name, first.size, half) for name in ("depth_x", "depth_y")]
-        # Positions that differ from those of the run by rounding would not align in xarray.
+        # Uses the positions of the run if only rounding differs, because xarray aligns equal
+        # values.
         x, y = (run.axes[axis.name] if axis.is_same(run.axes.get(axis.name)) else axis
                 for axis in axes)
         depth_m = np.minimum(np.where(maps[done] > 0, maps[done], np.float32(np.nan)),
@@ -275,7 +279,8 @@ class Model:
                     [self.estimators[k].inputs for k in by[done]], half, self._origin(run))
 
     def _origin(self, run: runs.Run | Arrays) -> str:
-        """Returns the text of run.txt: the run, and its records that trained this model."""
+        """Returns the text of run.txt. It identifies the run and lists its records that this model
+        was trained on."""
         if isinstance(run, Arrays):
             return ""
         uuid = run.info["uuid"]
@@ -288,8 +293,8 @@ class Model:
 
 def zones_of(estimator: Estimator, run: runs.Run | Arrays, photons: NDArray[Any],
              rows: NDArray[np.int64]) -> NDArray[Any]:
-    """Returns the zones [n, zones, bins] of these rows, or [n, 0, 0] if the estimator does not use
-    them. Raises ValueError."""
+    """Returns the zone counts [n, zones, bins] of these rows, or [n, 0, 0] if the estimator does
+    not use zones. Raises ValueError if the detector has another number of zones."""
     zones = estimator.f.get("zones", 0)
     if not zones:
         return np.zeros((len(rows), 0, 0), np.float32)
@@ -301,7 +306,7 @@ def zones_of(estimator: Estimator, run: runs.Run | Arrays, photons: NDArray[Any]
 
 
 def is_constant(table: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Marks rows with equal values in all bins (dead sensor)."""
+    """Returns whether each row has equal values in all bins, as from a dead sensor."""
     return np.asarray(
         (table == table[:, :1]).all(1)) if table.shape[1] > 1 else np.zeros(len(table), bool)
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Bench methods for a detector with zones, without a network: mean training map, mean test map
-(oracle), and first return of each zone."""
+"""Bench methods for a detector with zones that need no network. They predict the mean training map,
+the mean test map (oracle), or the first return of each zone."""
 from __future__ import annotations
 
 import warnings
@@ -12,14 +12,15 @@ from .. import runs
 from ..runs import PS_PER_M, zones
 
 Maps = NDArray[np.float32]
-MIN_PEAK = 0.08  # relative to the highest bin of the zone
-TABLE_M = 0.035  # minimum distance of the object in front of the farthest return
+MIN_PEAK = 0.08  # minimum height of a peak, relative to the highest bin of the zone
+TABLE_M = 0.035  # minimum distance of the object from the farthest return, m
 
 
 def mean_map(maps: Maps) -> Maps:
-    """Returns the mean depth [N, N] of the returns; NaN if more than half of the maps have none."""
+    """Returns the mean depth [N, N] of the returns in each pixel; NaN if more than half of the maps
+    have no return there."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # a pixel without any return
+        warnings.simplefilter("ignore", RuntimeWarning)  # a pixel has no return in any map
         return np.where(np.isfinite(maps).mean(0) >= 0.5, np.nanmean(maps, 0),
                         np.nan).astype(np.float32)
 
@@ -35,7 +36,7 @@ class MeanMap:
 
 
 class OwnMeanMap:
-    """Oracle: predicts the mean map of the test records."""
+    """Predicts the mean map of the test records (oracle)."""
 
     oracle = True
 
@@ -47,8 +48,9 @@ class OwnMeanMap:
 
 
 class FirstReturn:
-    """Assigns each pixel to the nearest zone centre, without training. A pixel has the depth of the
-    zone's first return, if most light of the zone comes from in front of the table."""
+    """Assigns each pixel to the zone with the nearest centre, without training. The pixel gets the
+    depth of the first return of this zone if most light of the zone comes from in front of the
+    table."""
 
     def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None:
         self.size = run.maps().shape[1]
@@ -65,8 +67,8 @@ class FirstReturn:
 
     @staticmethod
     def depths(record: NDArray[np.float32], range_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns the range of the object in each zone [zones], m, NaN: none, from counts [zones,
-        bins]."""
+        """Returns the range of the object in each zone [zones], m, from counts [zones, bins]; NaN
+        if the zone contains no object."""
         found = [peaks(zone, range_m) for zone in record]
         table_m = max((returns[-1][0] for returns in found if returns), default=0.0)
         out = np.full(len(found), np.nan)
@@ -79,7 +81,7 @@ class FirstReturn:
 
 def peaks(counts: NDArray[np.float32],
           range_m: NDArray[np.float64]) -> list[tuple[float, float]]:
-    """Returns range, m, and light (counts x range^2) of each return, nearest first."""
+    """Returns the range, m, and the light (counts x range^2) of each return, nearest first."""
     h = np.maximum(counts - np.median(counts), 0)
     out = []
     for b in np.flatnonzero((h[1:-1] >= h[:-2]) & (h[1:-1] > h[2:])) + 1:

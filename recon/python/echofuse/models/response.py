@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Converts a run to the radar response of the training (recon/data/response_conversion.cpp)."""
+"""Converts radar profiles to the radar response of the training data
+(recon/data/response_conversion.cpp)."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -8,14 +9,14 @@ from typing import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-TAPS_PER_CELL = 4  # acquire/measurement/response.hpp
-# recon/data/response_conversion.cpp
+TAPS_PER_CELL = 4  # same value as in acquire/measurement/response.hpp
+# same values as in recon/data/response_conversion.cpp
 REACH_CELLS, MAX_REACH, PARTS, NOISE_TO_SIGNAL, MUCH_NARROWER = 3, 48, 8, 1e-3, .75
 
 
 @dataclass(frozen=True)
 class Response:
-    """Radar response: power by distance."""
+    """Radar response: relative power at each distance from the peak."""
 
     cell_m: float
     taps: tuple[float, ...]  # relative power, from the peak outwards
@@ -32,7 +33,7 @@ class Response:
         return np.asarray(np.where(place < len(self.taps), amplitude, 0) ** 2, float)
 
     def width_m(self) -> float:
-        """Returns the full width at half maximum."""
+        """Returns the full width at half maximum, m."""
         step_m = self.cell_m / TAPS_PER_CELL / 64
         return float(2 * step_m
                      * np.argmax(self.power(step_m * np.arange(64 * (len(self.taps) + 1))) <= .5))
@@ -48,8 +49,8 @@ def stated_in(meta: Mapping[str, str]) -> Response | None:
 
 
 def filter_between(own: Response, target: Response, step_m: float) -> NDArray[np.float64]:
-    """Returns filter weights [2 reach + 1] that convert a response to another (regularised least
-    squares)."""
+    """Returns the weights [2 reach + 1] of a filter that converts profiles with the response `own`
+    to the response `target` (regularised least squares)."""
     reach = int(np.clip(np.ceil(REACH_CELLS * max(own.cell_m, target.cell_m) / step_m), 1,
                         MAX_REACH))
     at_m = np.arange(-2 * PARTS * reach, 2 * PARTS * reach + 1) / PARTS * step_m

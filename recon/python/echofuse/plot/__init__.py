@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Figures for papers with matplotlib (python3-matplotlib), in the colours of the live page. Each
-function returns a Figure; savefig("NAME.pdf") or savefig("NAME.svg") writes vector graphics. To
-draw into your own figure, pass its axes as `ax`: one, or a sequence with one for each panel.
+"""Draws figures for papers with matplotlib (python3-matplotlib), in the colours of the live page.
+Each function returns a Figure; savefig("NAME.pdf") or savefig("NAME.svg") writes vector graphics.
+To draw into your own figure, pass `ax`: one Axes object, or a sequence with one Axes per panel.
 
 >>> from echofuse import plot
 >>> plot.record("monday", 7).savefig("record.pdf")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Figures of records, maps and bench tables."""
+"""Draws figures of records, maps and bench tables."""
 from __future__ import annotations
 
 import csv
@@ -26,7 +26,7 @@ NO_RETURN = "#e8eaed"
 Path = str | pathlib.Path
 Panels = Union[Axes, Sequence[Axes], None]
 
-# Panels
+# Helper functions for panels
 
 
 class Picture(Figure):  # type: ignore[misc]
@@ -40,8 +40,8 @@ class Picture(Figure):  # type: ignore[misc]
 
 def figure(columns: int = 1, rows: int = 1, wide: float = 4.6, high: float = 3.4,
            ax: Panels = None) -> tuple[Figure, NDArray[Any]]:
-    """Creates a figure with panels, or uses the panels `ax`. Returns both. Raises ValueError for
-    too few panels."""
+    """Creates a figure with columns x rows panels, or uses the panels in `ax`. Returns the figure
+    and its panels. Raises ValueError if `ax` has too few panels."""
     if ax is not None:
         axes = np.atleast_1d(np.array(ax, object)).ravel()
         if len(axes) < columns * rows:
@@ -56,13 +56,13 @@ def figure(columns: int = 1, rows: int = 1, wide: float = 4.6, high: float = 3.4
 
 
 def opened(run: runs.Run | Path) -> runs.Run:
-    """Opens a run if it is given as a path."""
+    """Returns the run, after opening it if it is given as a path."""
     return run if isinstance(run, runs.Run) else runs.open(run)
 
 
 def plain_log(ax: Axes, *sides: str) -> None:
-    """Makes the axes "x" or "y" logarithmic with plain tick labels: 0.1, 1, 10, and for few decades
-    also 3, or 2 and 5."""
+    """Makes the axes "x" or "y" logarithmic with plain tick labels such as 0.1, 1 and 10. Axes of
+    few decades also have labels at 3, or at 2 and 5."""
     for side in sides:
         ax.set(**{f"{side}scale": "log"})
         axis = getattr(ax, f"{side}axis")
@@ -72,14 +72,15 @@ def plain_log(ax: Axes, *sides: str) -> None:
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}".replace(",", " ")))
         axis.set_minor_formatter(NullFormatter())
 
-# Maps and records
+# Figures of maps and records
 
 
 def draw_map(ax: Axes, depth_m: ArrayLike, x: ArrayLike, y: ArrayLike,
              span: tuple[float, float] | None = None,
              title: str = "", bar: bool = True) -> None:
     """Draws depths [rows, columns], m, over the tangents x and y of the pixel centres. Near pixels
-    are bright; values <= 0 are no return. Without `span` the values are shares from 0 to 1."""
+    are bright; values <= 0 are no return. If `span` is None, the values are fractions from 0 to
+    1."""
     values, x, y = np.asarray(depth_m, float), np.asarray(x, float), np.asarray(y, float)
     image_values = np.where(values > 0, values, np.nan) if span else values
     dx, dy = abs(x[1] - x[0]) / 2, abs(y[1] - y[0]) / 2
@@ -104,9 +105,9 @@ MapSource = Union[ArrayLike, models.Maps, runs.Run]
 
 def map_of(source: MapSource, index: int | None,
            half_tangent: float | None) -> tuple[NDArray[Any], float]:
-    """Returns a map [N, N] and the tangent of its edges: an array, the map of a record of Maps, or
-    the true map of a record of a run. Raises KeyError for a missing index, TypeError without
-    half_tangent."""
+    """Returns a map [N, N] and the tangent at its edges. The source is an array, Maps, or a run
+    with true maps; `index` is a record of Maps or of the run. Raises KeyError if the record is
+    missing, and TypeError if the source is an array and half_tangent is None."""
     if isinstance(source, models.Maps):
         return source.depth_m[row_of(source, index)], source.half_tangent
     if isinstance(source, runs.Run):
@@ -126,15 +127,16 @@ def row_of(source: models.Maps | runs.Run, index: int | None) -> int:
 def map(source: MapSource, half_tangent: float | None = None, *,  # noqa: A001
         index: int | None = None, span: tuple[float, float] | None = None, title: str = "",
         ax: Panels = None) -> Figure:
-    """Draws one map: an array [N, N] with the tangent of its edges, the map of a record of Maps, or
-    the true map of a record of a run (default: the first record)."""
+    """Draws one map. The source is an array [N, N], Maps, or a run with true maps. `half_tangent`
+    is the tangent at the edges of an array. `index` is a record of Maps or of the run (default: the
+    first record)."""
     return maps({title: source}, half_tangent, index=index, span=span, ax=ax)
 
 
 def maps(named: dict[str, MapSource], half_tangent: float | None = None, *,
          index: int | None = None, span: tuple[float, float] | None = None,
          ax: Panels = None) -> Figure:
-    """Draws maps of a record next to each other with a common colour scale, e.g.
+    """Draws several maps of one record next to each other with a common colour scale, e.g.
     maps({"truth": run, "ours": maps}, index=7)."""
     found = [map_of(source, index, half_tangent) for source in named.values()]
     span = span or span_of(np.concatenate([np.ravel(values) for values, _ in found]))
@@ -142,7 +144,7 @@ def maps(named: dict[str, MapSource], half_tangent: float | None = None, *,
 
 
 def shares(named: dict[str, ArrayLike], half_tangent: float, *, ax: Panels = None) -> Figure:
-    """Draws the true map, and maps of shares between background (0) and body (1)."""
+    """Draws the true map, and maps of the relative depth between background (0) and body (1)."""
     found = [(np.asarray(values), half_tangent) for values in named.values()]
     return side_by_side(named.keys(), found, [span_of(found[0][0])] + [None] * (len(named) - 1), ax)
 
@@ -159,7 +161,8 @@ def side_by_side(titles: Iterable[str], found: Sequence[tuple[NDArray[Any], floa
 
 
 def power_by_direction(run: runs.Run, row: int, sines: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the linear power [points, sines] from the horizontal antennas (Bartlett beam)."""
+    """Returns the linear power [points, sines] from each azimuth. Uses the horizontal antennas
+    (Bartlett beam)."""
     lags = run.lags()[row].astype(float)
     out = np.ones((len(lags), len(sines)))
     axis = run.lags_axis
@@ -175,8 +178,9 @@ def power_by_direction(run: runs.Run, row: int, sines: NDArray[np.float64]) -> N
 
 
 def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
-    """Draws a record: depth image, histogram, profile; with antennas also the power over range and
-    azimuth. Raises KeyError for a missing index."""
+    """Draws the depth image, the histogram and the range profile of a record. If the run has
+    antenna samples, also draws the power over range and azimuth. Raises KeyError if the record is
+    missing."""
     run = opened(run)
     rows = np.flatnonzero(run.index == index)
     if not len(rows):
@@ -220,7 +224,7 @@ def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
 
 
 def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
-    """Draws sensor rates over the run, with missing data in red, and clock residuals."""
+    """Draws the sensor rates over the run, with missing data in red, and the clock residuals."""
     run = opened(run)
     window = float(run.info["window_s"])
     used = np.array(run.select("SELECT spd_used, radar_used, depth_used FROM record ORDER BY idx"),
@@ -253,12 +257,12 @@ def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
     return fig
 
 
-# Studies
+# Figures of bench tables and models
 
 
 def table(path: Path) -> list[dict[str, Any]]:
-    """Reads a table of echofuse-bench: the last row of each method, condition and seed. Numbers are
-    float (NaN if missing)."""
+    """Reads a table of echofuse-bench. Returns the last row of each method, condition and seed.
+    Numbers are float; NaN if they are missing."""
     texts = {"axis", "value", "model", "inputs", "source", "machine", "known"}
 
     def number(text: str) -> float:
@@ -281,7 +285,8 @@ def name_of(row: dict[str, Any]) -> str:
 
 
 def colour_of(name: str, taken: Iterable[str] = ()) -> str:
-    """Returns the colour of a row: that of its single sensor, or one that is not taken."""
+    """Returns the default colour of a method, e.g. that of its only sensor, or another colour if
+    the default is in `taken`."""
     first = ("spd" if "SPD" in name else "radar" if "radar" in name else "papers"
              if name.startswith("mlp") else
              "both" if name.startswith("factorised") else "grey" if name == "nearest" else "depth")
@@ -291,14 +296,15 @@ def colour_of(name: str, taken: Iterable[str] = ()) -> str:
 
 
 def over_seeds(rows: Sequence[dict[str, Any]], metric: str) -> tuple[float, float]:
-    """Returns mean and standard deviation over the seeds."""
+    """Returns the mean and the standard deviation of a metric over the seeds."""
     values = np.array([row[metric] for row in rows])
     return float(values.mean()), float(values.std(ddof=1)) if len(values) > 1 else 0.0
 
 
 def _costs(panel: Axes, methods: dict[str, list[dict[str, Any]]], cost: str, metric: str,
            unit: float) -> tuple[list[tuple[float, float]], str]:
-    """Draws a metric against a cost. Returns the points, and the methods without this cost."""
+    """Draws a metric against a cost. Returns the points, and the names of the methods without this
+    cost."""
     points, without = [], []
     for k, (name, rows) in enumerate(methods.items()):
         costs = [row[cost] for row in rows if row[cost] > 0]
@@ -348,8 +354,8 @@ def _error_by_cost(panel: Axes, methods: dict[str, list[dict[str, Any]]],
 def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
            ax: Panels = None) -> Figure:
     """Draws a table of `echofuse-bench pareto`: IoU against time with the Pareto front, lateral
-    error against multiply-adds, and IoU with fewer photons and training records. bound_m: lower
-    bound of the lateral error. axis: "model", or the name of a track."""
+    error against multiply-adds, and IoU with fewer photons and training records. `bound_m` is a
+    lower bound of the lateral error, m. `axis` is "model", or the name of a benchmark track."""
     rows = table(path)
     by_model: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
     for row in rows:
@@ -381,10 +387,11 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
 
 def stability(path: Path, axis: str, *, base: str | None = None, title: str = "",
               ax: Panels = None) -> Figure:
-    """Draws a table of `echofuse-bench stability`: IoU at each value of the axis, as lines over
-    numbers or bars over names. Shaded: IoU of the best baseline (empty room, mean map, nearest
-    record). A cross marks methods that do not exceed it by more than the spread over seeds. base:
-    value of the axis at the base condition, which the table does not contain."""
+    """Draws the IoU of each method at each value of an axis, from a table of `echofuse-bench
+    stability`. Draws lines if the values are numbers, otherwise bars. The shaded area is the IoU of
+    the best baseline (empty room, mean map, nearest record). A cross marks a method that does not
+    exceed this IoU by more than the standard deviation over the seeds. `base` is the axis value of
+    the base condition, which the table does not contain."""
     rows = [row for row in table(path) if row["axis"] in (axis, "base")]
     values = list(dict.fromkeys(row["value"] for row in rows if row["axis"] == axis))
     values = [base or "base", *values]
@@ -432,7 +439,8 @@ def stability(path: Path, axis: str, *, base: str | None = None, title: str = ""
 
 
 def learning_curve(path: Path, *, ax: Panels = None) -> Figure:
-    """Draws training and validation losses of a model file. Raises ValueError if it has none."""
+    """Draws the training and validation losses in a model file. Raises ValueError if the file
+    contains no losses."""
     tensors, facts = models.read_safetensors(path)
     fig, (panel, *_) = figure(ax=ax)
     for name, label, colour in (("loss_m", "training", "grey"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Records runs and imports arrays, with echofuse-acquire."""
+"""Records runs and imports arrays with the program echofuse-acquire."""
 from __future__ import annotations
 
 import json
@@ -21,8 +21,8 @@ from .programs import not_started, path_of
 
 
 def acquire_program(program: str | None) -> str:
-    """Returns the path of echofuse-acquire: `program`, $ECHOFUSE_ACQUIRE, or next to the other
-    programs. Raises UsageError if it is missing."""
+    """Returns the path of echofuse-acquire: `program`, $ECHOFUSE_ACQUIRE, or the folder of the
+    other programs. Raises UsageError if the program is missing."""
     path = str(program or os.environ.get("ECHOFUSE_ACQUIRE") or path_of("echofuse-acquire"))
     if not shutil.which(path):
         raise not_started(path, "program not found")
@@ -33,15 +33,16 @@ def record(config: str | pathlib.Path | None = None, count: int = 1, *, label: s
            out: str | pathlib.Path | None = None, settings: dict[str, Any] | None = None,
            program: str | None = None) -> runs.Run:
     """Records `count` slots and returns the closed run. `settings` override the configuration, e.g.
-    {"run.window_s": 1.0}. `program` is the path of echofuse-acquire ($ECHOFUSE_ACQUIRE). Raises
-    RuntimeError with the program's error message. Ctrl-C ends the run after the current slot."""
+    {"run.window_s": 1.0}. `program` is the path of echofuse-acquire (default: $ECHOFUSE_ACQUIRE).
+    Raises RuntimeError with the error message of the program. Ctrl-C ends the run after the current
+    slot."""
     words = [acquire_program(program), "run", "--json", "-q", "--count", str(count)]
     settings = dict(settings or {}) | ({} if label is None else {"run.label": label})
     for option, value in (("--config", config), ("--out", out),
                           *(("--set", f"{k}={v}") for k, v in settings.items())):
         words += [option, os.fspath(value)] if value is not None else []
     path = None
-    # A new session, so that Ctrl-C at the terminal reaches the child only once, from here.
+    # The child has its own session, so that Ctrl-C reaches it only through the handler below.
     with tempfile.TemporaryFile("w+") as errors, subprocess.Popen(
             words, stdout=subprocess.PIPE, stderr=errors, text=True,
             start_new_session=True) as child:
@@ -62,7 +63,7 @@ def record(config: str | pathlib.Path | None = None, count: int = 1, *, label: s
 
 
 def file_of(events: Iterator[dict[str, Any]]) -> str | None:
-    """Reads all events and returns the path of the run file."""
+    """Reads all JSON events of echofuse-acquire, and returns the path of the run file."""
     found = None
     for event in events:
         found = event["file"] if event["event"] == "run" else found
@@ -81,15 +82,17 @@ def write_run(path: str | pathlib.Path, *, spd: ArrayLike | None = None, first_b
               labels: Iterable[str] = (),
               notes: str = "", signal: dict[str, float] | None = None,
               program: str | None = None) -> runs.Run:
-    """Writes arrays as a run with `echofuse-acquire import`, and opens it. A row of NaN is a record
-    without that sensor. Raises RuntimeError with the program's error message.
+    """Writes arrays as a run with `echofuse-acquire import`, and opens the run. If a row of an
+    array is NaN, the sensor is missing in this record. Raises RuntimeError with the error message
+    of the program.
 
-    spd: integer counts [n, bins], or [n, zones, bins] with `zones` as in Run.zones; the first bin
-    is at first_bin_ps (two-way time). radar: linear power [n, points], the first at first_m;
-    radar_cell_m and radar_taps are the radar response (run.toml). array: [n, bins, values] as from
-    antennas.values(), with `antennas` as in Run.antennas. depth_m: z [n, rows, columns] from the
-    top left, NaN or 0: no return; the width spans tangents of +-half_tangent, and depths above
-    far_m are no return. began: UTC. signal: limits of the verdicts, as in lab.toml."""
+    spd: integer counts [n, bins], or [n, zones, bins] with `zones` as in Run.zones. first_bin_ps:
+    two-way time at the start of the first bin. radar: linear power [n, points]. first_m: range of
+    the first point. radar_cell_m, radar_taps: radar response (run.toml). array: antenna samples
+    [n, bins, values] in the format of antennas.values(), with `antennas` as in Run.antennas.
+    depth_m: z [n, rows, columns] from the top left, NaN or 0: no return; the width spans tangents
+    of +-half_tangent, and depths above far_m count as no return. began: start of the run, UTC.
+    signal: limits of the verdicts, as in lab.toml."""
     radar_keys = {"first_m": float(first_m), "step_m": float(step_m), "cell_m": float(radar_cell_m),
                   "taps": " ".join(map(repr, map(float, radar_taps))),
                   "antennas": [" ".join(map(repr, map(float, place))) for place in antennas]}
@@ -110,7 +113,7 @@ def import_arrays(out: str | pathlib.Path, sections: dict[str, dict[str, Any]],
                   arrays: dict[str, ArrayLike | None],
                   *options: str, program: str | None = None) -> None:
     """Writes run.toml and the arrays to a temporary folder next to `out`, and imports it as the run
-    `out` (acquire/README.md). Raises RuntimeError with the program's error message."""
+    `out` (acquire/README.md). Raises RuntimeError with the error message of the program."""
     text = "".join((f"[{name}]\n" if name else "")
                    + "".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items())
                    for name, keys in sections.items())

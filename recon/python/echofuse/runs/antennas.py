@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Radar antenna samples of records (acquire/measurement/radar_array.hpp), and beams."""
+"""Reads radar antenna samples (acquire/measurement/radar_array.hpp), and computes beams."""
 from __future__ import annotations
 
 import numpy as np
@@ -9,13 +9,13 @@ from .run import Run
 
 
 def frames(run: Run) -> NDArray[np.uint64]:
-    """Returns the number of frames per record [n]."""
+    """Returns the number of radar frames in each record [n]."""
     return np.array([count for (count,) in run.of_records("array_frames")], np.uint64)
 
 
 def values(run: Run) -> NDArray[np.float32]:
-    """Returns samples, powers and products [n, bins, K] of the antennas, in the order of
-    radar_array.hpp; NaN if missing."""
+    """Returns the samples, powers and products of the antennas [n, bins, K], in the order of
+    radar_array.hpp; NaN for records without antenna samples."""
     axis = run.axes["array"]
     count = int(axis.scale)
     out = np.full((len(run), axis.count, count * (count + 2) + 2), np.nan, np.float32)
@@ -27,8 +27,8 @@ def values(run: Run) -> NDArray[np.float32]:
 
 
 def beams(run: Run, sines: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the power [n, bins, sines] from these sines of the azimuth (Bartlett beam with
-    calibrated gains and phases); NaN if missing."""
+    """Returns the power [n, bins, sines] from the directions with these sines of the azimuth
+    (Bartlett beam with calibrated gains and phases); NaN for records without antenna samples."""
     count, array = len(run.antennas), values(run).astype(float)
     first, last = np.triu_indices(count, 1)
     across, _, gain, phase = np.array(run.antennas).T

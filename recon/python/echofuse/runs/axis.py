@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Axes of bins and pixels."""
+"""Axes of histograms, range profiles and images."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Axis:
-    """Axis of bins or pixels: value i is start + i * step."""
+    """Axis of bins, range points or pixels. The position of point i is start + i * step."""
 
-    name: str  #: spd, radar, array, depth_x or depth_y
-    quantity: str  #: kind of the values: counts, power, covariance, tangent
+    name: str  #: e.g. spd, radar, array, depth_x or depth_y
+    quantity: str  #: kind of the data, e.g. counts, power, covariance or tangent
     unit: str  #: unit of the positions: ps, m or 1
-    count: int  #: number of values
-    start: float  #: position of value 0
-    step: float  #: distance between two values
-    scale: float  #: number of antennas, otherwise 1
+    count: int  #: number of points
+    start: float  #: position of point 0
+    step: float  #: distance between neighbouring points
+    scale: float  #: number of antennas; 1 for axes without antennas
 
     def __str__(self) -> str:
         return (f"{self.count} points of {self.quantity} from {self.start:g} {self.unit} by "
@@ -27,11 +27,12 @@ class Axis:
 
     @property
     def values(self) -> NDArray[np.float64]:
-        """Positions [count], in `unit`."""
+        """Positions of the points [count], in `unit`."""
         return self.start + self.step * np.arange(self.count)
 
     def is_near(self, other: dict[str, Any]) -> bool:
-        """Returns whether the positions differ by at most a bin; this axis may have more bins."""
+        """Returns whether the positions differ by at most one bin. This axis may have more bins
+        than `other`."""
         start = self.start - other["start"]
         end = start + (self.step - other["step"]) * other["count"]
         return bool(self.quantity == other["quantity"] and self.scale == other["scale"]
@@ -39,7 +40,7 @@ class Axis:
                     and max(abs(start), abs(end)) <= abs(other["step"]))
 
     def is_same(self, other: Axis | None) -> bool:
-        """Returns whether the positions are equal within rounding errors."""
+        """Returns whether both axes have equal positions within rounding errors."""
         return bool(other and self.quantity == other.quantity and self.count == other.count
                     and np.allclose(self.values, other.values, 0, 1e-3 * abs(self.step)))
 
@@ -59,7 +60,7 @@ class Axis:
 
 
 def tangents(name: str, count: int, half: float) -> Axis:
-    """Returns an axis of `count` pixels over tangents of +-half
+    """Returns the axis of `count` pixels that span the tangents from -half to half
     (acquire/measurement/depth_map.cpp). If the name ends with y, the first pixel is the top row."""
     sign = -1 if name.endswith("y") else 1
     step = 2 * half / count

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from . import antennas
 from .run import Run
 
-MAX_RECORDS, MAX_BYTES = 256, 32 << 20  # limits of a block in memory
+MAX_RECORDS, MAX_BYTES = 256, 32 << 20  # limits of a block
 Progress = Callable[[int], None]  # called with the number of finished records
 
 
 def load(part: Run) -> None:
-    """Loads the arrays of all valid sensors. Raises ValueError with the fault."""
+    """Loads the arrays of all valid sensors. Raises ValueError for the first unreadable record."""
     for name in (name for name, mask in part.valid.items() if mask.any()):
-        getattr(part, name)  # caches the array
+        getattr(part, name)  # reads and caches the array
     if not part.valid["radar"].any():
         return
     for row, bin_ in np.argwhere(~np.isfinite(part.stored_radar())
@@ -32,8 +32,8 @@ def load(part: Run) -> None:
 
 def blocks(run: Run, progress: Progress = lambda done: None
            ) -> Iterator[tuple[int, Run, dict[int, str]]]:
-    """Yields blocks: the first row, the records, and the fault of each unreadable row. Unreadable
-    records have no valid sensor."""
+    """Yields each block as its first row, its records, and the error messages of its unreadable
+    rows. Unreadable records are marked as records without a valid sensor."""
     count = {name: axis.count for name, axis in run.axes.items()}
     count["spd"] = count.get("spd", 0) * (len(run.zones) or 1)
     size = sum(count.get(name, 0)
@@ -59,5 +59,5 @@ def blocks(run: Run, progress: Progress = lambda done: None
 
 
 def marked(verdicts: NDArray[Any], faults: dict[int, Any]) -> list[Any]:
-    """Replaces the verdicts of unreadable rows by their faults."""
+    """Replaces the verdicts of unreadable rows with their error messages."""
     return list((dict(enumerate(verdicts.tolist())) | faults).values())

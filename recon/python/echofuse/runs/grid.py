@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Stored depth images, true maps on the map grid (acquire/measurement/depth_map.cpp), and range
-shifts."""
+"""Decodes depth images, resamples them to the map grid (acquire/measurement/depth_map.cpp), and
+shifts range profiles."""
 from __future__ import annotations
 
 import zlib
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 
 def cells(source: Any, target: Any) -> list[tuple[int, int]]:
-    """Returns, for each target pixel, the source pixels [first, last) with centres inside it; the
-    nearest pixel if it contains none, (0, 0) outside the camera's field of view. Both
-    axes have count, start and step (run.Axis)."""
+    """Returns for each target pixel the interval [first, last) of source pixels with centres inside
+    it. If there are none, the interval contains the nearest source pixel. Outside the field of view
+    of the camera, the interval is (0, 0). Both axes have count, start and step (run.Axis)."""
     out = []
     for i in range(target.count):
         a, b, centre = ((target.start + (i + off) * target.step - source.start) / source.step
@@ -34,8 +34,8 @@ def cells(source: Any, target: Any) -> list[tuple[int, int]]:
 def to_map(columns: list[tuple[int, int]], rows: list[tuple[int, int]], size: tuple[int, int],
            far_m: float) -> Callable[[NDArray[np.uint16]], NDArray[np.float32]]:
     """Returns a function that converts an image [size], mm, to a map [rows, columns], m, NaN: no
-    return. A pixel is the upper median of its valid source pixels, if at least half of them are
-    valid. Depths above far_m are invalid."""
+    return. A map pixel is the upper median of its valid source pixels, or NaN if fewer than half of
+    the source pixels are valid. Depths above far_m are invalid."""
     limit, shape = round(far_m * 1000), (len(rows), len(columns))
 
     def in_m(mm: NDArray[np.uint16], valid: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -48,14 +48,14 @@ def to_map(columns: list[tuple[int, int]], rows: list[tuple[int, int]], size: tu
               for left, right in columns]
     count = np.array([len(cell) for cell in inside])
     most = int(count.max(initial=1))
-    # Source pixels of each target pixel, padded with the index of an invalid pixel.
+    # Indices of the source pixels of each target pixel, padded with the index of an invalid pixel.
     places = np.array([np.pad(cell, (0, most - len(cell)), constant_values=pixels.size)
                        for cell in inside], int).reshape(-1, most)
     first, last = np.arange(len(places)), most - 1
 
     def of_cells(image: NDArray[np.uint16]) -> NDArray[np.float32]:
         near = np.append(np.where(image <= limit, image, 0), np.uint16(0))
-        cells = np.sort(near[places], axis=1)  # invalid pixels first
+        cells = np.sort(near[places], axis=1)  # invalid pixels (0) come first
         valid = np.count_nonzero(cells, axis=1)
         median = cells[first, np.minimum(last - valid + 1 + valid // 2, last)]
         return in_m(median, (valid > 0) & (2 * valid >= count)).reshape(shape)
@@ -64,10 +64,10 @@ def to_map(columns: list[tuple[int, int]], rows: list[tuple[int, int]], size: tu
 
 
 def rows_of(count: int, rows: Any) -> NDArray[np.int64]:
-    """Converts a slice, mask or list to row numbers below `count`. Raises IndexError."""
+    """Converts a slice, a mask or a list to row numbers from 0 to count - 1. Raises IndexError."""
     selected: slice | NDArray[Any] = rows if isinstance(rows, slice) else np.asarray(rows)
     if isinstance(selected, np.ndarray) and not selected.size:
-        selected = selected.astype(int)  # an empty list has dtype float
+        selected = selected.astype(int)  # NumPy converts an empty list to floats
     return np.asarray(np.arange(count)[selected])
 
 
@@ -78,8 +78,8 @@ def read_only(table: NDArray[Any]) -> NDArray[Any]:
 
 
 def shifted(table: NDArray[np.float32], steps: float) -> NDArray[np.float32]:
-    """Shifts rows [n, points] towards the start by `steps` (Lanczos interpolation, eight points, as
-    in recon/data/shift.hpp). Constant rows (dead sensor) are unchanged."""
+    """Shifts rows [n, points] towards the start by `steps` points (Lanczos interpolation, eight
+    points, as in recon/data/shift.hpp). Constant rows (dead sensor) are unchanged."""
     if steps == 0 or table.shape[1] == 0:
         return table
     whole, x = int(np.floor(steps)), np.arange(8) - 3 - (steps - np.floor(steps))
@@ -92,7 +92,7 @@ def shifted(table: NDArray[np.float32], steps: float) -> NDArray[np.float32]:
 
 
 def inflated(blob: bytes, size: tuple[int, int]) -> NDArray[np.uint16]:
-    """Decodes a stored depth image [rows, columns], mm. Raises ValueError."""
+    """Decodes a stored depth image [rows, columns], mm. Raises ValueError if it is damaged."""
     try:
         data = zlib.decompressobj().decompress(blob, 2 * size[0] * size[1] + 1)
         return np.frombuffer(data, "<u2").reshape(size)

@@ -12,14 +12,14 @@ from .batches import Progress, blocks, marked
 from .run import PS_PER_M, SENSORS, Run
 from .zones import Zone
 
-SINCE_1970 = "nanoseconds since 1970-01-01T00:00:00Z"  # epoch for xarray and netCDF
+SINCE_1970 = "nanoseconds since 1970-01-01T00:00:00Z"  # unit of times in xarray and netCDF
 ONE = {"units": "1"}
 
 
 def dataset(run: Run) -> Any:
-    """Returns the run as an xarray.Dataset (python3-xarray), with names and units as in
-    /entry/data of HDF5 (echofuse-export). spd_range and radar_range are measured ranges, m; attrs
-    contains the offsets to subtract."""
+    """Returns the run as an xarray.Dataset (python3-xarray), with names and units as in /entry/data
+    of HDF5 (echofuse-export). spd_range and radar_range are measured ranges, m. The offsets to
+    subtract from them are attributes of the data set."""
     import xarray
 
     columns = ("verdict", "used", "lost")
@@ -67,12 +67,12 @@ def engine() -> str:
 
 
 def write(run: Run, path: pathlib.Path, progress: Progress) -> int:
-    """Writes the first block with xarray and appends the others with the same encoding. Returns the
-    number of unreadable records."""
+    """Writes the first block of records with xarray, and appends the other blocks with the same
+    encoding. Returns the number of unreadable records."""
     import h5py
     from xarray import conventions
 
-    encoded: Any = conventions.cf_encoder  # not typed in xarray
+    encoded: Any = conventions.cf_encoder  # has no type annotation in xarray
 
     unreadable = 0
     for first, part, faults in blocks(run, progress):

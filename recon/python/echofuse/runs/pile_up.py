@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Coates correction for a detector with dead time (recon/data/pile_up.hpp)."""
+"""Corrects pile-up of a detector with dead time by the method of Coates
+(recon/data/pile_up.hpp)."""
 from __future__ import annotations
 
 from typing import Any
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 
 def corrected(run: Any, counts: NDArray[np.float32], clicks: float,
               clicks_per_pulse: float) -> NDArray[np.float32]:
-    """Corrects the counts [bins] of one record of a run.Run. clicks_per_pulse 0: unknown."""
+    """Corrects the counts [bins] of one record for pile-up. `clicks` is the number of clicks in the
+    record. If clicks_per_pulse is 0 (unknown), the counts are returned unchanged."""
     if not clicks_per_pulse > 0:
         return counts
     pulses, width = clicks / clicks_per_pulse, run.axes["spd"].step

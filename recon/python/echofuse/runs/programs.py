@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Calls the C++ programs."""
+"""Calls the C++ programs of echofuse."""
 from __future__ import annotations
 
 import os
@@ -8,11 +8,11 @@ import subprocess
 import sys
 
 
-EXIT_CODES = "exit codes:  0 ok, 1 failed, 2 usage, "  # prefix; each program adds its own codes
+EXIT_CODES = "exit codes:  0 ok, 1 failed, 2 usage, "  # each program appends its own codes
 
 
 class BenchError(RuntimeError):
-    """Error message of a failed program or method, and the exit code."""
+    """Error of a program or a method, with its message and exit code."""
 
     code = 1
 
@@ -22,13 +22,14 @@ class BenchError(RuntimeError):
 
 
 class UsageError(BenchError):
-    """Invalid command line."""
+    """Error in the command line."""
 
     code = 2
 
 
 def path_of(program: str) -> str:
-    """Returns the path of a program: in $ECHOFUSE_BIN, next to this program, or in PATH."""
+    """Returns the path of a program, which is in $ECHOFUSE_BIN, next to the running program, or in
+    PATH."""
     own, folder = (pathlib.Path(sys.argv[0]).absolute().with_name(program),
                    os.environ.get("ECHOFUSE_BIN"))
     return os.path.join(folder, program) if folder else str(own) if own.exists() else program
@@ -41,8 +42,9 @@ def not_started(path: str, reason: str) -> UsageError:
 
 def call(program: str, *words: object,
          ok: tuple[int, ...] = (0,)) -> subprocess.CompletedProcess[str]:
-    """Runs a program. Raises BenchError with its last line for exit code 1, otherwise UsageError,
-    because other exit codes are not caused by the method."""
+    """Runs a program and returns its output. Raises an error with the last line that the program
+    printed: BenchError for exit code 1, and UsageError for other exit codes, which the method does
+    not cause."""
     path = path_of(program)
     try:
         done = subprocess.run([path, *map(str, words)], capture_output=True, text=True, check=False,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Reads a run file (acquire/README.md) as arrays, with sqlite3 and NumPy only."""
+"""Reads a run file (acquire/README.md) as arrays. Requires only sqlite3 and NumPy."""
 from __future__ import annotations
 
 import copy
@@ -22,15 +22,15 @@ from .damaged import errors_with_path
 from .grid import inflated, read_only, rows_of, shifted
 from .run_files import STATISTICS, connect, leftovers, meta_of, status_of, table
 
-SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of record.valid
-PS_PER_M = 2e12 / 299_792_458.0  # two-way
-MIN_AXIS_LIMIT, MAX_PIXELS = 1 << 16, 1 << 23  # axis points allowed in any file; image pixels
-IMAGES = 64  # depth images in memory at once
+SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of the column record.valid
+PS_PER_M = 2e12 / 299_792_458.0  # two-way time of flight per metre of range, ps
+MIN_AXIS_LIMIT, MAX_PIXELS = 1 << 16, 1 << 23  # minimum limit of axis points; limit of image pixels
+IMAGES = 64  # maximum number of depth images in memory
 
 
 @dataclass(frozen=True)
 class Record:
-    """One record of a run, e.g. run[3]. The depth image is read on access."""
+    """One record of a run, e.g. run[3]. The depth image is read at each access."""
 
     run: Run  #: run that contains the record
     row: int  #: row in the arrays of the run
@@ -42,7 +42,7 @@ class Record:
 
     @property
     def label(self) -> str:
-        """The operator's label; may be empty."""
+        """Label that the operator set; may be empty."""
         return self.run.labels[self.row]
 
     @property
@@ -52,7 +52,7 @@ class Record:
 
     @property
     def spd(self) -> NDArray[np.uint32]:
-        """Counts [bins], or [zones, bins]."""
+        """Counts [bins], or [zones, bins] of a detector with zones."""
         return np.asarray(self.run.spd[self.row])
 
     @property
@@ -62,7 +62,7 @@ class Record:
 
     @property
     def depth(self) -> NDArray[np.float32]:
-        """z of the camera image [rows, columns], m, NaN: no return."""
+        """z of each pixel of the camera image [rows, columns], m; NaN: no return."""
         image = self.run.depth_mm(self.row)
         return np.where(image > 0, image / np.float32(1000), np.float32(np.nan))
 
@@ -88,8 +88,8 @@ def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (intended name)
 
 
 class Run:
-    """Recorded values, one row per record. The row of a missing sensor is 0 (counts) or NaN, and
-    `valid` is false. Records are those at the time of opening or of the last refresh()."""
+    """Recorded values, one row per record. If a sensor is missing, its row is 0 (counts) or NaN,
+    and `valid` is false. Records that were added after open() or the last refresh() are missing."""
 
     def __init__(self, path: pathlib.Path) -> None:
         self.path = path
@@ -99,7 +99,7 @@ class Run:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Releases the arrays. No file is open between two calls."""
+        """Releases the arrays. The run file is open only during calls."""
         self._forget()
 
     def __iter__(self) -> Iterator[Record]:
@@ -112,8 +112,8 @@ class Run:
     def __getitem__(self, rows: slice | Sequence[int] | NDArray[Any]) -> "Run": ...
 
     def __getitem__(self, rows: Any) -> "Record | Run":
-        """run[3], run[-1]: the record in this row, from 0. run[10:20], run[[1, 2]], run[mask]: a
-        run of these records, with the axes, tables and events of the whole run."""
+        """run[3] and run[-1] return the record in this row. run[10:20], run[[1, 2]] and run[mask]
+        return a run of these records, with the axes, tables and events of the whole run."""
         if isinstance(rows, (int, np.integer)):
             return Record(self, range(len(self))[rows])
         chosen, part = rows_of(len(self), rows), copy.copy(self)
@@ -124,7 +124,7 @@ class Run:
         return part
 
     def refresh(self) -> "Run":
-        """Reads the run file again, to include new records of a running recording."""
+        """Reads the run file again, to include records that were added to it."""
         self._forget()
         self._read()
         return self
@@ -134,9 +134,9 @@ class Run:
             self.__dict__.pop(name, None)
 
     def follow(self, *, pause_s: float = 0.2) -> Iterator[int]:
-        """Yields the rows of existing records and then of each new record, until the run is closed
-        or the recording was killed. The arrays contain each yielded row: for row in run.follow():
-        run.spd[row]."""
+        """Yields the row of each existing record and then of each new record, until the run is
+        closed or the recording was killed. The arrays contain each yielded row, as in: for row in
+        run.follow(): print(run.spd[row].sum())."""
         row = 0
         while True:
             ended = self.refresh().info["status"] != "open"
@@ -163,13 +163,13 @@ class Run:
             cursor = db.execute("SELECT * FROM run")
             self.info: dict[str, Any] = dict(zip((column[0] for column in cursor.description),
                                                  cursor.fetchone()))
-            #: further facts of the run, by name
+            #: additional metadata of the run, by name
             self.meta: dict[str, str] = meta_of(self.path, self.info.pop("meta"))
             self.info["status"] = status_of(db, self.path, self.info["status"])
-            #: calibrated range bias of each sensor, m; measured ranges are too long by it
+            #: calibrated range bias of each sensor, m; true range = measured range - bias
             self.offset_m: dict[str, float] = dict(
                 db.execute("SELECT sensor, offset_m FROM calibration"))
-            #: x, y (half wavelengths), gain, phase (rad) of each virtual radar antenna
+            #: x, y (half wavelengths), gain and phase (rad) of each virtual radar antenna
             self.antennas: list[tuple[float, ...]] = db.execute(
                 "SELECT x, y, gain, phase_rad FROM antenna ORDER BY rowid").fetchall()
             #: zones of the detector; empty for a single pixel
@@ -186,13 +186,13 @@ class Run:
 
     @errors_with_path
     def select(self, sql: str, *values: Any) -> list[Any]:
-        """Returns the rows of an SQL query."""
+        """Returns the result rows of an SQL query."""
         with closing(connect(self.path)) as db:
             return db.execute(sql, values).fetchall()
 
     @errors_with_path
     def of_records(self, columns: str, rows: NDArray[np.int64] | None = None) -> list[Any]:
-        """Returns columns of the table `record`, for these rows or all."""
+        """Returns these columns of the table `record`, for the given rows or for all rows."""
         index = (self.index if rows is None else self.index[rows]).tolist()
         found = {row[0]: row[1:] for row in self.select(
             f"SELECT idx, {columns} FROM record WHERE idx IN (SELECT value FROM json_each(?))",
@@ -200,7 +200,7 @@ class Run:
         return [found[number] for number in index]
 
     def to_xarray(self) -> Any:
-        """Returns the run as an xarray.Dataset (netcdf.dataset)."""
+        """Returns the run as an xarray.Dataset (see netcdf.dataset)."""
         from .netcdf import dataset
 
         return dataset(self)
@@ -222,12 +222,12 @@ class Run:
 
     @property
     def tables(self) -> list[str]:
-        """Names of all tables."""
+        """Names of all tables in the run file."""
         names = self.select("SELECT name FROM sqlite_master WHERE type = 'table'")
         return sorted(name for (name,) in names if name not in STATISTICS)
 
     def table(self, name: str) -> dict[str, NDArray[Any]]:
-        """Returns all columns of a table except blobs (run_files.table)."""
+        """Returns all columns of a table except blobs (see run_files.table)."""
         return table(self.path, name)
 
     def events(self) -> list[tuple[str, str, str, str]]:
@@ -236,8 +236,8 @@ class Run:
 
     @errors_with_path
     def quality(self) -> dict[str, NDArray[Any]]:
-        """Returns columns [n] of the records: length_s, and for each sensor such as the SPD
-        spd_used, spd_lost, spd_verdict, spd_clock_residual_s."""
+        """Returns columns [n] of the records by name: length_s, and four columns for each sensor,
+        e.g. spd_used, spd_lost, spd_verdict and spd_clock_residual_s."""
         names = [f"{s}_{name}" for s in SENSORS
                  for name in ("used", "lost", "verdict", "clock_residual_s")]
         rows = self.of_records(", ".join(["(slot_end_ns - slot_start_ns) * 1e-9", *names]))
@@ -251,7 +251,7 @@ class Run:
         return f"<echofuse run {self.path}: {len(self)} records, {self.info['status']}>"
 
     def _repr_html_(self) -> str:
-        """Returns a summary for notebooks, one line per sensor."""
+        """Returns a summary for notebooks, with one line per sensor."""
         cells = "".join(
             f"<tr><td>{name}</td><td>{mask.sum()} of {len(self)}</td><td>{axis.count} x "
             f"{axis.step:.4g} "
@@ -279,7 +279,7 @@ class Run:
         """Linear power [n, bins], arbitrary unit."""
         table = self.stored_radar()
         axis = self.axes.get("radar")
-        # TI codes (drivers/core/log2_codes.hpp)
+        # Converts TI codes to linear power (drivers/core/log2_codes.hpp).
         if axis is not None and axis.quantity == "log2_q8":
             antennas = max(1, int(axis.scale))
             table = np.exp2(table.astype(np.float64)
@@ -289,10 +289,10 @@ class Run:
     @cached_property
     @errors_with_path
     def depth(self) -> NDArray[np.float32]:
-        """z of the camera images [n, rows, columns], m, NaN: no return."""
+        """z of each pixel of the camera images [n, rows, columns], m; NaN: no return."""
         size, blobs = self._image_size(), self._blobs("depth")
         for _, blob in blobs[:1]:
-            inflated(blob, size)  # checks the size before the allocation
+            inflated(blob, size)  # checks the image size before the allocation
         out = np.full((len(self), *size), np.nan, np.float32)
         for row, blob in blobs:
             image = inflated(blob, size)
@@ -313,8 +313,8 @@ class Run:
         return images[0][1] if images else np.zeros(self._image_size(), np.uint16)
 
     def maps(self, rows: ArrayLike | None = None) -> NDArray[np.float32]:
-        """Returns the true maps [n, N, N] of these rows, or of all (read-only), on the grid of the
-        models: z, m, NaN: no return or no depth. Maps are cached."""
+        """Returns the true maps [n, N, N] of these rows, or of all rows (read-only), on the map
+        grid of the models: z, m; NaN: no return or no depth image. Maps are cached."""
         selected = rows_of(len(self), slice(None) if rows is None else rows)
         maps, known = self._truth
         new = np.unique(selected[~known[selected]])
@@ -333,20 +333,20 @@ class Run:
 
     @cached_property
     def _truth(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Cached maps [n, N, N], and a mask [n] of computed ones."""
+        """Cached true maps [n, N, N], and whether each map was computed [n]."""
         columns, rows = self._cells
         return (np.empty((len(self), len(rows), len(columns)), np.float32),
                 np.zeros(len(self), bool))
 
     @errors_with_path
     def _images(self, rows: NDArray[np.int64]) -> list[tuple[int, NDArray[np.uint16]]]:
-        """Returns the depth images of these rows, mm."""
+        """Returns the row and the depth image, mm, of each of these rows that has an image."""
         size = self._image_size()
         return [(row, inflated(blob, size)) for row, blob in self._blobs("depth", rows)]
 
     @cached_property
     def _cells(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-        """Columns and rows of the camera image in each column and row of the map."""
+        """Camera columns in each map column, and camera rows in each map row, as intervals."""
         x, y = (self.axes.get(name) for name in ("depth_x", "depth_y"))
         to_x, to_y = (self.axes.get(name) for name in ("map_x", "map_y"))
         if x is None or y is None:
@@ -356,18 +356,18 @@ class Run:
                 grid.cells(y, to_y or tangents("map_y", size, half)))
 
     def stored_radar(self) -> NDArray[np.float32]:
-        """Returns profiles [n, points] as recorded: power or TI codes (axes["radar"].quantity)."""
+        """Returns profiles [n, points] as stored: power or TI codes (axes["radar"].quantity)."""
         return self._table("radar", "<f4", np.nan)
 
-    # Inputs of the method (recon/README.md), corrected for range bias and pile-up.
+    # photons(), power() and lags() are the inputs of the method (recon/README.md).
     @errors_with_path
     def photons(self) -> NDArray[np.float32]:
-        """Returns corrected counts [n, bins], or [n, zones, bins] of a detector with zones."""
+        """Returns counts [n, bins] or [n, zones, bins], corrected for pile-up and range bias."""
         table, axis = self.spd.astype(np.float32), self.axes.get("spd")
         if axis is None:
             return table
         zeros_ps = [zone.zero_ps for zone in self.zones] or [0.0]
-        parts = table.reshape(len(self), len(zeros_ps), axis.count)  # view of `table`
+        parts = table.reshape(len(self), len(zeros_ps), axis.count)  # a view: writes change `table`
         if self.meta.get("detector_dead_time_ps") is not None:
             for part, clicks in zip(parts, self._clicks()):
                 part[:] = [pile_up.corrected(self, row, *clicks) for row in part]
@@ -378,8 +378,8 @@ class Run:
 
     @errors_with_path
     def power(self, range_offset_m: float = 0) -> NDArray[np.float32]:
-        """Returns linear power [n, points] at true ranges; 0 if the radar is missing. The median is
-        subtracted from TI codes as noise."""
+        """Returns linear power [n, points] at true ranges; 0 if the radar is missing. If the
+        run contains TI codes, their median is subtracted as noise."""
         if "radar" not in self.axes:
             return np.zeros((len(self), 0), np.float32)
         power = np.nan_to_num(self.radar)
@@ -390,14 +390,14 @@ class Run:
 
     @property
     def power_axis(self) -> Axis | None:
-        """Axis of power()."""
+        """Range axis of power()."""
         axis = self.axes.get("radar")
         return replace(axis, quantity="power",
                        scale=1.0) if axis and axis.quantity == "log2_q8" else axis
 
     @cached_property
     def lags_axis(self) -> Axis | None:
-        """Axis of the spatial lags of the antennas (recon/data/lags.hpp), or None."""
+        """Axis of lags() (recon/data/lags.hpp); None if the run has no antenna lags."""
         pairs = self._pairs
         if "array" not in self.axes or not pairs[0]:
             return None
@@ -412,8 +412,8 @@ class Run:
 
     @errors_with_path
     def lags(self, range_offset_m: float = 0) -> NDArray[np.float32]:
-        """Returns [n, points, 2 D + 1]: power, then real and imaginary part of the mean correlation
-        at each spacing."""
+        """Returns antenna lags [n, points, 2 D + 1] at true ranges: power, then real and imaginary
+        part of the mean correlation at each antenna spacing."""
         axis = self.lags_axis
         if axis is None:
             return np.zeros((len(self), 0, 1), np.float32)
@@ -440,8 +440,8 @@ class Run:
         return np.moveaxis(shifted(flat, by_m / axis.step).reshape(len(self), -1, axis.count), 1, 2)
 
     def array_bins(self) -> Iterator[tuple[int, NDArray[Any]]]:
-        """Yields the rows with antenna samples (acquire/measurement/radar_array.hpp), and for each
-        bin its power and integers in units of it. Raises ValueError."""
+        """Yields each row with antenna samples and its bins (acquire/measurement/radar_array.hpp):
+        the power, and integers relative to this power. Raises ValueError for invalid samples."""
         axis, blobs = self.axes["array"], dict(self.of_records("idx, array"))
         count = int(axis.scale)
         stored = np.dtype([("power", "<f4"), ("values", "<i2", count * (count + 2) + 2)])
@@ -460,7 +460,7 @@ class Run:
 
     @cached_property
     def _pairs(self) -> tuple[dict[int, list[tuple[int, int]]], dict[int, list[tuple[int, int]]]]:
-        """Horizontal and vertical antenna pairs by spacing, half wavelengths."""
+        """Horizontal and vertical antenna pairs by their spacing in half wavelengths."""
         found: tuple[dict[int, list[tuple[int, int]]], ...] = ({}, {})
         for m, (xm, ym, *_) in enumerate(self.antennas):
             for n, (xn, yn, *_) in enumerate(self.antennas):
@@ -472,14 +472,14 @@ class Run:
         return found[0], found[1] if found[0] else {}
 
     def _clicks(self) -> list[tuple[float, float]]:
-        """Returns clicks of each record, and clicks per laser pulse (0: unknown)."""
+        """Returns for each record its clicks and its clicks per laser pulse (0: unknown)."""
         rows = self.of_records("in_range + out_of_range, starts, clicks_a_pulse")
         return [(clicks, known or (clicks / starts if clicks < 0.95 * starts
                                    else 0.0)) for clicks, starts, known in rows]
 
     def _blobs(self, sensor: str,
                rows: NDArray[np.int64] | None = None) -> list[tuple[int, bytes]]:
-        """Returns the blobs of valid rows, among `rows` or all."""
+        """Returns the row and the blob of each valid row among `rows` (default: all rows)."""
         valid = self.valid[sensor]
         rows = np.flatnonzero(valid) if rows is None else rows[valid[rows]]
         blobs = self.of_records(

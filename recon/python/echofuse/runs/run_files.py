@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 3
 NULL_INTEGER = -1 << 63
-WAL_KEY = "wal_key"  # member of run.meta of an open run
-MAX_RESTARTS = 1 << 16  # tolerated difference between the keys of a run and its own -wal
+WAL_KEY = "wal_key"  # key in the JSON text run.meta of an open run
+MAX_RESTARTS = 1 << 16  # largest difference between the keys of a run and its -wal
 TABLES = {"run", "axis", "record", "device", "calibration", "antenna", "anchor", "counter", "event",
           "late", "zone"}
-STATISTICS = {f"sqlite_stat{n}" for n in range(1, 5)}  # written by ANALYZE
+STATISTICS = {f"sqlite_stat{n}" for n in range(1, 5)}  # tables that SQLite writes for ANALYZE
 KINDS: dict[str, tuple[str, Any]] = {"INTEGER":
                                      ("ifnull(CAST({} AS INTEGER), -9223372036854775807 - 1)",
                                       np.int64),
@@ -33,23 +33,23 @@ KINDS: dict[str, tuple[str, Any]] = {"INTEGER":
 
 
 def printable(text: str) -> str:
-    """Escapes control and reordering characters, so that the text is one line."""
+    """Escapes control characters, also those that reorder text, so that the text is one line."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode()
                    for c in text)
 
 
 _lock = threading.Lock()
-_descriptors: dict[tuple[int, int], list[int]] = {}  # by device and inode
+_descriptors: dict[tuple[int, int], list[int]] = {}  # descriptors by device and inode
 _connections: Counter[tuple[int, int]] = Counter()
 
 
 class Connection(sqlite3.Connection):
-    """Connection to a run, with a descriptor of the same file. Closing any descriptor of a file
-    releases all SQLite locks of this process on it, so the descriptor stays open as long as any
-    connection to the file."""
+    """Connection to a run, with an additional descriptor of the file. Closing any descriptor of a
+    file releases all SQLite locks of this process on the file. The descriptor therefore stays open
+    until the last connection to the file is closed."""
 
     inode: tuple[int, int] | None = None
-    lacks_wal = False  # open run that is not being recorded, without its -wal
+    lacks_wal = False  # whether the run is open but not being recorded, and has no -wal
 
     def close(self) -> None:
         super().close()
@@ -61,7 +61,8 @@ class Connection(sqlite3.Connection):
 
 
 def hold(path: pathlib.Path) -> tuple[int, int]:
-    """Opens a descriptor of the file until release(). Returns device and inode."""
+    """Opens a descriptor of the file, which stays open until release(). Returns the device and the
+    inode of the file."""
     with _lock:
         found = path.stat()
         if (found.st_dev, found.st_ino) not in _descriptors:
@@ -84,7 +85,7 @@ def release(inode: tuple[int, int] | None) -> None:
 
 
 def header_is_closed(inode: tuple[int, int] | None) -> bool:
-    """Returns whether the file is a closed (immutable) run: bytes 18 and 19 are 1."""
+    """Returns whether the file is a closed (immutable) run, in which bytes 18 and 19 are 1."""
     return inode is not None and os.pread(_descriptors[inode][0], 2, 18) == b"\1\1"
 
 
@@ -97,20 +98,22 @@ def is_closed(path: pathlib.Path) -> bool:
 
 
 def side_file(path: pathlib.Path, suffix: str) -> pathlib.Path:
-    """Returns the path of a file next to a run, after resolving links."""
+    """Returns the path of the file next to a run with this suffix, after resolving links."""
     real = path.resolve()
     return real.with_name(real.name + suffix)
 
 
 def leftovers(path: pathlib.Path) -> list[pathlib.Path]:
-    """Returns SQLite files next to a closed run, which are not part of it and are not read."""
+    """Returns the SQLite files next to a closed run. They do not belong to the run and are not
+    read."""
     found = [file for suffix in ("-wal", "-shm", "-journal")
              if (file := side_file(path, suffix)).exists()]
     return found if found and is_closed(path) and not is_written(path) else []
 
 
 def is_written(path: pathlib.Path) -> bool:
-    """Returns whether a process holds the lock RUN-lock of the writer. Does not lock."""
+    """Returns whether a process is writing the run, i.e. holds the lock on RUN-lock. Does not take
+    the lock."""
     try:
         descriptor = os.open(side_file(path, "-lock"),
                              os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
@@ -141,14 +144,14 @@ def wal_header(path: pathlib.Path) -> bytes:
 
 
 def wal_key(path: pathlib.Path) -> int | None:
-    """Returns the key of the -wal (acquire/record/side_files.hpp); None without a header."""
+    """Returns the key of the -wal (acquire/record/side_files.hpp); None if it has no header."""
     magic, *_, number, salt, _ = struct.unpack(">6I8x", wal_header(path))
     return (salt - number) % (1 << 32) if magic & ~1 == 0x377F0682 else None
 
 
 def stored_in(path: pathlib.Path) -> tuple[str | None, bool] | None:
-    """Reads the key of the -wal and whether records exist from the run file alone, as in
-    acquire/record/side_files.cpp. Returns None for a damaged file or another kind of file."""
+    """Returns the stored key of the -wal, and whether the run has records. Reads only the run file,
+    as in acquire/record/side_files.cpp. Returns None for a damaged file or another kind of file."""
     with closing(opened(path, "mode=ro&immutable=1")) as db:
         try:
             guard(db, path)
@@ -166,7 +169,7 @@ def refuse_foreign_wal(path: pathlib.Path) -> None:
     try:
         expected = int(stored[0] or "", 16)
     except (ValueError, TypeError):
-        return  # run without a key
+        return  # the run has no key
     difference = (found - expected) % (1 << 32)
     if min(difference, (1 << 32) - difference) > MAX_RESTARTS:
         raise ValueError(f"{path}: was not closed, and {side_file(path, '-wal')} is of another run "
@@ -185,8 +188,8 @@ def opened(path: pathlib.Path, options: str) -> Connection:
 
 
 def lacks_wal(path: pathlib.Path) -> bool:
-    """Returns whether an open run is a copy without its -wal. Raises ValueError for the -wal of
-    another run. A run that is being recorded has its own -wal."""
+    """Returns whether an open run is a copy without its -wal. A run that is being recorded always
+    has its -wal. Raises ValueError if the -wal belongs to another run."""
     if is_written(path):
         return False
     refuse_foreign_wal(path)
@@ -206,7 +209,7 @@ def is_model(path: pathlib.Path) -> bool:
 def connect(path: pathlib.Path) -> Connection:
     """Opens a run file for reading. Files next to a closed run are not read or written. Raises
     ValueError if the file is not a run."""
-    inode = hold(path)  # until a connection holds it
+    inode = hold(path)  # keeps the file open until a connection does
     try:
         return connected(path, header_is_closed(inode))
     finally:
@@ -253,7 +256,7 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
 
 
 def status_of(db: Connection, path: pathlib.Path, stored: str) -> str:
-    """Returns the status of a run, as RunReader::info()."""
+    """Returns the status of a run as a text, as RunReader::info() does in C++."""
     if stored != "open":
         return stored
     if db.is_closed():
@@ -266,7 +269,7 @@ def status_of(db: Connection, path: pathlib.Path, stored: str) -> str:
 def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
     """Protects against malicious files (acquire/README.md, threat model, 1): refuses code in the
     schema and limits the run time of statements. Raises ValueError."""
-    # steps of 10 000 instructions; a valid run needs less than one instruction per byte
+    # One step is 10 000 instructions. A valid run needs less than one instruction per byte.
     left = iter(range(200 + path.stat().st_size * 4 // 10_000))
     db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(max(path.stat().st_size, 16 << 20), 128 << 20))
     db.text_factory = lambda text: text.decode("utf-8", "backslashreplace")
@@ -274,7 +277,7 @@ def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
     db.execute("PRAGMA trusted_schema = OFF")
     for kind, name, sql, page in db.execute(
         "SELECT type, name, sql, rootpage FROM sqlite_schema WHERE sql IS NOT NULL"):
-        # virtual table or computed columns
+        # A virtual table has no root page. Computed columns are defined with AS (...).
         computed = page == 0 or re.search(r"\bAS\s*\(", sql, re.IGNORECASE)
         if kind != "table" or name not in TABLES | STATISTICS or computed:
             escaped, quoted = printable(name), printable(name.replace('"', '""'))

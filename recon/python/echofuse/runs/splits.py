@@ -16,11 +16,11 @@ Rows = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Split:
-    """Rows of a run by part."""
+    """Row numbers of a run in each part of a split."""
 
-    train: Rows  #: for fitting
-    validation: Rows  #: for early stopping
-    test: Rows  #: held out
+    train: Rows  #: rows for training
+    validation: Rows  #: rows for early stopping
+    test: Rows  #: held-out rows
 
 
 def usual_inputs(run: Run) -> str:
@@ -31,9 +31,10 @@ def usual_inputs(run: Run) -> str:
 
 def split(run: Run, kind: str = "random", seed: int = 1, *, inputs: str | None = None,
           test_share: float = 0.1, validation_share: float = 0.05, gap: int = 0) -> Split:
-    """Returns the split of `echofuse-recon rows`. Doubtful, dead and incomplete records are
-    excluded. kind: "random", or "blocked" for sequences; inputs: required sensors, "fused", "spd"
-    or "radar" (default: those of the run). Raises RuntimeError with the program's error message."""
+    """Returns the split that `echofuse-recon rows` computes. It excludes doubtful and incomplete
+    records, and records of a dead sensor. kind: "random", or "blocked" for sequences of similar
+    records. inputs: required sensors, "fused", "spd" or "radar" (default: the sensors of the run).
+    Raises RuntimeError with the error message of the program."""
     inputs = inputs or usual_inputs(run)
     settings = {"test_share": test_share, "validation_share": validation_share, "gap": gap}
     words = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Writes files atomically, without overwriting existing ones."""
+"""Writes files atomically. Only replaced() overwrites existing files."""
 from __future__ import annotations
 
 import contextlib
@@ -17,8 +17,9 @@ from typing import Any, NoReturn
 
 
 def stop_by_signal() -> list[int]:
-    """Makes SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt. Returns a list of the received
-    signals, because SQLite replaces an exception of its progress handler by its own error."""
+    """Makes SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt. Returns a list to which received
+    signals are appended, because SQLite replaces an exception in its progress handler with its own
+    error."""
     stopped: list[int] = []
 
     def stop(number: int, _: Any) -> NoReturn:
@@ -36,8 +37,8 @@ def refuse_existing(place: pathlib.Path) -> None:
 
 
 def locked(lock: pathlib.Path) -> int:
-    """Creates and locks a lock file and returns its descriptor. Links are refused. Raises
-    BlockingIOError if another process holds the lock, and OSError."""
+    """Creates a lock file, locks it, and returns its descriptor. Does not follow links. Raises
+    BlockingIOError if another process holds the lock, and OSError for other errors."""
     while True:
         descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
         try:
@@ -45,7 +46,7 @@ def locked(lock: pathlib.Path) -> int:
             if os.path.samestat(os.fstat(descriptor), os.lstat(lock)):
                 return descriptor
         except FileNotFoundError:
-            pass  # removed by the previous owner
+            pass  # the previous owner removed the file: try again
         except BaseException:
             os.close(descriptor)
             raise
@@ -53,23 +54,25 @@ def locked(lock: pathlib.Path) -> int:
 
 
 def sync(path: pathlib.Path) -> None:
-    """Waits until this file or folder is on the disk."""
+    """Waits until the contents of a file or folder are on the disk."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         os.fsync(descriptor)
     except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # folders cannot be synced
+        # folders cannot be synced in some file systems
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
             raise
     finally:
         os.close(descriptor)
 
 
 def publish(source: pathlib.Path, place: pathlib.Path) -> None:
-    """Renames a file with fsync of file and folder. Raises FileExistsError."""
+    """Renames a file, and syncs the file and its folder. Raises FileExistsError if `place`
+    exists."""
     sync(source)
     try:
         os.link(source, place)
-    except OSError:  # exists already, or the file system has no hard links
+    except OSError:  # `place` exists, or the file system has no hard links
         refuse_existing(place)
         source.rename(place)
     sync(place.parent)
@@ -77,7 +80,8 @@ def publish(source: pathlib.Path, place: pathlib.Path) -> None:
 
 @contextlib.contextmanager
 def replaced(place: pathlib.Path) -> Iterator[pathlib.Path]:
-    """Yields the path of a new file, which then replaces `place` atomically. Raises OSError."""
+    """Yields the path of a new file. The new file then replaces `place` atomically. Raises
+    OSError."""
     new = place.with_name(f"{place.name}.{secrets.token_hex(8)}.part")
     try:
         new.open("xb").close()
@@ -92,13 +96,14 @@ def replaced(place: pathlib.Path) -> Iterator[pathlib.Path]:
 @contextlib.contextmanager
 def staged(place: pathlib.Path) -> Iterator[pathlib.Path]:
     """Yields the path of a temporary file (in $TMPDIR, or hidden next to `place`), which becomes
-    `place` at the end. A lock excludes other processes; files of killed processes are replaced.
-    Raises FileExistsError, BlockingIOError, OSError."""
+    `place` at the end. A lock excludes other processes. Files of killed processes are replaced.
+    Raises FileExistsError if `place` exists, BlockingIOError if another process is creating it, and
+    OSError for other errors."""
     refuse_existing(place)
     key = zlib.crc32(os.fsencode(place.absolute()))
     name = f".{place.name}.{socket.gethostname()}-{key:08x}.unfinished"
     temporary = pathlib.Path(os.environ.get("TMPDIR") or place.parent) / name
-    final = place.parent / name  # on the file system of `place`
+    final = place.parent / name  # in the same file system as `place`
     lock = temporary.with_name(f"{name}.lock")
     try:
         descriptor = locked(lock)

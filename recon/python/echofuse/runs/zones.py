@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Zones of a detector: parts of its field of view, each with its own histogram."""
+"""Zones of a detector. Each zone is a part of the field of view with its own histogram."""
 from __future__ import annotations
 
 import math
@@ -14,15 +14,15 @@ Number = TypeVar("Number", bound=np.generic)
 
 
 class Zone(NamedTuple):
-    """Direction and time zero of a zone; NaN: unknown."""
+    """Direction, width and time zero of a zone. NaN: unknown direction and width."""
 
-    x: float  # tangent of the centre, to the right
-    y: float  # tangent of the centre, up
-    width: float  # full width, tangent
+    x: float  # tangent of the zone centre, positive to the right
+    y: float  # tangent of the zone centre, positive upwards
+    width: float  # full width of the zone, tangent
     zero_ps: float = 0.0  # two-way time of range 0
 
     def plausible(self) -> bool:
-        """Zone::plausible (drivers/core/zone.hpp)."""
+        """Returns whether the values are plausible, as Zone::plausible in drivers/core/zone.hpp."""
         unknown = all(map(math.isnan, self[:3]))
         return abs(self.zero_ps) <= 1e12 and (unknown or abs(self.x) <= 100 and abs(self.y) <= 100
                                               and 0 < self.width <= 200)
@@ -48,14 +48,15 @@ def stored(db: sqlite3.Connection) -> list[Zone]:
 
 
 def summed(counts: NDArray[Number]) -> NDArray[Number]:
-    """Sums counts [n, bins] or [n, zones, bins] over the zones: [n, bins]."""
+    """Sums counts [n, zones, bins] over the zones. Returns counts [n, bins] unchanged."""
     return np.asarray(counts.sum(1, dtype=counts.dtype)) if counts.ndim == 3 else counts
 
 
 def directions(run: Any) -> NDArray[np.float64]:
-    """Returns tangents x, y, width [zones, 3]. Raises ValueError if the run has none."""
+    """Returns the tangents x, y and width of the zones [zones, 3]. Raises ValueError if they are
+    unknown."""
     table = np.array([zone[:3] for zone in run.zones], float).reshape(-1, 3)
     if not len(table) or not np.isfinite(table).all():
-        raise ValueError(f"{run.path}: detector zones have no directions; state them with "
-                         "spd.zones in run.toml, or in the hello of the bridge")
+        raise ValueError(f"{run.path}: directions of the detector zones are unknown; set "
+                         "spd.zones in run.toml, or send them in the hello of the bridge")
     return table
