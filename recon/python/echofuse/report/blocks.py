@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Contents of a report as JSON, drawn by the scripts of the live page (recon/web):
+"""Builds the contents of a report as JSON, which the scripts of the live page (recon/web) draw:
     {"title", "verdict", "fails": [text], "more": text, "origin": text, "span": [near_m, far_m],
     "records": [record],
      "first": [block], "sections": [{"id", "heading", "blocks": [block]}]}
-A block has a "kind"; recon/web/report.js has one function per kind. Units of packed values
-(base64): depths 1 mm (16 bits), deviations 1 cm, shares 1/200 (8 bits)."""
+A block has a "kind"; recon/web/report.js has one function per kind. The units of
+packed values (base64) are 1 mm for depths (16 bits), 1 cm for deviations (8 bits) and 1/200 for
+relative depths ("share", 8 bits)."""
 from __future__ import annotations
 
 import base64
@@ -21,20 +22,20 @@ from numpy.typing import NDArray
 from ..runs import run_files
 
 Block = dict[str, Any]
-PAGE = pathlib.Path(__file__).resolve().parents[1] / "web"  # scripts and styles
+PAGE = pathlib.Path(__file__).resolve().parents[1] / "web"  # folder of scripts and styles
 NONE = "\N{EN DASH}"
 
 
 def table(caption: str, head: Sequence[Any], rows: Sequence[Sequence[Any]],
           baselines: int = 0) -> Block:
-    """Returns a table. The first cell of each row is its title; the last `baselines` rows are
-    dimmed. The head {"text", "words": True} left-aligns a column."""
+    """Returns a table block. The first cell of each row is its title. The last `baselines` rows are
+    dimmed. A column with the head {"text": ..., "words": True} is left-aligned."""
     return {"kind": "table", "caption": caption, "head": list(head),
             "rows": [list(row) for row in rows], "baselines": baselines}
 
 
 def cell(text: str, small: str = "", mark: str = "") -> Block:
-    """Returns a cell: text, small print, and a mark "best", "good" or "bad"."""
+    """Returns a table cell with a text, small print, and a mark ("best", "good" or "bad")."""
     return {"text": text} | ({"small": small} if small else {}) | ({"mark": mark} if mark else {})
 
 
@@ -55,8 +56,9 @@ def details(summary: str, *blocks: Block) -> Block:
 
 
 def pictures(record: int, show: Sequence[str], caption: str, **more: Any) -> Block:
-    """Returns pictures of page["records"][record]: "truth", "spd", "radar", or "map", "error",
-    "deviation", "share" followed by the number of the model."""
+    """Returns a block with pictures of page["records"][record]. `show` lists the pictures: "truth",
+    "spd", "radar", or "map", "error", "deviation" or "share" followed by the number of the
+    model."""
     return {"kind": "pictures", "record": record, "show": list(show), "caption": caption} | more
 
 
@@ -78,7 +80,7 @@ def short(value: float) -> float | None:
 
 
 def three_digits(value: float) -> str:
-    """Formats three digits with a decimal prefix, e.g. "103 k"."""
+    """Formats a value with three digits and a decimal prefix, e.g. "103 k"."""
     value = float(f"{value:.3g}")
     size, ending = ((1e6, " M") if abs(value) >= 1e6 else (1e3, " k") if abs(value) >= 1e4
                     else (1, ""))
@@ -86,13 +88,14 @@ def three_digits(value: float) -> str:
 
 
 def packed(values: NDArray[Any], unit: float, kind: str) -> str:
-    """Returns base64 of multiples of `unit` in dtype `kind`, clipped to its range; NaN gives 0."""
+    """Encodes values as base64 text. Each value becomes a multiple of `unit` as an integer of dtype
+    `kind`, limited to its range. NaN becomes 0."""
     steps = np.clip(np.nan_to_num(values.astype(float) / unit), 0, np.iinfo(kind).max)
     return base64.b64encode(np.floor(steps + 0.5).astype(kind).tobytes()).decode()
 
 
 def printable(value: Any) -> Any:
-    """Makes all strings single-line and removes control characters that reorder text."""
+    """Escapes line breaks and control characters, also those that reorder text, in all strings."""
     if isinstance(value, str):
         return run_files.printable(value)
     if isinstance(value, dict):
@@ -105,7 +108,7 @@ def html_of(page: Block) -> str:
     def read(name: str) -> str:
         return (PAGE / name).read_text(encoding="utf-8")
 
-    # concatenates the modules into one script
+    # joins all modules into one script without import and export
     scripts = "".join(re.sub(r"(?m)^export ", "", re.sub(r"import [^\n]*\n", "", read(name)))
                       for name in ("charts.js", "maps.js", "cloud.js", "report.js"))
     parts = {"styles": "\n" + "".join(read(name) + "\n"

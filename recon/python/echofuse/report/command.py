@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""echofuse-report: write a self-contained HTML page about models on held-out records, about two
-models record by record, or about a recorded run.
+"""echofuse-report: write a self-contained HTML page that scores models on held-out records,
+compares two models record by record, or summarises a recorded run.
 
     echofuse-report page --run scenes.sqlite --model fused.safetensors --live monday.sqlite
     echofuse-report page --run scenes.sqlite --compare a.safetensors b.safetensors
     echofuse-report page --live monday.sqlite
 
-The scores come from `echofuse-recon evaluate --json --per-record`, the maps from
-`reconstruct`."""
+`echofuse-recon evaluate --json --per-record` computes the scores, and `echofuse-recon reconstruct`
+the maps."""
 from __future__ import annotations
 
 import argparse
@@ -39,30 +39,31 @@ from .scores import Evaluation, ReportModel, ReportError, Scores, evaluate, mean
 from .story import Story, info_of
 
 TERMS = (
-    ("SPD", "single-pixel single-photon detector; its clicks are counted by time of flight."),
-    ("record", "sensor data of one time slot; the map of its depth camera is the truth."),
-    ("IoU", "intersection over union of the body's pixels in map and truth; 1 is perfect."),
-    ("lateral error", "sideways distance between the body's centres in map and truth."),
-    ("depth error", "mean over the pixels that belong to the body in both maps."),
+    ("SPD", "single-pixel single-photon detector; its clicks are histogrammed by time of flight."),
+    ("record", "sensor data of one time slot; the map of its depth camera is the true map."),
+    ("IoU",
+     "intersection over union of the body pixels in the predicted and the true map; 1 is perfect."),
+    ("lateral error", "sideways distance between the centres of the predicted and the true body."),
+    ("depth error", "mean absolute error over the pixels that belong to the body in both maps."),
     ("mirror fraction",
-     "share of the drawn body at the left-right mirrored position: 0 = none, 0.5 = side unknown; "
-     "slightly negative by chance."),
+     "fraction of the predicted body at the left-right mirrored position: 0 = none, 0.5 = side "
+     "unknown; can be slightly negative by chance."),
     ("on the true side",
-     "share of the bodies on the correct side, of those more than 0.3 m off the axis."),
+     "fraction of the bodies more than 0.3 m off the axis that are on the correct side."),
     ("thresholded map",
-     "map with the background in place of pixels that are closer to it than to the mean body."),
+     "map in which pixels closer to the background than to the mean body show the background."),
     ("p",
-     "probability that a run from the conditions of the training differs at least as much; below "
-     "0.001 the run differs from the training data."),
-    ("flagged", "record that differs from the training records."),
+     "probability that a run under the training conditions differs from the training data by at "
+     "least as much; below 0.001, the run is reported as different."),
+    ("flagged", "reported as different from the training records."),
     ("SSIM, RMSE", "structural similarity and root mean square depth error of the whole map."))
 
 
-MAX_FAILING = 6  # failing records with pictures
+MAX_FAILING = 6  # maximum number of failing records with pictures
 
 
 class Report:
-    """Contents of the page: scores of models, the course of a recorded run, records with maps."""
+    """Contents of the page: model scores, the course of a recorded run, and records with maps."""
 
     def __init__(self, args: argparse.Namespace) -> None:
         self.args, self.run = args, args.run or args.live
@@ -75,7 +76,7 @@ class Report:
                 f"{args.dir}: contains a report of another run; give another folder, or --force "
                 "to overwrite it", 2)
         self.simulated = self.info["notes"].startswith("simulated")
-        self.models: list[ReportModel] = []  # ordered by inputs after the first
+        self.models: list[ReportModel] = []  # models with equal inputs are adjacent
         self.main: list[Block] = []
         self.gallery: list[Block] = []
         self.failing: list[Block] = []
@@ -107,7 +108,7 @@ class Report:
             model.differences, *_ = [next(paired) for _ in model.files]
         if compared and not self.models[1].differences:
             raise ReportError(
-                "the models have different held-out records; give a run that is new to both")
+                "the models have different held-out records; choose a run that is new to both")
         first = self.models[0]
         self.span = self.evaluation.span(float(first.tensors["0/scene/background_m"].max()),
                                          float(first.facts[0]["0/scene/map_z_max_m"]))
@@ -116,7 +117,8 @@ class Report:
             self.run, self.models, self.room, list(dict.fromkeys(worst))[:MAX_FAILING])
         order = [colour for colour in ("both", "papers", "depth", "grey", "spd", "radar")
                  if colour not in {model.inputs for model in self.models}]
-        #: colour of each model: that of its sensor, or a free one for both sensors or equal inputs
+        #: colour of each model. The first model of a single sensor has the colour of the sensor.
+        #: Other models have other colours.
         self.colours = ["grey", "both"]
         for at, model in enumerate([] if compared else self.models):
             before = sum(other.inputs == model.inputs or other.both and model.both
@@ -125,18 +127,19 @@ class Report:
                                  or before else model.inputs]
 
     def add_live(self) -> None:
-        """Adds the record of median IoU or, without a model, a record with the most sensors."""
+        """Adds a record of the recorded run: the record with the median IoU or, if there is no
+        model, one of the records with the most sensors."""
         self.story = Story(self.args.live)
         if self.models and self.args.live != self.run:
             self.live = evaluate(self.models[0].files[:1], self.args.live, self.room)
             order = self.live.scores[0].order
             found = record_blocks(self.args.live, [order[len(order) // 2]], self.models[:1],
                                   self.live.scores, self.room)
-            caption = "The recorded record with the median IoU."
+            caption = "The record with the median IoU in the recorded run."
         else:
             found = record_blocks(self.args.live, self.story.typical())
-            caption = "The middle one of the records with the most sensors."
-        index = {} if self.args.live == self.run else {"index": None}  # index in another run
+            caption = "One of the records with the most sensors, from the middle of the run."
+        index = {} if self.args.live == self.run else {"index": None}  # belongs to another run
         self.main += [block | {"caption": caption} | index for block in found.values()]
         self.span = self.span if self.models or self.others or not self.main else span_of(
             np.frombuffer(base64.b64decode(self.main[0]["truth"]), "<u2") / 1000)
@@ -167,17 +170,17 @@ class Report:
         out += [f"Recorded run: {text}" for text in self.story.losses] if self.story else []
         own_s, scored_s = (self.story or self).info["window_s"], self.info["window_s"]
         if self.live and own_s != scored_s > 0:
-            out.append(f"Recorded run: slots of {own_s:g} s, but those of the scored run are "
-                       f"{scored_s:g} s.")
+            out.append(f"Recorded run: its slots last {own_s:g} s, but the slots of the scored "
+                       f"run last {scored_s:g} s.")
         return out
 
     @property
     def problems(self) -> list[str]:
-        """Problems as sentences, the most serious first."""
+        """Sentences about problems, the most serious problem first."""
         return self.live_problems + (tables.problems_of_run(self.first) if self.models else [])
 
     def read_provenance(self) -> dict[str, str]:
-        """Returns program, host, run and models, by title."""
+        """Returns texts about the program, the host, the run and the models, by title."""
         info, host, started = self.info, os.uname(), self.info["started_utc"]
         recorded = f"{started[:10]} {started[11:16]} UTC" if started[10:11] == "T" else started
         recorded += (f", echofuse {info['version']}" if info["version"]
@@ -218,7 +221,7 @@ class Report:
 
     @property
     def origin(self) -> str:
-        """Date, host, program, run and command, in one line."""
+        """One line with the date, the host, the program, the run and the command."""
         facts, name = self.provenance, os.path.basename
         live = (f" Recorded run {name(self.story.path)}." if self.story
                 and self.story.path != self.run else "")
@@ -229,23 +232,24 @@ class Report:
                 f"{command if len(command) <= 160 else command[:160] + ' ...'}")
 
     def first_pictures(self) -> Block:
-        """Returns pictures of the first record: its truth, and the maps of the first model or of
+        """Returns pictures of the first record: the true map, and the maps of the first model or of
         both compared models."""
         record, count = self.main[0], 2 if self.args.compare else 1
         text = record["caption"] + " " + "".join(map_remarks(block, count > 1)
                                                  for block in record["maps"][:count])
-        text += (f"All maps of this page show the same depths, {self.span[0]:g} to "
-                 f"{self.span[1]:g} m. ")
+        text += (f"All maps on this page have the same depth scale, {self.span[0]:g} "
+                 f"to {self.span[1]:g} m. ")
         return pictures(0, ["truth", *(f"{what} {m}" for what in ("map", "error")
                                        for m in range(count))],
                         text + "Errors: missed pixels are hatched, false pixels are dotted.",
                         title=record["title"], compare=count > 1)
 
     def record_blocks(self) -> list[Block]:
-        blur = ("Depth of each pixel between the background (0) and the mean body (1); a pixel "
-                "above 0.5 belongs to the body.")
+        blur = ("Relative depth of each pixel, from 0 (background) to 1 (mean body); a pixel above "
+                "0.5 belongs to the body.")
         if any(model.sensors.endswith("alone") for model in self.models):
-            blur += " A single sensor does not determine the side of the body: a blur."
+            blur += (" A single sensor does not determine the side of the body, so its maps are "
+                     "blurred.")
         out = []
         for i, record in enumerate(self.main):
             show, maps = measured(record), record["maps"]
@@ -254,8 +258,8 @@ class Report:
                          *([f"deviation {m}"] if "deviation" in block else [])]
             text = record["caption"] + " " + "".join(map_remarks(block, len(maps) > 1)
                                                      for block in maps)
-            text += ("The uncertainty is the standard deviation of the depth; it is largest where "
-                     "body or background are uncertain.")
+            text += ("The uncertainty is the standard deviation of the depth; it is large where "
+                     "a pixel may belong to the body or to the background.")
             out.append(details(record["title"], pictures(i, show, text),
                                pictures(i, ["truth", *(f"share {m}" for m in range(len(maps)))],
                                         blur, whole=True)))
@@ -284,7 +288,7 @@ class Report:
             rows = [tables.Row(self.models[0].title, means_of(self.live.result["metrics"]),
                                self.live.scores[0]), *tables.rows_of([], self.live.result)]
             caption = (f"{self.live.result['records']} records of the recorded run, compared with "
-                       "its depth camera")
+                       "the maps of its depth camera")
             between = [*fails(self.live_problems), tables.metrics_table(rows, caption)]
         shown = [pictures(last, [*measured(record),
                                  *(["map 0", "error 0"] if record["maps"] else [])],
@@ -293,7 +297,7 @@ class Report:
         return story.blocks(between, shown)
 
     def to_json(self) -> Block:
-        """Returns the page (blocks.py)."""
+        """Returns the contents of the page in the format of blocks.py."""
         problems, most, models, compared = self.problems, 4, self.models, bool(self.args.compare)
         records = [*self.main, *self.gallery, *self.failing,
                    *([self.other_record] if self.other_record else [])]
@@ -304,8 +308,8 @@ class Report:
                        "span": list(self.span), "records": records, "first": [],
                        "sections": []}
         if models:
-            page["more"] = (f"{len(problems) - most} more, and details" if len(problems) > most
-                            else "Details") * bool(problems)
+            page["more"] = (f"{len(problems) - most} more problems, and details"
+                            if len(problems) > most else "Details") * bool(problems)
             page["first"] = [self.first_pictures()] * bool(self.main) + [
                 tables.first_table(models, self.evaluation.result)]
         elif self.others:
@@ -342,12 +346,12 @@ class Report:
 
 
 def measured(record: Block) -> list[str]:
-    """Returns the kinds of pictures that a record has without any model."""
+    """Returns the kinds of pictures of a record that require no model."""
     return ["truth", *(sensor for sensor in ("spd", "radar") if record[sensor]["count"] > 0)]
 
 
 def require(args: argparse.Namespace) -> None:
-    """Raises ReportError with exit code 2 for options that exclude or need each other."""
+    """Raises ReportError with exit code 2 if options exclude each other or are missing."""
     for wrong, text in ((args.empty and not args.run, "--empty needs --run"),
                         (args.model and args.compare,
                          "--compare and --model exclude each other"),
@@ -386,10 +390,10 @@ def main() -> None:
                         help="print the version and exit")
     parser.add_argument("dir", metavar="FOLDER", help="folder for report.html")
     parser.add_argument("--run", metavar="RUN",
-                        help="run to score the models on (held-out records only)")
+                        help="run on which the models are scored (only held-out records)")
     parser.add_argument("--model", metavar="MODEL", nargs="+", action="extend", default=[],
                         help="model files, FILE or NAME=FILE; the report describes the first "
-                             "one; files with the same NAME are repeated trainings of one model")
+                             "model; files with the same NAME are repeated trainings of one model")
     parser.add_argument("--compare", metavar="MODEL", nargs=2,
                         help="compare two model files record by record")
     parser.add_argument("--maps", metavar="FOLDER", nargs="+", action="extend", default=[],

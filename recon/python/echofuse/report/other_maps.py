@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Maps of other programs in a report, scored by `echofuse-recon evaluate --maps` on the records of
-the first model."""
+"""Adds maps of other programs to a report. `echofuse-recon evaluate --maps` scores them on the
+records of the first model."""
 from __future__ import annotations
 
 import pathlib
@@ -31,7 +31,7 @@ def named_folders(arguments: Sequence[str]) -> dict[str, str]:
 
 
 class OtherMaps:
-    """Scores and maps of folders, and of the first model if one is given."""
+    """Scores and maps from the folders and, if there is a model, from the first model."""
 
     def __init__(self, folders: dict[str, str], run: str, models: Sequence[ReportModel],
                  room: Sequence[str]) -> None:
@@ -44,7 +44,7 @@ class OtherMaps:
 
     @property
     def span(self) -> tuple[float, float]:
-        """Depth scale of the maps, m."""
+        """Limits of the depth scale of the maps, m."""
         return self.evaluation.span(float(self.scene.background_m.max()), self.scene.far_m)
 
     @property
@@ -63,14 +63,14 @@ class OtherMaps:
                                    means_of(scores.result["metrics"]), scores))
             gains.append((name, gain))
         rows += tables.rows_of([], result)
-        return [tables.metrics_table(rows, f"{records} records; mean ± standard error over maps; a "
-                                           "missing map counts as an empty map"),
+        return [tables.metrics_table(rows, f"{records} records; mean ± standard error over maps; "
+                                           "a missing map counts as an empty map"),
                 *tables.differences_table(self.names[0], gains[1:]),
                 *([paragraph(result["note"] + ".")] if result["note"] else [])]
 
     def record(self) -> Block | None:
-        """Returns the record with the median IoU of the first folder and all its maps; None if all
-        folders contain PNGs."""
+        """Returns the record with the median IoU of the first folder, with all maps of this record;
+        None if there is no map, because all folders contain PNG files."""
         order = self.evaluation.scores[0].order
         index = order[len(order) // 2]
         with runs.open(self.run) as run:
@@ -88,7 +88,8 @@ class OtherMaps:
                 at = int(np.flatnonzero(scores.index == index)[0])
                 out["maps"].append(map_block(name, drawn, self.scene, score_text(scores, at)))
         out["maps"] += model_maps
-        out["caption"] = f"Of {len(order)} records, the one with the median IoU of {self.names[0]}."
+        out["caption"] = (f"Of {len(order)} records, this one has the median IoU of "
+                          f"{self.names[0]}.")
         return out if out["maps"] else None
 
     def _scene(self, run: runs.Run) -> metrics.Scene:
@@ -102,7 +103,7 @@ class OtherMaps:
         return metrics.Scene.of_maps(run.maps(run.valid["depth"]))
 
     def blocks(self, at: int, record: Block | None) -> list[Block]:
-        """Returns tables and pictures. `at`: index of `record` in the page's list."""
+        """Returns tables and pictures. `at` is the index of `record` in the list of the page."""
         if record is None:
             return self.table()
         show = ["truth", *(f"{what} {k}" for k in range(len(record["maps"]))
@@ -112,7 +113,7 @@ class OtherMaps:
 
 def map_block(name: str, depth_m: NDArray[np.float32], scene: metrics.Scene,
               scores: str) -> Block:
-    """Returns the block of a map [1, N, N], thresholded as by `evaluate`."""
+    """Returns the block of a map [1, N, N], which is thresholded as in `evaluate`."""
     share = scene.share(depth_m)[0]
     drawn = np.where(share > 0.5, scene.clipped(depth_m)[0], scene.background_m)
     return {"name": name, "map": packed(drawn, 1e-3, "<u2"), "share": packed(share, 0.005, "u1"),

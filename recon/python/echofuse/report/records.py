@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Records of a report: sensor data, truth, and the maps of `echofuse-recon reconstruct`."""
+"""Collects the records of a report: sensor data, true maps, and maps from `echofuse-recon
+reconstruct`."""
 from __future__ import annotations
 
 import csv
@@ -20,14 +21,15 @@ from .scores import ReportModel, Scores
 
 UNCALIBRATED = (
     "no uncertainty (requires sensor inputs and an uninterrupted training with 50 records or more)")
-# maps [N, N] by name: "thresholded" (m, 0: no return), "share", and "deviation" if calibrated
+# Maps [N, N] of a record by name: "thresholded" (m, 0: no return), "share" (relative depth), and
+# "deviation" (m) if the model is calibrated.
 Map = dict[str, NDArray[np.float32]]
 
 
 def record_blocks(run: str, indices: Sequence[int], models: Sequence[ReportModel] = (),
                   scores: Sequence[Scores] = (), room: Sequence[str] = ()) -> dict[int, Block]:
-    """Returns the blocks of records by their index, with the map of each model's first model.
-    `scores` are those of the first models."""
+    """Returns the blocks of records by record index. They contain the maps of the first training of
+    each model. `scores` contains the scores of these trainings."""
     with runs.open(run) as whole:
         rows = np.flatnonzero(np.isin(whole.index, indices)).tolist()
         out = {int(whole.index[row]): measured(whole[row:row + 1]) for row in rows}
@@ -40,8 +42,9 @@ def record_blocks(run: str, indices: Sequence[int], models: Sequence[ReportModel
 
 
 def measured(record: runs.Run) -> Block:
-    """Returns the block of one record: title, truth, clicks [bins] and power [points, dB] at true
-    ranges; "body_m" and "maps" are empty. The title of a damaged record contains the fault."""
+    """Returns the block of one record: title, true map, clicks [bins] and power [points, dB] at
+    true ranges. "body_m" and "maps" are empty. If the record is damaged, its title contains the
+    error message."""
     (_, run, faults), = blocks(record)
     truth = run.maps()[0] if "depth_x" in run.axes else np.zeros((64, 64))
     title = ", ".join([run.labels[0] or "no label", f"record {run.index[0]}", *faults.values()])
@@ -70,7 +73,8 @@ def half_tangent(run: runs.Run) -> float:
 
 def reconstruct(model: ReportModel, run: str, indices: Sequence[int],
                 room: Sequence[str]) -> dict[int, tuple[str, Map]]:
-    """Returns status and maps of the model's first model, by record index."""
+    """Returns the status and the maps of each record by record index, from the first training of
+    the model."""
     calibrated = bool(model.facts[0]["0/calibrated"])
     with tempfile.TemporaryDirectory(prefix="echofuse-report-") as scratch:
         folder = pathlib.Path(scratch)
@@ -87,23 +91,23 @@ def reconstruct(model: ReportModel, run: str, indices: Sequence[int],
 
 
 def map_block(model: ReportModel, scored: Scores, at: int, status: str, maps: Map) -> Block:
-    """Returns the block of a thresholded map, with the model's interval and warnings. `at` is the
-    row in `scored`."""
+    """Returns the block of a thresholded map, with its uncertainty and warnings. `at` is the row of
+    the record in `scored`."""
     interval_m = scored["lateral_interval_90_m"][at]
     stated = (UNCALIBRATED if "deviation" not in maps else "no lateral interval"
               if np.isnan(interval_m) else f"lateral interval ±{100 * interval_m:.0f} cm (90 %)")
     out = {"name": model.title, "map": packed(maps["thresholded"], 1e-3, "<u2"),
            "share": packed(maps["share"], 0.005, "u1"),
            "scores": score_text(scored, at), "stated": stated}
-    warnings = [*([f"differs from the training: {scored.warnings[at]}"] if scored.warnings[at]
-                  else []), *([status] if status != "ok" else [])]
+    warnings = [*([f"differs from the training records: {scored.warnings[at]}"]
+                  if scored.warnings[at] else []), *([status] if status != "ok" else [])]
     out |= {"warning": "; ".join(warnings)} if warnings else {}
     return out | ({"deviation": packed(maps["deviation"], 0.01, "u1")} if "deviation" in maps
                   else {})
 
 
 def score_text(scored: Scores, at: int) -> str:
-    """Returns IoU and errors of a map as text."""
+    """Returns the IoU and the errors of a map as text."""
     parts = [f"IoU {scored['iou'][at]:.2f}"]
     parts += [f"{name} {100 * scored[metric][at]:.1f} cm"
               for name, metric in (("lateral error", "lateral_m"), ("depth error", "depth_mae_m"))
@@ -112,14 +116,16 @@ def score_text(scored: Scores, at: int) -> str:
 
 
 def map_remarks(block: Block, named: bool) -> str:
-    """Returns stated uncertainty and warnings of a map; `named`: includes the model's name."""
+    """Returns the uncertainty and the warnings of a map as text. If `named` is true, the text
+    contains the name of the model."""
     model = block["name"] if named else "Model"
     return f"{model}: {block['stated']}. " + (f"{model}: warning: {block['warning']}. "
                                               if "warning" in block else "")
 
 
 def median_record(models: Sequence[ReportModel], indices: set[int]) -> int | None:
-    """Returns the record closest to the median IoU of all models with the first model's inputs."""
+    """Returns the index of the record that is closest to the median IoU of each model with the same
+    inputs as the first model; None if there is no record."""
     distance: dict[int, int] = {}
     for model in models:
         order = [index for index in model.first.order
@@ -131,8 +137,8 @@ def median_record(models: Sequence[ReportModel], indices: set[int]) -> int | Non
 
 def select_records(run: str, models: Sequence[ReportModel], room: Sequence[str],
                    failing: Sequence[int]) -> tuple[list[Block], list[Block], list[Block]]:
-    """Returns the median record with and without a letter, with the maps of all models; the worst,
-    median and best record of the first model; and its failing records."""
+    """Returns three lists of records: the median records with and without a letter, with the maps
+    of all models; the worst, median and best record of the first model; and its failing records."""
     first, main, captions = models[0].first, [], []
     common = set.intersection(*(set(model.first.index.tolist()) for model in models))
     for person in (True, False):
@@ -140,8 +146,8 @@ def select_records(run: str, models: Sequence[ReportModel], room: Sequence[str],
                    if (label == "person") == person and index in common}
         if (index := median_record(models, indices)) is not None:
             main.append(index)
-            captions.append(f"Of {len(indices)} records of this kind, the one closest to the "
-                            "median IoU of the models with the first model's inputs.")
+            captions.append(f"Of {len(indices)} records of this kind, this one is closest to the "
+                            "median IoU of the models with the same inputs as the first model.")
     order = first.order
     ends = {title: order[int(share * (len(order) - 1))]
             for title, share in (("Worst", 0), ("Median", 0.5), ("Best", 1))}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Scores of the models of a report, by `echofuse-recon evaluate`."""
+"""Scores the models of a report with `echofuse-recon evaluate`."""
 from __future__ import annotations
 
 import csv
@@ -21,7 +21,7 @@ Values = NDArray[np.float64]
 
 
 class ReportError(BenchError):
-    """Error of a report: one line, and the exit code."""
+    """Error of echofuse-report, with a one-line message and an exit code."""
 
 
 class Mean(NamedTuple):
@@ -29,7 +29,7 @@ class Mean(NamedTuple):
 
     mean: float = np.nan
     se: float = np.nan  # standard error; NaN for fewer than two maps
-    maps: int = 0  # maps for which the metric is defined
+    maps: int = 0  # number of maps for which the metric is defined
 
     @classmethod
     def of(cls, values: Values) -> Mean:
@@ -39,14 +39,14 @@ class Mean(NamedTuple):
 
 
 class Means(dict[str, Mean]):
-    """Means by metric; NaN for an undefined metric."""
+    """Means by metric name; NaN for a missing metric."""
 
     def __missing__(self, metric: str) -> Mean:
         return Mean()
 
 
 def means_of(metrics: dict[str, Any]) -> Means:
-    """Converts "metrics" of `evaluate`."""
+    """Converts the object "metrics" in the JSON output of `evaluate`."""
     return Means({name: Mean(nan_if_none(m["mean"]), nan_if_none(m["se"]), m["maps"])
                   for name, m in metrics.items()})
 
@@ -63,7 +63,7 @@ class Count:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % interval of the share (Wilson 1927)."""
+        """95 % interval of the fraction count / total (Wilson 1927)."""
         if self.total == 0:
             return 0, 1
         z, n, p = 1.96, self.total, self.count / self.total
@@ -72,7 +72,7 @@ class Count:
 
     @classmethod
     def where(cls, holds: NDArray[np.bool_], *known: Values) -> Count:
-        """Counts records, of those for which all values of `known` are not NaN."""
+        """Counts the records for which `holds` is true. Excludes records with NaN in `known`."""
         valid = ~np.isnan(np.array(known)).any(0)
         return cls(int(holds[valid].sum()), int(valid.sum()))
 
@@ -81,10 +81,10 @@ class Count:
 class Scores:
     """Scores of one model on the records of a run."""
 
-    result: dict[str, Any]  # JSON of `evaluate`
+    result: dict[str, Any]  # JSON output of `evaluate`
     index: NDArray[np.int64]  # record indices [n]
     labels: list[str]
-    warnings: list[str]  # reason for flagging the record; empty if it is not flagged
+    warnings: list[str]  # why the record is flagged; empty if it is not
     columns: dict[str, Values]  # per-record scores [n] by name
 
     def __getitem__(self, name: str) -> Values:
@@ -92,7 +92,8 @@ class Scores:
 
     @property
     def shift(self) -> dict[str, Any]:
-        """Test of the whole run: p, records, found, text; empty if it was not tested."""
+        """Test whether the run differs from the training data: p, records, found and text. Empty if
+        the run was not tested."""
         return self.result.get("domain_shift") or {}
 
     @property
@@ -105,14 +106,14 @@ class Scores:
 
     @property
     def notes(self) -> list[str]:
-        """Other messages of `evaluate`, e.g. excluded records or a truth that contradicts the
-        sensors."""
+        """Other messages of `evaluate`, e.g. about excluded records or true maps that contradict
+        the sensors."""
         known = [self.shift.get("text"), *self.remarks]
         return [line for line in self.result["notes"].splitlines() if line not in known]
 
     @property
     def inside(self) -> Count:
-        """Bodies inside their stated 90 % interval."""
+        """Number of bodies inside their stated 90 % interval."""
         error, stated = self["lateral_m"], self["lateral_interval_90_m"]
         return Count.where(error <= stated, error, stated)
 
@@ -130,20 +131,20 @@ class Scores:
 
     @property
     def order(self) -> list[int]:
-        """Record indices, worst IoU first."""
+        """Record indices in the order of increasing IoU."""
         return list(self.index[np.argsort(np.nan_to_num(self["iou"]), kind="stable")].tolist())
 
 
 class Evaluation(NamedTuple):
-    """Scores of models on a run, from `evaluate`."""
+    """Scores of all models on a run, as computed by `evaluate`."""
 
     scores: list[Scores]
-    result: dict[str, Any]  # JSON of `evaluate`
-    room_note: str  # messages about another room
+    result: dict[str, Any]  # JSON output of `evaluate`
+    room_note: str  # messages of `evaluate` about another room
 
     def span(self, wall: float, far_m: float) -> tuple[float, float]:
-        """Returns the common depth scale of all maps, with a margin, m. `wall` is the maximum depth
-        of the background."""
+        """Returns the limits of the common depth scale of all maps, m, with a margin. `wall` is the
+        maximum depth of the background."""
         body = float(self.result["foreground_depth_m"])
         near = max(0.0, float(np.floor(2 * (body - 1)) / 2))
         return near, float(np.clip(np.ceil(2 * max(body + 1, wall)) / 2, near + 1,
@@ -152,8 +153,8 @@ class Evaluation(NamedTuple):
 
 def evaluate(models: Sequence[str], run: str, room: Sequence[str],
              folders: Sequence[str] = ()) -> Evaluation:
-    """Scores folders of maps and then models on the records that have all their sensors. `room` is
-    [] or ["--empty", RUN]."""
+    """Scores the maps in the folders, and then the models, on the records that have all required
+    sensors. `room` is [] or ["--empty", RUN]."""
     words = [*models, run, *room, *(word for folder in folders for word in ("--maps", folder))]
     with tempfile.TemporaryDirectory(prefix="echofuse-report-") as folder:
         out = pathlib.Path(folder) / "records.csv"
@@ -176,7 +177,8 @@ def evaluate(models: Sequence[str], run: str, room: Sequence[str],
 
 @dataclass
 class ReportModel:
-    """A model of the report, with one or several trainings; maps are those of the first one."""
+    """A model of the report, with one or several trainings. Its maps are from the first
+    training."""
 
     name: str
     files: list[str]
@@ -184,7 +186,7 @@ class ReportModel:
     tensors: dict[str, NDArray[Any]]  # tensors of the first file
     sensors: str  # e.g. "SPD + 8 antennas", "SPD alone"; "no sensor" for a constant map
     scores: list[Scores] = field(default_factory=list)
-    # paired differences to the first model of the report, by metric
+    # paired differences from the first model of the report, by metric
     differences: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -206,21 +208,22 @@ class ReportModel:
 
     @property
     def means(self) -> Means:
-        """Means over the maps; with several trainings mean and standard error over these."""
+        """Means over the maps. If there are several trainings, mean and standard error over
+        them."""
         all_means = [means_of(s.result["metrics"]) for s in self.scores]
         return all_means[0] if len(all_means) == 1 else Means(
             {m: Mean.of(np.array([means[m].mean for means in all_means])) for m in all_means[0]})
 
 
 def sensors_of(facts: dict[str, Any]) -> str:
-    """Returns the sensors of a model as text."""
+    """Returns the names of the sensors of a model as text."""
     if facts["0/model"] in ("mean", "empty"):
         return "no sensor"
     if not facts["0/inputs"].startswith("fused"):
         return {"spd": "SPD alone", "radar": "radar alone"}[facts["0/inputs"]]
     if not facts["0/takes_antennas"]:
         return "SPD + radar profile"
-    # The number of antennas is known only for a row without gaps.
+    # The number of antennas is only known if the antennas form a row without gaps.
     return (f"SPD + {facts['0/axes/array/scale'] + 1:.0f} antennas"
             if facts["0/axes/array/quantity"] == "lags" else "SPD + antennas")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Recorded run: sensor data over time, losses and events, without any model."""
+"""Reports a recorded run without a model: sensor data over time, losses and events."""
 from __future__ import annotations
 
 import json
@@ -18,7 +18,7 @@ from .records import decibels
 from .scores import Values
 
 SENSORS = {"spd": "SPD", "radar": "radar", "depth": "depth camera"}
-MAX_POINTS = 400  # points per curve; more are not visible
+MAX_POINTS = 400  # maximum number of points per curve; more are not visible
 
 
 def info_of(path: str) -> dict[str, Any]:
@@ -32,7 +32,7 @@ class Story:
     def __init__(self, path: str) -> None:
         self.path, self.info, self.run = path, info_of(path), runs.open(path)
         self.quality = self.run.quality()
-        self.unreadable: list[str] = []  # one line per record, filled by waterfalls()
+        self.unreadable: list[str] = []  # one message per record; waterfalls() adds them
         seconds = (self.run.time - self.run.time[:1]) / np.timedelta64(1, "s")
         whole = seconds[-1] if len(seconds) else 0
         self.unit, by = ("h", 3600) if whole > 7200 else ("min", 60) if whole > 180 else ("s", 1)
@@ -52,7 +52,8 @@ class Story:
         return out + (f"; {self.info['doubts']}." if self.info["doubts"] else ".")
 
     def gaps(self, sensor: str) -> list[list[float]]:
-        """Returns start and end of each gap of a sensor; at most MAX_POINTS, the longest."""
+        """Returns the start and the end of each gap in the data of a sensor. If there are more than
+        MAX_POINTS gaps, returns only the longest gaps."""
         lacks = np.concatenate([[False], ~self.run.valid[sensor], [False]]).astype(int)
         times, steps = np.append(self.at, self.end), np.diff(lacks)
         found = np.column_stack([times[steps > 0], times[steps < 0]])
@@ -61,8 +62,8 @@ class Story:
 
     @property
     def losses(self) -> list[str]:
-        """One sentence per sensor that is missing to the end or in more than 5 % of the records,
-        except for sensors without any data."""
+        """One sentence about each sensor that is missing until the end of the run, or in more than
+        5 % of the records. Sensors without any data are omitted."""
         by_time: dict[str, list[str]] = {}
         out, n = [], self.info["records"]
         for sensor, name in SENSORS.items():
@@ -72,21 +73,21 @@ class Story:
             if end == self.end:
                 by_time.setdefault(f"{begin:.4g} {self.unit}", []).append(name)
             elif lacking * 20 > n:
-                out.append(f"{lacking} of {n} records have no data of the {name}.")
+                out.append(f"{lacking} of {n} records have no data from the {name}.")
         return out + [f"no data of {', '.join(names)} from {time} to the end."
                       for time, names in sorted(by_time.items())]
 
     def curve(self, values: Values, gather: Callable[..., Any] = np.mean) -> list[float | None]:
-        """Combines neighbours into at most MAX_POINTS points. A point without values becomes None,
-        or 0 for sums."""
+        """Combines neighbouring values into at most MAX_POINTS points. A point without values
+        becomes None, or 0 for sums."""
         step = len(values) // MAX_POINTS + 1
         parts = (part[~np.isnan(part)] for part in (values[i:i + step]
                                                     for i in range(0, len(values), step)))
         return [short(gather(part)) if len(part) or gather is np.sum else None for part in parts]
 
     def strips(self) -> Block:
-        """Returns the arrays for the strips of the live page (recon/web/charts.js) and the gaps of
-        the sensors."""
+        """Returns the arrays for the class Strip of the live page (recon/web/charts.js), and the
+        gaps of the sensors."""
         arrays = {"first": self.curve(self.at)}
         for s, valid in self.run.valid.items():
             quality = self.quality
@@ -100,12 +101,13 @@ class Story:
     def waterfalls(self) -> list[Block]:
         """Returns counts and power over the run as images [columns, bins], as on the live page:
         log(1 + clicks), and radar power in dB above its median. Each column is the mean over
-        neighbouring records. 8 bits: 254 = `most`, 255 = no data."""
+        neighbouring records. The values have 8 bits: 254 is the maximum (`most`), 255 means no
+        data."""
         def over_median(values: NDArray[np.float64]) -> NDArray[np.float64]:
             return np.maximum(values - np.sort(values, 1)[:, [values.shape[1] // 2]], 0)
 
         run, step = self.run[0:len(self.run)], len(self.run) // MAX_POINTS + 1
-        run.valid["depth"][:] = False  # not read
+        run.valid["depth"][:] = False  # depth images are not read
         axes = {sensor: self.run.axes[sensor]
                 for sensor in ("spd", "radar") if sensor in self.run.axes}
         sums = {sensor: np.zeros(((len(run) - 1) // step + 1, axis.count))
@@ -139,13 +141,15 @@ class Story:
                  "tables": out}] if out else []
 
     def typical(self) -> list[int]:
-        """Returns the index of the middle one of the records with the most sensors, in a list."""
+        """Returns a list with the index of one of the records with the most sensors, from the
+        middle of the run. Empty if the run has no records."""
         count = np.sum(list(self.run.valid.values()), 0)
         best: list[int] = self.run.index[count == count.max(initial=0)].tolist()
         return best[len(best) // 2:len(best) // 2 + 1]
 
     def blocks(self, between: Sequence[Block], pictures: Sequence[Block]) -> list[Block]:
-        """Returns tables and strips of the run. `between`: blocks after the verdict."""
+        """Returns the tables and charts of the run. `between` contains blocks that follow the
+        verdict."""
         rows = []
         for s, name in SENSORS.items():
             verdicts = "; ".join(f"{count} {kind}"

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Sentences, tables and charts about the models of a report. The report describes the first."""
+"""Builds sentences, tables and charts about the models of a report. Most of them describe the first
+model."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -18,7 +19,7 @@ class MetricFormat(NamedTuple):
     unit: str
     scale: float
     decimals: int
-    best: str  # "more", "less" or "0"
+    best: str  # best value: "more" (highest), "less" (lowest) or "0"
 
     def text(self, value: float, more: int = 0) -> str:
         return f"{self.scale * value:.{self.decimals + more}f}"
@@ -42,30 +43,30 @@ METRICS = {"iou": MetricFormat("IoU", "", 1, 2, "more"),
            "ssim": MetricFormat("SSIM", "", 1, 2, "more"),
            "ssim_hard": MetricFormat("SSIM, thresholded map", "", 1, 2, "more"),
            "ssim_fg": MetricFormat("SSIM near the body", "", 1, 2, "more")}
-FIRST = ("iou", "lateral_m", "depth_mae_m")  # metrics of the first screen
+FIRST = ("iou", "lateral_m", "depth_mae_m")  # metrics at the top of the page
 PAIRED = ("iou", "lateral_m", "depth_mae_m", "ssim_fg", "ssim_hard", "rmse_m", "ghost")
 BASELINES = {"empty": "empty room", "mean": "mean of the training maps",
              "nearest": "nearest training record"}
-# SSIM of the network of Lai et al., Chin. Opt. Lett. 22, 022701 (2024).
+# SSIM that Lai et al. state for their network, Chin. Opt. Lett. 22, 022701 (2024).
 PAPER_SSIM = {"spd": 0.6389, "radar": 0.5266}
 
 
 def plus_minus(means: Means, metric: str) -> str:
-    """Formats mean ± standard error (with more than four maps) and unit."""
+    """Formats a mean with its unit and, for more than four maps, with its standard error."""
     m, form = means[metric], METRICS[metric]
     return form.text(m.mean) + (f" ± {form.text(m.se)}" if m.maps > 4
                                 and not np.isnan(m.se) else "") + form.unit
 
 
 def baselines_of(result: dict[str, Any]) -> list[tuple[str, Means]]:
-    """Returns titles and means of the baselines in the JSON of `evaluate`."""
+    """Returns the titles and means of the baselines in the JSON output of `evaluate`."""
     return [(title, means_of(result["trivial"][name]))
             for name, title in BASELINES.items() if name in result["trivial"]]
 
 
 def better_of(d: dict[str, Any]) -> str:
-    """Returns "first", "second", or "" if the interval of the difference contains 0 or is unknown
-    (few records)."""
+    """Returns which model is better: "first", "second", or "" if the interval of the difference
+    contains 0 or is unknown (too few records)."""
     return ("" if d["low"] is None or d["low"] <= 0 <= d["high"] else "second" if d["mean"] > 0
             else "first")
 
@@ -75,7 +76,7 @@ def interval(d: dict[str, Any], form: MetricFormat) -> str:
                                                      for key in ("low", "high"))
 
 
-# Sentences
+# Functions that return sentences
 
 
 def comparison_verdict(second: ReportModel, simulated: str) -> str:
@@ -90,8 +91,8 @@ def comparison_verdict(second: ReportModel, simulated: str) -> str:
 
 def models_verdict(models: Sequence[ReportModel], evaluation: Evaluation, simulated: str,
                    new_run: bool) -> str:
-    """Returns the scores of the first model, those of the best baseline, and the metrics in which a
-    second model is better. Baselines with IoU 0 do not count."""
+    """Returns a text with the scores of the first model and of the best baseline, and with the
+    metrics in which a second model is better. Ignores baselines with IoU 0."""
     own = models[0]
     second = "".join(f"{model.short} with the same inputs: {plus_minus(model.means, 'iou')}; "
                      for model in models[1:] if len(models) == 2 and model.sensors == own.sensors)
@@ -105,7 +106,7 @@ def models_verdict(models: Sequence[ReportModel], evaluation: Evaluation, simula
            f"IoU {plus_minus(own.means, 'iou')} ({second}{baseline})")
     out += "".join(f", {METRICS[m].name} {plus_minus(own.means, m)}"
                    for m in FIRST[1:] if own.means[m].maps) + "."
-    for model in models[1:] if len(models) == 2 else []:  # differences_table() shows more models
+    for model in models[1:] if len(models) == 2 else []:  # more models are in differences_table()
         found = [(METRICS[m], model.differences[m])
                  for m in PAIRED if m not in ("ssim_fg", "ghost") and m in model.differences]
         worse = [f"{form.name} ({form.text(d['first'])} against "
@@ -122,11 +123,12 @@ def problems_of_run(scores: Scores, where: str = "") -> list[str]:
     return out + [f"{where}{note}." for note in scores.notes]
 
 
-# Tables
+# Functions that return tables
 
 
 class Row(NamedTuple):
-    """Row of a metrics table. `scores` of a single training allow paired comparisons."""
+    """Row of a metrics table. If `scores` of a single training are given, comparisons are
+    paired."""
 
     name: str
     means: Means
@@ -146,7 +148,8 @@ def loss(metric: str, value: float) -> float:
 
 
 def equal_within_errors(a: Row, b: Row, metric: str) -> bool:
-    """Returns whether the difference is not significant (95 %); paired by record if possible."""
+    """Returns whether two means do not differ significantly (95 %). The comparison is paired by
+    record if possible."""
     x, y = a.means[metric], b.means[metric]
     difference = abs(loss(metric, x.mean) - loss(metric, y.mean))
     error = np.hypot(np.nan_to_num(x.se), np.nan_to_num(y.se))
@@ -158,7 +161,7 @@ def equal_within_errors(a: Row, b: Row, metric: str) -> bool:
 
 
 def best_of(rows: Sequence[Row], metric: str) -> list[bool]:
-    """Marks the best row and all rows that do not differ significantly from it."""
+    """Returns for each row whether it is the best row or does not differ significantly from it."""
     defined = [row.means[metric].maps > 0 for row in rows]
     best = min((row for row, is_defined in zip(rows, defined) if is_defined),
                key=lambda row: loss(metric, row.means[metric].mean), default=None)
@@ -167,7 +170,8 @@ def best_of(rows: Sequence[Row], metric: str) -> list[bool]:
 
 
 def value(row: Row, metric: str, best: bool) -> Block:
-    """Returns the cell of a metric; for `depth_mae_m` with the number of maps in brackets."""
+    """Returns the table cell of a metric. For `depth_mae_m`, it contains the number of maps in
+    brackets."""
     m, form, mark = row.means[metric], METRICS[metric], "best" if best else ""
     if np.isnan(m.mean):
         return cell("", "no body found" if metric in FIRST[1:] else "not defined")
@@ -191,13 +195,13 @@ def first_table(models: Sequence[ReportModel], result: dict[str, Any]) -> Block:
     rows, seeds = rows_of(models, result), len(models[0].files) > 1
     return metrics_table(
         rows, f"{len(models[0].first.index)} records; mean ± standard error over "
-              f"{'trainings' if seeds else 'maps'}. In brackets: maps in which the drawn and the "
-              "true body overlap. Marked: the best value, and values that do not differ from it "
-              "significantly.")
+              f"{'trainings' if seeds else 'maps'}. In brackets: number of maps in which the "
+              "predicted and the true body overlap. Marked: the best value, and values that do not "
+              "differ from it significantly.")
 
 
 def differences_table(first: str, gains: Sequence[tuple[str, dict[str, Any]]]) -> list[Block]:
-    """Returns paired gains over the first model with 95 % intervals."""
+    """Returns a table of the gains over the first model, paired by record, with 95 % intervals."""
     def gain(d: dict[str, Any] | None, form: MetricFormat) -> str | Block:
         if d is None:
             return NONE
@@ -234,8 +238,8 @@ def all_table(models: Sequence[ReportModel], result: dict[str, Any]) -> list[Blo
         out += [table(
             "Networks of the paper (Lai et al., Chin. Opt. Lett. 22, 022701, 2024)",
             ["", "SSIM here", "SSIM in the paper"], papers),
-                paragraph("Absolute values are not comparable: the paper does not state window "
-                          "and data range of its SSIM." + gap)]
+                paragraph("Absolute values are not comparable: the paper does not state the "
+                          "window and the data range of its SSIM." + gap)]
     return out
 
 
@@ -272,7 +276,8 @@ def labels_table(model: ReportModel) -> list[Block]:
 
 
 def failing(s: Scores) -> list[tuple[str, Count, list[int]]]:
-    """Returns kinds of failures, most frequent first, with their record indices, worst first."""
+    """Returns the kinds of failures, the most frequent first, with their record indices, the worst
+    record first."""
     iou, side, error, stated = (s[name] for name in ("iou", "left_right", "lateral_m",
                                                      "lateral_interval_90_m"))
     known = error + stated
@@ -298,7 +303,8 @@ def failures_table(model: ReportModel) -> Block:
 
 
 def uncertainty_table(rows: Sequence[tuple[str, Scores]]) -> Block:
-    """Compares stated uncertainties with observed errors; rows are (title, scores)."""
+    """Returns a table that compares stated uncertainties with observed errors. `rows` contains
+    (title, scores)."""
     def row(name: str, s: Scores) -> list[str | Block]:
         whole: str | Block = "not tested"
         if s.shift:
@@ -321,11 +327,12 @@ def uncertainty_table(rows: Sequence[tuple[str, Scores]]) -> Block:
                  [row(*pair) for pair in rows])
 
 
-# Charts
+# Functions that return charts
 
 
 def shares_below(values: Values) -> tuple[Values, Values]:
-    """Returns the empirical distribution: at most 200 values, and the share up to each, %."""
+    """Returns the empirical distribution: at most 200 sorted values, and the percentage of all
+    values up to each of them."""
     values = np.sort(values[~np.isnan(values)])
     at = np.arange(0, len(values), len(values) // 200 + 1)
     return values[at], 100 * (at + 1) / max(len(values), 1)
@@ -344,8 +351,8 @@ def distribution(models: Sequence[ReportModel], colours: Sequence[str], metric: 
 
 def error_chart(models: Sequence[ReportModel], colours: Sequence[str], title: str, x: str,
                 place: str) -> Block:
-    """Returns lateral errors of the first model as dots, and medians of up to 8 equal groups of
-    records for each model with at least 40 records."""
+    """Returns a chart with the lateral errors of the first model as dots. For each model with at
+    least 40 records, the chart also contains the medians of up to 8 equal groups of records."""
     def pairs(model: ReportModel) -> Values:
         points = np.column_stack([model.first[place], 100 * model.first["lateral_m"]])
         points = points[~np.isnan(points).any(1)]
@@ -378,7 +385,7 @@ def errors(models: Sequence[ReportModel], colours: Sequence[str]) -> Block:
 
 
 def losses(models: Sequence[ReportModel]) -> list[Block]:
-    """Returns training and validation losses by epoch."""
+    """Returns charts of the training and validation losses by epoch."""
     out = []
     for model in models:
         training, validation = (model.tensors[f"0/training/{name}loss_m"].ravel()
@@ -395,7 +402,7 @@ def losses(models: Sequence[ReportModel]) -> list[Block]:
 
 
 def comparison(a: ReportModel, b: ReportModel) -> list[Block]:
-    """Compares two models by record. A gain is positive if the second model is better."""
+    """Compares two models record by record. A gain is positive if the second model is better."""
     rows, charts = [], []
     for form, d in ((METRICS[m], b.differences[m]) for m in PAIRED if m in b.differences):
         better = cell(better_of(d), "", "good") if better_of(d) else "not significant"
