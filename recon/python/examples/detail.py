@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Measures how much detail a simulated scene needs: compares data sets with coarse settings to one
-with fine settings and the same seed.
+"""Measures how fine the simulation of a scene must be. Compares data sets with coarse settings to a
+data set with fine settings and the same seed.
 
     PYTHONPATH=. python3 examples/detail.py --fine spd_rays=2048 --coarse spd_rays=128 spd_rays=256
 
-Photons and radar power are simulated almost without noise. Their mean squared errors are in units
-of the noise variance at --photons and --snr-db; errors far below 1 are hidden by the noise.
-"""
+Photons and radar power are simulated almost without noise. Their mean squared errors are relative
+to the noise variance at --photons and --snr-db. Errors far below 1 are negligible against the
+noise. """
 import argparse
 import tempfile
 
@@ -15,7 +15,7 @@ import numpy as np
 import echofuse
 from echofuse.bench import call
 
-MANY = 1e9  # photons per record, for negligible noise
+MANY = 1e9  # photons per record; the noise is negligible
 QUIET = [f"signal_photons={MANY:g}", "radar_snr_db=200"]
 
 
@@ -27,8 +27,9 @@ def dataset(path: str, args: argparse.Namespace, settings: list[str]) -> echofus
 
 
 def errors(coarse: echofuse.Run, fine: echofuse.Run, photons: float, snr_db: float) -> list[float]:
-    """Returns the squared errors of counts (in bins with at least one) and radar power relative to
-    the noise variance, the mean depth difference, mm, and the share of pixels in only one map."""
+    """Returns four errors: the mean squared errors of the counts (in bins with at least one count)
+    and of the radar power, relative to the noise variance; the mean depth difference, mm; and the
+    fraction of pixels with a return in only one of the two maps."""
     counts, true_counts = (run.spd * (photons / MANY) for run in (coarse, fine))
     lit = true_counts >= 1
     power, true_power = coarse.power(), fine.power()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Bench method with scikit-learn (python3-sklearn): extremely randomised trees predict 64 map
-components from histogram and profile. In the folder of this file:
+"""Bench method with scikit-learn (python3-sklearn): extremely randomised trees predict 64 principal
+components of the map from the histogram and the profile. Run it in the folder of this file:
 
     echofuse-bench pareto TRAIN TEST --out mine.csv --markdown --methods nearest forest:Forest
 """
@@ -14,7 +14,7 @@ class Forest:
         self.trees = ExtraTreesRegressor(100, min_samples_leaf=3, random_state=seed, n_jobs=1)
 
     def inputs(self, run) -> np.ndarray:
-        """Returns [n, bins + points]; each sensor is normalised per record."""
+        """Returns the inputs [n, bins + points]. Each sensor is normalised in each record."""
         counts = run.photons().reshape(len(run), -1)
         parts = [counts] + ([run.power()] if "radar" in run.axes else [])
         return np.hstack([part / (np.abs(part).sum(1, keepdims=True) + 1e-9) for part in parts])
@@ -22,7 +22,7 @@ class Forest:
     def fit(self, run, rows: np.ndarray) -> None:
         maps = np.nan_to_num(run.maps()[rows])
         self.size = maps.shape[1]
-        self.nearest = 0.5 * float(np.median(maps[maps > 0]))  # smaller depths are no return
+        self.nearest = 0.5 * float(np.median(maps[maps > 0]))  # smaller depths count as no return
         self.components = PCA(min(64, len(maps) - 1),
                               random_state=0).fit(maps.reshape(len(maps), -1))
         self.trees.fit(self.inputs(run)[rows],

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Bench method with PyTorch (python3-torch): compares your own network with those of echofuse.
-In the folder of this file:
+"""Bench method with PyTorch (python3-torch), to compare your own network with those of echofuse.
+Run it in the folder of this file:
 
     echofuse-bench pareto TRAIN TEST --out mine.csv --methods nearest torch_network:Network
 """
@@ -10,17 +10,19 @@ from torch import nn
 
 
 class Network:
-    """Histogram and profile -> 256 -> 256 -> 128 components of mask and depths."""
+    """Network from histogram and profile to mask and depths, with layers of 256, 256 and 128
+    units."""
 
     def __init__(self, seed: int = 1, epochs: int = 40) -> None:
         torch.manual_seed(seed)
         self.epochs = epochs
 
     def inputs(self, run) -> torch.Tensor:
-        """Returns [n, bins + points]; each sensor is normalised per record."""
+        """Returns the inputs [n, bins + points]. Each sensor is normalised in each record."""
         counts = run.photons().reshape(len(run), -1)
         parts = [counts] + ([run.power()] if "radar" in run.axes else [])
-        roots = [np.sqrt(np.maximum(part, 0)) for part in parts]  # shifted counts may be < 0
+        # interpolated counts may be negative
+        roots = [np.sqrt(np.maximum(part, 0)) for part in parts]
         return torch.tensor(np.hstack([part / (np.linalg.norm(part, axis=1, keepdims=True) + 1e-9)
                                        for part in roots]))
 
@@ -48,7 +50,8 @@ class Network:
                 loss.backward()
                 steps.step()
             rate.step()
-        # The mask is wide if the side is unknown. Selects the threshold with the highest IoU.
+        # If the side of the body is uncertain, the mask is wide. Selects the threshold with the
+        # highest IoU on the training data.
         with torch.no_grad():
             mask = self.net((x - self.mean) / self.scale)[:, :pixels]
         self.least = max(torch.linspace(-2.5, 0.5, 13).tolist(), key=lambda at: float(

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Measures the benefit of detector zones, with and without radar, at equal total light: scores of
-maps, and the share of readable letters.
+"""Measures the benefit of detector zones, with and without radar, at equal total light. Reports the
+scores of the maps, and the fraction of readable letters.
 
     PYTHONPATH=. python3 examples/zones.py --train 2000 --test 500 --data-sets 1 2 3
 
-Prints a CSV line for each number of zones, light level, data set and method. The test scenes are
-equal for all numbers of zones. --set half_tangent=0.275 halves the field of view.
+Prints a CSV line for each number of zones, light level, data set and method. All numbers of
+zones have the same test scenes. --set half_tangent=0.275 halves the field of view.
 """
 import argparse
 import pathlib
@@ -27,7 +27,7 @@ def dataset(path: pathlib.Path, records: int, seed: int, settings: list[str]) ->
 
 
 def shares(maps: np.ndarray, run: echofuse.Run) -> list[float]:
-    """Returns the share of readable letters in maps of a run, by letter size."""
+    """Returns the fraction of readable letters in the maps of a run, for each letter size."""
     found, sizes = letters.read(maps, run.maps(), run.labels, run.half_tangent)
     return [float(np.mean(found[sizes == k])) for k in range(len(letters.SIZES))]
 
@@ -47,12 +47,12 @@ def main() -> None:
     parser.add_argument("--zones", type=int, nargs="+", default=[1, 3, 4, 8],
                         help="number of zones along x and y")
     parser.add_argument("--photons", type=float, nargs="+", default=[1e5],
-                        help="photons per record")
+                        help="mean number of photons per record")
     parser.add_argument("--methods", nargs="+",
                         default=["mean", "nearest:spd", "factorised:spd", "factorised"])
-    parser.add_argument("--data-sets", type=int, nargs="+", default=[1], help="seeds")
-    parser.add_argument("--train", type=int, default=1000, help="training records")
-    parser.add_argument("--test", type=int, default=300, help="test records")
+    parser.add_argument("--data-sets", type=int, nargs="+", default=[1], help="data set seeds")
+    parser.add_argument("--train", type=int, default=1000, help="number of training records")
+    parser.add_argument("--test", type=int, default=300, help="number of test records")
     parser.add_argument("--set", nargs="*", default=[], help="simulator settings KEY=VALUE")
     args = parser.parse_args()
     print("zones", "photons", "set", "data_set", "method", *COLUMNS, *LETTERS, sep=",")
@@ -70,7 +70,7 @@ def main() -> None:
                               *(f"{share:.4g}" for share in shares(run.maps(), run)), sep=",")
                     for text in args.methods:
                         if text == "factorised:spd" and side == 1:
-                            text = "pca-mlp-256-256:spd"  # the method needs zones or radar
+                            text = "pca-mlp-256-256:spd"  # `factorised` needs zones or radar
                         row = measure(text, train, test)
                         print(*head, text, *(f"{value:.4g}" for value in row), sep=",", flush=True)
 
