@@ -85,7 +85,7 @@ def test_bench_accepts_regenerated_data_and_refuses_other_data(runs, tmp_path):
     done, _ = pareto(tmp_path, (runs[0], again), "mean")
     assert done.returncode == 0 and lines(tmp_path) == 3
     done, _ = pareto(tmp_path, (again, runs[0]), "mean")
-    assert done.returncode == 2 and "name another --out" in done.stderr
+    assert done.returncode == 2 and "choose another --out" in done.stderr
 
 
 @pytest.mark.parametrize(("name", "said"), [("Failing", "AttributeError: 'Failing' object has no attribute 'weights'"),
@@ -126,7 +126,7 @@ def test_second_process_does_not_duplicate_rows(runs, tmp_path):
     table = bench.Table(tmp_path / "b.csv")
     with table.exclusive():
         done, rows = pareto(tmp_path, runs, "mean")
-        assert done.returncode == 1 and "table in use by another process" in done.stderr and not rows
+        assert done.returncode == 1 and "table is in use by another process" in done.stderr and not rows
     late = bench.Table(tmp_path / "b.csv")
     cells = bench.pareto_cells(*runs, [bench.method("mean")], seeds=1)
     bench.fill(table, cells, quiet=True)

@@ -119,7 +119,7 @@ def test_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
     assert f"spd [n, {run.axes['spd'].count}]" in repr(model) and model.axes["radar"].unit == "m"
     maps, own = model.predict(run), model.predict(spd=run.photons(), radar=run.power(), axes=run.axes)
     assert np.array_equal(maps.depth_m, own.depth_m, equal_nan=True) and len(own) == len(run) == 60
-    assert repr(maps) == "<echofuse maps: 60 of 64 x 64 pixels, metres, tangents within 0.55>"
+    assert repr(maps) == "<echofuse maps: 60 maps of 64 x 64 pixels, m, tangents within 0.55>"
     assert set(model.predict(spd=run.photons()).inputs) == {"spd"}  # its fallback
     with pytest.raises(ValueError, match=r"spd: shape \[60, 3\] \(expected \[n, "):
         model.predict(spd=run.photons()[:, :3], radar=run.power())
@@ -129,7 +129,7 @@ def test_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
     spd[7, 3] = np.nan
     with pytest.raises(ValueError, match="spd: row 7 contains a non-finite value"):
         model.predict(spd=spd, radar=run.power())
-    with pytest.raises(ValueError, match=r"spd axis has \d+ points of counts from -?[\d.e+]+ ps by 120 \(expected by .*: \d+ points of counts from"):
+    with pytest.raises(ValueError, match=r"spd axis has \d+ points of counts from -?[\d.e+]+ ps in steps of 120 \(expected by .*: \d+ points of counts from"):
         model.predict(spd=run.photons(), radar=run.power(), axes={"spd": dataclasses.replace(run.axes["spd"], step=120.0)})
     assert np.array_equal(maps[3], maps.depth_m[3], equal_nan=True) and maps[[1, 2]].index.tolist() == [1, 2]
     assert len(maps[maps.index > 50]) == 9 and maps[-2:].inputs == maps.inputs[-2:]

@@ -183,7 +183,7 @@ def test_report_shows_when_a_sensor_was_lost(here, tmp_path):
     db.close()
     code, said = report(tmp_path, "--live", lost)
     assert code == 0 and "40 with all three sensors; 20 of 60 doubtful: radar no frames 20." in said
-    assert "no data of radar from 120 s to the end." in said
+    assert "no data from radar after 120 s." in said
     assert of_kind(page_of(tmp_path)["of"]["live"], "strips")["gaps"]["radar"] == [[120.0, 180.0]]
 
 

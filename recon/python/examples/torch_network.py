@@ -50,8 +50,7 @@ class Network:
                 loss.backward()
                 steps.step()
             rate.step()
-        # If the side of the body is uncertain, the mask is wide. Selects the threshold with the
-        # highest IoU on the training data.
+        # Selects the threshold with the highest IoU, because uncertain bodies have wide masks.
         with torch.no_grad():
             mask = self.net((x - self.mean) / self.scale)[:, :pixels]
         self.least = max(torch.linspace(-2.5, 0.5, 13).tolist(), key=lambda at: float(

@@ -154,7 +154,7 @@ def _letters(args: argparse.Namespace) -> None:
         truth = run.maps()[rows]
         if truth.shape != maps.shape:
             raise BenchError(
-                f"{args.maps}: maps of {maps.shape[1]} x {maps.shape[2]} pixels; expected "
+                f"{args.maps}: maps have {maps.shape[1]} x {maps.shape[2]} pixels; expected "
                 f"{truth.shape[1]} x {truth.shape[2]} as in the run")
         found = letters.read(maps, truth, [run.labels[row] for row in rows], run.half_tangent)
     if not np.isfinite(found[0]).any():

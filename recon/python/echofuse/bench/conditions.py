@@ -33,7 +33,7 @@ BASE = World()
 class Axis:
     """Conditions along one axis, in order, by label. One of them is BASE."""
 
-    # "matched": both the training and the test have the condition; "shifted": only the test has it
+    # "matched": same condition in training and test; "shifted": only the test differs from the base
     kind: str
     name: str
     title: str  # title in tables and figures, with the unit
@@ -137,7 +137,7 @@ def _matched_sensors(axes: _Axes) -> None:
 
 
 def _matched_scenes(axes: _Axes) -> None:
-    """Adds axes of scenes, slot lengths and rooms, most of them for both training and test."""
+    """Adds axes of scenes, slot lengths and rooms. Most of them apply to both training and test."""
     base = axes.base
     axes.numeric("matched", "records", "training records (factor)", (6.67, 3, 1, 0.28, 0.07),
                  (0.28,), lambda v: World(records=v), 1)

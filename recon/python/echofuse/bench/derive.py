@@ -135,6 +135,6 @@ def require_linear(records: Records) -> None:
 
 
 def read(path: str | pathlib.Path) -> Records:
-    """Reads the data of a run in the form that a change receives."""
+    """Reads the data of a run as Records, which a change can edit."""
     with runs.open(path) as run:
         return Records(run)

@@ -65,8 +65,7 @@ class Fitted(Protocol):
         """Returns a depth map of each record [n, N, N], m; NaN: no return."""
 
 
-# predict(test, folder) returns the arguments of `echofuse-recon evaluate` that select the maps or
-# the model, and the measured costs by name.
+# predict(test, folder) returns arguments for `echofuse-recon evaluate`, and measured costs by name
 Predict = Callable[[pathlib.Path, pathlib.Path], tuple[list[str], Row]]
 
 
@@ -76,8 +75,7 @@ class Method:
 
     model: str  #: name of the model, class or command
     inputs: str  #: sensors that the method uses; "-": not specified
-    #: fit(train, folder, seed, fallback) trains the method. If `fallback` is true, a model of both
-    #: sensors also predicts records with only one sensor.
+    #: fit(train, folder, seed, fallback) trains the method; for `fallback` see Cell
     fit: Callable[[pathlib.Path, pathlib.Path, int, bool], Predict]
     source: str = "-"  #: hash of the code of a user method, otherwise "-"
     #: whether predict() also receives the true maps (class attribute `oracle`)

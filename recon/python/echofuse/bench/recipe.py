@@ -58,7 +58,7 @@ def run_pairs(track: dict[str, Any], folder: pathlib.Path,
 @functools.cache
 def available_methods(*names: str) -> list[Method]:
     """Returns the named methods, except those that need a missing library (PyTorch,
-    scikit-learn). Finds method modules in the folder examples, which is next to the package in
+    scikit-learn). Also searches for methods in the folder examples, which is next to the package in
     the source tree and inside the installed package."""
     package = pathlib.Path(__file__).resolve().parents[1]
     sys.path += [str(package / "examples"), str(package.parent / "examples")]

@@ -17,7 +17,7 @@ from . import derive, fog, table as tables
 from .conditions import BASE, Axis, World, recorded_axes, simulated_axes
 from .methods import CONSTANT, Method, Row, method, version
 
-TEST_SEEDS = 1000  # added to the seeds of test records
+TEST_SEEDS = 1000  # added to the seed for the test records
 
 
 class Simulated:
@@ -177,7 +177,7 @@ def cells(source: Simulated | Recorded, axes: Sequence[Axis], methods: Sequence[
 
 
 def first_failures(rows: Sequence[Row], axis: Axis) -> dict[str, list[str]]:
-    """Returns for each method the axis values at which it first fails, from the base in both
+    """Returns for each method the axis values closest to the base at which it fails, in both
     directions. A method fails if its IoU does not exceed that of the best baseline (empty room,
     mean map, nearest record) by more than the standard deviation over the seeds, or is NaN."""
     def iou(model: str, inputs: str | None, label: str) -> dict[str, float]:

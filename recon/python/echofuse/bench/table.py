@@ -80,11 +80,11 @@ class Table:
         for line in lines:
             if self.source and line.startswith("# ") and line[2:] != self.source:
                 raise UsageError(f"{path}: contains results of {line[2:]} (expected "
-                                 f"{self.source}); name another --out")
+                                 f"{self.source}); choose another --out")
         rows = csv.DictReader(line for line in lines if not line.startswith("#"))
         if data and tuple(rows.fieldnames or ()) != COLUMNS:
-            raise UsageError(f"{path}: not a bench table; name another --out")
-        if path == self.path and whole != data:  # partial line, left by a killed process
+            raise UsageError(f"{path}: not a bench table; choose another --out")
+        if path == self.path and whole != data:  # removes a partial line of a killed process
             with writing(path), open(path, "r+b") as file:
                 file.truncate(len(whole))
         return {self.key(row): row for row in rows if row["axis"] != "axis"}
@@ -108,7 +108,7 @@ class Table:
         if previous["source"] == row["source"] and np.isnan(float(row["iou"])):
             return  # the file already has a row for this failure
         head = {name: row[name] for name in HEAD}
-        with writing(self.path):  # scores first, so that each row has scores
+        with writing(self.path):  # writes the scores first, so that no row lacks them
             if records:
                 self._append(self.records, COLUMNS_OF_RECORDS, [head | score for score in records])
             self._append(self.path, COLUMNS, [row])
@@ -123,7 +123,7 @@ class Table:
             try:
                 descriptor = locked(lock)
             except BlockingIOError:
-                raise BenchError(f"{self.path}: table in use by another process; wait until it "
+                raise BenchError(f"{self.path}: table is in use by another process; wait until it "
                                  "ends, or split the work with --part K/N") from None
         try:
             self.rows |= self._read(self.path)
@@ -262,17 +262,17 @@ class Cell:
 
     @property
     def fit_key(self) -> str:
-        """Key of the trained method in Shared."""
+        """Key under which Shared stores the trained method."""
         return f"{self.method.name} {self.seed} {self.fallback} {self.train.key}"
 
     @property
     def test_input_key(self) -> str:
-        """Key of the copy of the test run that a blind method reads."""
+        """Key under which Shared stores the test run without true maps."""
         return f"{self.test.key} without truth"
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Keys of the runs and of the trained method that the cell uses."""
+        """Keys of all runs and trained methods that the cell uses."""
         return self.train.key, self.test.key, self.test_input_key, self.fit_key
 
 
@@ -392,9 +392,9 @@ def pareto_cells(train: Path, test: Path, methods: Iterable[Method], *, seeds: i
 
 
 def means(table: Table, axis: str = "model") -> list[Row]:
-    """Returns one row per method and value. It contains the mean of each metric and cost (NAME) and
-    its standard deviation over the seeds (NAME_spread). "compared" contains the result of
-    `echofuse-recon compare` against the method with the highest IoU."""
+    """Returns one row per method and value. Each row contains the mean of each metric and cost
+    (NAME), and its standard deviation over the seeds (NAME_spread). "compared" contains the result
+    of `echofuse-recon compare` against the method with the highest IoU."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for key, row in table.rows.items():
         if row["axis"] == axis:

@@ -96,7 +96,7 @@ def cast(pose: Array, triangles: Array, size: int = SIZE,
     rays = np.stack([x, y, np.ones_like(x)], -1).reshape(-1, 3) @ pose[:3, :3].T
     first, edge_1, edge_2 = (triangles[:, 0], triangles[:, 1] - triangles[:, 0],
                              triangles[:, 2] - triangles[:, 0])
-    p = np.cross(rays[:, None], edge_2)  # [rays, triangles, 3]
+    p = np.cross(rays[:, None], edge_2)  # shape [rays, triangles, 3]
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = 1 / (p * edge_1).sum(-1)
         from_first = pose[:3, 3] - first
@@ -121,21 +121,21 @@ def truth_of(depth: Array, height: Array, table_m: float) -> NDArray[np.float32]
 
 
 def box(x: float, y: float, z: float) -> Array:
-    """Returns the triangles of a box that stands on the plane z = 0, centred on the z axis."""
+    """Returns the triangles of a box on the plane z = 0, centred on the z axis."""
     corners = np.array([(sx * x / 2, sy * y / 2, sz * z) for sz in (0, 1)
                         for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
     return _hull(corners, 4)
 
 
 def wedge(x: float, y: float, z: float) -> Array:
-    """Returns the triangles of a box that stands on the plane z = 0 and narrows to a ridge."""
+    """Returns the triangles of a box on the plane z = 0 that narrows to a ridge."""
     out = box(x, y, z)
     out[..., 0] *= np.where(out[..., 2] > 0, 0.05, 1)
     return out
 
 
 def cylinder(radius: float, z: float, sides: int = 16) -> Array:
-    """Returns the triangles of a cylinder that stands on the plane z = 0, centred on the z axis."""
+    """Returns the triangles of a cylinder on the plane z = 0, centred on the z axis."""
     angle = 2 * np.pi * np.arange(sides) / sides
     ring = radius * np.stack([np.cos(angle), np.sin(angle)], 1)
     return _hull(np.concatenate([np.c_[ring, np.zeros(sides)], np.c_[ring, np.full(sides, z)]]),
@@ -151,7 +151,7 @@ def _hull(corners: Array, n: int) -> Array:
 
 
 def random_solid(rng: np.random.Generator) -> tuple[Array, float]:
-    """Returns a random solid that stands on the plane z = 0, and its height, m."""
+    """Returns a random solid on the plane z = 0, and its height, m."""
     wide, deep, high = rng.uniform(0.03, 0.12), rng.uniform(0.03, 0.12), rng.uniform(0.04, 0.25)
     solid = (box(wide, deep, high), wedge(wide, deep, high),
              cylinder(wide / 2, high))[rng.integers(3)]
@@ -239,7 +239,8 @@ def fit_to_poses(data: str | pathlib.Path, mesh: str | pathlib.Path,
 
 def write(out: str | pathlib.Path, counts: NDArray[Any], maps: NDArray[np.float32],
           fit: zone_fit.ZoneFit | None, label: str, notes: str) -> None:
-    """Writes a run of counts [n, zones, 128] and maps. Without a fit the zones are summed."""
+    """Writes a run of counts [n, zones, 128] and maps. If no fit is given, the counts of all zones
+    are summed."""
     zones = []
     if fit is None:
         counts = counts.sum(1)

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 # rays per side of a field, and tangent at its edge; 14 % of the weight is outside +-0.3
 G, FIELD_TANGENT = 30, 0.46
-# A field is a sum of KNOTS x KNOTS hat functions, because a few poses do not determine the weight
-# of each ray.
+# A field is a sum of KNOTS x KNOTS hat functions. A few poses do not determine each ray weight.
 KNOTS = 8
 BIN_M = 0.0138
 FIRST, LAST = 11, 60  # bins FIRST to LAST - 1 are fitted
@@ -162,7 +161,7 @@ def load(path: str | pathlib.Path) -> ZoneFit:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{path}: invalid zone fit: {error}") from None
     if fit.fields.shape != (len(fit.zero_bin), G * G):
-        raise ValueError(f"{path}: shape of fields {fit.fields.shape} (expected [zones, {G * G}])")
+        raise ValueError(f"{path}: fields has shape {fit.fields.shape} (expected [zones, {G * G}])")
     return fit
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Exports a run to HDF5 (h5py) or netCDF (xarray), or one record to CSV.
 
-The HDF5 file has a NeXus-like layout. Every array has units, and every dimension has a scale. It
-contains n records in the order of the run:
+The HDF5 file has a NeXus-like layout. Every array has units, and every dimension has a scale. The
+file contains n records in the order of the run:
   /entry               title, entry_identifier, start_time, end_time, configuration, radar_cfg
   /entry/data          names and units as in to_xarray(): spd u32 [n, bins] or [n, zones, bins];
                        radar f32 [n, bins] linear power; radar_codes f32 [n, bins] as sent by TI
@@ -52,8 +52,7 @@ CODES = ("256 * log2(magnitude), summed over the `scale` virtual antennas of the
 ARRAY = ("for each range bin, over the frames of a record: mean sample of each antenna (real, "
          "imaginary); power of each antenna; mean of x_m conj(x_n) for m < n, row by row; mean of "
          "sum_m x_m(t) conj(x_m(t-1)); antennas as in /entry/tables/antenna")
-# For each array: its axes after the record axis, units, meaning, and a function that returns its
-# values.
+# For each array: axes after the record axis, units, meaning, and a function that returns values
 SIGNALS: dict[str, tuple[list[str], str, str, Callable[[Run], Any]]] = {
     "spd": (["spd_time"], "counts", "detections per bin of two-way time of flight",
             lambda part: part.spd),
@@ -84,8 +83,8 @@ def units_of(table: str, column: str) -> str:
 
 def put(group: Any, name: str, values: Any, scale: Any = None, **attributes: Any) -> Any:
     """Creates a data set from a column or a text and returns it. Texts have a fixed length, which
-    all readers support. They are ASCII if possible, for readers such as Octave. If `scale` is None,
-    the column becomes a dimension scale itself."""
+    all readers support. They are ASCII if possible, for readers such as Octave. Without
+    `scale`, a column becomes a dimension scale itself."""
     import h5py
 
     values = np.array(values.encode("utf-8", "surrogateescape") if isinstance(values, str)
@@ -117,8 +116,8 @@ def write_head(entry: Any, run: Run, tables: dict[str, dict[str, Any]]) -> None:
     for name, key in TEXTS.items():
         put(entry, name, str(run.info[key] or ""))
     put(entry, "program_name", f"echofuse {run.info['version']}")
-    # If a device was reconnected, only its first row is written. The file contains measured ranges;
-    # true range = measured range - offset_m.
+    # If a device was reconnected, only its first row is written.
+    # The ranges in the file are measured ranges: true range = measured range - offset_m.
     for sensor, (table, group) in ((s, t) for s in SENSORS
                                    for t in (("device", "instrument/"),
                                              ("calibration", "calibration_"))):

@@ -42,8 +42,8 @@ def crc32c(data: bytes) -> int:
     states are combined in pairs."""
     values = np.frombuffer(data, np.uint8)
     length = max(1, -(-len(values) // ROWS))
-    # The data are padded with leading zeros, which do not change a state of 0. The initial state is
-    # therefore XORed into the first four bytes of the data.
+    # The data are padded with leading zero bytes. The initial state is 0, which they do not change.
+    # The initial state of RFC 3720 is therefore XORed into the first four bytes of the data.
     padded = np.zeros(ROWS * length, np.uint8)
     padded[len(padded) - len(values):] = values
     padded[len(padded) - len(values):][:4] ^= 0xFF

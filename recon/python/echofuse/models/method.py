@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ..runs import PS_PER_M
 
 Array = NDArray[Any]
-TAPS = np.arange(-7, 9)  # offsets of the interpolation taps, profile points
+TAPS = np.arange(-7, 9)  # offsets of the interpolation taps, in profile points
 
 
 class Method:
@@ -182,7 +182,7 @@ class Method:
         right, behind = self.networks(standard, "model/place").T  # equation (8)
         r, nearest = inputs[bodies, -1], self.f["model/nearest_m"]
         tangent, z = right / np.maximum(r, nearest), np.maximum(r + behind, nearest)
-        # equation (9)
+        # Equation (9) computes mask and depth.
         mask, depth = (self.t[f"model/{name}/mean"][None].repeat(len(bodies), 0)
                        for name in ("masks", "depths"))
         if self.f["model"] == "factorised":
@@ -198,7 +198,7 @@ class Method:
         half = self.f["scene/map_half_tangent"]
         # tangents of the pixel centres
         pixel = half * ((2 * np.arange(self.size) + 1) / self.size - 1)
-        for i, row in enumerate(bodies):  # equation (10)
+        for i, row in enumerate(bodies):  # each body: equation (10)
             across = interpolation(((pixel - tangent[i]) * z[i] - left) / pitch, columns)
             down = interpolation((-pixel * z[i] - top) / pitch, rows)
             m = down @ mask[i].reshape(rows, columns) @ across.T

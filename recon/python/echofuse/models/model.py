@@ -160,7 +160,7 @@ class Maps:
 
     def __repr__(self) -> str:
         size = self.depth_m.shape[1]
-        return (f"<echofuse maps: {len(self)} of {size} x {size} pixels, metres, tangents within "
+        return (f"<echofuse maps: {len(self)} maps of {size} x {size} pixels, m, tangents within "
                 f"{self.half_tangent:g}>")
 
     def to_xarray(self) -> Any:
@@ -182,7 +182,7 @@ class Maps:
 
 class Model:
     """Model from a file that `echofuse-recon train` wrote. If a sensor is missing in a record, an
-    estimator for the other sensor predicts it, if the model contains one."""
+    estimator for the other sensor predicts the map, if the model contains such an estimator."""
 
     def __init__(self, path: str | pathlib.Path) -> None:
         tensors, facts = read_safetensors(path)
@@ -200,7 +200,7 @@ class Model:
     def __repr__(self) -> str:
         first = self.estimators[0]
         return (f"<echofuse model {self.path}: {first.kind}, {first.inputs}; axes "
-                + ", ".join(f"{name} [n, {axis.count}] from {axis.start:g} {axis.unit} by "
+                + ", ".join(f"{name} [n, {axis.count}] from {axis.start:g} {axis.unit} in steps of "
                             f"{axis.step:g}"
                             for name, axis in self.axes.items())
                 + f"; maps of {first.size} x {first.size}>")
@@ -269,8 +269,7 @@ class Model:
         done = np.flatnonzero(by >= 0)
         half = first.f["scene/map_half_tangent"]
         axes = [tangents(name, first.size, half) for name in ("depth_x", "depth_y")]
-        # Uses the positions of the run if only rounding differs, because xarray aligns equal
-        # values.
+        # Uses the axes of the run if they differ only by rounding; xarray aligns only equal axes.
         x, y = (run.axes[axis.name] if axis.is_same(run.axes.get(axis.name)) else axis
                 for axis in axes)
         depth_m = np.minimum(np.where(maps[done] > 0, maps[done], np.float32(np.nan)),

@@ -79,8 +79,8 @@ def draw_map(ax: Axes, depth_m: ArrayLike, x: ArrayLike, y: ArrayLike,
              span: tuple[float, float] | None = None,
              title: str = "", bar: bool = True) -> None:
     """Draws depths [rows, columns], m, over the tangents x and y of the pixel centres. Near pixels
-    are bright; values <= 0 are no return. If `span` is None, the values are fractions from 0 to
-    1."""
+    are bright; values <= 0 are no return. If no `span` is given, the values are fractions from 0
+    to 1."""
     values, x, y = np.asarray(depth_m, float), np.asarray(x, float), np.asarray(y, float)
     image_values = np.where(values > 0, values, np.nan) if span else values
     dx, dy = abs(x[1] - x[0]) / 2, abs(y[1] - y[0]) / 2
@@ -107,7 +107,7 @@ def map_of(source: MapSource, index: int | None,
            half_tangent: float | None) -> tuple[NDArray[Any], float]:
     """Returns a map [N, N] and the tangent at its edges. The source is an array, Maps, or a run
     with true maps; `index` is a record of Maps or of the run. Raises KeyError if the record is
-    missing, and TypeError if the source is an array and half_tangent is None."""
+    missing, and TypeError for an array without half_tangent."""
     if isinstance(source, models.Maps):
         return source.depth_m[row_of(source, index)], source.half_tangent
     if isinstance(source, runs.Run):

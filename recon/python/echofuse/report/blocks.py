@@ -95,7 +95,7 @@ def packed(values: NDArray[Any], unit: float, kind: str) -> str:
 
 
 def printable(value: Any) -> Any:
-    """Escapes line breaks and control characters, also those that reorder text, in all strings."""
+    """Escapes line breaks and other control characters in all strings."""
     if isinstance(value, str):
         return run_files.printable(value)
     if isinstance(value, dict):
@@ -108,7 +108,7 @@ def html_of(page: Block) -> str:
     def read(name: str) -> str:
         return (PAGE / name).read_text(encoding="utf-8")
 
-    # joins all modules into one script without import and export
+    # joins all modules into one script, without import and export
     scripts = "".join(re.sub(r"(?m)^export ", "", re.sub(r"import [^\n]*\n", "", read(name)))
                       for name in ("charts.js", "maps.js", "cloud.js", "report.js"))
     parts = {"styles": "\n" + "".join(read(name) + "\n"

@@ -117,8 +117,7 @@ class Report:
             self.run, self.models, self.room, list(dict.fromkeys(worst))[:MAX_FAILING])
         order = [colour for colour in ("both", "papers", "depth", "grey", "spd", "radar")
                  if colour not in {model.inputs for model in self.models}]
-        #: colour of each model. The first model of a single sensor has the colour of the sensor.
-        #: Other models have other colours.
+        #: colours of the models; the first model of a single sensor has the colour of the sensor
         self.colours = ["grey", "both"]
         for at, model in enumerate([] if compared else self.models):
             before = sum(other.inputs == model.inputs or other.both and model.both
@@ -127,8 +126,8 @@ class Report:
                                  or before else model.inputs]
 
     def add_live(self) -> None:
-        """Adds a record of the recorded run: the record with the median IoU or, if there is no
-        model, one of the records with the most sensors."""
+        """Adds a record of the recorded run: the record with the median IoU or, if the
+        report has no model, one of the records with the most sensors."""
         self.story = Story(self.args.live)
         if self.models and self.args.live != self.run:
             self.live = evaluate(self.models[0].files[:1], self.args.live, self.room)
@@ -139,7 +138,8 @@ class Report:
         else:
             found = record_blocks(self.args.live, self.story.typical())
             caption = "One of the records with the most sensors, from the middle of the run."
-        index = {} if self.args.live == self.run else {"index": None}  # belongs to another run
+        # the record is from another run
+        index = {} if self.args.live == self.run else {"index": None}
         self.main += [block | {"caption": caption} | index for block in found.values()]
         self.span = self.span if self.models or self.others or not self.main else span_of(
             np.frombuffer(base64.b64decode(self.main[0]["truth"]), "<u2") / 1000)

@@ -70,7 +70,7 @@ class OtherMaps:
 
     def record(self) -> Block | None:
         """Returns the record with the median IoU of the first folder, with all maps of this record;
-        None if there is no map, because all folders contain PNG files."""
+        None if it has no maps, because all folders contain PNG files."""
         order = self.evaluation.scores[0].order
         index = order[len(order) // 2]
         with runs.open(self.run) as run:

@@ -21,8 +21,7 @@ from .scores import ReportModel, Scores
 
 UNCALIBRATED = (
     "no uncertainty (requires sensor inputs and an uninterrupted training with 50 records or more)")
-# Maps [N, N] of a record by name: "thresholded" (m, 0: no return), "share" (relative depth), and
-# "deviation" (m) if the model is calibrated.
+# maps [N, N] by name: "thresholded" (m, 0: no return), "share" (relative depth), "deviation" (m)
 Map = dict[str, NDArray[np.float32]]
 
 
@@ -125,7 +124,7 @@ def map_remarks(block: Block, named: bool) -> str:
 
 def median_record(models: Sequence[ReportModel], indices: set[int]) -> int | None:
     """Returns the index of the record that is closest to the median IoU of each model with the same
-    inputs as the first model; None if there is no record."""
+    inputs as the first model; None if there are no records."""
     distance: dict[int, int] = {}
     for model in models:
         order = [index for index in model.first.order

@@ -32,7 +32,7 @@ class Story:
     def __init__(self, path: str) -> None:
         self.path, self.info, self.run = path, info_of(path), runs.open(path)
         self.quality = self.run.quality()
-        self.unreadable: list[str] = []  # one message per record; waterfalls() adds them
+        self.unreadable: list[str] = []  # messages about records; waterfalls() adds them
         seconds = (self.run.time - self.run.time[:1]) / np.timedelta64(1, "s")
         whole = seconds[-1] if len(seconds) else 0
         self.unit, by = ("h", 3600) if whole > 7200 else ("min", 60) if whole > 180 else ("s", 1)
@@ -41,7 +41,7 @@ class Story:
 
     @property
     def verdict(self) -> str:
-        """Returns e.g. "complete: 20 records, 19 with all three sensors"."""
+        """Returns a summary, e.g. "complete: 20 records, 19 with all three sensors"."""
         n, whole = self.info["records"], self.info["all_valid"]
         out = f"{self.info['status']}: {n} record{'' if n == 1 else 's'}"
         if n == 0:
@@ -74,7 +74,7 @@ class Story:
                 by_time.setdefault(f"{begin:.4g} {self.unit}", []).append(name)
             elif lacking * 20 > n:
                 out.append(f"{lacking} of {n} records have no data from the {name}.")
-        return out + [f"no data of {', '.join(names)} from {time} to the end."
+        return out + [f"no data from {', '.join(names)} after {time}."
                       for time, names in sorted(by_time.items())]
 
     def curve(self, values: Values, gather: Callable[..., Any] = np.mean) -> list[float | None]:

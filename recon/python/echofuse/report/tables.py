@@ -106,7 +106,7 @@ def models_verdict(models: Sequence[ReportModel], evaluation: Evaluation, simula
            f"IoU {plus_minus(own.means, 'iou')} ({second}{baseline})")
     out += "".join(f", {METRICS[m].name} {plus_minus(own.means, m)}"
                    for m in FIRST[1:] if own.means[m].maps) + "."
-    for model in models[1:] if len(models) == 2 else []:  # more models are in differences_table()
+    for model in models[1:] if len(models) == 2 else []:  # differences_table() has more models
         found = [(METRICS[m], model.differences[m])
                  for m in PAIRED if m not in ("ssim_fg", "ghost") and m in model.differences]
         worse = [f"{form.name} ({form.text(d['first'])} against "
@@ -127,8 +127,7 @@ def problems_of_run(scores: Scores, where: str = "") -> list[str]:
 
 
 class Row(NamedTuple):
-    """Row of a metrics table. If `scores` of a single training are given, comparisons are
-    paired."""
+    """Row of a metrics table. `scores` of a single training allow paired comparisons."""
 
     name: str
     means: Means
@@ -233,7 +232,7 @@ def all_table(models: Sequence[ReportModel], result: dict[str, Any]) -> list[Blo
     papers = [[model.title, summary(model.means, "ssim", 1),
                f"{PAPER_SSIM.get(model.inputs, 0.6576):.4f}"] for model in models if model.papers]
     if papers:
-        gap = (" The difference between both sensors and a single one is comparable."
+        gap = (" The difference between both sensors and one sensor is comparable."
                if len(papers) > 1 else "")
         out += [table(
             "Networks of the paper (Lai et al., Chin. Opt. Lett. 22, 022701, 2024)",
@@ -415,11 +414,11 @@ def comparison(a: ReportModel, b: ReportModel) -> list[Block]:
         gain = gain[~np.isnan(gain)]
         charts.append(chart(f"{len(gain)} records", name, "records below (%)",
                             span=[0, 100], rules=[{"at": 0, "name": "equal"}],
-                            note=f"The second model is better to the right of the line: "
+                            note=f"The second model is better for records right of the line: "
                                  f"{Count(int((gain > 0).sum()), len(gain))}."))
         add_series(charts[-1], "all records", "both", "steps", *shares_below(gain))
     return [paragraph(f"First: {a.title}. Second: {b.title}."),
-            table("Paired by record; 95 % intervals by resampling blocks of up to ten neighbours",
+            table("Paired by record; 95 % intervals from resampling blocks of up to ten neighbours",
                   ["metric", "records", "first", "second",
                    cell("difference", "positive: second is better"), "95 % interval",
                    "better"], rows),

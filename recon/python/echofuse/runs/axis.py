@@ -22,8 +22,8 @@ class Axis:
     scale: float  #: number of antennas; 1 for axes without antennas
 
     def __str__(self) -> str:
-        return (f"{self.count} points of {self.quantity} from {self.start:g} {self.unit} by "
-                f"{self.step:g}")
+        return (f"{self.count} points of {self.quantity} from {self.start:g} {self.unit} in steps "
+                f"of {self.step:g}")
 
     @property
     def values(self) -> NDArray[np.float64]:

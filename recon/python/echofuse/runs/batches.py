@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from . import antennas
 from .run import Run
 
-MAX_RECORDS, MAX_BYTES = 256, 32 << 20  # limits of a block
+MAX_RECORDS, MAX_BYTES = 256, 32 << 20  # maximum records and bytes of a block
 Progress = Callable[[int], None]  # called with the number of finished records
 
 

@@ -72,7 +72,7 @@ def write(run: Run, path: pathlib.Path, progress: Progress) -> int:
     import h5py
     from xarray import conventions
 
-    encoded: Any = conventions.cf_encoder  # has no type annotation in xarray
+    encoded: Any = conventions.cf_encoder  # xarray has no type annotation for it
 
     unreadable = 0
     for first, part, faults in blocks(run, progress):

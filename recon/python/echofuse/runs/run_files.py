@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 3
 NULL_INTEGER = -1 << 63
 WAL_KEY = "wal_key"  # key in the JSON text run.meta of an open run
-MAX_RESTARTS = 1 << 16  # largest difference between the keys of a run and its -wal
+MAX_RESTARTS = 1 << 16  # maximum difference between the stored key and that of the -wal
 TABLES = {"run", "axis", "record", "device", "calibration", "antenna", "anchor", "counter", "event",
           "late", "zone"}
 STATISTICS = {f"sqlite_stat{n}" for n in range(1, 5)}  # tables that SQLite writes for ANALYZE
@@ -33,7 +33,7 @@ KINDS: dict[str, tuple[str, Any]] = {"INTEGER":
 
 
 def printable(text: str) -> str:
-    """Escapes control characters, also those that reorder text, so that the text is one line."""
+    """Escapes line breaks and other control characters, so that the text is one line."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode()
                    for c in text)
 
@@ -209,7 +209,7 @@ def is_model(path: pathlib.Path) -> bool:
 def connect(path: pathlib.Path) -> Connection:
     """Opens a run file for reading. Files next to a closed run are not read or written. Raises
     ValueError if the file is not a run."""
-    inode = hold(path)  # keeps the file open until a connection does
+    inode = hold(path)  # keeps the file open until a connection opens it
     try:
         return connected(path, header_is_closed(inode))
     finally:
@@ -268,7 +268,7 @@ def status_of(db: Connection, path: pathlib.Path, stored: str) -> str:
 
 def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
     """Protects against malicious files (acquire/README.md, threat model, 1): refuses code in the
-    schema and limits the run time of statements. Raises ValueError."""
+    schema and limits the run time of statements. Raises ValueError for code in the schema."""
     # One step is 10 000 instructions. A valid run needs less than one instruction per byte.
     left = iter(range(200 + path.stat().st_size * 4 // 10_000))
     db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(max(path.stat().st_size, 16 << 20), 128 << 20))

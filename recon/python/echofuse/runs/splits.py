@@ -31,10 +31,10 @@ def usual_inputs(run: Run) -> str:
 
 def split(run: Run, kind: str = "random", seed: int = 1, *, inputs: str | None = None,
           test_share: float = 0.1, validation_share: float = 0.05, gap: int = 0) -> Split:
-    """Returns the split that `echofuse-recon rows` computes. It excludes doubtful and incomplete
-    records, and records of a dead sensor. kind: "random", or "blocked" for sequences of similar
-    records. inputs: required sensors, "fused", "spd" or "radar" (default: the sensors of the run).
-    Raises RuntimeError with the error message of the program."""
+    """Returns the split that `echofuse-recon rows` computes. The split excludes doubtful and
+    incomplete records, and records with a dead sensor. kind: "random", or "blocked" for sequences
+    of similar records. inputs: required sensors, "fused", "spd" or "radar" (default: the sensors of
+    the run). Raises RuntimeError with the error message of the program."""
     inputs = inputs or usual_inputs(run)
     settings = {"test_share": test_share, "validation_share": validation_share, "gap": gap}
     words = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]

@@ -19,10 +19,11 @@ class Zone(NamedTuple):
     x: float  # tangent of the zone centre, positive to the right
     y: float  # tangent of the zone centre, positive upwards
     width: float  # full width of the zone, tangent
-    zero_ps: float = 0.0  # two-way time of range 0
+    zero_ps: float = 0.0  # two-way time of range 0, ps
 
     def plausible(self) -> bool:
-        """Returns whether the values are plausible, as Zone::plausible in drivers/core/zone.hpp."""
+        """Returns whether the values are plausible, like Zone::plausible
+        (drivers/core/zone.hpp)."""
         unknown = all(map(math.isnan, self[:3]))
         return abs(self.zero_ps) <= 1e12 and (unknown or abs(self.x) <= 100 and abs(self.y) <= 100
                                               and 0 < self.width <= 200)
@@ -34,7 +35,7 @@ class Zone(NamedTuple):
 
 
 def stored(db: sqlite3.Connection) -> list[Zone]:
-    """Reads the zones of a run; empty for a single pixel. Raises ValueError."""
+    """Reads the zones of a run; empty for a single pixel. Raises ValueError if they are invalid."""
     if not db.execute("SELECT 1 FROM sqlite_schema WHERE name = 'zone'").fetchone():
         return []
     cursor = db.execute("SELECT CAST(x AS REAL), CAST(y AS REAL), CAST(width AS REAL), CAST("
