@@ -30,7 +30,7 @@ from .table import Table, fill, finish, pareto_cells, source_line
 
 
 def parse_part(text: str) -> tuple[int, int]:
-    """Parses "3/8" into (3, 8). Raises argparse.ArgumentTypeError."""
+    """Parses "3/8" into (3, 8). Raises argparse.ArgumentTypeError for any other text."""
     try:
         k, n = map(int, text.split("/"))
         if 1 <= k <= n:
@@ -109,7 +109,7 @@ def make_parser() -> argparse.ArgumentParser:
 def main() -> None:
     """Runs echofuse-bench with the arguments in sys.argv."""
     args = make_parser().parse_args()
-    sys.path.append(os.getcwd())  # methods in the current folder can be imported
+    sys.path.append(os.getcwd())  # allows imports of methods in the current folder
     try:
         if getattr(args, "figure", None):
             require_matplotlib()

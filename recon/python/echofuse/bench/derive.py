@@ -27,7 +27,7 @@ class Records:
     keep: NDArray[np.bool_] = field(init=False)  #: whether each record is copied [n]
     spd: NDArray[np.uint32] = field(init=False)  #: counts [n, bins] or [n, zones, bins]
     radar: NDArray[np.float32] = field(init=False)  #: range profiles as stored [n, points]
-    #: for each sensor, whether each record lacks its data [n]
+    #: whether the data of a sensor are missing in each record [n], by sensor name
     lost: dict[str, NDArray[np.bool_]] = field(init=False)
     range_offset_m: float = 0
 

@@ -52,8 +52,8 @@ def add_fog(clear: NDArray[np.uint32], visibility_m: float, settings: dict[str, 
     tangent2 = np.add.outer(*2 * [(edge * (np.arange(cells) + 0.5) / cells) ** 2])
     falloff = np.exp(-settings["spd_falloff"] * tangent2 / edge**2)
     solid_angle_sr = 4 * (edge / cells) ** 2 * np.sum((1 + tangent2) ** -1.5 * falloff)
-    # Power per solid angle that a Lambertian surface returns: albedo cos / (pi R^2). Power per
-    # solid angle that a layer of fog returns: beta dR / R^2 (beta: backscatter, 1/(m sr)).
+    # A Lambertian surface returns the power albedo cos / (pi R^2) per solid angle.
+    # A fog layer of thickness dR returns beta dR / R^2; beta is the backscatter coefficient.
     back = np.pi * extinction / LIDAR_RATIO_SR * solid_angle_sr / MEAN_SCENE_WEIGHT
     near = (range_m > 1) & (range_m < 15)
     rate = np.where(near, back * transmission / range_m**2, 0) * step_ps / PS_PER_M

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""HTML reports of models and runs."""
+"""Writes HTML reports about models and runs."""
 from .command import main
 
 __all__ = ["main"]

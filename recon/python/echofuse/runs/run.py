@@ -367,7 +367,7 @@ class Run:
         if axis is None:
             return table
         zeros_ps = [zone.zero_ps for zone in self.zones] or [0.0]
-        parts = table.reshape(len(self), len(zeros_ps), axis.count)  # a view: writes change `table`
+        parts = table.reshape(len(self), len(zeros_ps), axis.count)  # `parts` is a view of `table`
         if self.meta.get("detector_dead_time_ps") is not None:
             for part, clicks in zip(parts, self._clicks()):
                 part[:] = [pile_up.corrected(self, row, *clicks) for row in part]
