@@ -169,8 +169,8 @@ TEST_CASE("train and evaluate print excluded records and the reasons") {
   const Outcome judged = recon_program("evaluate -q " + (dir / "m") + " " + (dir / "fresh"));
   CHECK_THAT(judged.text,
              Catch::StartsWith("22 records; ") &&
-                 Catch::Contains("doubtful records left out: camera frozen 8; including "
-                                 "them IoU 0."));
+                 Catch::Contains("doubtful records left out: camera frozen 8; including them: "
+                                 "IoU 0."));
   write_run(dir / "frozen", 4, 2, doubtful);
   refuses("evaluate -q " + (dir / "m") + " " + (dir / "frozen"), 1,
           (dir / "frozen") + ": 4 of 4 records left out: camera frozen 4");

@@ -280,7 +280,8 @@ TEST_CASE("records.csv has the body position, and repeated messages are summaris
   });
   const Outcome o =
       recon_program("reconstruct " + (dir / "m") + " " + (dir / "fresh") + " --out " + (dir / "o"));
-  CHECK_THAT(o.text, Catch::Contains("12 records from 4 to 15: spd is the same in every bin\n"));
+  CHECK_THAT(o.text,
+             Catch::Contains("12 records between 4 and 15: spd is the same in every bin\n"));
   CHECK_FALSE(o.text.find("record 4:") != std::string::npos);
   double x_m = 0, z_m = 0;
   const std::string table = contents(dir / "o/records.csv");
@@ -337,7 +338,7 @@ TEST_CASE("option --follow reconstructs a live run until it is closed") {
   CHECK(WEXITSTATUS(status) == 5);  // record 0
   const std::string text = contents(log);
   CHECK_THAT(text, Catch::Contains("record 0: lacks radar, which the model needs") &&
-                       Catch::Contains("record 3: map 0.") &&
-                       Catch::Contains("3 records reconstructed, 1 left out; maps 0."));
+                       Catch::Contains("record 3: map ready 0.") &&
+                       Catch::Contains("3 records reconstructed, 1 left out; maps ready 0."));
   CHECK(numpy("print(n.load('" + out + "/maps.npy').shape)") == "(3, 64, 64)\n");
 }
