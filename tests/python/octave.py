@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """tests/python/octave.py BIN_DIR: runs the MATLAB example of recon/README.md in Octave, on an exported run. Octave in Debian 12
-has no h5read, so a function based on h5py replaces it. The test checks names and order of dimensions, not MATLAB itself.
-Octave's own load() reads the whole file."""
+has no h5read, so a function based on h5py replaces it. The test checks the names and the order of the array dimensions, and
+that Octave's load() can read the complete file. It does not check MATLAB itself."""
 import pathlib
 import re
 import shutil
@@ -17,12 +17,13 @@ if not octave:
     sys.exit(77)
 bin_dir = pathlib.Path(sys.argv[1])
 text = (pathlib.Path(__file__).resolve().parents[2] / "recon/README.md").read_text(encoding="utf-8")
-example = re.sub(r"^(plot|imagesc).*", "", re.search(r"```matlab\n(.*?)```", text, re.S)[1], flags=re.M)  # needs a display
+# These two commands need a display.
+example = re.sub(r"^(plot|imagesc).*", "", re.search(r"```matlab\n(.*?)```", text, re.S)[1], flags=re.M)
 h5read = """function out = h5read(file, path)
   [status, text] = system(sprintf('/usr/bin/python3 h5read.py %s %s', file, path));
   head = strsplit(strtrim(text));
   f = fopen('h5read.bin'); values = fread(f, Inf, ['*' head{1}]); fclose(f);
-  out = reshape(values, [cellfun(@str2double, head(2:end)) 1]);  % the last dimension first
+  out = reshape(values, [cellfun(@str2double, head(2:end)) 1]);  % Reverses the order of the dimensions, as h5read of MATLAB does.
 end
 """
 by_h5py = """import sys, h5py

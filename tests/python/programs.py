@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Programs under test, in the folder ECHOFUSE_BIN."""
+"""Runs the programs under test, which are in the folder ECHOFUSE_BIN."""
 import os
 import pathlib
 import subprocess

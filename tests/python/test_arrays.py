@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Import of arrays as a run: echofuse.write_run, `echofuse-acquire import FOLDER`."""
+"""Tests echofuse.write_run and `echofuse-acquire import FOLDER`, which convert NumPy arrays to a run."""
 import json
 import resource
 import subprocess
@@ -19,7 +19,7 @@ def write(path, **arrays):
     return echofuse.write_run(path, program=ACQUIRE, **arrays)
 
 
-def test_written_arrays_are_read_back(tmp_path):
+def test_run_written_from_arrays_reads_back_the_same_arrays(tmp_path):
     rng = np.random.default_rng(1)
     spd, radar = rng.poisson(50, (7, 90)), rng.normal(1, 0.3, (7, 12)).astype(np.float32)
     depth = np.where(rng.random((7, 24, 24)) < 0.5, np.nan, rng.uniform(0.5, 6, (7, 24, 24)))
@@ -35,12 +35,12 @@ def test_written_arrays_are_read_back(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8", "?"])
-def test_write_run_accepts_every_number_type(tmp_path, kind):
+def test_write_run_accepts_integer_float_and_bool_arrays(tmp_path, kind):
     spd = (np.arange(60).reshape(4, 15) % 100).astype(kind)
     assert np.array_equal(write(tmp_path / "own", spd=spd).spd, spd.astype(np.uint32))
 
 
-def test_nan_row_marks_the_sensor_invalid(tmp_path):
+def test_row_of_nan_marks_the_sensor_as_invalid_in_that_record(tmp_path):
     spd, radar = np.ones((3, 5)), np.ones((3, 4))
     spd[1] = np.nan
     radar[2] = np.nan
@@ -68,7 +68,7 @@ def test_nan_row_marks_the_sensor_invalid(tmp_path):
     ("expected 0 to 65.5 m", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 2900.0)}),
     ("its median is 3 mm; expected depths in millimetres", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 3)}),
 ])
-def test_invalid_arrays_are_refused_with_the_expected_form(tmp_path, said, arrays):
+def test_write_run_refuses_invalid_arrays_and_states_what_is_expected(tmp_path, said, arrays):
     with pytest.raises(RuntimeError) as refused:
         write(tmp_path / "own", **arrays)
     assert said in str(refused.value)
@@ -76,7 +76,7 @@ def test_invalid_arrays_are_refused_with_the_expected_form(tmp_path, said, array
 
 
 @pytest.mark.parametrize("cut", [1, 60, 100, 127, 130])
-def test_damaged_npy_file_is_refused(tmp_path, cut):
+def test_import_refuses_a_truncated_npy_file(tmp_path, cut):
     np.save(tmp_path / "spd.npy", np.ones((3, 5), np.uint16))
     (tmp_path / "run.toml").write_text("window_s = 1.0\n")
     whole = (tmp_path / "spd.npy").read_bytes()
@@ -85,7 +85,7 @@ def test_damaged_npy_file_is_refused(tmp_path, cut):
     assert done.returncode == 1 and "spd.npy: " in done.stderr and done.stderr.count("\n") == 1
 
 
-def test_import_keeps_the_stated_response_and_ignores_lab_toml(tmp_path):
+def test_import_stores_the_response_from_run_toml_and_ignores_lab_toml(tmp_path):
     np.save(tmp_path / "radar.npy", np.ones((3, 5)))
     (tmp_path / "run.toml").write_text('[radar]\ncell_m = 0.04996540967\ntaps = "1 0.9 0.5 0.2"\n[spd]\nirf_fwhm_ps = 1234.56789\n')
     (tmp_path / "lab.toml").write_text("not TOML")
@@ -100,7 +100,7 @@ def events(run):
 
 
 def scene(n=12):
-    """Returns histograms with a peak and profiles with an echo, with independent noise."""
+    """Returns n histograms with a peak and n range profiles with an echo. The noise of each record is independent."""
     rng = np.random.default_rng(2)
     peak, echo = 500 * (np.arange(90) // 5 == 7), 1000.0 * (np.arange(20) == 9)
     return {"spd": rng.poisson(peak + 10, (n, 90)), "radar": rng.exponential(1, (n, 20)) + echo}
@@ -110,7 +110,7 @@ def verdicts(run, sensor):
     return [verdict.split(":")[0] for verdict in run.quality()[f"{sensor}_verdict"]]
 
 
-def test_imported_records_get_the_verdicts_of_a_live_run(tmp_path):
+def test_imported_records_get_the_same_verdicts_as_live_records(tmp_path):
     arrays = scene()
     good = write(tmp_path / "good", **arrays)
     assert verdicts(good, "spd") == verdicts(good, "radar") == ["ok"] * 12
@@ -125,7 +125,7 @@ def test_imported_records_get_the_verdicts_of_a_live_run(tmp_path):
 
 
 @pytest.mark.parametrize("unit", [1e-12, 1e-3, 1e6])
-def test_verdicts_do_not_depend_on_the_unit_of_power(tmp_path, unit):
+def test_verdicts_do_not_depend_on_the_unit_of_radar_power(tmp_path, unit):
     arrays = scene()
     arrays["radar"] = arrays["radar"] * unit
     assert verdicts(write(tmp_path / "good", **arrays), "radar") == ["ok"] * 12
@@ -133,14 +133,14 @@ def test_verdicts_do_not_depend_on_the_unit_of_power(tmp_path, unit):
     assert verdicts(write(tmp_path / "frozen", **frozen), "radar") == ["ok"] + ["stands still"] * 11
 
 
-def test_power_in_db_causes_a_warning(tmp_path):
+def test_import_warns_if_radar_power_seems_to_be_in_db(tmp_path):
     radar = scene()["radar"]
     assert "are they in dB?" in events(write(tmp_path / "db", radar=10 * np.log10(radar) + 60, began="2024-02-07"))[0]
     assert "are they in dB?" in events(write(tmp_path / "negative", radar=10 * np.log10(radar) - 5, began="2024-02-07"))[0]
     assert not events(write(tmp_path / "linear", radar=radar, began="2024-02-07"))
 
 
-def test_began_sets_the_start_time(tmp_path):
+def test_began_argument_sets_the_start_time_of_an_imported_run(tmp_path):
     run = write(tmp_path / "own", began="2024-02-07T13:00:00+01:00", **scene())
     assert run.time[1] == np.datetime64("2024-02-07T12:00:03") and run.info["started_utc"] == "2024-02-07T12:00:00.000Z"
     assert run.info["ended_utc"] == "2024-02-07T12:00:36.000Z"
@@ -153,7 +153,7 @@ def test_began_sets_the_start_time(tmp_path):
             write(tmp_path / "other", began=text, **scene())
 
 
-def test_implausible_depth_map_is_excluded(tmp_path):
+def test_import_marks_an_implausible_depth_map_as_invalid(tmp_path):
     depth = np.random.default_rng(1).integers(2000, 3000, (12, 16, 16)).astype(np.uint16)
     depth[3] = 7
     depth[5, :2] = 65535
@@ -164,20 +164,20 @@ def test_implausible_depth_map_is_excluded(tmp_path):
     assert np.isnan(run.depth[5, :2]).all() and not np.isnan(run.depth[5, 2:]).any()
 
 
-def test_npy_shape_is_checked_before_allocation(tmp_path):
+def test_import_checks_the_npy_shape_before_allocating_memory(tmp_path):
     if b"__asan_init" in (BIN / "echofuse-acquire").read_bytes():
         pytest.skip("AddressSanitizer reserves more memory than the limit")
     head = "{'descr': '|u1', 'fortran_order': False, 'shape': (1, %d), }" % (2 ** 32 + 5)
     with open(tmp_path / "spd.npy", "wb") as file:
         file.write(b"\x93NUMPY\x01\x00\x76\x00" + head.ljust(117).encode() + b"\n")
-        file.truncate(128 + 2 ** 32 + 5)  # sparse file
+        file.truncate(128 + 2 ** 32 + 5)  # The file is sparse, so it occupies almost no disk space.
     (tmp_path / "run.toml").write_text("")
     done = subprocess.run([ACQUIRE, "import", tmp_path, "--out", tmp_path / "own"], capture_output=True, text=True, check=False,
                           preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30)))
     assert done.returncode == 1 and "has 4294967301 values per record; expected at most" in done.stderr
 
 
-def test_npy_with_a_type_that_contains_nul_is_refused(tmp_path):
+def test_import_refuses_an_npy_data_type_that_contains_a_nul_byte(tmp_path):
     np.save(tmp_path / "spd.npy", np.zeros((0, 5), "<u4"))
     whole = (tmp_path / "spd.npy").read_bytes()
     (tmp_path / "spd.npy").write_bytes(whole.replace(b"<u4", b"<u\0"))
@@ -186,9 +186,9 @@ def test_npy_with_a_type_that_contains_nul_is_refused(tmp_path):
     assert done.returncode == 1 and "has type '<u\\x00'; expected little-endian numbers" in done.stderr
 
 
-def test_radar_response_and_antennas_are_stored(tmp_path):
+def test_write_run_stores_the_radar_response_and_antennas(tmp_path):
     values = np.random.default_rng(1).normal(0, 1, (12, 20, 10)).astype(np.float32)
-    values[:, :, 4:6] = 100  # power of each antenna
+    values[:, :, 4:6] = 100  # These two columns contain the power of each antenna.
     run = write(tmp_path / "own", **scene(), step_m=0.25, radar_cell_m=0.25, radar_taps=[1, 0.9, 0.5, 0.2], array=values,
                 antennas=[(0, 0), (1, 0, 1.5, 0.25)])
     assert (run.meta["radar_cell_m"], run.meta["radar_taps"]) == ("0.25", "1.0 0.9 0.5 0.2")
@@ -196,7 +196,7 @@ def test_radar_response_and_antennas_are_stored(tmp_path):
     assert np.allclose(antennas.values(run), values, atol=0.01)
 
 
-def test_arrays_replace_arrays_of_a_run(tmp_path):
+def test_derived_run_keeps_everything_except_the_replaced_arrays(tmp_path):
     run = write(tmp_path / "base", **scene(), irf_fwhm_ps=300, labels=[f"x{i}" for i in range(12)], began="2024-02-07",
                 depth_m=np.random.default_rng(1).uniform(2, 3, (12, 16, 16)), notes="mine")
     with echofuse.open(derive.copy(run.path, tmp_path / "few.sqlite", derive.gain(2), derive.range_offset(0.1),
@@ -214,7 +214,7 @@ def test_arrays_replace_arrays_of_a_run(tmp_path):
     ("valid", [7, -1], "row 1 has -1.000000; expected a whole number from 0 to 7"),
     ("valid", [1e300, 7], "row 0 has 1"),
 ])
-def test_record_numbers_and_sensor_bits_are_whole(tmp_path, name, values, said):
+def test_import_refuses_fractional_record_numbers_and_sensor_bits(tmp_path, name, values, said):
     write(tmp_path / "base", **scene())
     (tmp_path / "run.toml").write_text('run = "base.sqlite"')
     np.save(tmp_path / "index.npy", [0, 1])
@@ -238,7 +238,7 @@ def test_small_maps_keep_their_size_in_training_and_evaluation(tmp_path, size):
     assert told["metrics"]["iou"]["mean"] >= 0 and told["metrics"]["ssim"]["mean"] is None
 
 
-def test_sensor_without_an_array_is_not_configured(tmp_path):
+def test_sensor_without_an_imported_array_has_the_verdict_not_configured(tmp_path):
     run = write(tmp_path / "own", spd=scene()["spd"], began="2024-02-07")
     told = json.loads(subprocess.run([ACQUIRE, "info", run.path, "--json"], capture_output=True, check=True).stdout)
     assert told["verdicts"]["radar"] == told["verdicts"]["depth"] == {"not configured": 12}
@@ -252,13 +252,13 @@ def test_sensor_without_an_array_is_not_configured(tmp_path):
     ("spd: row 1 has nan", {"spd": np.array([[1.0, 1], [np.nan, 1]])}),
     ("2 labels, but there are 3 records", {"spd": np.ones((3, 5)), "labels": ["a", "b"]}),
 ])
-def test_errors_name_the_argument_instead_of_a_temporary_file(tmp_path, said, arrays):
+def test_write_run_errors_name_the_argument_instead_of_a_temporary_file(tmp_path, said, arrays):
     with pytest.raises(RuntimeError) as refused:
         write(tmp_path / "own", **arrays)
     assert said in str(refused.value) and str(tmp_path) not in str(refused.value) and ".npy" not in str(refused.value)
 
 
-def test_split_uses_the_sensors_of_the_run_and_explains_an_empty_result(tmp_path):
+def test_split_uses_the_sensors_of_the_run_and_explains_why_no_record_is_left(tmp_path):
     depth = np.where(np.arange(16) < 8, 2.0, 3.0) * np.ones((12, 16, 1))
     run = write(tmp_path / "own", depth_m=depth + np.random.default_rng(1).normal(0, 0.01, (12, 16, 16)), spd=scene()["spd"])
     assert len(np.concatenate(list(vars(echofuse.split(run, test_share=0.25)).values()))) == 12
@@ -276,13 +276,13 @@ def test_split_uses_the_sensors_of_the_run_and_explains_an_empty_result(tmp_path
     ("has no record 12", np.ones((2, 4, 4)), [3, 12]),
     ("depth_m: shape [4, 4] (expected [n, N, N])", np.ones((4, 4)), [3]),
 ])
-def test_maps_with_wrong_indices_are_refused(tmp_path, said, maps, index):
+def test_save_maps_refuses_wrong_record_indices(tmp_path, said, maps, index):
     run = write(tmp_path / "own", **scene())
     with pytest.raises(ValueError) as refused:
         echofuse.save_maps(tmp_path / "maps", maps, index, run=run)
     assert said in str(refused.value) and not (tmp_path / "maps").exists()
 
 
-def test_folder_given_as_a_run_is_refused(tmp_path):
+def test_open_refuses_a_folder(tmp_path):
     with pytest.raises(IsADirectoryError, match="is a folder; expected a run file"):
         echofuse.open(tmp_path)

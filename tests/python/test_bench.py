@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Splits, true maps, derived runs, and the table of the bench."""
+"""Tests splits, true maps, derived runs and the result table of echofuse-bench."""
 import errno
 import os
 import shutil
@@ -28,7 +28,7 @@ def run(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("kind", "seed", "gap"), [("random", 1, 0), ("random", 7, 0), ("blocked", 1, 3)])
-def test_python_split_equals_the_split_of_train(run, tmp_path, kind, seed, gap):
+def test_python_split_equals_the_split_of_the_train_command(run, tmp_path, kind, seed, gap):
     model = tmp_path / "model"
     program("echofuse-recon", "-q", "train", run.path, "--model", "mean", "--split", kind, "--seed", seed, "--set", f"gap={gap}",
             "--out", model)
@@ -39,7 +39,7 @@ def test_python_split_equals_the_split_of_train(run, tmp_path, kind, seed, gap):
         assert sorted(index[part == number].tolist()) == run.index[rows].tolist()
 
 
-def test_split_and_own_methods_exclude_the_same_records_as_training(run, tmp_path):
+def test_split_and_user_methods_exclude_doubtful_records(run, tmp_path):
     path = tmp_path / "frozen.sqlite"
     shutil.copy(run.path, path)
     with sqlite3.connect(path) as db:
@@ -55,8 +55,9 @@ def test_split_and_own_methods_exclude_the_same_records_as_training(run, tmp_pat
     assert seen == sound
 
 
-def test_true_maps_equal_those_of_the_program(run, tmp_path):
-    """The nearest neighbour of a training record is that record, so its map is the true map; also on a coarser grid."""
+def test_true_maps_in_python_equal_those_of_echofuse_recon(run, tmp_path):
+    """The nearest neighbour of a training record is the record itself, so the predicted map equals the true map. The test uses
+    the standard map grid and two coarser grids."""
     for name, pixels in (("same", []), ("coarse", [(24, 0.5), (17, 0.6)])):
         for size, half in pixels or [(64, 0.55)]:
             path = tmp_path / f"{name}{size}.sqlite"
@@ -76,7 +77,7 @@ def test_true_maps_equal_those_of_the_program(run, tmp_path):
                 assert np.array_equal(found, one.maps(), equal_nan=True)
 
 
-def test_derived_run_has_the_requested_changes(run, tmp_path):
+def test_derived_run_contains_the_requested_changes(run, tmp_path):
     with echofuse.open(derive.copy(run.path, tmp_path / "dim.sqlite", derive.thinned(0.1, 1), derive.fewer(0.5, 2))) as dim:
         assert len(dim) == 31 and dim.info["uuid"] != run.info["uuid"]
         assert dim.spd.sum() == pytest.approx(0.1 * run.spd[np.isin(run.index, dim.index)].sum(), rel=0.01)
@@ -87,7 +88,7 @@ def test_derived_run_has_the_requested_changes(run, tmp_path):
 
 
 @pytest.mark.parametrize(("ends", "code", "kind"), [("exit 1", 1, bench.BenchError), ("exit 6", 6, bench.UsageError), ("kill -9 $$", 1, bench.UsageError)])
-def test_bench_exits_with_the_code_of_a_failed_program(tmp_path, monkeypatch, ends, code, kind):
+def test_bench_error_has_the_exit_code_of_the_failed_program(tmp_path, monkeypatch, ends, code, kind):
     (tmp_path / "echofuse-x").write_text(f"#!/bin/sh\necho echofuse-x: what was wrong >&2\n{ends}\n")
     (tmp_path / "echofuse-x").chmod(0o755)
     monkeypatch.setenv("ECHOFUSE_BIN", str(tmp_path))
@@ -98,7 +99,7 @@ def test_bench_exits_with_the_code_of_a_failed_program(tmp_path, monkeypatch, en
         call("echofuse-y")
 
 
-def test_bench_names_a_table_that_cannot_be_written(tmp_path):
+def test_bench_error_names_the_table_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     table = bench.Table(tmp_path / "table.csv")
     table.path = tmp_path / "file/table.csv"
@@ -108,7 +109,7 @@ def test_bench_names_a_table_that_cannot_be_written(tmp_path):
 
 
 class Constant:
-    """Method that always predicts the first training map."""
+    """Predicts the map of the first training record for each test record."""
 
     def fit(self, known, rows):
         self.map = known.maps()[rows[0]]
@@ -122,7 +123,7 @@ class Broken(Constant):
         raise KeyError("no idea")
 
 
-def test_bench_scores_user_methods_and_resumes(run, tmp_path, capsys):
+def test_bench_scores_user_methods_and_does_not_repeat_finished_rows(run, tmp_path, capsys):
     table = bench.Table(tmp_path / "b.csv")
     methods = [bench.method("nearest"), bench.python_method("constant", Constant), bench.python_method("broken", Broken)]
     fresh = tmp_path / "fresh.sqlite"
@@ -151,7 +152,7 @@ class Truth:
         return echofuse.open(self.path).maps()
 
 
-def test_true_maps_score_1_even_nearer_than_in_training(run, tmp_path):
+def test_true_maps_have_iou_1_even_for_bodies_nearer_than_in_training(run, tmp_path):
     near = tmp_path / "near.sqlite"
     program("echofuse-sim", "dataset", "-q", "--out", near, "--people", 12, "--set", "target_z_min_m=1.2", "--set",
             "target_z_max_m=1.4")
@@ -160,8 +161,8 @@ def test_true_maps_score_1_even_nearer_than_in_training(run, tmp_path):
         assert row["iou"] == 1 and row["depth_mae_m"] == 0
 
 
-def test_bench_refuses_invalid_values_in_the_table(run, tmp_path):
-    """A typing error ends the bench; it is not stored as a NaN row of the method."""
+def test_bench_refuses_unknown_methods_and_tables_of_another_study(run, tmp_path):
+    """A mistyped method name ends the bench with an error. The table gets no row of NaN for it."""
     table = bench.Table(tmp_path / "b.csv", "this")
     with pytest.raises(bench.UsageError, match="nearst"):
         bench.fill(table, bench.pareto_cells(run.path, run.path, [bench.method("nearst")], seeds=1), quiet=True)
@@ -189,7 +190,7 @@ class Lost(Constant):
 
 @pytest.mark.parametrize(("name", "code", "said"), [("Full", 6, "No space left on device: '/tmp/mine'"),
                                                     ("Lost", 1, "No such file or directory: '/nowhere/weights'")])
-def test_full_disk_or_missing_file_ends_the_bench_without_a_row(run, tmp_path, monkeypatch, capsys, name, code, said):
+def test_full_disk_or_missing_file_ends_the_bench_without_writing_a_row(run, tmp_path, monkeypatch, capsys, name, code, said):
     test = derive.copy(run.path, tmp_path / "test.sqlite")
     monkeypatch.setattr("sys.argv", ["echofuse-bench", "pareto", str(run.path), str(test), "--methods", f"test_bench:{name}", "mean",
                                      "--seeds", "1", "-q", "--out", str(tmp_path / "b.csv")])
@@ -208,7 +209,7 @@ def test_bench_does_not_overwrite_a_file_that_is_not_a_table(tmp_path, text):
     assert (tmp_path / "notes.txt").read_text(encoding="latin-1") == text
 
 
-def test_content_hash_depends_on_the_verdicts(run, tmp_path):
+def test_content_hash_of_a_run_depends_on_its_verdicts(run, tmp_path):
     path = tmp_path / "doubtful.sqlite"
     shutil.copy(run.path, path)
     assert content_hash(path) == content_hash(run.path)
@@ -218,8 +219,8 @@ def test_content_hash_depends_on_the_verdicts(run, tmp_path):
     assert content_hash(path) != content_hash(run.path)
 
 
-def test_parts_of_a_study_equal_the_whole_without_repeated_work(run, tmp_path):
-    """Two parts write next to one table. Cells share runs and fits, which are removed after the last use."""
+def test_study_in_two_parts_gives_the_same_rows_and_repeats_no_fit(run, tmp_path):
+    """Each of the two parts writes its own table next to the common table. Cells of the study share runs and trained models."""
     made = []
 
     def cells():
@@ -254,7 +255,7 @@ def test_parts_of_a_study_equal_the_whole_without_repeated_work(run, tmp_path):
     assert bench.Table(cat).rows.keys() == whole.rows.keys() and cat.read_text().endswith("\n")
 
 
-def test_letters_are_recognised_in_true_maps_only(tmp_path):
+def test_letters_are_recognised_in_true_maps_but_not_in_empty_or_mirrored_maps(tmp_path):
     path = tmp_path / "letters.sqlite"
     program("echofuse-sim", "dataset", "-q", "--letters", 24, "--seed", 3, "--set", "spd_rays=16", "--set", "radar_rays=16", "--set",
             "map_size=256", "--out", path)
@@ -267,9 +268,10 @@ def test_letters_are_recognised_in_true_maps_only(tmp_path):
         assert letters.read(np.full_like(truth, np.nan), truth, run.labels, half)[0] == pytest.approx(0.1)
         share, sizes = letters.read(truth[:1], truth[:1], ["person"], half)
         assert np.isnan(share[0]) and sizes[0] == -1
-        assert np.nanmean(letters.read(truth[:, :, ::-1], truth, run.labels, half)[0]) < 0.8  # mirrored
+        # The maps are mirrored left to right.
+        assert np.nanmean(letters.read(truth[:, :, ::-1], truth, run.labels, half)[0]) < 0.8
 
 
-def test_study_axes_share_one_base_condition(run):
+def test_each_axis_of_the_stability_study_contains_the_base_condition_once(run):
     for axis in stability.Simulated([], 10, 10).axes() + stability.recorded_axes():
         assert sum(world == stability.BASE for world in axis.values.values()) == 1, axis.id

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Rows of the bench: when a row is measured again, and the interface of a method."""
+"""Tests when echofuse-bench measures a table row again, and how it calls a user's method."""
 import csv
 import os
 import subprocess
@@ -44,7 +44,8 @@ def runs(tmp_path_factory):
 
 
 def pareto(folder, runs, *methods, out="b.csv", row=0, more=()):
-    """Runs the bench in this folder, which contains mine.py."""
+    """Writes the user's methods to mine.py in `folder` and runs echofuse-bench pareto there. Returns the finished process and
+    the table rows by method name."""
     (folder / "mine.py").write_text(METHOD.format(row=row))
     done = subprocess.run([sys.executable, BIN / "echofuse-bench", "pareto", *runs, "--methods", *methods, "--seeds", "1", "-q", "--out", out,
                            *more], cwd=folder, capture_output=True, text=True, check=False)
@@ -56,7 +57,7 @@ def lines(folder):
     return len((folder / "b.csv").read_text().splitlines())
 
 
-def test_only_an_edited_class_is_measured_again(runs, tmp_path):
+def test_bench_measures_a_method_again_only_if_its_code_changed(runs, tmp_path):
     done, first = pareto(tmp_path, runs, "mine:Mine")
     assert done.returncode == 0, done.stderr
     _, same = pareto(tmp_path, runs, "mine:Mine")
@@ -65,7 +66,7 @@ def test_only_an_edited_class_is_measured_again(runs, tmp_path):
     assert edited["mine:Mine"]["iou"] != first["mine:Mine"]["iou"] and lines(tmp_path) == 4
 
 
-def test_edited_command_is_measured_again(runs, tmp_path):
+def test_bench_measures_an_edited_command_again(runs, tmp_path):
     script = tmp_path / "mine"
     for _ in range(2):
         script.write_text((script.read_text() if script.exists() else "#!/bin/sh\n") + f"cp -r {tmp_path}/maps $3\n")
@@ -77,7 +78,7 @@ def test_edited_command_is_measured_again(runs, tmp_path):
     assert lines(tmp_path) == 4
 
 
-def test_bench_accepts_regenerated_data_and_refuses_other_data(runs, tmp_path):
+def test_bench_table_accepts_regenerated_data_and_refuses_different_data(runs, tmp_path):
     again = tmp_path / "again.sqlite"
     program("echofuse-sim", "dataset", "-q", "--out", again, "--records", 20, "--seed", 2)
     assert echofuse.open(again).info["uuid"] != echofuse.open(runs[1]).info["uuid"]
@@ -90,7 +91,7 @@ def test_bench_accepts_regenerated_data_and_refuses_other_data(runs, tmp_path):
 
 @pytest.mark.parametrize(("name", "said"), [("Failing", "AttributeError: 'Failing' object has no attribute 'weights'"),
                                             ("Unmade", "TypeError: object of type 'int' has no len()")])
-def test_failed_method_has_a_row_and_a_traceback_and_exits_with_1(runs, tmp_path, name, said):
+def test_failed_method_gets_a_nan_row_and_a_traceback_and_exit_code_1(runs, tmp_path, name, said):
     done, rows = pareto(tmp_path, runs, f"mine:{name}", "mean", more=["--markdown"])
     assert done.returncode == 1 and "see the tracebacks in b.log" in done.stderr and "| `mean` |" in done.stdout
     assert rows[f"mine:{name}"]["iou"] == "nan" and float(rows["mean"]["iou"]) >= 0
@@ -100,19 +101,19 @@ def test_failed_method_has_a_row_and_a_traceback_and_exits_with_1(runs, tmp_path
     assert done.returncode == 1 and lines(tmp_path) == 4
 
 
-def test_predict_has_no_access_to_true_maps(runs, tmp_path):
+def test_predict_method_has_no_access_to_the_true_maps(runs, tmp_path):
     done, rows = pareto(tmp_path, runs, "mine:Copying")
     assert done.returncode == 0, done.stderr
     assert float(rows["mine:Copying"]["iou"]) == 0
 
 
-def test_missing_package_is_reported_before_the_first_measurement(runs, tmp_path):
+def test_bench_reports_a_missing_package_before_the_first_measurement(runs, tmp_path):
     (tmp_path / "lacking.py").write_text("import no_such_package\nclass Mine: pass\n")
     done, rows = pareto(tmp_path, runs, "mean", "lacking:Mine")
     assert done.returncode == 2 and "lacking:Mine: No module named 'no_such_package'" in done.stderr and not rows
 
 
-def test_missing_matplotlib_is_reported_before_the_first_measurement(runs, tmp_path):
+def test_bench_reports_missing_matplotlib_before_the_first_measurement(runs, tmp_path):
     (tmp_path / "sitecustomize.py").write_text("import sys\nsys.modules['matplotlib'] = None\n")
     os.environ["PYTHONPATH"] = f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"
     try:
@@ -122,7 +123,7 @@ def test_missing_matplotlib_is_reported_before_the_first_measurement(runs, tmp_p
     assert done.returncode == 2 and "install python3-matplotlib" in done.stderr and not rows
 
 
-def test_second_process_does_not_duplicate_rows(runs, tmp_path):
+def test_second_bench_process_does_not_duplicate_rows(runs, tmp_path):
     table = bench.Table(tmp_path / "b.csv")
     with table.exclusive():
         done, rows = pareto(tmp_path, runs, "mean")
@@ -135,7 +136,7 @@ def test_second_process_does_not_duplicate_rows(runs, tmp_path):
     assert lines(tmp_path) == before and not list(tmp_path.glob(".*.lock"))
 
 
-def test_stability_always_measures_the_baselines(tmp_path, monkeypatch):
+def test_stability_study_always_includes_the_baseline_methods(tmp_path, monkeypatch):
     cells = []
     monkeypatch.setattr(stability.tables, "fill", lambda table, some, **_: cells.extend(some))
     monkeypatch.setattr("sys.argv", ["echofuse-bench", "stability", "--axes", "shifted-snr", "--quick", "--methods", "mlp-4", "--out",
@@ -144,7 +145,7 @@ def test_stability_always_measures_the_baselines(tmp_path, monkeypatch):
     assert list(dict.fromkeys(cell.method.model for cell in cells)) == ["empty", "mean", "nearest", "mlp-4"]
 
 
-def test_numerical_libraries_get_one_thread(runs, tmp_path, monkeypatch):
+def test_bench_runs_numerical_libraries_with_one_thread(runs, tmp_path, monkeypatch):
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
     script = tmp_path / "mine"
@@ -154,7 +155,7 @@ def test_numerical_libraries_get_one_thread(runs, tmp_path, monkeypatch):
     assert (tmp_path / "threads").read_text() == "1 1 1\n"
 
 
-def test_chart_shows_mean_cost_and_lists_methods_without_cost(tmp_path):
+def test_pareto_chart_shows_mean_cost_and_lists_methods_without_cost(tmp_path):
     plot = pytest.importorskip("echofuse.plot")
     table = bench.Table(tmp_path / "b.csv")
     for model, seed, cost in (("mlp-4", 1, 10.0), ("mlp-4", 2, 30.0), ("mine:Net", 1, float("nan"))):
@@ -167,7 +168,7 @@ def test_chart_shows_mean_cost_and_lists_methods_without_cost(tmp_path):
     assert "not counted: mine:Net, ./other" in [text.get_text() for text in panel.texts]
 
 
-def test_bench_row_contains_the_number_of_answered_records(runs, tmp_path, capsys):
+def test_bench_row_contains_the_number_of_records_with_a_map(runs, tmp_path, capsys):
     command = tmp_path / "mine"
     with echofuse.open(runs[1]) as run:
         echofuse.save_maps(tmp_path / "few", run.maps([0, 1]), run.index[:2])
@@ -183,7 +184,7 @@ def test_bench_row_contains_the_number_of_answered_records(runs, tmp_path, capsy
     assert row[2:4] == ["2 of 20", "0.100"] and "0.0 cm (2)" in row
 
 
-def test_bench_table_has_intervals_and_differences_over_records(runs, tmp_path):
+def test_bench_table_has_confidence_intervals_and_paired_differences_over_records(runs, tmp_path):
     done, _ = pareto(tmp_path, runs, "nearest", "mine:Mine", "empty", more=["--markdown"])
     assert done.returncode == 0, done.stderr
     head, _, *rows = ([cell.strip() for cell in line.split("|")] for line in done.stdout.splitlines() if line.startswith("|"))
@@ -199,7 +200,7 @@ def test_bench_table_has_intervals_and_differences_over_records(runs, tmp_path):
     assert float(shown[other]["IoU against the best"].split()[0]) == pytest.approx((iou[other] - iou[best]).mean(), abs=1e-3)
 
 
-def test_bench_ignores_stale_scores_and_incomplete_lines(runs, tmp_path):
+def test_bench_ignores_stale_and_incomplete_lines_of_the_score_file(runs, tmp_path):
     pareto(tmp_path, runs, "mine:Mine")
     with open(tmp_path / "b.records.csv", "a") as file:
         file.write("model,1,mine:Mine,-")
@@ -210,7 +211,7 @@ def test_bench_ignores_stale_scores_and_incomplete_lines(runs, tmp_path):
     assert row["compared"]["metrics"]["iou"]["mean"] == pytest.approx(float(rows["mine:Mine"]["iou"]))
 
 
-def test_bench_times_single_records_and_batches(runs, tmp_path):
+def test_bench_measures_the_time_per_map_for_single_records_and_batches(runs, tmp_path):
     method = """
 import numpy as np, time
 class Slow:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Damaged runs and models raise ValueError or OSError that names the file."""
+"""Tests that reading a damaged run or model raises a ValueError or an OSError that names the file."""
 import sqlite3
 
 import numpy as np
@@ -21,7 +21,7 @@ def folder(tmp_path_factory):
 
 
 def mutated(data, rng):
-    """Flips bits, or overwrites, truncates or repeats a part."""
+    """Returns a copy of `data` with flipped bits, overwritten or repeated bytes, or without its end."""
     data = bytearray(data)
     first, length = rng.integers(len(data)), int(rng.integers(1, 200))
     kind = rng.integers(4)
@@ -46,7 +46,7 @@ def read_all(path):
 
 
 def survives(use, path):
-    """Returns whether the file was read. Errors other than ValueError and OSError fail the test."""
+    """Returns True if `use` reads the file, and False after a ValueError or an OSError. Other exceptions fail the test."""
     try:
         use(path)
         return True
@@ -55,7 +55,7 @@ def survives(use, path):
         return False
 
 
-def test_mutated_runs_raise_an_error_with_the_file_name(folder, tmp_path):
+def test_reading_a_mutated_run_raises_only_errors_that_name_the_file(folder, tmp_path):
     data, rng = (folder / "run.sqlite").read_bytes(), np.random.default_rng(1)
     path = tmp_path / "run.sqlite"
     for _ in range(MUTANTS):
@@ -63,7 +63,7 @@ def test_mutated_runs_raise_an_error_with_the_file_name(folder, tmp_path):
         survives(read_all, path)
 
 
-def test_invalid_values_in_a_run_raise_an_error_with_the_file_name(folder, tmp_path):
+def test_reading_a_run_with_invalid_values_raises_only_errors_that_name_the_file(folder, tmp_path):
     rng, path = np.random.default_rng(2), tmp_path / "run.sqlite"
     values = [None, -1, 0, 2 ** 40, 2 ** 63 - 1, 1e300, "text", b"\xff\xfe", ""]
     with sqlite3.connect(folder / "run.sqlite") as db:
@@ -83,7 +83,7 @@ def test_invalid_values_in_a_run_raise_an_error_with_the_file_name(folder, tmp_p
         survives(read_all, path)
 
 
-def test_mutated_models_are_refused(folder, tmp_path):
+def test_load_model_refuses_mutated_model_files(folder, tmp_path):
     data, rng = (folder / "m.safetensors").read_bytes(), np.random.default_rng(3)
     path = tmp_path / "m.safetensors"
     for _ in range(MUTANTS):
@@ -92,7 +92,7 @@ def test_mutated_models_are_refused(folder, tmp_path):
         assert survives(echofuse.load_model, path) == (changed == data)
 
 
-def test_axis_longer_than_the_file_is_refused(folder, tmp_path):
+def test_open_refuses_an_axis_longer_than_the_file(folder, tmp_path):
     path = tmp_path / "run.sqlite"
     path.write_bytes((folder / "run.sqlite").read_bytes())
     with sqlite3.connect(path) as db:

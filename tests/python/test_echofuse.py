@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The Python package (recon/python) on simulated runs."""
+"""Tests how the Python package (recon/python) opens, reads and converts simulated runs."""
 import fcntl
 import json
 import os
@@ -25,7 +25,7 @@ def folder(tmp_path_factory):
     return made
 
 
-def test_run_is_opened_by_name(folder):
+def test_open_finds_a_run_by_its_name_without_suffix(folder):
     run = echofuse.open(folder / "monday")
     assert len(run) == 60 and run.index.tolist() == list(range(60))
     assert run.info["status"] == "complete"
@@ -36,7 +36,7 @@ def test_run_is_opened_by_name(folder):
     assert run.axes["radar"].values[1] == run.axes["radar"].start + run.axes["radar"].step
 
 
-def test_arrays_equal_those_of_the_hdf5_export(folder):
+def test_run_arrays_equal_those_of_the_hdf5_export(folder):
     h5py = pytest.importorskip("h5py")
     program("echofuse-export", folder / "monday.sqlite", "--to", folder / "monday.h5")
     run = echofuse.open(folder / "monday")
@@ -46,7 +46,7 @@ def test_arrays_equal_those_of_the_hdf5_export(folder):
         assert np.array_equal(file["entry/data/depth"][:], run.depth, equal_nan=True)
 
 
-def test_missing_sensor_of_a_record_reads_as_invalid(folder, tmp_path):
+def test_record_without_a_sensor_is_marked_as_invalid_for_that_sensor(folder, tmp_path):
     path = tmp_path / "lost.sqlite"
     path.write_bytes((folder / "monday.sqlite").read_bytes())
     with sqlite3.connect(path) as db:
@@ -61,7 +61,7 @@ def test_missing_sensor_of_a_record_reads_as_invalid(folder, tmp_path):
         echofuse.open(path).radar  # noqa: B018
 
 
-def test_maps_are_depth_images_on_the_map_grid_and_are_cached(folder, tmp_path):
+def test_run_maps_equal_the_depth_images_and_are_cached(folder, tmp_path):
     run = echofuse.open(folder / "monday")
     assert np.array_equal(run.maps([5, 2]), run.depth[[5, 2]], equal_nan=True)
     maps = run.maps()
@@ -77,7 +77,7 @@ def timed(work):
     return time.process_time() - before
 
 
-def test_map_cell_is_the_upper_median_of_its_pixels():
+def test_map_pixel_is_the_upper_median_of_its_camera_pixels():
     axis = lambda name, count, half: echofuse.Axis(name, "tangent", "1", count, half / count - half, 2 * half / count, 1)  # noqa: E731
     columns, rows = (grid.cells(axis("camera", n, 0.5), axis("map", 5, 0.6)) for n in (23, 31))
     image = np.random.default_rng(1).integers(0, 8000, (31, 23)).astype(np.uint16)
@@ -93,7 +93,7 @@ def test_map_cell_is_the_upper_median_of_its_pixels():
 
 
 @pytest.mark.parametrize("rows", [slice(10, 20), [7, 3, 3], np.array([], int), [], np.arange(60) % 7 == 0])
-def test_indexing_a_run_gives_a_run(folder, rows):
+def test_indexing_a_run_gives_a_run_of_the_selected_records(folder, rows):
     run = echofuse.open(folder / "monday")
     part, wanted = run[rows], np.arange(60)[rows if len(np.shape(rows)) == 0 or len(rows) else slice(0)]
     assert part.index.tolist() == wanted.tolist() and part.labels == [run.labels[row] for row in wanted]
@@ -103,7 +103,7 @@ def test_indexing_a_run_gives_a_run(folder, rows):
     assert [record.index for record in part] == wanted.tolist() and run[np.int64(-1)].index == 59
 
 
-def test_radar_codes_are_converted_to_power(folder, tmp_path):
+def test_logarithmic_radar_codes_are_converted_to_power(folder, tmp_path):
     path = tmp_path / "codes.sqlite"
     path.write_bytes((folder / "monday.sqlite").read_bytes())
     with sqlite3.connect(path) as db:
@@ -112,7 +112,7 @@ def test_radar_codes_are_converted_to_power(folder, tmp_path):
     assert echofuse.open(path).radar[0, 0] == pytest.approx(2 ** (768 * 2 / 256 * 16 / 12))
 
 
-def test_other_files_are_refused_as_run_or_model(folder, tmp_path):
+def test_open_and_load_model_refuse_files_of_another_kind(folder, tmp_path):
     with pytest.raises(FileNotFoundError, match="no such run"):
         echofuse.open(tmp_path / "nothing")
     (tmp_path / "text.sqlite").write_text("no database, but long enough to be read as one " * 20)
@@ -133,14 +133,14 @@ def test_other_files_are_refused_as_run_or_model(folder, tmp_path):
 
 @contextmanager
 def writer_of(path):
-    """Holds the lock of a run's writer."""
+    """Holds the lock that marks the run as being written by another program."""
     with open(f"{path}-lock", "w") as lock:
         fcntl.fcntl(lock, fcntl.F_OFD_SETLK, struct.pack("hhqqi", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0))
         yield
 
 
 def open_run(folder, path):
-    """Makes an open run of three records, in WAL mode. Returns its writer's connection."""
+    """Creates an open run of three records in WAL mode. Returns the database connection that can append records."""
     path.write_bytes((folder / "monday.sqlite").read_bytes())
     db = sqlite3.connect(path, isolation_level=None)
     db.execute("DELETE FROM record WHERE idx >= 3")
@@ -151,7 +151,8 @@ def open_run(folder, path):
 
 
 def killed_run(folder, path, records):
-    """Leaves an open run as after kill -9. Its -wal contains `records` records, and the run stores the key of the -wal."""
+    """Creates the files that kill -9 leaves: an open run, and its -wal file with `records` more records. The run stores the
+    key of the -wal file."""
     live = path.with_suffix(".live")
     with closing(open_run(folder, live)) as db:
         db.execute("UPDATE run SET version = 'killed'")
@@ -162,7 +163,7 @@ def killed_run(folder, path, records):
             shutil.copy(f"{live}{suffix}", f"{path}{suffix}")
 
 
-def test_follow_reads_a_growing_run(folder, tmp_path):
+def test_follow_yields_the_records_of_a_growing_run_until_it_is_closed(folder, tmp_path):
     path = tmp_path / "live.sqlite"
     with closing(open_run(folder, path)) as db, writer_of(path):
         run = echofuse.open(path)
@@ -176,7 +177,7 @@ def test_follow_reads_a_growing_run(folder, tmp_path):
     assert "5 of 5" in run._repr_html_() and "<script" not in run._repr_html_()
 
 
-def test_killed_run_has_status_crashed_and_follow_ends(folder, tmp_path):
+def test_run_of_a_killed_program_has_status_crashed_and_follow_ends(folder, tmp_path):
     path, link = tmp_path / "a.sqlite", tmp_path / "link.sqlite"
     killed_run(folder, path, 7)
     link.symlink_to(path)
@@ -188,7 +189,7 @@ def test_killed_run_has_status_crashed_and_follow_ends(folder, tmp_path):
     assert {(run["status"], run["records"]) for run in listed} == {("crashed", 10)}
 
 
-def test_wal_of_another_run_is_refused(folder, tmp_path):
+def test_open_refuses_a_wal_file_of_another_run(folder, tmp_path):
     path = tmp_path / "a.sqlite"
     killed_run(folder, path, 7)
     killed_run(folder, tmp_path / "b.sqlite", 12)
@@ -201,7 +202,7 @@ def test_wal_of_another_run_is_refused(folder, tmp_path):
 
 
 @pytest.mark.parametrize("wal", [None, b"", bytes(4096)])
-def test_copy_without_its_wal_has_its_own_status(folder, tmp_path, wal):
+def test_copy_of_a_crashed_run_without_its_wal_file_has_status_crashed_no_wal(folder, tmp_path, wal):
     path = tmp_path / "copy.sqlite"
     killed_run(folder, tmp_path / "a.sqlite", 7)
     shutil.copy(tmp_path / "a.sqlite", path)
@@ -215,7 +216,7 @@ def test_copy_without_its_wal_has_its_own_status(folder, tmp_path, wal):
     assert sorted(file.name for file in tmp_path.glob("copy*")) == ["copy.sqlite", *["copy.sqlite-wal"] * (wal is not None)]
 
 
-def test_sqlite_copy_of_an_open_run_has_its_own_status(folder, tmp_path):
+def test_vacuum_copy_of_an_open_run_has_status_copy_of_an_open_run(folder, tmp_path):
     with closing(open_run(folder, tmp_path / "a.sqlite")) as db:
         db.execute("VACUUM INTO ?", (str(tmp_path / "copy.sqlite"),))
     run = echofuse.open(tmp_path / "copy")
@@ -227,7 +228,7 @@ def outcome(name, *words):
 
 
 def another_run(folder, path, files):
-    """Leaves another run at `path` with the side files of a killed program: -wal and -shm, or a hot -journal."""
+    """Creates a run at `path` with the side files that a killed program leaves: -wal and -shm, or a hot -journal."""
     path.write_bytes((folder / "monday.sqlite").read_bytes())
     mode = "WAL" if "-wal" in files else "DELETE"
     kill = (f"import os, sqlite3; db = sqlite3.connect({str(path)!r}); db.execute('PRAGMA journal_mode={mode}');"
@@ -238,7 +239,7 @@ def another_run(folder, path, files):
 
 
 @pytest.mark.parametrize("files", [["-wal"], ["-wal", "-shm"], ["-journal"]])
-def test_side_files_of_a_closed_run_are_ignored_with_a_warning(folder, tmp_path, files):
+def test_wal_and_journal_files_of_a_closed_run_are_ignored_with_a_warning(folder, tmp_path, files):
     path, other = tmp_path / "closed.sqlite", tmp_path / "other.sqlite"
     path.write_bytes((folder / "monday.sqlite").read_bytes())
     another_run(folder, other, files)
@@ -255,8 +256,8 @@ def test_side_files_of_a_closed_run_are_ignored_with_a_warning(folder, tmp_path,
     assert {file.name: file.read_bytes() for file in tmp_path.glob("closed*")} == before
 
 
-def test_closing_a_connection_keeps_the_locks_of_others(folder, tmp_path):
-    """SQLite's locks end when the process closes any descriptor of the file."""
+def test_closing_a_connection_keeps_the_locks_of_other_connections(folder, tmp_path):
+    """SQLite uses POSIX locks, which a process loses when it closes any descriptor of the file."""
     path = tmp_path / "live.sqlite"
     path.write_bytes((folder / "monday.sqlite").read_bytes())
     with closing(sqlite3.connect(path)) as db:
@@ -273,7 +274,7 @@ def test_closing_a_connection_keeps_the_locks_of_others(folder, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["T4.2K", "gain1.5", "2026.11.25", "a.sqlite.b", ".hidden"])
-def test_run_name_with_a_dot_is_the_same_file_in_all_programs(folder, tmp_path, name):
+def test_all_programs_map_a_run_name_with_a_dot_to_the_same_file(folder, tmp_path, name):
     shutil.copy(folder / "monday.sqlite", tmp_path / f"{name}.sqlite")
     for given in (name, f"{name}.sqlite"):
         assert len(echofuse.open(tmp_path / given)) == 60
@@ -282,7 +283,7 @@ def test_run_name_with_a_dot_is_the_same_file_in_all_programs(folder, tmp_path, 
     program("echofuse-export", tmp_path / name, "--to", tmp_path / "x.h5")
 
 
-def test_analyze_tables_are_accepted_and_other_tables_refused(folder, tmp_path):
+def test_open_accepts_sqlite_analyze_tables_and_refuses_unknown_tables(folder, tmp_path):
     path = tmp_path / "a.sqlite"
     path.write_bytes((folder / "monday.sqlite").read_bytes())
     with closing(sqlite3.connect(path)) as db:
@@ -296,7 +297,7 @@ def test_analyze_tables_are_accepted_and_other_tables_refused(folder, tmp_path):
     assert str(refused.value) in said
 
 
-def test_no_database_connection_stays_open(folder):
+def test_reading_a_run_leaves_no_database_connection_open(folder):
     run = echofuse.open(folder / "monday")
     before = len(os.listdir("/proc/self/fd"))
     for _ in range(50):
@@ -305,14 +306,14 @@ def test_no_database_connection_stays_open(folder):
     assert len(os.listdir("/proc/self/fd")) <= before
 
 
-def test_closed_run_in_wal_mode_is_read_from_a_read_only_folder(folder, tmp_path):
+def test_closed_run_in_wal_mode_can_be_read_from_a_read_only_folder(folder, tmp_path):
     closed = tmp_path / "closed"
     closed.mkdir()
     shutil.copy(folder / "monday.sqlite", closed)
     with closing(sqlite3.connect(closed / "monday.sqlite")) as db:
         assert db.execute("PRAGMA journal_mode = WAL").fetchone() == ("wal",)
     closed.chmod(0o500)
-    # Root ignores permissions.
+    # File permissions do not restrict root, so root drops its capabilities.
     as_user = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"] if os.geteuid() == 0 else []
     look = f"import echofuse; print(len(echofuse.open({str(closed / 'monday')!r})))"
     info = [BIN / "echofuse-acquire", "info", "--json", closed / "monday.sqlite"]
@@ -329,7 +330,7 @@ def test_closed_run_in_wal_mode_is_read_from_a_read_only_folder(folder, tmp_path
     closed.chmod(0o700)
 
 
-def test_record_starts_and_returns_a_run(tmp_path, monkeypatch):
+def test_record_function_records_a_run_and_returns_it(tmp_path, monkeypatch):
     laboratory = ["echofuse-sim", "lab", "--dir", tmp_path / "lab", "--scene", "person", "--hold", "0.2", "--window", "0.2", "--"]
     code = """if True:
         import echofuse
@@ -346,7 +347,7 @@ def test_record_starts_and_returns_a_run(tmp_path, monkeypatch):
     assert "two" in said.stdout.splitlines()[-1] and "exist" in said.stdout.splitlines()[-1]
 
 
-def test_to_xarray_has_arrays_units_and_coordinates(folder):
+def test_to_xarray_returns_arrays_with_units_and_coordinates(folder):
     pytest.importorskip("xarray")
     data = echofuse.to_xarray(echofuse.open(folder / "monday"))
     assert data.spd.dims == ("record", "spd_time") and data.spd_time.attrs["units"] == "ps"
@@ -356,7 +357,7 @@ def test_to_xarray_has_arrays_units_and_coordinates(folder):
     assert int((data.label == "person").sum()) == 15
 
 
-def test_run_converts_to_a_pandas_table(folder):
+def test_to_pandas_returns_one_row_per_record(folder):
     pytest.importorskip("pandas")
     run = echofuse.open(folder / "monday")
     table = run[[3, 7]].to_pandas()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Evaluation of maps of other programs: scored records, and the run that the maps belong to."""
+"""Tests `echofuse-recon evaluate --maps`: which records are scored, and whether the maps belong to the run."""
 import json
 import subprocess
 
@@ -30,7 +30,7 @@ def save(folder, of, rows, **more):
     return folder
 
 
-def test_record_without_a_map_is_scored_as_an_empty_map(run, tmp_path):
+def test_evaluate_scores_a_record_without_a_map_as_an_empty_map(run, tmp_path):
     few = save(tmp_path / "few", run, np.arange(6))
     told, whole = judged(few, run, "--json"), judged(save(tmp_path / "all", run, np.arange(60)), run, "--json")
     assert (told["records"], told["answered"], told["rows"][0]["answered"]) == (60, 6, 6)
@@ -41,7 +41,7 @@ def test_record_without_a_map_is_scored_as_an_empty_map(run, tmp_path):
     assert text[text.index("depth_mae_m"):].splitlines()[1].split()[:3] == ["over", "maps", "6"]
 
 
-def test_evaluate_scores_only_the_requested_rows(run, tmp_path):
+def test_evaluate_scores_only_the_records_requested_by_rows_option(run, tmp_path):
     rows = echofuse.split(run).test
     folder = save(tmp_path / "mine", run, rows, run=run)
     for asked in ("test", "listed"):
@@ -50,19 +50,19 @@ def test_evaluate_scores_only_the_requested_rows(run, tmp_path):
         assert told["left_out"] == {"excluded by --rows": 60 - len(rows)}
 
 
-def test_maps_made_without_a_sensor_are_loaded(tmp_path):
+def test_load_maps_includes_maps_predicted_without_one_sensor(tmp_path):
     echofuse.save_maps(tmp_path, np.zeros((3, 4, 4)), [1, 2, 4])
     (tmp_path / "records.csv").write_text('record,status\n1,"radar lost: SPD alone"\n2,"antennas lost: range profile alone"\n'
                                           "3,a sensor missing\n4,ok\n")
     assert echofuse.load_maps(tmp_path)[1].tolist() == [1, 2, 4]
 
 
-def test_maps_without_a_scored_record_are_refused(run, tmp_path):
+def test_evaluate_refuses_maps_that_match_no_scored_record(run, tmp_path):
     echofuse.save_maps(tmp_path / "none", run.maps([0]), [1000])
     assert "has 1 maps, but none for the 60 scored records" in judged(tmp_path / "none", run, ok=False)
 
 
-def test_map_folder_refuses_maps_of_another_run(run, tmp_path):
+def test_map_folder_of_one_run_refuses_maps_of_another_run(run, tmp_path):
     folder = save(tmp_path / "mine", run, np.arange(60), run=run)
     with echofuse.open(derive.copy(run.path, tmp_path / "other.sqlite")) as other:
         with pytest.raises(FileExistsError, match="contains maps of another run"):

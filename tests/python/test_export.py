@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""echofuse-export to HDF5, netCDF and CSV."""
+"""Tests echofuse-export, which writes runs as HDF5, netCDF or CSV."""
 import os
 import shutil
 import signal
@@ -36,7 +36,8 @@ def change(path, *statements):
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """own: 20 records; 3 lacks the SPD, 7 and 9 are unreadable. far: antennas, a note, a label and metadata."""
+    """Creates two runs. own.sqlite has 20 records: record 3 has no SPD data, and records 7 and 9 are unreadable. far.sqlite
+    has eight records with antenna data and a note."""
     folder, rng = tmp_path_factory.mktemp("export"), np.random.default_rng(1)
     spd = rng.poisson(50, (20, 8)).astype(float)
     spd[3] = np.nan
@@ -53,7 +54,7 @@ def runs(tmp_path_factory):
     return folder
 
 
-def test_hdf5_export_contains_the_run(runs, tmp_path):
+def test_hdf5_export_contains_the_arrays_and_marks_unreadable_records(runs, tmp_path):
     run, done = echofuse.open(runs / "own"), tool(runs / "own", "--to", tmp_path / "a.h5")
     assert (done.returncode, done.stderr) == (
         5, f"echofuse-export: 2 records are unreadable and marked in {tmp_path / 'a.h5'}\n")
@@ -78,11 +79,12 @@ def test_hdf5_export_contains_the_run(runs, tmp_path):
         assert [dim.label for dim in data["depth"].dims] == ["record", "depth_y", "depth_x"]
         assert file["entry"].attrs["NX_class"] == "NXentry" and file["entry/depth"].attrs["signal"] == "depth"
         assert file["entry/entry_identifier"].asstr()[()] == run.info["uuid"]
-        assert file["entry/entry_identifier"].dtype.kind == "S" and data["label"].dtype.kind == "S"  # of fixed length
+        # Both are fixed-length strings.
+        assert file["entry/entry_identifier"].dtype.kind == "S" and data["label"].dtype.kind == "S"
 
 
 @pytest.mark.parametrize("name", ["own", "far"])
-def test_hdf5_export_has_every_table_with_units(runs, tmp_path, name):
+def test_hdf5_export_contains_every_table_of_the_run_with_units(runs, tmp_path, name):
     assert export(echofuse.open(runs / name), tmp_path / "a.h5") == (2 if name == "own" else 0)
     columns = 0
     with h5py.File(tmp_path / "a.h5") as file, closing(sqlite3.connect(runs / f"{name}.sqlite")) as db:
@@ -109,7 +111,7 @@ def test_hdf5_export_has_every_table_with_units(runs, tmp_path, name):
             assert file["entry/data/array_frames"][:].tolist() == [20] * 8
 
 
-def test_xarray_opens_every_group_of_the_export(runs, tmp_path):
+def test_xarray_opens_every_group_of_the_hdf5_export(runs, tmp_path):
     xarray = pytest.importorskip("xarray")
     pytest.importorskip("h5netcdf")
     for name in "own", "far":
@@ -124,12 +126,13 @@ def test_xarray_opens_every_group_of_the_export(runs, tmp_path):
         with xarray.open_dataset(tmp_path / f"{name}.h5", group="entry/data", engine="h5netcdf") as found:
             assert found.spd.dims == ("record", "spd_time") and found.time.dtype == "datetime64[ns]"
             assert found.label.values.tolist() == echofuse.open(runs / name).labels
-        with h5py.File(tmp_path / f"{name}.h5") as file:  # the netcdf4 engine reads dimension scales at open, and cannot read texts
+        # The netcdf4 engine cannot open a file with a text dimension scale.
+        with h5py.File(tmp_path / f"{name}.h5") as file:
             file.visititems(lambda path, item: [path for dim in getattr(item, "dims", []) for scale in dim.values()
                                                 if scale.dtype.kind == "S" and pytest.fail(path)] and None)
 
 
-def test_netcdf_export_equals_to_xarray(runs, tmp_path, monkeypatch):
+def test_netcdf_export_equals_the_result_of_to_xarray(runs, tmp_path, monkeypatch):
     xarray = pytest.importorskip("xarray")
     pytest.importorskip("h5netcdf")
     monkeypatch.setattr(blocks, "MAX_RECORDS", 3)
@@ -160,7 +163,7 @@ def test_netcdf_export_equals_to_xarray(runs, tmp_path, monkeypatch):
 def test_export_does_not_depend_on_the_block_size(runs, tmp_path, monkeypatch):
     run = echofuse.open(runs / "own")
     export(run, tmp_path / "whole.h5")
-    monkeypatch.setattr(blocks, "MAX_BYTES", 400)  # one record at a time
+    monkeypatch.setattr(blocks, "MAX_BYTES", 400)  # This limit gives blocks of one record.
     assert [len(part) for _, part, _ in blocks.blocks(run, lambda done: None)] == [1] * 20
     export(run, tmp_path / "blocks.h5")
     with h5py.File(tmp_path / "whole.h5") as whole, h5py.File(tmp_path / "blocks.h5") as parts:
@@ -170,7 +173,7 @@ def test_export_does_not_depend_on_the_block_size(runs, tmp_path, monkeypatch):
         whole.visititems(same)
 
 
-def test_run_without_records_is_exported(runs, tmp_path):
+def test_export_accepts_a_run_without_records(runs, tmp_path):
     shutil.copy(runs / "far.sqlite", tmp_path / "none.sqlite")
     change(tmp_path / "none.sqlite", ("DELETE FROM record",), ("DELETE FROM axis",))
     assert tool(tmp_path / "none", "--to", tmp_path / "a.h5").returncode == 0
@@ -180,7 +183,7 @@ def test_run_without_records_is_exported(runs, tmp_path):
     assert tool(tmp_path / "none", "--to", tmp_path / "a.nc").returncode == 0
 
 
-def test_one_record_is_exported_as_csv(runs, tmp_path):
+def test_csv_export_contains_the_sensor_values_of_one_record(runs, tmp_path):
     run = echofuse.open(runs / "own")
     assert tool(runs / "own", "--record", 2, "--to", tmp_path / "a.csv").returncode == 0
     lines = (tmp_path / "a.csv").read_text().splitlines()
@@ -197,8 +200,8 @@ def test_one_record_is_exported_as_csv(runs, tmp_path):
     assert (tmp_path / "d.csv").read_text().splitlines()[0].endswith(r"label a\n=1+1\x2c\x3b\x22\x1b")
 
 
-def test_csv_export_has_power_over_range_and_azimuth(runs, tmp_path):
-    """The expected value is the Bartlett beamformer, term by term."""
+def test_csv_export_contains_radar_power_over_range_and_azimuth(runs, tmp_path):
+    """The expected value is the power of a Bartlett beamformer, computed term by term."""
     run = echofuse.open(runs / "far")
     assert tool(runs / "far", "--record", 1, "--to", tmp_path / "a.csv").returncode == 0
     text = (tmp_path / "a.csv").read_text()
@@ -235,7 +238,8 @@ def test_beamforming_recovers_direction_and_power():
         __len__ = lambda self: 1  # noqa: E731
 
     seen = antennas.beams(One(), np.array([sine, sine + 0.1]))[0, 0]
-    half = np.pi * 0.1 / 2  # Dirichlet's kernel
+    # Half of the phase step between adjacent antennas, rad, for the Dirichlet kernel in the next line.
+    half = np.pi * 0.1 / 2
     assert seen == pytest.approx([power, power * (np.sin(8 * half) / (8 * np.sin(half))) ** 2], rel=1e-2)
 
 
@@ -258,7 +262,7 @@ def test_export_refuses_invalid_arguments_and_files(runs, tmp_path):
 
 
 @pytest.mark.parametrize("module, name", [("h5py", "a.h5"), ("xarray", "a.nc"), ("h5netcdf", "a.nc")])
-def test_export_names_a_missing_package(runs, tmp_path, module, name):
+def test_export_error_names_the_missing_package(runs, tmp_path, module, name):
     for needed in {"a.h5": [], "a.nc": ["xarray", "h5netcdf"]}[name]:
         pytest.importorskip(needed)
     (tmp_path / f"{module}.py").write_text("raise ImportError")
@@ -275,19 +279,19 @@ def test_export_refuses_invalid_metadata(runs, tmp_path, meta):
     assert (done.returncode, done.stderr) == (1, f"echofuse-export: {tmp_path / 'bad.sqlite'}: meta is not a JSON object of texts\n")
 
 
-def test_number_stored_as_a_blob_is_an_unreadable_record(runs, tmp_path):
+def test_export_marks_a_record_as_unreadable_if_a_number_replaces_its_array(runs, tmp_path):
     shutil.copy(runs / "far.sqlite", tmp_path / "bad.sqlite")
     change(tmp_path / "bad.sqlite", *((f"UPDATE record SET {sensor} = 7 WHERE idx = {row}",) for row, sensor in enumerate(echofuse.runs.SENSORS)))
     done = tool(tmp_path / "bad", "--to", tmp_path / "a.h5")
     assert (done.returncode, done.stderr) == (5, f"echofuse-export: 3 records are unreadable and marked in {tmp_path / 'a.h5'}\n")
 
 
-def test_staged_file_is_locked_even_if_the_lock_file_is_replaced(tmp_path, monkeypatch):
+def test_export_holds_its_lock_even_if_the_lock_file_is_replaced(tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     place, flock, late = tmp_path / "a.h5", staging.fcntl.flock, []
 
     def gone(held, how):
-        """Before this process gets the lock, its holder deletes the lock file and another process creates a new one."""
+        """Replaces the lock file just before this process locks it, as if two other processes had deleted and created it."""
         if not late:
             late.extend(tmp_path.glob(".*.lock"))
             late[0].unlink()
@@ -313,7 +317,7 @@ def test_staged_file_is_locked_even_if_the_lock_file_is_replaced(tmp_path, monke
 
 
 @pytest.mark.parametrize("create", [staging.staged, staging.replaced])
-def test_file_is_synced_before_it_gets_its_name(tmp_path, monkeypatch, create):
+def test_export_syncs_a_file_to_disk_before_it_gets_its_final_name(tmp_path, monkeypatch, create):
     place, synced = tmp_path / "a.h5", []
 
     def fsync(descriptor):
@@ -325,7 +329,7 @@ def test_file_is_synced_before_it_gets_its_name(tmp_path, monkeypatch, create):
     assert synced == [(False, False), (True, True)]
 
 
-def test_file_is_created_on_a_disk_without_hard_links(tmp_path, monkeypatch):
+def test_export_creates_a_file_on_a_disk_that_does_not_support_hard_links(tmp_path, monkeypatch):
     def no_links(*_):
         raise PermissionError
 
@@ -337,8 +341,7 @@ def test_file_is_created_on_a_disk_without_hard_links(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("kib", [0, 20])
 @pytest.mark.parametrize("name", ["a.h5", "a.nc", "a.csv"])
-def test_full_disk_leaves_no_export(runs, tmp_path, name, kib):
-    """The error is one line."""
+def test_export_to_a_full_disk_leaves_no_file(runs, tmp_path, name, kib):
     if kib and name == "a.csv":
         return
     if name == "a.nc":

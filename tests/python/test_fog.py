@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Fog of the bench compared with analytic results and published values."""
+"""Compares the fog simulation of echofuse-bench with analytic results and published values."""
 import os
 
 import numpy as np
@@ -16,8 +16,8 @@ SETTINGS = {"half_tangent": 0.55, "spd_field": 1, "spd_falloff": 0, "signal_phot
 
 
 @pytest.mark.parametrize("visibility_m", [5, 20, 200, 300, 499])
-def test_fog_extinction_matches_kim_at_short_visibility(visibility_m):
-    """Below 500 m extinction is the same at 1550 nm and 550 nm (Kim, Proc. SPIE 4214, 26, 2001)."""
+def test_fog_extinction_matches_the_kim_model_below_500_m_visibility(visibility_m):
+    """For visibilities below 500 m the extinction at 1550 nm equals that at 550 nm (Kim, Proc. SPIE 4214, 26, 2001)."""
     assert fog.extinction_per_m(visibility_m) * visibility_m == pytest.approx(3.912, rel=0.12)
 
 
@@ -26,7 +26,7 @@ def mean_counts(visibility_m, photons=0, records=400, **settings):
     return fog.add_fog(clear, visibility_m, SETTINGS | settings, 1).mean(axis=0)
 
 
-def test_fog_attenuates_photons_and_scatters_back_with_inverse_square():
+def test_fog_attenuates_photons_and_adds_backscatter_that_falls_with_range_squared():
     range_m = (13343 + 100 * (np.arange(336) + 0.5)) / PS_PER_M
     extinction, t2 = fog.extinction_per_m(30), 0.55**2
     solid_angle_sr = 4 * np.arcsin(t2 / (1 + t2))
@@ -38,13 +38,13 @@ def test_fog_attenuates_photons_and_scatters_back_with_inverse_square():
     assert both - alone == pytest.approx(1000 * np.exp(-2 * extinction * range_m), rel=0.05)
 
 
-def test_fog_backscatter_is_limited_to_the_detector_field():
+def test_fog_backscatter_comes_only_from_the_detector_field_of_view():
     total = mean_counts(30).sum()
     assert mean_counts(30, spd_field=0.5).sum() / total == pytest.approx(0.30, rel=0.05)
     assert mean_counts(30, spd_falloff=3).sum() < 0.4 * total
 
 
-def test_fog_does_not_attenuate_background_and_precedes_pile_up():
+def test_fog_is_applied_before_pile_up_and_does_not_attenuate_background_counts():
     assert mean_counts(20, background_counts=33600)[-50:] == pytest.approx(
         mean_counts(20)[-50:] + 100, rel=0.03)
     rate, pulses = mean_counts(20), 100_000
@@ -54,7 +54,7 @@ def test_fog_does_not_attenuate_background_and_precedes_pile_up():
     assert piled == pytest.approx(pulses * waiting * -np.expm1(-rate / pulses), rel=0.1, abs=3)
 
 
-def test_bench_simulates_the_same_scenes_in_fog(tmp_path):
+def test_bench_simulates_the_same_scenes_with_and_without_fog(tmp_path):
     source = stability.Simulated(["pulses_per_window=200000"], 12, 12)
     axis = next(axis for axis in source.axes() if axis.id == "shifted-fog")
     (tmp_path / "fog").mkdir()
@@ -62,12 +62,12 @@ def test_bench_simulates_the_same_scenes_in_fog(tmp_path):
     thick = derive.read(source.test(axis.values["20"], 1, tmp_path / "fog"))
     assert np.array_equal(clear.radar, thick.radar)
     assert np.array_equal(clear.run.depth, thick.run.depth, equal_nan=True)
-    near = slice(0, 20)  # only fog in front of the bodies
+    near = slice(0, 20)  # Range bins in front of all bodies: the only counts are backscatter from fog.
     assert clear.spd[:, near].sum() == 0 and thick.spd[:, near].sum() > 12 * 2000
     assert thick.spd.sum(axis=1).max() < 200_000 < thick.spd.sum()
 
 
-def test_fog_with_a_dead_time_is_refused(tmp_path):
+def test_bench_refuses_fog_with_a_detector_dead_time(tmp_path):
     source = stability.Simulated(["pulses_per_window=200000", "spd_dead_time_ps=5000"], 12, 12)
     with pytest.raises(stability.BenchError, match="fog: not supported with a detector dead time"):
         source.test(stability.World(fog_m=20), 1, tmp_path)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Python and C++ read the same arrays from 20 random runs written by C++, and refuse other formats."""
+"""Tests that Python and C++ read the same arrays from 20 random runs, and that Python refuses other run formats."""
 import os
 import sqlite3
 import subprocess
@@ -32,7 +32,7 @@ def test_python_reads_arrays_of_random_runs_written_by_cpp(tmp_path):
         assert len(run) == 12
 
 
-def test_other_run_format_is_refused_with_advice(tmp_path):
+def test_open_refuses_another_run_format_version_with_advice(tmp_path):
     path = tmp_path / "run.sqlite"
     subprocess.run([BIN / "echofuse-sim", "dataset", "-q", "--records", "2", "--out", path], check=True)
     for version, advice in ((2, "expected 3; use the echofuse that recorded it"), (4, "expected 3; use a newer echofuse")):

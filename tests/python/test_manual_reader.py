@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A reader of run files, written from acquire/README.md alone, agrees with the package."""
+"""Tests that a reader written only from acquire/README.md reads the same values from a run as the package."""
 import math
 import sqlite3
 import subprocess
@@ -15,7 +15,8 @@ C_M_PER_PS = 299_792_458e-12
 
 
 def read(path):
-    """Returns for each record label, start (UTC, ns), corrected SPD ranges and counts, corrected radar ranges and power, depth, m."""
+    """Returns a dictionary per record: index, label, start time (UTC, ns), SPD counts, radar power and depth (m). SPD and
+    radar ranges (m) are corrected by the calibrated offsets."""
     db = sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True)
     axes = {name: one for name, *one in db.execute("SELECT name, quantity, count, start, step, scale FROM axis")}
     offset_m = dict(db.execute("SELECT sensor, offset_m FROM calibration"))
@@ -47,7 +48,7 @@ def read(path):
 
 
 @pytest.mark.parametrize("kind", ["plain", "zones", "codes"])
-def test_reader_written_from_the_manual_agrees_with_the_package(tmp_path, kind):
+def test_reader_written_from_the_manual_returns_the_same_arrays_as_the_package(tmp_path, kind):
     path = tmp_path / "run.sqlite"
     program("echofuse-sim", "dataset", "-q", "--out", path, "--records", 6, *(["--set", "spd_zones=3"] if kind == "zones" else []))
     if kind == "codes":
@@ -65,13 +66,13 @@ def test_reader_written_from_the_manual_agrees_with_the_package(tmp_path, kind):
     assert np.array_equal(np.array([one["spd"] for one in found]).reshape(run.spd.shape), run.spd)
     assert np.allclose([one["radar"] for one in found], run.radar, rtol=1e-6)
     assert np.allclose([one["depth_m"] for one in found], run.depth, atol=1e-6, equal_nan=True)
-    # After the offset correction both sensors place a body 3 m away at 3 m.
+    # Corrected ranges are the axis minus the offset. The SPD bin at 3 m contains the two-way travel time of 3 m.
     assert np.allclose(found[0]["radar_m"], run.axes["radar"].values - run.offset_m.get("radar", 0))
     bin_of = int(np.argmin(np.abs(found[0]["spd_m"] - 3)))
     assert run.axes["spd"].values[bin_of] <= 6 / C_M_PER_PS + run.offset_m.get("spd", 0) <= run.axes["spd"].values[bin_of] + run.axes["spd"].step
 
 
-def test_documented_keys_of_run_toml_are_accepted(tmp_path):
+def test_import_accepts_all_documented_keys_of_run_toml(tmp_path):
     np.save(tmp_path / "spd.npy", np.ones((2, 9), np.uint32))
     np.save(tmp_path / "radar.npy", np.ones((2, 7)))
     np.save(tmp_path / "depth.npy", np.full((2, 8, 8), 3000, np.uint16))

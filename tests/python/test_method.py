@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The method in Python (recon/python/echofuse/models/method.py) predicts the program's maps: the same foreground, and depths
-within 0.1 mm."""
+"""Tests that the Python implementation of the models (recon/python/echofuse/models/method.py) and echofuse-recon predict the
+same foreground, and depths that agree within 0.1 mm."""
 import dataclasses
 import json
 import sqlite3
@@ -12,7 +12,7 @@ import pytest
 import echofuse
 from programs import BIN, program
 
-# Settings of each run.
+# Simulator settings of each run, by run name.
 RUNS = {
     "50cm": [],
     "4cm": ["radar_resolution_m=0.088"],
@@ -22,7 +22,7 @@ RUNS = {
     "calibrated": [],
     "zones": ["spd_zones=3"],
 }
-# Models tested on each run.
+# Models that are trained and compared on each run, by run name.
 KINDS = {
     "50cm": [["factorised-8"], ["mean-shape"], ["mlp-64-32"], ["mlp-mask-32"], ["pca-mlp-64"], ["ridge"], ["mean"],
              ["pca-mlp-64", "--inputs", "spd"]],
@@ -33,7 +33,7 @@ KINDS = {
     "calibrated": [["factorised-8"]],
     "zones": [["factorised-8"], ["factorised-8", "--inputs", "spd"], ["mlp-64"]],
 }
-CODES_SCALE = 12  # log2 of power in steps of 2 / CODES_SCALE / 16, as in TI's profile of one transmitter
+CODES_SCALE = 12  # A code is log2(power) in steps of 1 / (8 CODES_SCALE), as in TI's range profile of one transmitter.
 
 
 def stated(path, taps, cell_m=0.3):
@@ -43,7 +43,7 @@ def stated(path, taps, cell_m=0.3):
 
 
 def as_the_daemon_writes(path):
-    """Replaces power by logarithmic codes, and appends points beyond the model's axis."""
+    """Replaces radar power by the logarithmic codes that the daemon stores, and appends five range bins beyond the model axis."""
     run = echofuse.open(path)
     codes = np.round(np.log2(np.maximum(run.radar, 1e-3) * 1e6) * 256 * CODES_SCALE / 32)
     codes = np.pad(codes, ((0, 0), (0, 5)), mode="edge").astype("<f4")
@@ -70,8 +70,8 @@ def runs(tmp_path_factory):
 
 @pytest.mark.parametrize("name", ["50cm", "antennas"])
 @pytest.mark.parametrize("change", ["codes", "response", "axes"])
-def test_run_with_other_units_or_axes_is_converted_as_by_the_program(runs, tmp_path, name, change):
-    """Other units, another radar response, or axes that differ by less than a bin."""
+def test_python_predictions_equal_those_of_echofuse_recon_for_runs_in_other_units_or_axes(runs, tmp_path, name, change):
+    """The run has logarithmic radar codes, another radar response, or axes that are shifted by less than a bin."""
     trained, run, model = tmp_path / "trained.sqlite", tmp_path / "run.sqlite", tmp_path / "model"
     for copy in (trained, run):
         copy.write_bytes((runs / f"{name}.sqlite").read_bytes())
@@ -90,7 +90,7 @@ def test_run_with_other_units_or_axes_is_converted_as_by_the_program(runs, tmp_p
 
 
 @pytest.mark.parametrize(("name", "kind"), [(name, kind) for name, kinds in KINDS.items() for kind in kinds])
-def test_predicted_maps_equal_those_of_the_program(runs, tmp_path, name, kind):
+def test_maps_predicted_in_python_equal_those_of_echofuse_recon(runs, tmp_path, name, kind):
     model, run = tmp_path / "model", runs / f"{name}.sqlite"
     epochs = ["--epochs", 1] if kind[0].rstrip("-0123456789") in ("factorised", "mean-shape", "mlp", "mlp-mask", "pca-mlp") else []
     program("echofuse-recon", "train", "-q", run, "--model", *kind, *epochs, "--set", "fallback=false", "--out", model)
@@ -108,11 +108,11 @@ def compare(model, run, maps):
     other = shown != shown_by_program
     assert found.index.tolist() == index.tolist() and len(found.index) == 60
     assert shown_by_program.any()
-    assert other.sum() <= 3  # exactly at the threshold
+    assert other.sum() <= 3  # Rounding may change up to three pixels that are at the foreground threshold.
     assert np.abs(depth_m - by_program_m)[~other].max() < 1e-4
 
 
-def test_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
+def test_loaded_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
     run = echofuse.open(runs / "50cm.sqlite")
     program("echofuse-recon", "-q", "train", run.path, "--model", "factorised-8", "--out", tmp_path / "m")
     model = echofuse.load_model(tmp_path / "m")
@@ -120,7 +120,8 @@ def test_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
     maps, own = model.predict(run), model.predict(spd=run.photons(), radar=run.power(), axes=run.axes)
     assert np.array_equal(maps.depth_m, own.depth_m, equal_nan=True) and len(own) == len(run) == 60
     assert repr(maps) == "<echofuse maps: 60 maps of 64 x 64 pixels, m, tangents within 0.55>"
-    assert set(model.predict(spd=run.photons()).inputs) == {"spd"}  # its fallback
+    # Without radar data the model uses its SPD fallback.
+    assert set(model.predict(spd=run.photons()).inputs) == {"spd"}
     with pytest.raises(ValueError, match=r"spd: shape \[60, 3\] \(expected \[n, "):
         model.predict(spd=run.photons()[:, :3], radar=run.power())
     with pytest.raises(ValueError, match="equal numbers of records"):
@@ -139,7 +140,7 @@ def test_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
     maps.save(tmp_path / "maps")
     again, index = echofuse.load_maps(tmp_path / "maps")
     assert np.array_equal(again, maps.depth_m, equal_nan=True) and index.tolist() == maps.index.tolist()
-    # evaluate --maps excludes the records of this training.
+    # evaluate --maps excludes the 54 records on which the model was trained.
     told = json.loads(subprocess.run([BIN / "echofuse-recon", "-q", "evaluate", "--json", "--maps", tmp_path / "maps", run.path],
                                      capture_output=True, check=True).stdout)
     assert (told["records"], told["left_out"]) == (6, {"trained on": 54})

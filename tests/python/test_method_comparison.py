@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A researcher compares own networks, trees and maps of another program with ours in one table."""
+"""Tests that echofuse-bench compares user networks, random forests and maps of another program with a built-in method."""
 import importlib.util
 import pathlib
 import subprocess
@@ -17,7 +17,7 @@ class First:
     def predict(self, run):
         return np.repeat(self.map[None], len(run), axis=0)
 """
-# another program: nearest histogram
+# External program that predicts the map of the training record with the nearest histogram.
 PROGRAM = f"""#!{sys.executable}
 import sys
 import numpy as np
@@ -36,12 +36,12 @@ def walk(folder, *methods):
     return {row[2].strip("`"): dict(zip(head, row)) for row in rows}
 
 
-def test_own_methods_and_maps_of_another_program_share_one_table(tmp_path):
+def test_bench_compares_user_methods_and_maps_of_another_program_in_one_table(tmp_path):
     for name, records, seed in (("train", 60, 1), ("test", 20, 2)):
         program("echofuse-sim", "dataset", "-q", "--out", tmp_path / f"{name}.sqlite", "--records", records, "--seed", seed)
     methods = ["nearest", "own:First", "./other"]
     for module, package, name in (("torch_network", "torch", "Network"), ("forest", "sklearn", "Forest")):
-        if importlib.util.find_spec(package):  # otherwise this row is omitted
+        if importlib.util.find_spec(package):  # The method is omitted if its package is not installed.
             (tmp_path / f"{module}.py").write_text((EXAMPLES / f"{module}.py").read_text())
             methods.append(f"{module}:{name}")
     (tmp_path / "own.py").write_text(OWN.format(row=0))

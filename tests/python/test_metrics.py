@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""echofuse.metrics returns the scores of evaluate, record by record."""
+"""Tests that echofuse.metrics returns the same scores per record as `echofuse-recon evaluate`."""
 import csv
 
 import numpy as np
@@ -14,7 +14,8 @@ COLUMNS = {"iou": metrics.iou, "depth_mae_m": metrics.depth_mae, "lateral_m": me
 
 
 def wrong(truth, how):
-    """Returns noisy, empty or mirrored maps, or expected depths of a regression."""
+    """Returns maps with errors: shifted with noise, blurred like a regression, or mirrored. Some mirrored maps are replaced by
+    constant ones."""
     z, rng = np.nan_to_num(truth), np.random.default_rng(3)
     if how == "noise":
         out = np.roll(z + rng.normal(0, 0.1, z.shape) * (z > 0), 2, 2) * (rng.random(z.shape) < 0.9)
@@ -37,7 +38,7 @@ def runs(request, tmp_path_factory):
 
 
 @pytest.mark.parametrize("how", ["noise", "expected", "mirrored"])
-def test_python_metrics_equal_those_of_evaluate(runs, tmp_path, how):
+def test_python_metrics_equal_those_of_the_evaluate_command(runs, tmp_path, how):
     train, test = runs
     maps, truth, scene = wrong(test.maps(), how), test.maps(), metrics.Scene.of_maps(train.maps())
     echofuse.save_maps(tmp_path / "maps", maps, test.index)
@@ -56,14 +57,14 @@ def test_python_metrics_equal_those_of_evaluate(runs, tmp_path, how):
         assert np.isfinite(found).any(), column
 
 
-def test_undefined_scores_are_nan():
+def test_metrics_return_nan_for_undefined_scores():
     scene = metrics.Scene(np.zeros((8, 8), np.float32), 3.0)
     empty, body = np.full((1, 8, 8), np.nan), np.full((1, 8, 8), np.nan)
     body[0, 2:5, 1:3] = 3
     assert np.isnan(metrics.iou(empty, empty, scene)) and metrics.iou(empty, body, scene) == 0
     assert metrics.iou(body, body, scene) == 1 and metrics.lateral(body, body, scene) == 0
     assert np.isnan(metrics.depth_mae(empty, body, scene)) and np.isnan(metrics.lateral(empty, body, scene))
-    assert np.isnan(metrics.ssim_fg(body, body, scene))  # the window is larger than the map
+    assert np.isnan(metrics.ssim_fg(body, body, scene))  # The SSIM window is larger than the map.
     assert metrics.mirror_fraction(body[:, :, ::-1], body, scene) == 1
     with pytest.raises(ValueError, match=r"\[8, 8\] \(expected \[n, N, N\]"):
         metrics.iou(body[0], body[0], scene)

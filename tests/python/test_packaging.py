@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Wheel and sdist of the Python package, and its public names."""
+"""Tests the wheel and the sdist of the Python package, and its public names."""
 import os
 import pathlib
 import pkgutil
@@ -34,7 +34,8 @@ def built(source, kind, to):
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory):
-    """Folder with a run and an environment that has the wheel built from the sdist."""
+    """Creates a folder with a run and a virtual environment in which the wheel is installed. The wheel is built from the
+    sdist."""
     for module in ("setuptools", "wheel", "venv", "pip"):
         pytest.importorskip(module)
     folder = tmp_path_factory.mktemp("package")
@@ -49,7 +50,7 @@ def made(tmp_path_factory):
     return folder
 
 
-def test_wheel_and_sdist_have_the_same_files(made, tmp_path):
+def test_wheels_built_from_sources_and_sdist_contain_the_same_files(made, tmp_path):
     direct = built(copy_of_the_sources(tmp_path / "copy"), "wheel", tmp_path)
     names = [set(zipfile.ZipFile(wheel).namelist()) for wheel in (direct, next(made.glob("*.whl")))]
     assert names[0] == names[1]
@@ -58,7 +59,7 @@ def test_wheel_and_sdist_have_the_same_files(made, tmp_path):
     assert (SOURCE / "LICENSE").read_bytes() == (SOURCE.parents[1] / "LICENSE").read_bytes()
 
 
-def test_installed_wheel_reads_a_run_without_programs(made):
+def test_installed_wheel_reads_a_run_without_the_echofuse_programs(made):
     code = ("import echofuse; run = echofuse.open('monday.sqlite'); "
             "print(echofuse.__file__, len(run), run.spd.shape[0])")
     done = python("-c", code, at=made, env=AWAY | {"PATH": ""}, python=made / "venv/bin/python")
@@ -71,7 +72,7 @@ def test_installed_wheel_reads_a_run_without_programs(made):
     ("echofuse.split(echofuse.open('monday.sqlite'))", "echofuse-recon"),
     ("echofuse.record('lab.toml')", "echofuse-acquire"),
     ("echofuse.write_run('own.sqlite', spd=[[1, 2]])", "echofuse-acquire")])
-def test_missing_program_is_named(made, call, name):
+def test_error_names_the_missing_echofuse_program(made, call, name):
     code = f"import echofuse\ntry:\n    {call}\nexcept RuntimeError as error:\n    print(error)"
     done = python("-c", code, at=made, env=AWAY | {"PATH": ""}, python=made / "venv/bin/python")
     assert done.returncode == 0, done.stderr
@@ -87,18 +88,18 @@ def test_installed_wheel_writes_a_report_page(made):
     assert "monday" in page and "uPlot" in page
 
 
-def test_star_import_keeps_the_built_in_open():
+def test_star_import_does_not_replace_the_built_in_open():
     names = {}
     exec("from echofuse import *", names)  # noqa: S102
     assert "open" not in names and callable(echofuse.open)
 
 
-def test_public_names_do_not_clash_with_modules():
+def test_public_names_of_the_package_do_not_clash_with_its_modules():
     modules = {module.name for module in pkgutil.iter_modules(echofuse.__path__)}
     assert [name for name in modules & set(dir(echofuse)) if not isinstance(getattr(echofuse, name), types.ModuleType)] == []
 
 
-def test_import_takes_at_most_a_tenth_of_a_second_more_than_numpy():
+def test_import_of_echofuse_takes_at_most_100_ms_more_than_numpy():
     code = "import time, numpy; at = time.process_time(); import echofuse; print(time.process_time() - at)"
     env = AWAY | {"PYTHONPATH": str(SOURCE)}
     took = [float(python("-c", code, at=SOURCE, env=env).stdout) for _ in range(10)]

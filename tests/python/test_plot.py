@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""echofuse.plot with simulated runs and tables of studies."""
+"""Tests echofuse.plot with simulated runs and with result tables of echofuse-bench."""
 import numpy as np
 import pytest
 
@@ -25,15 +25,15 @@ def written(figure, path):
 
 
 @pytest.mark.parametrize("run, panels", [("test", 4), ("wide", 6)])
-def test_plot_of_a_record_has_its_panels(folder, run, panels):
+def test_plot_of_a_record_has_one_panel_per_sensor_and_colour_bar(folder, run, panels):
     figure = plot.record(folder / f"{run}.sqlite", 0)
-    assert len(figure.axes) == panels  # with the colour bars
+    assert len(figure.axes) == panels  # The number includes the colour bars.
     assert written(figure, folder / f"{run}.pdf").startswith(b"%PDF")
     with pytest.raises(KeyError, match="no record 99"):
         plot.record(folder / f"{run}.sqlite", 99)
 
 
-def test_run_map_and_learning_curve_are_plotted(folder):
+def test_timeline_map_and_learning_curve_can_be_plotted(folder):
     assert b"<svg" in written(plot.timeline(folder / "test.sqlite"), folder / "run.svg")
     maps = echofuse.load_model(folder / "mlp.safetensors").predict(folder / "test.sqlite")
     figure = plot.map(maps.depth_m[0], maps.half_tangent, title="a map")
@@ -45,7 +45,7 @@ def test_run_map_and_learning_curve_are_plotted(folder):
     assert len(plot.learning_curve(folder / "mlp.safetensors").axes[0].lines) == 2
 
 
-def test_maps_and_runs_are_drawn_into_given_axes(folder):
+def test_plot_functions_draw_into_given_axes(folder):
     run = echofuse.open(folder / "test.sqlite")
     maps = echofuse.load_model(folder / "mlp.safetensors").predict(run)
     figure, axes = plot.figure(4)
@@ -59,7 +59,7 @@ def test_maps_and_runs_are_drawn_into_given_axes(folder):
         plot.record(run, 0, ax=axes[3])
 
 
-def test_pareto_chart_gives_each_model_a_colour(folder):
+def test_pareto_chart_gives_each_model_its_own_colour(folder):
     head = "# study pareto\naxis,value,model,inputs,machine,seed,iou,lateral_m,multiply_adds,infer_us_median\n"
     rows = [f"model,1,factorised-{k},fused,m,{s},{0.58 + 0.001 * k + 0.01 * s},{0.03 + 0.001 * k},{40000 + 900 * k},{8 + 0.1 * k}\n"
             for k in range(8) for s in (1, 2)]
@@ -88,7 +88,7 @@ def test_stability_chart_marks_points_below_the_best_baseline(folder):
     assert len(crosses) == 1 and crosses[0].get_xdata().tolist() == [2]
 
 
-def test_stability_chart_over_names_has_bars(folder):
+def test_stability_chart_draws_bars_for_conditions_that_are_not_numbers(folder):
     head = "# study stability\naxis,value,model,inputs,machine,seed,iou\n"
     rows = [f"{'base' if room == 'base' else 'matched-rooms'},{room},{model},fused,-,{seed},{iou}\n"
             for room, level in (("base", 0.6), ("corridor", 0.1)) for model, iou in (("factorised", level), ("nearest", 0.2))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The page of echofuse-report: its numbers equal those of `evaluate --json`, failures come first, and only measured values are
-shown."""
+"""Tests the page of echofuse-report: numbers equal those of `evaluate --json`, failures come first, and every value shown was
+measured."""
 import base64
 import json
 import os
@@ -27,7 +27,7 @@ os.environ["ECHOFUSE_BIN"] = str(BIN)
 
 
 def report(*words):
-    """Returns exit code and output."""
+    """Runs echofuse-report. Returns its exit code and its output, including error messages."""
     done = subprocess.run([BIN / "echofuse-report", *map(str, words)], capture_output=True, text=True, check=False)
     return done.returncode, done.stdout + done.stderr
 
@@ -49,7 +49,8 @@ def of_kind(found, kind):
 
 @pytest.fixture(scope="module")
 def here(tmp_path_factory):
-    """A training run and a fresh run; models of all inputs, one of them trained twice, one without sensors."""
+    """Creates a training run, a test run, and models that use both sensors, one sensor or no sensor. One model is trained with
+    two seeds."""
     made = tmp_path_factory.mktemp("report")
     for name, records, seed in (("run", 160, 1), ("fresh", 60, 8)):
         program("echofuse-sim", "dataset", "-q", "--out", made / f"{name}.sqlite", "--records", records, "--seed", seed)
@@ -87,7 +88,7 @@ def test_report_numbers_equal_those_of_evaluate(here, tmp_path):
     assert cost[3] == blocks.three_digits(told["rows"][1]["cost"]["multiply_adds"])
 
 
-def test_report_maps_are_the_thresholded_maps_of_the_model(here, tmp_path):
+def test_report_shows_the_foreground_of_the_predicted_maps(here, tmp_path):
     assert report(tmp_path, "--run", here / "fresh.sqlite", "--model", here / "body")[0] == 0
     page, maps = page_of(tmp_path), echofuse.load_model(here / "body").predict(here / "fresh.sqlite")
     for record in page["records"]:
@@ -101,7 +102,7 @@ def test_report_maps_are_the_thresholded_maps_of_the_model(here, tmp_path):
             assert record["spd"]["clicks"] == [blocks.short(v) for v in run.photons()[run.index == index][0]]
 
 
-def test_report_is_one_page_without_external_resources(here, tmp_path):
+def test_report_is_a_single_page_without_external_resources(here, tmp_path):
     code, said = report(tmp_path, "--run", here / "run.sqlite", *(word for name in ("fused", "spd", "radar") for word in ("--model", here / name)),
                         "--live", here / "fresh.sqlite")
     assert code == 0 and said.endswith("report.html\n"), said
@@ -110,17 +111,17 @@ def test_report_is_one_page_without_external_resources(here, tmp_path):
     page = page_of(tmp_path)
     assert [section["id"] for section in page["sections"]] == [
         "failures", "gallery", "errors", "labels", "metrics", "cost", "records", "space", "live", "made", "terms"]
-    # Person and letter with three models; one live record, and the worst, median and best record with the first model.
+    # The person and the letter have maps of all three models. The live record and the worst, median and best record have one.
     assert [len(record["maps"]) for record in page["records"]][:6] == [3, 3, 1, 1, 1, 1]
     assert of_kind(page["of"]["metrics"], "note")["text"].startswith("Do not use SSIM alone")
     assert ["command", f"echofuse-report {tmp_path}"] == [page["of"]["made"][0]["rows"][3][0], page["of"]["made"][0]["rows"][3][1][:16 + len(str(tmp_path))]]
-    # The paper's values are shown only next to its networks.
+    # The published values appear only if the report contains a network of the paper.
     assert not [value for value in ("0.6576", "0.6389", "0.5266") if value in json.dumps(page)]
     assert len(of_kind(page["of"]["live"], "waterfalls")["tables"]) == 2
     assert of_kind(page["of"]["live"], "pictures")["show"] == ["truth", "spd", "radar", "map 0", "error 0"]
 
 
-def test_report_groups_models_with_equal_inputs(here, tmp_path):
+def test_report_groups_models_by_their_inputs(here, tmp_path):
     code, said = report(tmp_path, "--run", here / "fresh.sqlite", "--model", f"ours={here / 'fused'}", here / "spd", f"small={here / 'body'}",
                         here / "mean", f"ours={here / 'again'}", here / "paper")
     assert code == 0, said
@@ -128,12 +129,12 @@ def test_report_groups_models_with_equal_inputs(here, tmp_path):
     assert [row[0] for row in page["first"][1]["rows"]][:5] == [
         "ours (ridge, SPD + radar profile; 2 trainings)", "small (mean-shape, SPD + radar profile)", "spd (ridge, SPD alone)",
         "paper (the paper's network, SPD alone)", "mean (no sensor)"]
-    assert page["of"]["metrics"][3]["rows"][0][2] == "0.6389"  # next to the value of the paper
+    assert page["of"]["metrics"][3]["rows"][0][2] == "0.6389"  # This is the published value for the paper's network.
     code, said = report(tmp_path / "no", "--run", here / "run.sqlite", "--model", f"a={here / 'spd'}", f"a={here / 'radar'}")
     assert code == 1 and f"inputs radar alone, but {here / 'spd'} with the same name has SPD alone; give --model NAME=" in said
 
 
-def test_models_are_scored_on_records_with_all_their_sensors(here, tmp_path):
+def test_report_scores_all_models_on_records_that_have_every_sensor(here, tmp_path):
     def some(records):
         records.lost["radar"][::4] = True
 
@@ -149,7 +150,7 @@ def test_models_are_scored_on_records_with_all_their_sensors(here, tmp_path):
     assert code == 0 and "spd (ridge, SPD alone), on 5 " in said
 
 
-def test_report_of_a_run_alone_and_paired_comparison(here, tmp_path):
+def test_report_supports_a_run_without_a_model_and_a_comparison_of_two_models(here, tmp_path):
     code, said = report(tmp_path / "alone", "--live", here / "fresh.sqlite")
     assert code == 0 and "60 records, all with all three sensors" in said
     page = page_of(tmp_path / "alone")
@@ -167,13 +168,14 @@ def test_report_of_a_run_alone_and_paired_comparison(here, tmp_path):
     rows = {row[0]: row for row in page["of"]["difference"][1]["rows"]}
     assert rows["IoU"][1:6] == ["60", *(f"{paired['iou'][key]:.3f}" for key in ("first", "second")),
                                 f"{paired['iou']['mean']:+.3f}", f"{paired['iou']['low']:+.3f} to {paired['iou']['high']:+.3f}"]
-    assert rows["IoU"][6]["text"] == "second" and rows["RMSE (m)"][4][0] == "+"  # plus means better, also for errors
+    # Plus means that the second model is better, even for an error metric.
+    assert rows["IoU"][6]["text"] == "second" and rows["RMSE (m)"][4][0] == "+"
     assert page["first"][0]["show"] == ["truth", "map 0", "map 1", "error 0", "error 1"]
     code, said = compare("body", "body")
     assert code == 0 and "do not differ significantly" in said and "difference +0.000 (95 %: +0.000 to +0.000)" in said
 
 
-def test_report_shows_when_a_sensor_was_lost(here, tmp_path):
+def test_report_shows_the_period_without_data_from_a_sensor(here, tmp_path):
     def lose(records):
         records.lost["radar"][40:] = True
 
@@ -187,7 +189,7 @@ def test_report_shows_when_a_sensor_was_lost(here, tmp_path):
     assert of_kind(page_of(tmp_path)["of"]["live"], "strips")["gaps"]["radar"] == [[120.0, 180.0]]
 
 
-def test_report_contains_every_note_of_evaluate(here, tmp_path):
+def test_report_contains_every_note_of_the_evaluate_command(here, tmp_path):
     shutil.copy(here / "fresh.sqlite", tmp_path / "odd.sqlite")
     with sqlite3.connect(tmp_path / "odd.sqlite") as db:
         db.execute("UPDATE record SET depth_verdict = 'stands still: the same', depth = (SELECT depth FROM record WHERE idx = 0) WHERE idx < 25")
@@ -203,7 +205,7 @@ def test_report_contains_every_note_of_evaluate(here, tmp_path):
     assert [line for line in notes_of_evaluate if line not in said or line not in page] == []
 
 
-def test_report_refuses_a_run_of_doubtful_records_only(here, tmp_path):
+def test_report_refuses_a_run_with_only_doubtful_records(here, tmp_path):
     shutil.copy(here / "fresh.sqlite", tmp_path / "frozen.sqlite")
     with sqlite3.connect(tmp_path / "frozen.sqlite") as db:
         db.execute("UPDATE record SET depth_verdict = 'stands still: the same'")
@@ -212,8 +214,8 @@ def test_report_refuses_a_run_of_doubtful_records_only(here, tmp_path):
     assert code == 1 and "60 of 60 records left out: camera frozen 60" in said and not (tmp_path / "page/report.html").exists()
 
 
-def test_report_names_an_unreadable_record(here, tmp_path):
-    """Record 30 is the middle one, which the page shows."""
+def test_report_lists_an_unreadable_record_with_the_reason(here, tmp_path):
+    """The unreadable record is record 30, because a report without a model shows the middle record."""
     shutil.copy(here / "fresh.sqlite", tmp_path / "bad.sqlite")
     with sqlite3.connect(tmp_path / "bad.sqlite") as db:
         db.execute("UPDATE record SET spd = x'00' WHERE idx = 30")
@@ -229,7 +231,7 @@ def test_report_names_an_unreadable_record(here, tmp_path):
             assert "record 30, unreadable: spd has 1 bytes" in page_of(tmp_path / "page")["records"][0]["title"]
 
 
-def test_waterfall_averages_neighbours_independently_of_block_size(here, monkeypatch):
+def test_report_waterfall_averages_adjacent_records_for_any_read_block_size(here, monkeypatch):
     run, pages = echofuse.open(here / "fresh.sqlite"), []
     monkeypatch.setattr(report_story, "MAX_POINTS", 30)
     for records in (256, 7):
@@ -241,8 +243,9 @@ def test_waterfall_averages_neighbours_independently_of_block_size(here, monkeyp
     assert np.abs(image - 254 * means / means.max()).max() <= 0.5 + 1e-9
 
 
-def test_failed_report_leaves_no_files(here, tmp_path):
-    """Full disk and SIGTERM: no partial file, no scratch folder. A link at the path of the partial file is not followed."""
+def test_report_on_a_full_disk_or_after_sigterm_leaves_no_files(here, tmp_path):
+    """Neither a full disk nor SIGTERM leaves a partial file or a scratch folder. A symbolic link at the path of the partial file
+    is not followed."""
     (tmp_path / "scratch").mkdir()
     words, env = [BIN / "echofuse-report", tmp_path / "page", "--live", here / "fresh.sqlite"], os.environ | {"TMPDIR": str(tmp_path / "scratch")}
     full = subprocess.run(["sh", "-c", "ulimit -f 40; exec \"$@\"", "sh", *words], capture_output=True, text=True, env=env)
@@ -276,14 +279,14 @@ def test_failed_report_leaves_no_files(here, tmp_path):
     (["--run", "fresh.sqlite", "--model", "run.sqlite"], 1, "run.sqlite: is a run; expected a model file"),
     (["--run", "fresh.sqlite", "--model", "mean", "--empty", "run.sqlite"], 1, "cannot be used in another room"),
 ])
-def test_report_refuses_invalid_arguments_in_one_line(here, tmp_path, monkeypatch, words, code, text):
+def test_report_refuses_invalid_arguments_with_a_one_line_error(here, tmp_path, monkeypatch, words, code, text):
     monkeypatch.chdir(here)
     found, said = report(tmp_path / "page", *words)
     assert found == code and text in said and said.count("\n") == 1, said
     assert not (tmp_path / "page").exists()
 
 
-def test_report_of_another_run_is_kept_without_force(here, tmp_path):
+def test_report_of_another_run_is_overwritten_only_with_force(here, tmp_path):
     assert report(tmp_path, "--live", here / "fresh.sqlite")[0] == 0
     assert report(tmp_path, "--live", here / "fresh.sqlite")[0] == 0
     code, said = report(tmp_path, "--live", here / "run.sqlite")
@@ -292,11 +295,11 @@ def test_report_of_another_run_is_kept_without_force(here, tmp_path):
     assert page_of(tmp_path)["of"]["live"][0]["text"].endswith("160 records, all with all three sensors.")
 
 
-# Texts for given numbers
+# The following tests check the texts that the report generates from given scores.
 
 
 def mode_of(name, kind, iou, rmse_m, **columns):
-    """Returns 20 letter records with scores that vary slightly around these."""
+    """Returns a model with scores for 20 letter records, which vary slightly around the given values."""
     wobble = 0.001 * (np.arange(20) % 3)
     values = {"iou": iou + wobble, "rmse_m": rmse_m + wobble, "lateral_m": 0.03 + wobble, "depth_mae_m": 0.1 + wobble,
               "lateral_interval_90_m": np.full(20, 0.1)} | columns
@@ -314,7 +317,7 @@ def judged_of(**baselines):
     return Evaluation([], {"trivial": trivial, "foreground_depth_m": 3.0}, "")
 
 
-def test_report_verdict_names_the_competing_model_and_worse_metrics():
+def test_report_summary_names_the_competing_model_and_metrics_in_which_it_is_better():
     ours, theirs = mode_of("ours", "factorised", 0.6, 0.46), mode_of("theirs", "pca", 0.5, 0.42)
     theirs.differences = {"rmse_m": {"records": 20, "first": 0.46, "second": 0.42, "mean": 0.04, "low": 0.03, "high": 0.05},
                           "iou": {"records": 20, "first": 0.6, "second": 0.5, "mean": -0.1, "low": -0.1, "high": -0.1}}
@@ -327,7 +330,7 @@ def test_report_verdict_names_the_competing_model_and_worse_metrics():
     assert "same inputs" not in said and "nearest training record: 0.30" in said and "20 recorded records held out in the training" in said
 
 
-def test_report_lists_failures_first():
+def test_report_lists_domain_shift_and_missed_intervals_as_problems():
     fused = mode_of("fused", "factorised", 0.6, 0.46).first
     assert tables.problems_of_run(fused) == []
     fused = mode_of("fused", "factorised", 0.6, 0.46, lateral_interval_90_m=np.full(20, 0.01)).first
@@ -343,7 +346,7 @@ def test_report_lists_failures_first():
                                                                         "worst: record 7")
 
 
-def test_best_scores_are_marked_in_tables():
+def test_report_tables_mark_the_best_score_of_each_metric():
     side = (np.arange(20) > 0) * 1.0
     models = [mode_of("a", "factorised", 0.6, 0.46, ghost=np.zeros(20), left_right=side), mode_of("b", "pca", 0.5, 0.42, ghost=np.full(20, -0.1), left_right=side)]
     rows = tables.rows_of(models, {"trivial": {}})
@@ -352,29 +355,31 @@ def test_best_scores_are_marked_in_tables():
     assert ghost[0] == {"text": "0", "mark": "best"} and ghost[1]["text"] == "-0.10"
     assert [tables.value(row, "left_right", best) for row, best in zip(rows, tables.best_of(rows, "left_right"))] == 2 * [{"text": "19 of 20", "mark": "best"}]
     assert tables.best_of(rows, "iou") == [True, False]
-    assert Count(0, 10).interval[0] == 0 and Count(5, 10).interval[0] == pytest.approx(0.2366, rel=1e-3)  # Wilson interval
+    # Limits of the Wilson score interval.
+    assert Count(0, 10).interval[0] == 0 and Count(5, 10).interval[0] == pytest.approx(0.2366, rel=1e-3)
     assert np.isnan(Means()["iou"].mean)
 
 
-def test_report_data_are_packed_and_escaped():
+def test_report_packs_arrays_as_base64_and_escapes_html():
     values = np.array([0, 1.2345, -1, 99, np.nan])
-    assert blocks.packed(values, 1e-3, "<u2") == "AADTBAAA//8AAA=="  # 0, 1235 (0x04d3), 0, 65535, 0
-    assert blocks.packed(values, 0.01, "u1") == "AHsA/wA="  # 0, 123, 0, 255, 0
+    # The packed values are 0, 1235 (0x04d3), 0, 65535, 0.
+    assert blocks.packed(values, 1e-3, "<u2") == "AADTBAAA//8AAA=="
+    assert blocks.packed(values, 0.01, "u1") == "AHsA/wA="  # The packed values are 0, 123, 0, 255, 0.
     assert blocks.short(float("nan")) is None and blocks.short(0.123456789) == 0.12346
     assert [blocks.three_digits(v) for v in (0, 8, 45971, 1366528, 9999.6)] == ["0", "8", "46 k", "1.37 M", "10 k"]
     html = blocks.html_of({"title": "<!--<script>", "verdict": "</script>\u202e\n"})
     assert '"title":"\\u003c!--\\u003cscript>"' in html and '"verdict":"\\u003c/script>\\\\u202e\\\\n"' in html
 
 
-def test_report_names_a_model_by_its_inputs():
+def test_report_describes_a_model_by_its_sensor_inputs():
     facts = {"0/model": "factorised", "0/inputs": "fused", "0/takes_antennas": 1, "0/axes/array/scale": 7.0, "0/axes/array/quantity": "lags"}
     assert sensors_of(facts) == "SPD + 8 antennas" and sensors_of(facts | {"0/takes_antennas": 0}) == "SPD + radar profile"
     assert sensors_of(facts | {"0/axes/array/quantity": "lags 1 2 5"}) == "SPD + antennas"
     assert sensors_of(facts | {"0/inputs": "radar"}) == "radar alone" and sensors_of({"0/model": "mean"}) == "no sensor"
 
 
-def test_package_contains_the_files_of_the_page(tmp_path):
-    """The package is copied to another folder, as by an installation."""
+def test_copied_report_package_contains_the_files_of_the_page(tmp_path):
+    """Copies the package to another folder, as an installation does."""
     shutil.copytree(blocks.PAGE.parent, tmp_path / "echofuse", ignore=shutil.ignore_patterns("__pycache__"))
     code = "from echofuse.report.blocks import html_of; print(len(html_of({})))"
     said = subprocess.run(["/usr/bin/python3", "-c", code], env={"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=True)
@@ -392,7 +397,8 @@ def test_report_compares_maps_of_other_programs_with_the_first_model(here, tmp_p
     scores, gains = (block for block in page["of"]["maps"] if block["kind"] == "table")
     assert [row[0] for row in scores["rows"]][:3] == ["theirs", "few (57 maps missing)", "body (mean-shape, SPD + radar profile)"]
     assert [row[1]["text"] for row in scores["rows"]][:3] == [f"{row['metrics']['iou']['mean']:.2f}" for row in told["rows"]]
-    assert [row[3]["small"].split("(")[-1] for row in scores["rows"]][:2] == ["60)", "3)"]  # number of maps with a depth error
+    # The number in brackets counts the maps that have a depth error.
+    assert [row[3]["small"].split("(")[-1] for row in scores["rows"]][:2] == ["60)", "3)"]
     assert [row[1]["text"] for row in gains["rows"]] == [f"{one['metrics']['iou']['mean']:+.3f}" for one in told["paired"]]
     shown = page["records"][of_kind(page["of"]["maps"], "pictures")["record"]]
     assert [one["name"] for one in shown["maps"]] == ["theirs", "few", "body (mean-shape, SPD + radar profile)"]
@@ -404,15 +410,16 @@ def test_report_compares_maps_of_other_programs_with_the_first_model(here, tmp_p
     assert [section["id"] for section in page_of(tmp_path / "alone")["sections"]] == ["maps", "made"]
 
 
-def test_report_of_a_recorded_run_and_a_model(here, tmp_path):
+def test_report_of_a_recorded_run_with_a_model_contains_its_failures_and_scores(here, tmp_path):
     code, said = report(tmp_path, "--live", here / "fresh.sqlite", "--model", here / "body")
     assert code == 0, said
     page = page_of(tmp_path)
     assert {"failures", "metrics", "live"} <= set(page["of"]) and of_kind(page["of"]["live"], "strips")
-    assert "echofuse-recon" in page["origin"] and "(" in dict(page["of"]["made"][0]["rows"])["program"]  # (commit)
+    # The text in brackets is the commit.
+    assert "echofuse-recon" in page["origin"] and "(" in dict(page["of"]["made"][0]["rows"])["program"]
 
 
-def test_report_lists_failing_records_worst_first(here, tmp_path):
+def test_report_links_each_failure_to_at_most_8_records(here, tmp_path):
     assert report(tmp_path, "--run", here / "fresh.sqlite", "--model", here / "body")[0] == 0
     page = page_of(tmp_path)
     rows = [row for row in of_kind(page["of"]["failures"], "table")["rows"] if isinstance(row[3], dict)]
@@ -423,7 +430,7 @@ def test_report_lists_failing_records_worst_first(here, tmp_path):
         assert len(row[3]["records"]) == min(count, 8) and row[3]["more"] == (count > 8)
 
 
-def test_report_compares_many_models_in_a_table(here, tmp_path):
+def test_report_compares_the_first_of_five_models_with_the_others(here, tmp_path):
     words = [word for name in ("body", "fused", "spd", "radar", "mean") for word in ("--model", here / name)]
     code, said = report(tmp_path, "--run", here / "fresh.sqlite", *words)
     assert code == 0, said

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Zones of a TMF8820: the fit to a known object, rendered solids, and the photon track of the bench."""
+"""Tests the TMF8820 simulation: the fit of its zones to a known object, rendered solids, and the photon track of
+echofuse-bench."""
 import csv
 import gzip
 import json
@@ -22,7 +23,7 @@ TABLE = np.array([[(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [(-1, -1, 0), (1, 1, 0),
 
 
 def chip():
-    """Returns four zones with round fields at +-0.12 and different time zeros."""
+    """Returns four zones with round fields of view, centred at tangents of +-0.12, and with different time zeros."""
     x, y = (part.ravel() for part in zone_fit.tangents(zone_fit.G, zone_fit.FIELD_TANGENT))
     fields = [np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2 * 0.1**2)) for cx, cy in
               ((-0.12, 0.12), (0.12, 0.12), (-0.12, -0.12), (0.12, -0.12))]
@@ -30,7 +31,7 @@ def chip():
 
 
 def captures(count, seed):
-    """Returns counts [n, zones, 128] and poses [n, 4, 4] in front of the block."""
+    """Simulates `count` measurements of the block. Returns counts [n, zones, 128] and sensor poses [n, 4, 4]."""
     rng, zones, counts, poses = np.random.default_rng(seed), chip(), [], []
     for _ in range(count):
         pose = tmf8820.random_pose(rng, 0.1)
@@ -44,7 +45,7 @@ def captures(count, seed):
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
-    """Folder with the files of the public data: block.json.gz, block_random.json.gz and block.stl."""
+    """Creates a folder with simulated data in the file format of the public data set: two capture files and a mesh."""
     folder = tmp_path_factory.mktemp("data")
     mesh = np.concatenate([TABLE, BLOCK])
     body = b"".join(struct.pack("<12fH", 0, 0, 0, *corners.ravel(), 0) for corners in mesh)
@@ -57,7 +58,7 @@ def data(tmp_path_factory):
     return folder
 
 
-def test_rays_onto_a_block_hit_its_top(data):
+def test_rays_from_above_a_block_hit_its_top_face(data):
     pose = np.zeros((4, 4))
     pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = (1, 0, 0), (0, -1, 0), (0, 0, -1), (0, 0, 0.3)
     triangles = tmf8820.read_mesh(data / "block.stl")
@@ -65,13 +66,13 @@ def test_rays_onto_a_block_hit_its_top(data):
     assert np.nanmin(truth) == pytest.approx(0.2) and 30 < np.isfinite(truth).sum() < 400
 
 
-def test_zone_fit_recovers_fields_time_zeros_and_response(data, tmp_path):
+def test_zone_fit_recovers_the_fields_of_view_time_zeros_and_response(data, tmp_path):
     zones = chip()
     found = tmf8820.fit_to_poses(data / "block_random.json.gz", data / "block.stl", range(16))
     assert (found.fields >= 0).all() and (found.explained > 0.97).all()
     assert np.abs(found.zero_bin - zones.zero_bin).max() < 0.25 and found.exponent == zones.exponent
     assert np.abs(found.centres()[:, :2] - zones.centres()[:, :2]).max() < 0.05
-    counts, poses = captures(8, 5)  # poses that were not fitted
+    counts, poses = captures(8, 5)  # The fit did not use these poses.
     counts = counts - np.median(counts[:, :, -30:], axis=2, keepdims=True)
     scenes = tmf8820.hits_from(poses, data / "block.stl")
     for k in range(4):
@@ -86,19 +87,20 @@ def test_zone_fit_recovers_fields_time_zeros_and_response(data, tmp_path):
         tmf8820.fit_to_poses(data / "block.json.gz", data / "block.stl", [24])
 
 
-def test_rendered_photons_are_in_the_zone_and_bin_of_the_object():
+def test_rendered_photons_are_in_the_zone_and_time_bin_of_the_object():
     zones = chip()
     depth = np.full(zone_fit.G**2, np.inf)
     x, y = (part.ravel() for part in zone_fit.tangents(zone_fit.G, zone_fit.FIELD_TANGENT))
-    depth[(np.abs(x - 0.12) < 0.05) & (np.abs(y - 0.12) < 0.05)] = 0.276  # 20 bins
+    depth[(np.abs(x - 0.12) < 0.05) & (np.abs(y - 0.12) < 0.05)] = 0.276  # A range of 0.276 m corresponds to 20 bins.
     counts = tmf8820.histograms(depth, np.ones_like(depth), zones, zones.zero_bin, zone_fit.response_of(REFERENCE, 1.7))
-    assert counts.sum(1).argmax() == 1 and counts[1].argmax() == 32  # 20 bins behind the time zero
+    # The time zero of zone 1 is bin 12, so the peak is in bin 32.
+    assert counts.sum(1).argmax() == 1 and counts[1].argmax() == 32
     counts, maps = tmf8820.render_records(zones, REFERENCE, 3, 1)
     assert counts.shape == (3, 4, 128) and maps.shape == (3, 32, 32)
     assert np.array_equal(tmf8820.render_records(zones, REFERENCE, 3, 1)[0], counts)
 
 
-def test_first_return_is_in_front_of_the_table():
+def test_first_return_method_ignores_the_echo_of_the_table():
     range_m = np.arange(60) * 0.01
     bump = lambda at: np.exp(-(((np.arange(60) - at) / 1.5) ** 2))  # noqa: E731
     both, table, nothing = 1000 * bump(20) + 200 * bump(40), 500 * bump(40), np.zeros(60)
@@ -106,7 +108,7 @@ def test_first_return_is_in_front_of_the_table():
     assert found[0] == pytest.approx(0.2, abs=0.003) and np.isnan(found[1:]).all()
 
 
-def test_photon_track_runs_from_files_to_the_table(data, tmp_path, capfd):
+def test_photon_track_of_the_bench_fills_a_table_from_data_files(data, tmp_path, capfd):
     recipe = tmp_path / "recipe.toml"
     recipe.write_text("""
 name = "small"

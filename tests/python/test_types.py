@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Type check of the package with mypy --strict."""
+"""Checks the types of the package and of a user script with mypy --strict."""
 import pathlib
 import subprocess
 import sys
@@ -26,13 +26,13 @@ print(truth.shape, some, one.depth.shape, first.shape, iou.mean())
 
 
 def mypy(*words):
-    """Keeps its cache in the build folder, because the analysis of NumPy takes most of the time."""
+    """Returns the output lines of mypy. Its cache is in the build folder, so that NumPy is analysed only once."""
     pytest.importorskip("mypy")
     return subprocess.run([sys.executable, "-m", "mypy", "--config-file", PACKAGE / "pyproject.toml", "--cache-dir", BIN.parent / "mypy", *words],
                           cwd=PACKAGE, capture_output=True, text=True, check=False).stdout.splitlines()
 
 
-def test_package_and_user_script_have_no_type_errors(tmp_path):
+def test_mypy_finds_no_type_error_in_the_package_or_a_user_script(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT)
     assert mypy("echofuse", script)[-1].startswith("Success")

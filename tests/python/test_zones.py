@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Detectors with zones: imported runs, model inputs, and invalid zones."""
+"""Tests runs from detectors with several zones: import, zone directions, export, and refusal of invalid zones."""
 import pathlib
 import sqlite3
 import subprocess
@@ -26,7 +26,7 @@ def counts(records=3, histograms=2, bins=30):
     return np.random.default_rng(1).poisson(20, (records, histograms, bins)).astype(np.uint32)
 
 
-def test_zones_are_read_as_written(tmp_path):
+def test_detector_zones_are_read_back_as_written(tmp_path):
     run = write(tmp_path / "own", spd=counts(), zones=TWO)
     assert run.spd.shape == (3, 2, 30) and np.array_equal(run.spd, counts())
     assert run.zones == TWO and np.array_equal(run[1].spd, counts()[1])
@@ -34,18 +34,18 @@ def test_zones_are_read_as_written(tmp_path):
     assert np.allclose(zones.directions(run)[:, 0], [-0.17, 0.17])
 
 
-def test_zone_width_is_limited(tmp_path):
+def test_zone_width_must_be_positive_and_at_most_200(tmp_path):
     wide = [TWO[0], TWO[1]._replace(width=200.0)]
     assert write(tmp_path / "own", spd=counts(), zones=wide).zones == wide
     assert not wide[1]._replace(width=200.1).plausible() and not wide[1]._replace(width=0.0).plausible()
 
 
-def test_single_zone_is_read_as_a_single_pixel(tmp_path):
+def test_run_with_one_zone_is_read_as_a_single_pixel_run(tmp_path):
     run = write(tmp_path / "own", spd=counts(histograms=1))
     assert run.zones == [] and run.spd.shape == (3, 30) and "zone" not in run.tables
 
 
-def test_photons_of_each_zone_are_at_corrected_ranges(tmp_path):
+def test_photons_of_each_zone_are_shifted_by_its_time_zero(tmp_path):
     spd = np.zeros((1, 2, 60), np.uint32)
     spd[0, 0, 31], spd[0, 1, 30] = 100, 100
     run = write(tmp_path / "own", spd=spd, bin_width_ps=100, zones=[(-0.1, 0, 0.2, 1100), (0.1, 0, 0.2, 1000)])
@@ -54,7 +54,7 @@ def test_photons_of_each_zone_are_at_corrected_ranges(tmp_path):
     assert zones.summed(run.photons())[0, 20] == pytest.approx(200)
 
 
-def test_derived_run_keeps_the_zones(tmp_path):
+def test_derived_run_keeps_the_detector_zones(tmp_path):
     write(tmp_path / "own", spd=counts(), zones=TWO)
     derive.copy(tmp_path / "own.sqlite", tmp_path / "dim.sqlite", derive.thinned(0.5, seed=1))
     run = echofuse.open(tmp_path / "dim")
@@ -69,7 +69,7 @@ def test_derived_run_keeps_the_zones(tmp_path):
     ("expected \"X Y WIDTH\" or \"X Y WIDTH ZERO_PS\"", {"spd": counts(), "zones": [(0, 0, 0.1), (0, 0, 0)]}),
     ("expected 2 dimensions, one row per record, or 3: [records, zones, bins]", {"spd": np.ones((3, 2, 2, 2))}),
 ])
-def test_zones_that_do_not_match_the_array_are_refused(tmp_path, said, arrays):
+def test_write_run_refuses_zones_that_do_not_match_the_histogram_array(tmp_path, said, arrays):
     with pytest.raises(RuntimeError) as refused:
         write(tmp_path / "own", **arrays)
     assert said in str(refused.value)
@@ -89,7 +89,7 @@ TABLE = "table zone: expected at most 64 zones with centre, width and time zero"
     ("INSERT INTO zone SELECT * FROM zone LIMIT 1", "record 0: spd has 240 bytes, but its axis requires 360"),
     ("UPDATE axis SET count = 31 WHERE name = 'spd'", "record 0: spd has 240 bytes, but its axis requires 248"),
 ])
-def test_both_readers_refuse_a_malicious_zone_table(tmp_path, sql, said):
+def test_cpp_and_python_readers_refuse_a_malicious_zone_table(tmp_path, sql, said):
     write(tmp_path / "own", spd=counts(), zones=TWO)
     with sqlite3.connect(tmp_path / "own.sqlite") as db:
         db.execute(sql)
@@ -101,14 +101,14 @@ def test_both_readers_refuse_a_malicious_zone_table(tmp_path, sql, said):
     assert said in str(refused.value) and "own.sqlite" in str(refused.value)
 
 
-def test_unknown_zone_directions_are_refused_when_needed(tmp_path):
+def test_zone_directions_raise_an_error_if_the_run_does_not_contain_them(tmp_path):
     run = write(tmp_path / "own", spd=counts())
     assert len(run.zones) == 2 and np.isnan(run.zones[0].x)
     with pytest.raises(ValueError, match="detector zones are unknown; set spd.zones"):
         zones.directions(run)
 
 
-def test_exports_have_a_zone_axis(tmp_path):
+def test_hdf5_netcdf_and_csv_exports_have_a_zone_axis(tmp_path):
     h5py, xarray = pytest.importorskip("h5py"), pytest.importorskip("xarray")
     run = write(tmp_path / "own", spd=counts(), zones=TWO)
     data = echofuse.to_xarray(run)
@@ -128,7 +128,7 @@ def test_exports_have_a_zone_axis(tmp_path):
     assert f"spd,2900,1,{counts()[1, 1, 29]}" in lines
 
 
-def test_example_compares_detectors_with_and_without_zones():
+def test_zones_example_compares_detectors_with_one_and_nine_zones():
     done = subprocess.run([sys.executable, ROOT / "recon/python/examples/zones.py", "--zones", "1",
                            "3", "--train", "60", "--test", "20", "--data-sets", "1", "--methods",
                            "mean", "nearest:spd"], capture_output=True, text=True, check=True)

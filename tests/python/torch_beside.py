@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""tests/python/torch_beside.py BIN_DIR: compares a PyTorch network with ours in three commands, as on a plain Debian system.
-Exits with 77 (skipped) without python3-torch."""
+"""tests/python/torch_beside.py BIN_DIR: compares a PyTorch network with a built-in model in three commands, as on a plain
+Debian system. Exits with 77 (skipped) if python3-torch is not installed."""
 import csv
 import importlib.util
 import os
