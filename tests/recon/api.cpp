@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The public interface (recon/include/echofuse) against the readers and models below it.
+// Compares the public C++ interface (recon/include/echofuse) with the internal readers and models.
 #include <echofuse/predict.hpp>
 #include <echofuse/version.hpp>
 #include <thread>
@@ -24,7 +24,7 @@ std::string trained(const Folder& dir, const std::string& model) {
 
 }  // namespace
 
-TEST_CASE("API records contain the values of the run file") {
+TEST_CASE("records read through the API contain the values of the run file") {
   const Folder dir;
   write_run(dir / "run", 3, 1, [](record::FusedRecord& r) {
     if (r.index != 1) return;
@@ -60,7 +60,7 @@ TEST_CASE("API records contain the values of the run file") {
   CHECK(missing.spd().verdict == "missing: no tags");
 }
 
-TEST_CASE("the API converts radar codes to linear power") {
+TEST_CASE("the API converts logarithmic radar codes to linear power") {
   const Folder dir;
   Axis codes = radar_axis();
   codes.quantity = "log2_q8", codes.scale = 8;
@@ -71,7 +71,7 @@ TEST_CASE("the API converts radar codes to linear power") {
   CHECK(run.read(0).power()[3] == Approx(power_from_code(2560, 8)));
 }
 
-TEST_CASE("the API predicts the model's map from a record or from arrays") {
+TEST_CASE("the API predicts the same depth map as the model, from a record or from arrays") {
   const Folder dir;
   const Model model(trained(dir, "mean-shape"));
   const recon::TrainedModel whole = recon::load_model(dir / "m");
@@ -98,7 +98,7 @@ TEST_CASE("the API predicts the model's map from a record or from arrays") {
   }
 }
 
-TEST_CASE("the API reports a missing sensor instead of a map") {
+TEST_CASE("the API returns an error text instead of a map if a sensor is missing") {
   const Folder dir;
   const Model model(trained(dir, "mean-shape"));
   write_run(dir / "fresh", 1, 2,
@@ -110,7 +110,7 @@ TEST_CASE("the API reports a missing sensor instead of a map") {
   CHECK_THAT(predict(model, Run(dir / "fresh"), 7).fault, Catch::Contains("cannot read"));
 }
 
-TEST_CASE("the API refuses invalid files and values with a reason") {
+TEST_CASE("the API refuses invalid files and input values and states the reason") {
   const Folder dir;
   CHECK_THAT(error_of([&] { Run(dir / "none"); }), Catch::Contains("none"));
   CHECK_THAT(error_of([&] { Model(dir / "none"); }), Catch::Contains("expected a model file"));
@@ -165,7 +165,7 @@ TEST_CASE("follow() visits the records of a growing run until it is closed") {
   CHECK(visits == 2);
 }
 
-TEST_CASE("the API reports a damaged record and skips it on request") {
+TEST_CASE("the API throws on a damaged record, or skips it if an error handler is given") {
   const Folder dir;
   write_run(dir / "run", 4);
   sql(dir / "run", "UPDATE record SET spd = x'00' WHERE idx IN (1, 3)");
@@ -176,8 +176,12 @@ TEST_CASE("the API reports a damaged record and skips it on request") {
   };
   const auto visit = [&](const Record& record) { return seen.push_back(record.index()), true; };
   const auto visit_live = [&](const Run&, const Record& record) { return visit(record); };
-  SECTION("reading") { Run(dir / "run").for_each(visit, 0, on_damaged); }
-  SECTION("following") { follow(dir / "run", visit_live, 0, {}, on_damaged); }
+  SECTION("reading a closed run skips damaged records") {
+    Run(dir / "run").for_each(visit, 0, on_damaged);
+  }
+  SECTION("following a run skips damaged records") {
+    follow(dir / "run", visit_live, 0, {}, on_damaged);
+  }
   CHECK(seen == std::vector<std::int64_t>{0, 2});
   CHECK(damaged == std::vector<std::int64_t>{1, 3});
   CHECK_THAT(error_of([&] { Run(dir / "run").for_each(visit); }), Catch::Contains("record 1: "));

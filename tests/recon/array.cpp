@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Tests of the radar's antennas: lags, the body's direction, the model.
+// Tests the use of radar antenna samples: spatial lags, direction of the body, and models.
 #include "recon/data/lags.hpp"
 #include "recon/method/array_view.hpp"
 #include "recon/method/rotation.hpp"
@@ -19,7 +19,7 @@ namespace {
 const record::Antennas line = {{0, 0, 1, 0}, {1, 0, 1.3, 0.4},  {2, 0, 0.8, -1},  {3, 0, 1, 2},
                                {4, 0, 1, 0}, {5, 0, 1.1, -2.5}, {6, 0, 0.9, 0.1}, {7, 0, 1, 1}};
 
-// Covariance of one point scatterer.
+// Returns the covariance of the antenna samples for one point scatterer at direction sines (u, v).
 std::vector<float> point(const record::Antennas& antennas, double u, double v, float power) {
   record::ArrayStatistics sums(1, antennas.size());
   std::vector<std::complex<float>> samples;
@@ -41,7 +41,7 @@ Axis lags_of_plates() {
   return lags_axis(record::array_axis(testing::radar_axis(), line.size()), SpatialLags(line));
 }
 
-// A body of three scatterers around direction u, 0.05 apart.
+// Returns the lags of a body that consists of three scatterers at direction sines near u.
 std::vector<float> body_lags(double range_m, double u) {
   const Axis axis = lags_of_plates();
   std::vector<float> out;
@@ -78,7 +78,7 @@ static std::complex<float> lag_of(const std::vector<float>& bin, std::size_t d) 
   return d == 0 ? bin[0] : std::complex<float>(bin[2 * d - 1], bin[2 * d]);
 }
 
-TEST_CASE("array lags do not depend on antenna gains and phases") {
+TEST_CASE("spatial lags of an antenna array do not depend on antenna gains and phases") {
   const SpatialLags lags(line);
   REQUIRE(lags.longest() == 7);
   std::vector<float> out(lag_values(7));
@@ -90,7 +90,7 @@ TEST_CASE("array lags do not depend on antenna gains and phases") {
   }
 }
 
-TEST_CASE("a planar array has horizontal and vertical lags, a single antenna has none") {
+TEST_CASE("a planar array has horizontal and vertical lags, and a single antenna has no lags") {
   const SpatialLags planar({{0, 0, 1, 0}, {1, 0, 1, 0}, {0, 1, 1, 0}, {3, 1, 1, 0}});
   REQUIRE(planar.longest() == 4);
   const Axis axis = lags_axis({"array", "covariance", "m", 20, 0, 0.25, 4}, planar);
@@ -108,7 +108,7 @@ TEST_CASE("a planar array has horizontal and vertical lags, a single antenna has
   CHECK(lags_axis({"array", "covariance", "m", 20, 0, 0.25, 1}, one).count == 0);
 }
 
-TEST_CASE("loading converts antennas to lags and reports records without them") {
+TEST_CASE("loading converts antenna samples to spatial lags and reports records without samples") {
   const Folder dir;
   write_plates(dir / "run", 4, 1, [](record::FusedRecord& r) {
     if (r.index == 2) r.array.clear(), r.array_frames = 0;
@@ -121,7 +121,8 @@ TEST_CASE("loading converts antennas to lags and reports records without them") 
   CHECK(data.fault_of(2, Inputs::fused_profile).empty());
   CHECK(data.usable(Inputs::fused) == Rows{0, 1, 3});
   Dataset moved = data;
-  subtract_range_offset(moved, 0.25);  // one bin
+  // 0.25 m is one range bin.
+  subtract_range_offset(moved, 0.25);
   for (std::size_t c = 60; c < 90; ++c)
     CHECK(moved.array.row(0)[c] == Approx(data.array.row(0)[c + lag_values(7)]).margin(1e-5));
   Dataset other = data;
@@ -137,7 +138,7 @@ TEST_CASE("loading converts antennas to lags and reports records without them") 
                  Catch::Contains("--inputs fused-profile"));
 }
 
-TEST_CASE("array features of a body depend on its direction only in the direction feature") {
+TEST_CASE("array features rotated by an angle equal those of a body in that direction") {
   const ArrayView view(lags_of_plates());
   std::vector<float> middle(view.size()), right(view.size());
   view(body_lags(3.6, 0), 3.5, middle);
@@ -152,7 +153,7 @@ TEST_CASE("array features of a body depend on its direction only in the directio
   CHECK(ArrayView(Axis{}).size() == 0);
 }
 
-TEST_CASE("a model trained with antennas requires them and tolerates a range bias") {
+TEST_CASE("a model trained with antenna samples requires them and tolerates a radar range bias") {
   const Folder dir;
   write_plates(dir / "train", 500, 1);
   write_plates(dir / "fresh", 60, 2);
@@ -202,7 +203,8 @@ TEST_CASE("records with wrong antenna metadata are flagged as out of distributio
         0.9);
 }
 
-TEST_CASE("without antennas the model falls back to the range profile, without radar to the SPD") {
+TEST_CASE(
+    "a model uses the range profile if antenna samples are missing, and the SPD without radar") {
   const Folder dir;
   write_plates(dir / "train", 200, 1);
   write_plates(dir / "fresh", 6, 2, [](record::FusedRecord& r) {
@@ -236,13 +238,13 @@ TEST_CASE("without antennas the model falls back to the range profile, without r
   for (const auto& [row, alone] : by)
     for (std::size_t p = 0; p < maps.cols; ++p)
       REQUIRE(maps.row(row)[p] == Approx(alone->row(0)[p]).margin(1e-4));
-  // Each estimator has fewer inputs than the one before.
+  // Each estimator must have fewer inputs than the previous one.
   model.estimators[1] = std::move(load_model(dir / "model.h5").first());
   CHECK_THAT(testing::error_of([&] { save_model(model, dir / "chain.h5"); }),
              Catch::Contains("1/inputs") && Catch::Contains("fewer sensors"));
 }
 
-TEST_CASE("models handle runs without antennas and with other antennas") {
+TEST_CASE("models use only the range profile of runs without antennas or with other antennas") {
   const Folder dir;
   write_plates(dir / "new", 60, 1, [](record::FusedRecord&) {});
   write_plates(dir / "fresh", 8, 2, [](record::FusedRecord&) {});

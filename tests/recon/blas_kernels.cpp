@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A separate program, because the kernels are selected once, before the first product of the
-// process.
+// This is a separate program, because a process selects its BLAS kernels only once, before its
+// first matrix product.
 
 #include <catch2/catch.hpp>
 #include <cstdlib>
@@ -26,7 +26,8 @@ bool avx512() {
          __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
 }
 
-// Makes OpenBLAS behave as on an unknown processor.
+// Makes OpenBLAS select its kernel for unknown processors. Returns false if this OpenBLAS cannot
+// switch kernels.
 bool forget_processor() {
   if (!openblas_get_corename || !gotoblas_dynamic_quit || !gotoblas_dynamic_init) return false;
   setenv("OPENBLAS_CORETYPE", "Prescott", 1);
@@ -60,7 +61,7 @@ TEST_CASE("BLAS kernels for an unknown processor are selected by its CPU feature
   CHECK(std::vector<float>(c, c + 4) == std::vector<float>{19, 22, 43, 50});
 }
 
-TEST_CASE("option --version prints the BLAS kernels, which the environment can override") {
+TEST_CASE("option --version prints the BLAS kernels, and an environment variable overrides them") {
   const std::string own = version_with("-u OPENBLAS_CORETYPE");
   CHECK_THAT(own, Catch::Contains("matrix kernels "));
   if (avx2()) CHECK_THAT(own, !Catch::Contains("SSE"));

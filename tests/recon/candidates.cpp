@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Model selection: sizes in names, and the one-standard-error rule.
+// Tests model selection: layer sizes in model names, and the one-standard-error rule.
 #include <cmath>
 
 #include "recon/train/crossvalidate.hpp"
@@ -15,7 +15,8 @@ namespace {
 CrossvalidatedRow row(const std::string& name, double iou, double se, std::size_t multiply_adds) {
   CrossvalidatedRow out{{name, {}}, {multiply_adds, 0}, 0, {}};
   out.metrics[metric_iou] = {iou, se, 100};
-  if (std::isnan(iou)) out.metrics[metric_rmse_m] = {iou, iou, 0};  // no scored map
+  // The record has no scored map.
+  if (std::isnan(iou)) out.metrics[metric_rmse_m] = {iou, iou, 0};
   return out;
 }
 
@@ -25,7 +26,7 @@ std::string chosen(const std::vector<CrossvalidatedRow>& rows) {
 
 }  // namespace
 
-TEST_CASE("layer sizes come from the model name, other settings from options") {
+TEST_CASE("layer sizes come from the model name, and other training settings from options") {
   FitOptions given;
   given.epochs = 7;
   const Candidate wide = candidate_of("mlp-1024-512-256", given);
@@ -47,7 +48,8 @@ TEST_CASE("layer sizes come from the model name, other settings from options") {
   CHECK(candidate_of("factorised", {}, 3000).fit.batch.value() == 64);
   CHECK(candidate_of("mlp", {}, 2999).fit.learning_rate.value() == 0.002);
   CHECK(candidate_of("mlp", {}, 3000).fit.learning_rate.value() == Approx(0.002 * std::sqrt(2)));
-  given.batch = 32;  // because smaller batches are too slow
+  // A batch size given by the user overrides the default.
+  given.batch = 32;
   CHECK(candidate_of("mlp", given, 3000).fit.batch.value() == 32);
   CHECK(candidate_of("mlp", given, 3000).fit.learning_rate.value() == 0.002);
   given.batch = 256;
@@ -62,7 +64,7 @@ TEST_CASE("layer sizes come from the model name, other settings from options") {
   }
 }
 
-TEST_CASE("the cheapest model within one standard error of the best is chosen") {
+TEST_CASE("model selection chooses the cheapest model within one standard error of the best") {
   CHECK(chosen({row("cheap", 0.50, 0.01, 10), row("good", 0.58, 0.01, 100),
                 row("best", 0.585, 0.01, 1000)}) == "good");
   CHECK(chosen({row("cheap", 0.50, 0.01, 10), row("good", 0.57, 0.01, 100),
@@ -74,7 +76,7 @@ TEST_CASE("the cheapest model within one standard error of the best is chosen") 
   CHECK_THROWS_AS(chosen({row("unfit", none, none, 0)}), Error);
 }
 
-TEST_CASE("train --model auto selects by accuracy and cost, and prints the reason") {
+TEST_CASE("train --model auto marks the chosen model in a table and refuses unknown candidates") {
   const Folder dir;
   write_run(dir / "run", 160);
   const Outcome o =
@@ -90,7 +92,7 @@ TEST_CASE("train --model auto selects by accuracy and cost, and prints the reaso
   CHECK_THAT(bad.text, Catch::Contains("oracle"));
 }
 
-TEST_CASE("model selection uses RMSE if no map has foreground") {
+TEST_CASE("model selection uses RMSE if no depth map has foreground") {
   const auto of_rmse = [](const std::string& name, double rmse_m, std::size_t multiply_adds) {
     CrossvalidatedRow out = row(name, std::nan(""), std::nan(""), multiply_adds);
     out.metrics[metric_rmse_m] = {rmse_m, 0.001, 100};
@@ -102,7 +104,7 @@ TEST_CASE("model selection uses RMSE if no map has foreground") {
   CHECK_THAT(to_choice_table(rows, 2), !Catch::Contains("nan"));
 }
 
-TEST_CASE("the standard error of a sequence is computed between folds") {
+TEST_CASE("the standard error for a sequence of similar records is computed between folds") {
   const auto fold = [](std::initializer_list<double> ious) {
     std::vector<MapScores> out;
     for (const double iou : ious) {
@@ -114,7 +116,7 @@ TEST_CASE("the standard error of a sequence is computed between folds") {
     return out;
   };
   const double none = std::nan("");
-  // Ten records of each pose: effectively three records, not thirty.
+  // Each fold has ten records of one pose, so there are three independent values, not thirty.
   const auto held = [&](double iou) {
     return fold({iou, iou, iou, iou, iou, iou, iou, iou, iou, iou});
   };
@@ -122,8 +124,8 @@ TEST_CASE("the standard error of a sequence is computed between folds") {
   CHECK(sequence.mean == Approx(0.5));
   CHECK(sequence.se == Approx(0.1 / std::sqrt(3)));
   CHECK(sequence.maps == 30);
-  // Unequal folds, one without a value: K = 2, n = 4, mean 0.4; residuals 0.6 - 3 * 0.4 and 1 -
-  // 0.4.
+  // Folds of unequal size; one has no value. For K = 2 folds and n = 4 values the mean is 0.4, and
+  // the residuals are 0.6 - 3 * 0.4 and 1 - 0.4.
   const Summary uneven =
       summarise({fold({0.2, 0.2, 0.2}), fold({none}), fold({1.0, none})}, true)[metric_iou];
   CHECK(uneven.mean == Approx(0.4));
@@ -132,12 +134,13 @@ TEST_CASE("the standard error of a sequence is computed between folds") {
   CHECK(std::isnan(summarise({held(0.4), held(0.5)}, true)[metric_lateral_m].mean));
 }
 
-TEST_CASE("cross-validation does not treat records of one pose as independent") {
+TEST_CASE("blocked cross-validation does not treat repeated records of one pose as independent") {
   const Folder dir;
   write_run(dir / "run", 120);
   Dataset data = load({dir / "run"});
   const Rows once = rows_to_train(data, Inputs::fused).rows;
-  Rows held;  // each record five times in a row
+  // Each record is repeated five times in a row.
+  Rows held;
   for (std::size_t i = 0; i < 24; ++i) held.insert(held.end(), 5, once[i]);
   TrainOptions options;
   options.candidates = {"mean-shape"};
@@ -152,7 +155,7 @@ TEST_CASE("cross-validation does not treat records of one pose as independent") 
 TEST_CASE("train warns if a network is never better than the mean map") {
   const Folder dir;
   write_run(dir / "moving", 160);
-  // Equal maps: the mean map has no error.
+  // All maps are equal, so the mean map has no error.
   write_run(dir / "still", 160, 1, [](record::FusedRecord& r) {
     r.depth_mm.assign(r.depth_mm.size(), 0);
     std::fill_n(r.depth_mm.begin() + 1000, 1000, std::uint16_t{3000});

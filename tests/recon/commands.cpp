@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// echofuse-recon from the user's side: exit codes, error lines, output and files.
+// Tests the command line of echofuse-recon: exit codes, error texts, output and files.
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -18,8 +18,8 @@ using namespace echofuse::testing;
 
 namespace {
 
-// True once the program has installed its own SIGINT handler (signal 2); before the exec it has the
-// test's.
+// Returns true if echofuse-recon has installed its handler for SIGINT (signal 2). Before exec() the
+// process still has the name and the handlers of the test.
 bool catches_interrupts(pid_t process) {
   const std::string status = contents("/proc/" + std::to_string(process) + "/status");
   if (!status.starts_with("Name:\techofuse-recon\n")) return false;
@@ -32,7 +32,7 @@ constexpr const char* quick = " -q --model mlp-32-16 --epochs 30";
 
 }  // namespace
 
-TEST_CASE("help and version are printed") {
+TEST_CASE("echofuse-recon prints its help and its version") {
   const Outcome version = recon_program("--version");
   CHECK(version.code == 0);
   CHECK_THAT(version.text,
@@ -44,7 +44,7 @@ TEST_CASE("help and version are printed") {
     CHECK_THAT(help.text, Catch::Contains(command));
 }
 
-TEST_CASE("a data set that exceeds the memory is refused before reading") {
+TEST_CASE("train refuses a data set that exceeds the memory before reading it") {
   const Folder dir;
   write_run(dir / "run", 3);
   const auto pages = static_cast<double>(sysconf(_SC_PHYS_PAGES));
@@ -62,7 +62,7 @@ TEST_CASE("a data set that exceeds the memory is refused before reading") {
         0);
 }
 
-TEST_CASE("too few records, a damaged record and other axes are reported") {
+TEST_CASE("too few records, a damaged record or different axes cause a one-line error") {
   const Folder dir;
   write_run(dir / "one", 1);
   refuses("train " + (dir / "one") + " --out " + (dir / "m"), 1, "1 usable records");
@@ -84,7 +84,7 @@ TEST_CASE("too few records, a damaged record and other axes are reported") {
   CHECK(recon_program("evaluate " + (dir / "m") + " '" + (dir / "one more") + "'").code == 0);
 }
 
-TEST_CASE("evaluate --json has all metrics and costs") {
+TEST_CASE("evaluate --json prints all metrics and costs") {
   const Folder dir;
   write_run(dir / "run", 120);
   REQUIRE(recon_program("train " + (dir / "run") + " --out " + (dir / "m") + quick).code == 0);
@@ -104,7 +104,8 @@ TEST_CASE("evaluate --json has all metrics and costs") {
        {"multiply_adds", "parameters", "infer_us_median", "infer_us_p99", "train_s", "model_bytes"})
     CHECK(json["cost"][name].get<double>() > 0);
   CHECK(json["cost"]["multiply_adds"] == 54 * 32 + 32 * 16 + 16 * 4096);
-  // A new run has no nearest neighbours of its own; --train provides the records.
+  // A new run has no training records in which to search the nearest neighbour. Option --train
+  // supplies them.
   write_run(dir / "fresh", 20, 3);
   const std::string fresh = "evaluate --json " + (dir / "m") + " " + (dir / "fresh");
   CHECK(nlohmann::json::parse(recon_program(fresh).text)["trivial"].size() == 2);
@@ -123,7 +124,8 @@ TEST_CASE("reconstruct continues after a damaged record") {
     if (r.index == 1) r.radar[5] = std::numeric_limits<float>::quiet_NaN();
     if (r.index == 3) r.valid.erase(Sensor::spd), r.spd.clear();
     if (r.index == 4)
-      r.valid.erase(Sensor::depth), r.depth_mm.clear();  // no true map, as in live use
+      // The true map is missing, as in live use.
+      r.valid.erase(Sensor::depth), r.depth_mm.clear();
   });
   const Outcome o = recon_program("reconstruct " + (dir / "m") + " " + (dir / "mixed") + " --out " +
                                   (dir / "maps"));
@@ -145,7 +147,7 @@ TEST_CASE("reconstruct continues after a damaged record") {
   CHECK_FALSE(std::filesystem::exists(dir / "good/000000.png"));
 }
 
-TEST_CASE("compare uses the common records of models with different axes or sensors") {
+TEST_CASE("models with different sensors are compared only on records that all of them can use") {
   const Folder dir;
   write_run(dir / "run", 120, 1, {}, radar_axis(32));
   const auto train = [&](const std::string& name, const std::string& rest) {
@@ -175,7 +177,7 @@ TEST_CASE("compare uses the common records of models with different axes or sens
   CHECK(all["paired"][0]["metrics"]["iou"]["records"] == 45);
   const std::string table = contents(dir / "table.csv");
   CHECK(std::count(table.begin(), table.end(), '\n') == 1 + 3 * 45);
-  // The table gives the same differences, and intervals of each.
+  // The command compare computes the same differences from the table of scores per record.
   const nlohmann::json methods =
       nlohmann::json::parse(recon_program("compare --json " + (dir / "table.csv")).text)["methods"];
   REQUIRE(methods.size() == 3);
@@ -185,7 +187,8 @@ TEST_CASE("compare uses the common records of models with different axes or sens
   const nlohmann::json iou = methods[0]["metrics"]["iou"], mean = all["metrics"]["iou"]["mean"];
   CHECK(iou["mean"].get<double>() == Approx(mean.get<double>()));
   CHECK((iou["low"] < mean && mean < iou["high"]));
-  // The SPD alone can use all records; a model compared with itself has equal scores.
+  // A model that uses only the SPD can evaluate all 60 records. A model compared with itself has
+  // equal scores.
   CHECK(judged(dir / "spd ")["records"] == 60);
   const nlohmann::json twice = judged((dir / "fused ") + (dir / "fused "));
   CHECK(twice["rows"][0]["metrics"] == twice["rows"][1]["metrics"]);
@@ -193,7 +196,8 @@ TEST_CASE("compare uses the common records of models with different axes or sens
   CHECK(twice["paired"][0]["metrics"]["iou"]["high"] == 0);
 }
 
-TEST_CASE("compare averages lines of one record and refuses a line without record number") {
+TEST_CASE(
+    "compare averages the table lines of a record and refuses lines without a record number") {
   const Folder dir;
   const std::string path = dir / "table.csv";
   std::ofstream(path) << "record,name,iou,lateral_m\n7,a,0.2,\n7,a,0.4,0.1\n8,a,0.5,\n";
@@ -224,7 +228,7 @@ TEST_CASE("the nearest-neighbour baseline does not depend on the evaluated model
   CHECK(nearest("factorised-4 --epochs 2") == record);
 }
 
-TEST_CASE("train does not overwrite its input") {
+TEST_CASE("train refuses to overwrite its input run") {
   const Folder dir;
   write_run(dir / "run", 60);
   const auto refused = [](const std::string& arguments, const std::string& why) {
@@ -248,11 +252,12 @@ TEST_CASE("interrupted training saves the best model so far") {
   CHECK(recon_program("evaluate " + model + " " + run).code == 0);
 }
 
-TEST_CASE("training interrupted before the fallback saves a model without it and exits with 130") {
+TEST_CASE("training interrupted before the fallback model is fitted saves the main model alone") {
   const Folder dir;
   write_run(dir / "run", 1000);
   const std::string model = dir / "m";
-  // The ridge fit ignores the interrupt.
+  // The ridge fit does not respond to the interrupt, so the interrupt takes effect before the
+  // fallback is fitted.
   const pid_t child = start_recon({"train", dir / "run", "--out", model, "-q", "--model", "ridge"});
   while (!catches_interrupts(child)) ::usleep(1'000);
   CHECK(interrupted_code(child) == 130);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Builds invalid model files: changes header, facts or values and corrects the checksum. Used by
-// the fuzz target too, so it does not need Catch.
+// Builds invalid model files: changes the header, metadata or values, and corrects the checksum.
+// Does not use Catch, because a fuzz target includes this file.
 #pragma once
 #include <algorithm>
 #include <cstdio>
@@ -14,7 +14,8 @@
 
 namespace echofuse::crafted {
 
-// Puts any header text in front of values and corrects its checksum, if it has one.
+// Returns a file with any header text before the values. Corrects the checksum in the header if
+// there is one.
 inline Bytes sealed(const std::string& header, ByteView values) {
   Bytes out(8 + header.size() + values.size());
   const std::uint64_t length = header.size();
@@ -32,10 +33,10 @@ inline Bytes sealed(const std::string& header, ByteView values) {
   return out;
 }
 
-// A trained model file, parsed.
+// Contents of a trained model file, which tests can change.
 struct Model {
-  nlohmann::json head;   // tensor entries by name
-  nlohmann::json facts;  // by name
+  nlohmann::json head;   // tensor entries of the header, by tensor name
+  nlohmann::json facts;  // metadata of the model, by name
   Bytes values;
 
   explicit Model(ByteView file) {
@@ -68,17 +69,18 @@ struct Model {
   std::size_t begin_of(const std::string& name) const { return head[name]["data_offsets"][0]; }
   std::size_t end_of(const std::string& name) const { return head[name]["data_offsets"][1]; }
 
-  // First value of a tensor.
+  // Overwrites the first value of a tensor.
   template <class T>
   void set_first(const std::string& name, T value) {
     std::memcpy(values.data() + begin_of(name), &value, sizeof value);
   }
-  // Adds a tensor over these bytes.
+  // Adds a header entry for a tensor that uses the bytes from `begin` to `end` of the values.
   void add(const std::string& name, const std::string& type, const std::vector<std::size_t>& shape,
            std::size_t begin, std::size_t end) {
     head[name] = {{"dtype", type}, {"shape", shape}, {"data_offsets", {begin, end}}};
   }
-  // Replaces a tensor by one of another type and shape, filled with a byte, at the end.
+  // Replaces a tensor by one of another type and shape. Its data are `bytes` copies of the byte
+  // `fill` at the end of the values.
   void replace(const std::string& name, const std::string& type,
                const std::vector<std::size_t>& shape, std::size_t bytes, std::uint8_t fill) {
     const std::size_t from = begin_of(name), length = end_of(name) - from;

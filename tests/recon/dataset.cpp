@@ -22,7 +22,7 @@ void without(record::FusedRecord& r, Sensor s) {
 
 }  // namespace
 
-TEST_CASE("two runs are loaded into one data set") {
+TEST_CASE("two runs are loaded as one data set, but a run and its copy are refused") {
   const Folder dir;
   write_run(dir / "a", 3, 1);
   write_run(dir / "b", 2, 2);
@@ -48,7 +48,7 @@ TEST_CASE("two runs are loaded into one data set") {
                                                          Catch::Contains("remove the copy"));
 }
 
-TEST_CASE("a calibrated run is loaded with corrected ranges") {
+TEST_CASE("loading a calibrated run subtracts the calibration offsets from the ranges") {
   const Folder dir;
   write_run(dir / "a", 2, 1);
   const Dataset raw = load({dir / "a"});
@@ -66,7 +66,7 @@ TEST_CASE("a calibrated run is loaded with corrected ranges") {
     CHECK(moved.radar.row(1)[i] == Approx(raw.radar.row(1)[i - 1]).epsilon(1e-3).margin(1e-3));
 }
 
-TEST_CASE("clicks per laser pulse are read, or derived from the counts") {
+TEST_CASE("clicks per laser pulse are read from a record or derived from its counts") {
   const Folder dir;
   const auto clicks = [&](const char* name, std::uint64_t in_range, std::uint64_t starts,
                           std::optional<double> recorded) {
@@ -77,14 +77,15 @@ TEST_CASE("clicks per laser pulse are read, or derived from the counts") {
     return load({dir / name}).clicks_a_pulse.at(0);
   };
   CHECK(clicks("a", 1020, 1000, 0.02) == 0.02);
-  // Older runs: if clicks and starts are equal in number, the laser rate is unknown.
+  // Older runs do not store clicks per pulse. If their click and start counts are equal, the laser
+  // rate is unknown.
   CHECK(clicks("b", 1020, 1000, std::nullopt) == 0);
   CHECK(clicks("c", 999, 1000, std::nullopt) == 0);
   CHECK(clicks("d", 400, 1000, std::nullopt) == 0.4);
   CHECK(clicks("e", 1000, 0, std::nullopt) == 0);
 }
 
-TEST_CASE("runs with different axes are refused") {
+TEST_CASE("loading refuses two runs with different axes") {
   const Folder dir;
   write_run(dir / "a", 2);
   write_run(dir / "b", 2, 1, {}, {"radar", "power", "m", 24, 0, 0.5, 1});
@@ -107,7 +108,7 @@ TEST_CASE("records with a missing sensor keep their row and are excluded from tr
   CHECK(data.usable(Inputs::radar) == Rows{0, 1, 2, 4, 6, 7});
 }
 
-TEST_CASE("a run is interpolated to axes that differ by less than a bin") {
+TEST_CASE("a run is interpolated to the axes of another run that differ by less than a bin") {
   const Folder dir;
   Axis near = radar_axis();
   near.start += 0.1;
@@ -118,7 +119,8 @@ TEST_CASE("a run is interpolated to axes that differ by less than a bin") {
   CHECK(moved[10] == Approx(0.4 * first[9] + 0.6 * first[10]));
 }
 
-TEST_CASE("depths beyond the map or in another unit are refused with a one-line error") {
+TEST_CASE(
+    "depths beyond the map are treated as no return, and depths in a wrong unit are refused") {
   const Folder dir;
   const auto scaled = [](double by, std::int64_t every) {
     return [by, every](record::FusedRecord& r) {
@@ -151,7 +153,7 @@ TEST_CASE("depths beyond the map or in another unit are refused with a one-line 
           Catch::Contains(" m, but the histogram covers 2.4 to 4.2 m; expected depths in metres"));
 }
 
-TEST_CASE("TI radar codes are converted to linear power above the noise") {
+TEST_CASE("logarithmic codes of TI radars are converted to linear power above the noise floor") {
   const Folder dir;
   write_run(dir / "a", 2, 1,
             [](record::FusedRecord& r) {
@@ -167,7 +169,7 @@ TEST_CASE("TI radar codes are converted to linear power above the noise") {
   CHECK(data.radar.row(0)[8] == 0);
 }
 
-TEST_CASE("a longer radar axis is cropped, other axes are refused") {
+TEST_CASE("a radar axis longer than the model axis is cropped, and other differences are refused") {
   const Folder dir;
   write_run(dir / "long", 2, 1, {}, radar_axis(40));
   Dataset data = load({dir / "long"});
@@ -193,10 +195,11 @@ TEST_CASE("a longer radar axis is cropped, other axes are refused") {
              Catch::EndsWith(": scale is 1, expected 2"));
   CHECK_THAT(refused({"spd", "counts", "ps", 30, 16000, 500, 1}, radar_axis(40), Inputs::spd),
              Catch::Contains("spd axis"));
-  CHECK(refused(spd, radar_axis(50), Inputs::spd) == "no error");  // the radar is not checked
+  // The radar axis is not checked for a model that uses only the SPD.
+  CHECK(refused(spd, radar_axis(50), Inputs::spd) == "no error");
 }
 
-TEST_CASE("records are interpolated to a model axis less than a bin away") {
+TEST_CASE("records are interpolated to a model axis that differs by less than a bin") {
   Dataset data;
   data.spd_axis = {"spd", "counts", "ps", 5, 100, 10, 1};
   data.radar_axis = {"radar", "power", "m", 4, 0, 0.5, 1};
@@ -218,7 +221,7 @@ TEST_CASE("records are interpolated to a model axis less than a bin away") {
              Catch::Contains("spd axis is 5"));
 }
 
-TEST_CASE("radar power is summed into wider bins without loss") {
+TEST_CASE("summing radar power into wider bins preserves the total power") {
   const Axis paper = radar_bins(0.5);
   CHECK(paper.count == 14);
   CHECK(paper.at(-0.5) == 0);
@@ -231,13 +234,14 @@ TEST_CASE("radar power is summed into wider bins without loss") {
     data.radar.add_row(power);
     return data;
   };
-  SECTION("exact for integer ratios") {
+  SECTION("the sum is exact if the bin widths have an integer ratio") {
     std::vector<float> power(256);
     for (std::size_t i = 0; i < power.size(); ++i) power[i] = static_cast<float>(8 + i * i % 64);
     Dataset data = profile({"radar", "power", "m", 256, 0, 0.0625, 1}, power);
     rebin_radar(data, paper);
     REQUIRE(same_axis(data.radar_axis, paper));
-    double sum = 0, expected = power[112] / 2.0;  // half of point 112 (7 m) is inside
+    // Half of the bin at 7 m (point 112) is within the range of the model.
+    double sum = 0, expected = power[112] / 2.0;
     for (std::size_t i = 0; i < 112; ++i) expected += power[i];
     for (const float v : data.radar.row(0)) sum += v;
     CHECK(sum == expected);
@@ -248,7 +252,7 @@ TEST_CASE("radar power is summed into wider bins without loss") {
     for (std::size_t i = 25; i < 32; ++i) fourth += power[i];
     CHECK(data.radar.row(0)[3] == fourth);
   }
-  SECTION("to float precision for real chirps of 4.4 cm and 25 cm") {
+  SECTION("the sum is exact to float precision for the bin widths of real chirps") {
     for (const double step : {0.0440950, 0.2502210, 0.25, 0.5}) {
       for (std::uint32_t at = 0; (at + 0.5) * step <= 7; ++at) {
         std::vector<float> power(256, 0.0f);
@@ -265,7 +269,7 @@ TEST_CASE("radar power is summed into wider bins without loss") {
       }
     }
   }
-  SECTION("a coarser or shorter profile is refused") {
+  SECTION("a profile that is coarser or shorter than the bins is refused") {
     Dataset coarse = profile({"radar", "power", "m", 24, 0, 0.6, 1}, std::vector<float>(24));
     CHECK_THAT(error_of([&] { rebin_radar(coarse, paper); }), Catch::Contains("cannot be summed"));
     Dataset near = profile({"radar", "power", "m", 24, 0, 0.25, 1}, std::vector<float>(24));
@@ -273,7 +277,7 @@ TEST_CASE("radar power is summed into wider bins without loss") {
   }
 }
 
-TEST_CASE("a model of binned radar power accepts unbinned runs") {
+TEST_CASE("a model trained on binned radar power accepts runs with unbinned power") {
   const Folder dir;
   write_run(dir / "run", 60, 1, {}, radar_axis(40));
   Dataset data = load({dir / "run"});
@@ -290,11 +294,12 @@ TEST_CASE("a model of binned radar power accepts unbinned runs") {
        " --out " + model);
   done("evaluate " + model + " " + (dir / "run"));
   done("reconstruct -q " + model + " " + (dir / "run") + " --out " + (dir / "maps"));
-  write_run(dir / "near", 4);  // to 5.9 m only
+  // This run ends at 5.9 m, before the last bin of the model.
+  write_run(dir / "near", 4);
   CHECK(echofuse::testing::recon_program("evaluate " + model + " " + (dir / "near")).code == 1);
 }
 
-TEST_CASE("per-record scaling is invariant to gains and flat background") {
+TEST_CASE("inputs scaled per record do not depend on sensor gains or a flat background") {
   const Folder dir;
   write_run(dir / "a", 40);
   const Dataset data = load({dir / "a"});
@@ -310,7 +315,7 @@ TEST_CASE("per-record scaling is invariant to gains and flat background") {
   CHECK(plain.apply(changed, rows).values[10] != Approx(plain.apply(data, rows).values[10]));
 }
 
-TEST_CASE("scaled inputs have zero mean and the same variance per sensor") {
+TEST_CASE("scaled inputs have zero mean and the same total variance for each sensor") {
   const Folder dir;
   write_run(dir / "a", 60);
   const Dataset data = load({dir / "a"});
@@ -328,12 +333,12 @@ TEST_CASE("scaled inputs have zero mean and the same variance per sensor") {
     CAPTURE(scaling);
     CHECK(sum[0] == Approx(27).epsilon(1e-4));
     CHECK(sum[1] == Approx(27).epsilon(1e-4));
-    // The float rounding of a column's mean is the same in all 60 rows.
+    // The mean of a column is rounded to float, and all 60 rows have this rounding error.
     CHECK(std::abs(mean) < 60 * size * std::numeric_limits<float>::epsilon());
   }
 }
 
-TEST_CASE("splits are disjoint, complete and of the requested size") {
+TEST_CASE("training, validation and test splits are disjoint, complete and of the requested size") {
   Rows rows(4000);
   for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = i;
   const Split s = make_split(rows, {});
@@ -346,14 +351,15 @@ TEST_CASE("splits are disjoint, complete and of the requested size") {
   std::sort(all.begin(), all.end());
   CHECK(all == rows);
   CHECK(make_split(rows, {}).test == s.test);
-  // reproducible elsewhere: rows sorted by two steps of SplitMix64 of seed and row
+  // The expected order can be reproduced by other programs: rows sorted by two steps of SplitMix64,
+  // seeded with seed and row.
   CHECK(drawn({0, 1, 2, 3, 4, 5, 6, 7}, 1, 0x73706c6974) == Rows{3, 1, 6, 7, 5, 2, 4, 0});
   SplitOptions other;
   other.seed = 2;
   CHECK(make_split(rows, other).test != s.test);
 }
 
-TEST_CASE("only requested sensors are loaded") {
+TEST_CASE("loading part of a run reads only the requested sensors") {
   const Folder dir;
   write_run(dir / "run", 3);
   const record::RunReader run(dir / "run");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Degenerate data sets: every model predicts finite maps or refuses them.
+// Tests that every model either predicts finite maps for degenerate data sets or refuses them.
 #include "recon/score/evaluate.hpp"
 #include "recon/train/train.hpp"
 #include "world.hpp"
@@ -88,7 +88,7 @@ const std::vector<Peculiar> peculiar_sets = {
 
 }  // namespace
 
-TEST_CASE("degenerate data sets give finite maps or a one-line error") {
+TEST_CASE("every model trained on degenerate data predicts finite maps or is refused in one line") {
   std::vector<std::string> names = model_names();
   names.insert(names.end(), {"nearest-16", "auto"});
   for (const auto& set : peculiar_sets) {
@@ -97,13 +97,16 @@ TEST_CASE("degenerate data sets give finite maps or a one-line error") {
     write_run(dir / "others", 6, 2);
     const Dataset data = load({dir / "run"}), others = load({dir / "others"});
     for (const auto& name : names) {
-      if (name == "auto" && set.count > 3) continue;  // fits all of its candidates five times
+      // Model selection trains each candidate five times, which is slow.
+      if (name == "auto" && set.count > 3) continue;
       CAPTURE(set.name, name);
       TrainOptions o;
       o.model = name, o.scaling = set.scaling;
-      o.uncertainty = name == "ridge" || name == "factorised";  // same code for all models
+      // Two models are enough, because the uncertainty is fitted by the same code for all models.
+      o.uncertainty = name == "ridge" || name == "factorised";
       o.fit.quiet = true, o.fit.epochs = 3;
-      o.fallback = name == "ridge";  // same code for all models
+      // One model is enough, because the fallback is fitted by the same code for all models.
+      o.fallback = name == "ridge";
       if (name.ends_with("mlp")) o.fit.hidden = {24};
       if (name == "auto") o.candidates = {"empty", "mean", "factorised-4", "ridge", "nearest"};
       try {
@@ -113,9 +116,11 @@ TEST_CASE("degenerate data sets give finite maps or a one-line error") {
           CHECK(all_finite(model.predict(*judged, rows).values));
           const Records records = prepare_records(model, *judged);
           const Evaluation e = evaluate(model, records, rows);
-          if (name == "ridge") {  // same code for all models
+          // One model is enough, because the baselines do not depend on the model.
+          if (name == "ridge") {
             const Rows seen = model.rows_of(data, Subset::train);
-            // No neighbour is left where all judged records are copies of training records.
+            // The nearest-neighbour baseline is missing if all evaluated records are copies of
+            // training records.
             const auto baselines = score_baselines(*judged, rows, model->scene, data, seen).size();
             CHECK((baselines == 3 || (judged == &data && baselines == 2)));
           }
@@ -125,14 +130,14 @@ TEST_CASE("degenerate data sets give finite maps or a one-line error") {
         CHECK(error.code() == ExitCode::failed);
         CHECK_THAT(error.what(), Catch::Contains("records") || Catch::Contains("tested: the maps"));
         CHECK_THAT(error.what(), !Catch::Contains("\n"));
-        // Such sets have enough records, so a model is required.
+        // Data sets of 40 records are large enough, so these models must accept them.
         if (set.count == 40) CHECK((name != "mean" && name != "ridge" && name != "mlp"));
       }
     }
   }
 }
 
-TEST_CASE("train and evaluate handle one record, two records and half-empty runs") {
+TEST_CASE("train, evaluate and reconstruct handle runs of one or two records and half-empty runs") {
   const auto& half = peculiar_sets.back();
   const Folder dir;
   write_run(dir / "1", 1);

@@ -35,12 +35,13 @@ DomainShift shift_of(const TrainedModel& model, const Dataset& data) {
   return domain_shift_of(model, prepare_records(model, data).data);
 }
 
-// Adds a third of each bin's echo to the next bin.
+// Adds a third of each bin's power to the next bin.
 void blur(std::vector<float>& profile) {
   for (std::size_t i = profile.size() - 1; i > 0; --i) profile[i] += profile[i - 1] / 3;
 }
 
-const Change nobody = [](record::FusedRecord& r) {  // noise, not a dead sensor
+// Replaces the data by noise, as in an empty room with working sensors.
+const Change nobody = [](record::FusedRecord& r) {
   Rng rng = make_rng(7, static_cast<std::uint64_t>(r.index));
   for (auto& v : r.spd) v = 15 + static_cast<std::uint32_t>(rng() % 10);
   for (float& v : r.radar) v = 1 + static_cast<float>(rng() % 100) / 100;
@@ -50,7 +51,7 @@ const Change blurred = [](record::FusedRecord& r) { blur(r.radar); };
 
 }  // namespace
 
-TEST_CASE("domain test separates changed runs from unchanged ones") {
+TEST_CASE("the domain-shift test detects changed runs and accepts unchanged runs") {
   for (const auto& [name, inputs] : {std::pair{"mean-shape", "fused"}, {"ridge", "radar"}}) {
     CAPTURE(inputs);
     const TrainedModel& model = trained(name, inputs);
@@ -61,7 +62,8 @@ TEST_CASE("domain test separates changed runs from unchanged ones") {
       alarms += own.found();
       CHECK_THAT(own.text(), Catch::StartsWith("this run matches the training data: p = "));
       CHECK(other.found());
-      CHECK(other.p == Approx(1. / 4001));  // greatest among the permutations and itself
+      // The statistic of the run exceeds all of its 4000 permutations.
+      CHECK(other.p == Approx(1. / 4001));
       CHECK_THAT(other.text(),
                  Catch::StartsWith("this run differs from the training data: p < 0.001: ") &&
                      Catch::Contains("radar"));
@@ -70,7 +72,7 @@ TEST_CASE("domain test separates changed runs from unchanged ones") {
   }
 }
 
-TEST_CASE("domain test ignores sensor gains and skips runs with few records") {
+TEST_CASE("the domain-shift test ignores sensor gains and skips runs with few records") {
   const TrainedModel& model = trained("mean-shape", "fused");
   CHECK_FALSE(shift_of(model, plates(100, 10,
                                      [](record::FusedRecord& r) {
@@ -82,7 +84,7 @@ TEST_CASE("domain test ignores sensor gains and skips runs with few records") {
   CHECK(shift_of(model, plates(15, 11)).text().empty());
 }
 
-TEST_CASE("a run with mostly flagged records is reported as different from the training") {
+TEST_CASE("a run with mostly flagged records is reported as different from the training data") {
   const TrainedModel& model = trained("mean-shape", "fused");
   const DomainShift all = shift_of(model, plates(30, 10, nobody));
   CAPTURE(all.text(), all.flagged, all.judged);
@@ -97,7 +99,7 @@ TEST_CASE("a run with mostly flagged records is reported as different from the t
   CHECK_FALSE(shift_of(model, plates(19, 10, nobody)).found());
 }
 
-TEST_CASE("saturated and empty records are detected relative to the training") {
+TEST_CASE("records are flagged as saturated or empty only if the training records are not") {
   const auto reasons = [](const Dataset& training, const Dataset& fresh) {
     TrainOptions options;
     options.model = "ridge", options.fit.quiet = true;
@@ -113,7 +115,8 @@ TEST_CASE("saturated and empty records are detected relative to the training") {
   training.clicks_a_pulse.assign(training.size(), 0.2), fresh.clicks_a_pulse = {0.2, 0.24, 0.3};
   const auto bright = reasons(training, fresh);
   CHECK(bright[0] != "saturated");
-  CHECK(bright[1] != "saturated");  // within a quarter of the brightest record
+  // 0.24 clicks per pulse are less than 25 % above the brightest training record, which has 0.2.
+  CHECK(bright[1] != "saturated");
   CHECK(bright[2] == "saturated");
   const Dataset none = plates(3, 3, nobody);
   CHECK(reasons(plates(200, 1), none)[0] == "empty");
@@ -123,7 +126,7 @@ TEST_CASE("saturated and empty records are detected relative to the training") {
   CHECK(reasons(plates(200, 1, often), none)[0] != "empty");
 }
 
-TEST_CASE("domain test reports a difference above the minimum effect size") {
+TEST_CASE("the domain-shift test reports a 1 % wider radar profile in a run of 400 records") {
   const DomainShift slight =
       shift_of(trained("mean-shape", "fused"), plates(400, 77, [](record::FusedRecord& r) {
                  for (std::size_t i = r.radar.size() - 1; i > 0; --i)
@@ -133,9 +136,9 @@ TEST_CASE("domain test reports a difference above the minimum effect size") {
   CHECK_THAT(slight.text(), Catch::Contains("radar profile width 1.01 +- 0.00 times"));
 }
 
-TEST_CASE("radar power in front of the body is the power below half of its range") {
+TEST_CASE("the domain-shift test measures radar power in front of a body up to half its range") {
   const TrainedModel& model = trained("ridge", "radar");
-  // The plates are in the bins from 12 on.
+  // The echoes of the plates begin in bin 12.
   const auto said = [&](std::size_t from, std::size_t to) {
     const DomainShift shift = shift_of(model, plates(100, 10, [=](record::FusedRecord& r) {
                                          for (std::size_t i = from; i < to; ++i) r.radar[i] += 0.3f;
@@ -148,7 +151,7 @@ TEST_CASE("radar power in front of the body is the power below half of its range
   CHECK_THAT(said(9, 11), !Catch::Contains(name));
 }
 
-TEST_CASE("the reference of the domain test is saved in the model file") {
+TEST_CASE("a loaded model gives the same domain-shift result as the saved model") {
   const Folder dir;
   const TrainedModel& model = trained("mean-shape", "fused");
   save_model(model, dir / "m");
@@ -163,11 +166,12 @@ TEST_CASE("the reference of the domain test is saved in the model file") {
     CHECK_THAT(recon_program(command).text, Catch::Contains(a.text()));
 }
 
-TEST_CASE("the standard error of a difference comes from the variance between blocks") {
-  const std::size_t known = 60, count = 20;  // six blocks, and two
+TEST_CASE("the domain-shift test derives standard errors from the variance between record blocks") {
+  // The reference consists of six blocks of ten records, and the new run of two blocks.
+  const std::size_t known = 60, count = 20;
   const Dataset all = plates(known + count, 50, [&](record::FusedRecord& r) {
-    if (r.index >= std::int64_t(known))  // 48 cm nearer
-      std::rotate(r.spd.begin(), r.spd.begin() + 8, r.spd.end());
+    // The bodies of the new run are 48 cm nearer.
+    if (r.index >= std::int64_t(known)) std::rotate(r.spd.begin(), r.spd.begin() + 8, r.spd.end());
   });
   const Rows rows = all_rows(all.size()), before(rows.begin(), rows.begin() + known),
              now(rows.begin() + known, rows.end());
@@ -175,7 +179,7 @@ TEST_CASE("the standard error of a difference comes from the variance between bl
   const Matrix views = take_rows(p.views, now);
   const Dataset run = part_of(all, now);
   const DomainReference reference(p.alignment, all, p.views, before, Inputs::fused);
-  // Means of ten ranges.
+  // Returns the mean range of each block of ten records.
   const auto blocks = [](const Matrix& numbers) {
     std::vector<double> means(numbers.rows / 10);
     for (std::size_t i = 0; i < numbers.rows; ++i) means[i / 10] += double{numbers.row(i)[3]} / 10;
@@ -197,9 +201,10 @@ TEST_CASE("the standard error of a difference comes from the variance between bl
   CHECK(range->standard_errors == Approx(std::abs(mean_of(b) - mean_of(a)) / error).epsilon(1e-3));
 }
 
-TEST_CASE("domain test reports a radar range bias and its correction") {
+TEST_CASE("the domain-shift test reports a radar range bias and the option that corrects it") {
   const TrainedModel& model = trained("mean-shape", "fused");
-  const auto farther = [](record::FusedRecord& r) {  // a bin of 25 cm
+  // Moves the echo by one bin of 25 cm.
+  const auto farther = [](record::FusedRecord& r) {
     std::rotate(r.radar.begin(), r.radar.end() - 1, r.radar.end());
   };
   const DomainShift shift = shift_of(model, plates(200, 30, farther));
@@ -210,14 +215,15 @@ TEST_CASE("domain test reports a radar range bias and its correction") {
                                  "reflect differently; if the radar is the cause, use "
                                  "--range-offset 0.2") &&
                  Catch::Contains("radar range +"));
-  double cm = 0, cm_error = 0, advised_cm = 0, advised_error = 0;  // in the list, in the advice
+  // Range bias and standard error, cm, in the list of differences and in the advice.
+  double cm = 0, cm_error = 0, advised_cm = 0, advised_error = 0;
   const auto at = [&](const char* name) { return shift.text().substr(shift.text().find(name)); };
   CHECK(std::sscanf(at("radar range +").c_str(), "radar range %lf +- %lf", &cm, &cm_error) == 2);
   CHECK(std::sscanf(at("radar ranges are").c_str(), "radar ranges are %lf +- %lf", &advised_cm,
                     &advised_error) == 2);
   CHECK(cm == advised_cm);
   CHECK(cm_error == advised_error);
-  // The advice remains if another number differs too, as with shorter slots.
+  // The run is also blurred. The advice must remain if other quantities differ too.
   const DomainShift more =
       shift_of(model, plates(200, 30, [&](record::FusedRecord& r) { farther(r), blur(r.radar); }));
   CHECK(more.differences.size() > 1);
@@ -225,7 +231,7 @@ TEST_CASE("domain test reports a radar range bias and its correction") {
   CHECK(shift_of(model, plates(200, 31)).advice.empty());
 }
 
-TEST_CASE("domain test has few false alarms for small and large references") {
+TEST_CASE("the domain-shift test has few false alarms for small and large reference sets") {
   const Dataset all = plates(3000, 40);
   const Rows rows = all_rows(3000);
   for (const std::size_t known : {60, 1500}) {
@@ -244,11 +250,12 @@ TEST_CASE("domain test has few false alarms for small and large references") {
       CHECK_FALSE(shift.found());
       below_5_percent += shift.p < 0.05;
     }
-    CHECK(below_5_percent <= 5);  // out of 30; chance of more: 1 in 300
+    // With 30 runs, more than 5 values of p below 5 % occur by chance once in 300 tests.
+    CHECK(below_5_percent <= 5);
   }
 }
 
-TEST_CASE("domain test excludes training records and their copies") {
+TEST_CASE("the domain-shift test excludes training records and their copies") {
   const Folder dir;
   write_run(dir / "a", 300, 1), write_run(dir / "more", 360, 1);
   write_run(dir / "copies", 300, 1, [](record::FusedRecord& r) { r.label = "other"; });

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Moving a model from one room with a wall to another.
+// Tests a model that was trained in one room with a wall and is adapted to another room.
 #include "recon/predict/empty_room.hpp"
 
 #include <nlohmann/json.hpp>
@@ -18,7 +18,7 @@ namespace {
 
 const Axis longer{"spd", "counts", "ps", 60, 16000, 400, 1};
 
-// Adds a wall to histogram, profile and maps.
+// Wall that is added to histogram, range profile and depth map.
 struct Wall {
   std::size_t spd_bin, radar_bin;
   std::uint16_t mm;
@@ -70,7 +70,7 @@ double evaluated_iou(const std::string& words) {
 
 }  // namespace
 
-TEST_CASE("a model trained with an empty room keeps its accuracy in another room") {
+TEST_CASE("a model trained with an empty-room run keeps its accuracy if adapted to another room") {
   const Folder dir;
   write_room(dir / "here", here, 200, 1), write_room(dir / "here empty", here, 20, 2, false);
   write_room(dir / "there", elsewhere, 60, 3), write_room(dir / "again", here, 60, 3);
@@ -92,7 +92,7 @@ TEST_CASE("a model trained with an empty room keeps its accuracy in another room
   CHECK(evaluated_iou(there + " --empty '" + (dir / "there empty") + "'") > 0.9 * at_home);
 }
 
-TEST_CASE("option --range-offset also applies to the empty room") {
+TEST_CASE("option --range-offset also applies to the empty-room run") {
   const Folder dir;
   const double longer_m = radar_axis().step;
   write_room(dir / "here", here, 200, 1), write_room(dir / "here empty", here, 20, 2, false);
@@ -109,7 +109,8 @@ TEST_CASE("option --range-offset also applies to the empty room") {
   CHECK(iou_with(0) < 0.6 * iou_with(longer_m));
 }
 
-TEST_CASE("a dead radar is detected in another room, and an empty room needs five records") {
+TEST_CASE(
+    "a dead radar is detected after a room change, and an empty-room run needs five records") {
   const Folder dir;
   write_room(dir / "here", here, 60, 1);
   Dataset data = load({dir / "here"});
@@ -123,7 +124,7 @@ TEST_CASE("a dead radar is detected in another room, and an empty room needs fiv
         (dir / "four") + ": 4 records have data of all sensors; expected at least 5");
 }
 
-TEST_CASE("dead and doubtful records of an empty room are excluded and counted") {
+TEST_CASE("dead and doubtful records of an empty-room run are excluded and counted") {
   const Folder dir;
   write_room(dir / "here", here, 20, 1), write_room(dir / "empty", here, 20, 2, false);
   const auto spoil = [&](const std::string& values, const std::string& rows) {
@@ -147,7 +148,7 @@ TEST_CASE("dead and doubtful records of an empty room are excluded and counted")
              Catch::Contains("17 of 20 records left out: SPD weak 17"));
 }
 
-TEST_CASE("a bright empty room may drift by a few percent") {
+TEST_CASE("an empty-room run is accepted with 3 % brightness drift and refused with 10 %") {
   const Folder dir;
   write_room(dir / "empty", here, 20, 2, false);
   Dataset empty = load({dir / "empty"});
@@ -161,7 +162,7 @@ TEST_CASE("a bright empty room may drift by a few percent") {
   CHECK_THAT(scaled(0.1f), Catch::Contains("vary by more than photon noise"));
 }
 
-TEST_CASE("a plain network cannot be adapted to another room") {
+TEST_CASE("adapting a plain network to another room is refused") {
   const Folder dir;
   write_room(dir / "here", here, 60, 1), write_room(dir / "empty", here, 20, 2, false);
   TrainedModel other = trained(dir / "here", "", "mean-shape");
@@ -178,7 +179,7 @@ TEST_CASE("a plain network cannot be adapted to another room") {
         "or mean-shape model");
 }
 
-TEST_CASE("an empty room with other axes is refused before training") {
+TEST_CASE("an empty-room run is refused if its axes differ from those of the training runs") {
   const Folder dir;
   write_room(dir / "here", here, 20, 1);
   write_run(dir / "other", 5);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Records left out of training and evaluation: damaged, dead, doubtful or duplicates.
+// Tests which records are excluded from training and evaluation: damaged, dead, doubtful and
+// duplicate records.
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -10,7 +11,7 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::testing;
 
-TEST_CASE("damaged records are counted, and a run with more than a tenth is refused") {
+TEST_CASE("damaged records are counted, and a run with more than 10 % damaged records is refused") {
   const Folder dir;
   const auto spoil = [&](const std::string& name, std::int64_t from) {
     write_run(dir / name, 20, 1, [&](record::FusedRecord& r) {
@@ -33,7 +34,7 @@ TEST_CASE("damaged records are counted, and a run with more than a tenth is refu
   load_part(record::RunReader(dir / "a"), 0, 20, sensors_of(Inputs::fused),
             [&](std::int64_t index, const std::string&) { bad.push_back(index); });
   CHECK(bad == std::vector<std::int64_t>{4, 19});
-  // 100 million clicks per second exceed any detector.
+  // 300 million clicks in a slot of 3 s exceed the limit of 100 million clicks per second.
   write_run(dir / "c", 20, 1, [](record::FusedRecord& r) {
     r.slot_end = r.slot_start + std::chrono::seconds(3);
     if (r.index == 4) r.spd[7] = 300'000'001;
@@ -58,7 +59,7 @@ TEST_CASE("doubtful records are excluded from training") {
   CHECK(data.usable(Inputs::fused) == Rows{0, 3, 5, 6, 7});
 }
 
-TEST_CASE("lossy records are counted, and used unless a setting excludes them") {
+TEST_CASE("records with lost frames are counted, and used unless a setting excludes them") {
   const Folder dir;
   write_run(dir / "a", 40, 1, [](record::FusedRecord& r) {
     if (r.index == 1)
@@ -79,7 +80,7 @@ TEST_CASE("lossy records are counted, and used unless a setting excludes them") 
   CHECK(data.usable(Inputs::spd).size() == 38);
 }
 
-TEST_CASE("a copied record has the same hash in any run") {
+TEST_CASE("a copied record has the same content hash in any run") {
   const Folder dir;
   write_run(dir / "a", 6, 1), write_run(dir / "b", 3, 1), write_run(dir / "c", 3, 2);
   const Dataset a = load({dir / "a"});
@@ -88,7 +89,7 @@ TEST_CASE("a copied record has the same hash in any run") {
   CHECK(c.content != b.content);
 }
 
-TEST_CASE("rows prints the split part of each record, or the reason of its exclusion") {
+TEST_CASE("the rows command prints the split part of each record or the reason for its exclusion") {
   const Folder dir;
   const auto change = [](record::FusedRecord& r) {
     if (r.index == 2) r.sync[Sensor::depth].verdict = "stands still: the same as before";
@@ -114,7 +115,7 @@ TEST_CASE("rows prints the split part of each record, or the reason of its exclu
   CHECK(both[67]["run"] == dir / "b");
   REQUIRE(recon_program("train -q --model mean --seed 3 " + (dir / "a") + " --out " + (dir / "m"))
               .code == 0);
-  // the model's split has the same seed
+  // The model was trained with the same split seed.
   const nlohmann::json split = rows((dir / "a") + " --seed 3");
   const nlohmann::json own = rows((dir / "a") + " --model " + (dir / "m"));
   std::size_t held_out = 0;
@@ -127,7 +128,7 @@ TEST_CASE("rows prints the split part of each record, or the reason of its exclu
         recon_program("-q evaluate --json " + (dir / "m ") + run).text)["records"];
   };
   CHECK(judged(dir / "a") == held_out);
-  // another run: copies of training records
+  // All records of the other run are copies of records of the training run.
   const nlohmann::json fresh = rows((dir / "b") + " --model " + (dir / "m"));
   std::size_t test = 0;
   for (const auto& row : fresh) {
@@ -142,13 +143,14 @@ TEST_CASE("rows prints the split part of each record, or the reason of its exclu
   CHECK(recon_program("rows --seed 2 " + (dir / "a") + " --model " + (dir / "m")).code == 2);
 }
 
-TEST_CASE("train and evaluate print excluded records and the reasons") {
+TEST_CASE("train and evaluate print the number of excluded records and the reasons") {
   const Folder dir;
   const auto doubtful = [](record::FusedRecord& r) {
     if (r.index < 8)
       r.sync[Sensor::depth].verdict =
           "stands still: identical to the previous record in every pixel";
-    if (r.index < 8) std::ranges::rotate(r.depth_mm, r.depth_mm.begin() + 12);  // another place
+    // The body is moved sideways, so that the maps are not copies.
+    if (r.index < 8) std::ranges::rotate(r.depth_mm, r.depth_mm.begin() + 12);
     if (r.index == 8) r.sync[Sensor::spd].verdict = "weak: 12 clicks above the background";
     if (r.index == 9) std::ranges::fill(r.spd, 0u);
     if (r.index == 10) r.spd[5] = 4'294'967'295u;
@@ -184,7 +186,7 @@ TEST_CASE("train and evaluate print excluded records and the reasons") {
           "8 of 60 records");
 }
 
-TEST_CASE("copied records are used once in training and not in evaluation") {
+TEST_CASE("copies of a record are used once in training and are excluded from evaluation") {
   const Folder dir;
   write_run(dir / "a", 60, 1), write_run(dir / "b", 20, 1), write_run(dir / "c", 20, 2);
   write_run(dir / "more", 70, 1);
@@ -200,7 +202,8 @@ TEST_CASE("copied records are used once in training and not in evaluation") {
       recon_program(evaluate + (dir / "more")).text,
       Catch::StartsWith("10 records; ") &&
           Catch::Contains("60 of 70 records are copies of training records and are left out\n"));
-  // The nearest neighbour of an evaluated record must not be a copy of it.
+  // Run d has nearly the same records as run c. The nearest neighbour of an evaluated record must
+  // not be its own copy.
   write_run(dir / "d", 40, 2, [](record::FusedRecord& r) { r.radar[20] += 0.01f; });
   const auto nearest = [&](const std::string& neighbours) {
     return nlohmann::json::parse(
@@ -214,7 +217,7 @@ TEST_CASE("copied records are used once in training and not in evaluation") {
                  Catch::Contains("copies of training records and are scored\n"));
 }
 
-TEST_CASE("a copied record is recognised by its counts") {
+TEST_CASE("a record with identical photon counts is recognised as a copy despite other changes") {
   const Folder dir;
   write_run(dir / "a", 60, 1);
   const std::string model = dir / "m";
@@ -241,7 +244,7 @@ TEST_CASE("a copied record is recognised by its counts") {
   CHECK(load({dir / "padded"}).content == load({dir / "a"}).content);
 }
 
-TEST_CASE("records with few clicks or bins, or weak or frozen counts, are not taken for copies") {
+TEST_CASE("records with few clicks, few bins, or weak or frozen counts are not treated as copies") {
   const Folder dir;
   write_run(dir / "run", 9, 1, [](record::FusedRecord& r) {
     if (r.index < 2) {
@@ -250,11 +253,13 @@ TEST_CASE("records with few clicks or bins, or weak or frozen counts, are not ta
     }
     if (r.index == 2 || r.index == 3)
       r.sync[Sensor::spd].verdict = r.index == 2 ? "weak: 40 clicks" : "stands still: the same";
-    if (r.index == 4) {  // a peak of three bins, which may recur by chance
+    // Record 4 has a peak of only three bins, which may recur by chance.
+    if (r.index == 4) {
       std::ranges::fill(r.spd, 0u);
       r.spd[7] = r.spd[9] = 4, r.spd[8] = 300;
     }
-    if (r.index == 5) {  // 99 clicks above a bright background
+    // Record 5 has only 99 clicks above a bright background.
+    if (r.index == 5) {
       std::ranges::fill(r.spd, 1000u);
       r.spd[8] += 99;
     }
@@ -263,7 +268,7 @@ TEST_CASE("records with few clicks or bins, or weak or frozen counts, are not ta
   for (std::size_t row = 0; row < 9; ++row) CHECK((data.content[row] == 0) == (row < 6));
 }
 
-TEST_CASE("held-out records with a dead detector are excluded on the training run") {
+TEST_CASE("evaluate refuses a run with dead held-out records, and train refuses an empty run") {
   const Folder dir;
   write_run(dir / "a", 40);
   REQUIRE(recon_program("train -q --model mean " + (dir / "a") + " --out " + (dir / "m")).code ==
@@ -299,7 +304,7 @@ TEST_CASE("a record that occurs twice in a run is used once") {
 }
 
 TEST_CASE(
-    "train refuses a sensor missing in all records, and warns of a random split of a sequence") {
+    "train refuses a sensor that no record has and warns about a random split of a sequence") {
   const Folder dir;
   const auto run = [&](const std::string& name, Sensor lost) {
     write_run(dir / name, 12, 1, [&](record::FusedRecord& r) { r.valid.erase(lost); });
@@ -328,9 +333,9 @@ TEST_CASE(
   CHECK_THAT(says("free", ""), !Catch::Contains("alike"));
 }
 
-TEST_CASE("repeated scenes are reported for each kind of split") {
+TEST_CASE("train reports repeated scenes for random and for blocked splits") {
   const Folder dir;
-  // Each scene recurs after 30 others, with different noise.
+  // Each scene recurs after `scenes` records, with different noise.
   const auto recurring = [](std::int64_t scenes) {
     return [scenes](record::FusedRecord& r) {
       Rng rng = make_rng(1, static_cast<std::uint64_t>(r.index % scenes));

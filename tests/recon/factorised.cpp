@@ -32,7 +32,8 @@ const TrainedModel& trained() {
 
 Layout plate_layout() { return {testing::spd_axis(), testing::radar_axis()}; }
 
-// Inputs of a body at a range: a bump in each sensor, no background.
+// Returns the inputs for one body: a peak in the histogram at range_m and in the radar profile at
+// range_m + shift_m. `offset` is a flat background of the histogram.
 std::vector<float> raw_inputs(double range_m, double shift_m, double gain = 1, double offset = 0) {
   std::vector<float> out;
   for (std::uint32_t i = 0; i < testing::spd_axis().count; ++i) {
@@ -46,7 +47,7 @@ std::vector<float> raw_inputs(double range_m, double shift_m, double gain = 1, d
   return out;
 }
 
-// Learnt without records: no background.
+// Returns an alignment that was fitted to an empty record, so it contains no background.
 Alignment blank_alignment() {
   Matrix nothing(1, testing::spd_axis().count + testing::radar_axis().count);
   return {plate_layout(), nothing, {0}};
@@ -70,7 +71,7 @@ double centroid(std::span<const float> values) {
 
 }  // namespace
 
-TEST_CASE("aligned inputs are invariant to gain, exposure and flat background") {
+TEST_CASE("inputs aligned to the body do not depend on gain, exposure or a flat background") {
   const auto plain = aligned(raw_inputs(3.5, 0.05));
   for (const auto& other : {aligned(raw_inputs(3.5, 0.05, 4)), aligned(raw_inputs(3.5, 0.05, 0.25)),
                             aligned(raw_inputs(3.5, 0.05, 1, 40))})
@@ -78,23 +79,25 @@ TEST_CASE("aligned inputs are invariant to gain, exposure and flat background") 
       REQUIRE(other[i] == Approx(plain[i]).epsilon(1e-3).margin(1e-5));
 }
 
-TEST_CASE("an offset between radar and histogram shifts the aligned profile") {
+TEST_CASE("a range difference between radar and histogram shifts the aligned radar profile") {
   const auto a = aligned(raw_inputs(3.3, 0.05)), b = aligned(raw_inputs(3.7, 0.25));
   const double near_m = double{a.back()}, far_m = double{b.back()};
-  // Bins of 6 cm, half of them near the body, so the median overestimates the background.
+  // The bins are 6 cm wide, and half of them are near the body. So the median overestimates the
+  // background.
   CHECK(near_m == Approx(3.3).margin(0.01));
   CHECK(far_m == Approx(3.7).margin(0.01));
   const std::size_t bins = 35;
   const std::span<const float> profile_a = std::span(a).subspan(bins, a.size() - bins - 1);
   const std::span<const float> profile_b = std::span(b).subspan(bins, b.size() - bins - 1);
-  const double step_m = 0.125;  // half the radar's bin
+  // The step of the aligned profile is half of a radar bin.
+  const double step_m = 0.125;
   CHECK((centroid(profile_b) - centroid(profile_a)) * step_m ==
         Approx(0.2 - (far_m - near_m - 0.4)).margin(0.002));
   CHECK(centroid(std::span(b).first(bins)) ==
         Approx(centroid(std::span(a).first(bins))).margin(0.2));
 }
 
-TEST_CASE("no body is detected in an empty room") {
+TEST_CASE("no body is detected in the histograms of an empty room") {
   Rng rng = make_rng(3, 0);
   std::poisson_distribution<int> counts(50);
   int seen = 0;
@@ -112,7 +115,7 @@ TEST_CASE("no body is detected in an empty room") {
   CHECK_FALSE(shows_body(features));
 }
 
-TEST_CASE("a body extracted from a map is drawn at the same position") {
+TEST_CASE("a body extracted from a depth map is drawn at the same position") {
   const Matrix& maps = plates().depth;
   const std::vector<float> background(maps.cols, 0);
   const Rows rows = all_rows(50);
@@ -130,11 +133,12 @@ TEST_CASE("a body extracted from a map is drawn at the same position") {
       both += a && b, any += a || b;
       if (a && b) REQUIRE(drawn[p] == Approx(maps.row(row)[p]).margin(1e-3));
     }
-    CHECK(both > 0.85 * any);  // 24 x 12 pixels; half a pixel at the edges
+    // The body has 24 x 12 pixels, and its edges may be off by half a pixel.
+    CHECK(both > 0.85 * any);
   }
 }
 
-TEST_CASE("the factorised model places bodies on the correct side for any gain") {
+TEST_CASE("the factorised model places bodies on the correct side for any sensor gain") {
   const Rows rows = trained().rows_of(plates(), Subset::test);
   const auto scores = [&](const Dataset& data) {
     std::vector<MapScores> out;
@@ -152,7 +156,7 @@ TEST_CASE("the factorised model places bodies on the correct side for any gain")
   CHECK(scores(louder)[metric_iou].mean > 0.98 * plain[metric_iou].mean);
 }
 
-TEST_CASE("clicks in a bin used by only one training record do not shift the body") {
+TEST_CASE("clicks in a bin that only one training record uses do not shift the predicted body") {
   Dataset data = testing::load_plates(200);
   const auto around = [&](std::size_t row) {
     const auto clicks = data.spd.row(row);
@@ -169,7 +173,8 @@ TEST_CASE("clicks in a bin used by only one training record do not shift the bod
   const TrainedModel model = train(data, options);
   const Rows rows = all_rows(50);
   const Matrix before = model.predict(data, rows);
-  for (const std::size_t row : rows) *(around(row) - 8) = 50;  // among 1e5
+  // The body has 1e5 clicks per record.
+  for (const std::size_t row : rows) *(around(row) - 8) = 50;
   const Matrix after = model.predict(data, rows);
   for (const std::size_t row : rows) {
     const double moved = foreground_tangent(after.row(row), model->scene) -
@@ -179,7 +184,8 @@ TEST_CASE("clicks in a bin used by only one training record do not shift the bod
   }
 }
 
-TEST_CASE("a record's map does not depend on other records, and an empty room stays empty") {
+TEST_CASE(
+    "a predicted map does not depend on other records, and an empty room gives an empty map") {
   const Matrix many = trained().predict(plates(), {3, 7, 11});
   const Matrix one = trained().predict(plates(), {7});
   for (std::size_t p = 0; p < one.cols; ++p)
@@ -206,7 +212,7 @@ TEST_CASE("an invalid body frame in a model file is refused") {
   refused("pitch_m", 0.0, "0/model/frame/pitch_m: expected a number from");
 }
 
-TEST_CASE("the factorised model requires both sensors and records with bodies") {
+TEST_CASE("training a factorised model requires both sensors and records with bodies") {
   TrainOptions options;
   options.uncertainty = false;
   options.model = "factorised";

@@ -37,12 +37,14 @@ void lose_radar(record::FusedRecord& r) {
 
 }  // namespace
 
-TEST_CASE("the fused model uses the SPD alone while the radar is missing") {
+TEST_CASE("a fused model uses the SPD alone for records without radar data") {
   const TrainedModel model = trained_with("factorised-4");
   Dataset lost = plates();
   const Rows rows = {1, 2, 3, 4};
-  lost.valid[1] &= ~2u;                         // missing
-  for (float& v : lost.radar.row(3)) v = 0.5f;  // dead
+  // The radar data of record 1 are missing.
+  lost.valid[1] &= ~2u;
+  // The radar of record 3 is dead: all bins are equal.
+  for (float& v : lost.radar.row(3)) v = 0.5f;
   for (float& v : lost.radar.row(1)) v = 0;
   REQUIRE(model.estimators.size() == 2);
   CHECK(model.estimator_for(lost, 1) == &model.estimators[1]);
@@ -56,12 +58,13 @@ TEST_CASE("the fused model uses the SPD alone while the radar is missing") {
     for (std::size_t p = 0; p < maps.cols; ++p)
       REQUIRE(maps.row(i)[p] == Approx(expected[p]).margin(1e-4));
   }
-  lost.valid[2] &= ~1u;  // the SPD: no estimator left
+  // The SPD data of record 2 are missing, and no estimator can do without them.
+  lost.valid[2] &= ~1u;
   CHECK(model.estimator_for(lost, 2) == nullptr);
   CHECK_THAT(model.fault_of(lost, 2), Catch::Contains("lacks "));
 }
 
-TEST_CASE("the fallback is optional and stored in the model file") {
+TEST_CASE("the fallback for missing radar data is optional and stored in the model file") {
   const Folder dir;
   TrainedModel model = trained_with("ridge");
   save_model(model, dir / "with");
@@ -85,7 +88,7 @@ TEST_CASE("the fallback is optional and stored in the model file") {
   }
 }
 
-TEST_CASE("domain test counts only records that have an uncertainty") {
+TEST_CASE("the domain-shift test counts only records with a predicted uncertainty") {
   TrainedModel model = trained_with("ridge");
   REQUIRE(model.estimators.size() == 2);
   model.estimators[1].uncertainty.reset();
@@ -96,7 +99,7 @@ TEST_CASE("domain test counts only records that have an uncertainty") {
   CHECK(domain_shift_of(model, load({dir / "run"})).judged == 20);
 }
 
-TEST_CASE("reconstruct and evaluate report maps made from the SPD alone") {
+TEST_CASE("reconstruct and evaluate report maps that were predicted from the SPD alone") {
   const Folder dir;
   write_run(dir / "run", 100);
   REQUIRE(
@@ -117,14 +120,14 @@ TEST_CASE("reconstruct and evaluate report maps made from the SPD alone") {
   CHECK_THAT(recon_program("evaluate " + (dir / "m") + " " + (dir / "live")).text,
              Catch::Contains("4 records") && Catch::Contains("1 records: radar lost: SPD alone"));
 
-  // A run without radar.
+  // The radar axis of this run has no bins, as if no radar was configured.
   write_run(dir / "dark", 3, 3, lose_radar, Axis{"radar", "power", "m", 0, 0, 1, 1});
   const auto dark = recon_program("evaluate --json " + (dir / "m") + " " + (dir / "dark"));
   REQUIRE(dark.code == 0);
   CHECK(nlohmann::json::parse(dark.text.substr(dark.text.find('{')))["fallback_records"] == 3);
 }
 
-TEST_CASE("records without a map are counted but not scored") {
+TEST_CASE("evaluate counts but does not score records for which the model predicts no map") {
   const Folder dir;
   const TrainedModel model = trained_with("ridge");
   REQUIRE(model.estimators.size() == 2);

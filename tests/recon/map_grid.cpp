@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Depth maps of any grid: from the run's axes through training and model file to the maps.
+// Tests map grids of any size, from the axes of a run to the predicted maps.
 #include <nlohmann/json.hpp>
 
 #include "recon/maps/png.hpp"
@@ -12,7 +12,7 @@ using namespace echofuse::testing;
 
 namespace {
 
-// Returns the map's description in a run.
+// Writes the axes of the map grid into a run.
 void put_map(const std::string& path, const record::MapGrid& grid) {
   for (const Axis& a : grid.axes()) {
     char row[200];
@@ -31,13 +31,14 @@ void write_mapped(const std::string& path, std::int64_t count, const record::Map
 
 }  // namespace
 
-TEST_CASE("depth images are resampled to the run's map") {
+TEST_CASE("depth images are resampled to the map grid of the run") {
   const Folder dir;
   write_mapped(dir / "run", 3, {32, 0.275});
   const Dataset data = load({dir / "run"});
   CHECK(data.map == record::MapGrid{32, 0.275});
   REQUIRE(data.depth.cols == 32 * 32);
-  // The central half of 64 x 64 pixels, over twice the field.
+  // The map covers half of the camera's field of view, which is the central 32 x 32 of 64 x 64
+  // pixels.
   const auto r = record::RunReader(dir / "run").read(1);
   for (std::size_t row = 0; row < 32; ++row)
     for (std::size_t c = 0; c < 32; ++c)
@@ -45,7 +46,7 @@ TEST_CASE("depth images are resampled to the run's map") {
               Approx(r.depth_mm[(row + 16) * 64 + c + 16] * 1e-3));
 }
 
-TEST_CASE("runs with different map grids, and invalid map axes, are refused") {
+TEST_CASE("loading refuses runs with different map grids and runs with invalid map axes") {
   const Folder dir;
   write_run(dir / "a", 2, 1);
   write_mapped(dir / "b", 2, {32, 0.55}, 2);
@@ -70,7 +71,8 @@ TEST_CASE("runs with different map grids, and invalid map axes, are refused") {
   refused("UPDATE axis SET start = 0 WHERE name = 'map_x'");
 }
 
-TEST_CASE("a model uses its training's map grid and refuses others") {
+TEST_CASE(
+    "a model keeps the map grid of its training, and evaluate refuses runs with other grids") {
   const Folder dir;
   const record::MapGrid grid{24, 0.55};
   write_mapped(dir / "run", 200, grid);

@@ -23,7 +23,8 @@ TEST_CASE("gradients of the mask loss equal central differences") {
     CAPTURE(i);
     CHECK(slopes[i] == Approx((loss(up) - loss(down)) / (2 * step)).margin(1e-7));
   }
-  // No depth is asked for where no body is: first, fourth and fifth pixel.
+  // The loss must not depend on the predicted depth of pixels without a body: the first, fourth and
+  // fifth pixel.
   for (const std::size_t i : {6u, 9u, 10u}) CHECK(slopes[i] == 0);
 }
 
@@ -36,7 +37,7 @@ TEST_CASE("the mask loss in single precision matches double precision") {
   for (std::size_t i = 0; i < a.size(); ++i) CHECK(double{a[i]} == Approx(b[i]).margin(1e-5));
 }
 
-TEST_CASE("the mask of a two-output network does not depend on the distance") {
+TEST_CASE("a network with mask and depth outputs scores better than a depth regression") {
   const Dataset data = testing::load_plates(600);
   const auto scores = [&](const char* model) {
     TrainOptions options;

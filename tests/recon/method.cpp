@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Steps and constants of the method.
+// Tests numerical steps and constants that all models share.
 #include "recon/method/method.hpp"
 
 #include <nlohmann/json.hpp>
@@ -13,7 +13,7 @@
 using namespace echofuse;
 using namespace echofuse::recon;
 
-TEST_CASE("sums with four accumulators equal those of a plain loop") {
+TEST_CASE("histogram sums with four accumulators equal those of a plain loop") {
   Rng rng = make_rng(1, 0);
   std::poisson_distribution<int> photons(40);
   std::normal_distribution<float> background(40, 3);
@@ -31,7 +31,8 @@ TEST_CASE("sums with four accumulators equal those of a plain loop") {
         CAPTURE(bins, from, to, negative);
         const BinSums fast = bin_sums(counts, all, from, to, negative);
         BinSums plain;
-        // The tolerance scales with the terms, because terms of both signs may cancel.
+        // The tolerance is proportional to the sum of magnitudes, because terms of both signs may
+        // cancel.
         double sizes = 1e-300, moments = 1e-300;
         for (std::size_t i = from; i < to; ++i) {
           const double count = double{counts[i]}, bin = static_cast<double>(i);
@@ -46,7 +47,7 @@ TEST_CASE("sums with four accumulators equal those of a plain loop") {
   }
 }
 
-TEST_CASE("negative bins are clipped to zero if excluded") {
+TEST_CASE("histogram sums count negative bins as zero if negative values are excluded") {
   const std::vector<float> counts = {2, -3, 4, -5, 6, -1, 1}, all = {9, 9, 9, 9, 9, 9, 9};
   const BinSums without = bin_sums(counts, all, 0, 7, Negative::left_out);
   CHECK(without.counts == 13);
@@ -58,7 +59,7 @@ TEST_CASE("negative bins are clipped to zero if excluded") {
   CHECK(with.all == 45);
 }
 
-TEST_CASE("a model file stores the constants of the method and is refused if they differ") {
+TEST_CASE("a model file stores the method's constants and is refused if the program's differ") {
   const Layout layout{testing::spd_axis(), testing::radar_axis()};
   Alignment alignment(layout, Matrix(1, layout.inputs()), {0});
   TensorFile file;
@@ -81,7 +82,7 @@ TEST_CASE("a model file stores the constants of the method and is refused if the
   CHECK_THAT(fault_of(file), Catch::Contains("directions"));
 }
 
-TEST_CASE("tensors are aligned to their type's size, and a model file names its program version") {
+TEST_CASE("model files align tensors to the size of their type and contain the program version") {
   TensorFile file;
   const auto write = [&](const std::string& name, auto value) {
     const std::vector<decltype(value)> three(3, value);

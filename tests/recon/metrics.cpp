@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Metrics of maps with a known score.
+// Compares the scores of simple maps with values computed by hand.
 #include "recon/metrics/metrics.hpp"
 
 #include <catch2/catch.hpp>
@@ -17,7 +17,8 @@ namespace {
 constexpr std::size_t size = 64;
 using Map = std::vector<float>;
 
-// A plate over columns [left, left + 10) and rows 20..43, in front of a background.
+// Returns a map with a plate in columns [left, left + 10) and rows 20 to 43 in front of a
+// background.
 Map plate(std::size_t left, float depth_m, float background_m = 0) {
   Map out(size * size, background_m);
   for (std::size_t r = 20; r < 44; ++r)
@@ -34,7 +35,7 @@ Map average(const Map& a, const Map& b) {
   for (std::size_t p = 0; p < out.size(); ++p) out[p] = (a[p] + b[p]) / 2;
   return out;
 }
-// Noise of a regression about a map, away from its plate.
+// Adds noise of a regression model to the rows above the plate.
 Map with_ripple(Map map) {
   for (std::size_t p = 0; p < size * 20; ++p) map[p] = 0.05f;
   return map;
@@ -57,45 +58,52 @@ TEST_CASE("a perfect prediction has perfect scores") {
   CHECK(s[metric_lateral_m] == Approx(0).margin(1e-12));
 }
 
-TEST_CASE("the ghost score is 1 for the mirror image and 0.5 for body and mirror image") {
+TEST_CASE(
+    "the ghost score is 1 for the mirror image and 0.5 for the mean of body and mirror image") {
   const Map truth = plate(6, 3.5f), ghost = mirrored(truth);
   const MapScores wrong = score(ghost, truth, room());
   CHECK(wrong[metric_ghost] == 1);
   CHECK(wrong[metric_left_right] == 0);
   CHECK(wrong[metric_iou] == 0);
   CHECK(std::isnan(wrong[metric_depth_mae_m]));
-  // From one side to the other: twice the centroid's tangent, times 3.5 m.
+  // The error is the distance between the two sides: twice the tangent of the centroid, times 3.5
+  // m.
   const double tangent = record::MapGrid{}.x().at(6 + 4.5);
   CHECK(wrong[metric_lateral_m] == Approx(2 * std::abs(tangent) * 3.5).epsilon(1e-9));
   const MapScores both = score(with_ripple(average(truth, ghost)), truth, room());
   CHECK(both[metric_ghost] == Approx(0.5).epsilon(1e-12));
-  CHECK(std::isnan(both[metric_lateral_m]));  // half a body on each side is not foreground
+  // The mean of body and mirror image has half the depth of the body, which is below the foreground
+  // threshold.
+  CHECK(std::isnan(both[metric_lateral_m]));
 }
 
-TEST_CASE("body position is the centroid of the written map's foreground") {
+TEST_CASE("body position is the foreground centroid after clipping the map to valid depths") {
   const Map truth = plate(6, 3.5f);
   Map ripple = truth;
-  for (std::size_t p = 40; p < 60; ++p) ripple[p] = -30;             // clipped to 0
-  for (std::size_t p = 64 * 60; p < 64 * 64; ++p) ripple[p] = 0.4f;  // not foreground
+  // Negative depths are clipped to 0.
+  for (std::size_t p = 40; p < 60; ++p) ripple[p] = -30;
+  // Such small depths are not foreground.
+  for (std::size_t p = 64 * 60; p < 64 * 64; ++p) ripple[p] = 0.4f;
   const MapScores s = score(ripple, truth, room());
   CHECK(s[metric_lateral_m] == Approx(0).margin(1e-12));
   CHECK(s[metric_ghost] == 0);
   CHECK(lateral_error(ripple, truth, room()) == s[metric_lateral_m]);
-  // A pixel beyond the map's depths counts as the nearest valid depth.
+  // A depth beyond the largest depth of the map grid is scored as that largest depth.
   SceneModel far = room();
   far.grid.far_m = 10;
   CHECK(score(plate(6, 30), truth, far)[metric_depth_mae_m] == Approx(6.5));
   CHECK(score(plate(6, 30), truth, room())[metric_depth_mae_m] == Approx(2.5));
 }
 
-TEST_CASE("ghost and left/right scores are undefined near the axis") {
-  const Map truth = plate(28, 3.5f);  // centre at column 32.5, x = 3 cm
+TEST_CASE("ghost and left/right scores are undefined for a body near the optical axis") {
+  // The centre of the plate is at column 32.5, which is 3 cm from the axis.
+  const Map truth = plate(28, 3.5f);
   const MapScores s = score(mirrored(truth), truth, room());
   CHECK(std::isnan(s[metric_ghost]));
   CHECK(std::isnan(s[metric_left_right]));
 }
 
-TEST_CASE("a shifted, nearer plate has the expected IoU, RMSE and depth errors") {
+TEST_CASE("a plate predicted at a wrong position and distance has the expected scores") {
   const Map truth = plate(10, 3.5f), prediction = plate(15, 3.0f);
   const MapScores s = score(prediction, truth, room());
   CHECK(s[metric_iou] == Approx(5.0 / 15));
@@ -105,22 +113,23 @@ TEST_CASE("a shifted, nearer plate has the expected IoU, RMSE and depth errors")
   CHECK(s[metric_rmse_m] == Approx(std::sqrt(squares / (size * size))));
   CHECK(s[metric_rmse_fg_m] == Approx(std::sqrt((3.5 * 3.5 + 0.5 * 0.5) / 2)));
   CHECK(s[metric_abs_rel] == Approx((1 + 0.5 / 3.5) / 2));
-  CHECK(s[metric_delta_125] == Approx(0.5));  // 3.5 / 3.0 < 1.25, and half of the pixels are missed
+  // The overlap counts as correct, because 3.5 / 3.0 < 1.25. The missed half of the plate does not.
+  CHECK(s[metric_delta_125] == Approx(0.5));
 }
 
-TEST_CASE("in an open room predicted depths above half the mean depth are foreground") {
+TEST_CASE("without a background, predicted depths above half the mean body depth are foreground") {
   const Map truth = plate(10, 3.5f);
   CHECK(score(with_ripple(plate(10, 1.76f)), truth, room())[metric_iou] == 1);
   CHECK(std::isnan(score(with_ripple(plate(10, 1.74f)), truth, room())[metric_lateral_m]));
 }
 
-TEST_CASE("in an open room every true return is foreground, also of a near body") {
+TEST_CASE("without a background, every return in the true map is foreground, even a near one") {
   for (const float depth_m : {0.6f, 1.2f, 1.4f, 1.74f, 5.5f}) {
     const Map near = plate(10, depth_m);
     CHECK(score(near, near, room())[metric_iou] == 1);
     CHECK(thresholded_map(near, room()) == near);
   }
-  // Two bodies, one in front of the other, and a near body that fills the view.
+  // Two bodies, one in front of the other, and a near body that fills the field of view.
   Map two = plate(6, 1.2f);
   const Map behind = plate(30, 5.2f), all(size * size, 1.3f);
   for (std::size_t p = 0; p < two.size(); ++p) two[p] += behind[p];
@@ -128,7 +137,7 @@ TEST_CASE("in an open room every true return is foreground, also of a near body"
   CHECK(score(all, all, room())[metric_iou] == 1);
 }
 
-TEST_CASE("a fixed background is not foreground") {
+TEST_CASE("pixels near the background depth are not foreground") {
   const SceneModel scene = room(5.5f, 3.5f);
   const Map truth = plate(10, 3.5f, 5.5f), empty(size * size, 5.5f);
   CHECK(score(truth, truth, scene)[metric_iou] == 1);
@@ -138,23 +147,25 @@ TEST_CASE("a fixed background is not foreground") {
   CHECK(thresholded_map(plate(10, 4.6f, 5.5f), scene) == empty);
   CHECK(std::isnan(score(empty, empty, scene)[metric_iou]));
   CHECK_FALSE(true_foreground(5.45f, 5.5f));
-  CHECK_FALSE(true_foreground(0, 5.5f));  // no return: unknown
+  // A depth of 0 means no return, so the surface is unknown.
+  CHECK_FALSE(true_foreground(0, 5.5f));
 }
 
-TEST_CASE("an empty prediction has no position") {
+TEST_CASE("position scores are undefined for an empty prediction") {
   const MapScores s = score(Map(size * size), plate(6, 3.5f), room());
   for (const Metric m : {metric_lateral_m, metric_ghost, metric_left_right})
     CHECK(std::isnan(s[m]));
 }
 
-TEST_CASE("foreground and background are learnt from the maps") {
+TEST_CASE("foreground depth and background are learnt from the training maps") {
   Matrix maps(0, size * size);
   for (const std::size_t left : {2u, 20u, 50u}) maps.add_row(plate(left, 3.2f, 5.0f));
   const SceneModel scene = learn_scene(maps, {0, 1, 2}, {});
   CHECK(scene.background == Map(size * size, 5.0f));
   CHECK(scene.foreground_depth_m == Approx(3.2f));
   CHECK(scene.mean_map[30 * size + 2] == Approx((3.2 + 5 + 5) / 3));
-  // A pixel without a return in a fifth of the maps has no background, one in fewer has.
+  // A pixel has a background depth if fewer than 20 % of the maps have no return there. Pixel 0 has
+  // 19 %, pixel 1 has 20 %.
   Matrix holes(0, size * size);
   Rows rows;
   for (std::size_t i = 0; i < 100; ++i) {
@@ -168,9 +179,10 @@ TEST_CASE("foreground and background are learnt from the maps") {
   CHECK(background[1] == 0);
 }
 
-TEST_CASE("with a moving surface only raw maps are scored") {
+TEST_CASE("foreground scores are undefined if a moving surface replaces the background") {
   Rng rng = make_rng(3, 3);
-  for (const float nearest : {0.5f, 1.8f}) {  // also if most are far away
+  // The wall moves from `nearest` to 3 m, and is at 2.9 m in a third of the maps.
+  for (const float nearest : {0.5f, 1.8f}) {
     Matrix walls(0, size * size);
     std::uniform_real_distribution<float> z(nearest, 3);
     for (int i = 0; i < 160; ++i) walls.add_row(Map(size * size, i % 3 ? z(rng) : 2.9f));
@@ -185,7 +197,7 @@ TEST_CASE("with a moving surface only raw maps are scored") {
     CHECK(s[metric_ssim] == s[metric_ssim_hard]);
     CHECK(thresholded_map(off, scene) == off);
   }
-  // A swinging door leaf that covers half of the view.
+  // Maps of a swinging door leaf that covers the left half of the field of view.
   Matrix leaf(0, size * size);
   for (int i = 0; i < 60; ++i) {
     Map map(size * size, 4.f);
@@ -202,12 +214,13 @@ TEST_CASE("mean and standard error exclude undefined scores") {
   const Summaries s = summarise({a, b, c});
   CHECK(s[metric_iou].maps == 2);
   CHECK(s[metric_iou].mean == 2);
-  CHECK(s[metric_iou].se == Approx(1));  // sqrt(((1-2)^2 + (3-2)^2) / 1 / 2)
+  // se = sqrt(((1 - 2)^2 + (3 - 2)^2) / (2 - 1) / 2)
+  CHECK(s[metric_iou].se == Approx(1));
   CHECK(std::isnan(summarise({c})[metric_iou].mean));
   CHECK(std::isnan(summarise({a})[metric_iou].se));
 }
 
-TEST_CASE("body edges are blurred by the uncertainty of its position") {
+TEST_CASE("the foreground probability is blurred at body edges by the position uncertainty") {
   const SceneModel scene = room(5.5f, 3.5f);
   const std::size_t side = scene.grid.size, middle = side / 2;
   SoftMaps own{Matrix(3, side * side), Matrix(3, side * side)};
@@ -228,6 +241,7 @@ TEST_CASE("body edges are blurred by the uncertainty of its position") {
     CHECK(share(0, middle + static_cast<std::size_t>(k)) ==
           Approx(normal((k + 0.5) / 4)).margin(0.01));
   }
-  CHECK(share(1, middle) == Approx(normal(1)).margin(0.06));  // pixel sampling
+  // The tolerance covers the sampling of the edge by pixels.
+  CHECK(share(1, middle) == Approx(normal(1)).margin(0.06));
   CHECK(share(2, middle) == 1);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Untrusted model files: truncated, corrupted, or crafted.
+// Tests the loading of untrusted model files, which may be truncated, corrupted or malicious.
 #include <chrono>
 #include <cmath>
 #include <cstdlib>
@@ -21,7 +21,8 @@ const std::vector<std::string> kinds = {"factorised-4", "mean-shape",  "ridge",
                                         "mlp-12-10",    "pca-mlp-6-5", "mlp-mask-8",
                                         "nearest-3",    "empty",       "mean"};
 
-// Models of every kind; the factorised one has an uncertainty, the mlp an additional SPD estimator.
+// Returns a folder with a model file of each kind. Only factorised-4 has an uncertainty. Only the
+// MLP has a second estimator, which uses the SPD alone.
 const Folder& models() {
   static const Folder dir;
   static const bool made = [] {
@@ -46,7 +47,8 @@ const Folder& models() {
   return dir;
 }
 
-// Returns the one-line error of the file, or nothing if it loads; then the model must predict.
+// Loads a model file and returns the error text, which must be one line. If the file loads, the
+// model must predict maps, and the returned text is empty.
 std::string fault_of(ByteView file) {
   static const Dataset few = load({models() / "few"});
   try {
@@ -75,7 +77,8 @@ struct Hostile {
   Spoil change;
 };
 
-// Adds a tensor over bytes counted from the end of the values.
+// Adds a tensor of the bytes [from, to), counted from the end of the values, and appends `more`
+// bytes to the values.
 Spoil beside(const std::string& type, std::size_t from, std::size_t to, std::size_t more) {
   return [=](crafted::Model& m) {
     const std::size_t end = m.values.size();
@@ -236,7 +239,7 @@ const std::vector<Spoilt> spoilt_files = {
      }},
 };
 
-// All kinds take a minute; only the long form of the test covers them (scripts/test_slow).
+// Testing all kinds takes a minute, so only scripts/test_slow does it.
 std::vector<std::string> kinds_tried() {
   if (std::getenv("ECHOFUSE_LONG")) return kinds;
   return {"factorised-4"};
@@ -244,7 +247,7 @@ std::vector<std::string> kinds_tried() {
 
 }  // namespace
 
-TEST_CASE("a loaded model predicts bitwise the same and is saved to the same file") {
+TEST_CASE("loading and saving a model again gives an identical file and identical maps") {
   const Folder dir;
   Dataset data = load({models() / "few"});
   const Rows rows = all_rows(data.size());
@@ -263,7 +266,7 @@ TEST_CASE("a loaded model predicts bitwise the same and is saved to the same fil
     std::filesystem::remove(dir / "twice");
     save_model(again, dir / "twice");
     CHECK(read_file(dir / "twice") == read_file(dir / kind));
-    // Except for training information for the user, which is not read.
+    // The training log may differ, because it is information for the user and is not loaded.
     crafted::Model first(whole), second(read_file(dir / kind));
     for (crafted::Model* m : {&first, &second})
       for (const std::string& name : m->names_of_facts())
@@ -272,7 +275,7 @@ TEST_CASE("a loaded model predicts bitwise the same and is saved to the same fil
   }
 }
 
-TEST_CASE("a loaded model predicts as the saved one") {
+TEST_CASE("a loaded model predicts exactly the same maps as the trained model") {
   const Folder dir;
   const Dataset data = load({models() / "run"}), few = load({models() / "few"});
   for (const char* kind : {"factorised-4", "mlp-12-10"}) {
@@ -346,7 +349,8 @@ TEST_CASE("a model file with an array of another type or shape is refused") {
       const auto shape = model.head[name]["shape"].get<std::vector<std::size_t>>();
       const std::string type = model.head[name]["dtype"];
       const std::size_t bytes = model.end_of(name) - model.begin_of(name);
-      if (name.find("training/hidden") != std::string::npos) continue;  // not read
+      // Tensors of the training log are not read.
+      if (name.find("training/hidden") != std::string::npos) continue;
       CHECK_THAT(after([&](auto& m) {
                    m.replace(name, type == "F32" ? "U32" : "F32", shape, 0, 0),
                        m.head[name]["shape"] = {0};
@@ -356,10 +360,11 @@ TEST_CASE("a model file with an array of another type or shape is refused") {
                    m.replace(name, type, {1, 1, 1}, bytes == 0 ? 0 : 4, 0);
                  }),
                  Catch::Contains(name));
-      // 0xff in every byte: NaN for floating-point types.
+      // Every byte is 0xff, which is NaN in floating-point types.
       const std::string fault = after([&](auto& m) { m.replace(name, type, shape, bytes, 0xff); });
       if (type[0] == 'F' && bytes > 0) CHECK_THAT(fault, Catch::Contains(name));
-      // One more and one less in each dimension: refused, or the model predicts.
+      // Each dimension is increased by one, decreased by one, or set to zero. Either the file is
+      // refused, or the model predicts maps.
       for (const std::size_t by : {std::size_t{1}, ~std::size_t{0}, std::size_t{0}}) {
         std::vector<std::size_t> other = shape;
         std::size_t count = type == "F64" || type == "I64" ? 8 : type == "U8" ? 1 : 4;
@@ -375,7 +380,8 @@ TEST_CASE("a model file with metadata of another type is refused without a crash
     const crafted::Model whole(whole_file(from));
     CHECK(whole.names_of_facts().size() > 20);
     for (const std::string& name : whole.names_of_facts()) {
-      if (name.find("/training/") != std::string::npos) continue;  // not read
+      // Metadata of the training log are not read.
+      if (name.find("/training/") != std::string::npos) continue;
       CAPTURE(from, name);
       const auto with = [&](const nlohmann::json& value) {
         crafted::Model model = whole;

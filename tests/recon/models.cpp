@@ -33,7 +33,7 @@ TrainOptions quick(const std::string& model) {
   return options;
 }
 
-// A run of plates, loaded once for all cases.
+// Returns a run of plates, which is loaded once for all cases.
 const Dataset& plates() {
   static const Dataset data = testing::load_plates(600);
   return data;
@@ -46,7 +46,7 @@ Summaries scores_of(const TrainedModel& model) {
 
 }  // namespace
 
-TEST_CASE("ridge equals a dense solve with the chosen penalty") {
+TEST_CASE("ridge regression equals a dense linear solve with the chosen penalty") {
   const Matrix x = random_matrix(50, 8, 1), noise = random_matrix(50, 4096, 2);
   Matrix y(50, 4096);
   for (std::size_t i = 0; i < 50; ++i)
@@ -74,10 +74,11 @@ TEST_CASE("ridge equals a dense solve with the chosen penalty") {
       worst = std::max(
           worst, std::abs(double{found.row(i)[p]} -
                           expected(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(p))));
-  CHECK(worst < 1e-5);  // maps of up to 8, single precision
+  // The maps contain values of up to 8 in single precision.
+  CHECK(worst < 1e-5);
 }
 
-TEST_CASE("ridge handles repeated, constant and superfluous inputs") {
+TEST_CASE("ridge regression predicts finite maps for repeated, constant or too many inputs") {
   Matrix x = random_matrix(30, 60, 3);
   for (std::size_t i = 0; i < 30; ++i) {
     x.row(i)[1] = x.row(i)[0];
@@ -92,7 +93,7 @@ TEST_CASE("ridge handles repeated, constant and superfluous inputs") {
   for (const float v : ridge->predict(same).values) REQUIRE(std::isfinite(v));
 }
 
-TEST_CASE("the nearest neighbour of a training record is the record itself") {
+TEST_CASE("the nearest-neighbour model returns the stored map of a training record") {
   const Matrix x = random_matrix(20, 10, 5), y = random_matrix(20, 4096, 6);
   const auto nearest = make_nearest();
   nearest->fit({x, y, all_rows(20)}, {x, y, {}}, {});
@@ -105,7 +106,7 @@ TEST_CASE("the nearest neighbour of a training record is the record itself") {
   CHECK(nearest->cost().multiply_adds == looked_up + 5 * y.cols);
 }
 
-TEST_CASE("a model is reproducible with its seed") {
+TEST_CASE("training with the same seed gives the same model, and another seed another model") {
   const auto predict = [](std::uint64_t seed) {
     TrainOptions options = quick("mlp");
     options.fit.epochs = 3;
@@ -142,7 +143,7 @@ TEST_CASE("every kind of model predicts the same after saving and loading") {
 }
 
 TEST_CASE(
-    "fused inputs beat each single sensor, and the SPD alone cannot separate left from right") {
+    "fused inputs score better than the SPD alone, which cannot distinguish left from right") {
   const auto scores = [](const char* inputs) {
     TrainOptions options = quick("mlp");
     options.inputs = inputs;
@@ -153,15 +154,15 @@ TEST_CASE(
   CHECK(fused[metric_left_right].mean > 0.95);
   CHECK(fused[metric_ghost].mean < spd[metric_ghost].mean / 4);
   CHECK(fused[metric_iou].mean > spd[metric_iou].mean + 0.3);
-  // Without a side: a blur without foreground and position, or a side within 4 standard deviations
-  // of chance; and a ghost as strong as the body.
+  // The SPD alone gives no foreground for most records. Where it does, the side agrees with chance
+  // within 4 standard deviations, and the ghost is nearly as strong as the body.
   if (const double n = static_cast<double>(spd[metric_left_right].maps); n > 0)
     CHECK(std::abs(spd[metric_left_right].mean - 0.5) < 4 * 0.5 / std::sqrt(n));
   CHECK(spd[metric_lateral_m].maps < fused[metric_lateral_m].maps / 2);
   CHECK(spd[metric_ghost].mean > 0.4);
 }
 
-TEST_CASE("training stops early, keeps the best epoch and prints its progress") {
+TEST_CASE("training stops early, keeps the best epoch and logs the loss of each epoch") {
   TrainOptions options = quick("mlp");
   options.fit.epochs = 400;
   options.fit.patience = 5;
@@ -173,13 +174,14 @@ TEST_CASE("training stops early, keeps the best epoch and prints its progress") 
         log.validation_loss[log.best_epoch - 1]);
 }
 
-TEST_CASE("diverged training is reported and not saved") {
+TEST_CASE("diverged training is refused with an error that names the learning rate") {
   TrainOptions options = quick("mlp");
   options.fit.learning_rate = 1e9;
   CHECK_THROWS_WITH(train(plates(), options), Catch::Contains("learning_rate"));
 }
 
-TEST_CASE("training on identical records gives finite maps") {
+TEST_CASE(
+    "training on identical records gives finite maps, or an error if the model needs bodies") {
   const Folder dir;
   write_run(dir / "same", 12, 1, [](record::FusedRecord& r) {
     Rng rng = make_rng(1, 1);
@@ -188,10 +190,12 @@ TEST_CASE("training on identical records gives finite maps") {
     r.index = index;
   });
   Dataset data = load({dir / "same"});
-  data.content.clear();  // otherwise they count as copies
+  // With content hashes the identical records would be excluded as copies.
+  data.content.clear();
   for (const auto& name : model_names()) {
     CAPTURE(name);
-    if (wants_alignment(name)) {  // equal maps: no body
+    // All maps are equal, so no body differs from the background.
+    if (wants_alignment(name)) {
       CHECK_THROWS_WITH(train(data, quick(name)), Catch::Contains("show a body"));
       continue;
     }
@@ -200,7 +204,7 @@ TEST_CASE("training on identical records gives finite maps") {
   }
 }
 
-TEST_CASE("evaluation reports baselines and held-out records") {
+TEST_CASE("evaluation scores the held-out records and three baseline methods") {
   const TrainedModel model = train(plates(), quick("ridge"));
   const Rows rows = rows_to_evaluate(model, plates(), false);
   CHECK(rows.size() == 60);
@@ -212,7 +216,8 @@ TEST_CASE("evaluation reports baselines and held-out records") {
   CHECK(baselines[0].metrics[metric_iou].mean == 0);
   CHECK(baselines[2].metrics[metric_iou].mean > 0.3);
   const Folder dir;
-  // The runs contain a plate and its mirror image: the ghost of one is the other's body.
+  // Each pair of records has a plate and its mirror image. So the ghost of one body is at the
+  // position of the other.
   write_run(dir / "pairs", 60, 5, [](record::FusedRecord& r) {
     Rng rng = make_rng(5, static_cast<std::uint64_t>(r.index / 2));
     std::uniform_real_distribution<double> any_x(-1, 1), any_z(3, 4);

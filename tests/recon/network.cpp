@@ -29,7 +29,7 @@ struct Problem {
     inputs = normal(batch * 7, rng);
     targets = normal(batch * 6, rng);
   }
-  // Half of the sum of squared errors.
+  // Returns half the sum of squared errors.
   double loss(const std::vector<double>& p) const {
     Activations<double> a;
     forward(network, p, inputs.data(), batch, a);
@@ -49,8 +49,8 @@ TEST_CASE("the network gradient equals central differences for every parameter")
   std::vector<double> gradient;
   backward(q.network, q.parameters, q.inputs.data(), q.batch, a, gradient);
   REQUIRE(gradient.size() == q.network.parameters);
-  // Between two kinks of the rectifiers the loss is quadratic in each parameter. Central
-  // differences are exact there except for rounding, about 1e-16 * loss / step.
+  // Where no rectifier changes its state, the loss is quadratic in each parameter. Central
+  // differences are then exact except for rounding errors of about 1e-16 * loss / step.
   constexpr double step = 1e-5;
   const double rounding = 1e-15 * q.loss(q.parameters) / step;
   for (std::size_t i = 0; i < gradient.size(); ++i) {
@@ -62,8 +62,8 @@ TEST_CASE("the network gradient equals central differences for every parameter")
   }
 }
 
-// Products of several rows and of one row use different code.
-TEST_CASE("matrix products equal plain sums, transposed or not") {
+// Products with one row and with several rows use different code.
+TEST_CASE("matrix products equal plain sums with and without transposition") {
   const std::size_t m = GENERATE(1, 5), n = GENERATE(1, 7), k = 4;
   const auto ta = GENERATE(Transpose::no, Transpose::yes);
   const auto tb = GENERATE(Transpose::no, Transpose::yes);
@@ -81,8 +81,8 @@ TEST_CASE("matrix products equal plain sums, transposed or not") {
     }
 }
 
-// Sizes as for parts of one map.
-TEST_CASE("row-matrix products are accumulated for any number of rows") {
+// Covers matrix sizes that occur when a model computes parts of one map.
+TEST_CASE("products of a row vector and a matrix equal plain sums for any matrix size") {
   const std::size_t n = GENERATE(1, 2, 7, 48), k = GENERATE(1, 3, 4, 7, 61);
   const float beta = GENERATE(0.f, 1.f, -2.f);
   Rng rng = make_rng(9, 0);
@@ -97,7 +97,7 @@ TEST_CASE("row-matrix products are accumulated for any number of rows") {
   }
 }
 
-TEST_CASE("training in single precision matches double precision") {
+TEST_CASE("the forward pass of a network in single precision matches double precision") {
   const Problem q(5);
   Activations<double> a;
   forward(q.network, q.parameters, q.inputs.data(), q.batch, a);
@@ -109,13 +109,13 @@ TEST_CASE("training in single precision matches double precision") {
     CHECK(double{b.back()[i]} == Approx(a.back()[i]).margin(1e-4));
 }
 
-TEST_CASE("the paper's network has 1.37 million weights") {
+TEST_CASE("the network of the reference paper has 1.37 million weights") {
   const Network n = make_network({365, 512, 256, 4096});
   CHECK(n.weights == 365 * 512 + 512 * 256 + 256 * 4096);
   CHECK(n.parameters == n.weights + 512 + 256 + 4096);
 }
 
-TEST_CASE("Adam's first step has the size of the learning rate for any gradient") {
+TEST_CASE("the first step of the Adam optimizer has the size of the learning rate") {
   std::vector<float> p = {1, 1, 1};
   Adam adam(3, 0);
   std::vector<float> gradient = {1e-3f, -50, 0};
@@ -131,7 +131,8 @@ TEST_CASE("Adam's first step has the size of the learning rate for any gradient"
   CHECK(weight[0] == Approx(2 * (1 - 0.1 * 0.5)));
 }
 
-TEST_CASE("Adam's moments are never subnormal, and NaN is kept") {
+TEST_CASE(
+    "moments of the Adam optimizer are never subnormal, and a NaN gradient gives a NaN weight") {
   for (const float first : {1e-3f, 1e-16f, 1e-18f, 3e-20f, 1e-22f, 1e-38f}) {
     std::vector<float> p = {1}, gradient;
     Adam adam(1, 0);

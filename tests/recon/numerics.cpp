@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Finite numbers: for any seed and learning rate a model predicts finite maps or is refused; single
-// precision suffices; ridge handles nearly singular inputs.
+// Tests that models predict finite maps or are refused for any seed and learning rate, that single
+// precision is sufficient, and that ridge regression handles nearly singular inputs.
 #include <Eigen/SVD>
 #include <cstdlib>
 
@@ -44,7 +44,7 @@ std::vector<T> values_of(const TensorFile& file, const std::string& name) {
   return {values.begin(), values.end()};
 }
 
-// Returns every weight in a model file.
+// Returns all weights and biases of a model file.
 std::vector<float> weights_of(const std::string& path) {
   const TensorFile file = opened(path);
   std::vector<float> out;
@@ -58,7 +58,7 @@ std::vector<float> weights_of(const std::string& path) {
   return out;
 }
 
-// Returns the IoU of the held-out records; fails if a weight or pixel is not finite.
+// Returns the mean IoU of the held-out records. Fails if a weight or a pixel is not finite.
 double iou_of(const TrainOptions& options) {
   const Folder dir;
   const TrainedModel model = train(plates(), options);
@@ -73,7 +73,7 @@ double iou_of(const TrainOptions& options) {
       .mean;
 }
 
-// Returns the layers of a network (Regression) in double precision.
+// Network of a model file (class Regression), evaluated in double precision.
 struct DoubleRegression {
   Network network;
   std::vector<double> parameters, centre, spread;
@@ -121,7 +121,7 @@ double farthest(const Matrix& a, const Eigen::MatrixXd& b) {
   return (in_double(a) - b).cwiseAbs().maxCoeff();
 }
 
-// Returns mean + amounts basis, both from the model file.
+// Returns mean + amounts * basis, with mean and basis read from the model file.
 Eigen::MatrixXd composed(TensorFile& file, const std::string& group,
                          const Eigen::MatrixXd& amounts) {
   Components c;
@@ -133,7 +133,7 @@ Eigen::MatrixXd composed(TensorFile& file, const std::string& group,
 
 }  // namespace
 
-TEST_CASE("a hundred seeds and learning rates over two decades give no NaN") {
+TEST_CASE("a hundred seeds and learning rates over two decades give finite weights and maps") {
   const bool longer = std::getenv("ECHOFUSE_LONG");
   for (const std::string name : {"mlp", "pca-mlp", "factorised"})
     for (const double factor : {0.1, 0.3, 1.0, 3.0, 10.0}) {
@@ -153,7 +153,7 @@ TEST_CASE("a hundred seeds and learning rates over two decades give no NaN") {
     }
 }
 
-TEST_CASE("a diverging learning rate is reported, or its epochs are discarded") {
+TEST_CASE("training with a learning rate that is too high gives finite maps or an error") {
   int refused_at_most = 0;
   for (const std::string name : {"mlp", "pca-mlp", "factorised"})
     for (const double factor : {1e2, 1e3, 1e4, 1e6, 1e12})
@@ -173,7 +173,7 @@ TEST_CASE("a diverging learning rate is reported, or its epochs are discarded") 
   CHECK(refused_at_most > 0);
 }
 
-TEST_CASE("a network that is never better than the mean map returns the mean map") {
+TEST_CASE("a network that is never better than the mean map predicts the mean map") {
   Rng rng = make_rng(4, 0);
   std::normal_distribution<float> normal;
   Matrix x(80, 5), y(80, 3), opposite(80, 3);
@@ -192,7 +192,7 @@ TEST_CASE("a network that is never better than the mean map returns the mean map
   for (const float v : regression.predict(x).values) REQUIRE(v == Approx(7).margin(0.5));
 }
 
-TEST_CASE("maps in single and double precision agree to 0.1 mm") {
+TEST_CASE("predicted maps in single and double precision agree to 0.1 mm") {
   const Folder dir;
   const Rows rows = all_rows(plates().size());
   for (const std::string name : {"mlp", "pca-mlp"}) {
@@ -211,9 +211,9 @@ TEST_CASE("maps in single and double precision agree to 0.1 mm") {
   }
 }
 
-// Covers the networks of the factorised model, with their masks and reliefs. Drawing compares masks
-// with a threshold, where a pixel may go either way.
-TEST_CASE("body position and shape agree in single and double precision") {
+// Compares the networks of the factorised model for position and shape. Drawn maps are not
+// compared, because rounding may move a pixel across the mask threshold.
+TEST_CASE("predicted body position and shape agree in single and double precision") {
   const Folder dir;
   TrainOptions o = options_for("factorised", 3, 1);
   o.fit.basis = 16;
@@ -243,7 +243,7 @@ TEST_CASE("body position and shape agree in single and double precision") {
   CHECK(off("0/model/shape/0") < 1e-4);
 }
 
-TEST_CASE("principal components equal the singular vectors") {
+TEST_CASE("principal components equal the vectors of a singular value decomposition") {
   Rng rng = make_rng(5, 0);
   std::normal_distribution<float> normal;
   Matrix table(60, 40);
@@ -274,7 +274,7 @@ TEST_CASE("principal components equal the singular vectors") {
   CHECK(coordinates(found, table).cols == 3);
 }
 
-TEST_CASE("ridge equals the SVD solution for collinear inputs") {
+TEST_CASE("ridge regression equals the SVD solution for collinear inputs") {
   constexpr Eigen::Index n = 60, d = 12, pixels = 40;
   Rng rng = make_rng(9, 0);
   std::normal_distribution<double> normal;
@@ -285,8 +285,8 @@ TEST_CASE("ridge equals the SVD solution for collinear inputs") {
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(random(rows, cols), Eigen::ComputeThinU);
     return svd.matrixU();
   };
-  // Condition numbers 1e4 to 1e14 (single precision resolves 1e7), then rank 5 of 12; more and
-  // fewer records than inputs; with and without noise.
+  // The inputs have condition numbers from 1e4 to 1e14 (single precision resolves 1e7), or rank 5
+  // of 12 (condition 0). There are more or fewer records than inputs, with or without noise.
   for (const double condition : {1e4, 1e8, 1e14, 0.0})
     for (const Eigen::Index records : {n, d / 2})
       for (const double noise : {0.0, 0.1}) {
@@ -321,7 +321,7 @@ TEST_CASE("ridge equals the SVD solution for collinear inputs") {
         const Eigen::MatrixXd w = svd.matrixV() * shrink.asDiagonal() * svd.matrixU().transpose() *
                                   (y.cast<double>().rowwise() - level);
         const double scale = y.cwiseAbs().maxCoeff();
-        // Training records, and others.
+        // The predictions are compared for training records and for other records.
         Matrix others = inputs;
         for (float& v : others.values) v += static_cast<float>(normal(rng));
         for (const Matrix& asked : {inputs, others}) {

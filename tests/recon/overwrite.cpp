@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Existing files are kept unless the user allows overwriting; devices and links are refused.
+// Tests that existing files are kept unless the user allows overwriting, that FIFOs are refused,
+// and that symbolic links are not followed.
 #include <sys/stat.h>
 
 #include "../full_disk.hpp"
@@ -27,7 +28,7 @@ std::string trained(const Folder& dir, const std::string& model, const std::stri
 
 }  // namespace
 
-TEST_CASE("train never overwrites a file") {
+TEST_CASE("train never overwrites an existing file") {
   const Folder dir;
   write_run(dir / "run", 40);
   REQUIRE(recon_program(trained(dir, "m")).code == 0);
@@ -53,7 +54,7 @@ TEST_CASE("a model file created by another process during training is kept") {
   CHECK(load_model(dir / "m.part")->name == "ridge");
 }
 
-TEST_CASE("maps of two runs may share a folder only with --force") {
+TEST_CASE("reconstruct overwrites the maps of another run only with --force") {
   const Folder dir;
   write_run(dir / "run", 40);
   write_run(dir / "other", 3, 2);
@@ -67,14 +68,15 @@ TEST_CASE("maps of two runs may share a folder only with --force") {
   CHECK_THAT(contents(dir / "maps/run.txt"), Catch::Contains(dir / "run"));
   refuses(maps("other"), "maps: contains maps of another run, " + (dir / "run"));
   CHECK(contents(dir / "maps/000000_mm.png") == first);
-  CHECK(recon_program(maps("run")).code == 0);  // maps of the same run
+  // Maps of the same run may be overwritten.
+  CHECK(recon_program(maps("run")).code == 0);
   CHECK(recon_program(maps("other", " --force")).code == 0);
   CHECK(contents(dir / "maps/000000_mm.png") != first);
   std::filesystem::remove(dir / "maps/run.txt");
   refuses(maps("run"), "maps: contains maps of another run, an unknown run");
 }
 
-TEST_CASE("a FIFO given as run or model is refused without blocking") {
+TEST_CASE("a FIFO given as a run or a model is refused without blocking") {
   const Folder dir;
   write_run(dir / "run", 60);
   REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
@@ -90,7 +92,7 @@ TEST_CASE("a FIFO given as run or model is refused without blocking") {
     refuses(command, "f: is a FIFO; expected a regular file", 1);
 }
 
-TEST_CASE("a full disk leaves no partial picture, and symbolic links are not followed") {
+TEST_CASE("reconstruct leaves no partial picture on a full disk and follows no symbolic links") {
   const Folder dir;
   write_run(dir / "run", 60);
   REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
@@ -109,14 +111,16 @@ TEST_CASE("a full disk leaves no partial picture, and symbolic links are not fol
     return files;
   };
   {
-    const test::FullDisk disk(400);  // space for the table's header, but not for a picture
+    // The limit leaves space for the header of the table, but not for a picture.
+    const test::FullDisk disk(400);
     const Outcome o = recon_program(command + " --force");
     CAPTURE(o.text);
     CHECK(o.code == 6);
     CHECK_THAT(o.text, Catch::Contains("000000.png: cannot be written: File too large"));
   }
   CHECK(contents(dir / "victim") == "precious");
-  CHECK(left() == 3);  // records.csv, run.txt and camera.json
+  // The folder contains records.csv, run.txt and camera.json.
+  CHECK(left() == 3);
   const Outcome o = recon_program(command);
   CAPTURE(o.text);
   CHECK(o.code == 0);

@@ -19,7 +19,8 @@ constexpr std::size_t bins = 60;
 constexpr int pulses = 4000;
 constexpr double window_s = 1e-12 * period_ps * pulses;
 
-// Photons per pulse in each bin: a floor, and a peak that the floor shadows.
+// Returns the photons per pulse in each bin: a constant background and a peak in bins 30 to 35.
+// `all` is the sum over the bins.
 std::vector<double> photons_a_pulse(double all) {
   std::vector<double> out(bins, 0.3 / bins);
   for (std::size_t i = 30; i < 36; ++i) out[i] += 0.7 / 6;
@@ -27,7 +28,7 @@ std::vector<double> photons_a_pulse(double all) {
   return out;
 }
 
-// Simulates a detector photon by photon.
+// Simulates a detector with dead time photon by photon, and returns its counts.
 std::vector<float> detected(const std::vector<double>& q, double dead_ps, Rng& rng) {
   std::vector<float> out(bins);
   double ready_ps = 0;
@@ -51,7 +52,7 @@ std::vector<float> detected(const std::vector<double>& q, double dead_ps, Rng& r
 
 }  // namespace
 
-TEST_CASE("pile-up correction recovers the photons of each bin within their error") {
+TEST_CASE("pile-up correction recovers the photon number of each bin within its error") {
   const double dead_ps = GENERATE(std::numeric_limits<double>::infinity(), 1000., 7000., 45'000.);
   const double all = GENERATE(0.1, 2.);
   const auto q = photons_a_pulse(all);
@@ -67,7 +68,8 @@ TEST_CASE("pile-up correction recovers the photons of each bin within their erro
   }
   double worst = 0, chi2 = 0, raw_chi2 = 0;
   for (std::size_t i = 0; i < bins; ++i) {
-    // N ~ Binomial(ready, 1 - exp(-q)): the delta method gives the variance of L q.
+    // N is binomially distributed with `ready` trials and probability 1 - exp(-q). The delta method
+    // gives the variance of L * q.
     const double photons = pulses * q[i] * draws;
     const double ready = raw_sum[i] / -std::expm1(-q[i]);
     const double variance = std::pow(double{pulses} * draws, 2) * std::expm1(q[i]) / ready;
@@ -81,14 +83,14 @@ TEST_CASE("pile-up correction recovers the photons of each bin within their erro
   if (all > 1) CHECK(raw_chi2 > 10);
 }
 
-TEST_CASE("bins with a dead detector are reported") {
+TEST_CASE("pile-up correction returns the lowest fraction of pulses that find the detector ready") {
   const PileUp pile_up(std::numeric_limits<double>::infinity(), 1, 100);
   std::vector<float> some{0, 500, 0}, nearly_all{0, 990, 0};
   CHECK(pile_up.correct(some, 1000) == Approx(0.5));
   CHECK(pile_up.correct(nearly_all, 1000) == Approx(0.01));
 }
 
-TEST_CASE("counts are not corrected if detector or pulse number is unknown") {
+TEST_CASE("pile-up correction keeps the counts if detector or pulse number is unknown") {
   std::vector<float> counts{5, 700, 3};
   const auto before = counts;
   PileUp().correct(counts, 1000);
@@ -97,7 +99,7 @@ TEST_CASE("counts are not corrected if detector or pulse number is unknown") {
   CHECK(counts == before);
 }
 
-TEST_CASE("more clicks than pulses give finite photon numbers") {
+TEST_CASE("pile-up correction gives finite photon numbers even for more clicks than pulses") {
   std::vector<float> counts{500, 700, 3};
   PileUp(std::numeric_limits<double>::infinity(), 1, 100).correct(counts, 600);
   for (const float n : counts) CHECK((std::isfinite(n) && n >= 0));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// PNG files of other programs, and damaged ones.
+// Tests the decoder with PNG files as other programs write them, and with damaged files.
 #include "recon/maps/png.hpp"
 
 #include <zlib.h>
@@ -39,14 +39,15 @@ void put_chunk(Bytes& out, const std::string& name, ByteView data) {
   put(out, static_cast<std::uint32_t>(crc32(0, named.data(), static_cast<uInt>(named.size()))));
 }
 
-// The Paeth predictor of the standard (PNG, 9.4).
+// Returns the Paeth predictor of the PNG standard (section 9.4).
 int paeth(int a, int b, int c) {
   const int p = a + b - c, pa = std::abs(p - a), pb = std::abs(p - b), pc = std::abs(p - c);
   if (pa <= pb && pa <= pc) return a;
   return pb <= pc ? b : c;
 }
 
-// Row y has filter (first + y) % 5; filter 5 is invalid.
+// Filters the rows. Row y has filter (first + y) % 5, but if `first` is 5, all rows have the
+// invalid filter 5.
 Bytes filtered(const std::vector<std::uint16_t>& pixels, int first) {
   Bytes out, above(row_bytes), row(row_bytes);
   for (std::size_t y = 0; y < height; ++y, above = row) {
@@ -73,7 +74,7 @@ Bytes packed(const Bytes& bytes) {
   return out;
 }
 
-// `parts`: number of chunks of the compressed rows.
+// Returns a PNG file of filtered rows. `parts` is the number of chunks for the compressed rows.
 Bytes png_of(const Bytes& rows, std::size_t parts) {
   const Bytes data = packed(rows);
   Bytes out = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'}, head;
@@ -90,7 +91,7 @@ Bytes png_of(const Bytes& rows, std::size_t parts) {
 
 }  // namespace
 
-TEST_CASE("a PNG with any filter is read, in one or several chunks") {
+TEST_CASE("the PNG decoder reads all filter types in one or several chunks") {
   const auto pixels = some_pixels();
   for (int first = 0; first < filters; ++first)
     for (const std::size_t parts : {1, 3})
@@ -98,8 +99,8 @@ TEST_CASE("a PNG with any filter is read, in one or several chunks") {
   CHECK(recon::decode_png16(png_of(filtered(pixels, filters), 1), width, height).empty());
 }
 
-// Ties of the Paeth predictor occur only if neighbours differ by few levels.
-TEST_CASE("a PNG with any filter and few grey levels is read") {
+// Ties in the Paeth predictor occur only if neighbouring pixels differ by a few levels.
+TEST_CASE("the PNG decoder reads all filter types in an image with few grey levels") {
   std::vector<std::uint16_t> pixels = some_pixels();
   for (auto& v : pixels) v = static_cast<std::uint16_t>(0x101 * (v % 5));
   for (int first = 0; first < filters; ++first)
@@ -114,10 +115,11 @@ TEST_CASE("a PNG with an extra or a missing byte is refused") {
   CHECK(recon::decode_png16(png, width, height).empty());
 }
 
-TEST_CASE("the PNG decoder does not allocate more than the data can fill") {
+TEST_CASE("the PNG decoder does not allocate more memory than the compressed data can fill") {
   CHECK(record::inflated(Bytes(100), std::numeric_limits<std::size_t>::max()).empty());
   const Bytes flat(1 << 20);
-  CHECK(record::inflated(packed(flat), flat.size()) == flat);  // compressed a thousandfold
+  // These data are compressed a thousandfold, and the decoder must accept them.
+  CHECK(record::inflated(packed(flat), flat.size()) == flat);
 }
 
 TEST_CASE("a PNG with too few or too many rows is refused") {
@@ -128,7 +130,7 @@ TEST_CASE("a PNG with too few or too many rows is refused") {
   CHECK(recon::decode_png16(png_of(rows, 1), width, height).empty());
 }
 
-TEST_CASE("a PNG with a flipped bit gives the same map or an error") {
+TEST_CASE("a PNG with a flipped bit gives the same image or is refused") {
   const auto pixels = some_pixels();
   const Bytes png = recon::encode_png16(pixels, width, height);
   REQUIRE(recon::decode_png16(png, width, height) == pixels);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The run's calibration and the operator's --range-offset shorten the radar's ranges.
+// Tests that the calibration of a run and the option --range-offset are subtracted from radar
+// ranges.
 #include <nlohmann/json.hpp>
 
 #include "recon/data/shift.hpp"
@@ -19,7 +20,7 @@ namespace {
 
 const Axis wide_bins = {"radar", "binned_power", "m", 11, 0.25, 0.5, 1};
 
-// Moves a record's profile to longer ranges.
+// Returns a function that shifts the radar profile of a record to longer ranges.
 testing::Change longer_by(double metres) {
   return [metres](record::FusedRecord& r) {
     r.radar = Shift(-metres / testing::radar_axis().step).apply(r.radar);
@@ -46,11 +47,12 @@ TEST_CASE("calibration offset and --range-offset are applied in one interpolatio
     CHECK(std::ranges::equal(calibrated.radar.row(row), moved(0.06, row)));
     CHECK(std::ranges::equal(recorded.radar.row(row), moved(0.06 + 0.05, row)));
   }
-  subtract_range_offset(recorded, 0);  // an offset of 0 changes nothing
+  // An offset of 0 must not change the profile.
+  subtract_range_offset(recorded, 0);
   CHECK(std::ranges::equal(recorded.radar.row(1), moved(0.06 + 0.05, 1)));
 }
 
-TEST_CASE("a dead radar is detected in calibrated, corrected and binned runs") {
+TEST_CASE("a dead radar is detected after range calibration, offset correction and binning") {
   const Folder dir;
   write_run(dir / "run", 3, 1,
             [](record::FusedRecord& r) {
@@ -69,7 +71,7 @@ TEST_CASE("a dead radar is detected in calibrated, corrected and binned runs") {
   CHECK(data.fault_of(1, Inputs::fused) == "radar is the same in every bin");
 }
 
-TEST_CASE("evaluate and reconstruct subtract --range-offset") {
+TEST_CASE("evaluate and reconstruct subtract the value of --range-offset from radar ranges") {
   const Folder dir;
   write_run(dir / "train", 200);
   write_run(dir / "fresh", 100, 2);

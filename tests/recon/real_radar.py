@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""real_radar.py BIN_DIR: radar models beat the mean map on later records of the published recordings of Turpin et al.
-Skipped without recordings (ECHOFUSE_DATA)."""
+"""real_radar.py BIN_DIR: checks that models trained on the published radar recordings of Turpin et al. score better than the
+mean map on the last records. Skipped (exit code 77) if the folder ECHOFUSE_DATA does not contain the recordings."""
 import json
 import os
 import pathlib

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Output files of `reconstruct` for other programs, and a run followed while it is recorded.
+// Tests the output files of `reconstruct`, and a run that is reconstructed while it is recorded.
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -18,7 +18,7 @@ using namespace echofuse::testing;
 
 namespace {
 
-// Returns the output of one line of Python with NumPy.
+// Runs one line of Python with NumPy and returns its output.
 std::string numpy(const std::string& line) {
   return test::shell("/usr/bin/python3 -c \"import numpy as n; " + line + "\"").text;
 }
@@ -33,7 +33,7 @@ std::vector<float> points_of(const std::string& ply) {
              Catch::Contains("element vertex " + std::to_string(raw.size() / 15) + "\nproperty"));
   CHECK_THAT(ply, Catch::Contains("x right, y down, z away"));
   CHECK(raw.size() % 15 == 0);
-  Bytes places;  // without colours
+  Bytes places;  // bytes of the coordinates, without the colours
   for (std::size_t i = 0; i < raw.size(); ++i)
     if (i % 15 < 12) places.push_back(raw[i]);
   return to_values<float>(places);
@@ -65,7 +65,7 @@ TEST_CASE("NumPy can read an array that was written row by row") {
   CHECK_THROWS_WITH(recon::NpyWriter(dir / "no/such.npy", {2}), Catch::Contains("no/such.npy"));
 }
 
-TEST_CASE("the status of a map names doubtful sensors except the camera") {
+TEST_CASE("the status of a predicted map names doubtful input sensors") {
   const Folder dir;
   write_run(dir / "run", 60);
   REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
@@ -89,7 +89,7 @@ TEST_CASE("the status of a map names doubtful sensors except the camera") {
             .code == 0);
 }
 
-TEST_CASE("written maps have the same scores as their model") {
+TEST_CASE("written maps get the same scores as their model, and invalid map files are refused") {
   const Folder dir;
   write_run(dir / "run", 120);
   write_run(dir / "fresh", 20, 2);
@@ -208,7 +208,7 @@ TEST_CASE("a model compared with maps is scored only on records outside its trai
   CHECK(judged("--all --maps " + (dir / "o"))["records"] == 120);
 }
 
-TEST_CASE("point clouds, arrays and pictures contain the same map") {
+TEST_CASE("the written point cloud, array and picture contain the same depth map") {
   const Folder dir;
   write_run(dir / "run", 240);
   REQUIRE(recon_program("train -q --model mlp-48-24 --epochs 90 " + (dir / "run") + " --out " +
@@ -224,9 +224,10 @@ TEST_CASE("point clouds, arrays and pictures contain the same map") {
   REQUIRE(mm.size() == 4096);
 
   const auto points = points_of(contents(dir / "o/000002.ply"));
-  REQUIRE(points.size() > 3 * 50);  // the plate covers about 24 rows of 10 pixels
+  // The plate covers about 24 rows of 10 pixels.
+  REQUIRE(points.size() > 3 * 50);
   REQUIRE(points.size() < 3 * 800);
-  // Points of the picture for a pinhole camera, as OpenCV and Open3D compute them.
+  // Projects each point into the depth picture with the pinhole camera model of OpenCV and Open3D.
   const auto pinhole = nlohmann::json::parse(contents(dir / "o/camera.json"));
   const double fx = pinhole["fx"], fy = pinhole["fy"], cx = pinhole["cx"], cy = pinhole["cy"];
   std::size_t strangers = 0;
@@ -267,7 +268,7 @@ TEST_CASE("reconstruct excludes and lists records with a dead sensor") {
                          Catch::Contains("record 4: radar is the same in every bin"));
 }
 
-TEST_CASE("records.csv has the body position, and repeated messages are summarised") {
+TEST_CASE("reconstruct writes body positions to records.csv and summarises repeated messages") {
   const Folder dir;
   write_run(dir / "run", 120);
   REQUIRE(recon_program("train -q --set fallback=false --model mean-shape " + (dir / "run") +
@@ -308,7 +309,7 @@ TEST_CASE("option --follow reconstructs a live run until it is closed") {
     r.slot_end = system_clock.now();
     return r;
   };
-  // The radar and its axis are still missing.
+  // Record 0 is written before the run contains radar data or a radar axis.
   auto first = record(0);
   first.valid.erase(Sensor::radar), first.radar.clear();
   run.append(first);
@@ -335,7 +336,8 @@ TEST_CASE("option --follow reconstructs a live run until it is closed") {
   int status = 0;
   REQUIRE(waitpid(child, &status, 0) == child);
   REQUIRE(WIFEXITED(status));
-  CHECK(WEXITSTATUS(status) == 5);  // record 0
+  // Code 5 means that a record was excluded, which is record 0.
+  CHECK(WEXITSTATUS(status) == 5);
   const std::string text = contents(log);
   CHECK_THAT(text, Catch::Contains("record 0: lacks radar, which the model needs") &&
                        Catch::Contains("record 3: map ready 0.") &&

@@ -10,7 +10,8 @@ using namespace echofuse::recon;
 
 namespace {
 
-// Response of a window 1 + a cos(2 pi t) + b cos(4 pi t) over the sweep, in cells of 0.5 m.
+// Returns the response to a sweep with the window 1 + a cos(2 pi t) + b cos(4 pi t). The range
+// resolution is 0.5 m.
 record::RadarResponse windowed(double a, double b) {
   const auto sinc = [](double u) {
     return std::abs(u) < 1e-9 ? 1.0 : std::sin(std::numbers::pi * u) / (std::numbers::pi * u);
@@ -24,7 +25,8 @@ record::RadarResponse windowed(double a, double b) {
 const record::RadarResponse sinc = windowed(0, 0), hann = windowed(1, 0),
                             blackman = windowed(0.5 / 0.42, 0.08 / 0.42);
 
-// Samples of the response to points at 2.1 and 2.6 m.
+// Returns the profile of two points, at 2.1 m and at 2.6 m with half the power, for a radar
+// response.
 std::vector<float> profile(const record::RadarResponse& response) {
   std::vector<float> out;
   for (int i = 0; i < 29; ++i)
@@ -52,12 +54,13 @@ double greatest_difference(std::span<const float> a, std::span<const float> b) {
 
 }  // namespace
 
-TEST_CASE("a range profile is converted from a narrow to a wide response") {
+TEST_CASE("a range profile is converted from a narrow to a wide radar response") {
   for (const auto& [own, wanted] : {std::pair{sinc, hann}, {sinc, blackman}, {hann, blackman}}) {
     Dataset data = run_of(own, profile(own));
     bring_to_response(data, wanted);
     CHECK(greatest_difference(data.radar.row(0), profile(wanted)) < 0.02);
-    CHECK(greatest_difference(data.radar.row(1), std::vector<float>(29)) == 0);  // a dead sensor
+    // The profile of a dead sensor stays zero.
+    CHECK(greatest_difference(data.radar.row(1), std::vector<float>(29)) == 0);
     CHECK(data.sources[0].radar_response == wanted);
     Dataset again = data;
     bring_to_response(again, wanted);
@@ -65,8 +68,9 @@ TEST_CASE("a range profile is converted from a narrow to a wide response") {
   }
 }
 
-TEST_CASE("antenna lags are converted like the range profile") {
-  const std::vector<float> factors{1, 0.5f, -0.3f, 0.2f, 0.7f};  // two lags
+TEST_CASE("antenna lags are converted to another radar response like the range profile") {
+  // Values of a range bin with lags 0, 1 and 2.
+  const std::vector<float> factors{1, 0.5f, -0.3f, 0.2f, 0.7f};
   const auto lags = [&](const record::RadarResponse& response) {
     std::vector<float> out;
     for (const float power : profile(response))
@@ -81,7 +85,7 @@ TEST_CASE("antenna lags are converted like the range profile") {
   CHECK(greatest_difference(data.array.row(0), lags(blackman)) < 0.02);
 }
 
-TEST_CASE("conversion to a narrower response limits noise gain") {
+TEST_CASE("conversion to a narrower radar response limits the noise gain") {
   const auto widening = response_filter(sinc, blackman, 0.25),
              narrowing = response_filter(blackman, sinc, 0.25);
   const auto noise = [](const std::vector<double>& weights) {
@@ -96,7 +100,7 @@ TEST_CASE("conversion to a narrower response limits noise gain") {
     CHECK(widening[i] == Approx(widening[widening.size() - 1 - i]).margin(1e-9));
 }
 
-TEST_CASE("a model for any response uses a run with a much narrower response unchanged") {
+TEST_CASE("a model for any radar response does not convert a run with a much narrower response") {
   for (const auto& [own, stays] : {std::pair{sinc, true}, {hann, false}, {blackman, true}}) {
     Dataset data = run_of(own, profile(own));
     bring_to_response(data, blackman, true);
@@ -105,7 +109,7 @@ TEST_CASE("a model for any response uses a run with a much narrower response unc
   }
 }
 
-TEST_CASE("runs without a response, or with binned power, are not converted") {
+TEST_CASE("runs with binned power or an unknown radar response are not converted") {
   Dataset unstated = run_of({}, profile(sinc)), binned = run_of(sinc, profile(sinc));
   binned.radar_axis.quantity = "binned_power";
   for (Dataset* data : {&unstated, &binned}) {
@@ -118,7 +122,7 @@ TEST_CASE("runs without a response, or with binned power, are not converted") {
   CHECK(widest_response(binned) == hann);
 }
 
-TEST_CASE("conversion to another response is reported") {
+TEST_CASE("conversion to another radar response sets the relative width and the noise factor") {
   Dataset same = run_of(sinc, profile(sinc)), wider = run_of(hann, profile(hann)),
           narrower = run_of(sinc, profile(sinc));
   bring_to_response(same, sinc), bring_to_response(wider, sinc), bring_to_response(narrower, hann);
@@ -130,7 +134,8 @@ TEST_CASE("conversion to another response is reported") {
   CHECK(narrower.sources[0].noise_factor < 1);
 }
 
-TEST_CASE("imitated records have the noise of records converted from a wider response") {
+TEST_CASE(
+    "records that imitate conversion from a wider response have the noise of converted records") {
   constexpr std::size_t records = 400;
   constexpr float deviation = 0.01f;
   Rng rng = make_rng(1, 1);
@@ -160,7 +165,7 @@ TEST_CASE("imitated records have the noise of records converted from a wider res
   }
 }
 
-TEST_CASE("responses imitated in training are wider than the measured one, in ascending order") {
+TEST_CASE("responses imitated in training are wider than the measured one and in ascending order") {
   for (const auto& own : {sinc, hann, blackman}) {
     double last_m = own.width_m();
     const auto wider = wider_responses(own);

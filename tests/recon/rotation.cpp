@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Position learning: profiles on their own grid, correlations and rotated bodies.
+// Tests how models learn the lateral position: profile sampling, correlation and rotated bodies.
 #include "recon/method/rotation.hpp"
 
 #include "recon/method/method.hpp"
@@ -19,7 +19,7 @@ Alignment blank_alignment(const Axis& radar) {
   return {layout, Matrix(1, layout.inputs()), {0}};
 }
 
-// Returns the record of a single body at these ranges from SPD and radar.
+// Returns the inputs of a record with one body at a given SPD range and radar range.
 std::vector<float> raw_inputs(double range_m, double radar_range_m, const Axis& radar,
                               double radar_width_m) {
   std::vector<float> out;
@@ -36,7 +36,7 @@ double radar_range_m(const Place& place, double range_m) {
   return std::sqrt(range_m * range_m + baseline_m * baseline_m + 2 * baseline_m * range_m * sine);
 }
 
-// Bodies at 3.5 m across the field of view.
+// Records of a body at a range of 3.5 m and at different angles across the field of view.
 struct Bodies {
   Alignment alignment = blank_alignment(testing::radar_axis());
   Matrix inputs, radar, array;
@@ -63,7 +63,7 @@ struct Bodies {
 
 }  // namespace
 
-TEST_CASE("a fine radar profile is sampled at its own step, a coarse one at half a step") {
+TEST_CASE("the step of an aligned radar profile follows the radar bins but is at least 2 cm") {
   const auto check = [](const Axis& radar, double width_m, double step_m) {
     const Alignment alignment = blank_alignment(radar);
     CHECK(alignment.profile_points() == 1 + static_cast<std::size_t>(1.9 / step_m));
@@ -86,7 +86,7 @@ TEST_CASE("a fine radar profile is sampled at its own step, a coarse one at half
   check({"radar", "power", "m", 1400, 0, 0.005, 1}, 0.04, 0.02);
 }
 
-TEST_CASE("the correlation peaks at the shift between profile and blurred histogram") {
+TEST_CASE("the correlation of radar profile and blurred histogram peaks at their shift") {
   const ShiftCorrelation correlation({-0.68, 0.04, 35}, {-1, 0.02, 116}, 0.05, -0.3, 0.6);
   std::vector<float> histogram, profile, found(correlation.shifts());
   for (int i = 0; i < 35; ++i)
@@ -102,7 +102,7 @@ TEST_CASE("the correlation peaks at the shift between profile and blurred histog
   CHECK(std::all_of(found.begin(), found.end(), [](float v) { return v == 0; }));
 }
 
-TEST_CASE("the baseline is estimated from records with different body positions") {
+TEST_CASE("the sensor baseline is estimated from records with different body positions") {
   const Bodies bodies;
   const auto found = [&](const std::vector<Place>& places) {
     return RotatedBodies(bodies.alignment, bodies.inputs, bodies.radar, bodies.array, bodies.rows,
@@ -120,7 +120,7 @@ TEST_CASE("the baseline is estimated from records with different body positions"
   CHECK(found(others) == 0);
 }
 
-TEST_CASE("a rotated body equals a body measured at that position") {
+TEST_CASE("inputs of a rotated body equal those of a body measured at that position") {
   const Bodies bodies;
   const RotatedBodies rotated(bodies.alignment, bodies.inputs, bodies.radar, bodies.array,
                               bodies.rows, bodies.places);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Reference of a run's scores: its own foreground and background, or RMSE without foreground.
+// Tests the reference of scores: foreground and background of the evaluated run, or RMSE if the run
+// has no foreground.
 #include <nlohmann/json.hpp>
 
 #include "recon/score/paired.hpp"
@@ -9,7 +10,7 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::testing;
 
-TEST_CASE("scores use the run's foreground and background, not the model's") {
+TEST_CASE("scores use the foreground and background of the evaluated run, not of the model") {
   const Folder dir;
   const Change wall = [](record::FusedRecord& r) {
     for (auto& mm : r.depth_mm) mm = mm > 0 ? mm : 5000;
@@ -46,7 +47,7 @@ TEST_CASE("scores use the run's foreground and background, not the model's") {
              Catch::Contains("the room differs"));
 }
 
-TEST_CASE("a moving wall is reported and scored by RMSE, with its uncertainty") {
+TEST_CASE("a run with a moving wall and no body is reported and scored by RMSE") {
   const Folder dir;
   write_run(dir / "run", 200, 1, [](record::FusedRecord& r) {
     Rng rng = make_rng(9, static_cast<std::uint64_t>(r.index));
@@ -71,7 +72,7 @@ TEST_CASE("a moving wall is reported and scored by RMSE, with its uncertainty") 
   CHECK(stated_m < 2 * error_m);
 }
 
-TEST_CASE("few records widen the confidence interval, fewer than five have no interval") {
+TEST_CASE("the confidence interval widens with fewer records and is undefined below five") {
   const auto differences = [](std::size_t records) {
     MapScores none;
     none.fill(NAN);
@@ -85,7 +86,8 @@ TEST_CASE("few records widen the confidence interval, fewer than five have no in
   for (const std::size_t records : {5u, 9u, 10u, 11u, 40u}) {
     const PairedDifference d = differences(records);
     CAPTURE(records, d.low, d.high);
-    CHECK(d.high - d.low > 0.3 / std::sqrt(records));  // 4 standard errors are 0.8
+    // The bound is below 4 standard errors, 0.8 / sqrt(records).
+    CHECK(d.high - d.low > 0.3 / std::sqrt(records));
     CHECK((d.low < d.mean && d.mean < d.high));
   }
   CHECK((std::isnan(differences(4).low) && std::isnan(differences(4).high)));

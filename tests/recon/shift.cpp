@@ -12,8 +12,8 @@ namespace {
 
 constexpr double pi = std::numbers::pi;
 
-// Power of one point after a matched filter, sampled at half of its resolution: the narrowest echo
-// that the samples can represent.
+// Returns the power of a point echo after a matched filter, sampled at half of the range
+// resolution. This is the narrowest echo that the samples can represent.
 std::vector<float> echo(double place) {
   std::vector<float> out;
   for (int i = 0; i < 40; ++i) {
@@ -25,21 +25,23 @@ std::vector<float> echo(double place) {
 
 }  // namespace
 
-TEST_CASE("a narrow echo keeps its shape when shifted") {
+TEST_CASE("a narrow radar echo keeps its shape when shifted by a fraction of a bin") {
   for (const double steps : {0.2, 0.5, -0.7, 3.3, -5.0}) {
     CAPTURE(steps);
     const auto moved = Shift(steps).apply(echo(20.4)), wanted = echo(20.4 - steps);
-    // 2.5 % of the peak; linear interpolation halfway between samples would be 19 % off.
+    // The tolerance is 2.5 % of the peak. Linear interpolation halfway between samples would have
+    // an error of 19 %.
     for (std::size_t i = 10; i < 30; ++i) CHECK(moved[i] == Approx(wanted[i]).margin(0.025));
     CHECK(std::accumulate(moved.begin(), moved.end(), 0.) ==
           Approx(std::accumulate(wanted.begin(), wanted.end(), 0.)).epsilon(1e-2));
   }
 }
 
-TEST_CASE("integer shifts copy values and pad with zeros") {
+TEST_CASE("a shift by whole bins copies values and pads with zeros") {
   const std::vector<float> values = {1, 2, 3, 4, 5};
   CHECK(Shift(2.3).apply({7, 7, 7, 7, 7}) ==
-        std::vector<float>(5, 7));  // a dead sensor must stay recognisable
+        // The equal values of a dead sensor must stay equal.
+        std::vector<float>(5, 7));
   CHECK(Shift().apply(values) == values);
   CHECK(Shift(2).apply(values) == std::vector<float>{3, 4, 5, 0, 0});
   CHECK(Shift(-1).apply(values) == std::vector<float>{0, 1, 2, 3, 4});

@@ -19,7 +19,7 @@ struct Pair {
   std::vector<float> a, b;
 };
 
-// Same maps as maps() of tests/golden/make_ssim.py.
+// Computes the same maps as maps() of tests/golden/make_ssim.py.
 Pair make_pair_of_maps(unsigned pair) {
   std::uint32_t state = pair + 1;
   const auto next = [&] {
@@ -60,7 +60,7 @@ TEST_CASE("SSIM equals scikit-image on 20 image pairs") {
   CHECK(seen == 20);
 }
 
-TEST_CASE("SSIM is symmetric, and 1 for a map with itself") {
+TEST_CASE("SSIM is symmetric, and is 1 for a map compared with itself") {
   const Pair maps = make_pair_of_maps(4);
   CHECK(mean_of(ssim_map(maps.a, maps.a, size, 6)) == Approx(1).epsilon(1e-12));
   CHECK(ssim_map(maps.a, maps.b, size, 6) == ssim_map(maps.b, maps.a, size, 6));

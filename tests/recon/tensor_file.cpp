@@ -9,7 +9,7 @@
 
 using namespace echofuse;
 
-TEST_CASE("overlapping tensors are refused before copying") {
+TEST_CASE("overlapping tensors in a model file are refused before they are copied") {
   const std::size_t size = 1 << 20;
   nlohmann::json head;
   head["__metadata__"] = {{"crc32c", "00000000"}, {"facts", "{}"}};
@@ -25,13 +25,15 @@ TEST_CASE("overlapping tensors are refused before copying") {
   const auto before = peak_kib();
   CHECK_THROWS_WITH(recon::TensorFile("crafted", file),
                     Catch::Contains("data_offsets: tensors overlap or leave a gap"));
-  CHECK(peak_kib() - before < 256 << 10);  // copies would take 3 GB
+  // Copies of all tensors would use 3 GB.
+  CHECK(peak_kib() - before < 256 << 10);
 }
 
-TEST_CASE("a tensor shape that overflows is refused") {
+TEST_CASE("a tensor shape is refused if its size in bytes overflows 64 bits") {
   nlohmann::json head;
   head["__metadata__"] = {{"crc32c", "00000000"}, {"facts", "{}"}};
-  const std::uint64_t values = (std::uint64_t{1} << 62) + 2;  // in bytes: 8, modulo 2^64
+  // The size in bytes is 8, modulo 2^64.
+  const std::uint64_t values = (std::uint64_t{1} << 62) + 2;
   head["t"] = {{"dtype", "F32"}, {"shape", {values}}, {"data_offsets", {0, 8}}};
   CHECK_THROWS_WITH(recon::TensorFile("crafted", crafted::sealed(head.dump(), Bytes(8))),
                     Catch::Contains("t: data size does not match shape"));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Training with several threads gives bitwise the same model.
+// Tests training with several threads, several runs, or dead sensors.
 #include <sched.h>
 
 #include "drivers/util/program.hpp"
@@ -25,7 +25,7 @@ void check_same(const TrainedModel& a, const TrainedModel& b, const Dataset& dat
 
 }  // namespace
 
-TEST_CASE("one, two and three threads train the same model") {
+TEST_CASE("training with one, two or three threads gives bitwise the same model") {
   const Folder dir;
   write_run(dir / "run", 150);
   const Dataset data = load({dir / "run"});
@@ -74,7 +74,7 @@ TEST_CASE("training weights the records of all runs equally") {
   }
 }
 
-TEST_CASE("the mean map has no uncertainty and no outlier detection") {
+TEST_CASE("models without sensor inputs have no uncertainty and no outlier detection") {
   const Dataset data = testing::load_plates(120);
   for (const std::string name : {"mean", "empty", "ridge"}) {
     CAPTURE(name);
@@ -88,7 +88,7 @@ TEST_CASE("the mean map has no uncertainty and no outlier detection") {
   }
 }
 
-TEST_CASE("training uses one thread per available core") {
+TEST_CASE("the number of usable cores follows the CPU affinity of the process") {
   cpu_set_t before, one;
   REQUIRE(::sched_getaffinity(0, sizeof before, &before) == 0);
   CHECK(usable_cores() == static_cast<unsigned>(CPU_COUNT(&before)));
@@ -100,7 +100,7 @@ TEST_CASE("training uses one thread per available core") {
   ::sched_setaffinity(0, sizeof before, &before);
 }
 
-TEST_CASE("each work item is computed once for any number of threads") {
+TEST_CASE("each work item is computed exactly once for any number of threads") {
   for (const int threads : {1, 2, 5}) {
     set_threads(threads);
     for (const std::size_t parts : {0u, 1u, 2u, 7u, 1000u}) {
@@ -112,7 +112,7 @@ TEST_CASE("each work item is computed once for any number of threads") {
   set_threads(0);
 }
 
-TEST_CASE("training refuses a dead sensor with the record number") {
+TEST_CASE("training refuses a run with a dead sensor and names the first affected record") {
   const Folder dir;
   write_run(dir / "good", 20);
   write_run(dir / "dead", 20, 2, [](record::FusedRecord& r) {

@@ -1,9 +1,9 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""trust.py BIN [--quick] [PART...]: measures how well the uncertainty and the warnings of models are
-calibrated, on simulated records, and fails outside the limits. Parts: intervals, records, runs,
-two_bodies, windows, laboratory. The tables go into recon/RESULTS.md. --quick: fewer draws, for the
-slow tests."""
+"""trust.py BIN [--quick] [PART...]: measures on simulated records how well the uncertainty and the
+warnings of models are calibrated, and fails if a value exceeds its limits. Parts: intervals,
+records, runs, two_bodies, windows, laboratory. The printed tables are those of recon/RESULTS.md.
+Option --quick trains fewer models, for the slow tests."""
 import argparse
 import csv
 import json
@@ -64,7 +64,8 @@ def expect(what, value, least, most):
 
 
 def intervals():
-    """The 90 % lateral interval contains 86 to 94 % of the bodies, in each draw 84 to 96 %."""
+    """The 90 % lateral interval must contain 86 to 94 % of the bodies on average over the draws, and 84
+    to 96 % in each draw. A draw is a pair of a training run and a test run."""
     draws = 2 if arguments.quick else 5
     kinds = [(records, ()) for records in (50, 200, 400, 1000)]
     if not arguments.quick:
@@ -82,7 +83,8 @@ def intervals():
 
 
 def records():
-    """.5 to 1 % of the records like the training are flagged, with stated pile-up too."""
+    """The model must flag 0.3 to 1.2 % of records that are simulated like its training records, even
+    with pile-up."""
     for name, settings in (("base", ()), ("pile-up", ("pulses_per_window=300000",)), ("4.4 cm", fine)):
         shares = []
         for _ in range(2 if arguments.quick else 5):
@@ -93,11 +95,12 @@ def records():
 
 
 def runs():
-    """The run test flags at most 1 % of equal runs, and at least 95 % of other laboratories.
+    """The domain-shift test must flag at most 1 % of runs that are simulated like the training run, and
+    at least 95 % of runs from other laboratories.
 
-    Ten runs share a reference, because a single run would measure one draw only. With --records
-    exactly a quarter are people, so their means differ less than at random, and p is larger. For
-    runs of people only, p is uniform."""
+    Ten runs share a reference, which is a training run. With --people p is uniformly distributed.
+    With --records exactly a quarter of each run are people, so run means vary less than in random
+    draws, and p is larger."""
     references = 4 if arguments.quick else 20
     for kind in ("--people", "--records"):
         for reference in (200, 3600):
@@ -112,7 +115,8 @@ def runs():
                 p = np.array(found[size])
                 print(f"| {kind} | {reference} | {size} | {np.mean(p < .001):.3f} | {np.mean(p < .05):.3f} |")
                 least_of = {.001: 0, .05: .03 if kind == "--people" else 0}
-                for limit, most in ((.001, .01), (.05, .07)):  # and two standard errors, of references too
+                # Two standard errors are added to the limits, because the number of references is small.
+                for limit, most in ((.001, .01), (.05, .07)):
                     error = 2 * (most / references) ** .5
                     expect(f"p < {limit}, {kind}, reference {reference}, runs of {size}", np.mean(p < limit),
                            least_of[limit] - error, most + error)
@@ -123,7 +127,7 @@ def runs():
 
 
 def two_bodies():
-    """Records of two bodies are separated from records of one."""
+    """The two-body score must distinguish records of two bodies from records of one body."""
     for settings in ((), fine):
         model = train(dataset(4000, *settings))
         def scores(run):
@@ -140,7 +144,7 @@ def two_bodies():
 
 
 def taps_of(window):
-    """Returns the response to a window over the sweep, as the setting radar_taps."""
+    """Returns the setting radar_taps for the radar response to a given window over the sweep."""
     t = np.linspace(-.5, .5, 4001)
     values = window(t)
     powers = [abs(np.trapz(values * np.exp(2j * np.pi * u * t), t)) ** 2 for u in np.arange(0, 6, .25)]
@@ -148,9 +152,10 @@ def taps_of(window):
 
 
 def windows():
-    """At most 5 % of records with a stated wider window are flagged, and the intervals hold.
+    """If a run states a wider radar window than the training run, at most 5 % of its records may be
+    flagged, and the lateral intervals must stay valid.
 
-    The limits are learnt on cos^2n windows, which do not include Nuttall's and Kaiser's."""
+    The model learns its limits with cos^2n windows, so Nuttall and Kaiser windows are new to it."""
     nuttall = taps_of(lambda t: .355768 + .487396 * np.cos(2 * np.pi * t) + .144232 * np.cos(4 * np.pi * t) + .012604 * np.cos(6 * np.pi * t))
     kaiser = taps_of(lambda t: np.i0(12 * np.sqrt(np.maximum(1 - 4 * t * t, 0))))
     model = train(dataset(2000 if arguments.quick else 4000))
@@ -163,7 +168,8 @@ def windows():
 
 
 def laboratory():
-    """A laboratory run without faults matches a data set of the same slot length."""
+    """A run of the simulated laboratory without faults must match a simulated data set of the same slot
+    length."""
     for window_s, count in ((.2, 100), (1, 60)) if arguments.quick else ((.2, 200), (1, 100), (3, 60)):
         frames = round(20 * window_s)
         model = train(dataset(2000, f"window_s={window_s}", f"radar_frames={frames}"), "--model", "mean-shape")

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Depth maps that contradict the sensors, and maps of training records.
+// Tests the warnings about depth maps that contradict the sensors, and the scoring of written maps.
 #include <nlohmann/json.hpp>
 
 #include "recon/data/late_truth.hpp"
@@ -14,7 +14,7 @@ using testing::write_run;
 
 namespace {
 
-// Gives each record the depth map of the record `lag` before it.
+// Returns a function that gives each record the depth map of the record `lag` positions before.
 testing::Change late_by(int lag) {
   return [lag, last = std::vector<std::vector<std::uint16_t>>()](record::FusedRecord& r) mutable {
     last.push_back(r.depth_mm);
@@ -44,7 +44,7 @@ TEST_CASE("train and evaluate report depth maps delayed by one record") {
   for (std::size_t row = 0; row + 1 < early.size(); ++row)
     std::ranges::copy(early.depth.row(row + 1), early.depth.row(row).begin());
   CHECK_THAT(late_truth(early), Catch::Contains("one record early"));
-  // Several runs are compared separately.
+  // Each of several runs is tested separately.
   write_run(dir / "more", 400, 3);
   CHECK_THAT(late_truth(load({dir / "more", dir / "late"})), Catch::StartsWith(said));
   const std::string train = "train --model ridge --set fallback=false ";
@@ -58,7 +58,7 @@ TEST_CASE("train and evaluate report depth maps delayed by one record") {
              Catch::Contains("one record late"));
 }
 
-TEST_CASE("mirrored depth maps are reported with a remedy") {
+TEST_CASE("evaluate reports mirrored depth maps and how to correct them") {
   const Folder dir;
   write_run(dir / "good", 200, 1), write_run(dir / "fresh", 60, 2);
   write_run(dir / "mirrored", 60, 2, mirror);
@@ -73,7 +73,7 @@ TEST_CASE("mirrored depth maps are reported with a remedy") {
                                          Catch::Contains("flip the depth maps"));
 }
 
-TEST_CASE("maps of another run are refused, maps of training records are not scored") {
+TEST_CASE("evaluate refuses maps of another run and does not score maps of training records") {
   const Folder dir;
   write_run(dir / "a", 60, 1), write_run(dir / "b", 60, 2);
   REQUIRE(recon_program("train -q --model ridge --set fallback=false " + (dir / "a") + " --out " +
@@ -96,7 +96,7 @@ TEST_CASE("maps of another run are refused, maps of training records are not sco
   CHECK(judged(" --all")["records"] == 60);
   CHECK_THAT(recon_program("-q evaluate --maps " + (dir / "maps ") + (dir / "a")).text,
              Catch::Contains("54 of 60 records left out: trained on 54\n"));
-  // Copies with another name.
+  // Copies of the training records in another run are recognised as trained on.
   write_run(dir / "copy", 70, 1);
   REQUIRE(recon_program("-q reconstruct --format npy " + (dir / "m ") + (dir / "copy") + " --out " +
                         (dir / "copied"))
@@ -105,7 +105,7 @@ TEST_CASE("maps of another run are refused, maps of training records are not sco
              Catch::Contains("54 of 70 records left out: trained on 54\n"));
 }
 
-TEST_CASE("maps of doubtful records are not scored") {
+TEST_CASE("evaluate does not score maps of doubtful records") {
   const Folder dir;
   write_run(dir / "run", 40, 1, [](record::FusedRecord& r) {
     if (r.index < 10) r.sync[Sensor::depth].verdict = "stands still: the same as before";

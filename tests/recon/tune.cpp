@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Tuning a model to another room, where the radar reports other ranges.
+// Tests the tuning of a model to another room, in which the radar reports shorter ranges.
 #include "recon/train/tune.hpp"
 
 #include <map>
@@ -16,7 +16,7 @@ namespace {
 
 constexpr double other_start_m = -0.1;
 
-// In the other room the radar ranges are 10 cm shorter.
+// Returns plate records. In the other room the radar reports ranges that are 10 cm shorter.
 Dataset plates(std::int64_t count, std::uint64_t seed, bool other) {
   const Folder dir;
   write_run(dir / "run", count, seed);
@@ -66,13 +66,14 @@ TEST_CASE("tuning with few records adapts a model to another room") {
     CHECK(tuned.model->name == kind);
     const double before = iou(old, fresh), after = iou(tuned.model, fresh);
     CAPTURE(before, after, to_text(tuned));
-    // So small a network is inaccurate in either room.
+    // An MLP of this size is inaccurate in both rooms, so it need not improve by 0.03.
     CHECK(after > before + (kind == "mlp" ? 0 : 0.03));
     CHECK(tuned.chosen > 0);
     CHECK(tuned.table.front().name == "unchanged");
     CHECK_FALSE(tuned.model->uncertainty);
     CHECK(calibration_of(tuned.model) == std::string("not calibrated"));
-    const Folder dir;  // the saved model is the tuned one
+    // The saved model must be the tuned model.
+    const Folder dir;
     std::filesystem::remove(dir / "m");
     save_model(tuned.model, dir / "m");
     CHECK(load_model(dir / "m").predict(fresh, {3}).values ==
@@ -91,7 +92,7 @@ TEST_CASE("tuning with ten records changes a model only if the gain is significa
   CHECK(at_home.table[at_home.chosen].metrics[metric_iou].mean >= before);
 }
 
-TEST_CASE("a model tuned in its own room is not worse and has an uncertainty") {
+TEST_CASE("a model tuned with records of its own room is not worse and has an uncertainty") {
   const TrainedModel& old = old_model("factorised");
   const Dataset fresh = plates(100, 9, false);
   const TunedModel tuned = tune(old, plates(60, 6, false), all_records());
@@ -124,12 +125,13 @@ TEST_CASE("tuning chooses the better of two start models in either order") {
     CHECK(iou(far_first.model, fresh) > iou(tune(old, data, all_records()).model, fresh));
     CHECK_THAT(row(tuned({{there, data, data, "there"}, {old, data, data, "far"}})),
                Catch::StartsWith("there: "));
-    // With ten records the difference between similar models does not count.
+    // With ten records the difference between two similar models is not significant, so either may
+    // be chosen.
     const auto a = tuned({{there, data, data, "there"}, {twice, data, data, "twice"}}),
                b = tuned({{twice, data, data, "twice"}, {there, data, data, "there"}});
     CAPTURE(to_text(a), to_text(b));
     if (records > 10) CHECK(row(a) == row(b));
-    // The first of equal models wins.
+    // If two models are equal, the first is chosen.
     const auto equal = tuned({{there, data, data, "first"}, {there, data, data, "same"}});
     CHECK_THAT(row(equal), Catch::StartsWith("first: "));
     CHECK_THAT(to_text(equal), Catch::Contains("+0.000 +- 0.000"));
@@ -145,7 +147,7 @@ TEST_CASE("tuning is bitwise reproducible") {
   CHECK(maps() == maps());
 }
 
-TEST_CASE("tuning accepts axes that differ from the model's by less than a bin") {
+TEST_CASE("tuning accepts axes that differ from the model axes by less than a bin") {
   const TrainedModel& old = old_model("factorised");
   Dataset near = plates(20, 5, false), far = near;
   near.radar_axis.start += 0.1, far.radar_axis.start += 0.3;
@@ -154,7 +156,7 @@ TEST_CASE("tuning accepts axes that differ from the model's by less than a bin")
   CHECK(tune(old, near, all_records()).table.front().name == "unchanged");
   CHECK_THAT(error_of([&] { match_for_tuning(old, "m", far); }),
              Catch::EndsWith(": start differs by 1.2 bins (limit 1)"));
-  // Another step: equal start, different end.
+  // A different step: the axes start at the same range but end at different ranges.
   Dataset longer = plates(20, 5, false);
   longer.radar_axis.step *= 1 + 1.5 / longer.radar_axis.count;
   CHECK_THAT(error_of([&] { match_for_tuning(old, "m", longer); }),
@@ -186,7 +188,8 @@ TEST_CASE("every tuned model can be saved, loaded and evaluated") {
         TunedModel tuned;
         try {
           tuned = tune(old, data, how);
-        } catch (const Error&) {  // models of the SPD alone need more records
+          // Models that use only the SPD need more records.
+        } catch (const Error&) {
           CHECK((inputs == "spd" || records < 50));
           continue;
         }
@@ -199,7 +202,7 @@ TEST_CASE("every tuned model can be saved, loaded and evaluated") {
         const Records seen = prepare_records(read, fresh);
         CHECK(evaluate(read, seen, rows_to_evaluate(read, seen.data, false))
                   .calibration.has_value() == read->uncertainty.has_value());
-        // Each estimator predicts alone, with or without uncertainty.
+        // Each estimator predicts maps by itself, with or without an uncertainty.
         Dataset lost = fresh;
         for (std::uint32_t& valid : lost.valid) valid &= ~2u;
         if (inputs == "spd") continue;
@@ -211,7 +214,7 @@ TEST_CASE("every tuned model can be saved, loaded and evaluated") {
   }
 }
 
-TEST_CASE("a model trained on the new records alone has their axes and response") {
+TEST_CASE("tuning that trains on the new records alone adopts their axes and radar response") {
   const record::RadarResponse narrow{0.5, {1, 0.8, 0.4, 0.1, 0}},
       wide{0.5, {1, 0.94, 0.77, 0.54, 0.3, 0.1, 0}};
   TrainOptions options;
@@ -233,7 +236,7 @@ TEST_CASE("a model trained on the new records alone has their axes and response"
     CAPTURE(only);
     CHECK(model.radar_response == (by_alone ? narrow : wide));
     CHECK(same_axis(model->features.radar_axis, own.radar_axis) == by_alone);
-    // Use converts a run to the axes and response of the training.
+    // Prediction converts a run to the axes and the radar response of the training data.
     Dataset used = own;
     model.match(used);
     CHECK((used.radar.values == own.radar.values) == by_alone);

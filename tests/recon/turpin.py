@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
 """turpin.py SIM FOLDER RUN: converts the recordings of Turpin et al. (Optica 7, 900, 2020) to a run. FOLDER contains
-histogram.npy [n, bins] and depth.npy [n, N, N]; depths in units of the scene's maximum are scaled to 6 m."""
+histogram.npy [n, bins] and depth.npy [n, N, N]. Depths are fractions of the largest depth of the scene, which is set to 6 m."""
 import sqlite3
 import subprocess
 import sys
@@ -13,7 +13,8 @@ import numpy
 sim, folder, path = sys.argv[1:]
 radar, depth = (numpy.load(f"{folder}/{name}.npy") for name in ("histogram", "depth"))
 subprocess.run([sim, "dataset", "-q", "--people", "1", "--letters", "0", "--out", path], check=True)
-with sqlite3.connect(path) as run:  # keeps the tables and map axes, but not the simulated record
+# Keeps the tables and the map axes of the simulated run, but not its record.
+with sqlite3.connect(path) as run:
     for table in ("record", "calibration", "axis WHERE name NOT LIKE 'depth%'"):
         run.execute(f"DELETE FROM {table}")
     run.execute("UPDATE run SET meta = '{}'")

@@ -17,7 +17,8 @@ namespace {
 struct Plate {
   double x, z;
 };
-// Longer than the plates need: otherwise two of them fill half of the bins, without background.
+// Returns an SPD axis three times as long as that of the plates. On the shorter axis two plates
+// would fill half of the bins, and the background could not be estimated.
 Axis long_axis() {
   Axis axis = testing::spd_axis();
   axis.count *= 3;
@@ -31,7 +32,8 @@ record::FusedRecord record_of(std::int64_t index, const Plate& p, Rng& rng) {
 
 constexpr Plate near_left{-0.6, 3.05}, far_right{0.5, 3.85};
 
-// Adds the data of both bodies if neither hides the other. The map shows the nearer one.
+// Adds the data of a second body to a record, as if neither body hid the other. The depth map shows
+// the nearer body.
 void add(record::FusedRecord& to, const record::FusedRecord& other) {
   for (std::size_t i = 0; i < to.spd.size(); ++i) to.spd[i] += other.spd[i];
   for (std::size_t i = 0; i < to.radar.size(); ++i) to.radar[i] += other.radar[i];
@@ -41,7 +43,8 @@ void add(record::FusedRecord& to, const record::FusedRecord& other) {
   to.label = two_people_label;
 }
 
-// One plate in every other record; two in the others, one behind the other or side by side.
+// Writes records with alternately two plates and one plate. The two plates are behind each other or
+// side by side.
 void write_mixed(const std::string& path, std::int64_t count, bool behind) {
   Rng rng = make_rng(9, 9);
   std::uniform_real_distribution<double> off(-0.1, 0.1);
@@ -86,7 +89,7 @@ double area_under_roc(const std::vector<double>& one, const std::vector<double>&
 
 }  // namespace
 
-TEST_CASE("two people behind each other are detected and counted") {
+TEST_CASE("records of two people, one behind the other, are flagged and counted") {
   const Dataset data = mixed(120, true);
   const Rows rows = all_rows(data.size());
   const Prediction made = predict(trained(), data, rows);
@@ -100,7 +103,7 @@ TEST_CASE("two people behind each other are detected and counted") {
   CHECK(e.two_people.flagged == two);
 }
 
-TEST_CASE("two people side by side are flagged, maps of one person do not change") {
+TEST_CASE("records of two people side by side are flagged without changing the predicted maps") {
   const Dataset data = mixed(120, false);
   const Rows rows = all_rows(data.size());
   const Prediction made = predict(trained(), data, rows);
@@ -118,7 +121,7 @@ TEST_CASE("two people side by side are flagged, maps of one person do not change
   CHECK(area_under_roc(one, two) > 0.98);
 }
 
-TEST_CASE("training records of two people raise the limit only if all show two people") {
+TEST_CASE("the two-body test is disabled only if all training records show two people") {
   const std::size_t count = 400;
   Dataset data = testing::load_plates(count);
   const Dataset bare = data;
@@ -148,7 +151,7 @@ TEST_CASE("training records of two people raise the limit only if all show two p
   for (const auto& s : scores_of(two, two)) CHECK(std::isnan(s.two_bodies));
 }
 
-TEST_CASE("two people in front of a wall are flagged") {
+TEST_CASE("records of two people in front of a wall are flagged") {
   const std::size_t count = 400;
   const Folder dir;
   write_run(dir / "run", count, 1, {}, testing::radar_axis(), long_axis());

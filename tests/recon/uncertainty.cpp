@@ -66,7 +66,7 @@ double share_flagged(const std::vector<PredictionUncertainty>& uncertainties,
 
 }  // namespace
 
-TEST_CASE("a weighted linear fit recovers its coefficients") {
+TEST_CASE("a weighted linear fit recovers known coefficients and ignores records of weight 0") {
   Rng rng = make_rng(1, 1);
   std::normal_distribution<float> normal;
   Matrix inputs;
@@ -86,7 +86,7 @@ TEST_CASE("a weighted linear fit recovers its coefficients") {
   for (std::size_t c = 0; c < truth.size(); ++c) CHECK(found[c] == Approx(truth[c]).margin(1e-3));
 }
 
-TEST_CASE("the lateral interval contains 90 % of bodies and grows with noise") {
+TEST_CASE("the 90 % interval of lateral position contains 90 % of bodies and widens with noise") {
   const Dataset clean = fresh_plates(400);
   const UncertaintyCalibration c = calibration_of(trained(), clean);
   CHECK(c.within_90 == Approx(0.9).margin(0.07));
@@ -99,7 +99,8 @@ TEST_CASE("the lateral interval contains 90 % of bodies and grows with noise") {
   CHECK(n.within_90 > 0.75);
 }
 
-TEST_CASE("outliers are flagged with a reason, records similar to the training rarely") {
+TEST_CASE(
+    "outliers are flagged with a reason, and few records like the training data are flagged") {
   const Dataset clean = fresh_plates(400);
   CHECK(share_flagged(uncertainties_of(clean)) < 0.03);
 
@@ -126,7 +127,8 @@ TEST_CASE("outliers are flagged with a reason, records similar to the training r
   CHECK(share_flagged(uncertainties_of(noise)) > 0.98);
 
   const Dataset far = fresh_plates(50, [](record::FusedRecord& r) {
-    std::rotate(r.spd.begin(), r.spd.end() - 9, r.spd.end());  // 54 cm
+    // 9 bins are 54 cm.
+    std::rotate(r.spd.begin(), r.spd.end() - 9, r.spd.end());
     std::rotate(r.radar.begin(), r.radar.end() - 2, r.radar.end());
   });
   CHECK(share_flagged(uncertainties_of(far), "outside the training records' distances") > 0.3);
@@ -183,19 +185,22 @@ TEST_CASE("outlier detection is fitted to the training records only") {
   CHECK(score(data, rows) == score(alone, all_rows(200)));
 }
 
-TEST_CASE("photon thinning works for fractional counts") {
+TEST_CASE("photon thinning keeps the expected fraction of non-integer counts") {
   Dataset data = fresh_plates(100);
-  std::fill(data.spd.values.begin(), data.spd.values.end(), 0.75f);  // as in a calibrated run
+  // Range correction of a calibrated run gives fractional counts.
+  std::fill(data.spd.values.begin(), data.spd.values.end(), 0.75f);
   Rng rng = make_rng(3, 3);
   degrade(data, rng);
   double left = 0;
   for (const float v : data.spd.values) left += double{v};
-  // Mean of 10^u, u uniform in -2.5..0, for one photon per bin.
+  // The expected value is the mean of 10^u for u uniform between -2.5 and 0, because each bin has
+  // about one photon.
   CHECK(left / static_cast<double>(data.spd.values.size()) == Approx(0.173).epsilon(0.3));
 }
 
-TEST_CASE("the calibration factor comes from records outside the fit") {
-  // Pure noise: a regression of ten terms on 60 records explains some of it on its own records.
+TEST_CASE("an uncertainty fitted to pure noise covers 90 % of errors outside the fit") {
+  // The errors are pure noise. A regression of ten terms on 60 records explains part of the noise
+  // of these records.
   std::vector<double> held;
   for (std::uint64_t trial = 0; trial < 200; ++trial) {
     Rng rng = make_rng(trial, 8);
@@ -222,7 +227,7 @@ TEST_CASE("the calibration factor comes from records outside the fit") {
 
 namespace {
 
-// Response of the plates' radar, scaled in width.
+// Returns the radar response of the plate records, with its width multiplied by `times`.
 record::RadarResponse bell(double times) {
   record::RadarResponse out{0.5, {}};
   for (int k = 0; k < 24; ++k) out.taps.push_back(std::exp(-std::pow(k * 0.125 / 0.4 / times, 2)));
@@ -231,7 +236,7 @@ record::RadarResponse bell(double times) {
 
 }  // namespace
 
-TEST_CASE("records converted from a wider response are rarely flagged and within the intervals") {
+TEST_CASE("records converted from a wider radar response are rarely flagged, and intervals hold") {
   Dataset training = testing::load_plates(800);
   training.sources[0].radar_response = bell(1);
   TrainOptions options;
@@ -260,7 +265,7 @@ TEST_CASE("records converted from a wider response are rarely flagged and within
   }
 }
 
-TEST_CASE("the interval includes the calibration error, or states its assumption") {
+TEST_CASE("the lateral interval includes the calibration error, or a note reports it as unknown") {
   const Dataset plain = fresh_plates(40);
   const Records records = prepare_records(trained(), plain);
   CHECK_THAT(records.ranges, Catch::Contains("does not contain a calibration of both sensors"));
@@ -284,7 +289,7 @@ TEST_CASE("the interval includes the calibration error, or states its assumption
   }
 }
 
-TEST_CASE("a run's range error combines both calibrated sensors") {
+TEST_CASE("the range error of a run is the root sum of squares of both sensor calibrations") {
   const Folder dir;
   const record::CalibrationEntry spd{Sensor::spd, "2026-01-01T00:00:00Z", "", 1, 0, 0.003},
       radar{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0, 0.004};
@@ -313,7 +318,7 @@ TEST_CASE("single-sensor models flag outliers") {
   }
 }
 
-TEST_CASE("pixel uncertainty matches the errors, and the expected depth is accurate") {
+TEST_CASE("pixel uncertainty matches the depth errors, and the expected depth has a low RMSE") {
   const Dataset data = fresh_plates(300);
   const Rows rows = all_rows(300);
   for (const std::string name : {"factorised-4", "ridge"}) {
@@ -325,16 +330,18 @@ TEST_CASE("pixel uncertainty matches the errors, and the expected depth is accur
     const auto rmse = [&](const Matrix& maps) {
       return summarise(score_maps(maps, data, rows, model->scene))[metric_rmse_m].mean;
     };
-    // A plate's position is known to less than a pixel, so averaging gains little.
+    // The position of a plate is known to less than a pixel, so averaging over positions hardly
+    // changes the depth error.
     CHECK(rmse(made.mean) < (name == "ridge" ? 1.0 : 1.1) * rmse(made.maps));
   }
 }
 
-TEST_CASE("the expected depth in an empty room is the wall") {
+TEST_CASE("the expected depth in an empty room is the depth of the wall") {
   const Folder dir;
   write_run(dir / "walled", 300, 1, [](record::FusedRecord& r) {
     for (auto& mm : r.depth_mm) mm = mm > 0 ? mm : 5000;
-    // Every tenth body is undetected, so a pixel outside the mask may belong to a body.
+    // One body in ten is invisible to the SPD, so the model learns that a body may be outside its
+    // predicted mask.
     for (std::size_t i = 0; i < r.spd.size() && r.index % 10 == 0; ++i) r.spd[i] = 3 + i % 2;
   });
   TrainOptions options;
@@ -347,7 +354,7 @@ TEST_CASE("the expected depth in an empty room is the wall") {
   for (const float z : a.mean.values) REQUIRE(z == Approx(5.0f).margin(1e-3));
 }
 
-TEST_CASE("a model file stores the uncertainty, if any") {
+TEST_CASE("a loaded model predicts the same uncertainty as the saved model, or none") {
   const Folder dir;
   const Dataset data = fresh_plates(20);
   save_model(trained(), dir / "m");
@@ -363,7 +370,8 @@ TEST_CASE("a model file stores the uncertainty, if any") {
   }
   TrainOptions options;
   options.model = "ridge", options.fit.quiet = true;
-  save_model(train(testing::load_plates(50), options), dir / "few");  // 45 training records
+  // Only 45 of 50 records are used for training, which is too few for an uncertainty.
+  save_model(train(testing::load_plates(50), options), dir / "few");
   const TrainedModel loaded = load_model(dir / "few");
   CHECK_FALSE(loaded->uncertainty);
   CHECK(predict(loaded, data, all_rows(20)).uncertainties.empty());
@@ -371,7 +379,7 @@ TEST_CASE("a model file stores the uncertainty, if any") {
                     Catch::Contains("the model is not calibrated"));
 }
 
-TEST_CASE("few records are cross-fitted, too few give no uncertainty") {
+TEST_CASE("a model of 90 records has a cross-fitted uncertainty, and a model of 40 has none") {
   const Folder dir;
   write_run(dir / "few", 90);
   write_run(dir / "fewer", 40);
@@ -395,7 +403,7 @@ TEST_CASE("few records are cross-fitted, too few give no uncertainty") {
              Catch::Contains("not calibrated"));
 }
 
-TEST_CASE("reconstruct and evaluate report the uncertainty") {
+TEST_CASE("reconstruct and evaluate report the uncertainty of the predictions") {
   const Folder dir;
   save_model(trained(), dir / "m");
   write_run(dir / "run", 40, 3, [](record::FusedRecord& r) {
@@ -414,7 +422,8 @@ TEST_CASE("reconstruct and evaluate report the uncertainty") {
   const std::string png = contents(dir / "o/000007_sd.png");
   const auto mm = recon::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
   const auto most = *std::max_element(mm.begin(), mm.end());
-  CHECK(most > 300);  // mm, at the edge of a plate at 3500 mm
+  // Deviation in mm at the edge of a plate at 3500 mm, where the depth is uncertain.
+  CHECK(most > 300);
   CHECK(most < 2500);
   CHECK(std::filesystem::file_size(dir / "o/deviation.npy") > 40 * 64 * 64 * 4);
 

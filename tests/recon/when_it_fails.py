@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""when_it_fails.py BIN TABLE: simulates the causes in the first table of WHEN_IT_FAILS.md where possible, and checks
-that the programs print the words that the row quotes."""
+"""when_it_fails.py BIN TABLE: simulates causes of failure from the first table of WHEN_IT_FAILS.md, and checks that the
+programs print the words that the table quotes for each cause."""
 import collections
 import csv
 import pathlib
@@ -43,7 +43,8 @@ class WhenItFails(unittest.TestCase):
             program("recon", "train", "-q", run, "--model", "mean-shape", "--epochs", 30, "--set", "fallback=false", "--out", cls.models[name])
 
     def see(self, beginning, *settings, model="profile", **how):
-        """Returns the words quoted in the row, the program's output, and the reasons of the records."""
+        """Simulates the cause and reconstructs the run. Returns the words that the table quotes, the output
+        of the program, and the number of records by reason for flagging."""
         row = next(cell for cause, cell in rows.items() if cause.startswith(beginning))
         run = dataset(self.folder / f"{len(list(self.folder.iterdir()))}.sqlite", 2, *settings, **how)
         maps = run.with_suffix(".maps")
@@ -64,41 +65,41 @@ class WhenItFails(unittest.TestCase):
         self.assertTrue(any(word in said for word in words), f"{beginning}: {words}: {said}")
         return reasons[""] / sum(reasons.values())
 
-    def test_range_bias_is_reported(self):
+    def test_radar_range_bias_is_reported(self):
         self.assertGreater(self.line("radar range bias", "radar_bias_m=0.08"), .9)
 
-    def test_wrong_antenna_phases_are_reported(self):
+    def test_wrong_antenna_phase_calibration_is_reported(self):
         self.reason("antenna phases", *antennas, "radar_phase_error_rad=0.8", "radar_array_calibrated=false",
                     least=.4, model="antennas")
 
-    def test_noisier_radar_is_reported(self):
+    def test_higher_radar_noise_is_reported(self):
         self.line("more radar noise", "radar_snr_db=10")
 
-    def test_pile_up_is_reported(self):
+    def test_detector_pile_up_is_reported(self):
         self.reason("pile-up", "pulses_per_window=200000", "spd_detector_stated=false", least=.8)
 
-    def test_two_people_are_reported(self):
+    def test_two_people_in_the_scene_are_reported(self):
         self.reason("two people", kind="--two-people", least=.4)
 
-    def test_other_body_distance_is_reported(self):
+    def test_body_distance_outside_the_training_range_is_reported(self):
         self.reason("person nearer or farther", "target_z_min_m=4.4", "target_z_max_m=5", least=.8)
 
-    def test_body_beside_the_training_area_is_reported(self):
+    def test_body_to_the_side_of_the_training_area_is_reported(self):
         self.assertGreater(self.line("person farther to the side", "target_x_m=1.6"), .8)
 
-    def test_empty_room_is_reported(self):
+    def test_empty_scene_is_reported(self):
         self.reason("empty scene", "background_counts=10000", kind="--empty", count=50, least=.9)
 
-    def test_coherent_echoes_are_reported(self):
+    def test_coherent_radar_echoes_are_reported(self):
         self.line("coherent echoes", "radar_sum=coherent", count=40)
 
-    def test_other_baseline_is_reported(self):
+    def test_changed_distance_between_sensors_is_reported(self):
         self.assertGreater(self.line("radar moved", "baseline_m=0.2"), .8)
 
-    def test_other_walls_are_reported(self):
+    def test_changed_walls_are_reported(self):
         self.reason("walls or furniture", "background=room", least=.9)
 
-    def test_wall_echoes_are_reported(self):
+    def test_multipath_echoes_from_walls_are_reported(self):
         self.reason("wall echoes", "background=closed", "multipath_order=1", least=.4, model="closed")
 
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A small scene for tests: a plate at (x, z), an SPD, and a radar to its left. Few bins and coarse
-// plates, so that models fit in a fraction of a second.
+// A small scene for tests: a plate at (x, z), an SPD at the origin, and a radar to its left. Bins
+// are few and plates are coarse, so that training takes a fraction of a second.
 #pragma once
 #include <sqlite3.h>
 #include <sys/wait.h>
@@ -31,7 +31,7 @@ using test::contents;
 using test::Folder;
 using test::Outcome;
 
-// Returns the message that `body` throws, or "no error".
+// Calls `body` and returns the message of the Error that it throws, or "no error".
 inline std::string error_of(const std::function<void()>& body) {
   try {
     body();
@@ -72,8 +72,8 @@ inline record::FusedRecord plate_record(std::int64_t index, double x, double z, 
   return r;
 }
 
-// A row of antennas next to the SPD; left, middle and right part of a plate have a random phase in
-// every frame.
+// Adds the samples of a row of antennas at the radar. The left, middle and right part of the plate
+// each have a random phase in every frame.
 inline void add_array(record::FusedRecord& r, double x, double z, const record::Antennas& antennas,
                       Rng& rng) {
   const Axis axis = record::array_axis(radar_axis(), antennas.size());
@@ -104,7 +104,8 @@ inline void add_array(record::FusedRecord& r, double x, double z, const record::
 
 using Change = std::function<void(record::FusedRecord&)>;
 
-// A run of `count` plates at random positions; `change` may modify records before they are written.
+// Writes a run of `count` plates at random positions. `change` may modify each record before it is
+// written.
 inline void write_run(const std::string& path, std::int64_t count, std::uint64_t seed = 1,
                       const Change& change = {}, const Axis& radar = radar_axis(),
                       const Axis& spd = spd_axis(),
@@ -133,7 +134,7 @@ inline void write_run(const std::string& path, std::int64_t count, std::uint64_t
   run.close("complete");
 }
 
-// Records of such a run.
+// Returns the data of a run written by write_run().
 inline recon::Dataset load_plates(std::int64_t count) {
   const Folder dir;
   write_run(dir / "plates", count);
@@ -144,7 +145,7 @@ inline bool all_finite(std::span<const float> values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
 }
 
-// Runs a statement on an SQLite file and returns the first column, one row per line.
+// Runs an SQL statement on an SQLite file. Returns the first column with one line per row.
 inline std::string sql(const std::string& path, const std::string& statement) {
   sqlite3* db = nullptr;
   REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
@@ -160,12 +161,12 @@ inline std::string sql(const std::string& path, const std::string& statement) {
   return out;
 }
 
-// Runs echofuse-recon.
 inline Outcome recon_program(const std::string& arguments) {
   return test::shell(test::bin_dir + "/echofuse-recon " + arguments);
 }
 
-// Checks that the program exits with this code and one error line (with usage: at most three).
+// Runs echofuse-recon and checks its exit code and error text: one line, or at most three lines
+// with usage for code 2.
 inline void refuses(const std::string& arguments, int code, const std::string& saying) {
   const Outcome o = recon_program(arguments);
   CAPTURE(arguments);
@@ -174,7 +175,7 @@ inline void refuses(const std::string& arguments, int code, const std::string& s
   CHECK(std::count(o.text.begin(), o.text.end(), '\n') <= (code == 2 ? 3 : 1));
 }
 
-// Starts echofuse-recon without waiting for it.
+// Starts echofuse-recon without waiting for its end.
 inline pid_t start_recon(std::vector<std::string> words) {
   words.insert(words.begin(), "echofuse-recon");
   std::vector<char*> arguments;
@@ -189,7 +190,7 @@ inline pid_t start_recon(std::vector<std::string> words) {
   return child;
 }
 
-// Interrupts a program and returns its exit code.
+// Sends SIGINT to a program and returns its exit code.
 inline int interrupted_code(pid_t child) {
   kill(child, SIGINT);
   int status = 0;

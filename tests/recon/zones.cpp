@@ -19,7 +19,7 @@ namespace {
 constexpr std::uint32_t bins = 40;
 const Axis spd{"spd", "counts", "ps", bins, 0, 100, 1};
 
-// A peak of 100 counts in bin `first`, one bin further per zone.
+// Writes a run of one record. Zone z has 100 counts in bin `first` + z.
 void write_zones(const std::string& path, const Zones& zones, std::uint32_t first,
                  double offset_m = 0) {
   record::RunWriter run(path, {});
@@ -40,7 +40,8 @@ const Zones two{{-0.1, 0, 0.2, 200}, {0.1, 0, 0.2, 300}};
 
 }  // namespace
 
-TEST_CASE("zones are loaded with corrected ranges, and the histogram is their sum") {
+TEST_CASE(
+    "zone histograms are loaded with corrected ranges, and the pixel histogram is their sum") {
   const Folder folder;
   write_zones(folder / "a", two, 12, 500 / ps_per_m);
   const Dataset data = load({folder / "a"});
@@ -53,7 +54,7 @@ TEST_CASE("zones are loaded with corrected ranges, and the histogram is their su
   CHECK(part_of(data, {0}).zone_spd.values == data.zone_spd.values);
 }
 
-TEST_CASE("a single-pixel data set has no zones") {
+TEST_CASE("a data set of a single-pixel detector has no zones") {
   const Folder folder;
   write_zones(folder / "a", {}, 12);
   const Dataset data = load({folder / "a"});
@@ -62,7 +63,7 @@ TEST_CASE("a single-pixel data set has no zones") {
   CHECK(data.spd.row(0)[12] == 100);
 }
 
-TEST_CASE("each zone is interpolated to the model's axis") {
+TEST_CASE("each zone histogram is interpolated to the time axis of the model") {
   const Folder folder;
   write_zones(folder / "a", Zones(2), 10);
   Dataset data = load({folder / "a"});
@@ -74,7 +75,7 @@ TEST_CASE("each zone is interpolated to the model's axis") {
   CHECK(data.zone_spd.row(0)[bins + 11] == Approx(50));
 }
 
-TEST_CASE("runs with different zones cannot be one data set") {
+TEST_CASE("loading refuses two runs with different detector zones") {
   const Folder folder;
   write_zones(folder / "a", two, 12);
   write_zones(folder / "b", Zones(3), 12);
@@ -85,7 +86,7 @@ TEST_CASE("runs with different zones cannot be one data set") {
   CHECK(load({folder / "a", folder / "d"}).size() == 2);
 }
 
-TEST_CASE("model inputs are all zones, or their sum followed by each zone") {
+TEST_CASE("raw model inputs are all zone histograms, and observations also contain their sum") {
   const Folder folder;
   write_zones(folder / "a", two, 12);
   write_zones(folder / "b", Zones(3), 12);
@@ -102,7 +103,8 @@ TEST_CASE("model inputs are all zones, or their sum followed by each zone") {
 
 namespace {
 
-// Plates seen by two zones, which share the light by the body's position (by_side) or evenly.
+// Returns plates in front of two zones. With `by_side` the lateral position of the body determines
+// how the zones share the light; otherwise they share it equally.
 Dataset plates_in_zones(std::size_t records, bool by_side) {
   Dataset data = load_plates(records);
   const Rows rows = all_rows(data.size());
@@ -119,7 +121,7 @@ Dataset plates_in_zones(std::size_t records, bool by_side) {
   return data;
 }
 
-// Lateral error of a factorised model without the radar.
+// Returns the mean lateral error, m, of a factorised model that uses only the zones.
 double lateral_error_m(bool by_side) {
   const Dataset data = plates_in_zones(400, by_side);
   const Rows rows = all_rows(data.size());
@@ -133,12 +135,12 @@ double lateral_error_m(bool by_side) {
 
 }  // namespace
 
-TEST_CASE("the factorised model places a body by zones alone") {
+TEST_CASE("the factorised model finds the lateral body position from detector zones alone") {
   CHECK(lateral_error_m(true) < 0.1);
   CHECK(lateral_error_m(false) > 0.3);
 }
 
-TEST_CASE("the zones place a body while the radar is missing") {
+TEST_CASE("the fallback for missing radar data is a factorised model if the run has zones") {
   TrainOptions options;
   options.model = "ridge", options.uncertainty = false, options.fallback = true;
   options.fit.quiet = true, options.fit.epochs = 2;
