@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// People who move in front of the radar's antennas, and antennas with drifting phases.
+// Tests the simulated motion of people in front of the radar antennas.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -12,7 +12,7 @@
 using namespace echofuse;
 using namespace echofuse::sim;
 
-TEST_CASE("body sway is stationary, and its correlation matches its spectrum") {
+TEST_CASE("simulated body sway has constant variance and the correlation of its spectrum") {
   Conditions c;
   c.radar_sway_m = 1;
   Rng rng(2);
@@ -28,12 +28,13 @@ TEST_CASE("body sway is stationary, and its correlation matches its spectrum") {
   }
   CHECK(std::abs(before - 1) < 4.5 * std::sqrt(2.0 / draws));
   CHECK(std::abs(after - 1) < 4.5 * std::sqrt(2.0 / draws));
-  const double expected = 2 * std::exp(-1.0);  // (1 + wt) exp(-wt) at wt = 1
+  // The correlation after the time t is (1 + w t) exp(-w t), here for w t = 1.
+  const double expected = 2 * std::exp(-1.0);
   CHECK(std::abs(both - expected) < 4.5 * std::sqrt((1 + expected * expected) / draws));
 }
 
-TEST_CASE("sway, twist and breathing change the range as computed") {
-  // A patch 0.2 m to the right of an axis at 3 m.
+TEST_CASE("sway, twist and breathing of a body change the range by the computed amounts") {
+  // The patch is 0.2 m to the right of the vertical body axis, which is at a distance of 3 m.
   const double x = 0.2, z = 3, range = std::hypot(x, z);
   const auto modes = BodyMotion::range_per_mode(x / range, 0, 1.65, 0, z, 1);
   CHECK(modes[0] == Approx(x / range));
@@ -42,15 +43,16 @@ TEST_CASE("sway, twist and breathing change the range as computed") {
   CHECK(modes[2] == Approx((turned - range) / 1e-4).epsilon(1e-3));
   CHECK(modes[3] == 0);
   CHECK(BodyMotion::range_per_mode(0, 0, 1.25, 0, 3, 1)[3] == -1);
-  CHECK(BodyMotion::range_per_mode(0, 0, 0, 0, 3, 1)[1] == 0);  // the feet do not move
+  // The feet of a body do not move.
+  CHECK(BodyMotion::range_per_mode(0, 0, 0, 0, 3, 1)[1] == 0);
 }
 
-TEST_CASE("the number of independent looks grows with the sway") {
+TEST_CASE("the number of independent radar looks per record grows with body sway") {
   Conditions c = of_sum("coherent");
   const RadarAxis axis = radar_response(c);
   const Returns person = a_person(c, 2);
   const std::size_t peak = peak_of(person, c);
-  // Looks: mean^2 / variance of a record's power.
+  // Returns the number of independent looks per record: mean^2 / variance of the peak power.
   const auto looks_at = [&](double sway_m, double twist_deg, double breath_m) {
     c.radar_sway_m = sway_m, c.radar_twist_deg = twist_deg, c.radar_breath_m = breath_m;
     constexpr int records = 250;
@@ -72,10 +74,11 @@ TEST_CASE("the number of independent looks grows with the sway") {
   CHECK(natural > 2 * little);
 }
 
-TEST_CASE("motion between transmitters changes phases and reduces the power") {
+TEST_CASE("motion during a chirp sequence changes antenna phases and reduces the echo power") {
   Conditions c = of_sum("coherent");
   c.radar_sway_m = c.radar_twist_deg = 0;
-  c.radar_breath_m = 0.1;  // up to 16 cm/s
+  // This amplitude gives speeds of up to 16 cm/s.
+  c.radar_breath_m = 0.1;
   AntennaRadar radar{radar_response(c), antennas_in_layout(8), 7};
   radar.chirp_s = 1e-3;
   radar.chirps = 16;
@@ -92,7 +95,8 @@ TEST_CASE("motion between transmitters changes phases and reduces the power") {
     moving.frame(later_s, a, x);
     standing.frame(later_s, b, y);
     const double wavelength = speed_of_light_m_s / radar_carrier_hz;
-    const double v = -motion.speeds()[0][3];  // rate of change of the range
+    // The rate of change of the range, m/s.
+    const double v = -motion.speeds()[0][3];
     const double f = 2 * v * 2 * radar.chirp_s / wavelength;
     const double loss = std::sin(pi * f * 16) / (16 * std::sin(pi * f));
     const std::size_t peak = 14 * 8;

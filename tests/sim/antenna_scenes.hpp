@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Scenes for the tests of the radar's antennas.
+// Scenes and helpers for tests of the simulated radar antennas.
 #pragma once
 #include <algorithm>
 #include <catch2/catch.hpp>

@@ -21,8 +21,8 @@ Complex wave(const record::Antenna& a, double x, double y = 0) {
   return std::polar(a.gain, pi * (a.x * x + a.y * y) + a.phase_rad);
 }
 
-// Expected correlation of a point's echo between two times: sum of w psf^2, rotated by the change
-// of range, over the sum of w psf^2. Parts have range_m, weight, place and person.
+// Contribution of a patch to a point of the range profile. `turns` are carrier cycles per unit of
+// each motion mode.
 struct Part {
   double share;
   BodyMotion::Modes turns;
@@ -42,7 +42,7 @@ double correlation(const std::vector<Part>& parts, const BodyMotion::Modes& a,
 
 }  // namespace
 
-TEST_CASE("the wave of a point target has its steering phases plus the channel errors") {
+TEST_CASE("antenna samples of a point target have its steering phases and the channel errors") {
   for (const char* sum : {"incoherent", "coherent"})
     for (const std::int64_t antennas : {8, 12}) {
       Conditions c = of_sum(sum);
@@ -72,14 +72,15 @@ TEST_CASE("the wave of a point target has its steering phases plus the channel e
     }
 }
 
-TEST_CASE("virtual antennas of the AOP are sums of transmitter and receiver positions") {
+TEST_CASE("AOP virtual antenna positions are sums of transmitter and receiver positions") {
   const auto a = antennas_in_layout(12);
   CHECK((a[0].x == 1 && a[0].y == 1));
   CHECK((a[5].x == 3 && a[5].y == 2));
   CHECK((a[11].x == 0 && a[11].y == 2));
 }
 
-TEST_CASE("the incoherent covariance equals that of the sources, in any consecutive frames") {
+TEST_CASE(
+    "the covariance of incoherent echoes over consecutive frames equals that of the sources") {
   const Conditions c = of_sum("incoherent");
   const RadarAxis axis = radar_response(c);
   const auto array = simulated_antennas(c, 3);
@@ -113,7 +114,7 @@ TEST_CASE("the incoherent covariance equals that of the sources, in any consecut
   }
 }
 
-TEST_CASE("antenna noise is white and complex, with the detector's power") {
+TEST_CASE("simulated antenna noise is white and complex and has the specified power") {
   Conditions c = of_sum("coherent");
   constexpr double noise = 0.3;
   Rng rng(4);
@@ -132,14 +133,15 @@ TEST_CASE("antenna noise is white and complex, with the detector's power") {
       for (std::size_t n = 0; n < m; ++n) across += std::norm(bin.covariance(m, n)) / 28 / bins;
     }
   }
-  // Power is exponential with variance 1, so means have a relative rms of 1/sqrt(count).
+  // The power of one sample is exponentially distributed, so a mean has a relative deviation of 1 /
+  // sqrt(count).
   CHECK(std::abs(power / noise - 1) < 4.5 / std::sqrt(8 * frames * bins));
   CHECK(std::abs(mean * frames / noise - 1) < 4.5 / std::sqrt(8 * bins));
   CHECK(std::abs(across * frames / (noise * noise) - 1) < 4.5 * 2 / std::sqrt(28 * bins));
   CHECK(std::abs(lag * (frames - 1) / (8 * noise * noise) - 1) < 4.5 * 2 / std::sqrt(bins));
 }
 
-TEST_CASE("fast Gaussian numbers have the moments and tails of a normal distribution") {
+TEST_CASE("the fast Gaussian generator has the moments and tails of a normal distribution") {
   Rng rng(9);
   std::vector<float> x(400'001);
   add_gaussian(x, 2, rng);
@@ -150,7 +152,8 @@ TEST_CASE("fast Gaussian numbers have the moments and tails of a normal distribu
     second += v * v / 4;
     fourth += v * v * v * v / 16;
     beyond += std::abs(v) > 2 * 2;
-    last += std::abs(v) > 2 * 3.6;  // the tail
+    // Counts values in the tail, beyond 3.6 standard deviations.
+    last += std::abs(v) > 2 * 3.6;
   }
   const double n = static_cast<double>(x.size());
   CHECK(std::abs(sum / n) < 4.5 / std::sqrt(n));
@@ -161,13 +164,13 @@ TEST_CASE("fast Gaussian numbers have the moments and tails of a normal distribu
   CHECK(std::abs(last - far * n) < 4.5 * std::sqrt(far * n));
 }
 
-TEST_CASE("speckle power is exponentially distributed around the incoherent sum") {
+TEST_CASE("speckle power is exponentially distributed with the incoherent sum as its mean") {
   Conditions c = of_sum("coherent");
   const RadarAxis axis = radar_response(c);
   const auto array = antennas_in_layout(8);
   const Returns person = a_person(c, 0);
   const std::size_t peak = peak_of(person, c);
-  // Expected value over patches, not cells.
+  // The expected values are sums over patches. The simulation sums over cells that group patches.
   double power = 0;
   Complex ends;
   for (std::size_t k = 0; k < person.range_m.size(); ++k) {
@@ -195,7 +198,7 @@ TEST_CASE("speckle power is exponentially distributed around the incoherent sum"
   check_near(across, ends / power, 4.5 / std::sqrt(draws) + 0.02);
 }
 
-TEST_CASE("a speckle cell decorrelates like its patches") {
+TEST_CASE("speckle of grouped echo cells decorrelates like that of the single patches") {
   Conditions c = of_sum("coherent");
   const RadarAxis axis = radar_response(c);
   const double turns_per_m = 2 * radar_carrier_hz / speed_of_light_m_s;
@@ -232,7 +235,7 @@ TEST_CASE("a speckle cell decorrelates like its patches") {
   }
 }
 
-TEST_CASE("the empty room is equal in each record except for shadows") {
+TEST_CASE("the radar echo of an empty room is equal in each record except for shadows") {
   Conditions c = of_sum("coherent");
   c.background = "room";
   c.radar_leakage = 3;
@@ -249,8 +252,9 @@ TEST_CASE("the empty room is equal in each record except for shadows") {
   const Samples once = frame_of(empty, 7, 1);
   CHECK(once == frame_of(empty, 7, 2));
   CHECK(once != frame_of(empty, 8, 1));
-  check_near(once[3], std::sqrt(3), 0.3);  // leakage at range 0, and side lobes of the room
-  // A plate without reflectivity only casts a shadow.
+  // Bin 0 contains the leakage and side lobes of the room.
+  check_near(once[3], std::sqrt(3), 0.3);
+  // A plate that reflects nothing only casts a shadow.
   Scene shadow = empty;
   shadow.plates.push_back({{0.5, 0, 3}, {1, 0, 0}, {0, 1, 0}, {{-0.2, 0, 0.2, 0, 0.4}}, 0});
   const Samples less = frame_of(shadow, 7, 3);
@@ -263,7 +267,7 @@ TEST_CASE("the empty room is equal in each record except for shadows") {
   CHECK(difference < 0.3 * power);
 }
 
-TEST_CASE("a cached room is not rendered again") {
+TEST_CASE("a cached room echo plus the changes by bodies equals the fully rendered scene") {
   Conditions c = of_sum("coherent");
   c.background = "room";
   c.radar_leakage = 2;
@@ -298,7 +302,7 @@ TEST_CASE("a cached room is not rendered again") {
   }
 }
 
-TEST_CASE("patches are assigned to persons only if needed") {
+TEST_CASE("echo patches are assigned to persons only if antennas are simulated") {
   Conditions c = of_sum("coherent");
   c.background = "room";
   const Returns two = radar_returns(make_scene(c, SceneKind::two_people, 3, 0), c);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// echofuse-sim from the user's side: exit codes, error lines, output.
+// Tests the command line of echofuse-sim: exit codes, error texts and output.
 #include <sys/stat.h>
 
 #include <catch2/catch.hpp>
@@ -30,7 +30,7 @@ void refuses(const std::string& arguments, int code, const std::string& saying) 
 
 }  // namespace
 
-TEST_CASE("help and version are printed") {
+TEST_CASE("echofuse-sim prints its help and its version") {
   CHECK(sim("--help").code == 0);
   CHECK(has(sim("--help").text, "dataset"));
   CHECK(has(sim("dataset --help").text, "--two-people"));
@@ -40,7 +40,7 @@ TEST_CASE("help and version are printed") {
   CHECK(sim("").code == 2);
 }
 
-TEST_CASE("a FIFO given as a file is refused without blocking") {
+TEST_CASE("echofuse-sim refuses a FIFO given as an input file without blocking") {
   const Folder folder;
   const std::string fifo = folder / "f.obj", why = "f.obj: is a FIFO; expected a regular file";
   REQUIRE(::mkfifo(fifo.c_str(), 0666) == 0);
@@ -57,7 +57,7 @@ TEST_CASE("a FIFO given as a file is refused without blocking") {
   }
 }
 
-TEST_CASE("lab returns the exit code of its command") {
+TEST_CASE("echofuse-sim lab returns the exit code of the command that it runs") {
   const Folder folder;
   CHECK(sim("lab --dir " + folder / "lab" + " -- sh -c 'exit 7'").code == 7);
   const Outcome o = sim("lab --dir " + folder / "lab" + " -- no-such-program");
@@ -65,7 +65,7 @@ TEST_CASE("lab returns the exit code of its command") {
   CHECK(has(o.text, "no-such-program: cannot start"));
 }
 
-TEST_CASE("dataset writes a run and prints a summary") {
+TEST_CASE("echofuse-sim dataset writes a run and prints a summary") {
   const Folder folder;
   const Outcome o = sim("dataset --out " + folder / "a.sqlite" + " --records 9 --seed 4");
   CAPTURE(o.text);
@@ -73,7 +73,7 @@ TEST_CASE("dataset writes a run and prints a summary") {
   CHECK(has(o.text, "a.sqlite: 9 records in "));
 }
 
-TEST_CASE("unplugged devices reappear while a command runs in the laboratory") {
+TEST_CASE("echofuse-sim lab unplugs and reconnects devices while its command runs") {
   const Folder folder;
   std::ofstream faults(folder / "faults.toml");
   for (const char* device : {"tdc", "radar", "depth"})
@@ -86,7 +86,7 @@ TEST_CASE("unplugged devices reappear while a command runs in the laboratory") {
   CHECK(o.code == 0);
 }
 
-TEST_CASE("option --set accepts lists and objects") {
+TEST_CASE("option --set accepts scene lists and object files") {
   const Folder folder;
   std::ofstream(folder / "list.toml") << "[[scene]]\nkind = \"object\"\ncount = 2\n";
   std::ofstream(folder / "plate.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
@@ -120,7 +120,7 @@ TEST_CASE("options override --set, which overrides the configuration file") {
   CHECK(has(settings, "bins = 100\n"));
 }
 
-TEST_CASE("config --json prints every setting") {
+TEST_CASE("echofuse-sim config --json prints every setting") {
   const Outcome o = sim("config --json --set bins=100 --set 'scenes=a\"b\\c'");
   CAPTURE(o.text);
   CHECK(o.code == 0);
@@ -137,7 +137,7 @@ TEST_CASE("config --json prints every setting") {
         sim("config | grep -c '^[a-z_]* = '").text);
 }
 
-TEST_CASE("dataset refuses invalid options in one line") {
+TEST_CASE("echofuse-sim dataset reports errors in a configuration file with line numbers") {
   const Folder folder;
   const std::string out = "--out " + folder / "x.sqlite" + " ";
   std::ofstream(folder / "bad.toml") << "bins = 12\nbinns = 13\npeople = \"many\"\n";

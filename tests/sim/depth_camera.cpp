@@ -19,7 +19,8 @@ TEST_CASE("depth camera noise is Gaussian and grows with the square of the dista
     std::vector<std::uint16_t> frame(n, static_cast<std::uint16_t>(mm));
     disturb_depth(frame, 400, c, rng);
     const double z_m = mm / 1000.0;
-    const double variance = std::pow(2 * z_m * z_m, 2) + 1.0 / 12;  // plus rounding to millimetres
+    // The second term is the variance of rounding to millimetres.
+    const double variance = std::pow(2 * z_m * z_m, 2) + 1.0 / 12;
     double sum = 0, squares = 0;
     for (const auto seen : frame) {
       sum += seen - mm;
@@ -30,12 +31,13 @@ TEST_CASE("depth camera noise is Gaussian and grows with the square of the dista
   }
 }
 
-TEST_CASE("depth camera dropouts occur only at edges, with the set probability") {
+TEST_CASE("simulated depth camera pixels drop out only at depth edges, with the set probability") {
   Conditions c;
   c.depth_dropout = 0.3;
   Rng rng = make_rng(2, 2);
   constexpr std::size_t width = 100, height = 500;
-  std::vector<std::uint16_t> exact(width * height);  // nothing | 2 m | 2.05 m | 3 m
+  // Each row has four regions: no return, 2 m, 2.05 m and 3 m.
+  std::vector<std::uint16_t> exact(width * height);
   const auto depth_of = [](std::size_t column) -> std::uint16_t {
     return column < 20 ? 0 : column < 40 ? 2000 : column < 60 ? 2050 : 3000;
   };
@@ -56,7 +58,7 @@ TEST_CASE("depth camera dropouts occur only at edges, with the set probability")
   }
 }
 
-TEST_CASE("a record's map is exact, or resampled from a camera frame") {
+TEST_CASE("a simulated depth map is exact without camera noise, or resampled from a noisy frame") {
   Conditions c;
   const Scene scene = some_scene(c, 4);
   const record::MapGrid grid;

@@ -11,8 +11,8 @@ using namespace echofuse::sim;
 
 namespace {
 
-// Pearson's chi-squared of draws against log-probabilities, over values expected at least ten
-// times, the others in one class; as a z-score (chi2 - n) / sqrt(2n).
+// Compares draws with a distribution by Pearson's chi-squared test. Values expected fewer than ten
+// times share one class. Returns the z-score (chi2 - n) / sqrt(2n) for n classes.
 double fit_score(int draws, const std::function<std::int64_t()>& draw,
                  const std::function<double(double)>& log_probability, double mean, double sigma) {
   std::map<std::int64_t, int> seen;

@@ -56,7 +56,7 @@ std::vector<record::FusedRecord> read_all(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("a data set does not depend on order or threads") {
+TEST_CASE("a simulated data set does not depend on the record order or number of threads") {
   const Folder folder;
   const Plan plan = small_plan();
   const Generator generator(plan);
@@ -72,7 +72,7 @@ TEST_CASE("a data set does not depend on order or threads") {
   }
 }
 
-TEST_CASE("a data set with antennas does not depend on threads") {
+TEST_CASE("a simulated data set with antennas does not depend on the number of threads") {
   const Folder folder;
   Plan plan = small_plan();
   plan.people = 9, plan.letters = 3;
@@ -80,7 +80,8 @@ TEST_CASE("a data set with antennas does not depend on threads") {
   plan.conditions.radar_antennas = 8;
   plan.conditions.radar_phase_error_rad = 0.3;
   const Generator generator(plan);
-  check_equal(generator.make(4), plain);  // with incoherent echoes the other data are equal
+  // With incoherent echoes the antennas do not change the other data.
+  check_equal(generator.make(4), plain);
   for (const int threads : {1, 3}) {
     const std::string path = folder / (std::to_string(threads) + ".sqlite");
     write_dataset(plan, {path, "", threads, true});
@@ -97,7 +98,7 @@ TEST_CASE("a data set with antennas does not depend on threads") {
   }
   plan.conditions.radar_sum = "coherent";
   const auto speckle = Generator(plan).make(4);
-  // Antenna samples keep the mean of their noise, which is subtracted from a profile.
+  // Antenna samples contain the mean noise power, which is subtracted from range profiles.
   const double noise = radar_noise_power(
       plan.conditions, mean_peak_power(radar_response(plan.conditions), plan.conditions));
   for (std::size_t i = 0; i < speckle.radar.size(); ++i)
@@ -106,7 +107,7 @@ TEST_CASE("a data set with antennas does not depend on threads") {
   CHECK(speckle.depth_mm == plain.depth_mm);
 }
 
-TEST_CASE("a data set contains its settings") {
+TEST_CASE("a simulated data set stores its settings and has the requested numbers of scenes") {
   const Folder folder;
   Plan plan = small_plan();
   plan.conditions.irf_fwhm_ps = 50;
@@ -149,7 +150,7 @@ TEST_CASE("a data set contains its settings") {
   CHECK(empty == plan.empty);
 }
 
-TEST_CASE("a data set has maps of the requested size and field of view") {
+TEST_CASE("a simulated data set has depth maps of the requested size and field of view") {
   Plan plan;
   plan.people = 1, plan.letters = 0;
   const auto plain = Generator(plan).make(0);
@@ -162,7 +163,7 @@ TEST_CASE("a data set has maps of the requested size and field of view") {
   CHECK_THROWS_AS(validate(plan.conditions), Error);
 }
 
-TEST_CASE("scene kinds are shuffled by the seed") {
+TEST_CASE("the seed determines the shuffled order of scene kinds in a data set") {
   Plan plan = small_plan();
   const auto kinds = scenes_of(plan);
   CHECK(kinds == scenes_of(plan));
@@ -172,7 +173,7 @@ TEST_CASE("scene kinds are shuffled by the seed") {
   CHECK(kinds != scenes_of(plan));
 }
 
-TEST_CASE("contradictory conditions and existing files are refused") {
+TEST_CASE("the data set generator refuses contradictory settings and existing files") {
   const Folder folder;
   Plan plan = small_plan();
   const std::string path = folder / "run.sqlite";
@@ -206,7 +207,7 @@ std::string error_of(const std::function<void()>& body) {
   return "no error";
 }
 
-// Returns every column of a table as text.
+// Returns all rows of a table as text.
 std::string rows_of(const std::string& path, const std::string& table) {
   sqlite3* db = nullptr;
   REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
@@ -229,7 +230,7 @@ std::string rows_of(const std::string& path, const std::string& table) {
 
 namespace {
 
-// Reads a file with this ending as soon as it exists.
+// Opens a file with the given name ending as soon as it exists, and holds a read transaction.
 class Reader {
  public:
   Reader(std::filesystem::path folder, std::string end)
@@ -259,7 +260,7 @@ class Reader {
 
 }  // namespace
 
-TEST_CASE("a part is not published while another program reads its unfinished file") {
+TEST_CASE("a part of a data set is not completed while another program reads its temporary file") {
   const Folder folder;
   ::setenv("TMPDIR", folder.path.c_str(), 1);
   Plan plan = small_plan();
@@ -276,7 +277,7 @@ TEST_CASE("a part is not published while another program reads its unfinished fi
   CHECK(std::filesystem::is_empty(folder.path));
 }
 
-TEST_CASE("the parts of a data set contain the records of the whole, bitwise") {
+TEST_CASE("the parts of a data set contain bitwise the same records as the complete data set") {
   const Folder folder;
   Plan plan = small_plan();
   plan.people = 11, plan.letters = 6, plan.two_people = plan.empty = 1;
@@ -293,7 +294,7 @@ TEST_CASE("the parts of a data set contain the records of the whole, bitwise") {
     CHECK(rows_of(part(2), table) == rows_of(whole, table));
 }
 
-TEST_CASE("an existing part is kept, another run with its name is refused") {
+TEST_CASE("an existing part of a data set is kept, and a different run with its name is refused") {
   const Folder folder;
   Plan plan = small_plan();
   plan.people = 4, plan.letters = plan.two_people = plan.empty = 0;

@@ -15,7 +15,7 @@ using namespace echofuse::sim;
 
 namespace {
 
-// A box of 1 x 2 x 0.5, centred at the origin.
+// Box of 1 x 2 x 0.5, centred at the origin.
 constexpr const char* box_obj = R"(# a box
 o box
 v -0.5 -1 -0.25
@@ -57,13 +57,14 @@ TEST_CASE("a box mesh is read with its corners, faces and volume") {
   const Mesh mesh = read_mesh(box_obj, "box.obj");
   REQUIRE(mesh.points.size() == 8);
   REQUIRE(mesh.triangles.size() == 12);
-  double volume = 0;  // divergence theorem: all faces point outwards
+  // Computes the volume by the divergence theorem, which requires that all faces point outwards.
+  double volume = 0;
   for (const auto& [a, b, c] : mesh.triangles)
     volume += dot(mesh.points[a], cross(mesh.points[b], mesh.points[c])) / 6;
   CHECK(std::abs(volume) == Approx(1));
 }
 
-TEST_CASE("a box mesh renders like plates at its faces") {
+TEST_CASE("a box mesh renders exactly like plates at the positions of its faces") {
   const Mesh mesh = read_mesh(box_obj, "box.obj");
   const Vec3 place{0.7, -0.3, 3.5};
   Scene triangles, plates;
@@ -87,8 +88,9 @@ TEST_CASE("a box mesh renders like plates at its faces") {
     CHECK(std::abs(a[i] - b[i]) <= 1e-9 * std::max(a[i], b[i]) + 1e-12 * total(a));
 }
 
-TEST_CASE("no ray passes between adjacent triangles") {
-  // A fan around a point, hit exactly along its spokes and at its hub.
+TEST_CASE("rays do not pass between adjacent triangles of a mesh") {
+  // The triangles form a fan around a hub. The rays hit the hub and the edges between triangles
+  // exactly.
   Scene scene;
   const Vec3 hub{0.25, 0.125, 2};
   std::vector<Vec3> rim;
@@ -142,9 +144,9 @@ TEST_CASE("a mesh is placed on the floor, rotated and scaled") {
 
 namespace {
 
-// Boxes that form a letter without mirror symmetry, with a bump on its front at the top left: x
-// right, y up, z towards the viewer.
-using Bar = std::array<double, 6>;  // x, y and z, each from and to
+// Letters made of boxes, without mirror symmetry and with a bump on the front at the top left. x
+// points to the right, y up, and z towards the viewer.
+using Bar = std::array<double, 6>;  // range of x, of y and of z: first and last coordinate
 const std::vector<Bar> letter_l{{0, .3, 0, 1.5, -.1, .1}, {.3, 1, 0, .4, -.1, .1}},
     letter_f{{0, .3, 0, 1.5, -.1, .1}, {.3, 1, 1.2, 1.5, -.1, .1}, {.3, .8, .6, .8, -.1, .1}};
 constexpr Bar bump{0, .3, 1.1, 1.5, .1, .4};
@@ -174,7 +176,7 @@ std::string letter_obj(std::vector<Bar> bars, Vec3 (*in_file)(Vec3)) {
 
 }  // namespace
 
-TEST_CASE("meshes of right-handed files are not mirrored, whatever the up axis") {
+TEST_CASE("meshes of right-handed files are not mirrored for any up axis") {
   const auto path = std::filesystem::temp_directory_path() /
                     ("echofuse-letter-" + std::to_string(getpid()) + ".obj");
   struct File {
@@ -204,16 +206,19 @@ TEST_CASE("meshes of right-handed files are not mirrored, whatever the up axis")
             y{"y", "tangent", "1", 1, y_m / z, 1e-3};
         return double{cast(scene, 0, x, y)[0].z_m};
       };
-      // The plan is centred at x = 0.5 and 0.15 m behind the front of the bump.
-      CHECK(depth_m(-0.35, 0.5) == Approx(2.95).margin(1e-3));   // bump, towards the sensors
-      CHECK(depth_m(-0.35, -0.1) == Approx(3.25).margin(1e-3));  // stem
-      CHECK((depth_m(0.3, -0.6) > 0) == is_l);                   // foot
-      CHECK((depth_m(0.3, 0.55) > 0) == !is_l);                  // upper arm
+      // The outline of the letter is centred at x = 0.5, and its depth is centred 0.15 m behind the
+      // front of the bump.
+      CHECK(depth_m(-0.35, 0.5) == Approx(2.95).margin(1e-3));   // front of the bump
+      CHECK(depth_m(-0.35, -0.1) == Approx(3.25).margin(1e-3));  // front of the stem
+      // Only the L has a foot.
+      CHECK((depth_m(0.3, -0.6) > 0) == is_l);
+      // Only the F has an upper arm.
+      CHECK((depth_m(0.3, 0.55) > 0) == !is_l);
       std::filesystem::remove(file);
     }
 }
 
-TEST_CASE("damaged meshes are refused with the line number") {
+TEST_CASE("damaged mesh files are refused with the line number of the error") {
   const auto has = [](const std::string& part) { return Catch::Contains(part); };
   CHECK_THAT(refusal("v 0 0 zero\n"), has("a.mesh:1: found \"zero\"; expected a coordinate"));
   CHECK_THAT(refusal("v 0 0 0\nv 1 0\n"), has("a.mesh:2: "));

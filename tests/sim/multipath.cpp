@@ -19,7 +19,7 @@ using namespace echofuse;
 using namespace echofuse::sim;
 constexpr double pi = std::numbers::pi;
 
-// u and v are the full sides of the plane.
+// Returns a wall as a plate. `u` and `v` are unit vectors along its width and its height.
 Plate wall(Vec3 centre, Vec3 u, Vec3 v, double width_m, double height_m, double albedo) {
   return {centre, u, v, {{-width_m / 2, 0, width_m / 2, 0, height_m}}, albedo};
 }
@@ -30,7 +30,7 @@ Room room_of(std::vector<Plate> plates) {
   const std::size_t walls = plates.size();
   return {"test", std::move(plates), walls};
 }
-// 4 x 3 x 5 m about (0.3, 0.2, 1).
+// Returns a room of 4 x 3 x 5 m with its centre at (0.3, 0.2, 1).
 Room box() {
   const Vec3 x{1, 0, 0}, y{0, 1, 0}, z{0, 0, 1}, middle{0.3, 0.2, 1};
   std::vector<Plate> all;
@@ -42,7 +42,7 @@ Room box() {
   return room_of(std::move(all));
 }
 
-// Centres of n x n equal parts of a wall, facing `inside`.
+// Divides a wall into n x n equal patches that face the point `inside`.
 std::vector<Patch> tiles(const Plate& plate, int n, Vec3 inside) {
   const Stroke& s = plate.strokes.front();
   const double width = s.u1 - s.u0, height = s.width_m;
@@ -55,13 +55,14 @@ std::vector<Patch> tiles(const Plate& plate, int n, Vec3 inside) {
              (height * ((k + 0.5) / n - 0.5)) * plate.v;
       p.normal = dot(normal, inside - p.at) > 0 ? normal : -1 * normal;
       p.range_m = p.cosine = 1;
-      p.solid_angle_sr = width * height / (n * n);  // its area
+      // Range and cosine are 1, so the solid angle equals the area.
+      p.solid_angle_sr = width * height / (n * n);
       out.push_back(p);
     }
   return out;
 }
 
-// A small plate across the line of sight, in front of this room.
+// Returns a scene with a small plate across the line of sight in front of the given room.
 Scene plate_before(const Room& room, Vec3 at, double size_m = 0.1) {
   Scene scene;
   scene.plates.push_back(wall(at, {1, 0, 0}, {0, 1, 0}, size_m, size_m, 0.6));
@@ -78,7 +79,7 @@ Conditions with_echoes(std::int64_t order, double reflectivity) {
   return c;
 }
 
-// Returns the part of the radar's echo that multipath adds.
+// Returns the echoes that multipath adds to the direct radar echoes.
 Returns echoes_by_walls(const Scene& scene, const Conditions& c) {
   Returns all = radar_returns(scene, c);
   Conditions direct = c;
@@ -101,29 +102,32 @@ std::vector<double> profile(const Scene& scene, const Conditions& c) {
 
 }  // namespace
 
-TEST_CASE("an echo via one wall comes from the mirror image") {
+TEST_CASE("an echo via one wall has the path length from the mirror image of the sensor") {
   const Room room = room_of({side_wall(-1.25, 0)});
   const Vec3 sensor{-0.5, 0, 0}, place{0.3, 0.2, 3};
   const auto images = image_sources(room, sensor, 2);
-  REQUIRE(images.size() == 2);  // the same wall twice gives the sensor itself
+  // Two reflections at the same wall give the sensor itself, which is not listed.
+  REQUIRE(images.size() == 2);
   CHECK(length(images[1].at - Vec3{-2, 0, 0}) < 1e-12);
   const auto way = way_to(images[1], sensor, place);
   REQUIRE(way);
   CHECK(way->length_m == Approx(std::sqrt(2.3 * 2.3 + 0.2 * 0.2 + 9)));
-  // The departing direction equals the arriving one with negated x.
+  // The departing direction equals the arriving direction with opposite sign of x.
   CHECK(length(way->departure - Vec3{-way->arrival.x, way->arrival.y, way->arrival.z}) < 1e-12);
-  CHECK_FALSE(way_to(images[1], sensor, {-2, 0, 3}));      // behind the wall
-  CHECK_FALSE(way_to(images[1], sensor, {0.3, 0.2, 40}));  // misses the wall
+  // This place is behind the wall.
+  CHECK_FALSE(way_to(images[1], sensor, {-2, 0, 3}));
+  // The path to this place misses the wall.
+  CHECK_FALSE(way_to(images[1], sensor, {0.3, 0.2, 40}));
 }
 
-TEST_CASE("echo power via one mirror has the analytic mean, and is unchanged without multipath") {
+TEST_CASE("echo power via one wall equals the analytic value, and open scenes are unchanged") {
   const Room room = room_of({side_wall(-1.5, 0)});
   const Vec3 at{0.4, 0, 3};
   const Scene scene = plate_before(room, at);
   const double rho = 0.6;
   Conditions direct = with_echoes(0, rho);
   const double d = length(at), mirrored_m = length(at - Vec3{-3, 0, 0});
-  // cos / d^2 of the image and of the sensor.
+  // Ratio of cosine / distance^2 as seen from the mirror image and from the sensor.
   const double q = std::pow(d / mirrored_m, 3);
   const double whole = total(radar_returns(scene, direct).weight);
   const Returns once = echoes_by_walls(scene, with_echoes(1, rho));
@@ -131,13 +135,13 @@ TEST_CASE("echo power via one mirror has the analytic mean, and is unchanged wit
   CHECK(total(once.weight) == Approx(4 * rho * q * whole).epsilon(0.01));
   CHECK(total(twice.weight) == Approx((4 * rho * q + rho * rho * q * q) * whole).epsilon(0.01));
   for (const double range : once.range_m) CHECK(range == Approx((d + mirrored_m) / 2).margin(0.06));
-  // Bitwise equal to no multipath.
+  // Without a room, the echoes must be bitwise equal to those without multipath.
   Scene open = scene;
   open.room = nullptr;
   CHECK(radar_returns(open, with_echoes(2, rho)).weight == radar_returns(open, direct).weight);
 }
 
-TEST_CASE("a corner reflects each point twice, in exactly one of two orders") {
+TEST_CASE("a path via the two walls of a corner exists in exactly one of the two orders") {
   const Room room = room_of({side_wall(-1, 0), wall({0, -1.1, 5}, {1, 0, 0}, {0, 0, 1}, 6, 10, 0)});
   const Vec3 sensor{0.2, 0, 0};
   const auto images = image_sources(room, sensor, 2);
@@ -158,7 +162,7 @@ TEST_CASE("a corner reflects each point twice, in exactly one of two orders") {
   }
 }
 
-TEST_CASE("a closed box conserves energy over several reflections") {
+TEST_CASE("reflections at the walls of a closed box conserve energy") {
   const Room room = box();
   const Vec3 sensor{-0.4, 0.1, 0.3};
   std::vector<double> met(3);
@@ -169,15 +173,17 @@ TEST_CASE("a closed box conserves energy over several reflections") {
           met[static_cast<std::size_t>(image.reflections)] +=
               -dot(p.normal, way->arrival) * p.area_m2() / (4 * pi * way->length_m * way->length_m);
   for (const double share : met) CHECK(share == Approx(1).margin(0.005));
-  // Each reflection absorbs 1 - rho of the power; rho^3 remains after the third.
+  // Each reflection absorbs the fraction 1 - rho of the power, so rho^3 remains after the third
+  // reflection.
   const double rho = 0.7;
   double power = std::pow(rho, 3);
   for (std::size_t n = 0; n < 3; ++n) power += (1 - rho) * std::pow(rho, n) * met[n];
   CHECK(power == Approx(1).margin(0.005));
 }
 
-TEST_CASE("a Lambertian wall lights a patch with the analytic form factor") {
-  // Howell B-3: a patch parallel to a rectangle, above its corner.
+TEST_CASE("a Lambertian wall illuminates a patch with the analytic form factor") {
+  // The form factor is B-3 in Howell's catalogue: a patch parallel to a rectangle and opposite one
+  // of its corners.
   Patch patch;
   patch.at = {0, 0, 0}, patch.normal = {0, 0, 1};
   patch.range_m = patch.cosine = 1, patch.solid_angle_sr = 1e-4;
@@ -201,7 +207,8 @@ TEST_CASE("light in a closed box decays by the albedo at each reflection") {
     for (const Patch& p : tiles(plate, 16, {0.3, 0.2, 1})) all.push_back(p);
   const double rho = 0.5;
   std::vector<double> exitance(all.size());
-  exitance[5] = 1 / all[5].area_m2();  // all power leaves one patch
+  // All the power leaves patch 5.
+  exitance[5] = 1 / all[5].area_m2();
   for (int n = 1; n <= 3; ++n) {
     std::vector<double> next(all.size());
     double power = 0;
@@ -215,7 +222,7 @@ TEST_CASE("light in a closed box decays by the albedo at each reflection") {
   }
 }
 
-TEST_CASE("light via a wall equals the integral over the wall, in both directions") {
+TEST_CASE("light reflected via a wall equals the integral over the wall for both path directions") {
   const double albedo = 0.7;
   const Room room = room_of({side_wall(-1.2, albedo)});
   const Vec3 at{0.1, 0.1, 4};
@@ -241,12 +248,12 @@ TEST_CASE("light via a wall equals the integral over the wall, in both direction
   const double expected = 2 * 0.6 * solid_angle * albedo * integral / mean_scene_weight;
   CHECK(total(fine.weight) == Approx(expected).epsilon(0.02));
   CHECK(total(by_wall.weight) == Approx(expected).epsilon(0.05));
-  // Fermat: no path via the wall is shorter than the mirror path.
+  // By Fermat's principle no path via the wall is shorter than the path via the mirror image.
   const double shortest = (length(at - Vec3{-2.4, 0, 0}) + length(at)) / 2;
   CHECK(*std::min_element(fine.range_m.begin(), fine.range_m.end()) > shortest - 0.06);
 }
 
-TEST_CASE("light after two reflections equals the sum over all pairs of patches") {
+TEST_CASE("light after two reflections equals the sum over all pairs of wall patches") {
   const Vec3 at{0.1, 0.1, 4};
   const Gaze gaze = spd_gaze({});
   const auto light = [&](const Room& room, std::int64_t order) {
@@ -257,7 +264,8 @@ TEST_CASE("light after two reflections equals the sum over all pairs of patches"
   };
   const double r2 = dot(at, at), area = 0.01, cosine = at.z / std::sqrt(r2);
   const double direct = 0.6 * area * cosine * cosine / (r2 * r2) / mean_scene_weight;
-  // A flat wall does not light itself: via it and back, w = A E^2 and w1 = 2 A E cos / R^2.
+  // A flat wall does not illuminate itself, so the second order is only wall - body - wall: w = A
+  // E^2, and the first order is w1 = 2 A E cos / R^2.
   const Room one = room_of({side_wall(-1.2, 0.7)});
   const double first = total(light(one, 1).weight);
   CHECK(total(light(one, 2).weight) - first == Approx(first * first / (4 * direct)).epsilon(0.02));
@@ -288,7 +296,7 @@ TEST_CASE("light after two reflections equals the sum over all pairs of patches"
   CHECK(second == Approx(expected).epsilon(0.03));
 }
 
-TEST_CASE("different walls break the mirror symmetry for light and radar") {
+TEST_CASE("unequal side walls break the left-right symmetry of light and radar echoes") {
   Conditions c = with_echoes(2, 0.9);
   c.radar_rays = 288, c.radar_resolution_m = 0.1, c.radar_step_m = 0.05, c.radar_bins = 140;
   Conditions direct = c;
@@ -296,7 +304,7 @@ TEST_CASE("different walls break the mirror symmetry for light and radar") {
   const Room alike = room_of({side_wall(-1.2, 0), side_wall(1.2, 0)});
   const Room differ = room_of({side_wall(-1.2, 0), side_wall(0.9, 0)});
   Scene scene = make_scene(c, {SceneKind::person}, 3, 0);
-  // Walls of albedo 0 have no echo.
+  // The walls have albedo 0, so they have no direct echo.
   const auto sides = [&](const Room& room, const Conditions& how) {
     scene.room = &room;
     const auto seen = profile(scene, how);
@@ -319,7 +327,7 @@ TEST_CASE("different walls break the mirror symmetry for light and radar") {
         0.1 * *std::max_element(seen.begin(), seen.end()));
 }
 
-TEST_CASE("wall echoes add to the empty room and scale with the scattered share") {
+TEST_CASE("a scene equals the empty room plus its changes, and wall echoes scale with scattering") {
   Conditions c;
   c.background = "closed", c.multipath_order = 2, c.spd_rays = 64;
   const Scene scene = make_scene(c, {SceneKind::person}, 3, 0);
@@ -334,7 +342,8 @@ TEST_CASE("wall echoes add to the empty room and scale with the scattered share"
   for (std::size_t i = 0; i < whole.size(); ++i)
     CHECK(whole[i] == Approx(empty[i] + change[i]).epsilon(1e-6).margin(1e-3));
 
-  // Remaining share of the walls' own echoes, with or without a person.
+  // The setting radar_wall_scatter reduces the direct echoes of the walls, with or without a
+  // person.
   c.multipath_order = 0;
   Conditions smooth = c;
   smooth.radar_wall_scatter = 0.25;

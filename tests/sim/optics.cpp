@@ -50,7 +50,8 @@ Scene turned(Scene scene, double angle) {
   return scene;
 }
 
-// Returns the mean of z_i^2 over draws and bins, and the greatest |z| of a bin's mean count.
+// Scores of simulated counts: mean of z^2 over draws and bins, and largest |z| of the mean count of
+// a bin.
 struct Scores {
   double chi2_per_bin = 0, worst = 0;
 };
@@ -79,7 +80,7 @@ Scores scores_of(const std::vector<double>& rate, const std::vector<double>& mea
 
 }  // namespace
 
-TEST_CASE("a return at a bin edge gives the exact erf difference in each bin") {
+TEST_CASE("a return at a bin edge adds the exact integral of the Gaussian response to each bin") {
   Conditions c;
   c.signal_photons = 1000;
   const double t = c.first_bin_ps + 80 * c.bin_width_ps;
@@ -91,13 +92,13 @@ TEST_CASE("a return at a bin edge gives the exact erf difference in each bin") {
   }
 }
 
-TEST_CASE("linear sharing between bins stays within its documented error bound") {
+TEST_CASE("linear sharing of a return between bins stays within its documented error bound") {
   for (const double fwhm : {50.0, 200.0, 700.0}) {
     Conditions c;
     c.irf_fwhm_ps = fwhm;
     c.signal_photons = 1;
-    // |error| <= step^2/8 max |d2/dt2 of the bin's share|; for each of the two edges that maximum
-    // is max |x phi(x)| / sigma^2, and step <= sigma/16.
+    // The error is at most step^2 / 8 times the largest second derivative of the share of the bin.
+    // Each of the two bin edges contributes max |x phi(x)| / sigma^2, and step <= sigma / 16.
     const double bound = 2 * 0.242 / 8 / 256;
     for (int k = 0; k < 50; ++k) {
       const double t = c.first_bin_ps + 10'000 + 7.3 * k;
@@ -111,7 +112,8 @@ TEST_CASE("linear sharing between bins stays within its documented error bound")
   }
 }
 
-TEST_CASE("bins contain the whole energy, with mean and variance of the IRF") {
+TEST_CASE(
+    "the bins of a return contain its whole energy and have the mean and variance of the IRF") {
   for (const double tail : {0.0, 40.0, 400.0})
     for (const double fwhm : {2.0, 200.0, 1000.0}) {
       Conditions c;
@@ -120,40 +122,44 @@ TEST_CASE("bins contain the whole energy, with mean and variance of the IRF") {
       const double t = c.first_bin_ps + 9'050;
       const Moments m = moments_of(spd_rate(one_return(t), c), c);
       CHECK(m.sum == Approx(c.signal_photons).epsilon(3e-9));
-      if (fwhm < 200 && tail < 100) continue;  // the bins are too coarse for moments
+      // The bins are too coarse to compute moments.
+      if (fwhm < 200 && tail < 100) continue;
       const double sigma = sigma_ps(c), w = c.bin_width_ps;
-      // A kink of f(0) = 1/tail moves the binned mean by at most w^2 f(0) / 12 (Euler-Maclaurin).
+      // The exponential tail starts with a jump of height f(0) = 1/tail, which moves the binned
+      // mean by at most w^2 f(0) / 12 (Euler-Maclaurin).
       CHECK(m.mean ==
             Approx(t + tail).margin(tail > 0 && fwhm < 200 ? w * w / 12 / tail : 1e-3 * w));
-      // Sharing a return between points sigma/16 apart adds at most a quarter of their distance
-      // squared to the variance; the kink adds w^2 / 12 times the change of slope of (t - mean)^2
-      // f, which is 2.
+      // Sharing a return between points at a distance of sigma/16 adds at most a quarter of this
+      // distance squared to the variance. The start of the tail adds w^2 / 12 times the change of
+      // slope of (t - mean)^2 f, which is 2.
       const double widening = sigma * sigma / 1024 + (fwhm < 200 ? w * w / 6 : 0);
       CHECK(std::abs(m.variance - sigma * sigma - tail * tail - w * w / 12) < widening);
     }
 }
 
-TEST_CASE("light outside the time axis contributes only within the IRF") {
+TEST_CASE("light from outside the time axis contributes only through the IRF") {
   Conditions c;
   const double end = c.first_bin_ps + static_cast<double>(c.bins) * c.bin_width_ps;
-  for (const double edge : {c.first_bin_ps, end})  // half of the return is on the axis
+  // Half of the return is on the time axis.
+  for (const double edge : {c.first_bin_ps, end})
     CHECK(total(spd_rate(one_return(edge), c)) == Approx(c.signal_photons / 2).epsilon(1e-6));
   for (const double t : {1000.0, c.first_bin_ps - 2000, end + 2000, 1e6})
     CHECK(total(spd_rate(one_return(t), c)) == 0);
-  c.irf_tail_ps = 3000;  // light before the first bin decays into it
+  // The tail of light before the first bin extends into the histogram.
+  c.irf_tail_ps = 3000;
   CHECK(
       total(spd_rate(one_return(c.first_bin_ps - 6000), c)) ==
       Approx(c.signal_photons * std::exp(-2 + std::pow(sigma_ps(c) / 3000, 2) / 2)).epsilon(1e-3));
 }
 
-TEST_CASE("background counts are uniform over bins") {
+TEST_CASE("simulated background counts are uniform over the bins") {
   Conditions c;
   c.background_counts = 672;
   const auto rate = spd_rate({}, c);
   for (const double r : rate) CHECK(r == Approx(2).epsilon(1e-12));
 }
 
-TEST_CASE("mirror law: a scene and its mirror image have equal histograms") {
+TEST_CASE("a scene and its mirror image have equal SPD histograms") {
   const Conditions c;
   for (std::uint64_t i = 0; i < 20; ++i) {
     const Scene scene = some_scene(c, i);
@@ -165,7 +171,7 @@ TEST_CASE("mirror law: a scene and its mirror image have equal histograms") {
   }
 }
 
-TEST_CASE("an asymmetric room breaks the mirror law") {
+TEST_CASE("a scene in an asymmetric room and its mirror image have different SPD histograms") {
   Conditions c;
   c.background = "room";
   for (std::uint64_t i = 0; i < 6; ++i) {
@@ -176,17 +182,19 @@ TEST_CASE("an asymmetric room breaks the mirror law") {
     double chi2 = 0;
     for (std::size_t k = 0; k < a.size(); ++k)
       if (a[k] + b[k] > 0) chi2 += (a[k] - b[k]) * (a[k] - b[k]) / (a[k] + b[k]);
-    CHECK(chi2 > 20 * 20);  // 20 sigma of shot noise
+    // The difference is at least 20 standard deviations of the shot noise.
+    CHECK(chi2 > 20 * 20);
   }
 }
 
-TEST_CASE("rotating a scene about the sensor's vertical axis keeps its histogram") {
-  // Rays sample both scenes differently. The difference decreases with finer rays, and by default
-  // is below the shot noise of 1e5 photons.
+TEST_CASE("rotating a scene about the vertical axis of the SPD does not change its histogram") {
+  // Rays sample the two scenes at different points. The difference decreases with the number of
+  // rays, and the default number keeps it below the shot noise of 1e5 photons.
   const auto chi2_per_bin = [](std::int64_t rays) {
     Conditions c;
     c.spd_rays = rays;
-    c.target_x_m = 0;  // so that people stay in the field of view
+    // People stay in the field of view if they are at its centre.
+    c.target_x_m = 0;
     double sum = 0;
     int bins = 0;
     for (std::uint64_t i = 0; i < 60; ++i) {
@@ -202,11 +210,12 @@ TEST_CASE("rotating a scene about the sensor's vertical axis keeps its histogram
   const double fine = chi2_per_bin(1536);
   CAPTURE(coarse, base, fine);
   CHECK(base < 1);
-  CHECK(base < coarse / 16);  // at least as resolution^-2
+  // The difference decreases at least with the square of the number of rays per side.
+  CHECK(base < coarse / 16);
   CHECK(fine < base / 16);
 }
 
-TEST_CASE("the automatic number of rays keeps errors below a tenth of the shot noise") {
+TEST_CASE("the automatic number of rays keeps the error below a tenth of the shot-noise variance") {
   for (const double photons : {1e3, 1e4, 1e5}) {
     Conditions c, fine;
     c.signal_photons = fine.signal_photons = photons;
@@ -224,7 +233,7 @@ TEST_CASE("the automatic number of rays keeps errors below a tenth of the shot n
   }
 }
 
-TEST_CASE("low-flux counts are Poisson") {
+TEST_CASE("simulated counts without pile-up follow a Poisson distribution") {
   Conditions c;
   c.signal_photons = 3e4;
   c.background_counts = 300;
@@ -232,14 +241,15 @@ TEST_CASE("low-flux counts are Poisson") {
   constexpr int draws = 400;
   const Scores s = scores_of(rate, rate, rate, c, draws);
   CHECK(s.worst < 4.5);
-  // E z^2 = 1; its variance over n independent terms is (2 + 1/r)/n.
+  // The expected value of z^2 is 1. The variance of its mean over n independent terms is (2 + 1/r)
+  // / n.
   double spread = 0;
   for (const double r : rate) spread += 2 + 1 / r;
   const double bins = static_cast<double>(rate.size());
   CHECK(std::abs(s.chi2_per_bin - 1) < 4.5 * std::sqrt(spread / draws) / bins);
 }
 
-TEST_CASE("pile-up counts the first photon of each pulse") {
+TEST_CASE("simulated pile-up counts only the first photon of each pulse") {
   Conditions c;
   c.pulses_per_window = 20'000;
   c.signal_photons = 2e4;
@@ -260,15 +270,15 @@ TEST_CASE("pile-up counts the first photon of each pulse") {
   constexpr int draws = 300;
   const Scores s = scores_of(rate, mean, variance, c, draws);
   CHECK(s.worst < 4.5);
-  // As above for a multinomial: bins are correlated by -sqrt(odds_i odds_j), which adds at most 2
-  // odds^2 to the variance of the sum.
+  // The counts are multinomial: bins are correlated by -sqrt(odds_i odds_j), which adds at most 2
+  // odds^2 to the variance of the sum of z^2.
   const double bins = static_cast<double>(rate.size());
   CHECK(std::abs(s.chi2_per_bin - 1) < 4.5 * std::sqrt((spread + 2 * odds * odds) / draws) / bins);
 }
 
-// Coates, J. Phys. E 1 (1968) 878: a bin's rate is -ln(1 - counts / pulses that were still
-// waiting).
-TEST_CASE("Coates' correction of sampled counts recovers the rates within its variance") {
+// Coates, J. Phys. E 1, 878 (1968): the rate of a bin is -ln(1 - counts / pulses without an earlier
+// count).
+TEST_CASE("the Coates pile-up correction recovers the simulated rates within its variance") {
   Conditions c;
   c.pulses_per_window = 20'000;
   c.signal_photons = 2e4;
@@ -286,7 +296,8 @@ TEST_CASE("Coates' correction of sampled counts recovers the rates within its va
       waiting -= counts[i];
     }
   }
-  // Each estimate is binomial over the remaining pulses; the estimates are uncorrelated.
+  // Each estimate is binomial with the pulses that have no earlier count. The estimates are
+  // uncorrelated.
   double before = 0, worst = 0, chi2 = 0;
   for (std::size_t i = 0; i < rate.size(); ++i) {
     const double variance = std::expm1(rate[i] / pulses) * pulses * std::exp(before);
@@ -298,12 +309,15 @@ TEST_CASE("Coates' correction of sampled counts recovers the rates within its va
   CHECK(worst < 4.5);
   const double bins = static_cast<double>(rate.size());
   CHECK(std::abs(chi2 - bins) < 4.5 * std::sqrt(2 * bins));
-  CHECK(before > 1);  // without the correction the last bins would lose most of their counts
+  // Without the correction the last bins would lose most of their counts.
+  CHECK(before > 1);
 }
 
-TEST_CASE("a free-running detector with a dead time of one pulse period counts first photons") {
+TEST_CASE(
+    "a free-running detector with a dead time longer than the histogram counts first photons") {
   Conditions c;
-  c.pulses_per_window = 20'000'000;  // every 150 ns; the histogram covers 34 ns
+  // The pulse period is 150 ns, and the histogram covers 34 ns.
+  c.pulses_per_window = 20'000'000;
   c.spd_dead_time_ps = 50'000;
   c.signal_photons = 1e5;
   c.background_counts = 2e4;
@@ -320,11 +334,12 @@ TEST_CASE("a free-running detector with a dead time of one pulse period counts f
   CHECK(scores_of(rate, mean, variance, c, 30).worst < 4.5);
 }
 
-TEST_CASE("a free-running detector with dead time tau counts r / (1 + r tau)") {
+TEST_CASE("a free-running detector with dead time tau counts at the rate r / (1 + r tau)") {
   Conditions c;
   c.bins = 300;
   c.first_bin_ps = 0;
-  c.pulses_per_window = 100'000'000;  // the histogram covers the whole period of 30 ns
+  // The histogram covers the complete pulse period of 30 ns.
+  c.pulses_per_window = 100'000'000;
   c.signal_photons = 0;
   c.background_counts = 1e5;
   const auto rate = spd_rate({}, c);
@@ -336,17 +351,17 @@ TEST_CASE("a free-running detector with dead time tau counts r / (1 + r tau)") {
     double sum = 0;
     for (int d = 0; d < draws; ++d)
       for (const auto n : draw_counts(rate, c, rng)) sum += n;
-    // A renewal process that starts ready has intervals of mean m = tau + 1/r and variance 1/r^2,
-    // the first of mean 1/r. So t has t/m + (1/r^2 + m^2) / 2 m^2 - 1 / (r m) events, of variance t
-    // / (r^2 m^3).
-    const double m = 1 + blind;  // in units of 1/r
+    // Renewal process that starts ready: intervals have the mean m = tau + 1/r and the variance
+    // 1/r^2, but the first has the mean 1/r. The number of events in t is t/m + (1/r^2 + m^2) / 2
+    // m^2 - 1 / (r m), with variance t / (r^2 m^3).
+    const double m = 1 + blind;  // mean interval in units of 1/r
     const double mean = draws * (c.background_counts / m + (1 + m * m) / (2 * m * m) - 1 / m);
     CAPTURE(tau_us, sum, mean);
     CHECK(std::abs(sum - mean) < 4.5 * std::sqrt(draws * c.background_counts / (m * m * m)));
   }
 }
 
-TEST_CASE("no pulse is counted twice, even in a bright scene") {
+TEST_CASE("each laser pulse gives at most one count with pile-up, even in a bright scene") {
   Conditions c;
   c.pulses_per_window = 1000;
   Rng rng = make_rng(1, 1);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Compares the renderer with published histograms: of a TMF8820 and of another group's simulator
-// (Mu et al., CVPR 2024). Skipped without these data (ECHOFUSE_DATA).
+// Compares simulated histograms with published ones, which were measured with a TMF8820 or
+// simulated by another group (Mu et al., CVPR 2024). Skipped if ECHOFUSE_DATA does not contain
+// these data.
 #include <zlib.h>
 
 #include <algorithm>
@@ -60,8 +61,8 @@ Corners read_obj(const std::string& name) {
   return out;
 }
 
-// Binary STL: 80 bytes, the number of triangles, and for each 12 floats (normal, three corners) and
-// two bytes.
+// Reads a binary STL file: 80 bytes, the number of triangles, then 12 floats (normal and three
+// corners) and two bytes per triangle.
 Corners read_stl(const std::string& name) {
   const std::string text = read_text(name);
   Corners out;
@@ -74,7 +75,7 @@ Corners read_stl(const std::string& name) {
 }
 
 struct Pose {
-  Vec3 x, y, z, place;  // axes of the sensor, which faces along z
+  Vec3 x, y, z, place;  // axes and position of the sensor, which faces along z
 };
 
 Pose pose_of(const nlohmann::json& p) {
@@ -92,7 +93,8 @@ Scene seen_from(const Pose& pose, const Corners& corners) {
   return scene;
 }
 
-// Circular field of view: returns within this tangent of the axis.
+// Returns the light within a circular field of view. `half_tangent` is the tangent of its half
+// angle.
 Returns look(const Scene& scene, double half_tangent) {
   constexpr std::uint32_t rays = 256;
   const double step = 2 * half_tangent / rays, first = -half_tangent + step / 2;
@@ -121,7 +123,8 @@ struct Fit {
   double gain = 0, background = 0;
 };
 
-// Least squares of counts = gain model + background; variances from the rate of the last iteration.
+// Fits counts = gain * model + background by least squares. The variances come from the rates of
+// the previous iteration.
 Fit fit(const std::vector<double>& counts, const std::vector<double>& model,
         const std::vector<double>& seen_share) {
   Fit out;
@@ -141,7 +144,8 @@ Fit fit(const std::vector<double>& counts, const std::vector<double>& model,
   return out;
 }
 
-// Returns the bin where counts, smoothed over `width` bins, first exceed a third of their peak.
+// Returns the bin, with a fraction, in which the smoothed counts first exceed a third of their
+// peak. Smoothing averages 2 * width + 1 bins.
 double first_return(const std::vector<double>& counts, std::size_t from, std::size_t width) {
   std::vector<double> smooth(counts.size());
   for (std::size_t i = width; i + width < counts.size(); ++i)
@@ -155,7 +159,7 @@ double first_return(const std::vector<double>& counts, std::size_t from, std::si
   return NAN;
 }
 
-// Returns the median absolute deviation of these shifts.
+// Returns the median absolute deviation of the shifts from their median.
 double scatter(const std::vector<double>& shifts) {
   const double middle = median(shifts);
   std::vector<double> off;
@@ -165,9 +169,9 @@ double scatter(const std::vector<double>& shifts) {
 
 constexpr double tmf_half_tangent = 0.29;
 
-// The bin width is not stated. The background in front of and behind the object is equal if the
-// first photon of 5000 pulses is counted.
-TEST_CASE("histograms match another simulator's for a sphere and a soap dish") {
+// The publication does not state the bin width. The background is equal in front of and behind the
+// object if the simulator counts the first photon of 5000 pulses.
+TEST_CASE("simulated histograms match those of another simulator for a sphere and a soap dish") {
   const std::string name = GENERATE("sphere", "soap");
   const auto records = read_json("spad-simulated/" + name + ".json.gz");
   const Corners corners = read_obj("spad-simulated/" + name + ".obj");
@@ -211,12 +215,13 @@ TEST_CASE("histograms match another simulator's for a sphere and a soap dish") {
             << " mm\n";
 }
 
-// The cover window of a TMF8820 causes a strong first peak: the response of the detector itself.
+// Model of the cover window of a TMF8820. Its strong first peak has the shape of the detector
+// response.
 class Window {
  public:
   static constexpr std::size_t first = 16, last = 20, bins = 128;
-  // Background of each bin, relative to the peak: a low percentile over the poses, which excludes
-  // the moving object.
+  // Measures the background of each bin relative to the peak. A low percentile over the poses
+  // excludes the moving object.
   Window(const nlohmann::json& records, std::size_t zone) : seen_(bins), until_(bins + 1) {
     for (std::size_t i = 0; i < bins; ++i) {
       std::vector<double> values;
@@ -240,7 +245,7 @@ class Window {
     return std::accumulate(h.begin() + first, h.begin() + last, 0.0);
   }
   const std::vector<double>& seen() const { return seen_; }
-  // Share of the response to light at bin `at` that falls into bin i.
+  // Returns the fraction of the response to light at bin `at` that falls into bin i.
   double share(std::size_t i, double at) const {
     const double begin = static_cast<double>(i) - at + centre_;
     return up_to(begin + 1) - up_to(begin);
@@ -257,7 +262,8 @@ class Window {
   double centre_ = 0;
 };
 
-// The zones are three by three over 33 by 32 degrees, rotated by 180 degrees.
+// Returns the pose of a zone. The zones form a 3 x 3 grid over 33 by 32 degrees, rotated by 180
+// degrees.
 Pose of_zone(Pose pose, std::size_t zone) {
   const double x = (1 - static_cast<double>(zone / 3)) * 2 / 3 * tmf_half_tangent,
                y = (1 - static_cast<double>(zone % 3)) * 2 / 3 * tmf_half_tangent;
@@ -269,12 +275,13 @@ Pose of_zone(Pose pose, std::size_t zone) {
   return pose;
 }
 
-// The fit gives bins of 13.5 mm, a zero at bin 12.25, and the delay of each zone.
-TEST_CASE("histograms match those of a TMF8820 for a block") {
+// The bin size of 13.5 mm and the zero bin 12.25 were fitted. The test fits the delay of each zone.
+TEST_CASE("simulated histograms match those measured with a TMF8820 for a block") {
   const auto records = read_json("spad-tmf8820/tall_block.json.gz");
   const Corners corners = read_stl("spad-tmf8820/tall_block.stl");
   constexpr double m_a_bin = 0.0135, zero_bin = 12.25, step_m = 0.002;
-  constexpr std::size_t from = 21, to = 60;  // behind the window's peak
+  // These bins are behind the peak of the window.
+  constexpr std::size_t from = 21, to = 60;
   std::vector<double> off, times, chi2s, rests;
   for (std::size_t zone = 0; zone < 9; ++zone) {
     const Window window(records, zone);

@@ -17,7 +17,8 @@ constexpr double pi = std::numbers::pi;
 
 double decibel(double amplitude) { return 20 * std::log10(std::abs(amplitude)); }
 
-// Normalised transform of a continuous Blackman window of unit length, by summation.
+// Returns the normalised Fourier transform of a continuous Blackman window of unit length, computed
+// by summation.
 double blackman_by_sum(double u) {
   constexpr int n = 20'000;
   double sum = 0, norm = 0;
@@ -32,7 +33,7 @@ double blackman_by_sum(double u) {
 
 }  // namespace
 
-TEST_CASE("the sinc response has nulls at multiples of c / 2B") {
+TEST_CASE("the sinc radar response has nulls at multiples of the resolution c / 2B") {
   constexpr double bandwidth_hz = 300e6;
   RadarAxis axis;
   axis.resolution_m = speed_of_light_m_s / (2 * bandwidth_hz);
@@ -45,7 +46,7 @@ TEST_CASE("the sinc response has nulls at multiples of c / 2B") {
     CHECK(power[null] == Approx(0).margin(1e-20));
 }
 
-TEST_CASE("an asymmetric response has its origin at the best symmetric fit") {
+TEST_CASE("the origin of an asymmetric radar response is the centre of its best symmetric fit") {
   Conditions c;
   c.radar_taps = "1 0.81 0.41 0.09 0";
   const Psf even = radar_response(c).psf;
@@ -76,13 +77,14 @@ TEST_CASE("an asymmetric response has its origin at the best symmetric fit") {
   }
 }
 
-TEST_CASE("the Blackman response is the Fourier transform of the window") {
+TEST_CASE("the Blackman radar response is the Fourier transform of the Blackman window") {
   for (const double u : {0.0, 0.3, 0.8, 0.99999, 1.0, 1.5, 2.0, 2.0000001, 2.5, 3.0, 3.4, 7.7})
     CHECK(Psf::blackman().at(u) == Approx(blackman_by_sum(u)).margin(1e-7));
   double half = 0;
   while (decibel(Psf::blackman().at(half)) > 10 * std::log10(0.5)) half += 1e-5;
   CHECK(std::abs(decibel(blackman_by_sum(half)) - 10 * std::log10(0.5)) < 1e-3);
-  CHECK(std::lround(200 * half) == 164);  // Harris: 1.64 bins
+  // Harris gives a width of 1.64 bins.
+  CHECK(std::lround(200 * half) == 164);
   double highest = -INFINITY;
   for (double u = 3.0001; u < 50; u += 1e-3)
     highest = std::max(highest, decibel(Psf::blackman().at(u)));
@@ -90,7 +92,7 @@ TEST_CASE("the Blackman response is the Fourier transform of the window") {
   CHECK(highest > -59);
 }
 
-TEST_CASE("a range profile equals the sum over scatterers at each bin") {
+TEST_CASE("a simulated range profile equals the sum over scatterers at each bin") {
   const Returns returns{{2.9, 3.33, 3.47, 5.0}, {0.5, 1.0, 0.3, 0.2}};
   for (const Psf& psf : {Psf::sinc(), Psf::blackman(), Psf::hann()}) {
     const RadarAxis axis{0.1, 0.25, 29, 0.5, psf};
@@ -106,7 +108,7 @@ TEST_CASE("a range profile equals the sum over scatterers at each bin") {
   }
 }
 
-TEST_CASE("antenna leakage is an echo at range 0") {
+TEST_CASE("antenna leakage gives an echo at range 0") {
   Conditions c;
   c.radar_leakage = 3;
   const RadarAxis axis = radar_response(c);
@@ -123,7 +125,7 @@ TEST_CASE("the radar measures range from its own position") {
     const Returns r = radar_returns(s, c);
     return *std::min_element(r.range_m.begin(), r.range_m.end());
   };
-  // Rays 1/160 apart miss the nearest point of the sphere by no more than this.
+  // Rays at steps of 1/160 (tangent) miss the nearest point of the sphere by at most this range, m.
   const double miss = std::pow(4.0 / 160, 2) / 2 * (1 / 0.1 + 1 / 3.5) / 2;
   CHECK(nearest(scene) >= std::hypot(1.3, 3.5) - 0.1 - 1e-6);
   CHECK(nearest(scene) <= std::hypot(1.3, 3.5) - 0.1 + miss);
@@ -131,7 +133,7 @@ TEST_CASE("the radar measures range from its own position") {
   CHECK(nearest(mirrored(scene)) <= std::hypot(0.3, 3.5) - 0.1 + miss);
 }
 
-TEST_CASE("without a baseline the radar cannot separate left from right") {
+TEST_CASE("a radar at the position of the SPD cannot distinguish left from right") {
   Conditions c;
   c.baseline_m = 0;
   for (std::uint64_t i = 0; i < 6; ++i) {
@@ -143,7 +145,7 @@ TEST_CASE("without a baseline the radar cannot separate left from right") {
   }
 }
 
-TEST_CASE("radar noise is white and falls with the square root of the number of frames") {
+TEST_CASE("simulated radar noise is white and falls with the square root of the number of frames") {
   Conditions c;
   c.radar_snr_db = 13;
   constexpr double mean_peak = 0.7;
@@ -161,12 +163,12 @@ TEST_CASE("radar noise is white and falls with the square root of the number of 
   }
   const double n = static_cast<double>(power.size());
   CHECK(std::abs(sum) < 4.5 * std::sqrt(n));
-  // The kurtosis of a mean of exponential variables is 3 + 6 / frames.
+  // The mean of exponentially distributed variables over frames has the kurtosis 3 + 6 / frames.
   CHECK(std::abs(squares - n) < 4.5 * std::sqrt((2 + 6 / static_cast<double>(frames)) * n));
   CHECK(std::abs(neighbours) < 4.5 * std::sqrt(n));
 }
 
-TEST_CASE("the mean peak equals that of the base scenes") {
+TEST_CASE("the reference peak power equals the mean peak power of simulated scenes") {
   const Conditions c;
   const RadarAxis axis = radar_response(c);
   const double reference = mean_peak_power(axis, c);
@@ -184,7 +186,7 @@ TEST_CASE("the mean peak equals that of the base scenes") {
   CHECK(std::abs(mean - reference) < 3.5 * std::sqrt(variance * (1.0 / scenes + 1.0 / 64)));
 }
 
-TEST_CASE("the default rays keep errors below the default noise of the profile") {
+TEST_CASE("the default number of radar rays keeps profile errors below the default noise") {
   Conditions c, fine;
   fine.radar_rays = 4 * c.radar_rays;
   const RadarAxis axis = radar_response(c);

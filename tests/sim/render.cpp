@@ -26,20 +26,21 @@ Scene scaled(Scene scene, double s) {
   return scene;
 }
 
-// Weight of a screen at distance d within slant range r: integral of albedo cos dOmega / R^2.
+// Returns the weight of a screen at distance d within slant range r: the integral of albedo cos
+// dOmega / R^2.
 double screen_weight(double d, double r, double albedo) {
   return albedo * std::numbers::pi / (2 * d * d) * (1 - std::pow(d / r, 4)) / mean_scene_weight;
 }
 
 }  // namespace
 
-TEST_CASE("rays of both sensors hit a sphere at the computed points") {
+TEST_CASE("rays from both sensors hit a sphere at the computed points") {
   const Vec3 centre{0.6, 0.2, 3.5};
   Scene scene;
   scene.capsules = {sphere(centre, 0.3)};
   for (const double sensor_x : {0.0, -0.5}) {
     const Vec3 to_centre = centre - Vec3{sensor_x, 0, 0};
-    // One ray exactly at the centre.
+    // The only ray points exactly at the centre of the sphere.
     const Axis x{"x", "tangent", "1", 1, to_centre.x / to_centre.z, 1e-3};
     const Axis y{"y", "tangent", "1", 1, to_centre.y / to_centre.z, 1e-3};
     const Hit hit = cast(scene, sensor_x, x, y)[0];
@@ -49,8 +50,10 @@ TEST_CASE("rays of both sensors hit a sphere at the computed points") {
   }
 }
 
-TEST_CASE("each ray hit is on its capsule, with the cosine of the normal") {
-  // Tilted both ways, level, upright, starting outside of the image, or next to the sensor.
+TEST_CASE(
+    "each ray hit is on the surface of its capsule and has the cosine of the surface normal") {
+  // The capsules are tilted either way, level, upright, partly outside of the image, or next to the
+  // sensor.
   const Capsule capsule = GENERATE(Capsule{{-0.3, -0.5, 3.2}, {0.4, 0.6, 3.9}, 0.15, 0.5},
                                    Capsule{{0.7, -0.5, 2.2}, {-0.4, 0.9, 2.9}, 0.07, 0.5},
                                    Capsule{{-0.9, 0.2, 2}, {0.8, 0.2, 3}, 0.1, 0.5},
@@ -67,7 +70,8 @@ TEST_CASE("each ray hit is on its capsule, with the cosine of the normal") {
     for (std::uint32_t ix = 0; ix < side; ++ix) {
       const Hit& hit = hits[iy * side + ix];
       const Vec3 ray{x.at(ix), y.at(iy), 1}, axis = capsule.b - capsule.a;
-      // Distance of the ray from the segment by a fine search, as a reference.
+      // Computes the distance of the ray from the axis of the capsule by a fine search, as a
+      // reference.
       double least = INFINITY;
       for (int k = 0; k <= 400; ++k) {
         const Vec3 p = capsule.a + (k / 400.0) * axis;
@@ -87,8 +91,8 @@ TEST_CASE("each ray hit is on its capsule, with the cosine of the normal") {
   CHECK(seen > 1000);
 }
 
-TEST_CASE("a letter's strokes are at their positions, with gaps between") {
-  // An L of 0.4 x 0.4 m at z = 2, hit by rays through chosen points.
+TEST_CASE("the strokes of a letter are rendered at their positions with gaps between them") {
+  // The plate is an L of 0.4 x 0.4 m at z = 2 m. Rays pass through chosen points.
   Scene scene;
   scene.plates = {{{0.1, 0, 2},
                    {1, 0, 0},
@@ -109,8 +113,9 @@ TEST_CASE("a letter's strokes are at their positions, with gaps between") {
   CHECK(z_at(-0.15, 0.201) == 0);
 }
 
-TEST_CASE("each sensor has its own occlusion") {
-  Scene scene;  // from the origin the small sphere is behind the large one
+TEST_CASE("occlusion is computed separately for each sensor position") {
+  // Seen from the origin, the small sphere is behind the large sphere.
+  Scene scene;
   scene.capsules = {sphere({0, 0, 3}, 0.1, 0.5), sphere({0, 0, 4}, 0.05, 0.7)};
   const Conditions c;
   const auto farthest = [](const Returns& r) {
@@ -142,7 +147,7 @@ TEST_CASE("a scene twice as large at twice the distance returns a quarter of the
   }
 }
 
-TEST_CASE("a screen returns the analytic amount of light") {
+TEST_CASE("a flat screen returns the analytic amount of light") {
   Conditions c;
   c.spd_rays = 1024;
   constexpr double distance = 4, albedo = 0.6;
@@ -155,7 +160,7 @@ TEST_CASE("a screen returns the analytic amount of light") {
     double sum = 0;
     for (std::size_t k = 0; k < returns.weight.size(); ++k)
       if (returns.range_m[k] < r) sum += returns.weight[k];
-    // Only the pixels cut by the circle can be wrong, at most 8 tangent / step.
+    // Only pixels on the edge of the circle may be wrong, which are at most 8 tangent / step.
     const double edge = 8 * tangent * step * albedo / (distance * distance * mean_scene_weight);
     CHECK(std::abs(sum - screen_weight(distance, r, albedo)) < edge);
     CHECK(edge < 0.06 * sum);
@@ -169,8 +174,9 @@ TEST_CASE("a sphere returns the analytic amount of light") {
   Scene scene;
   scene.capsules = {sphere({0, 0, d}, a, albedo)};
   const Returns returns = spd_returns(scene, c);
-  // d^2 = R^2 + a^2 + 2 R a cos(theta) and 2 d R cos(alpha) = d^2 + R^2 - a^2, alpha off the axis:
-  // the weight within range r is the integral of 2 pi albedo cos(theta) / R^2 over cos(alpha).
+  // With the angle alpha from the axis: d^2 = R^2 + a^2 + 2 R a cos(theta) and 2 d R cos(alpha) =
+  // d^2 + R^2 - a^2. The weight within range r is the integral of 2 pi albedo cos(theta) / R^2 over
+  // cos(alpha).
   const auto integral = [&](double r) {
     return std::log(r) + k / (r * r) - k * k / (4 * r * r * r * r);
   };
@@ -181,7 +187,7 @@ TEST_CASE("a sphere returns the analytic amount of light") {
     double sum = 0;
     for (std::size_t i = 0; i < returns.weight.size(); ++i)
       if (returns.range_m[i] < r) sum += returns.weight[i];
-    // Pixels on the circle of this range can be wrong, as for the screen.
+    // Pixels on the edge of the circle of this range may be wrong, as for the screen.
     const double tangent = std::tan(std::acos((d * d + r * r - a * a) / (2 * d * r)));
     const double cosine = (d * d - r * r - a * a) / (2 * r * a);
     const double edge = 8 * tangent * step * albedo * cosine / (r * r * mean_scene_weight);
@@ -191,7 +197,7 @@ TEST_CASE("a sphere returns the analytic amount of light") {
   }
 }
 
-TEST_CASE("mirrored scenes return equal light and mirrored maps") {
+TEST_CASE("a mirrored scene returns the same amount of light and a mirrored depth map") {
   const Conditions c;
   for (std::uint64_t i = 0; i < 10; ++i) {
     const Scene scene = some_scene(c, i), image = mirrored(scene);
@@ -204,7 +210,7 @@ TEST_CASE("mirrored scenes return equal light and mirrored maps") {
   }
 }
 
-TEST_CASE("the mean scene returns the documented amount of light") {
+TEST_CASE("the mean light of simulated scenes equals the documented reference") {
   const Conditions c;
   constexpr int scenes = 1000;
   double sum = 0, squares = 0;

@@ -12,7 +12,7 @@
 using namespace echofuse;
 using namespace echofuse::sim;
 
-TEST_CASE("a scene depends only on seed and index") {
+TEST_CASE("a simulated scene depends only on its seed and index") {
   const Conditions c;
   const Scene first = make_scene(c, SceneKind::letter, 5, 9);
   make_scene(c, SceneKind::person, 5, 8);
@@ -25,7 +25,7 @@ TEST_CASE("a scene depends only on seed and index") {
   CHECK(length(first.capsules[0].a - make_scene(c, SceneKind::letter, 6, 9).capsules[0].a) > 0);
 }
 
-TEST_CASE("people have realistic heights, stand on the floor and inside the area") {
+TEST_CASE("simulated people have realistic heights and stand on the floor inside the area") {
   const Conditions c;
   for (std::uint64_t i = 0; i < 300; ++i) {
     const Scene scene = make_scene(c, SceneKind::person, 1, i);
@@ -38,18 +38,20 @@ TEST_CASE("people have realistic heights, stand on the floor and inside the area
         CHECK(end.z > c.target_z_min_m - 0.8);
         CHECK(end.z < c.target_z_max_m + 0.8);
       }
-    for (std::size_t k = 6; k < 12; ++k)  // pelvis to head
+    // These capsules form the trunk from pelvis to head.
+    for (std::size_t k = 6; k < 12; ++k)
       trunk_top = std::max(trunk_top, scene.capsules[k].b.y + scene.capsules[k].radius_m);
     CHECK(lowest == Approx(-c.camera_height_m).margin(1e-9));
     const double height = trunk_top - lowest;
-    CHECK(height > 1.45);  // bent forward and with bent knees: below 1.55 m
+    // People who bend forward with bent knees may be less than 1.55 m high.
+    CHECK(height > 1.45);
     CHECK(height < 1.91);
     CHECK(scene.capsules[0].albedo >= 0.3);
     CHECK(scene.capsules[0].albedo <= 0.7);
   }
 }
 
-TEST_CASE("the ten letters face the sensors within 30 degrees and are held in both hands") {
+TEST_CASE("ten letters are held in both hands and face the sensors within 30 degrees") {
   const Conditions c;
   std::set<std::string> seen;
   for (std::uint64_t i = 0; i < 300; ++i) {
@@ -61,7 +63,8 @@ TEST_CASE("the ten letters face the sensors within 30 degrees and are held in bo
     const Plate& plate = scene.plates[0];
     const Capsule& trunk = scene.capsules[6];
     const Vec3 body = 0.5 * (trunk.a + trunk.b), to_sensors{-body.x, 0, -body.z};
-    const Vec3 facing = cross(plate.v, plate.u);  // u is right and v up for a viewer in front
+    // For a viewer in front of the plate, u points to the right and v up.
+    const Vec3 facing = cross(plate.v, plate.u);
     CHECK(dot(facing, to_sensors) / length(to_sensors) > std::cos(30.5 * 3.14159265 / 180));
     CHECK(length(plate.centre - body) > 0.5);
     for (const std::size_t hand : {13u, 15u})
@@ -72,7 +75,7 @@ TEST_CASE("the ten letters face the sensors within 30 degrees and are held in bo
   CHECK(all == "ACEHLNOTUX");
 }
 
-TEST_CASE("mirroring a scene twice gives the scene") {
+TEST_CASE("mirroring a simulated scene twice restores it") {
   const Scene scene = some_scene({}, 1);
   const Scene image = mirrored(scene), back = mirrored(image);
   CHECK(image.capsules[0].a.x == -scene.capsules[0].a.x);
@@ -81,7 +84,7 @@ TEST_CASE("mirroring a scene twice gives the scene") {
   CHECK(back.plates[0].centre.x == scene.plates[0].centre.x);
 }
 
-TEST_CASE("each scene kind contains the expected bodies") {
+TEST_CASE("empty scenes contain no body, and scenes of two people contain two bodies") {
   const Conditions c;
   CHECK(make_scene(c, SceneKind::empty, 1, 0).capsules.empty());
   CHECK(make_scene(c, SceneKind::empty, 1, 0).label == "empty");
@@ -89,11 +92,12 @@ TEST_CASE("each scene kind contains the expected bodies") {
     const Scene two = make_scene(c, SceneKind::two_people, 1, i);
     REQUIRE(two.capsules.size() == 32);
     CHECK(two.label == "two_people");
-    CHECK(two.capsules[6].a.x < two.capsules[22].a.x + 0.3);  // side by side
+    // The two people are side by side.
+    CHECK(two.capsules[6].a.x < two.capsules[22].a.x + 0.3);
   }
 }
 
-TEST_CASE("the room fills the field of view behind the people, within the histogram's range") {
+TEST_CASE("the simulated room fills the view behind the people within the range of the histogram") {
   Conditions c;
   c.background = "room";
   const Scene empty = make_scene(c, SceneKind::empty, 1, 0);

@@ -41,7 +41,7 @@ std::string refusal(const std::string& text) {
 
 }  // namespace
 
-TEST_CASE("a scene list is read in order") {
+TEST_CASE("scenes of a scene list are read in order with their counts and parameters") {
   const auto all = read_scene_list(list, "list.toml");
   REQUIRE(all.size() == 4);
   CHECK(all[0].kind == SceneKind::person);
@@ -68,7 +68,7 @@ TEST_CASE("all errors of a scene list are reported with line and column") {
   CHECK_THAT(refusal("kind = \n"), Catch::Contains("not TOML"));
 }
 
-TEST_CASE("the position of a scene does not change its other parameters") {
+TEST_CASE("a given scene position does not change the other parameters of the scene") {
   const Conditions c;
   for (const auto kind : {SceneKind::person, SceneKind::letter}) {
     SceneSpec spec{kind};
@@ -84,9 +84,11 @@ TEST_CASE("the position of a scene does not change its other parameters") {
             Approx(length(free.capsules[i].a - free.capsules[i].b)));
     }
     CHECK(placed.label == free.label);
-    const Vec3 middle = 0.5 * (placed.capsules[6].a + placed.capsules[6].b);  // pelvis
+    // Capsule 6 is the pelvis.
+    const Vec3 middle = 0.5 * (placed.capsules[6].a + placed.capsules[6].b);
     const double height = placed.capsules[11].radius_m / 0.055;
-    CHECK(std::abs(middle.x - 0.3) < 0.02 * height);  // may be tilted
+    // The body may be tilted.
+    CHECK(std::abs(middle.x - 0.3) < 0.02 * height);
   }
 }
 

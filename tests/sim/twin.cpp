@@ -22,7 +22,7 @@ double total(const Returns& r) { return std::accumulate(r.weight.begin(), r.weig
 
 }  // namespace
 
-TEST_CASE("the base condition is inside each range of the default twin") {
+TEST_CASE("each parameter range of the default digital twin contains the base value") {
   Conditions conditions;
   Settings settings;
   bind(settings, conditions);
@@ -38,7 +38,7 @@ TEST_CASE("the base condition is inside each range of the default twin") {
   }
 }
 
-TEST_CASE("parameters of a simulated laboratory are independent and stay in range") {
+TEST_CASE("sampled parameters of simulated laboratories are independent and stay in range") {
   const Twin both = twin_named("girth = [0.8, 1.25, \"log\"]\nradar_plate = [0.1, 4]\nseed = 3");
   const Twin one = twin_named("radar_plate = [0.1, 4]\nseed = 3");
   const Twin other = twin_named("radar_plate = [0.1, 4]\nseed = 4");
@@ -60,7 +60,7 @@ TEST_CASE("parameters of a simulated laboratory are independent and stay in rang
   CHECK(to_text(twin_named(to_text(both))) == to_text(both));
 }
 
-TEST_CASE("all errors of a twin file are reported") {
+TEST_CASE("all errors of a digital-twin file are reported in one message") {
   try {
     read_twin(
         "girht = [0.5, 2]\nbaseline_m = [0, 1]\ngirth = [2, 1]\nradar_rays = [3.0, 5.0]\n"
@@ -78,7 +78,7 @@ TEST_CASE("all errors of a twin file are reported") {
   }
 }
 
-TEST_CASE("records of alternating laboratories equal those of each laboratory alone") {
+TEST_CASE("records of alternating simulated laboratories equal those of each laboratory alone") {
   Plan plan;
   plan.people = 2;
   plan.letters = 4;
@@ -100,7 +100,7 @@ TEST_CASE("records of alternating laboratories equal those of each laboratory al
   CHECK(there.spd != Generator(plan).make(1).spd);
 }
 
-TEST_CASE("given settings are not sampled, and laboratories need a twin") {
+TEST_CASE("settings given by the user are not sampled, and laboratories require a digital twin") {
   Plan plan;
   Settings settings;
   bind(settings, plan);
@@ -116,7 +116,7 @@ TEST_CASE("given settings are not sampled, and laboratories need a twin") {
   CHECK_THROWS_AS(resolve_twin(few, bare), Error);
 }
 
-TEST_CASE("radar reflectivities do not depend on the albedo") {
+TEST_CASE("radar reflectivities do not depend on the optical albedo") {
   Conditions c;
   c.radar_rays = 96;
   const Scene base = make_scene(c, SceneKind::letter, 1, 2);
@@ -141,7 +141,7 @@ TEST_CASE("radar reflectivities do not depend on the albedo") {
     CHECK(make_scene(c, SceneKind::person, 1, i).capsules[0].radar == 0.5);
 }
 
-TEST_CASE("the scattering lobe keeps a sphere's echo and reduces a tilted plate's") {
+TEST_CASE("a scattering lobe keeps the echo of a sphere and reduces the echo of a tilted plate") {
   Conditions c;
   c.baseline_m = 0;
   c.radar_rays = 2048;
@@ -160,7 +160,7 @@ TEST_CASE("the scattering lobe keeps a sphere's echo and reduces a tilted plate'
         Approx(2 * std::pow(std::cos(tilt), 3)).epsilon(0.02));
 }
 
-TEST_CASE("light decreases off the detector's axis, and sway widens a person's echo") {
+TEST_CASE("light decreases away from the detector axis, and sway spreads the ranges of a person") {
   Conditions c;
   c.spd_falloff = 1;
   c.spd_yaw_deg = 5;
@@ -186,7 +186,7 @@ TEST_CASE("light decreases off the detector's axis, and sway widens a person's e
   CHECK(std::sqrt(square) == Approx(0.02).epsilon(0.03));
 }
 
-TEST_CASE("bodies and plates have the sizes and angles of their laboratory") {
+TEST_CASE("bodies and letter plates have the sizes and angles set by their laboratory") {
   Conditions c;
   const Scene base = make_scene(c, SceneKind::letter, 1, 2);
   c.girth = 1.5;
@@ -207,7 +207,7 @@ TEST_CASE("bodies and plates have the sizes and angles of their laboratory") {
   CHECK(p.strokes[0].width_m == Approx(1.2 * base.plates[0].strokes[0].width_m));
 }
 
-TEST_CASE("the twin's depth camera has a range bias") {
+TEST_CASE("the simulated depth camera adds the range bias of its laboratory") {
   Conditions c;
   c.depth_offset_m = 0.05;
   Rng rng(1);

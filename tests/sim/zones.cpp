@@ -21,7 +21,7 @@ Conditions with_zones(std::int64_t side) {
   return c;
 }
 
-// Expected counts of each zone, over all bins.
+// Returns the expected counts of each zone, summed over all bins.
 std::vector<double> light(const Scene& scene, const Conditions& c) {
   const std::vector<double> rates = zone_rates(spd_returns(scene, c), c);
   const auto bins = static_cast<std::size_t>(c.bins);
@@ -32,7 +32,7 @@ std::vector<double> light(const Scene& scene, const Conditions& c) {
 
 }  // namespace
 
-TEST_CASE("zone counts add up to those of a single pixel, bin by bin") {
+TEST_CASE("counts of all detector zones add up to those of a single pixel in each bin") {
   const Conditions one = with_zones(1);
   for (const std::int64_t side : {3, 4, 8}) {
     const Conditions c = with_zones(side);
@@ -46,7 +46,7 @@ TEST_CASE("zone counts add up to those of a single pixel, bin by bin") {
   }
 }
 
-TEST_CASE("a body is detected by the zones that face it") {
+TEST_CASE("a small body gives the most counts in the detector zone that points at it") {
   const Conditions c = with_zones(3);
   const Zones zones = zones_of(c);
   REQUIRE(zones.size() == 9);
@@ -59,7 +59,7 @@ TEST_CASE("a body is detected by the zones that face it") {
   }
 }
 
-TEST_CASE("zones of a run have the pitch and width of the simulated fields") {
+TEST_CASE("zone directions and widths stored in a run match the simulated fields of view") {
   const Zones zones = zones_of(with_zones(4));
   REQUIRE(zones.size() == 16);
   CHECK(zones[0].x == Approx(-0.4125));
@@ -69,7 +69,7 @@ TEST_CASE("zones of a run have the pitch and width of the simulated fields") {
   CHECK(zones_of(with_zones(1)).empty());
 }
 
-TEST_CASE("the field of a zone falls to e^-1/2 at 0.75 of the pitch") {
+TEST_CASE("the sensitivity of a detector zone falls to exp(-1/2) at 0.75 times the zone pitch") {
   const Conditions c = with_zones(8);
   const Zones zones = zones_of(c);
   const auto at = [&](double x) {
@@ -81,7 +81,7 @@ TEST_CASE("the field of a zone falls to e^-1/2 at 0.75 of the pitch") {
   CHECK(at(zones[27].x + 0.75 * pitch) / at(zones[27].x) == Approx(std::exp(-0.5)).epsilon(0.05));
 }
 
-TEST_CASE("zones do not change the data of the other sensors") {
+TEST_CASE("detector zones do not change the depth maps or the total counts") {
   const test::Folder folder;
   Plan plan;
   plan.people = 3, plan.letters = 3;
@@ -102,7 +102,7 @@ TEST_CASE("zones do not change the data of the other sensors") {
   }
 }
 
-TEST_CASE("zones that cannot be simulated are refused") {
+TEST_CASE("unsupported zone numbers and zones with multipath are refused") {
   CHECK_NOTHROW(validate(with_zones(8)));
   CHECK_THROWS_WITH(validate(with_zones(2)), Contains("expected 1, 3, 4 or 8"));
   CHECK_THROWS_WITH(validate(with_zones(5)), Contains("expected 1, 3, 4 or 8"));

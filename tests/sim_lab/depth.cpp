@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Depth camera through the real OpenNI2 library, in a separate process.
+// Reads the simulated depth camera through the real OpenNI2 library, in a separate process.
 #include <sys/wait.h>
 
 #include <catch2/catch.hpp>
@@ -18,7 +18,7 @@ class Reader {
  public:
   Reader(const std::string& lab_dir, const std::string& file, const std::string& arguments) {
     const auto folder = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-    // OpenNI2 leaks memory, and is not built for the thread sanitizer.
+    // OpenNI2 leaks memory and is built without the thread sanitizer.
     const std::string sanitizers = "ASAN_OPTIONS=detect_leaks=0 TSAN_OPTIONS=suppressions='" +
                                    echofuse::test::source_dir + "/tests/tsan.supp' ";
     const std::string command = sanitizers + "LD_LIBRARY_PATH='" + lab_dir + "/openni' '" +
@@ -33,7 +33,7 @@ class Reader {
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
 
-  // Empty at the end.
+  // Returns the next line of the program, or an empty text at the end of its output.
   std::string line() {
     char text[256];
     if (!std::fgets(text, sizeof text, pipe_)) return {};
@@ -58,8 +58,8 @@ class Reader {
   std::FILE* pipe_;
 };
 
-// Renders the scene again with explicit axes of a 320 x 240 camera with half tangents 0.8 and 0.6:
-// pixel centres in steps of 0.005.
+// Renders the expected picture with explicit axes for a 320 x 240 camera with half tangents of 0.8
+// and 0.6. Pixel centres are 0.005 apart.
 std::vector<std::uint16_t> expected_picture(const sim::LabOptions& options) {
   const Axis x{"depth_x", "tangent", "1", 320, -159.5 * 0.005, 0.005};
   const Axis y{"depth_y", "tangent", "1", 240, 119.5 * 0.005, -0.005};
@@ -82,7 +82,7 @@ sim::LabOptions options_in(const TemporaryDirectory& dir) {
 
 }  // namespace
 
-TEST_CASE("the simulated camera delivers 30 frames of the scene per second") {
+TEST_CASE("the simulated depth camera delivers 30 frames of the scene per second") {
   const TemporaryDirectory dir;
   const sim::LabOptions options = options_in(dir);
   LabThread lab(options);
@@ -107,7 +107,7 @@ TEST_CASE("the simulated camera delivers 30 frames of the scene per second") {
   CHECK(read_picture(dir / "picture") == expected);
 }
 
-TEST_CASE("the simulated camera disappears and returns with the laboratory") {
+TEST_CASE("the simulated depth camera disappears with the laboratory and returns at its restart") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   auto lab = std::make_unique<LabThread>(options);

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Reads the laboratory's depth camera with the stock OpenNI2 library. Prints one line per event.
-//   depth_reader FILE FRAMES PLUG    reads FRAMES frames and writes the last one to FILE; with
-//                                    PLUG = 1 waits until the camera disappears and returns, and
-//                                    reads one more
+// Reads the simulated depth camera with the unmodified OpenNI2 library. Prints one line per event.
+//   depth_reader FILE FRAMES PLUG    reads FRAMES frames and writes the last one to FILE; if PLUG
+//   is
+//                                    1, waits until the camera disappears and returns, and reads
+//                                    one more frame
 #include <OpenNI.h>
 
 #include <atomic>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Expected bytes written by hand from the formats' tables, CRC from an independent bitwise program.
+// Compares encoded data with bytes that were derived by hand from the tables of the formats. The
+// CRC was computed by an independent program.
 #include "sim/wire/encode.hpp"
 
 #include <algorithm>
@@ -34,7 +35,7 @@ TEST_CASE("an encoded bridge block with one tag has the documented bytes") {
   CHECK(bridge_block(BlockKind::tags, 7, 5, tag) == expected);
 }
 
-TEST_CASE("a falling edge has a negative channel") {
+TEST_CASE("an encoded tag of a falling edge has a negative channel number") {
   Bytes tag;
   put_tag(tag, -1, -2);
   CHECK(tag == bytes({0, 0, 0, 0, 0xff, 0xff, 0xff, 0xff, 0xfe, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff,
@@ -45,21 +46,22 @@ TEST_CASE("an encoded radar frame has the documented bytes") {
   Rng junk(1);
   const Bytes frame =
       radar_frame({0x01020304, 0xa0b0c0d0, 0}, {range_profile_tlv({0x1234, 7})}, junk);
-  const Bytes expected = bytes({0x02, 0x01, 0x04, 0x03, 0x06, 0x05, 0x08, 0x07,  // magic
-                                0x04, 0x00, 0x05, 0x03,                          // SDK 3.5.0.4
-                                64,   0,    0,    0,                             // 40 + 8 + 4 -> 64
-                                0x43, 0x68, 0x0a, 0x00,                          // 0xA6843
-                                0x04, 0x03, 0x02, 0x01,                          // frame number
-                                0xd0, 0xc0, 0xb0, 0xa0,                          // CPU cycles
-                                0,    0,    0,    0,                             // objects
-                                1,    0,    0,    0,                             // TLVs
-                                0,    0,    0,    0,                             // sub-frame
-                                2,    0,    0,    0,    4,    0,    0,    0,    0x34, 0x12, 7, 0});
+  const Bytes expected =
+      bytes({0x02, 0x01, 0x04, 0x03, 0x06, 0x05, 0x08, 0x07,  // magic word
+             0x04, 0x00, 0x05, 0x03,                          // SDK version 3.5.0.4
+             64,   0,    0,    0,     // frame length: 40 + 8 + 4 bytes, padded to 64
+             0x43, 0x68, 0x0a, 0x00,  // platform 0xA6843
+             0x04, 0x03, 0x02, 0x01,  // frame number
+             0xd0, 0xc0, 0xb0, 0xa0,  // time, CPU cycles
+             0,    0,    0,    0,     // number of objects
+             1,    0,    0,    0,     // number of TLVs
+             0,    0,    0,    0,     // subframe number
+             2,    0,    0,    0,    4,    0,    0,    0,    0x34, 0x12, 7, 0});
   REQUIRE(frame.size() == 64);
   CHECK(std::equal(expected.begin(), expected.end(), frame.begin()));
 }
 
-TEST_CASE("an encoded heat map has the imaginary part first and saturates") {
+TEST_CASE("an encoded radar heat map stores the imaginary part first and clips large values") {
   const std::vector<std::complex<float>> samples{{1, -2}, {40000, -40000}};
   const auto tlv = heat_map_tlv(false, samples);
   CHECK(tlv.type == 4);
@@ -67,7 +69,7 @@ TEST_CASE("an encoded heat map has the imaginary part first and saturates") {
   CHECK(heat_map_tlv(true, samples).type == 8);
 }
 
-TEST_CASE("encoded statistics and temperature have the documented bytes") {
+TEST_CASE("encoded radar statistics and temperatures have the documented bytes") {
   CHECK(stats_tlv({1, 2, 3, 4, 5, 6}).payload ==
         bytes({1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, 4, 0, 0, 0, 5, 0, 0, 0, 6, 0, 0, 0}));
   const RadarTlv t = temperature_tlv({0, 258, {45, -1, 0, 0, 0, 0, 0, 0, 0, 3}});
@@ -76,12 +78,13 @@ TEST_CASE("encoded statistics and temperature have the documented bytes") {
                             0, 0, 0, 0, 0, 0, 0, 0, 0,  0, 0,    0,    3, 0}));
 }
 
-TEST_CASE("frame padding is junk, sometimes with a stale magic word") {
+TEST_CASE("the padding of radar frames is random and sometimes contains a magic word") {
   Rng junk(2);
   int stale = 0, zero = 0;
   constexpr int frames = 400;
   for (int i = 0; i < frames; ++i) {
-    const Bytes frame = radar_frame({}, {objects_tlv()}, junk);  // 48 bytes and 16 bytes of padding
+    // The frame has 48 bytes and 16 bytes of padding.
+    const Bytes frame = radar_frame({}, {objects_tlv()}, junk);
     REQUIRE(frame.size() == 64);
     stale +=
         std::search(frame.begin() + 48, frame.end(), magic.begin(), magic.end()) != frame.end();
@@ -91,9 +94,11 @@ TEST_CASE("frame padding is junk, sometimes with a stale magic word") {
   CHECK(std::abs(stale - frames / 4) < 5 * std::sqrt(frames * 0.25 * 0.75));
 }
 
-TEST_CASE("range profile codes are computed from the magnitude") {
-  CHECK(log2_q8(8 * 10, 8) == 2560);    // 8 antennas of magnitude 1024: 256 * 10
-  CHECK(log2_q8(12 * 10, 12) == 1920);  // 12 antennas, divided by 16
+TEST_CASE("logarithmic range profile codes are computed from the echo magnitude") {
+  // For 8 antennas of magnitude 2^10 the sum of logarithms is divided by 8.
+  CHECK(log2_q8(8 * 10, 8) == 2560);
+  // For 12 antennas of magnitude 2^10 the sum of logarithms is divided by 16.
+  CHECK(log2_q8(12 * 10, 12) == 1920);
   CHECK(log2_q8(0, 12) == 0);
   CHECK(log2_q8(-5, 12) == 0);
   CHECK(log2_q8(1e6, 8) == 65535);

@@ -29,7 +29,7 @@ const std::string good = "[[fault]]\ndevice = \"tdc\"\nkind = \"drop\"\nat_s = 1
 
 }  // namespace
 
-TEST_CASE("a faults file is parsed") {
+TEST_CASE("the parser reads all fields of a faults file") {
   const auto faults = read_faults(good + R"(every_s = 4
 [[fault]]
 device = "depth"
@@ -43,13 +43,14 @@ amount = 0.25
   CHECK(faults[0].device == "tdc");
   CHECK(faults[0].kind == FaultKind::drop);
   CHECK(faults[0].every_s == 4);
-  CHECK(faults[0].amount == 1);  // default: all
+  // By default the fault drops all data.
+  CHECK(faults[0].amount == 1);
   CHECK(faults[1].kind == FaultKind::late);
   CHECK(faults[1].amount == 0.25);
   CHECK(read_faults("", "empty").empty());
 }
 
-TEST_CASE("all errors of a faults file are reported with their positions") {
+TEST_CASE("all errors of a faults file are reported with line and column") {
   CHECK(has(complaint("[[fault"), "f.toml:1:"));
   CHECK(complaint("x = 1\n") == "f.toml:1:5: x: expected [[fault]] tables only");
   CHECK(complaint(good + "colour = 3\n") ==
@@ -75,7 +76,7 @@ amount = 3
             "a time tagger has no frame to freeze"));
 }
 
-TEST_CASE("faults act on their device at their times, repeatedly") {
+TEST_CASE("faults act only on their device, at their times and repetitions") {
   const Faults faults(
       {{"tdc", FaultKind::drop, 1, 0.5, 4, 0.3}, {"radar", FaultKind::stall, 0, 9, 0, 0}}, "tdc");
   for (const double t : {1.0, 1.4, 5.0, 9.4}) CHECK(faults.at(FaultKind::drop, t) == 0.3);
@@ -83,7 +84,8 @@ TEST_CASE("faults act on their device at their times, repeatedly") {
   CHECK_FALSE(faults.at(FaultKind::stall, 1));
   CHECK(Faults({}, "tdc").empty());
 
-  const auto changes = faults.changes(1, 9.2);  // the change at 1 is not repeated
+  // The change at 1 s is excluded, because the interval does not include its start.
+  const auto changes = faults.changes(1, 9.2);
   REQUIRE(changes.size() == 4);
   const double times[] = {1.5, 5, 5.5, 9};
   for (std::size_t i = 0; i < 4; ++i) {
@@ -92,7 +94,7 @@ TEST_CASE("faults act on their device at their times, repeatedly") {
   }
 }
 
-TEST_CASE("after a fault a clock offset ends, a clock drift persists") {
+TEST_CASE("a clock offset ends with its fault, but the error from a clock drift remains") {
   const Faults faults({{"tdc", FaultKind::clock_offset, 10, 1, 0, -0.5},
                        {"tdc", FaultKind::clock_drift, 2, 3, 20, 200}},
                       "tdc");
@@ -104,7 +106,7 @@ TEST_CASE("after a fault a clock offset ends, a clock drift persists") {
   CHECK(faults.clock_error_s(24) == Approx(1000e-6));
 }
 
-TEST_CASE("a laboratory refuses a bad faults file and an unwritable log") {
+TEST_CASE("the simulated laboratory refuses an invalid faults file and an unwritable log") {
   test::TemporaryDirectory place;
   std::ofstream(place / "f.toml") << "[[fault]]\n";
   port::SystemLoop loop;

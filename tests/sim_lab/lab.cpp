@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Laboratory folder, from start to stop.
+// Tests the folder of the simulated laboratory, and the sequence of its scenes.
 #include "sim/lab/lab.hpp"
 
 #include <catch2/catch.hpp>
@@ -41,7 +41,7 @@ sim::LabOptions options_in(const TemporaryDirectory& dir) {
 
 }  // namespace
 
-TEST_CASE("a laboratory creates its files at start and removes its devices at stop") {
+TEST_CASE("the simulated laboratory creates its files at start and removes its devices at stop") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   options.window_s = 0.2;
@@ -66,29 +66,29 @@ TEST_CASE("a laboratory creates its files at start and removes its devices at st
   CHECK_THAT(read_text(options.dir + "/sent.json"), Catch::StartsWith("{\"play\":{\"scene\":"));
 }
 
-TEST_CASE("a laboratory folder in use, of another program, or with too long a path is refused") {
+TEST_CASE("the simulated laboratory refuses a folder that it cannot use") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
-  SECTION("in use") {
+  SECTION("another laboratory uses the folder") {
     LabThread lab(options);
     CHECK_THAT(refusal(options, ExitCode::usage),
                Catch::Contains("another laboratory is running in this directory"));
     CHECK(fs::exists(options.dir + "/radar-cli"));
   }
-  SECTION("folder of another program") {
+  SECTION("the folder contains files of another program") {
     fs::create_directories(options.dir);
     std::ofstream(options.dir + "/thesis.tex") << "\\documentclass";
     CHECK_THAT(refusal(options, ExitCode::usage),
                Catch::Contains("files that do not belong to a laboratory"));
     CHECK(names_in(options.dir) == std::set<std::string>{"thesis.tex"});
   }
-  SECTION("path too long") {
+  SECTION("the folder path is too long for a socket") {
     options.dir = dir / std::string(120, 'x');
     CHECK_THAT(refusal(options, ExitCode::usage), Catch::Contains("too long for a socket"));
   }
 }
 
-TEST_CASE("the folder of a previous laboratory is reused, other files stay") {
+TEST_CASE("the simulated laboratory reuses the folder of a previous one and keeps other files") {
   const TemporaryDirectory dir;
   const sim::LabOptions options = options_in(dir);
   LabThread(options).stop();
@@ -99,18 +99,18 @@ TEST_CASE("the folder of a previous laboratory is reused, other files stay") {
   CHECK(read_text(options.dir + "/run.sqlite") == "a run");
 }
 
-TEST_CASE("start-up errors of a laboratory name their cause and leave no open files") {
+TEST_CASE("start-up errors of the simulated laboratory state the cause and leave no device files") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
-  SECTION("missing radar cfg") {
+  SECTION("the radar configuration file is missing") {
     options.radar_cfg = dir / "missing.cfg";
     CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("missing.cfg: cannot read"));
   }
-  SECTION("unsupported bins") {
+  SECTION("the bin width is not a whole number of picoseconds") {
     options.conditions.bin_width_ps = 12.5;
     CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("whole picoseconds"));
   }
-  SECTION("laser rate too high") {
+  SECTION("the laser rate is too high for the histogram range") {
     options.tagging.laser_rate_hz = 80e6;
     CHECK_THAT(refusal(options, ExitCode::config),
                Catch::Contains("the next pulse is emitted before the end of the last bin"));
@@ -120,7 +120,7 @@ TEST_CASE("start-up errors of a laboratory name their cause and leave no open fi
   CHECK_FALSE(fs::exists(options.dir + "/lab.toml"));
 }
 
-TEST_CASE("scenes follow in order, and mixed scenes keep the paper's proportions") {
+TEST_CASE("scenes change at the set interval, and mixed scenes contain 25 % people") {
   ManualClock clock;
   const sim::Conditions conditions;
   sim::ScenePlayer player(clock, conditions, {"mixed", 3, 0.5});
@@ -130,7 +130,8 @@ TEST_CASE("scenes follow in order, and mixed scenes keep the paper's proportions
   clock.advance(std::chrono::seconds(2));
   CHECK(player.now_s() == 2.0);
   CHECK(player.at(player.now_s()).index == 4);
-  clock.set(std::chrono::milliseconds(10'200));  // a laboratory started during a scene
+  // The laboratory starts during a scene.
+  clock.set(std::chrono::milliseconds(10'200));
   sim::ScenePlayer later(clock, conditions, {"mixed", 3, 0.5});
   CHECK(later.at(0.299).index == 0);
   CHECK(later.scene_end_s(0.1) == Approx(0.3).epsilon(1e-12));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Laboratory that runs on a separate thread, and a folder for it.
+// Runs a simulated laboratory on a separate thread, in a temporary folder.
 #pragma once
 #include <atomic>
 #include <chrono>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Compares the photon stream with the expected histogram, by chi2 over the bins.
+// Compares the simulated photon stream with the expected histogram by a chi-squared test.
 #include "sim/devices/photon_source.hpp"
 
 #include <catch2/catch.hpp>
@@ -21,7 +21,7 @@ constexpr double window_s = 0.5;
 
 struct Stream {
   std::vector<Tag> tags;
-  std::vector<double> counts;  // from the product's histogram
+  std::vector<double> counts;  // counts of the histogram in drivers/tdc
 };
 
 Stream draw(const Conditions& c, const Tagging& tagging, const Returns& returns,
@@ -42,7 +42,7 @@ Stream draw(const Conditions& c, const Tagging& tagging, const Returns& returns,
   return stream;
 }
 
-// Returns (chi2 - n) / sqrt(2 n) over the bins with at least 5 expected counts.
+// Returns the z-score (chi2 - n) / sqrt(2 n) for the n bins with at least 5 expected counts.
 double z_of_chi2(const std::vector<double>& counts, const std::vector<double>& expected) {
   double chi2 = 0, n = 0;
   for (std::size_t i = 0; i < counts.size(); ++i) {
@@ -60,11 +60,11 @@ Returns person(const Conditions& c) {
 
 }  // namespace
 
-TEST_CASE("simulated photons follow the histogram's rate") {
+TEST_CASE("simulated photons have the expected rate in each histogram bin") {
   Conditions c;
   c.background_counts = 2e4;
-  SECTION("Gaussian response") {}
-  SECTION("response with a tail") { c.irf_tail_ps = 300; }
+  SECTION("Gaussian instrument response") {}
+  SECTION("instrument response with an exponential tail") { c.irf_tail_ps = 300; }
   const Returns returns = person(c);
   const Stream stream = draw(c, {}, returns);
   const auto rate = spd_rate(returns, c);
@@ -77,7 +77,7 @@ TEST_CASE("simulated photons follow the histogram's rate") {
   CHECK(std::abs(total - expected) < 5 * std::sqrt(expected));
 }
 
-TEST_CASE("with pile-up only the first photon of a pulse is kept") {
+TEST_CASE("the simulated photon stream with pile-up has only the first photon of each pulse") {
   Conditions c;
   c.pulses_per_window = 60'000;
   const Returns returns = person(c);
@@ -95,12 +95,13 @@ TEST_CASE("with pile-up only the first photon of a pulse is kept") {
     REQUIRE(stream.tags[i].channel != stream.tags[i - 1].channel);
 }
 
-TEST_CASE("a dead time removes the same photons as the histogram model") {
+TEST_CASE("a dead time in the photon stream gives the counts of the histogram simulation") {
   Conditions c;
   c.signal_photons = 3e4;
   c.background_counts = 1e4;
   c.pulses_per_window = 20'000;
-  c.spd_dead_time_ps = 2'000;  // within the signal of one person
+  // The dead time is shorter than the signal of a person.
+  c.spd_dead_time_ps = 2'000;
   const Returns returns = person(c);
   const Stream stream = draw(c, {}, returns);
   const auto rate = spd_rate(returns, c);
@@ -111,19 +112,22 @@ TEST_CASE("a dead time removes the same photons as the histogram model") {
     const auto counts = draw_counts(rate, c, rng);
     for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += 1.0 * counts[i] / draws;
   }
-  CHECK(z_of_chi2(stream.counts, rate) > 50);  // far off without dead time
-  // Dead time reduces the scatter below Poisson, and the mean over the draws adds 1/40.
+  // The dead time changes the counts considerably.
+  CHECK(z_of_chi2(stream.counts, rate) > 50);
+  // The dead time reduces the scatter below that of a Poisson distribution. The mean over the draws
+  // adds 1/40 to the variance.
   const double z = z_of_chi2(stream.counts, mean);
   CHECK(z < 5);
   std::int64_t last_ps = -1'000'000;
   for (const Tag& tag : stream.tags) {
     if (tag.channel != 2) continue;
-    REQUIRE(tag.time_ps - last_ps >= 1999);  // times are rounded down
+    // Each time stamp is rounded down to a picosecond.
+    REQUIRE(tag.time_ps - last_ps >= 1999);
     last_ps = tag.time_ps;
   }
 }
 
-TEST_CASE("tags are sorted, and with a filter each sync precedes a photon") {
+TEST_CASE("simulated time tags are sorted, and with a filter each sync tag precedes a photon") {
   Conditions c;
   Tagging tagging;
   const Returns returns = person(c);
@@ -131,7 +135,7 @@ TEST_CASE("tags are sorted, and with a filter each sync precedes a photon") {
     return std::is_sorted(tags.begin(), tags.end(),
                           [](const Tag& a, const Tag& b) { return a.time_ps < b.time_ps; });
   };
-  SECTION("filtered") {
+  SECTION("the conditional filter removes sync tags without a photon") {
     const auto tags = draw(c, tagging, returns).tags;
     REQUIRE(tags.size() > 1000);
     CHECK(sorted(tags));
@@ -140,7 +144,7 @@ TEST_CASE("tags are sorted, and with a filter each sync precedes a photon") {
     for (std::size_t i = 1; i < tags.size(); ++i)
       REQUIRE((tags[i].channel == 2 || tags[i - 1].channel == 2));
   }
-  SECTION("unfiltered") {
+  SECTION("every laser pulse has a sync tag without the filter") {
     tagging.conditional_filter = false;
     const auto tags = draw(c, tagging, returns).tags;
     CHECK(sorted(tags));
@@ -151,12 +155,12 @@ TEST_CASE("tags are sorted, and with a filter each sync precedes a photon") {
   }
 }
 
-TEST_CASE("an empty scene has no photons") {
+TEST_CASE("an empty scene without background gives no photon tags") {
   const Conditions c;
   CHECK(draw(c, {}, Returns{}).tags.empty());
 }
 
-TEST_CASE("laser and tag rates beyond the limits are refused") {
+TEST_CASE("the simulated tagger refuses laser and tag rates beyond its limits") {
   Conditions c;
   const auto refusal = [&](double laser_hz, double window) -> std::string {
     Tagging tagging;

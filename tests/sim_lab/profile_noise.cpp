@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The laboratory's radar and a data set have equal noise.
+// Tests that the radar of the simulated laboratory has the same noise as a simulated data set.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -26,7 +26,7 @@ Moments moments(const std::vector<double>& values) {
   return m;
 }
 
-// Returns the logarithm of the peak over the scatter of the weaker half.
+// Returns the logarithm of the ratio of the peak to the scatter of the weaker half of the bins.
 double peak_over_scatter(std::vector<double> power) {
   std::sort(power.begin(), power.end());
   const double peak = power.back();
@@ -37,7 +37,7 @@ double peak_over_scatter(std::vector<double> power) {
 
 }  // namespace
 
-TEST_CASE("a simulated radar slot has the noise of a data set's record") {
+TEST_CASE("a radar slot of the simulated laboratory has the same noise as a data set record") {
   const auto [frames, window_s] =
       GENERATE(std::pair<std::int64_t, double>{4, 0.2}, std::pair<std::int64_t, double>{20, 1.0},
                std::pair<std::int64_t, double>{60, 3.0});
@@ -56,7 +56,7 @@ TEST_CASE("a simulated radar slot has the noise of a data set's record") {
   for (std::int64_t i = 0; i < generator.records(); ++i) {
     const auto record = generator.make(i).radar;
     of_dataset.push_back(peak_over_scatter({record.begin(), record.end()}));
-    // Averaged like the daemon (acquire/run/window.hpp).
+    // The frames of a slot are averaged as in the daemon (acquire/run/window.hpp).
     const auto echoes = radar_power(radar_returns(generator.scene(i), c), axis);
     std::vector<double> slot(echoes.size());
     for (std::int64_t f = 0; f < frames; ++f) {

@@ -36,7 +36,7 @@ Bytes pattern(std::size_t size) {
 
 }  // namespace
 
-TEST_CASE("a simulated UART sends at its rate and loses unread bytes") {
+TEST_CASE("a simulated UART sends at its baud rate and drops bytes that are not read") {
   const TemporaryDirectory dir;
   port::SystemLoop loop;
   const std::string link = dir / "port";
@@ -45,8 +45,8 @@ TEST_CASE("a simulated UART sends at its rate and loses unread bytes") {
   const Bytes all = pattern(40'000);
   Bytes heard;
   bool listens = true;
-  SECTION("with a reader") {}
-  SECTION("without a reader") { listens = false; }
+  SECTION("all bytes arrive if the port is read") {}
+  SECTION("bytes are dropped if the port is not read") { listens = false; }
   const auto start = std::chrono::steady_clock::now();
   uart.send(all);
   while (!uart.idle()) {
@@ -68,7 +68,7 @@ TEST_CASE("a simulated UART sends at its rate and loses unread bytes") {
   ::close(host);
 }
 
-TEST_CASE("closing a simulated UART removes its link") {
+TEST_CASE("closing a simulated UART removes its symbolic link") {
   const TemporaryDirectory dir;
   port::SystemLoop loop;
   sim::PtyUart uart(loop, dir / "port", baud, [](ByteView) {});

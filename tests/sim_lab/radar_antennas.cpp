@@ -18,9 +18,10 @@ namespace {
 constexpr double pi = std::numbers::pi;
 using Complex = std::complex<double>;
 
-constexpr double bin_m = 0.25022102542;  // 18.75 MHz/us are played as 517 steps
+// range step for a slope of 18.75 MHz/us, which the chip rounds to 517 frequency steps
+constexpr double bin_m = 0.25022102542;
 
-// Chirp with 64 bins.
+// Returns a chirp that gives a range profile of 64 bins.
 Chirp chirp_of(std::vector<unsigned> transmitters) {
   Chirp chirp;
   chirp.samples = 60;
@@ -32,7 +33,8 @@ Chirp chirp_of(std::vector<unsigned> transmitters) {
   return chirp;
 }
 
-// Point of power 1 in bin 12 with a plane wave.
+// Returns a scene with a point echo of power 1 in bin 12. Its wave is plane with the direction
+// sines x and y.
 RenderedScene point_at(double x, double y, std::int64_t index = 0) {
   RenderedScene scene;
   scene.index = index;
@@ -55,7 +57,7 @@ Conditions quiet() {
   return c;
 }
 
-// Board with coherent echoes and two transmitters.
+// Simulated antennas with coherent echoes and two transmitters.
 struct CoherentBoard {
   Conditions conditions = coherent();
   RadarAntennas antennas{conditions, 3};
@@ -71,8 +73,7 @@ struct CoherentBoard {
 
 }  // namespace
 
-TEST_CASE(
-    "a linear array sends its eight antennas' samples, whatever other transmitters are used") {
+TEST_CASE("the simulated linear array sends samples of eight antennas with 2 or 3 transmitters") {
   const Conditions c = quiet();
   for (const auto& transmitters : {std::vector<unsigned>{0, 2}, std::vector<unsigned>{0, 2, 1}}) {
     RadarAntennas board(c, 3);
@@ -89,7 +90,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("a planar array sends all antennas with their channel errors") {
+TEST_CASE("the simulated planar array sends samples of all antennas with their channel errors") {
   Conditions c = quiet();
   c.radar_antennas = 12;
   c.radar_phase_error_rad = 0.4;
@@ -108,7 +109,7 @@ TEST_CASE("a planar array sends all antennas with their channel errors") {
     CHECK(std::abs(samples[12 * 12 + m] -
                    std::polar(2048 * a.gain, pi * (-0.1 * a.x + 0.2 * a.y) + a.phase_rad)) < 1.5);
   }
-  // The firmware's coefficients remove the errors.
+  // The coefficients that the firmware reports must compensate the channel errors.
   std::istringstream words(board.coefficients());
   double re = 0, im = 0, first = 0;
   for (std::size_t m = 0; words >> re >> im; ++m) {
@@ -119,17 +120,18 @@ TEST_CASE("a planar array sends all antennas with their channel errors") {
   CHECK(first > 0);
 }
 
-TEST_CASE("a profile of coherent echoes matches the array samples") {
+TEST_CASE("range profile codes of coherent echoes match the antenna samples") {
   CoherentBoard board;
   board.antennas.sample_frame(point_at(0.25, 0), 0, 1, board.rng);
   const auto codes = board.antennas.profile_codes();
   REQUIRE(codes.size() == 64);
-  CHECK(std::abs(codes[12] - 256 * 20) <= 1);  // 2^20
+  // The magnitude of the echo is 2^20, so the code is 256 * 20.
+  CHECK(std::abs(codes[12] - 256 * 20) <= 1);
   const auto samples = samples_of(board.antennas.tlv());
   CHECK(std::abs(codes[13] - 256 * (10 + std::log2(std::abs(samples[13 * 8])))) < 2);
 }
 
-TEST_CASE("a new scene has new speckle, the same scene keeps it") {
+TEST_CASE("a new scene has new speckle, and an unchanged scene keeps its speckle") {
   CoherentBoard board;
   RenderedScene person = point_at(0, 0);
   person.radar.place[0].person = 0;
@@ -140,7 +142,8 @@ TEST_CASE("a new scene has new speckle, the same scene keeps it") {
   };
   const Complex first = peak(0, 10), again = peak(0, 10), later = peak(0, 11), other = peak(1, 11);
   CHECK(std::abs(again - first) < 2);
-  CHECK(std::abs(std::abs(later) - std::abs(first)) < 2);  // one point: only its phase changes
+  // The echo is a single point, so only its phase changes.
+  CHECK(std::abs(std::abs(later) - std::abs(first)) < 2);
   CHECK(std::abs(later - first) > 2);
   CHECK(std::abs(std::abs(other) - std::abs(first)) > 2);
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Radar driver on two wires in memory, with the simulated firmware at the other end. Bytes arrive
-// exactly as the test sends them, and only the test removes some.
+// Connects the radar driver to simulated firmware by two wires in memory. Bytes arrive exactly as
+// the test sends them, and only the test removes bytes.
 #pragma once
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -22,7 +22,7 @@
 
 namespace echofuse::test {
 
-// Firmware that completes a stop at once, and sends frames on request.
+// Simulated radar board that stops at once and sends frames only on request.
 class RadarBoard {
  public:
   explicit RadarBoard(port::Loop& loop)
@@ -36,7 +36,7 @@ class RadarBoard {
     power_up();
   }
 
-  // Resets or power-cycles the board, which loses its configuration.
+  // Resets the board, which loses its configuration.
   void power_up() {
     firmware_.emplace([this](const std::string& text) { cli.send(text); },
                       [this](const std::string& raw) { data.send(raw); });
@@ -45,7 +45,7 @@ class RadarBoard {
   }
   void say(const std::string& text) { firmware_->say(text); }
   bool running() const { return firmware_->running().has_value(); }
-  // Returns the next frame, with 64 bins, stats and temperature; 256 bytes.
+  // Returns the next frame of 256 bytes, with 64 range bins, statistics and temperatures.
   Bytes frame() {
     ++number;
     std::vector<std::uint16_t> codes(64);
@@ -55,7 +55,7 @@ class RadarBoard {
         {number, number * 10'000'000, 0},
         {sim::range_profile_tlv(codes), sim::stats_tlv({}), sim::temperature_tlv({})}, rng_);
   }
-  // Returns the host's lines since the last call, without empty lines.
+  // Returns the non-empty lines that the host has sent since the last call.
   std::vector<std::string> heard() { return std::exchange(lines_, {}); }
   std::size_t lines_heard() const { return lines_.size(); }
 
@@ -89,7 +89,8 @@ struct RadarBench {
   std::uint64_t count(const std::string& name) const { return counter(*driver, name); }
   std::size_t frames() const { return sink.radar.size(); }
   DeviceState state() const { return sink.state(); }
-  // Sends a frame every 10 ms while the sensor runs, until the condition holds.
+  // Sends a frame every 10 ms while the sensor runs, until the condition is true. Returns false
+  // after the time limit.
   template <class Condition>
   bool until(Condition condition, std::chrono::milliseconds limit = std::chrono::seconds(10)) {
     const auto end = loop.now() + limit;
@@ -109,7 +110,7 @@ struct RadarBench {
     board.cli.plug(in);
     board.data.plug(in);
   }
-  // Returns the time from now to the next frame.
+  // Returns the time until the next frame arrives, s.
   double seconds_to_frame() {
     const std::size_t before = frames();
     const HostTime from = loop.now();
@@ -123,7 +124,7 @@ struct RadarBench {
     return std::any_of(sink.events.begin(), sink.events.end(),
                        [&](const std::string& event) { return event.starts_with(beginning); });
   }
-  // Checks that every frame after the first one is delivered or counted as lost.
+  // Checks that every frame after the first is either delivered or counted as lost.
   void check_all_accounted_for() const {
     std::uint32_t lost = 0;
     for (const RadarFrame& f : sink.radar) lost += f.lost_before;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Faults of a radar, and the driver's reaction.
+// Tests how the radar driver responds to faults of the board and its connection.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <set>
@@ -32,7 +32,7 @@ radar::RadarSetup hasty() {
 
 }  // namespace
 
-TEST_CASE("after a short unplug the sensor is restarted with the cfg stored on the board") {
+TEST_CASE("after a short unplug the radar driver restarts the sensor with the cfg on the board") {
   Bench b;
   b.start();
   b.plug(false);
@@ -50,7 +50,7 @@ TEST_CASE("after a short unplug the sensor is restarted with the cfg stored on t
   b.check_all_accounted_for();
 }
 
-TEST_CASE("after a power cycle the restart is refused, and the whole cfg is sent") {
+TEST_CASE("after a power cycle the radar board refuses the restart, and the driver sends the cfg") {
   Bench b;
   b.start();
   b.plug(false);
@@ -67,10 +67,11 @@ TEST_CASE("after a power cycle the restart is refused, and the whole cfg is sent
   CHECK(b.count("configured") == 2);
   CHECK(b.reported("restart refused, sending the cfg again: Error: Full"));
   REQUIRE(b.until([&] { return b.frames() > 20; }));
-  CHECK(b.count("connections") == 2);  // frame numbers that restart are expected here
+  // Frame numbers that restart after a power cycle do not cause another connection.
+  CHECK(b.count("connections") == 2);
 }
 
-TEST_CASE("a reset during a run is detected immediately by the boot banner") {
+TEST_CASE("the radar driver detects a board reset immediately by the boot banner") {
   Bench b;
   b.start();
   b.board.power_up();
@@ -83,11 +84,11 @@ TEST_CASE("a reset during a run is detected immediately by the boot banner") {
   CHECK(b.count("restarted") == 0);
 }
 
-TEST_CASE("a reset without a banner is detected by the frame numbers") {
+TEST_CASE("the radar driver detects a board reset without a banner by the frame numbers") {
   Bench b;
   b.start();
   REQUIRE(b.until([&] { return b.board.number >= 20; }));
-  SECTION("board is configured again") {
+  SECTION("the driver configures the board again if frame numbers restart") {
     b.board.number = 0;
     REQUIRE(b.faulted());
     CHECK(b.sink.events.back() == "the board was reset: frame numbers restarted");
@@ -95,7 +96,7 @@ TEST_CASE("a reset without a banner is detected by the frame numbers") {
     CHECK(b.board.heard() == b.whole_cfg);
     CHECK(b.count("configured") == 2);
   }
-  SECTION("number with flipped bits is not a reset") {
+  SECTION("a frame number with flipped bits is not treated as a reset") {
     for (const unsigned bit : {0u, 2u, 4u, 9u, 20u, 31u}) {
       Bytes frame = b.board.frame();
       frame[20 + bit / 8] ^= static_cast<std::uint8_t>(1u << bit % 8);
@@ -108,7 +109,7 @@ TEST_CASE("a reset without a banner is detected by the frame numbers") {
   }
 }
 
-TEST_CASE("a reset during the cfg restarts the cfg dialogue") {
+TEST_CASE("a radar board reset during configuration restarts the command dialogue") {
   Bench b;
   b.driver->start(b.sink);
   REQUIRE(b.until([&] { return b.board.lines_heard() == 12; }));
@@ -120,14 +121,15 @@ TEST_CASE("a reset during the cfg restarts the cfg dialogue") {
   CHECK(b.count("configured") == 1);
 }
 
-TEST_CASE("garbage before the first prompt and calibration lines are ignored by the cfg dialogue") {
+TEST_CASE("the command dialogue ignores garbage before the first prompt and calibration lines") {
   Bench b;
   const std::string garbage = "\xff~\x80?`\r\nsens'?\xff' is not recognized as a CLI command\n\r";
   b.board.cli.send(garbage);
   b.driver->start(b.sink);
   std::size_t said = 0;
   REQUIRE(b.until([&] {
-    // Sends it after every answer, and before the first.
+    // Sends a calibration line after every answer and before the first, and garbage only before the
+    // first.
     if (b.board.lines_heard() >= said) {
       b.board.cli.send(said++ == 0 ? garbage : std::string());
       b.board.say(calibration + "\n");
@@ -141,7 +143,7 @@ TEST_CASE("garbage before the first prompt and calibration lines are ignored by 
   CHECK(reported == said);
 }
 
-TEST_CASE("a firmware exception at any time is reported with its text") {
+TEST_CASE("the radar driver reports a firmware exception with its text") {
   Bench b(hasty());
   b.start();
   b.board.say("Exception: ../mss_main.c, line 1234.\n");
@@ -151,7 +153,7 @@ TEST_CASE("a firmware exception at any time is reported with its text") {
   CHECK(b.seconds_to_frame() < 10);
 }
 
-TEST_CASE("the board's last error is reported until a frame arrives") {
+TEST_CASE("the radar driver repeats the last error of the board until a frame arrives") {
   Bench b(hasty());
   b.start();
   b.board.say("Exception: mmw_cli.c, line 263.\n");
@@ -169,7 +171,7 @@ TEST_CASE("the board's last error is reported until a frame arrives") {
   CHECK(b.sink.events.back().find("Exception") == std::string::npos);
 }
 
-TEST_CASE("damaged data lose at most one further frame, and lost frames are counted") {
+TEST_CASE("damaged radar data cost at most one intact frame, and lost frames are counted") {
   using Damage = std::function<void(Bytes&, Rng&)>;
   const auto at = [](Rng& rng, std::size_t end) {
     return static_cast<std::ptrdiff_t>(rng() % end);
@@ -230,7 +232,8 @@ TEST_CASE("damaged data lose at most one further frame, and lost frames are coun
       ++(seen.insert(f.frame_number).second ? delivered : twice);
       if (good.erase(f.frame_number) == 0) continue;
       REQUIRE(f.range_profile.size() == 64);
-      if (std::string_view(name) != "bit flip")  // no checksum: content may be wrong
+      // Frames have no checksum, so a flipped bit may change the content.
+      if (std::string_view(name) != "bit flip")
         REQUIRE(f.range_profile[5] == 3000 + f.frame_number % 500 + 5);
     }
     CAPTURE(name, delivered, twice, b.count("lost_frames"), b.count("truncated_frames"),
@@ -246,7 +249,7 @@ TEST_CASE("damaged data lose at most one further frame, and lost frames are coun
   }
 }
 
-TEST_CASE("the board is configured again after silence or single bytes on the data port") {
+TEST_CASE("the radar driver configures the board again if no frames arrive on the data port") {
   Bench b;
   b.start();
   const HostTime from = b.loop.now();
@@ -263,7 +266,7 @@ TEST_CASE("the board is configured again after silence or single bytes on the da
   CHECK(b.count("configured") == 2);
 }
 
-TEST_CASE("sporadic bytes on the command port are reported as a failure") {
+TEST_CASE("the radar driver reports a failure if the command port sends bytes but no prompt") {
   Bench b(hasty());
   b.board.cli.choked = true;
   b.driver->start(b.sink);
@@ -274,18 +277,19 @@ TEST_CASE("sporadic bytes on the command port are reported as a failure") {
   CHECK(b.seconds_to_frame() < 10);
 }
 
-TEST_CASE("after an unplug the driver waits for both ports") {
+TEST_CASE("after an unplug the radar driver waits until both ports are back") {
   Bench b(hasty());
   b.start();
   b.plug(false);
   REQUIRE(b.faulted());
-  b.board.cli.plug(true);  // the data port is missing
+  // The data port is still missing.
+  b.board.cli.plug(true);
   REQUIRE(b.until([&] { return b.count("connections") == 1; }));
   b.plug(true);
   CHECK(b.seconds_to_frame() < 10);
 }
 
-TEST_CASE("the driver recovers from an unplug at every step of the dialogue") {
+TEST_CASE("the radar driver recovers from an unplug at any step of the command dialogue") {
   Bench b(hasty());
   b.start();
   Rng rng = make_rng(3, 3);
@@ -304,7 +308,7 @@ TEST_CASE("the driver recovers from an unplug at every step of the dialogue") {
   CHECK(b.count("bad_headers") == 0);
 }
 
-TEST_CASE("a board that fails after each first frame is retried at growing intervals") {
+TEST_CASE("the radar driver waits longer each time a board fails after its first frame") {
   Bench b;
   b.start();
   std::vector<double> pauses;
@@ -314,11 +318,11 @@ TEST_CASE("a board that fails after each first frame is retried at growing inter
     b.plug(true);
     pauses.push_back(b.seconds_to_frame());
   }
-  // Pauses of 0.1, 0.2, 0.4, 0.8 and 1.6 s.
+  // The driver waits for 0.1, 0.2, 0.4, 0.8 and 1.6 s.
   for (std::size_t i = 0; i < pauses.size(); ++i) CHECK(pauses[i] > 0.1 * (1 << i));
 }
 
-TEST_CASE("a missing first frame is reported with cause and remedy") {
+TEST_CASE("the radar driver reports a missing first frame with cause and remedy") {
   const auto reported = [](const std::function<void(RadarBoard&)>& fault) {
     Bench b;
     b.driver->start(b.sink);
@@ -341,20 +345,21 @@ TEST_CASE("a missing first frame is reported with cause and remedy") {
              Catch::Contains("500 bytes received, but no frame"));
 }
 
-TEST_CASE("a frame has the time of its first chirp") {
+TEST_CASE("the time stamp of a radar frame is the time of its first chirp") {
   Bench b;
   b.start();
   const HostTime sent = b.loop.now();
   b.board.data.send(b.board.frame());
   REQUIRE(run_until(b.loop, [&, before = b.frames()] { return b.frames() > before; }));
-  // 96 chirps of 47 us, and 256 bytes at 921600 baud.
+  // A frame takes 96 chirps of 47 us, and its 256 bytes are sent at 921600 baud.
   CHECK(seconds(sent - b.sink.radar.back().received) ==
         Approx(96 * 47e-6 + 2560 / 921600.).margin(1e-4));
 }
 
 namespace {
 
-// Radar driver with the command port of one board and the data port of another, which sends frames.
+// Radar driver with the command port of one board and the data port of another board, which sends
+// frames.
 struct TwoBoards : RadarBench {
   TwoBoards() : other(loop) {
     setup.data = other.data.opener();
@@ -374,7 +379,7 @@ struct TwoBoards : RadarBench {
 
 }  // namespace
 
-TEST_CASE("data from a stopped sensor reveal a port of another board") {
+TEST_CASE("the radar driver detects ports of two boards by frames from a stopped sensor") {
   TwoBoards b;
   b.driver->start(b.sink);
   REQUIRE(b.reach(DeviceState::misconfigured, GENERATE(10ms, 50ms, 120ms)));
@@ -383,10 +388,11 @@ TEST_CASE("data from a stopped sensor reveal a port of another board") {
   CHECK(b.sink.radar.empty());
   CHECK_FALSE(b.board.running());
   CHECK(b.board.heard() ==
-        Strings(b.whole_cfg.begin(), b.whole_cfg.end() - 1));  // all lines except sensorStart
+        // The host has sent all lines except sensorStart.
+        Strings(b.whole_cfg.begin(), b.whole_cfg.end() - 1));
 }
 
-TEST_CASE("a board that streams when the driver connects is accepted") {
+TEST_CASE("the radar driver accepts a board that sends frames when the driver connects") {
   radar::RadarSetup setup;
   setup.keep_running = true;
   Bench b(setup);
@@ -401,7 +407,7 @@ TEST_CASE("a board that streams when the driver connects is accepted") {
   CHECK_FALSE(b.reported("radar.cli and radar.data"));
 }
 
-TEST_CASE("the rest of the last frame may arrive after the answer to sensorStop") {
+TEST_CASE("the radar driver accepts a last frame that arrives after the answer to sensorStop") {
   Bench b;
   const auto late = GENERATE(10ms, 100ms, 200ms);
   b.driver->start(b.sink);
@@ -413,13 +419,14 @@ TEST_CASE("the rest of the last frame may arrive after the answer to sensorStop"
   CHECK(b.count("connections") == 1);
 }
 
-TEST_CASE("a frame period that differs from the cfg causes one warning") {
+TEST_CASE("the radar driver warns once if the frame period differs from the cfg") {
   Bench b;
   b.driver->start(b.sink);
   const bool odd = GENERATE(false, true);
   REQUIRE(b.until([&] { return b.board.running(); }));
   for (int i = 0; i < 10; ++i) {
-    Bytes frame = b.board.frame();  // 10^7 cycles apart: 50 ms
+    // The frames are 10^7 cycles apart, which are 50 ms.
+    Bytes frame = b.board.frame();
     const auto cycles =
         static_cast<std::uint32_t>(b.board.number * (odd ? 100'000'000 : 10'000'000));
     for (std::size_t k = 0; k < 4; ++k) frame[24 + k] = static_cast<std::uint8_t>(cycles >> 8 * k);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Dialogue of the simulated firmware, as transcripts of host and firmware.
+// Tests the command dialogue of the simulated firmware with transcripts of host and firmware.
 #include "sim/devices/radar_firmware.hpp"
 
 #include <catch2/catch.hpp>
@@ -23,7 +23,7 @@ class Console {
                   [this](const std::string& raw) { data_ += raw; }, sdk, demo) {}
 
   RadarFirmware& firmware() { return firmware_; }
-  // Returns the firmware's answer to these bytes.
+  // Sends bytes to the firmware and returns its answer.
   std::string send(const std::string& text) {
     said_.clear();
     firmware_.receive({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
@@ -45,7 +45,7 @@ std::vector<std::string> profile_lines(const std::string& name) {
   return lines;
 }
 
-// Sends all lines except the last one (sensorStart) and those that begin with `without`.
+// Sends all lines of a cfg except the last one (sensorStart) and lines that begin with `without`.
 void configure(Console& console, const std::string& without = "none",
                const std::string& name = "xwr68xx_paper_50cm.cfg") {
   auto lines = profile_lines(name);
@@ -63,7 +63,7 @@ void configure(Console& console, const std::string& without = "none",
 
 }  // namespace
 
-TEST_CASE("simulated firmware sends banner and prompt at power-up") {
+TEST_CASE("simulated radar firmware sends banner and prompt at power-up") {
   Console console;
   console.firmware().boot();
   CHECK(console.said() ==
@@ -73,11 +73,12 @@ TEST_CASE("simulated firmware sends banner and prompt at power-up") {
         "mmwDemo:/>");
 }
 
-TEST_CASE("simulated firmware sends echo, answer and prompt") {
+TEST_CASE("simulated radar firmware answers a command with echo, reply and prompt") {
   Console console;
   CHECK(console.send("\n") == "\nmmwDemo:/>");
   CHECK(console.send("flushCfg\n") == "flushCfg\nDone\n\rmmwDemo:/>");
-  // A carriage return is echoed twice and read as a line feed, so CR LF gives a second prompt.
+  // The firmware echoes a carriage return twice and treats it as a line feed, so CR LF gives a
+  // second prompt.
   CHECK(console.send("flushCfg\r\n") == "flushCfg\r\nDone\n\rmmwDemo:/>\nmmwDemo:/>");
   CHECK(console.send("% a comment\n") == "% a comment\nSkipped\n\rmmwDemo:/>");
   CHECK(console.send("sensorSTART\n") ==
@@ -90,13 +91,13 @@ TEST_CASE("simulated firmware sends echo, answer and prompt") {
         "queryDemoStatus\nSensor State: 0\n\rData port baud rate: 921600\n\rDone\n\rmmwDemo:/>");
 }
 
-TEST_CASE("simulated firmware does not separate words at tabs") {
+TEST_CASE("simulated radar firmware does not treat tabs as separators between words") {
   Console console;
   CHECK_THAT(console.send("\tsensorStop\n"), Catch::Contains("'\tsensorStop' is not recognized"));
   CHECK_THAT(console.send("frameCfg\t0 2 32 0 50 1 0\n"), Catch::Contains("is not recognized"));
 }
 
-TEST_CASE("simulated firmware truncates lines after 255 characters") {
+TEST_CASE("simulated radar firmware splits command lines after 255 characters") {
   Console console;
   const std::string long_line = "% " + std::string(300, 'x') + "\n";
   const std::string reply = console.send(long_line);
@@ -105,7 +106,7 @@ TEST_CASE("simulated firmware truncates lines after 255 characters") {
   CHECK_THAT(reply, Catch::EndsWith("is not recognized as a CLI command\n\rmmwDemo:/>"));
 }
 
-TEST_CASE("subframes start one after another, each with its own profile") {
+TEST_CASE("simulated radar subframes start one after another, each with its own profile") {
   Console console;
   configure(console, "none", "../../tests/drivers/four_subframes.cfg");
   CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
@@ -122,14 +123,14 @@ TEST_CASE("subframes start one after another, each with its own profile") {
   CHECK_THAT(other.send("sensorStart\n"), Catch::Contains("Error -1"));
 }
 
-TEST_CASE("a complete cfg starts the simulated sensor and defines the axis") {
+TEST_CASE("a complete cfg starts the simulated radar and defines its range axis") {
   Console console;
-  SECTION("50 cm") {
+  SECTION("radar cfg with 50 cm resolution") {
     configure(console);
     CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
     const RadarAxis axis = console.firmware().running().value().axis({});
     CHECK(axis.count == 64);
-    // 18.75 MHz/us are played as 517 steps of 36.21 kHz/us.
+    // The chip rounds 18.75 MHz/us to 517 steps of 36.21 kHz/us.
     CHECK(axis.step_m == Approx(0.2502210254).epsilon(1e-9));
     CHECK(axis.resolution_m == Approx(64 * axis.step_m / 60).epsilon(1e-12));
     CHECK(console.firmware().running()->firmware_step_m() == 0.25);
@@ -138,16 +139,17 @@ TEST_CASE("a complete cfg starts the simulated sensor and defines the axis") {
     CHECK(console.firmware().outputs().stats);
     CHECK_FALSE(console.firmware().outputs().objects);
   }
-  SECTION("4.4 cm") {
+  SECTION("radar cfg with 4.4 cm resolution") {
     configure(console, "none", "xwr68xx_44mm.cfg");
     CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
     const RadarAxis axis = console.firmware().running().value().axis({});
     CHECK(axis.count == 256);
-    CHECK(axis.step_m == Approx(0.0440950).epsilon(1e-6));  // 4584 steps
+    // The slope is rounded to 4584 steps.
+    CHECK(axis.step_m == Approx(0.0440950).epsilon(1e-6));
   }
 }
 
-TEST_CASE("SDK 3.4 starts without calibData") {
+TEST_CASE("simulated radar firmware of SDK 3.4 starts without the command calibData") {
   Console console(4);
   CHECK_THAT(console.send("version\n"), Catch::Contains("mmWave SDK Version      : 03.04.00.03"));
   CHECK_THAT(console.send("calibData 0 0 0\n"),
@@ -156,7 +158,7 @@ TEST_CASE("SDK 3.4 starts without calibData") {
   CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
 }
 
-TEST_CASE("an incomplete cfg does not start the simulated sensor") {
+TEST_CASE("an incomplete cfg does not start the simulated radar") {
   const std::string part =
       GENERATE("cfarCfg -1 0", "cfarCfg -1 1", "cfarFovCfg -1 0", "cfarFovCfg -1 1", "aoaFovCfg",
                "multiObjBeamForming", "guiMonitor", "clutterRemoval", "extendedMaxVelocity",
@@ -171,45 +173,43 @@ TEST_CASE("an incomplete cfg does not start the simulated sensor") {
   CHECK_FALSE(console.firmware().running());
 }
 
-TEST_CASE("a missing chirp, or a chirp beyond the front end's limits, is refused") {
+TEST_CASE("simulated radar firmware refuses missing chirps and chirps beyond front-end limits") {
   Console console;
-  SECTION("missing chirp") { configure(console, "chirpCfg"); }
-  SECTION("missing frame") { configure(console, "frameCfg"); }
-  SECTION("ramp ends before the samples") {
+  SECTION("the cfg defines no chirp") { configure(console, "chirpCfg"); }
+  SECTION("the cfg defines no frame") { configure(console, "frameCfg"); }
+  SECTION("the ramp ends before the last sample") {
     configure(console);
     console.send("profileCfg 0 60 7 6 30 0 0 18.75 1 60 2000 0 0 30\n");
   }
-  SECTION("beyond 64 GHz") {
+  SECTION("the ramp exceeds 64 GHz") {
     configure(console);
     console.send("profileCfg 0 62 7 3 24 0 0 166 1 256 12500 0 0 30\n");
   }
-  SECTION("an unused profile is beyond 64 GHz") {
+  SECTION("the ramp of an unused profile exceeds 64 GHz") {
     configure(console);
     console.send("profileCfg 1 63.5 7 6 40 0 0 18.75 1 60 2000 0 0 30\n");
     console.send("profileCfg 0 60 7 6 40 0 0 18.75 1 60 2000 0 0 30\n");
   }
-  SECTION("the start frequency offset of a chirp exceeds 64 GHz") {
+  SECTION("the start frequency offset moves a chirp beyond 64 GHz") {
     configure(console);
     console.send("chirpCfg 3 3 0 3500000000 0 0 0 1\n");
   }
-  SECTION("the ADC start offset of a chirp moves its samples beyond the ramp") {
+  SECTION("the ADC start offset moves the samples of a chirp beyond the ramp") {
     configure(console);
     console.send("chirpCfg 3 3 0 0 0 0 5 1\n");
   }
-  SECTION("a chirp of the frame is not defined") {
+  SECTION("the frame uses a chirp that is not defined") {
     configure(console);
     console.send("frameCfg 0 3 32 0 50 1 0\n");
   }
-  SECTION("more chirps than the period allows") {
+  SECTION("the frame has more chirps than its period allows") {
     configure(console);
     console.send("frameCfg 0 2 512 0 50 1 0\n");
   }
   CHECK(console.send("sensorStart\n") == "sensorStart\nError -1\n\rmmwDemo:/>");
 }
 
-TEST_CASE(
-    "a chirp with a missing profile is refused, a chirp that ends below 64 GHz after rounding is "
-    "not") {
+TEST_CASE("a chirp without a profile is refused, and a ramp rounded to below 64 GHz is accepted") {
   Console console;
   configure(console, "calibData");
   CHECK(console.send("chirpCfg 0 0 4 0 0 0 0 1\n") ==
@@ -220,7 +220,7 @@ TEST_CASE(
   CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
 }
 
-TEST_CASE("the simulated sensor starts, stops and restarts") {
+TEST_CASE("the simulated radar starts, stops and restarts on command") {
   Console console;
   configure(console);
   console.send("sensorStart\n");
@@ -230,7 +230,7 @@ TEST_CASE("the simulated sensor starts, stops and restarts") {
         "bpmCfg -1 0 0 1\nIgnored: This command is not allowed after sensor has started\n\r"
         "Done\n\rmmwDemo:/>");
 
-  // The stop waits for the end of the frame; input during the wait is lost.
+  // The stop waits for the end of the frame. Input during the wait is lost.
   CHECK(console.send("sensorStop\n") == "sensorStop\n");
   CHECK(console.send("version\n").empty());
   console.firmware().between_frames();
@@ -243,7 +243,7 @@ TEST_CASE("the simulated sensor starts, stops and restarts") {
   CHECK(console.firmware().running());
 }
 
-TEST_CASE("a partial cfg between stop and start is refused") {
+TEST_CASE("simulated radar firmware refuses a partial cfg between stop and start") {
   Console console;
   configure(console);
   console.send("sensorStart\n");
@@ -257,7 +257,7 @@ TEST_CASE("a partial cfg between stop and start is refused") {
   CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
 }
 
-TEST_CASE("changing antennas after the first start crashes the simulated command line") {
+TEST_CASE("changing antennas after the first start crashes the simulated radar command line") {
   Console console;
   configure(console);
   console.send("sensorStart\n");
@@ -269,7 +269,7 @@ TEST_CASE("changing antennas after the first start crashes the simulated command
   CHECK(console.send("version\n").empty());
 }
 
-TEST_CASE("the simulated data port changes its rate and sends a ping") {
+TEST_CASE("the simulated radar data port changes its baud rate and sends a ping") {
   Console console;
   CHECK(console.send("configDataPort 460800 1\n") ==
         "configDataPort 460800 1\nData port baud rate changed to 460800\n\rDone\n\rmmwDemo:/>");
@@ -278,16 +278,17 @@ TEST_CASE("the simulated data port changes its rate and sends a ping") {
   CHECK_THAT(console.send("configDataPort 4000000 0\n"), Catch::Contains("Ignored: Invalid baud"));
 }
 
-TEST_CASE("profile codes of a strong echo and of the noise floor match") {
+TEST_CASE("simulated profile codes of a strong echo and of noise match the expected powers") {
   Conditions c;
   c.radar_snr_db = 60;
   Rng rng(5);
   const double mean_peak = 0.5;
   std::vector<double> power(4000, 0.0);
-  power[0] = 0.25;  // magnitude 2^19: 256 * 19 * 12 / 16
+  // The magnitude is 2^19, so the code is 256 * 19 * 12 / 16.
+  power[0] = 0.25;
   const auto codes = range_profile_codes(power, mean_peak, 12, c, rng);
   CHECK(std::abs(codes[0] - 3648) <= 1);
-  // Noise of the frame, and a little noise of each antenna.
+  // The expected noise is that of the frame, plus a small part of the noise of each antenna.
   double mean = 0;
   for (std::size_t i = 1; i < codes.size(); ++i)
     mean += power_from_code(codes[i], 12) / static_cast<double>(codes.size() - 1);
@@ -296,9 +297,9 @@ TEST_CASE("profile codes of a strong echo and of the noise floor match") {
         own / 2 + 5 * rms / std::sqrt(3999.0));
 }
 
-TEST_CASE("the firmware's range bias follows from a parabola through the peak") {
+TEST_CASE("simulated radar firmware measures the range bias by a parabola through the peak") {
   std::vector<double> power(40, 1e-6);
-  // Magnitudes of a parabola with its peak at bin 10.3.
+  // The magnitudes are those of a parabola with its peak at bin 10.3.
   for (const int i : {9, 10, 11})
     power[static_cast<std::size_t>(i)] = std::pow(5 - std::pow(i - 10.3, 2), 2);
   CHECK(measured_range_bias_m(power, 0.1, 1.0, 0.2) == Approx(0.03).margin(1e-9));
@@ -306,7 +307,8 @@ TEST_CASE("the firmware's range bias follows from a parabola through the peak") 
 
 namespace {
 
-// Runs the dialogue with a firmware that answers at once. Returns its failure, or an empty text.
+// Runs the command dialogue with a firmware that answers immediately. Returns the failure text, or
+// an empty text.
 std::string failure_of(const std::string& name, unsigned sdk, RadarDemo demo) {
   std::ifstream file(echofuse::test::source_dir + "/config/radar/" + name);
   const std::string text{std::istreambuf_iterator<char>(file), {}};
@@ -331,7 +333,7 @@ std::string failure_of(const std::string& name, unsigned sdk, RadarDemo demo) {
 
 }  // namespace
 
-TEST_CASE("each simulated board accepts only its own cfgs, and the error names the right file") {
+TEST_CASE("each simulated radar board accepts only its own cfgs, and errors name the right file") {
   std::size_t files = 0;
   for (const auto& entry :
        std::filesystem::directory_iterator(echofuse::test::source_dir + "/config/radar")) {
@@ -356,7 +358,7 @@ TEST_CASE("each simulated board accepts only its own cfgs, and the error names t
                                   Catch::Contains("Then use config/radar/xwr68xx_"));
         else if (!right_sdk && right_demo)
           CHECK_THAT(failure, Catch::Contains("use a cfg for SDK 3."));
-        // Each suggested file exists.
+        // Each file that the error suggests must exist.
         if (const auto at = failure.find("config/radar/"); at != failure.npos) {
           const std::string other = failure.substr(at, failure.find_first_of(" ,;", at) - at);
           CHECK(std::filesystem::exists(echofuse::test::source_dir + "/" + other));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Radar driver on the pseudo-terminals of a laboratory, at the speed of their UARTs.
+// Tests the radar driver on the pseudo-terminals of a simulated laboratory, at real baud rates.
 #include <catch2/catch.hpp>
 #include <optional>
 
@@ -36,7 +36,7 @@ struct Lines {
 
 }  // namespace
 
-TEST_CASE("radar frames lost by a blocked reader of a pseudo-terminal are counted") {
+TEST_CASE("the radar driver counts frames that are lost while it does not read the port") {
   const TemporaryDirectory dir;
   sim::LabOptions options;
   options.dir = dir / "lab";
@@ -47,8 +47,9 @@ TEST_CASE("radar frames lost by a blocked reader of a pseudo-terminal are counte
   LabThread lab(options);
   Lines lines(options);
   REQUIRE(lines.frames(3));
-  std::this_thread::sleep_for(3s);  // 192 kB, some of it buffered by the kernel
-  // At least half of the 300 frames in that time are lost; a busy machine may skip more.
+  // The board sends 192 kB in this time, and the kernel buffers a part of it.
+  std::this_thread::sleep_for(3s);
+  // At least half of the 300 frames are lost. On a busy machine the board may send fewer frames.
   REQUIRE(run_until(lines.loop, [&] { return counter(*lines.driver, "lost_frames") > 150; }));
   const std::uint32_t first = lines.sink.radar.front().frame_number;
   const std::uint32_t last = lines.sink.radar.back().frame_number;
@@ -57,7 +58,7 @@ TEST_CASE("radar frames lost by a blocked reader of a pseudo-terminal are counte
   CHECK(counter(*lines.driver, "connections") == 1);
 }
 
-TEST_CASE("a data port of another board that still sends is detected on pseudo-terminals") {
+TEST_CASE("the radar driver detects the data port of another board on pseudo-terminals") {
   const TemporaryDirectory dir;
   sim::LabOptions a, b;
   a.dir = dir / "a", b.dir = dir / "b";
@@ -65,7 +66,8 @@ TEST_CASE("a data port of another board that still sends is detected on pseudo-t
   {
     Lines lines(b);
     REQUIRE(lines.frames(3));
-    lines.driver->stop();  // keeps the sensor running
+    // The setting keep_running keeps the sensor running.
+    lines.driver->stop();
   }
   Lines mixed(a, b.dir);
   REQUIRE(run_until(mixed.loop, [&] { return mixed.sink.state() == DeviceState::misconfigured; }));
@@ -73,7 +75,8 @@ TEST_CASE("a data port of another board that still sends is detected on pseudo-t
   CHECK_THAT(mixed.sink.events.back(),
              Catch::StartsWith("radar.cli and radar.data are ports of two boards: frame "));
   mixed.driver.reset();
-  Lines again(b);  // streams when it is connected
+  // This board already sends frames when the driver connects.
+  Lines again(b);
   REQUIRE(again.frames(3));
   CHECK(counter(*again.driver, "connections") == 1);
 }

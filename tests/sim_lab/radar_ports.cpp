@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The radar's two ports through termios, without our drivers.
+// Tests the two serial ports of the simulated radar through termios, without the radar driver.
 #include <fcntl.h>
 #include <poll.h>
 #include <termios.h>
@@ -44,7 +44,7 @@ class Port {
   void write(const std::string& text) {
     REQUIRE(::write(fd_, text.data(), text.size()) == static_cast<ssize_t>(text.size()));
   }
-  // Reads until `enough` returns true or the time is over.
+  // Reads until `enough` returns true or the time has passed.
   template <class Enough>
   std::string read(double patience_s, Enough enough) {
     std::string all;
@@ -80,7 +80,7 @@ struct Frame {
   std::vector<std::uint32_t> types;
 };
 
-// Removes a frame from the front of `bytes`.
+// Parses the first frame of `bytes` and removes it.
 Frame take_frame(std::string& bytes) {
   REQUIRE(bytes.size() >= 40);
   REQUIRE(std::memcmp(bytes.data(), "\x02\x01\x04\x03\x06\x05\x08\x07", 8) == 0);
@@ -112,7 +112,8 @@ void configure(Port& cli, const std::string& cfg_path) {
   }
 }
 
-// Board on virtual time. A pty holds 4 KiB; a host that reads late loses the rest.
+// Simulated board on virtual time. A pseudo-terminal would hold only 4 KiB, and a host that reads
+// late would lose the rest.
 struct BoardInMemory {
   class Line final : public sim::Uart {
    public:
@@ -126,7 +127,7 @@ struct BoardInMemory {
     std::string& to_;
   };
 
-  // Starts the paper's cfg with one line replaced.
+  // Sends the cfg with 50 cm resolution, with one line replaced, and starts the sensor.
   void start(const std::string& instead_of, const std::string& put) {
     std::ifstream cfg(source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
     REQUIRE(cfg);
@@ -165,13 +166,14 @@ sim::LabOptions options_in(const TemporaryDirectory& dir) {
 
 }  // namespace
 
-TEST_CASE("the simulated radar sends the scene's frames at their period while started") {
+TEST_CASE("the simulated radar sends frames of the scene at the frame period while started") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   options.conditions.radar_snr_db = 40;
   LabThread lab(options);
   Port cli(options.dir + "/radar-cli", B115200), data(options.dir + "/radar-data", B921600);
-  cli.bytes(1 << 20, 0.1);  // end of the banner, or nothing
+  // Discards the end of the banner, if any.
+  cli.bytes(1 << 20, 0.1);
   CHECK(cli.command("") == "\nmmwDemo:/>");
   CHECK(cli.command("sensorStop") ==
         "sensorStop\nIgnored: Sensor is already stopped\n\rDone\n\rmmwDemo:/>");
@@ -192,13 +194,14 @@ TEST_CASE("the simulated radar sends the scene's frames at their period while st
     CHECK(frame.types == std::vector<std::uint32_t>{2, 6, 9});
     REQUIRE(frame.profile.size() == 64);
     for (std::size_t bin = 0; bin < 64; ++bin) mean[bin] += frame.profile[bin] / double(frames);
-    // 200 MHz over 50 ms, with a tolerance for the scheduler of a busy machine.
+    // The counter runs at 200 MHz for 50 ms. The tolerance allows for scheduling delays on a busy
+    // machine.
     if (i > 1) CHECK(std::abs(double(frame.cycles - cycles) / 1e7 - 1) < 0.8);
     cycles = frame.cycles;
   }
 
-  // Far above the noise the mean code is that of the noise-free power.
-  const double step_m = 0.25022102542;  // 517 steps of the slope
+  // Far above the noise, the mean code equals the code of the noise-free power.
+  const double step_m = 0.25022102542;  // range step for the slope of 517 frequency steps
   sim::RadarAxis axis{0, step_m, 64, 64 * step_m / 60, sim::Psf::blackman()};
   const auto scene = sim::make_scene(options.conditions, sim::SceneKind::person, 11, 0);
   const auto power = sim::radar_power(sim::radar_returns(scene, options.conditions), axis);
@@ -211,11 +214,12 @@ TEST_CASE("the simulated radar sends the scene's frames at their period while st
   for (std::size_t bin = 0; bin < 64; ++bin) {
     if (power[bin] < 20 * noise) continue;
     const double code = 256 * 12.0 / 16 * 0.5 * std::log2((power[bin] + noise) * std::pow(2.0, 40));
-    // ln|x|^2 has the noise's variance, plus 2 own / power of each of 12 antennas; 20 frames are
-    // averaged.
+    // ln|x|^2 has the variance of the noise, plus 2 own / power for each of 12 antennas. The mean
+    // is over 20 frames.
     const double variance = std::pow(noise / power[bin], 2) + 2 * own / power[bin] / 12;
     const double sigma = 256 * 12 / 16.0 * 0.5 / std::log(2.0) * std::sqrt(variance / frames);
-    CHECK(std::abs(mean[bin] - code) < 5 * sigma + 0.5);  // codes are rounded
+    // The codes are rounded to integers.
+    CHECK(std::abs(mean[bin] - code) < 5 * sigma + 0.5);
     ++compared;
   }
   CHECK(compared >= 2);
@@ -226,13 +230,16 @@ TEST_CASE("the simulated radar sends the scene's frames at their period while st
   while (!wire.empty()) last = take_frame(wire).number;
   CHECK(cli.command("sensorStart 0") == "sensorStart 0\nDone\n\rmmwDemo:/>");
   wire = data.bytes(frame_bytes, 2);
-  CHECK(take_frame(wire).number == last + 1);  // counted since power-up
+  // Frames are numbered from power-up, not from sensorStart.
+  CHECK(take_frame(wire).number == last + 1);
 }
 
 TEST_CASE("the simulated radar sends a heat map if the cfg requests it") {
   BoardInMemory board;
   board.start("guiMonitor", "guiMonitor -1 0 1 0 1 0 1");
-  constexpr std::size_t frame_bytes = 2304;  // 40 + 8 + 128 + 8 + 64 8 4 + 8 + 24 + 8 + 28, padded
+  // The length is 40 + 8 + 128 + 8 + 64 * 8 * 4 + 8 + 24 + 8 + 28 bytes, padded to a multiple of
+  // 32.
+  constexpr std::size_t frame_bytes = 2304;
   board.loop.run_for(150ms);
   for (std::uint32_t i = 1; i <= 2; ++i) {
     const Frame frame = take_frame(board.data);
@@ -255,7 +262,7 @@ TEST_CASE("the simulated radar sends calibration lines once per frame if request
   CHECK(std::count(first.begin(), first.end(), ' ') == 25);
 }
 
-TEST_CASE("at a wrong baud rate the host receives noise") {
+TEST_CASE("a host with a wrong baud rate receives noise from the simulated radar") {
   const TemporaryDirectory dir;
   const sim::LabOptions options = options_in(dir);
   LabThread lab(options);

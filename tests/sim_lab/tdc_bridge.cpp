@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Reads the time tagger with plain sockets.
+// Reads the simulated time tagger through a plain socket, without the driver.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -20,7 +20,7 @@ using namespace echofuse::test;
 
 namespace {
 
-// Bitwise CRC, independent of the product's table.
+// Computes the CRC bit by bit, independently of the table in the product.
 std::uint32_t slow_crc32c(ByteView bytes, std::uint32_t crc) {
   crc = ~crc;
   for (const std::uint8_t b : bytes) {
@@ -92,7 +92,7 @@ sim::LabOptions options_in(const TemporaryDirectory& dir) {
 
 }  // namespace
 
-TEST_CASE("the simulated tagger sends a hello, then tags at the scene's rate") {
+TEST_CASE("the simulated time tagger sends a hello block, then tags at the rate of the scene") {
   const TemporaryDirectory dir;
   const sim::LabOptions options = options_in(dir);
   LabThread lab(options);
@@ -123,8 +123,10 @@ TEST_CASE("the simulated tagger sends a hello, then tags at the scene's rate") {
     const auto more = block->tags();
     tags.insert(tags.end(), more.begin(), more.end());
   }
-  CHECK(blocks >= 75);  // at least one every 20 ms
-  CHECK(hellos >= 1);   // about one per second
+  // The tagger sends at least one block every 20 ms.
+  CHECK(blocks >= 75);
+  // A hello block is sent about once per second.
+  CHECK(hellos >= 1);
   double photons = 0;
   for (std::size_t i = 1; i < tags.size(); ++i) {
     REQUIRE(tags[i].type == TagType::time_tag);
@@ -141,7 +143,7 @@ TEST_CASE("the simulated tagger sends a hello, then tags at the scene's rate") {
   CHECK(std::abs(photons - expected) < 5 * std::sqrt(expected));
 }
 
-TEST_CASE("a simulated zone detector sends histograms at the scene's rate") {
+TEST_CASE("the simulated zone detector sends histograms at the rate of the scene") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   options.conditions.spd_zones = 3;
@@ -177,7 +179,8 @@ TEST_CASE("a simulated zone detector sends histograms at the scene's rate") {
   CHECK(std::abs(counts - expected) < 5 * std::sqrt(expected));
 }
 
-TEST_CASE("a new client gets a new stream, and a goodbye at its end") {
+TEST_CASE(
+    "each client of the simulated tagger gets a new stream, which ends with a goodbye block") {
   const TemporaryDirectory dir;
   const sim::LabOptions options = options_in(dir);
   LabThread lab(options);
@@ -200,10 +203,11 @@ TEST_CASE("a new client gets a new stream, and a goodbye at its end") {
   CHECK(last->crc_good);
 }
 
-TEST_CASE("the simulated bridge counts items lost by a slow client in the next header") {
+TEST_CASE("the simulated bridge reports tags lost by a slow client in the next block header") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
-  options.window_s = 0.05;  // 4e6 tags or 64 MB per second: more than queue and socket hold
+  // 4e6 tags (64 MB) per second exceed the capacity of queue and socket.
+  options.window_s = 0.05;
   LabThread lab(options);
   Client client(options.dir + "/lab.toml");
   REQUIRE(client.read());
@@ -221,7 +225,7 @@ TEST_CASE("the simulated bridge counts items lost by a slow client in the next h
     if (dropped > 0) gap_ps = more.front().time_ps - last_ps;
     last_ps = more.back().time_ps;
   }
-  // The dropped tags would have filled the gap at the rate of the others.
+  // At the tag rate of the scene, the dropped tags fill the gap between received tags.
   const auto returns = sim::spd_returns(
       sim::make_scene(options.conditions, sim::SceneKind::person, 5, 0), options.conditions);
   const double pulses_hz = options.tagging.laser_rate_hz,
