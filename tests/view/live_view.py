@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/view/live_view.py BIN_DIR [TEST]: echofuse-view with a daemon that records from the simulated laboratory."""
+"""tests/view/live_view.py BIN_DIR [TEST]: tests echofuse-view with a daemon that records from the simulated
+laboratory."""
 import json
 import os
 import pathlib
@@ -28,13 +29,14 @@ def processor_s(process):
 
 
 def viewers_of(folder):
-    """Returns the viewers of runs in this folder. Not found by port, because another test's viewer may reuse it."""
+    """Returns the process ids of viewers of runs in this folder. Ports do not identify them, because another test may
+    reuse a port."""
     out = []
     for process in pathlib.Path("/proc").glob("[0-9]*"):
         try:
             words = (process / "cmdline").read_text(encoding="utf-8", errors="replace").split("\0")
         except OSError:
-            continue  # has exited
+            continue  # The process has exited.
         if pathlib.Path(words[0]).name == "echofuse-view" and words[1].startswith(f"{folder}/"):
             out.append(int(process.name))
     return out
@@ -63,8 +65,9 @@ class LiveView(live.Live):
         return json.loads(subprocess.run([bin_dir / "echofuse-acquire", "list", "--json", self.dir], check=True,
                                          stdout=subprocess.PIPE).stdout)["runs"]
 
-    def test_viewer_follows_rotated_files(self):
-        """run --every reports each file; its viewer follows the newest, and shows no maps if the model is invalid."""
+    def test_viewer_follows_a_recording_that_continues_in_new_files(self):
+        """`run --every` reports each new file, and its viewer follows the newest file. If the model is invalid, the
+        viewer shows no maps."""
         daemon = self.record("--every", f"{3 * WINDOW_S}s", "--count", "5", "--json", "--view", "--model",
                              self.dir / "lab/lab.toml", stdout=subprocess.PIPE)
         client = Browser(daemon.stdout.readline().strip())
@@ -77,8 +80,8 @@ class LiveView(live.Live):
         self.assertIn(f"{files[1]}: 5 of 5 records in 2 runs, complete", log)
         self.assertIn("not a model file, or truncated; expected a safetensors file; the page shows no reconstructions", log)
 
-    def test_viewer_follows_a_live_run(self):
-        """The viewer waits for the run, follows and marks it, and shows lost devices and the daemon's end."""
+    def test_viewer_follows_and_annotates_a_live_run(self):
+        """The viewer waits for the run, follows it and adds marks. It shows lost devices and the end of the daemon."""
         client = Browser(self.view())
         self.assertIn("the run does not exist yet", client.until("trouble")["text"])
         daemon = self.record("--set", "run.label=empty")
@@ -102,9 +105,9 @@ class LiveView(live.Live):
         client.until("state", lambda m: m["sensors"]["radar"]["valid"])
         self.close_lab()
         closed = time.monotonic()
-        # On a busy machine records come late: the lamp turns red before the verdict arrives.
+        # On a busy machine records arrive late, so a sensor becomes stale before its verdict arrives.
         client.until("state", lambda m: all(m["sensors"][s]["stale"] for s in ("spd", "radar", "depth")))
-        # Two slots, the acquisition's grace time of 0.5 s, and one second until the next state.
+        # The limit covers two slots, the grace time of 0.5 s, and up to one second until the next state message.
         self.assertLess(time.monotonic() - closed, 2 * WINDOW_S + 3)
         client.until("state", lambda m: m["sensors"]["radar"]["verdict"] == "no frames")
         daemon.kill()
@@ -112,8 +115,8 @@ class LiveView(live.Live):
         self.assertEqual(client.until("state", lambda m: m["status"] != "open")["status"], "crashed")
         client.close()
 
-    def test_alignment_mode_deletes_its_run(self):
-        """Alignment mode has slots of 0.1 s and deletes its run; its viewer exits when no browser is connected."""
+    def test_alignment_mode_deletes_its_run_at_the_end(self):
+        """Alignment mode has slots of 0.1 s and deletes its run. Its viewer exits when no browser is connected."""
         daemon = self.start([bin_dir / "echofuse-acquire", "run", "--align", "--config", self.dir / "lab/lab.toml"],
                             env=os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}, stdout=subprocess.PIPE,
                             stderr=subprocess.PIPE, text=True)
@@ -131,9 +134,9 @@ class LiveView(live.Live):
         client.close()
         wait_for("end of the viewer", lambda: not viewers_of(folder), 15)
 
-    def test_fifty_viewers_do_not_disturb_a_run(self):
-        """A run with 50 viewers and one that never reads has the same slots and losses as a run without viewers. All
-        losses are explained."""
+    def test_fifty_viewers_do_not_disturb_a_live_run(self):
+        """A run with 50 viewers and a client that never reads has the same slots and losses as a run without
+        viewers."""
         log = self.finish(self.record("--count", str(RECORDS)), 60)
         alone = self.account(log)
         self.open_again()
@@ -164,7 +167,8 @@ class LiveView(live.Live):
         self.assertEqual(self.account(log), alone)
 
     def account(self, log):
-        """Checks that each difference from the laboratory's log is explained; returns records, verdicts and losses."""
+        """Checks that every difference from the log of the laboratory is explained. Returns records, losses and
+        verdicts for comparison."""
         self.close_lab()
         self.check_slots(self.rows())
         audit = subprocess.run([sys.executable, SCRIPTS / "audit_run.py", self.run, self.dir / "sent.jsonl"],

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/view/page.py BIN_DIR: the page in Chromium, with a live simulated run. Exit code 77 without Chromium."""
+"""tests/view/page.py BIN_DIR: tests the web page of the viewer in Chromium with a live simulated run. Exits with 77 if
+Chromium is missing."""
 import pathlib
 import re
 import signal
@@ -17,10 +18,10 @@ import live_view
 import proxy
 from live import WINDOW_S, bin_dir, wait_for
 
-PATIENCE_S = 60  # a busy machine renders slowly
+PATIENCE_S = 60  # A busy machine renders the page slowly.
 
 
-# Returns how far numbers and lamps move when status and label get their longest texts.
+# Returns how many pixels the elements move when status and label change from their shortest to their longest texts.
 header_jumps = """
   const at = () => ['numbers', 'lamps', 'transport', 'card-histogram', 'card-maps'].map(id => document.getElementById(id).getBoundingClientRect()).flatMap(r => [r.left, r.top]);
   const say = words => {
@@ -70,7 +71,7 @@ class Page(live_view.LiveView):
             c.height).data; const seen = new Set(); for (let i = 0; i < p.length; i += 4) seen.add(p[i] << 16 | p[i + 1] << 8 |
             p[i + 2]); return seen.size;""", canvas) > 20
 
-    def test_page_follows_a_live_run(self):
+    def test_web_page_follows_a_live_run(self):
         model = self.dir / "model.h5"
         scenes = self.dir / "scenes.sqlite"
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "--out", scenes, "--records", "80"], check=True,
@@ -95,7 +96,7 @@ class Page(live_view.LiveView):
         self.assertFalse(self.js("return document.getElementById('box-reconstruction').hidden"))
         self.assertGreater(self.js("return document.querySelectorAll('#histogram canvas').length"), 0)
 
-        # Narrow and wide, light and dark: no horizontal overflow.
+        # Narrow and wide pages with light and dark themes must not overflow horizontally.
         for width, height, scheme in ((390, 844, "light"), (1280, 800, "dark"), (820, 1180, "light")):
             self.size(width, height)
             self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [
@@ -106,7 +107,7 @@ class Page(live_view.LiveView):
             self.assertEqual(self.contrast_faults(), [], (width, scheme))
         self.size(1280, 800)
 
-        # Keys: another record, back to live, a mark.
+        # Keys select another record, return to the live record, and add a mark.
         self.key("Home")
         self.wait("record 0", lambda: self.text("shown").startswith("record 0,"))
         self.key("ArrowRight")
@@ -123,7 +124,7 @@ class Page(live_view.LiveView):
         self.wait("label", lambda: self.text("label") == "two")
         self.looks()
 
-        # The laboratory stops: two slots later each lamp is red and shows LOST.
+        # The laboratory stops. Two slots later each lamp must be red and show LOST.
         self.wait("green lamp", lambda: self.lamp("radar") in ("ok", "look"))
         self.wait("lamp of the maps", lambda: self.lamp("maps") in ("ok", "look"))
         self.close_lab()
@@ -142,7 +143,7 @@ class Page(live_view.LiveView):
         daemon.wait()
         self.wait("crash on the page", lambda: self.text("status") == "crashed")
 
-        # The viewer stops, and the page reports it.
+        # The viewer stops. The page must show that it has no connection.
         viewer = self.processes[2]
         self.assertIn("echofuse-view", viewer.args[0])
         viewer.terminate()
@@ -151,7 +152,7 @@ class Page(live_view.LiveView):
         self.view("--listen", address.split("/")[2], "--model", model)
         self.wait("page of the viewer started again", lambda: self.text("status") == "crashed")
 
-        # The page follows a new run with the same name, with a laser 500 times too weak.
+        # The page follows a new run with the same name, in which the laser is 500 times too weak.
         for file in self.dir.glob("*.sqlite*"):
             file.unlink()
         self.open_again("--set", "signal_photons=100")
@@ -171,7 +172,7 @@ class Page(live_view.LiveView):
         self.wait("end of the run", lambda: self.text("status") == "complete")
         self.assertIn("run has ended", self.text("lamp-spd"))
         self.assertEqual(self.lamp("spd"), "look")
-        # A complete run has a reference, however short it is.
+        # A complete run has a reference for differences, even if it is short.
         self.wait("difference", lambda: not self.js("return document.getElementById('difference').disabled"))
         before = self.text("histogram-readout")
         self.key("d")
@@ -182,8 +183,8 @@ class Page(live_view.LiveView):
         asked = self.js("return performance.getEntriesByType('resource').map(e => new URL(e.name).host)")
         self.assertEqual(set(asked), {address.split("/")[2]})
 
-    def test_page_works_behind_a_proxy(self):
-        """Behind a proxy everything works below a path; an incomplete proxy configuration is reported."""
+    def test_web_page_works_behind_a_reverse_proxy(self):
+        """Behind a reverse proxy the page works below a path, and reports an incomplete proxy configuration."""
         scenes = self.dir / "scenes.sqlite"
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", scenes, "--records", "8"], check=True)
         process = self.start([bin_dir / "echofuse-view", self.dir, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
@@ -209,8 +210,9 @@ class Page(live_view.LiveView):
         process.terminate()
         process.wait(10)
 
-    def test_page_shows_the_histogram_of_each_zone(self):
-        """A detector with zones has the histogram of each in its place, and their sum."""
+    def test_web_page_shows_the_histogram_of_each_detector_zone(self):
+        """For a detector with zones the page shows the histogram of each zone at its position, and the sum of all
+        zones."""
         for name, side in ("nine", 3), ("one", 1):
             subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", self.dir / f"{name}.sqlite", "--people", "1",
                             "--set", f"spd_zones={side}", "--set", "target_x_m=0"], check=True)
@@ -221,7 +223,7 @@ class Page(live_view.LiveView):
             self.wait("its record", lambda: self.js("return window.framesSeen ?? 0") > 0)
             self.assertEqual(self.js("return document.getElementById('card-zones').hidden"), name == "one")
             self.assertRegex(self.text("histogram-readout"), r"peak \d+\.\d\d m, [\d.]+k clicks")
-        # Pixels with the colour of a histogram in each cell of the 3 x 3 grid, from the top left.
+        # Counts the pixels with the histogram colour in each cell of the 3 x 3 grid, from the top left.
         self.wait("histograms", lambda: self.canvas_is_drawn("zones"))
         drawn = self.js("""const c = document.getElementById('zones'), p = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
             const [r, g, b] = getComputedStyle(document.body).getPropertyValue('--spd').match(/[0-9a-f]{2}/gi).map(t => parseInt(t, 16));
@@ -233,10 +235,11 @@ class Page(live_view.LiveView):
               }
             return cells;""")
         self.assertGreater(min(drawn), 0, drawn)
-        self.assertEqual(max(range(9), key=drawn.__getitem__) % 3, 1, drawn)  # the body is in the middle column
+        # The body is in the middle column.
+        self.assertEqual(max(range(9), key=drawn.__getitem__) % 3, 1, drawn)
 
     def chooser(self, scenes):
-        """A click on a run in the folder opens it, and a link leads back."""
+        """Checks that a click on a run in the list opens it, and that a link leads back to the list."""
         process = self.start([bin_dir / "echofuse-view", self.dir, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
         self.browser.get(process.stdout.readline().strip())
         cards = "return [...document.querySelectorAll('.run h2')].map(at => at.textContent)"
@@ -249,7 +252,8 @@ class Page(live_view.LiveView):
             self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
             self.assertLessEqual(self.js("return document.documentElement.scrollWidth"), width)
             self.assertEqual(self.contrast_faults(), [], (width, scheme))
-        self.js("document.querySelector('.run').click()")  # the list may be redrawn at any moment
+        # A script clicks, because the list may be redrawn at any moment.
+        self.js("document.querySelector('.run').click()")
         self.wait("page of the run", lambda: self.js("return document.getElementById('file')?.textContent") == scenes.name)
         self.wait("its record", lambda: self.js("return window.framesSeen") > 0)
         self.browser.find_element("id", "runs").click()
@@ -258,11 +262,12 @@ class Page(live_view.LiveView):
         process.wait(10)
 
     def looks(self):
-        """Keys change histogram, points and font size."""
+        """Checks the keys for histogram, points and font size, and the zoom and measurement in the charts."""
         peaks = (("histogram-readout", r"peak \d+\.\d\d m, [\d.]+[kM]? clicks(; centre [\d.]+ m, FWHM [\d.]+ cm)?"),
                  ("profile-readout", r"peak \d+\.\d\d m, [\d.]+ dB(; centre [\d.]+ m, FWHM [\d.]+ cm)?"))
 
-        def hold():  # so that only the keys change the page
+        # Holds the shown record, so that only the keys change the page.
+        def hold():
             self.key(" ")
             self.wait("held record", lambda: "held" in self.text("shown"))
             whole = all(re.fullmatch(words, self.text(at)) for at, words in peaks)
@@ -275,7 +280,7 @@ class Page(live_view.LiveView):
                 self.key(key)
                 self.assertEqual(self.js("return document.getElementById(arguments[0]).getAttribute('aria-pressed')", button),
                                  pressed)
-        # Dragging zooms both charts, two clicks measure, a double click resets.
+        # Dragging zooms both charts, two clicks measure a distance, and a double click resets the zoom.
         over = self.browser.find_element("css selector", "#histogram .u-over")
         ends = "return [...document.querySelectorAll('#card-histogram .u-over, #card-profile .u-over')].length"
         self.assertEqual(self.js(ends), 2)
@@ -310,7 +315,7 @@ class Page(live_view.LiveView):
         self.wait("live record", lambda: "held" not in self.text("shown"))
 
     def contrast_faults(self):
-        """Returns texts below the contrast of WCAG 2.1 AA: 4.5, or 3 for large type."""
+        """Returns texts with less contrast than WCAG 2.1 AA requires: 4.5, or 3 for large text."""
         return self.js(r"""
             const part = v => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
             const luminance = ([r, g, b]) => 0.2126 * part(r) + 0.7152 * part(g) + 0.0722 * part(b);
@@ -330,4 +335,4 @@ class Page(live_view.LiveView):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], "Page.test_page_follows_a_live_run", "Page.test_page_works_behind_a_proxy", "Page.test_page_shows_the_histogram_of_each_zone"])
+    unittest.main(argv=[sys.argv[0], "Page.test_web_page_follows_a_live_run", "Page.test_web_page_works_behind_a_reverse_proxy", "Page.test_web_page_shows_the_histogram_of_each_detector_zone"])

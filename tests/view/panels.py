@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/view/panels.py BIN_DIR TEST: alerts, numbers, sums, plan view and values of the page, in Chromium. Exit code 77 without
-Chromium."""
+"""tests/view/panels.py BIN_DIR TEST: tests alerts, rates, sums, plan view and pixel values of the web page in Chromium.
+Exits with 77 if Chromium is missing."""
 import contextlib
 import re
 import signal
@@ -16,7 +16,7 @@ import page
 from live import bin_dir
 from selenium.webdriver.common.action_chains import ActionChains
 
-# Gives lamps and status their longest texts. Returns the visible elements with cut text, or outside the window: at the bottom too if it does not scroll.
+# Shows the longest texts of lamps and status. Returns visible elements that are clipped or outside the window.
 CUT = """
   for (const lamp of document.querySelectorAll('.lamp'))
     for (const [part, text] of [['strong', 'CHECK'], ['.verdict', 'weak: 123 clicks above the background (minimum 1000)'], ['.age', 'last data 12.3 s ago']])
@@ -46,7 +46,7 @@ class Panels(page.Page):
                 str(records))
 
     def themes(self):
-        """Nothing is cut or leaves the window, in both themes and both type sizes."""
+        """Checks that no element is clipped or outside the window, in both themes and both font sizes."""
         for width, height in ((1400, 900), (400, 800)):
             self.size(width, height)
             for key in "", "t", "f", "t", "f":
@@ -58,8 +58,9 @@ class Panels(page.Page):
                 self.assertEqual(cut, [], (width, key))
         self.size(1400, 900)
 
-    def test_alerts_are_shown_and_heard(self):
-        """Alerts of disk, sensors and a silent viewer are shown and heard; sums and rates follow a live run."""
+    def test_web_page_shows_alerts_and_plays_alarms(self):
+        """Checks visual and audible alerts for the disk, the sensors and a stopped viewer. Sums and rates must follow
+        the live run."""
         address = self.view()
         viewer = self.processes[-1]
         daemon = self.record("--set", "alert.disk_free_gb=1e6", "--set", "run.label=person", "--set", "signal.clicks_a_pulse=1e-6")
@@ -73,7 +74,7 @@ class Panels(page.Page):
         self.assertEqual(self.text("sound"), "sound is on")
         self.wait("alarm of the disk", lambda: self.js("return window.alarms") > 0)
 
-        # Rates of the channels: the laboratory's tagger passes only syncs with a click.
+        # The simulated tagger sends only sync tags with a click, so the page shows filtered sync rates.
         self.wait("filter", lambda: self.text("sync-name") == "filtered sync")
         for number in "sync-rate", "click-rate", "dark-rate":
             self.wait(number, lambda: re.fullmatch(r"[\d.]+[kM]?/s", self.text(number)))
@@ -90,7 +91,7 @@ class Panels(page.Page):
         self.wait("sum since the mark", lambda: re.fullmatch(r"of [2-9] records from record \d+", self.text("rates-of")))
         self.choose(1)
 
-        # The viewer stands still: the page reports that, not that the sensors have no data.
+        # The viewer is stopped. The page must report this instead of missing sensor data.
         heard = self.js("return window.alarms")
         self.js("document.getElementById('status').seen = []; new MutationObserver(() => document.getElementById('status').seen.push("
                 "document.getElementById('status').textContent)).observe(document.getElementById('status'), {childList: true})")
@@ -115,8 +116,9 @@ class Panels(page.Page):
         self.browser.find_element("id", "sound").click()
         self.wait("silent page", lambda: not self.pressed("sound"))
 
-    def test_panels_show_fit_and_values(self):
-        """Fit of the peak in m and ns, plan view and value under the pointer, of a finished run with a model."""
+    def test_web_page_shows_peak_fit_plan_view_and_pixel_values(self):
+        """Checks the peak fit in m and ns, the plan view and the value under the pointer for a finished run with a
+        model."""
         scenes, model = self.dir / "scenes.sqlite", self.dir / "model.h5"
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", scenes, "--people", "60", "--letters", "0", "--set",
                         "radar_antennas=8"], check=True)
@@ -136,7 +138,7 @@ class Panels(page.Page):
         self.assertAlmostEqual(float(re.search(fit, self.text("histogram-readout"))[1]), 6.6713 * float(metres[1]), delta=0.04)
         self.assertIn("ns", self.js("return document.getElementById('unit').textContent"))
         self.key("n")
-        # The difference of a sum subtracts the mean of the first minute (20 records) from each record.
+        # For a sum, the difference subtracts the mean of the first minute (20 records) from each record.
         with contextlib.closing(sqlite3.connect(f"file:{scenes}?mode=ro", uri=True)) as db:
             rows = [struct.unpack(f"<{len(spd) // 4}I", spd) for spd, in db.execute("SELECT spd FROM record ORDER BY idx")]
         expected = max(sum(bins[-10:]) - sum(bins[:20]) / 2 for bins in zip(*rows))
@@ -147,7 +149,7 @@ class Panels(page.Page):
         self.key("d")
         self.choose(1)
         self.wait("first fit", lambda: metres[0] in self.text("histogram-readout"))
-        # A zoom limits the fit to the zoomed part.
+        # A zoom limits the peak fit to the zoomed range.
         over = self.browser.find_element("css selector", "#histogram .u-over")
         ActionChains(self.browser).move_to_element_with_offset(over, 20, 0).click_and_hold().move_by_offset(100, 0).release().perform()
         self.wait("other fit", lambda: metres[0] not in self.text("histogram-readout"))
@@ -155,7 +157,7 @@ class Panels(page.Page):
         self.wait("first fit", lambda: metres[0] in self.text("histogram-readout") or
                   ActionChains(self.browser).move_to_element(self.browser.find_element("id", "file")).perform())
 
-        # Values under the pointer; otherwise the share of holes.
+        # A view shows the value under the pointer, or the percentage of pixels without a return.
         for view in "map", "camera":
             self.assertRegex(self.text(f"{view}-value"), r"^[\d.]+ % without a return$")
         canvas = self.browser.find_element("id", "camera")
@@ -175,7 +177,7 @@ class Panels(page.Page):
         self.assertAlmostEqual(depth, z, delta=0.01)
         self.assertAlmostEqual(self.js("return Math.tan(arguments[0] * Math.PI / 180)", azimuth) * z, x, delta=0.02)
 
-        # Plan view: radar and antennas in the frame of the detector.
+        # The plan view shows radar and antennas in the coordinates of the detector.
         self.wait("plan", lambda: self.canvas_is_drawn("plan"))
         seen = self.js("return import('./plan.js').then(m => [...m.fromRadar(-0.5, 3, 0.5), ...m.fromRadar(0.5, 1, 0.5)])")
         self.assertEqual(seen[:2], [3, 0])

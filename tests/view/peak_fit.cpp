@@ -21,7 +21,8 @@ struct Bump {
   double centre_m, sigma_m, clicks;
 };
 
-// Poisson counts, or their means, of Gaussian peaks on an even background.
+// Returns the counts of Gaussian peaks on a constant background: Poisson counts, or their means if
+// `seed` is 0.
 std::vector<double> counts_of(const std::vector<Bump>& bumps, double background, unsigned seed) {
   std::mt19937 random(seed);
   std::vector<double> out;
@@ -40,7 +41,7 @@ constexpr double whole = 1e6;
 
 }  // namespace
 
-TEST_CASE("the peak fit finds centre and width within its stated error") {
+TEST_CASE("the peak fit recovers centre and width within the error that it reports") {
   int outside = 0;
   for (unsigned seed = 1; seed <= 50; ++seed) {
     const auto fit =
@@ -50,10 +51,11 @@ TEST_CASE("the peak fit finds centre and width within its stated error") {
     CHECK(fit->fwhm == Approx(2.3548 * 0.06).epsilon(0.1));
     outside += std::abs(fit->centre - 3.217) > 2 * fit->centre_error;
   }
-  CHECK(outside <= 8);  // 5 % of 50 are expected
+  // 5 % of 50 fits are expected to be off by more than two standard errors.
+  CHECK(outside <= 8);
 }
 
-TEST_CASE("the peak fit uses only its range and finds no peak in background") {
+TEST_CASE("the peak fit uses only the given range and finds no peak in pure background") {
   const auto two = counts_of({{3, 0.05, 9000}, {5, 0.1, 4000}}, 10, 1);
   CHECK(fit_peak(two, axis, -whole, whole, true)->centre == Approx(3).margin(0.01));
   CHECK(fit_peak(two, axis, 4.2, 6, true)->centre == Approx(5).margin(0.02));
@@ -63,7 +65,7 @@ TEST_CASE("the peak fit uses only its range and finds no peak in background") {
   CHECK_FALSE(fit_peak({}, axis, -whole, whole, true));
 }
 
-TEST_CASE("the peak fit of radar power estimates noise from the residuals") {
+TEST_CASE("the peak fit recovers centre and width of an echo in radar power") {
   std::vector<double> power = counts_of({{4, 0.08, 1}}, 1e-3, 0);
   const auto fit = fit_peak(power, axis, -whole, whole, false);
   REQUIRE(fit);
@@ -71,7 +73,7 @@ TEST_CASE("the peak fit of radar power estimates noise from the residuals") {
   CHECK(fit->fwhm == Approx(2.3548 * 0.08).epsilon(1e-3));
 }
 
-TEST_CASE("the dark rate is the click rate before the first return") {
+TEST_CASE("the dark count rate is estimated from the clicks before the first return") {
   record::FusedRecord r;
   r.valid = {Sensor::spd};
   r.slot_end = std::chrono::seconds(2);
@@ -89,12 +91,13 @@ TEST_CASE("the dark rate is the click rate before the first return") {
   const auto numbers = tally.numbers(axes);
   CHECK(numbers["rates"]["sync_hz"] == 500'000);
   CHECK(numbers["rates"]["pulse_hz"] == 500'000);
-  CHECK(tally.numbers(axes, 2e7)["rates"]["pulse_hz"] == 2e7);  // behind a filter
+  // The given laser rate is used if a filter removes sync tags.
+  CHECK(tally.numbers(axes, 2e7)["rates"]["pulse_hz"] == 2e7);
   CHECK(numbers["rates"]["click_hz"] == Approx(all / 2));
   CHECK(numbers["rates"]["clicks_a_pulse"] == Approx(all / 1e6));
   CHECK(numbers["rates"]["dark_hz"].get<double>() == Approx(25 / (1e6 * 100e-12)).epsilon(0.1));
 
-  // A record that is taken out again leaves the sum of the others.
+  // Removing a record from the tally leaves the sum of the other records.
   record::FusedRecord other = r;
   other.spd.assign(bins, 7);
   tally.add(other, axes);

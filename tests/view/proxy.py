@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""A reverse proxy in front of the viewer, like nginx's proxy_pass: /lab/ forwards the headers that the manual asks for,
-/plain/ only nginx's defaults. Other paths return its own 404 page."""
+"""A reverse proxy in front of the viewer, similar to nginx with proxy_pass. /lab/ forwards the headers that the manual
+requires, and /plain/ only the default headers of nginx. Other paths return the 404 page of the proxy."""
 import socket
 import threading
 import urllib.parse
@@ -64,7 +64,8 @@ class Proxy:
 
 
 def check_requests(test):
-    """Requests as a proxy forwards them: the page's origin is the forwarded host, the Host field names the server."""
+    """Sends requests as a proxy forwards them. Their origin is the forwarded host, and the Host field names the
+    server."""
     here = urllib.parse.urlsplit(test.address).netloc
     for headers, status in ((["X-Forwarded-Host: lab.example.org", "Origin: https://lab.example.org"], 101),
                             (["X-Forwarded-Host: lab.example.org, inner", "Origin: http://lab.example.org"], 101),
@@ -75,7 +76,7 @@ def check_requests(test):
         except Refused as refused:
             got = refused.args[0]
         test.assertEqual(got, status, headers)
-    # The page's scripts are public, so that the page can report why the WebSocket fails.
+    # The scripts of the page are public, so that the page can report why its WebSocket fails.
     test.assertEqual(test.get("/view.js", Origin="http://lab.example.org")[0].status, 200)
     test.assertIn(b"X-Forwarded-Host, Upgrade and Connection", test.get("/live")[1])
     for forwarded, named in ((here, here), ("lab.example.org", "lab.example.org"), ("a; script-src *", "a")):

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/view/server.py BIN_DIR [TEST]: echofuse-view over real sockets, with a finished run."""
+"""tests/view/server.py BIN_DIR [TEST]: tests echofuse-view over real sockets with a finished run."""
 import base64
 import contextlib
 import hashlib
@@ -73,7 +73,7 @@ class Server(unittest.TestCase):
                 pass
         return out
 
-    def test_messages_contain_the_records(self):
+    def test_viewer_messages_contain_the_data_of_the_records(self):
         client = Client(self.address)
         run = client.until("run")
         self.assertEqual((run["file"], run["model"], run["may_write"]), ("scenes.sqlite", None, False))
@@ -97,7 +97,7 @@ class Server(unittest.TestCase):
         self.assertEqual(len(record["arrays"]["radar"]), run["axes"]["radar"]["count"])
         self.assertEqual(len(record["arrays"]["map"]), run["map"]["size"] ** 2)
         self.assertTrue(any(1 < z < 6 for z in record["arrays"]["map"]))
-        # A sum ends with the record that is shown, and is cut off at the run's start.
+        # A sum ends with the shown record, and has fewer records than requested near the start of the run.
         spds = [struct.unpack(f"<{len(row[0]) // 4}I", row[0]) for row in rows]
         for count, shown in ((2, 3), (2, 4), (1000, 5)):
             client.ask({"show": shown})
@@ -106,7 +106,7 @@ class Server(unittest.TestCase):
             summed = client.until("sum", lambda m: (m.get("from"), m.get("records")) == (first, shown - first + 1))
             self.assertEqual(summed["arrays"]["spd"], tuple(map(float, map(sum, zip(*spds[first:shown + 1])))))
             self.assertGreater(summed["fits"]["spd"]["fwhm_m"], 0)
-        # The fit of one record within a range comes without its data, which its record has.
+        # The sum of a single record contains no histogram, because the record message contains it.
         client.ask({"sum": [1, -1e6, 1e6]})
         fitted = client.until("sum", lambda m: m.get("records") == 1)
         self.assertEqual((fitted["from"], fitted["arrays"]), (5, {}))
@@ -117,7 +117,7 @@ class Server(unittest.TestCase):
         sheet = client.until("sheet")
         self.assertEqual(sheet["index"], list(range(RECORDS)))
         self.assertEqual(len(sheet["arrays"]["maps"]), RECORDS * 32 * 32)
-        # A column of the waterfall contains the maximum of neighbouring bins.
+        # Each waterfall column contains the maximum of several neighbouring bins.
         arrays, bins = sheet["arrays"], run["axes"]["spd"]["count"]
         columns, by = len(arrays["spd"]) // RECORDS, -(-bins // 256)
         self.assertEqual(columns, -(-bins // by))
@@ -129,7 +129,7 @@ class Server(unittest.TestCase):
         client.ask({"show": 10 ** 6})
         self.assertIn("no record 1000000", client.until("trouble")["text"])
 
-    def test_training_records_are_marked(self):
+    def test_viewer_marks_records_on_which_the_model_was_trained(self):
         model = pathlib.Path(self.folder.name) / "model.safetensors"
         subprocess.run([bin_dir / "echofuse-recon", "train", self.run_file, "--model", "mean", "--out", model, "-q"], check=True,
                        stderr=subprocess.DEVNULL)
@@ -141,14 +141,15 @@ class Server(unittest.TestCase):
             for index in range(RECORDS):
                 client.ask({"show": index})
                 seen += client.until("record", lambda record: record["index"] == index)["reconstruction"]["seen"]
-            self.assertTrue(0 < RECORDS - seen <= 0.2 * RECORDS, seen)  # the test records
+            # The model was trained on at least 80 % of the records. The others are its test records.
+            self.assertTrue(0 < RECORDS - seen <= 0.2 * RECORDS, seen)
         finally:
             process.terminate()
             process.wait()
             process.stdout.close()
 
-    def test_track_has_the_positions_of_its_records(self):
-        """The track up to a record contains the positions of all records up to it."""
+    def test_track_message_contains_the_body_positions_of_earlier_records(self):
+        """The track message of a record contains the body positions of all records up to that record."""
         run, model = (pathlib.Path(self.folder.name) / "track" / name for name in ("run.sqlite", "model.safetensors"))
         run.parent.mkdir()
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--people", "80", "--letters", "0", "--out", run], check=True,
@@ -178,7 +179,7 @@ class Server(unittest.TestCase):
             process.wait()
             process.stdout.close()
 
-    def test_invalid_requests_are_refused(self):
+    def test_viewer_refuses_invalid_http_requests(self):
         url = urllib.parse.urlsplit(self.address)
         for headers, status in (([], 101), ([f"Origin: http://{url.netloc}"], 101), (["Origin: http://evil.example"], 403),
                                 (["Origin: null"], 403), ([f"Origin: https://{url.netloc}"], 101),
@@ -193,19 +194,19 @@ class Server(unittest.TestCase):
                                      ("/live", "GET", 426), ("/nothing", "GET", 404), ("/index.html/", "GET", 404)):
             self.assertEqual(self.get(path, method=method)[0].status, status, path)
         proxy.check_requests(self)
-        # A malformed target is refused, and other clients are not affected.
+        # A malformed request target is refused, and other clients are not affected.
         for target in (b"?", b"?token=1", b"live", b"http://localhost/", b"*"):
             self.assertIn(b" 400 ", self.raw(b"GET " + target + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")[:40], target)
         self.assertEqual(self.get("/")[0].status, 200)
-        # On this machine reading is open to all users; marking needs the token.
+        # Every user of this machine may read the data, but setting marks requires the token.
         client = Client(self.address, token=False)
         client.until("run")
         client.ask({"label": "x"})
         answer = client.until("answer")
         self.assertEqual((answer["ok"], "token" in answer["text"]), (False, True))
 
-    def test_public_address_needs_the_token(self):
-        """On a public address only the page's scripts are served without the token."""
+    def test_viewer_on_a_public_address_requires_the_token(self):
+        """On a public address only the scripts of the page are served without the token."""
         process, address = self.start(self.folder.name, "--listen", "0.0.0.0:0")
         try:
             url = urllib.parse.urlsplit(address)
@@ -225,8 +226,8 @@ class Server(unittest.TestCase):
             process.wait(10)
             process.stdout.close()
 
-    def test_next_free_port_is_used(self):
-        """If the default ports are in use, another one is taken."""
+    def test_viewer_uses_another_port_if_its_default_ports_are_in_use(self):
+        """If the default ports are in use, the viewer uses another port."""
         taken = []
         for port in range(8410, 8420):
             taken.append(socket.socket())
@@ -234,7 +235,7 @@ class Server(unittest.TestCase):
                 taken[-1].bind(("127.0.0.1", port))
                 taken[-1].listen()
             except OSError:
-                pass  # the port is in use
+                pass  # The port is already in use.
         with subprocess.Popen([bin_dir / "echofuse-view", self.folder.name], stdout=subprocess.PIPE, text=True) as process:
             address = process.stdout.readline().strip()
             for each in taken:
@@ -245,7 +246,7 @@ class Server(unittest.TestCase):
             finally:
                 process.terminate()
 
-    def test_oversized_requests_are_refused(self):
+    def test_viewer_refuses_oversized_and_malformed_requests(self):
         for request in (b"GET / HTTP/1.1\r\nHost: localhost\r\nX: " + b"a" * 100_000 + b"\r\n\r\n",
                         b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1000000000\r\n\r\n" + b"a" * 10_000,
                         b"GET / HTTP/1.1\r\nHost: localhost\r\nHost: localhost\r\n\r\n", b"\x16\x03\x01\x02\x00" * 200,
@@ -262,8 +263,8 @@ class Server(unittest.TestCase):
             self.assertFalse(client.until("answer")["ok"], bad)
         self.assertEqual(self.get("/")[0].status, 200)
 
-    def test_random_bytes_end_only_their_connection(self):
-        """Random bytes before or after the handshake end only their own connection."""
+    def test_random_bytes_close_only_the_connection_that_sent_them(self):
+        """Random bytes before or after the handshake close only the connection on which they arrive."""
         random = random_numbers.Random(1)
         healthy = Client(self.address)
         for k in range(120):
@@ -282,8 +283,8 @@ class Server(unittest.TestCase):
         self.assertEqual(healthy.until("record", lambda m: not m["live"])["index"], 1)
         healthy.socket.close()
 
-    def test_at_most_64_connections_are_open(self):
-        """At most 64 connections are open; when one closes, another is accepted."""
+    def test_viewer_accepts_at_most_64_connections(self):
+        """At most 64 connections are open. When one closes, another is accepted."""
         clients = [Client(self.address) for _ in range(64)]
         for _ in range(3):
             with self.assertRaises((EOFError, ConnectionError)):
@@ -304,8 +305,8 @@ class Server(unittest.TestCase):
             client.socket.close()
         time.sleep(0.3)
 
-    def test_slow_client_does_not_delay_others(self):
-        """A client that answers no ping is disconnected; a slow client does not delay the others."""
+    def test_slow_client_does_not_delay_other_clients(self):
+        """A client that does not answer pings is disconnected. A slow client does not delay other clients."""
         silent = Client(self.address)
         asking = Client(self.address)
         for k in range(200):
@@ -314,16 +315,16 @@ class Server(unittest.TestCase):
         asking.ask({"show": 5})
         asking.until("record", lambda m: m["index"] == 5)
         self.assertLess(time.monotonic() - begun, 5)
-        # The server's end of the connection, because unread data hide its end from the client.
+        # Counts the sockets of the server, because unread data hide the end of the connection from the client.
         def sockets():
             return sum(os.readlink(fd).startswith("socket:") for fd in pathlib.Path(f"/proc/{self.process.pid}/fd").iterdir())
         before = sockets()
         end = time.monotonic() + 40
         while sockets() >= before:
             self.assertLess(time.monotonic(), end, "a client that never reads is still connected")
-            asking.message()  # answers pings
+            asking.message()  # Reading a message also answers pings.
 
-    def test_page_contacts_only_its_server(self):
+    def test_web_page_contacts_only_its_own_server(self):
         for path in "/", "/newest/":
             self.page_contacts_only_its_server(path, hashes=2 if path == "/newest/" else 0)
 
@@ -345,8 +346,9 @@ class Server(unittest.TestCase):
             self.assertNotRegex(body.decode().replace("http://www.w3.org", ""), r"\b(https?|wss?):(?!//\$\{location)" if not hashed
                                 else r"wss?://")
 
-    def test_runs_of_a_folder_are_listed(self):
-        """A folder's runs are listed, each with its page and socket; files of other folders are not served."""
+    def test_viewer_lists_the_runs_of_a_folder(self):
+        """The runs of a folder are listed, and each has its own page and socket. Files of other folders are not
+        served."""
         with tempfile.TemporaryDirectory(dir=self.folder.name) as folder:
             for name in "one.sqlite", "zwei & drei.sqlite":
                 shutil.copy(self.run_file, pathlib.Path(folder, name))
@@ -374,7 +376,7 @@ class Server(unittest.TestCase):
                                      ("/run/..%2fscenes/", 404), ("/run/../scenes/", 404), ("/run/one/runs", 404),
                                      (f"/run/{urllib.parse.quote(folder, safe='')}%2fone/", 404)):
                     self.assertEqual(get(path)[0], status, path)
-                # Two runs at a time; each client gets messages of its own run only.
+                # Two clients follow two runs at the same time. Each must receive messages of its own run only.
                 clients = {name: Client(here, path=f"/run/{urllib.parse.quote(name)}/live") for name in ("one", "zwei & drei")}
                 for name, client in clients.items():
                     self.assertEqual(client.until("run")["file"], f"{name}.sqlite")
@@ -388,9 +390,9 @@ class Server(unittest.TestCase):
                 process.wait(10)
                 process.stdout.close()
 
-    def test_newest_run_is_the_one_started_last(self):
-        """The newest run is the one that began last, not the one written last. A folder may contain other files; as RUN
-        they are refused."""
+    def test_newest_run_in_a_folder_is_the_one_that_started_last(self):
+        """The newest run is the one that started last, even if another file was written later. Other files in the
+        folder are ignored, but are refused as RUN."""
         fifo, earlier, junk = (pathlib.Path(self.folder.name, f"{name}.sqlite") for name in ("newest", "earlier", "junk"))
         os.mkfifo(fifo)
         shutil.copy(self.run_file, earlier)

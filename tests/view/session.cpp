@@ -20,14 +20,15 @@ constexpr std::string_view handshake =
     "GET /live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
     "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
 
-// Returns a text frame of the client, with a zero mask.
+// Returns a WebSocket text frame of a client, with a zero mask.
 std::string frame(std::string_view text) {
   REQUIRE(text.size() < 126);
   return std::string("\x81") + static_cast<char>(0x80 | text.size()) + std::string(4, '\0') +
          std::string(text);
 }
 
-// Owner of the sessions, with a raw client for each. All of it is one thread.
+// Owner of the sessions under test, which also connects raw clients. Sessions and clients use the
+// same thread.
 struct Owner final : SessionOwner {
   const Access& access() const override { return access_; }
   bool has_run(const std::string&) override { return true; }
@@ -54,7 +55,8 @@ struct Owner final : SessionOwner {
   static void write(tcp::socket& client, std::string_view bytes) {
     net::write(client, net::buffer(bytes.data(), bytes.size()));
   }
-  // Waits up to five seconds; a client that answers no ping is dropped after ten.
+  // Waits for at most five seconds. A client that answers no ping is disconnected only after ten
+  // seconds.
   template <class Condition>
   bool waits_for(Condition happened) {
     const auto end = std::chrono::steady_clock::now() + 5s;
@@ -71,11 +73,12 @@ struct Owner final : SessionOwner {
 
 }  // namespace
 
-TEST_CASE("an exception in a handler ends only its own session") {
+TEST_CASE("an exception in a request handler ends only the session of that request") {
   Owner owner;
   tcp::socket healthy = owner.connect(handshake);
   REQUIRE(owner.waits_for([&] { return owner.openings == 1; }));
-  owner.access_.many = true;  // a folder of runs has a list
+  // Only a viewer of a folder has a list of runs. Requesting the list throws an exception here.
+  owner.access_.many = true;
   const tcp::socket runs = owner.connect("GET /runs HTTP/1.1\r\nHost: localhost\r\n\r\n");
   CHECK(owner.waits_for([&] { return owner.open == 1; }));
   owner.access_.many = false;
@@ -88,15 +91,16 @@ TEST_CASE("an exception in a handler ends only its own session") {
   CHECK(owner.waits_for([&] { return owner.marks == 1; }));
 }
 
-TEST_CASE("a session queues eight unread marks and ends at the ninth") {
+TEST_CASE("a viewer session queues eight unread marks and ends at the ninth") {
   Owner owner;
-  owner.greeting = std::make_shared<Bytes>(64 << 20);  // exceeds the socket's buffers
+  // The greeting exceeds the socket buffers, so answers to the marks must wait.
+  owner.greeting = std::make_shared<Bytes>(64 << 20);
   tcp::socket client = owner.connect(handshake);
   REQUIRE(owner.waits_for([&] { return owner.openings == 1; }));
   for (int i = 0; i < 8; ++i) Owner::write(client, frame(R"({"mark": "x"})"));
   owner.io.run_for(200ms);
   CHECK((owner.marks == 0 && owner.closings == 0));
-  SECTION("eight marks are answered when the client reads") {
+  SECTION("eight queued marks are answered when the client reads") {
     std::string all(1 << 20, '\0');
     client.non_blocking(true);
     CHECK(owner.waits_for([&] {
@@ -107,7 +111,7 @@ TEST_CASE("a session queues eight unread marks and ends at the ninth") {
     }));
     CHECK(owner.closings == 0);
   }
-  SECTION("ninth mark ends the session") {
+  SECTION("a ninth unread mark ends the session") {
     Owner::write(client, frame(R"({"mark": "x"})"));
     CHECK(owner.waits_for([&] { return owner.closings == 1; }));
     CHECK(owner.marks == 0);

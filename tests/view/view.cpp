@@ -14,7 +14,7 @@
 using namespace echofuse;
 using namespace echofuse::view;
 
-TEST_CASE("the server accepts only Host names that DNS rebinding cannot use") {
+TEST_CASE("the server refuses Host names that could be used for DNS rebinding") {
   Access here;
   here.host_name = "lab7";
   for (const char* host : {"localhost", "LocalHost:8410", "127.0.0.1", "127.0.0.1:1", "[::1]:8410"})
@@ -31,7 +31,7 @@ TEST_CASE("the server accepts only Host names that DNS rebinding cannot use") {
     CHECK_FALSE(all.accepts_host(host));
 }
 
-TEST_CASE("a page of another origin cannot open a WebSocket") {
+TEST_CASE("a web page of another origin cannot open a WebSocket") {
   const Access access;
   CHECK(access.accepts_origin("", "127.0.0.1:8410"));
   CHECK(access.accepts_origin("http://127.0.0.1:8410", "127.0.0.1:8410"));
@@ -41,7 +41,7 @@ TEST_CASE("a page of another origin cannot open a WebSocket") {
     CHECK_FALSE(access.accepts_origin(origin, "127.0.0.1:8410"));
 }
 
-TEST_CASE("the token is required for reading on a public address, and always for writing") {
+TEST_CASE("the access token is required for reading on a public address and always for writing") {
   Access access;
   access.token = make_token();
   CHECK(access.token.size() == 32);
@@ -58,14 +58,15 @@ TEST_CASE("the token is required for reading on a public address, and always for
   access.needs_token = true;
   CHECK_FALSE(access.may_read("0"));
   CHECK(access.may_read(access.token));
-  CHECK_FALSE(Access{}.may_write(""));  // a missing token differs from an empty one
+  // If the server has no token, an empty token does not permit writing.
+  CHECK_FALSE(Access{}.may_write(""));
   CHECK(target_of("/live?a=1&token=12&b").token == "12");
   CHECK(target_of("/live?xtoken=12").token.empty());
   CHECK(target_of("/live").path == "/live");
   CHECK(target_of("?").path.empty());
 }
 
-TEST_CASE("a live message has a header, then arrays at multiples of 8 bytes") {
+TEST_CASE("a live message has a header, and its arrays begin at multiples of 8 bytes") {
   MessageWriter writer;
   writer.add("a", std::vector<std::uint32_t>{1, 2, 3});
   writer.add<float>("b", std::vector<float>{0.5F, 1}, {1, 2});
@@ -85,7 +86,7 @@ TEST_CASE("a live message has a header, then arrays at multiples of 8 bytes") {
   CHECK(arrays.get<float>() == 0.5F);
 }
 
-TEST_CASE("each kind of request is parsed within its limits") {
+TEST_CASE("the viewer parses each kind of request and refuses values beyond its limits") {
   const auto refusal = [](const std::string& text) {
     const Request request = parse_request(text);
     const auto* bad = std::get_if<BadRequest>(&request);
@@ -122,7 +123,7 @@ TEST_CASE("each kind of request is parsed within its limits") {
   CHECK(refusal(std::string(1025, ' ')) == "request too long (limit 1024 bytes)");
 }
 
-TEST_CASE("a sensor is stale two slots after its last valid slot") {
+TEST_CASE("a sensor is reported as stale two slots after its last valid slot") {
   SensorState sensor;
   const UtcTime now = std::chrono::seconds(100);
   CHECK(is_stale(sensor, 3, now));
@@ -130,16 +131,17 @@ TEST_CASE("a sensor is stale two slots after its last valid slot") {
   CHECK_FALSE(is_stale(sensor, 3, now));
   sensor.last_valid = now - std::chrono::milliseconds(6600);
   CHECK(is_stale(sensor, 3, now));
-  sensor.last_valid = now + std::chrono::seconds(1);  // the clock was set back
+  // The system clock was set back.
+  sensor.last_valid = now + std::chrono::seconds(1);
   CHECK(age_s(sensor, now) == 0);
 }
 
-TEST_CASE("a run that is briefly unreadable is read again and sent again") {
+TEST_CASE("the viewer reads and sends a run again if the run was temporarily unreadable") {
   const test::Folder folder;
   const std::string path = folder / "run.sqlite";
   record::RunWriter(path, {}).close("complete");
   const auto time = std::filesystem::last_write_time(path) + std::chrono::seconds(1);
-  // Size and time do not change between the two.
+  // Modifies the file without changing its size or modification time.
   const auto write_first_byte = [&](char byte) {
     std::fstream(path, std::ios::in | std::ios::out | std::ios::binary).put(byte);
     std::filesystem::last_write_time(path, time);
@@ -153,14 +155,15 @@ TEST_CASE("a run that is briefly unreadable is read again and sent again") {
   write_first_byte('X');
   CHECK(run.refresh());
   CHECK_FALSE(run.trouble().empty());
-  CHECK_FALSE(run.refresh());  // reported once
+  // The same problem is reported only once.
+  CHECK_FALSE(run.refresh());
   write_first_byte('S');
   CHECK(run.refresh());
   CHECK(run.trouble().empty());
   CHECK(run.edition() != edition);
 }
 
-TEST_CASE("the state contains the time until the disk is full") {
+TEST_CASE("the viewer state contains the time until the disk is full") {
   const test::Folder folder;
   record::RunInfo info;
   info.window_s = 3;

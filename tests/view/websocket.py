@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A WebSocket client (RFC 6455) made with the standard library, and the messages of echofuse-view."""
+"""WebSocket client (RFC 6455) based on the standard library, and a decoder of echofuse-view messages."""
 import base64
 import json
 import os
@@ -14,7 +14,7 @@ TYPES = {"u8": "B", "u16": "H", "u32": "I", "f32": "f", "f64": "d"}
 
 
 class Refused(Exception):
-    """The response to the handshake was not 101."""
+    """Raised if the response to the handshake is not 101."""
 
 
 class Client:
@@ -58,7 +58,8 @@ class Client:
         self.frame(1, json.dumps(what).encode())
 
     def message(self):
-        """Returns the next message of the server and answers pings. Raises EOFError when the server closes."""
+        """Returns the next message of the server, and answers pings. Raises EOFError if the server closes the
+        connection."""
         while True:
             first, second = self.take(2)
             size = second & 127
@@ -75,7 +76,8 @@ class Client:
                 return decode(payload)
 
     def until(self, kind, condition=lambda message: True, timeout_s=60):
-        """Raises TimeoutError with the last trouble that the server reported."""
+        """Returns the next message of this kind that meets the condition. Raises TimeoutError with the last
+        problem that the server reported."""
         end, trouble = time.monotonic() + timeout_s, ""
         while time.monotonic() < end:
             message = self.message()
@@ -87,7 +89,8 @@ class Client:
 
 
 class Browser(Client):
-    """Reads in a thread, as a browser does, so that pings are answered while a test waits for something else."""
+    """Reads in a separate thread, as a browser does, so that pings are answered while a test waits for something
+    else."""
 
     def __init__(self, address):
         super().__init__(address)
@@ -111,7 +114,8 @@ class Browser(Client):
         return message
 
     def close(self):
-        self.socket.shutdown(socket.SHUT_RDWR)  # otherwise the thread would keep it open
+        # The shutdown ends the reading thread, which would otherwise keep the socket open.
+        self.socket.shutdown(socket.SHUT_RDWR)
         self.socket.close()
 
 
