@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/antennas.py BIN_DIR [TEST]: a run of a laboratory with a radar that sends samples of its antennas. Every frame
-arrives complete, and each record has the statistics of its slot's frames, computed here from the raw bytes."""
+"""tests/system/antennas.py BIN_DIR [TEST]: records a run with a simulated radar that sends antenna samples. Checks that
+each frame arrives complete, and that each record has the statistics of its frames, computed here from the raw bytes."""
 import json
 import math
 import pathlib
@@ -40,7 +40,7 @@ def crc32c(data):
 
 
 def frames_of(raw):
-    """Returns {number: (bytes, samples of the kept bins)}."""
+    """Returns {frame number: (frame bytes, antenna samples of the kept range bins)}."""
     frames, place = {}, raw.find(MAGIC)
     while place >= 0:
         size, number, tlvs = (struct.unpack_from("<I", raw, place + at)[0] for at in (12, 20, 32)) \
@@ -61,7 +61,8 @@ def frames_of(raw):
 
 
 def unpacked(blob):
-    """Yields for each bin its power, and the values in units of the power (means: of its square root)."""
+    """Yields the power of each range bin and its statistics relative to the power. Means are relative to the root of
+    the power."""
     size = 4 + 2 * VALUES
     assert len(blob) == KEPT * size
     for start in range(0, len(blob), size):
@@ -69,7 +70,7 @@ def unpacked(blob):
 
 
 def statistics(frames, numbers, b):
-    """Returns the same for one bin, computed from its frames."""
+    """Computes the power and the statistics of one range bin from its frames."""
     bins = [[frames[n][1][b * ANTENNAS + m] for m in range(ANTENNAS)] for n in numbers]
     power = sum(abs(x) ** 2 for frame in bins for x in frame) / len(bins)
     root = math.sqrt(power) or 1
@@ -81,7 +82,7 @@ def statistics(frames, numbers, b):
     values += [covariance[m][m].real for m in range(ANTENNAS)]
     values += [part for m in range(ANTENNAS) for n in range(m + 1, ANTENNAS)
                for part in (covariance[m][n].real, covariance[m][n].imag)]
-    # From one pair fewer than frames, so for a static scene it may exceed the power; it is stored clipped.
+    # The lag-1 correlation averages fewer products than the power, so it may exceed 1. It is stored clipped to [-1, 1].
     return power, values + [max(-1, min(1, part)) for part in (lag.real, lag.imag)]
 
 
@@ -108,7 +109,8 @@ class Antennas(unittest.TestCase):
         for name in "bad_headers", "bad_tlvs", "bad_arrays", "junk_bytes":
             self.assertEqual(counted.get(name, 0), 0, name)
         frames = frames_of(b"".join(f.read_bytes() for f in sorted((self.dir / "raw").glob("radar-[0-9]*.dat"))))
-        sent, skipped = {}, set()  # on a busy machine the simulated radar skips frames
+        # On a busy machine the simulated radar skips frames.
+        sent, skipped = {}, set()
         for line in (self.dir / "sent.jsonl").read_text().splitlines():
             entry = json.loads(line)
             if entry["device"] == "radar" and entry["what"] == "sent":
@@ -131,13 +133,14 @@ class Antennas(unittest.TestCase):
                 true_power, true_values = statistics(frames, numbers, b)
                 self.assertAlmostEqual(power, true_power, delta=1e-5 * true_power)
                 worst = max(worst, *(abs(v - t) for v, t in zip(values, true_values)))
-        self.assertLess(worst, 3e-5)  # half a step of 1/32767, plus rounding of the sums
+        # The limit is half a step of 1/32767, plus the rounding of the sums.
+        self.assertLess(worst, 3e-5)
 
-    def test_twenty_slots_match_the_raw_frames(self):
+    def test_antenna_statistics_of_20_slots_match_the_raw_frames(self):
         self.record(20)
         self.check(20)
 
-    def test_two_hundred_slots_match_the_raw_frames(self):
+    def test_antenna_statistics_of_200_slots_match_the_raw_frames(self):
         self.record(200)
         self.check(200)
 

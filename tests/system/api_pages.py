@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/api_pages.py: scripts/manual --api documents every public name, and refuses one without a text."""
+"""tests/system/api_pages.py: tests that scripts/manual --api documents every public name, and refuses a name without a
+description."""
 import pathlib
 import shutil
 import subprocess
@@ -31,7 +32,7 @@ class ApiPages(unittest.TestCase):
             (shutil.copytree if (source / name).is_dir() else shutil.copy)(source / name, tree / name)
         return tree
 
-    def test_every_public_name_is_documented(self):
+    def test_api_manual_documents_every_public_name(self):
         done = self.manual(source)
         self.assertEqual((done.returncode, done.stdout + done.stderr), (0, ""))
         index = (self.dir / "out/index.html").read_text()
@@ -43,7 +44,7 @@ class ApiPages(unittest.TestCase):
             self.assertIn(name, pages)
         self.assertIn("echofuse.Run.follow", (self.dir / "out/python/index.html").read_text(encoding="utf-8"))
 
-    def test_undocumented_cpp_name_is_refused(self):
+    def test_api_manual_refuses_an_undocumented_cpp_name(self):
         tree = self.copy()
         header = tree / "recon/include/echofuse/run.hpp"
         text = header.read_text()
@@ -52,11 +53,12 @@ class ApiPages(unittest.TestCase):
         self.assertEqual(done.returncode, 1)
         self.assertIn("Member secret() const (function) of class echofuse::Run is not documented", done.stderr)
 
-    def test_undocumented_python_name_is_refused(self):
+    def test_api_manual_refuses_an_undocumented_python_name(self):
         tree = self.copy()
         module = tree / "recon/python/echofuse/runs/axis.py"
         module.write_text(module.read_text().replace("    @property\n    def values", "    hidden: int = 0\n\n    def secret(self) -> None:\n        pass\n\n    @property\n    def values"))
-        (tree / "recon/python/api/index.rst").write_text("echofuse\n========\n\n.. autoclass:: echofuse.Axis\n")  # builds faster
+        # A manual with only one class is built faster.
+        (tree / "recon/python/api/index.rst").write_text("echofuse\n========\n\n.. autoclass:: echofuse.Axis\n")
         done = self.manual(tree)
         self.assertEqual(done.returncode, 1)
         self.assertIn("echofuse.Axis.secret has no docstring", done.stderr)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/calibrate.py BIN_DIR TEST: biases of the simulated laboratory are calibrated with its reflector and stored in
-a run; without calibration they degrade a model's maps."""
+"""tests/system/calibrate.py BIN_DIR TEST: tests that `calibrate` measures the biases of the simulated laboratory, that
+a run stores them, and that uncorrected biases degrade maps."""
 import contextlib
 import json
 import math
@@ -35,18 +35,18 @@ class Calibrate(unittest.TestCase):
         return self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", "--repeat", "6", "--time",
                         "0.4", "--window", "0.3", *options)
 
-    def test_offsets_are_measured_and_used(self):
+    def test_calibrate_measures_range_offsets_that_a_run_stores(self):
         stored = self.dir / "calibration.toml"
         uses = ("--set", f"run.calibration={stored}")
         done = self.calibrate(*uses)
         self.assertEqual(done.returncode, 0, done.stderr)
         spd, radar = json.loads(done.stdout.splitlines()[-1])["sensors"]
         for sensor, true_m in (spd, SPD_M), (radar, RADAR_M):
-            # The plate's edges are farther than its centre, by less than 0.02 mm on average.
+            # The edges of the plate are farther away than its centre, by less than 0.02 mm on average.
             self.assertLess(abs(sensor["offset_m"] - true_m), 5 * sensor["measurement_error_m"] + 2e-5, sensor)
             self.assertLess(sensor["measurement_error_m"], 3e-4)
             self.assertGreater(sensor["snr_db"], 10)
-        # 2 mm of the distance; sideways also 2 mm of the baseline.
+        # The errors of distance and baseline are 2 mm each. The SPD depends only on the distance.
         self.assertAlmostEqual(spd["reflector_error_m"], 2e-3, 6)
         self.assertAlmostEqual(radar["reflector_error_m"], math.sqrt(1 + .5 * .5 * 2) / math.sqrt(1.25) * 2e-3, 5)
         self.assertAlmostEqual(radar["true_range_m"], math.sqrt(1.25), 6)
@@ -56,12 +56,13 @@ class Calibrate(unittest.TestCase):
         info = json.loads(subprocess.run([bin_dir / "echofuse-acquire", "info", "--json", self.dir / "run.sqlite"],
                                          check=True, stdout=subprocess.PIPE).stdout)
         self.assertEqual([c["sensor"] for c in info["calibrations"]], ["spd", "radar"])
-        # The laboratory's response is measured and stored in the run.
+        # The responses of the laboratory are measured and stored in the run.
         response = json.loads(done.stdout.splitlines()[-1])["response"]
         width, _, error = response["irf_fwhm_ps"].partition(" +- ")
         self.assertLess(abs(float(width) - 200), 5 * float(error), response)
         taps = [float(tap) for tap in response["radar_taps"].partition(" +- ")[0].split()]
-        for tap, blackman in zip(taps, (1, .939, .776, .563)):  # at quarters of a cell
+        # The expected taps are those of a Blackman window at quarters of a range cell.
+        for tap, blackman in zip(taps, (1, .939, .776, .563)):
             self.assertLess(abs(tap - blackman), .02, response)
         exponent, _, error = response["radar_noise_exponent"].partition(" +- ")
         self.assertLess(abs(float(exponent) + .5), 5 * float(error), response)
@@ -72,7 +73,7 @@ class Calibrate(unittest.TestCase):
                                          stdout=subprocess.PIPE).stdout)["meta"]
         self.assertEqual(made["radar_taps"].split()[:16], response["radar_taps"].split()[:16])
         self.assertEqual(made["irf_fwhm_ps"], response["irf_fwhm_ps"].partition(" +- ")[0])
-        # Both runs have equal axes, so that they can be trained together.
+        # Simulated and recorded runs have equal axes, so that a model can be trained on both.
         axes = []
         for path in self.dir / "run.sqlite", like:
             with contextlib.closing(sqlite3.connect(path)) as db:
@@ -83,8 +84,9 @@ class Calibrate(unittest.TestCase):
         for kept, measured in zip(info["calibrations"], (spd, radar)):
             self.assertAlmostEqual(kept["offset_m"], measured["offset_m"], 12)
 
-    def test_wrong_reflector_mounting_is_refused(self):
-        """A wrong --reflector is refused with the mounting that fits; two steps fill one file."""
+    def test_calibrate_refuses_a_wrong_reflector_position(self):
+        """A wrong --reflector is refused, and the error names the position that fits. Two calibrations, of one
+        sensor each, complete the same file."""
         stored = self.dir / "calibration.toml"
 
         def measure(before, *options, bias_m=.05):
@@ -122,8 +124,8 @@ class Calibrate(unittest.TestCase):
             resolved = "\n".join(str(v) for row in db.execute("SELECT * FROM run") for v in row)
         self.assertIn("baseline_m = 0.4", resolved)
 
-    def test_swapped_antenna_row_is_detected(self):
-        """An echo from a known side is found; one from the other side is not mistaken for it."""
+    def test_calibrate_detects_a_swapped_antenna_row(self):
+        """An echo on the side named by --side confirms the antenna row. An echo on the other side is refused."""
         stored = self.dir / "calibration.toml"
 
         def calibrate(before, *options):
@@ -141,8 +143,8 @@ class Calibrate(unittest.TestCase):
             self.assertIn("the antenna row is not swapped", done.stdout)
         self.assertEqual(calibrate("left", "--side", "right").returncode, 4)
 
-    def test_calibrated_antennas_give_a_usable_model(self):
-        """Eight antennas with errors give a usable model after calibration with one reflector in front
+    def test_model_for_calibrated_antennas_works_on_a_recorded_run(self):
+        """A model for eight antennas with phase and gain errors works after a calibration with one reflector in front
         of the detector."""
         stored, cfg = self.dir / "calibration.toml", config / "xwr68xx_azimuth_50cm.cfg"
         sets = "--set", "radar_phase_error_rad=1", "--set", "radar_gain_error_db=1"
@@ -166,8 +168,9 @@ class Calibrate(unittest.TestCase):
                                "--all", "--json"], capture_output=True, text=True, check=True)
         self.assertGreater(json.loads(done.stdout)["metrics"]["iou"]["mean"], .4, done.stdout)
 
-    def test_radar_response_is_measured(self):
-        """A radar with cells of 50 cm and another window gets a response at 3 m, and a reason for none at shorter range."""
+    def test_calibrate_measures_the_radar_response(self):
+        """A radar with 50 cm cells and a Hann window gets a measured response at 3 m. At shorter range the output
+        gives the reason why no response was measured."""
         hann = " ".join(str(((1, .25)[int(u)] if u in (0, 1) else (math.sin(math.pi * u) / (math.pi * u * (1 - u * u))) ** 2))
                         for u in (k / 4 for k in range(24)))
         for farther_m in 2, -.4:
@@ -187,14 +190,14 @@ class Calibrate(unittest.TestCase):
             self.assertLess(float(error), .04)
 
     def asymmetric(self):
-        """Powers of Hann's window with a cubic phase error of 6 rad, a quarter of a cell apart."""
+        """Returns the powers of a Hann window with a cubic phase error of 6 rad, in steps of a quarter cell."""
         sweep = [(k + .5) / 400 - .5 for k in range(400)]
         powers = [sum((1 + math.cos(2 * math.pi * t)) * math.cos(2 * math.pi * t * u + 48 * t ** 3)
                       for t in sweep) ** 2 for u in (k / 4 for k in range(-20, 17))]
         return [f"{power / max(powers):.5f}" for power in powers]
 
-    def test_asymmetric_response_is_reported(self):
-        """An asymmetric response is reported with its size; the range zero is the simulator's."""
+    def test_calibrate_reports_an_asymmetric_radar_response(self):
+        """An asymmetric radar response is reported with its size, and the range zero agrees with the simulator."""
         powers = self.asymmetric()
         for flanks, higher in (powers, "far"), (powers[::-1], "near"):
             flanks = f"radar_flanks={' '.join(flanks)}"
@@ -224,8 +227,8 @@ class Calibrate(unittest.TestCase):
             for tap, true in zip(measured, stated):
                 self.assertLess(abs(float(tap) - float(true)), .05, said)
 
-    def test_calibration_restores_the_maps(self):
-        """Range biases degrade a model's maps; the run's calibration restores them."""
+    def test_range_calibration_restores_the_accuracy_of_maps(self):
+        """Range biases degrade the maps of a model, and the calibration stored in the run restores them."""
         def program(name, *words):
             return subprocess.run([bin_dir / name, *words], check=True, text=True, capture_output=True, cwd=self.dir).stdout
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/day.py BIN_DIR: all programs read a 24 h run with a radar of eight antennas. Compared with a tenth of the run,
-their time grows in proportion, and their memory by much less than the file."""
+"""tests/system/day.py BIN_DIR: runs programs on a 24 h run with eight antennas and on a tenth of it. Their time must
+grow in proportion, and their memory by much less than the file."""
 import os
 import pathlib
 import shutil
@@ -15,14 +15,18 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "view"))
 from websocket import Client  # noqa: E402
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
-MADE, TENTH, DAY = 240, 2_880, 28_800  # records
-MEMORY_A_RECORD = 1024  # bytes that a program may keep per record of 8 KiB
-RESERVE = 16 << 20  # bytes of buffers and allocator overhead
-LONGER, START_S = 15, 0.5  # ten times the records plus constant costs
+# Numbers of records: simulated, in a tenth of a day, and in a day.
+MADE, TENTH, DAY = 240, 2_880, 28_800
+# Memory, bytes, that a program may keep per record. A record has 8 KiB.
+MEMORY_A_RECORD = 1024
+# Memory, bytes, for buffers and allocator overhead.
+RESERVE = 16 << 20
+# Limits for ten times the records: 15 times the processor time, plus constant costs, s.
+LONGER, START_S = 15, 0.5
 
 
 def grow(run, out, records):
-    """Copies the run and repeats its records, each time 12 minutes later."""
+    """Copies the run and repeats its records, each time shifted by 12 minutes."""
     shutil.copy(run, out)
     db = sqlite3.connect(out)
     columns = [row[1] for row in db.execute("PRAGMA table_info(record)")]
@@ -52,7 +56,8 @@ class Day(unittest.TestCase):
         cls.folder.cleanup()
 
     def cost(self, command, use=None):
-        """Returns processor time (s) and peak memory (bytes) of a program; `use` gets its first line and ends its work."""
+        """Runs a command and returns its processor time (s) and peak memory (bytes). If given, `use` gets its first
+        output line, and the command is then terminated."""
         with subprocess.Popen([bin_dir / command[0], *command[1:]], stdout=subprocess.PIPE, text=True) as process:
             if use:
                 use(process.stdout.readline().strip())
@@ -70,14 +75,14 @@ class Day(unittest.TestCase):
         self.assertLess(long_s, LONGER * short_s + START_S)
         self.assertLess(large - small, MEMORY_A_RECORD * (DAY - TENTH) + RESERVE)
 
-    def test_info_scales_with_the_run(self):
+    def test_time_and_memory_of_info_scale_with_the_run_length(self):
         self.compare(lambda run, _: ["echofuse-acquire", "info", run, "--json"])
 
-    def test_reconstruct_scales_with_the_run(self):
+    def test_time_and_memory_of_reconstruct_scale_with_the_run_length(self):
         self.compare(lambda run, records: ["echofuse-recon", "-q", "reconstruct", self.dir / "model", run, "--follow",
                                            "--format", "npy", "--out", self.dir / f"maps{records}"])
 
-    def test_view_scales_with_the_run(self):
+    def test_time_and_memory_of_view_scale_with_the_run_length(self):
         def look(records):
             def use(address):
                 client = Client(address, timeout_s=300)
@@ -86,7 +91,8 @@ class Day(unittest.TestCase):
                 client.ask({"show": records // 2})
                 self.assertEqual(client.until("record", lambda m: not m["live"])["index"], records // 2)
                 client.ask({"sheet": [0, records]})
-                self.assertLess(len(client.until("sheet")["index"]), TENTH)  # limited by the size of a screen
+                # The viewer sends fewer rows than the run has, because a screen has few pixels.
+                self.assertLess(len(client.until("sheet")["index"]), TENTH)
                 client.socket.close()
             return use
         self.compare(lambda run, _: ["echofuse-view", run, "--listen", "127.0.0.1:0", "--model", self.dir / "model"], look)

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/doubt_hook.py BIN_DIR [TEST]: the program of alert.on_doubt in a run of the simulated laboratory."""
+"""tests/system/doubt_hook.py BIN_DIR [TEST]: tests the program that alert.on_doubt starts during a run of the simulated
+laboratory."""
 import shutil
 import signal
 import subprocess
@@ -12,12 +13,13 @@ import live
 from live import bin_dir, wait_for
 
 SLOT_S = 5 * live.WINDOW_S
-GRACE_S = 0.5  # a record is closed so long after its slot
+# Time from the end of a slot until the daemon closes its record, s.
+GRACE_S = 0.5
 
 
 class DoubtHook(live.Live):
     def hook(self):
-        """Writes a program that appends time, argument and environment of each call to a file."""
+        """Writes a program that appends the time, the argument and the environment of each call to a file."""
         program, calls = self.dir / "lab/alert", self.dir / "calls"
         program.write_text(f"""#!/bin/sh
 echo to stdout
@@ -32,9 +34,9 @@ echo "$ECHOFUSE_TEXT" >>{calls}
         rows = [line.split("\t") for line in file.read_text().splitlines()] if file.exists() else []
         return [dict(zip(names, row)) for row in rows if len(row) == len(names)]
 
-    def test_lost_sensor_is_reported_within_one_slot(self):
-        """A sensor that stops is reported within one slot of its first missing record, and once; kept bytes report
-        nothing."""
+    def test_alert_program_is_called_within_one_slot_of_a_sensor_loss(self):
+        """A sensor that stops is reported once, within one slot of its first missing record. Importing raw data does
+        not start the program."""
         file = self.hook()
         config = self.dir / "lab/lab.toml"
         config.write_text(config.read_text() + '\n[alert]\non_doubt = ["./alert", "lab  7; $(id)"]\n')
@@ -63,7 +65,7 @@ echo "$ECHOFUSE_TEXT" >>{calls}
             bit = 1 << ("spd", "radar", "depth").index(sensor)
             self.assertEqual(row["idx"], 1 + max(row["idx"] for row in rows if row["valid"] & bit))
             self.assertEqual(call["TEXT"], row[f"{sensor}_verdict"])
-        # One call runs at a time, so the first one is timed.
+        # Calls run one at a time, so only the first one is timed.
         call = min(missing().values(), key=lambda call: float(call["TIME"]))
         end_s = rows[int(call["RECORD"])]["slot_utc_ns"] / 1e9 + SLOT_S
         self.assertLess(float(call["TIME"]) - end_s, GRACE_S + SLOT_S, call)
@@ -71,7 +73,7 @@ echo "$ECHOFUSE_TEXT" >>{calls}
         self.assertTrue(all(a != b for s in missing() for a, b in zip(*[[c for c in changes if c[0] == s][k:] for k in (0, 1)])),
                         changes)
 
-        # Neither a stored configuration nor an import starts a program.
+        # An import starts no program, even if the stored configuration names one.
         kept = self.dir / "raw/lab.toml"
         self.assertNotIn("lab/alert", kept.read_text())
         kept.write_text(kept.read_text().replace("on_doubt = []", f'on_doubt = ["{self.dir}/lab/alert"]'))

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/examples.py BIN_DIR TEST: the Python examples run, and the front page links every example."""
+"""tests/system/examples.py BIN_DIR TEST: tests that the Python examples run and that README.md links every example."""
 import importlib.util
 import os
 import pathlib
@@ -26,20 +26,20 @@ class Examples(unittest.TestCase):
         self.assertIn(done.returncode, ok, f"{words}: {done.stdout}{done.stderr}")
         return done.stdout
 
-    def test_examples_are_short_and_linked(self):
+    def test_each_example_has_30_to_60_lines_and_a_link_in_the_readme(self):
         front = (source / "README.md").read_text(encoding="utf-8")
         for path in [*examples.rglob("*.*pp"), *examples.glob("*.py"), *(source / "drivers/examples").glob("*.cpp")]:
             self.assertIn(f"]({path.relative_to(source)})", front)
             self.assertTrue(30 <= len(path.read_text(encoding="utf-8").splitlines()) <= 60, path)
 
-    def test_examples_read_and_plot_a_run(self):
+    def test_plot_example_reads_and_plots_a_run(self):
         if importlib.util.find_spec("matplotlib") is None:
             self.skipTest("python3-matplotlib is not installed")
         self.call("echofuse-sim", "dataset", "-q", "--people", 4, "--letters", 0, "--out", "a.sqlite")
         self.assertIn("4 records", self.call("/usr/bin/python3", examples / "read_and_plot.py", "a", 3, "a.pdf"))
         self.assertGreater((self.dir / "a.pdf").stat().st_size, 5000)
 
-    def test_closed_loop_example_runs(self):
+    def test_closed_loop_example_labels_a_live_run(self):
         self.call("echofuse-sim", "lab", "--dir", "lab", "--window", "0.5", "--scene", "reflector", "--laser-rate-hz", "2e7", "--set", "signal_photons=5e4",
                   "--", "sh", "-c", f"""echofuse-acquire run -q --config lab/lab.toml --out live --count 8 &
                       until [ -e live.sqlite ]; do sleep 0.05; done

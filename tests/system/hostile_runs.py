@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/hostile_runs.py BIN_DIR [TEST]: malicious run files for every command that reads one: each ends soon, with
-little memory, a documented exit code and one error line. Also malicious texts of runs and devices, for a terminal or a
-spreadsheet."""
+"""tests/system/hostile_runs.py BIN_DIR [TEST]: runs commands on malicious run files. Each command must end soon, use
+little memory and return a documented exit code with one error line. Malicious texts of runs and devices must not affect
+a terminal or a spreadsheet."""
 import json
 import os
 import pathlib
@@ -21,7 +21,8 @@ import zlib
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 RECORDS = 12
 sanitized = b"__asan_init" in (bin_dir / "echofuse-acquire").read_bytes()
-MOST_S = 60  # per command; usually a fraction of a second
+# Time limit per command, s. A command usually takes a fraction of a second.
+MOST_S = 60
 MOST_MIB = 4000 if sanitized else 700
 DOCUMENTED = {0, 1, 2, 3, 4, 5, 6}
 
@@ -36,7 +37,8 @@ def depth(blob, width=None, height=None):
 
 
 def pages_that_repeat(path, table):
-    """Turns the table's root into a tree of six pages, each with 400 links to the next: 4e15 rows."""
+    """Replaces the root page of the table by a tree of six pages, each with 400 links to the next. The table then has
+    4e15 rows."""
     db = sqlite3.connect(path)
     root = db.execute("SELECT rootpage FROM sqlite_schema WHERE name = ?", (table,)).fetchone()[0]
     size = db.execute("PRAGMA page_size").fetchone()[0]
@@ -62,7 +64,7 @@ def pages_that_repeat(path, table):
 
 
 def crc32c(data, value=0):
-    """Replaces the package python3-crc32c."""
+    """Computes the CRC-32C, as the package python3-crc32c does."""
     value ^= 0xffffffff
     for byte in bytes(data):
         value ^= byte
@@ -133,7 +135,7 @@ class HostileRuns(unittest.TestCase):
         return run
 
     def attack(self, run, *only):
-        """Returns the exit codes by command."""
+        """Runs commands on a run file and returns their exit codes by command."""
         d, codes, self.said = self.dir, {}, ""
         commands = {"info": ["acquire", "info", run], "json": ["acquire", "info", run, "--json"],
                     "export": ["export", run, "--to", d / "x.h5"],
@@ -162,15 +164,16 @@ class HostileRuns(unittest.TestCase):
         for name, (change, why) in cases.items():
             with self.subTest(name):
                 codes = self.attack(self.make(change), "info", "export", "reconstruct", *commands)
-                self.assertIn(codes.pop("export"), (0, 1, 5))  # Python reads less, so it may succeed
+                # The export in Python reads less of the file, so it may succeed.
+                self.assertIn(codes.pop("export"), (0, 1, 5))
                 self.assertTrue(all(c == 1 for c in codes.values()), (codes, self.said))
                 self.assertIn(why, self.said)
 
-    def test_valid_run_is_read(self):
+    def test_all_commands_read_a_valid_run(self):
         codes = self.attack(self.make(""))
         self.assertEqual({n: c for n, c in codes.items() if c}, {"label": 1}, (codes, self.said))
 
-    def test_foreign_tables_are_refused(self):
+    def test_commands_refuse_a_run_with_foreign_tables(self):
         only = "expected the tables of a run only"
         self.refused({
             "endless view": (f"{RECORD_VIEW}{ENDLESS}r0.* FROM r0, c", only),
@@ -188,7 +191,7 @@ class HostileRuns(unittest.TestCase):
             "no records": ("DROP TABLE record", "has no table record"),
         }, "note")
 
-    def test_corrupt_pages_are_refused(self):
+    def test_commands_refuse_a_run_with_corrupt_database_pages(self):
         for table in ("record", "event", "run", "axis", "sqlite_schema"):
             with self.subTest(table):
                 run = self.make("INSERT INTO event (utc, text) VALUES (1, 'a')")
@@ -201,9 +204,10 @@ class HostileRuns(unittest.TestCase):
                 else:
                     pages_that_repeat(run, table)
                 codes = self.attack(run)
-                self.assertEqual(codes["info"], 0 if table == "run" else 1, self.said)  # reads only one row of it
+                # The command info reads only one row of the table run.
+                self.assertEqual(codes["info"], 0 if table == "run" else 1, self.said)
 
-    def test_invalid_axes_are_refused(self):
+    def test_commands_refuse_a_run_with_invalid_axes(self):
         def axis(what, where="1"):
             return f"UPDATE axis SET {what} WHERE {where}"
         self.refused({
@@ -227,7 +231,7 @@ class HostileRuns(unittest.TestCase):
         self.assertEqual((codes["info"], codes["export"], codes["csv"], codes["reconstruct"]), (0, 1, 1, 5), self.said)
         self.assertIn("but its axis requires 4000000", self.said)
 
-    def test_invalid_depth_images_are_refused(self):
+    def test_commands_refuse_records_with_invalid_depth_images(self):
         n = self.shapes["depth_x"]
         size = 2 * n * n
         good = zlib.compress(b"\1\1" * n * n)
@@ -239,18 +243,18 @@ class HostileRuns(unittest.TestCase):
         for name, change in cases.items():
             with self.subTest(name):
                 codes = self.attack(self.make(change), "export", "csv", "evaluate")
-                # More pixels than the file can hold are refused with the run, others with the record.
+                # An image with more pixels than the file can hold is refused with the run, other images with the record.
                 self.assertEqual((codes["export"], codes["csv"]), (1 if name == "2^30" else 5, 1), (codes, self.said))
                 self.assertIn("depth is not a deflated image of", self.said)
         codes = self.attack(self.make(depth(good)), "export", "csv")
         self.assertEqual((codes["export"], codes["csv"]), (0, 0), self.said)
 
-    def test_invalid_metadata_are_refused(self):
+    def test_commands_refuse_a_run_with_invalid_metadata(self):
         for text in ("", "[", "[]", "{\"a\": 1}", "[" * 100000, "null"):
             with self.subTest(text[:9]):
                 self.refused({"meta": (f"UPDATE run SET meta = '{text}'", "meta is not a JSON object of texts")})
 
-    def test_invalid_indices_are_refused(self):
+    def test_commands_refuse_a_run_with_invalid_record_numbers(self):
         last = f"idx = {RECORDS - 1}"
         for name, (change, why) in {
                 "one at the end": (f"UPDATE record SET idx = 9223372036854775807 WHERE {last}", "9223372036854775807"),
@@ -263,7 +267,7 @@ class HostileRuns(unittest.TestCase):
         codes = self.attack(self.make("UPDATE record SET idx = idx - 9223372036854775807"))
         self.assertEqual((codes["info"], codes["export"]), (0, 0), self.said)
 
-    def test_control_characters_are_escaped(self):
+    def test_commands_escape_control_characters_in_texts_of_a_run(self):
         esc = "char(27) || '[2J' || char(10) || 'forged line' || char(7) || char(0) || 'x'"
         bad = "CAST(x'fffe80c09b' AS TEXT)"
         for name, change in {
@@ -286,7 +290,7 @@ class HostileRuns(unittest.TestCase):
                     self.assertNotIn("\nforged", out)
                     self.assertEqual(out, "".join(c for c in out if c == "\n" or c.isprintable()))
 
-    def test_csv_cells_cannot_become_formulas(self):
+    def test_csv_export_contains_no_cell_that_becomes_a_formula(self):
         run = self.make("UPDATE record SET label = 'x' || char(10) || '=cmd|''/c calc''!A1' || char(10) || 'spd,1,1,1;=1,=\"2'")
         table = self.dir / "x.csv"
         self.assertEqual(self.command("export", run, "--record", 3, "--to", table)[0], 0)
@@ -299,7 +303,7 @@ class HostileRuns(unittest.TestCase):
         for line in lines:
             self.assertIsNone(re.search(r"(^|[,;])[=+@]", line), line)
 
-    def test_device_texts_are_escaped(self):
+    def test_commands_escape_control_characters_in_texts_of_devices(self):
         sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "scripts/bridges"))
         import bridge
         import pack
@@ -322,7 +326,8 @@ class HostileRuns(unittest.TestCase):
                            "run.window_s=0.3"], ["info", self.dir / "evil"]):
                 _, out, said = self.command("acquire", *words)
                 text = out.decode("utf-8") + said
-                if words[0] in ("devices", "info"):  # both print the model
+                # Both commands print the model of the device.
+                if words[0] in ("devices", "info"):
                     self.assertIn("forged", text, words)
                 self.assertNotIn("\nforged", text)
                 self.assertEqual(text, "".join(c for c in text if c == "\n" or c.isprintable()))
@@ -331,7 +336,7 @@ class HostileRuns(unittest.TestCase):
             sender.join()
             server.close()
 
-    def test_odd_values_give_documented_exit_codes(self):
+    def test_extreme_values_in_a_run_give_documented_exit_codes(self):
         blob = f"x'{'ff' * 4 * self.shapes['spd']}'"
         for name, change in {
                 "null": "UPDATE record SET slot_start_ns = NULL, slot_utc_ns = NULL, valid = 7, label = NULL, spd = NULL",

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/installed.py BIN_DIR: an installation (`cmake --install`) works: a simulated laboratory, a live run, a data
-set, the bridges, manual pages and completion. Installed files do not refer to the build folder or source tree, which are
-hidden from the programs if permitted (root, unshare)."""
+"""tests/system/installed.py BIN_DIR: tests an installation (`cmake --install`): simulated laboratory, live run, data
+set, bridges, manual pages and completion. If permitted (root, unshare), the build folder is hidden from the installed
+programs."""
 import os
 import pathlib
 import re
@@ -27,7 +27,7 @@ class Installed(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-installed-")
         cls.dir = pathlib.Path(cls.folder.name)
-        # Staged and then moved, as for packages.
+        # The files are staged and then moved, as for a package.
         run("cmake", "--install", build, "--prefix", cls.dir / "opt", env={k: v for k, v in os.environ.items() if k not in ("ECHOFUSE_LOCKS", "XDG_CONFIG_HOME")} | {"DESTDIR": str(cls.dir / "stage")})
         shutil.move(str(cls.dir / "stage") + str(cls.dir / "opt"), cls.dir)
         cls.prefix = cls.dir / "opt"
@@ -39,7 +39,7 @@ class Installed(unittest.TestCase):
     def files(self):
         return [path for path in self.prefix.rglob("*") if path.is_file()]
 
-    def test_build_folder_is_not_referenced(self):
+    def test_build_folder_is_not_named_in_installed_files(self):
         if "ECHOFUSE_SANITIZE:STRING=\n" not in (build / "CMakeCache.txt").read_text():
             self.skipTest("sanitizers store the names of sources")
         names = {str(build).encode(), str(source).encode(), b"/stage/"}
@@ -49,7 +49,7 @@ class Installed(unittest.TestCase):
                 self.assertNotIn(name, content, path)
 
     def test_installed_programs_simulate_and_record(self):
-        """Works with an empty folder mounted over the build folder, if permitted."""
+        """Runs the installed programs. If permitted, an empty folder is mounted over the build folder."""
         script = f"""set -e
             {f"mount -t tmpfs none {build}" if hide else ":"}
             cd {self.dir}
@@ -71,17 +71,17 @@ class Installed(unittest.TestCase):
         self.assertTrue((self.dir / "mean.h5").stat().st_size > 0)
         self.assertIn("<title>echofuse</title>", (self.dir / "page/report.html").read_text())
 
-    def test_radar_cfg_is_found_by_its_name(self):
+    def test_installed_radar_configuration_is_found_by_its_file_name(self):
         run(f"{self.prefix}/bin/echofuse-sim", "lab", "--radar-cfg", "xwr68xx_44mm.cfg", "--", "true", cwd=self.dir)
         self.assertEqual((self.dir / "lab/radar.cfg").read_bytes(), (source / "config/radar/xwr68xx_44mm.cfg").read_bytes())
 
-    def test_installed_python_package_is_imported(self):
+    def test_installed_python_package_can_be_imported(self):
         module, = self.prefix.glob("lib/python3*/dist-packages/echofuse")
         said = run("/usr/bin/python3", "-c", "import echofuse; print(echofuse.__file__)", cwd=self.dir,
                    env={k: v for k, v in os.environ.items() if k not in ("ECHOFUSE_LOCKS", "XDG_CONFIG_HOME")} | {"PYTHONPATH": module.parent, "PYTHONDONTWRITEBYTECODE": "1"})
         self.assertEqual(said.strip(), str(module / "__init__.py"))
 
-    def test_manuals_have_no_dead_links(self):
+    def test_manuals_contain_no_dead_links(self):
         texts = list((self.prefix / "share/doc/echofuse").rglob("*.md"))
         self.assertGreater(len(texts), 7)
         for text in texts:
@@ -107,7 +107,7 @@ class Installed(unittest.TestCase):
         self.assertIn(".SH EXAMPLES\n.nf\nechofuse\\-acquire run \\-\\-out monday", run_page)
         self.assertIn(".SH EXIT STATUS\n0 ok, 1 failed, 2 usage", run_page)
 
-    def test_shell_completion_is_installed(self):
+    def test_shell_completion_offers_commands_options_and_files(self):
         def offered(*words):
             script = f""". {self.prefix}/share/bash-completion/completions/{words[0]}
                 COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)); _echofuse; echo "${{COMPREPLY[@]}}" """

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/json_keys.py BIN_DIR TEST: every --json output has the keys that config/schema.json documents, and no others."""
+"""tests/system/json_keys.py BIN_DIR TEST: tests that every --json output has exactly the keys that config/schema.json
+documents."""
 import json
 import os
 import pathlib
@@ -16,7 +17,7 @@ schema = json.loads((source / "config/schema.json").read_text(encoding="utf-8"))
 
 
 def differences(documented, found, place):
-    """Yields a line for each key that is missing or not documented, and each value of another kind."""
+    """Yields a text for each key that is missing or not documented, and for each value of a wrong type."""
     if isinstance(documented, str):
         if isinstance(found, (dict, list)) and place.split(".")[-1] != "rows?[]":
             yield f"{place}: expected a text or number"
@@ -56,7 +57,7 @@ class JsonKeys(unittest.TestCase):
         self.assertEqual(list(differences(schema[output], found, output)), [])
         return found
 
-    def test_every_json_option_is_documented(self):
+    def test_json_output_of_every_command_is_documented(self):
         documented = {" ".join(output.split()[:2]) for output in schema if output != "how to read"}
         offered = set()
         for program in ("echofuse-acquire", "echofuse-recon", "echofuse-sim", "echofuse-report", "echofuse-view", "echofuse-export"):
@@ -65,8 +66,8 @@ class JsonKeys(unittest.TestCase):
                         if "--json" in self.call(program, *command.split(), "--help")}
         self.assertEqual(offered | {"scripts/audit_run.py"}, documented)
 
-    def test_device_outputs_match_the_schema(self):
-        """Outputs about devices, from the laboratory."""
+    def test_json_output_of_device_commands_matches_the_schema(self):
+        """Checks the output of commands about devices in the simulated laboratory."""
         lab = ("echofuse-sim", "lab", "--dir", "lab", "--window", "0.3", "--laser-rate-hz", "2e7", "--set", "signal_photons=5e4", "--scene", "reflector", "--",
                "sh", "-c", """cd lab
                    for command in devices "doctor --duration 1s" "calibrate --repeat 3 --time 0.2"; do
@@ -87,7 +88,7 @@ class JsonKeys(unittest.TestCase):
         self.assertTrue(any(run["live"] for run in self.check("echofuse-acquire list", read("list"))["runs"]))
         self.assertTrue(self.check("echofuse-acquire info", self.call("echofuse-acquire", "info", "--json", "lab/live"))["devices"])
 
-    def test_outputs_of_runs_and_models_match_the_schema(self):
+    def test_json_output_of_run_and_model_commands_matches_the_schema(self):
         self.call("echofuse-sim", "dataset", "-q", "--people", 60, "--letters", 0, "--out", "a.sqlite", "--set", "radar_antennas=8")
         self.call("echofuse-sim", "dataset", "-q", "--people", 30, "--letters", 0, "--seed", 2, "--out", "b.sqlite", "--set", "radar_antennas=8")
         self.assertTrue(self.check("echofuse-sim config", self.call("echofuse-sim", "config", "--json"))["settings"])

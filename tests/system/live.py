@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/live.py BIN_DIR [TEST]: the daemon records from the simulated laboratory through TCP, two
-ptys and the stock OpenNI2 library."""
+"""tests/system/live.py BIN_DIR [TEST]: tests the daemon with the simulated laboratory through TCP, two pseudo-terminals
+and the unmodified OpenNI2 library."""
 import fcntl
 import json
 import os
@@ -22,11 +22,12 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
 from waiting import starved, wait_for
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
-WINDOW_S = float(os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.2"))  # longer with (slow) sanitizers
+# Slots must be longer with sanitizers, which make the programs slower.
+WINDOW_S = float(os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.2"))
 
 
 class Live(unittest.TestCase):
-    # A scene lasts two slots; the laser rate keeps the clicks per pulse low in short slots.
+    # A scene lasts two slots. The laser rate keeps the clicks per pulse low in short slots.
     lab_options = ("--hold", str(2 * WINDOW_S), "--laser-rate-hz", "2e7", "--set", "signal_photons=5e4")
 
     def setUp(self):
@@ -34,7 +35,7 @@ class Live(unittest.TestCase):
         self.dir = pathlib.Path(self.folder.name)
         self.run = self.dir / "run.sqlite"
         self.processes = []
-        sent = ("--log", self.dir / "sent.jsonl") if self._testMethodName == "test_hangup_ends_each_command" else ()
+        sent = ("--log", self.dir / "sent.jsonl") if self._testMethodName == "test_terminal_hangup_ends_each_device_command" else ()
         with open(self.dir / "lab.log", "w") as log:
             self.lab = self.start([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", "mixed",
                                    "--window", str(WINDOW_S), *self.lab_options, *sent], stdout=log, stderr=log)
@@ -42,7 +43,7 @@ class Live(unittest.TestCase):
         self.assertIsNone(self.lab.poll(), (self.dir / "lab.log").read_text())
 
     def tearDown(self):
-        # Stops the daemon before the laboratory, because another test may reuse the ptys, and their locks must be free.
+        # The daemon must end before the laboratory, because another test may reuse the ptys and needs their locks.
         for process in reversed(self.processes):
             if process.poll() is None:
                 process.kill()
@@ -93,11 +94,12 @@ class Live(unittest.TestCase):
         return [row for row in rows if row["valid"] == 7 and not any(row[f"{s}_lost"] for s in ("spd", "radar", "depth"))]
 
     def enough(self, rows, daemon, complete):
-        """True if this number of rows is complete, or cannot be: laboratory and daemon wait for a processor."""
+        """Returns True if enough rows are complete, or if laboratory and daemon get too little processor time to
+        complete them."""
         return len(self.complete(rows)) >= complete or (len(rows) >= 4 * complete and starved(self.lab.pid, daemon.pid))
 
     def check_slots(self, rows):
-        """Checks that no row is missing or shifted, and that every tag is counted once."""
+        """Checks that the rows are consecutive slots, and that each tag is counted once."""
         window_ns = round(WINDOW_S * 1e9)
         for k, row in enumerate(rows):
             self.assertEqual(row["idx"], k)
@@ -109,9 +111,8 @@ class Live(unittest.TestCase):
                 counts = struct.unpack(f"<{len(row['spd']) // 4}I", row["spd"])
                 self.assertEqual(sum(counts), row["in_range"])
 
-    def test_ten_slots_are_complete(self):
-        """Ten slots are complete. If laboratory and daemon got a processor in time, all are; a starved machine may have
-        none."""
+    def test_daemon_records_ten_complete_slots(self):
+        """The daemon records ten complete slots. On a machine that is too busy, completeness is not checked."""
         daemon = self.record("--count", "1000", "--set", "run.label=person", "--set", "depth.map_size=96")
         wait_for("ten complete records", lambda: self.committed() and self.enough(self.rows(), daemon, complete=10),
                  timeout_s=200, pause_s=0.1)
@@ -126,7 +127,7 @@ class Live(unittest.TestCase):
         self.assertEqual(info["records"], len(rows))
         self.assertEqual(info["status"], "complete")
         self.assertEqual(info["labels"], {"person": len(rows)})
-        # The tagger also sends during the radar's configuration and the last grace time.
+        # The tagger also sends tags while the radar is configured and after the last slot.
         self.assertLessEqual(info["tags"], sent["tdc"]["tags"])
         profiles = [row["radar"] for row in rows if row["valid"] & 2]
         self.assertEqual(len(set(profiles)), len(profiles))
@@ -140,16 +141,16 @@ class Live(unittest.TestCase):
         self.assertEqual(info["events"], {}, log)
         self.assertEqual(sent["tdc"]["dropped"], 0)
         self.assertRegex(log, r"record \d+/1000  SRD")
-        # All three devices have one time base, and their delays are below 10 ms.
+        # The three devices use the same time base, and their delays are below 10 ms.
         offsets = [info["clocks"][s]["offset_s"] for s in info["clocks"]]
         self.assertIn("spd", info["clocks"])
         self.assertLess(max(offsets) - min(offsets), 0.01, info["clocks"])
 
-    def test_stalled_daemon_keeps_all_rows(self):
-        """After a stall of the daemon for many slots, all rows exist. Slots with completely buffered tags are valid, the
-        others have a verdict."""
+    def test_daemon_writes_a_record_for_each_slot_of_a_stall(self):
+        """After the daemon is stopped for 20 slots, there is a row for each slot. Slots with all tags buffered are
+        valid, and the others have a verdict."""
         daemon = self.record()
-        # The clock fits are valid by then.
+        # The clock fits are valid after eight records.
         wait_for("complete records", lambda: self.committed() >= 8 and self.enough(self.rows(), daemon, complete=3), timeout_s=100)
         daemon.send_signal(signal.SIGSTOP)
         stopped = time.monotonic_ns()
@@ -168,14 +169,15 @@ class Live(unittest.TestCase):
         whole = [row for row in within if row["valid"] & 1]
         for row in whole:
             self.assertGreaterEqual(row["spd_span_s"], 0.9 * WINDOW_S, (row["idx"], log))
-        if late:  # the laboratory, too, may have sent too little for a slot
+        # On a busy machine the laboratory may also have sent too few data for a slot.
+        if late:
             self.skipTest("the machine is too busy: complete slots after the stall are not checked")
         self.assertGreaterEqual(len(whole), 1, log)
         still = [row["idx"] for row in within if row["spd_verdict"] == "the program stood still"]
         self.assertEqual(len(whole) + len(still), len(within), log)
 
-    def test_sigterm_ends_a_run_within_5_s(self):
-        """A slot longer than the time limit of SIGTERM is dropped, and the run is marked as stopped."""
+    def test_sigterm_ends_a_run_with_long_slots_within_5_s(self):
+        """On SIGTERM a slot that lasts longer than the time limit is dropped, and the run is marked as stopped."""
         daemon = self.record("--set", "run.window_s=60")
         wait_for("run", self.run.exists)
         wait_for("its tables", lambda: subprocess.run([bin_dir / "echofuse-acquire", "info", self.run],
@@ -188,8 +190,8 @@ class Live(unittest.TestCase):
         self.assertEqual(daemon.returncode, 0, log)
         self.assertEqual((self.info()["status"], self.info()["records"]), ("stopped:interrupted", 0))
 
-    def test_hangup_ends_each_command(self):
-        """A hangup of the terminal ends each command like SIGTERM, and stops the radar."""
+    def test_terminal_hangup_ends_each_device_command(self):
+        """A hangup of the terminal ends each command in the same way as SIGTERM, and stops the radar."""
         env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}
         config = ("--config", self.dir / "lab/lab.toml")
         commands = {"run": ("run", *config, "--out", self.run.with_suffix(""), "--count", "1000"),
@@ -228,8 +230,8 @@ class Live(unittest.TestCase):
     def frames(self):
         return (self.dir / "sent.jsonl").read_text().count('"radar"')
 
-    def test_blocked_output_does_not_stop_a_run(self):
-        """A stopped terminal, an unread pipe or a disconnected reader does not stop a run."""
+    def test_blocked_terminal_or_pipe_does_not_stop_a_run(self):
+        """A stopped terminal, a pipe that is not read, or a disconnected reader does not stop a run."""
         for what in "released", "held", "gone":
             master, slave = pty.openpty()
             reader, writer = os.pipe()
@@ -239,7 +241,7 @@ class Live(unittest.TestCase):
                 os.close(master)
             else:
                 os.write(writer, b"\n" * 4096)
-                os.write(master, b"\x13")  # Ctrl-S
+                os.write(master, b"\x13")  # Ctrl-S stops the terminal.
             self.run = self.dir / f"{what}.sqlite"
             env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni"), "TERM": "xterm"}
             daemon = self.start([bin_dir / "echofuse-acquire", "run", "--json", "-v", "--config", self.dir / "lab/lab.toml",
@@ -264,7 +266,8 @@ class Live(unittest.TestCase):
                 self.assertEqual([e["on_disk"] for e in events[1:-1]], list(range(1, 23)))
                 self.assertIn("record 21: committed", said[master])
                 self.assertIn("22 of 22 records, complete", said[master])
-                self.assertRegex(said[master], r"\d+ log lines dropped \(terminal blocked\)")  # status lines
+                # The dropped lines are status lines.
+                self.assertRegex(said[master], r"\d+ log lines dropped \(terminal blocked\)")
 
     @staticmethod
     def read(said, end):
@@ -272,11 +275,11 @@ class Live(unittest.TestCase):
         try:
             while data := os.read(end, 4096):
                 said[end] += data.decode()
-        except OSError:  # the terminal was closed
+        except OSError:  # The terminal was closed.
             pass
 
-    def test_notes_are_added_to_a_live_run(self):
-        """Another process adds notes and labels, reads and exports while the run is written."""
+    def test_notes_and_labels_can_be_added_to_a_live_run(self):
+        """While the run is written, another process adds notes and labels, reads records and exports the run."""
         def tool(*command):
             return subprocess.run([str(c) for c in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
@@ -300,14 +303,15 @@ class Live(unittest.TestCase):
         labels = [row["label"] for row in rows]
         begin = labels.index("person")
         self.assertEqual(labels, ["empty"] * begin + ["person"] * (len(labels) - begin))
-        self.assertLessEqual(abs(begin - first), 1)  # a slot may end between the request and the response
+        # A slot may end between the request and the response.
+        self.assertLessEqual(abs(begin - first), 1)
         self.assertEqual(tool(acquire, "annotate", self.run, "well done").returncode, 0)
         late = tool(acquire, "annotate", self.run, "--label", "too late")
         self.assertEqual((late.returncode, "run is not being recorded" in late.stdout), (1, True))
 
-    def test_records_wait_for_a_locked_file(self):
-        """A reader and a writer block the file: records wait for the writer, but SIGTERM does not, and the last line counts
-        the records not written."""
+    def test_daemon_writes_pending_records_when_a_file_lock_ends(self):
+        """Another program locks the run file. Records wait for the end of the lock, but SIGTERM does not, and the last
+        log line counts the unwritten records."""
         daemon = self.record()
         wait_for("records", lambda: self.committed() >= 4)
         reader, writer = (sqlite3.connect(self.run, isolation_level=None) for _ in range(2))
@@ -335,8 +339,9 @@ class Live(unittest.TestCase):
         self.assertEqual(self.info()["status"], "crashed")
         self.check_slots(self.rows())
 
-    def test_ports_of_two_boards_are_refused(self):
-        """The data port of another board that still sends: `devices` lists it with the other devices, a run is refused."""
+    def test_run_refuses_radar_ports_of_two_boards(self):
+        """If the data port belongs to another board that sends frames, `devices` reports this and `run` refuses the
+        ports."""
         other = self.dir / "other"
         self.start([bin_dir / "echofuse-sim", "lab", "--dir", other, "--scene", "reflector", "--window", str(WINDOW_S)],
                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

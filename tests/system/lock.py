@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/lock.py BIN_DIR TEST: other programs report that a run uses the devices, and do not disturb it."""
+"""tests/system/lock.py BIN_DIR TEST: tests that commands report devices in use by a run and do not disturb the run."""
 import json
 import os
 import re
@@ -20,9 +20,9 @@ class Lock(live.Live):
     def config(self):
         return "--config", self.dir / "lab/lab.toml"
 
-    def test_devices_in_use_are_reported(self):
-        """`run`, `calibrate`, `devices` and `doctor` report which run uses the devices, and the run has no losses. They check
-        the camera, which the run does not use."""
+    def test_commands_report_devices_that_a_run_uses(self):
+        """`run`, `calibrate`, `devices` and `doctor` report the run that uses the devices, and the run loses no data.
+        The commands check the camera, which the run does not use."""
         daemon = self.record("--count", "30", "--set", "depth.address=")
         live.wait_for("records", lambda: self.committed() >= 3)
         holder = f"in use by echofuse-acquire run, pid {daemon.pid}, run {self.run}"
@@ -34,7 +34,7 @@ class Lock(live.Live):
         check(self.acquire("run", *self.config(), "--out", self.dir / "second"), 4)
         self.assertFalse((self.dir / "second.sqlite").exists())
         check(self.acquire("calibrate", *self.config(), "--set", f"run.calibration={self.dir}/c.toml"), 4)
-        # The same ports under other names are opened exclusively, too.
+        # The ports are also refused if the configuration names them by other paths.
         nodes = [(self.dir / "lab" / name).resolve() for name in ("radar-cli", "radar-data")]
         done = self.acquire("run", *self.config(), "--out", self.dir / "second", "--set", f"radar.cli=serial:{nodes[0]}",
                             "--set", f"radar.data=serial:{nodes[1]}", "--set", "tdc.address=", "--set", "depth.address=",
@@ -62,10 +62,10 @@ class Lock(live.Live):
         self.assertNotRegex(log, r"warning (spd|radar): (?!record|did not confirm)")
         info = self.info()
         self.assertEqual(info["lost"]["spd"], 0, log)
-        # After the run the devices are free.
+        # The devices are free after the run.
         done = self.acquire("devices", *self.config(), "--json")
         self.assertEqual([d["state"] for d in json.loads(done.stdout)["configured"]], ["streaming"] * 3)
-        # No frame is lost in transport; on a busy machine the simulated board skips frames.
+        # No frame is lost in transport, but on a busy machine the simulated board skips frames.
         self.assertLessEqual(info["lost"]["radar"], self.close_lab()["radar"]["frames_skipped"], log)
 
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""on_disk.py BIN: the programs' files are on the disk when they exit: strace shows fsync of file, rename, fsync of folder."""
+"""on_disk.py BIN: checks with strace that files are on the disk when a program exits: fsync of the file, rename, fsync
+of the folder."""
 import pathlib
 import re
 import shutil
@@ -14,7 +15,7 @@ MOVED = re.compile(r'(?:rename|link)\w*\((?:AT_FDCWD\S*, )?"([^"]+)", (?:AT_FDCW
 
 
 def traced(folder, *words):
-    """Returns the system calls of this command, each as (what, path or paths)."""
+    """Returns the system calls of a command as tuples: kind of call, and its path or paths."""
     log = folder / "strace"
     subprocess.run(["strace", "-f", "-y", "-s", "4096", "-e", CALLS, "-o", log, *map(str, words)], cwd=folder, check=True,
                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -28,7 +29,7 @@ def traced(folder, *words):
 
 
 def check(calls, place):
-    """Checks that `place` was renamed after an fsync of the file and before one of its folder."""
+    """Checks that `place` was renamed after an fsync of the file and before an fsync of its folder."""
     moves = [k for k, (what, path) in enumerate(calls) if what == "move" and path[1] == str(place)]
     assert moves, f"{place}: no rename in {calls}"
     source = calls[moves[-1]][1][0]

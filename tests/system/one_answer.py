@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/one_answer.py BIN_DIR [TEST]: every program gives the same answer about a run: info, list, the live page, Python, HDF5,
-report and evaluate, on odd runs: sensors that fail, a full disk, a kill, copies, one record, none."""
+"""tests/system/one_answer.py BIN_DIR [TEST]: tests that info, list, the live page, Python, HDF5, report and evaluate
+give the same facts about unusual runs: failing sensors, a full disk, a killed daemon, copies, one record, or none."""
 import json
 import os
 import pathlib
@@ -33,9 +33,9 @@ try:
 except ImportError as error:
     print(f"skipped: {error} (./scripts/setup --tests)")
     sys.exit(77)
-warnings.simplefilter("ignore")  # of leftover files
+warnings.simplefilter("ignore")  # Files left by the killed daemon cause warnings.
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}
-# Stalls recur, because a run on a busy machine begins late.
+# Stalls are repeated, because on a busy machine the run starts late.
 FAULTS = "".join(f'[[fault]]\ndevice = "{device}"\nkind = "{kind}"\nat_s = {at}\nfor_s = {5 * WINDOW_S}\n{amount}\n'
                  for device, kind, at, amount in (*(("depth", "stall", at, "") for at in (3.5, 9, 14)), ("radar", "drop", 5, "amount = 0.5"),
                                                   ("tdc", "gain", 6, "amount = 0.002"), ("depth", "freeze", 7, "")))
@@ -46,12 +46,13 @@ def outcome(name, *words):
 
 
 def kinds(verdicts):
-    """Records by verdict, without the figures behind its colon."""
+    """Returns the number of records by verdict, without the figures after the colon."""
     return dict(Counter(verdict.partition(":")[0] for verdict in verdicts))
 
 
 def doubtful(verdicts):
-    """Records with a verdict against one of their sensors; verdicts: those of each sensor."""
+    """Returns the number of records with a doubtful verdict for at least one sensor. `verdicts` lists the verdicts of
+    each sensor."""
     return sum(any(v.partition(":")[0] not in ("", "ok", "not configured") for v in row) for row in zip(*verdicts.values()))
 
 
@@ -158,7 +159,7 @@ class OneAnswer(live.Live):
         return (*live.Live.lab_options, "--faults", self.dir / "faults.toml")
 
     def recorded(self, name, *options, limit=None, kill_at=None):
-        """Records self.dir/NAME.sqlite; returns the exit code."""
+        """Records the run self.dir/NAME.sqlite and returns the exit code of the daemon."""
         def limit_file_size():
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
@@ -172,7 +173,8 @@ class OneAnswer(live.Live):
         return daemon.returncode
 
     def answers(self, run):
-        """What each program says of a run; info and the report come last, because info closes a run that was killed."""
+        """Returns the facts that each program reports about a run. info and report are last, because info closes the
+        run of a killed daemon."""
         out = {"list": of_list(run), "view": of_view(run), "Python": of_python(run), "HDF5": of_hdf5(run, self.dir)}
         return out | {"info": of_info(run), "report": of_report(run, self.dir)}
 
@@ -191,7 +193,8 @@ class OneAnswer(live.Live):
         return told["info"]
 
     def check_scored(self):
-        """evaluate scores the records with a map that no verdict is against, and counts the others as info does."""
+        """evaluate scores the records with a depth map and no doubtful verdict, and counts the other records as info
+        does."""
         model, run = self.dir / "m.safetensors", self.dir / "scored.sqlite"
         for name, seed in (("base", 1), ("scored", 5)):
             outcome("echofuse-sim", "dataset", "-q", "--records", 60, "--seed", seed, "--out", self.dir / f"{name}.sqlite")
@@ -210,7 +213,7 @@ class OneAnswer(live.Live):
         self.assertEqual(scored["records"] + sum(left_out.values()), info["valid"]["depth"])
         self.assertEqual(scored["fallback_records"], info["records"] - info["valid"]["radar"])
 
-    def test_programs_agree_on_damaged_runs(self):
+    def test_all_programs_report_the_same_contents_of_a_damaged_run(self):
         required = "--set", "depth.policy=required"
         self.assertEqual(self.recorded("odd", *required, "--set", "run.label=first", "--meta", "lens=50mm", "--count", str(round(6 / WINDOW_S))), 0)
         for words in (["the lens was dirty"], ["<b>a second note</b>"]):

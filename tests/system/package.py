@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/package.py: the Debian package without building it: relations, compression and the script of its
-removal. scripts/check_fresh --package tests built packages."""
+"""tests/system/package.py: tests files of the Debian package without building it: relations, compression and the
+removal script. scripts/check_fresh --package tests built packages."""
 import os
 import pathlib
 import re
@@ -11,24 +11,24 @@ import unittest
 
 root = pathlib.Path(__file__).resolve().parents[2]
 debian = root / "scripts/debian"
-# dh_compress(1) leaves these; -X names others.
+# dh_compress(1) does not compress these files. Option -X excludes more files.
 NEVER_COMPRESSED = {".png", ".jpg", ".svg"}
 
 
 class Package(unittest.TestCase):
-    def test_package_relations_are_complete(self):
+    def test_package_lists_recommended_packages_and_architectures(self):
         control = (debian / "control").read_text()
         package = control.partition("\nPackage: echofuse\n")[2].partition("\n\n")[0]
         self.assertIn("\nRecommends: python3-numpy\n", package)
         self.assertEqual(set(re.findall("Architecture: (.*)", control)), {"amd64 arm64", "all"})
 
-    def test_pictures_and_manuals_are_not_compressed(self):
+    def test_package_does_not_compress_pictures_and_manuals(self):
         left = {f".{end}" for end in re.findall(r"-X\.(\w+)", (debian / "rules").read_text())} | NEVER_COMPRESSED
         self.assertEqual([path.name for path in (root / ".readme").iterdir() if path.suffix not in left], [])
         self.assertIn(".md", left)
 
-    def test_removal_stops_the_service(self):
-        """Stops the service on removal only, and deletes the bytecode of the bridges."""
+    def test_package_removal_stops_the_service(self):
+        """The removal script stops the service only on removal, and deletes the bytecode of the bridges."""
         for action, stops in (("remove", True), ("upgrade", False), ("deconfigure", False)):
             with self.subTest(action), tempfile.TemporaryDirectory() as name:
                 folder = pathlib.Path(name)

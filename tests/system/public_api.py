@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/public_api.py BIN_DIR: programs outside the tree use the installed library: the examples build in a clean
-folder by CMake and by pkg-config, and their output is that of the programs."""
+"""tests/system/public_api.py BIN_DIR: tests that external programs can use the installed library. The examples are
+built in a clean folder with CMake and pkg-config, and their output is compared with that of the programs."""
 import os
 import pathlib
 import shutil
@@ -32,7 +32,7 @@ class PublicApi(unittest.TestCase):
         cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-api-")
         cls.dir = pathlib.Path(cls.folder.name)
         cls.prefix = cls.dir / "opt"
-        # Staged and then moved, as for packages.
+        # The files are staged and then moved, as for a package.
         run("cmake", "--install", bin_dir.parent, "--component", "dev", "--prefix", cls.prefix, cwd=cls.dir, DESTDIR=str(cls.dir / "stage"))
         shutil.move(str(cls.dir / "stage") + str(cls.prefix), cls.dir)
         run("echofuse-sim", "dataset", "-q", "--people", 80, "--letters", 0, "--out", "scenes.sqlite", cwd=cls.dir)
@@ -46,7 +46,7 @@ class PublicApi(unittest.TestCase):
         package, = self.prefix.rglob("echofuse.pc")
         return run("pkg-config", "--static", "--cflags", "--libs", "echofuse", cwd=self.dir, PKG_CONFIG_PATH=str(package.parent)).split()
 
-    def test_cmake_project_predicts_the_map_of_reconstruct(self):
+    def test_cmake_example_predicts_the_same_map_as_reconstruct(self):
         project = self.dir / "predict"
         shutil.copytree(examples / "predict", project)
         self.assertLessEqual(len((project / "predict.cpp").read_text().splitlines()), 40)
@@ -59,7 +59,7 @@ class PublicApi(unittest.TestCase):
         self.assertEqual(rows, ["".join(str(int(z) % 10) if z > 0 else "." for z in row) for row in depth])
         self.assertRegex(last, r"^body at x = -?\d\.\d\d m, z = \d\.\d\d m, 90 % interval of x \+- \d\.\d\d m$")
 
-    def test_pkg_config_programs_read_and_follow_runs(self):
+    def test_pkg_config_examples_read_and_follow_runs(self):
         flags = self.flags()
         for name in ("read_run", "follow_run"):
             run("g++", "-std=c++20", "-Wall", "-Wextra", "-Wconversion", "-Werror", examples / f"{name}.cpp", *flags, "-o", self.dir / name,
@@ -78,7 +78,7 @@ class PublicApi(unittest.TestCase):
         self.assertRegex(skipped[3], "^record 3: no map: .*spd")
         self.assertEqual([*skipped[:3], *skipped[4:]], [*said[:3], *said[4:]])
 
-    def test_headers_compile_alone_without_other_libraries(self):
+    def test_public_headers_compile_alone_without_other_libraries(self):
         include = self.prefix / "include"
         self.assertEqual({path.name for path in (include / "echofuse").iterdir()}, HEADERS)
         for header in HEADERS:

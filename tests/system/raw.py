@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/raw.py BIN_DIR: `run --keep-raw` and `import` of the raw capture give equal records, also with faults and
-reconnections."""
+"""tests/system/raw.py BIN_DIR: tests that `import` of a raw capture gives the records of `run --keep-raw`, even with
+faults and reconnections."""
 import pathlib
 import re
 import sqlite3
@@ -61,11 +61,12 @@ class Raw(unittest.TestCase):
             return db.execute(text).fetchall()
 
     def counters(self, source):
-        """Returns counters except totals, because a live run continues to read until its file is closed."""
+        """Returns the counters of a source except totals, because a live run continues to read until its file is
+        closed."""
         return dict(self.query(f"SELECT name, value FROM counter WHERE source = '{source}' AND name NOT IN "
                                "('bytes', 'blocks', 'frames', 'frame_bytes', 'range_profiles', 'arrays', 'tags', 'outside')"))
 
-    def test_imported_capture_equals_the_run(self):
+    def test_import_of_a_raw_capture_gives_the_records_of_the_live_run(self):
         (self.dir / "faults.toml").write_text(FAULTS)
         self.assertEqual(self.record("--faults", self.dir / "faults.toml", count=20), 0, self.log)
         kept = sum(f.stat().st_size for f in self.raw.iterdir())
@@ -81,7 +82,7 @@ class Raw(unittest.TestCase):
         self.run = self.dir / "again.sqlite"
         subprocess.run([bin_dir / "echofuse-acquire", "import", self.raw, "--out", self.run, "-q"], check=True, timeout=60)
         self.assertEqual((self.query(COLUMNS), self.counters("spd"), self.counters("radar")), live, self.log)
-        # one damaged number: a slot of 400 s, or of zero length
+        # Import refuses a damaged slot length, for example 400 s or 1 ns.
         times = (self.raw / "run.times").read_text()
         for length in "400000000000", "4000000000000000000", "-400000000", "1":
             (self.raw / "run.times").write_text(re.sub(r"( slots )\d+", rf"\g<1>{length}", times))

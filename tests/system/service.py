@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/service.py BIN_DIR [TEST]: the daemon as started by config/echofuse-acquire.service: messages
-on the notify socket, lines for the journal, and systemd's own checks of the unit."""
+"""tests/system/service.py BIN_DIR [TEST]: tests the daemon as config/echofuse-acquire.service starts it: messages on
+the notify socket, lines for the journal, and the checks of systemd for the unit."""
 import configparser
 import os
 import pathlib
@@ -25,7 +25,7 @@ unit_path = pathlib.Path(__file__).resolve().parents[2] / "config/echofuse-acqui
 
 
 class Unit(configparser.ConfigParser):
-    """Parses sections and keys; a repeated key has its last value."""
+    """Parses the sections and keys of the unit. The last value of a repeated key is used."""
 
     def __init__(self):
         super().__init__(strict=False, interpolation=None, delimiters=("=",))
@@ -34,7 +34,7 @@ class Unit(configparser.ConfigParser):
 
 
 class NotifySocket:
-    """Replaces systemd: reads at once and keeps the lines."""
+    """Reads the notify socket in place of systemd and stores the lines."""
 
     def __init__(self, path):
         self.path = str(path)
@@ -52,7 +52,7 @@ class NotifySocket:
         return self.lines.count(line)
 
     def close(self):
-        """Returns after reading all that was sent before."""
+        """Waits until all sent messages are read, and returns the lines."""
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as end:
             end.sendto(b"", self.path)
         self.thread.join()
@@ -71,7 +71,7 @@ class Service(live.Live):
         super().tearDown()
 
     def serve(self, *options, env=None, **how):
-        """Starts the unit's command line with other folders and configuration."""
+        """Starts the command line of the unit with other folders and another configuration."""
         line = Unit()["Service"]["ExecStart"].replace("%%", "%").replace("/etc/echofuse", str(self.dir / "lab"))
         command = line.replace("/var/lib/echofuse", str(self.dir)).replace("/usr/local/bin", str(live.bin_dir)).split()
         base = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni"), "NOTIFY_SOCKET": self.notify.path}
@@ -81,9 +81,9 @@ class Service(live.Live):
         [self.run] = self.dir.glob("*.sqlite")
         return daemon
 
-    def test_systemd_gets_a_heartbeat_per_record(self):
-        """systemd gets a heartbeat per record, and none while records cannot be written. Four slots exceed this service's
-        watchdog, so the daemon first requests a longer one."""
+    def test_daemon_sends_systemd_a_heartbeat_per_record(self):
+        """systemd gets one heartbeat per record, and none while records cannot be written. The watchdog time of this
+        service is shorter than four slots, so the daemon first requests a longer time."""
         daemon = self.serve(env={"WATCHDOG_USEC": "300000"})
         self.assertRegex(self.run.name, r"^run-20\d{6}-\d{6}\.sqlite$")
         wait_for("heartbeats", lambda: self.notify.count("WATCHDOG=1") >= 4)
@@ -91,9 +91,11 @@ class Service(live.Live):
         blocker = sqlite3.connect(self.run, isolation_level=None)
         blocker.execute("BEGIN IMMEDIATE")
         try:
-            time.sleep(0.5)  # earlier commits are reported by now
+            # Records that were committed before the lock are reported within this time.
+            time.sleep(0.5)
             before = self.notify.count("WATCHDOG=1")
-            time.sleep(min(8 * live.WINDOW_S, 3))  # after 5 s the writer gives up
+            # The pause must be shorter than 5 s, because the writer then gives up.
+            time.sleep(min(8 * live.WINDOW_S, 3))
             self.assertEqual(self.notify.count("WATCHDOG=1"), before)
             self.assertIsNone(daemon.poll())
         finally:
@@ -108,7 +110,7 @@ class Service(live.Live):
         self.assertEqual(lines.count("READY=1"), 1)
         self.assertEqual(lines.count("STOPPING=1"), 1)
         self.assertNotIn("WATCHDOG=1", lines[lines.index("STOPPING=1"):])
-        # At most one heartbeat per record, and the status counts them.
+        # There is at most one heartbeat per record, and the status reports the number of records.
         rows = len(self.rows())
         told = [int(m[1]) for m in (re.match(r"STATUS=(\d+) records on disk", line) for line in lines) if m]
         self.assertEqual(told, sorted(told))
@@ -116,9 +118,9 @@ class Service(live.Live):
         self.assertLessEqual(told[-1], rows)
         self.assertLessEqual(lines.count("WATCHDOG=1"), rows)
 
-    def test_full_disk_does_not_crash_the_daemon(self):
-        """A full disk (or SIGXFSZ) does not crash the daemon: the records are stored, the last heartbeat is of the last
-        record, and systemd does not restart after the exit code."""
+    def test_daemon_ends_with_exit_code_6_on_a_full_disk(self):
+        """On a full disk (or SIGXFSZ) the daemon does not crash. Earlier records are stored, the last heartbeat belongs
+        to the last record, and systemd does not restart the daemon after this exit code."""
         def limit_file_size():
             resource.setrlimit(resource.RLIMIT_FSIZE, (256 << 10, 256 << 10))
 
@@ -140,9 +142,9 @@ class Service(live.Live):
         self.assertGreater(lines.count("WATCHDOG=1"), 0)
         self.assertEqual(lines[-1], "STOPPING=1")
 
-    def test_journal_lines_have_priorities(self):
-        """Log lines have priorities instead of times only if stderr is the journal. A stop before the first slot is not a
-        failure for systemd."""
+    def test_log_lines_in_the_journal_have_priorities(self):
+        """Log lines have priorities instead of times only if stderr is the journal. For systemd, a stop before the
+        first slot is not a failure."""
         command = f'JOURNAL_STREAM="$(stat -Lc %d:%i /proc/self/fd/2)" exec {live.bin_dir}/echofuse-acquire run'
         config = f"--config {self.dir}/lab/lab.toml --set depth.address= --set radar.cli=serial:{self.dir}/none"
         tail = f"--set run.connect_timeout_s=1.5 --count 3 --out {self.dir}/run"
@@ -151,12 +153,14 @@ class Service(live.Live):
         self.assertRegex(done.stderr, r"(?m)^<6>recording to ")
         self.assertRegex(done.stderr, r"(?m)^<4>starting without radar")
         self.assertNotRegex(done.stderr, r"(?m)^<?\d*>?20\d\d-")
-        pid = os.getpid()  # a unique address, because devices are locked
+        # The address is unique, because devices are locked.
+        pid = os.getpid()
         missing = "--set", "tdc.policy=required", "--set", (
             f"tdc.address=bridge:tcp://127.{pid >> 16}.{pid >> 8 & 255}.{pid & 255}:1")
         daemon = self.start([live.bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--out",
                              self.dir / "early", *missing], stderr=subprocess.PIPE, text=True)
-        first = daemon.stderr.readline()  # the device was tried, so signals are handled by now
+        # After its first log line the daemon handles signals.
+        first = daemon.stderr.readline()
         daemon.send_signal(signal.SIGTERM)
         log = first + self.finish(daemon)
         self.assertIn("interrupted before the first slot", log)
@@ -172,14 +176,14 @@ class Service(live.Live):
 
 
 class Exposure(unittest.TestCase):
-    def test_systemd_accepts_the_unit(self):
+    def test_systemd_accepts_the_service_unit(self):
         """systemd accepts every line of the unit, and rates its sandbox as sufficient."""
         with tempfile.TemporaryDirectory() as folder:
             copy = pathlib.Path(folder) / unit_path.name
             copy.write_text(unit_path.read_text().replace("/usr/local/bin/echofuse-acquire", "/bin/true"))
             verify = subprocess.run(["systemd-analyze", "verify", copy], capture_output=True, text=True)
             self.assertEqual((verify.returncode, verify.stderr), (0, ""))
-        # The program of alert.on_doubt is started by calls that the sandbox allows.
+        # The sandbox must allow the system calls that start the program of alert.on_doubt.
         listed = subprocess.run(["systemd-analyze", "syscall-filter"], capture_output=True, text=True, check=True).stdout
         sets = {name: members.split() for name, members in re.findall(r"^(@\S+)\n((?: .*\n)+)", listed, re.M)}
 
@@ -193,9 +197,9 @@ class Exposure(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    if "test_systemd_accepts_the_unit" in sys.argv[2:]:
+    if "test_systemd_accepts_the_service_unit" in sys.argv[2:]:
         if not shutil.which("systemd-analyze"):
             print("skipped: systemd-analyze is not installed (apt-get install systemd)")
             sys.exit(77)
-        unittest.main(argv=[sys.argv[0], "Exposure.test_systemd_accepts_the_unit"])
+        unittest.main(argv=[sys.argv[0], "Exposure.test_systemd_accepts_the_service_unit"])
     unittest.main(argv=[sys.argv[0], *(f"Service.{name}" for name in sys.argv[2:])])

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/slips.py BIN_DIR: mistyped command lines give the listed text and exit code, and the help of the command
-lists this code."""
+"""tests/system/slips.py BIN_DIR: tests that mistyped commands print the listed text and return the listed exit code,
+which the help of the command must list."""
 import functools
 import pathlib
 import re
@@ -12,7 +12,7 @@ import sys
 import tempfile
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
-# command | exit code | text in the output
+# Each line has a command, its exit code, and a text that the output contains.
 TABLE = """
 recon trian | 2 | trian: no such command; the nearest is train
 recon help train | 0 | fit a model to runs
@@ -110,7 +110,7 @@ acquire devices --config closed.toml | 4 | Connection refused; is its bridge run
 
 @functools.cache
 def stated_codes(program, *command):
-    """Returns the exit codes that the help of a command lists; all codes for help without a list of its own."""
+    """Returns the exit codes that the help of a command lists, or all codes if the help has no such list."""
     text = subprocess.run([bin_dir / f"echofuse-{program}", *command, "--help"], capture_output=True, text=True).stdout
     found = re.search(r"^exit codes:(.*(?:\n .*)*)", text, re.M)
     return set(re.findall(r"(?:^|[ ,])(\d+) [a-z]", found[1])) if found and "COMMAND" not in found[1] else set("0123456")
@@ -136,7 +136,8 @@ with tempfile.TemporaryDirectory() as folder:
     for name in ("seen.sqlite", "dark.sqlite"):
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", written / name, "--records", "12"], check=True)
     with sqlite3.connect(written / "dark.sqlite") as file:
-        file.execute("UPDATE record SET valid = valid & 3")  # no camera
+        # No record has camera data.
+        file.execute("UPDATE record SET valid = valid & 3")
     for line in TABLE.strip().splitlines():
         words, code, says = (part.strip() for part in line.split(" | "))
         template = bin_dir.parent / "share/echofuse/lab.toml"

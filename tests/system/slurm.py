@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/slurm.py BIN_DIR: scripts/slurm distributes a data set and a study over an emulated Slurm cluster of two
-nodes on this machine. One node fails during the array. The result is bitwise equal to that of one process. Needs
-root and Debian's slurmctld, slurmd, slurm-client and munge; otherwise skipped."""
+"""tests/system/slurm.py BIN_DIR: tests scripts/slurm on an emulated Slurm cluster of two nodes on this machine. One
+node fails during an array job, and the result must be bitwise equal to that of a single process. Skipped if it is not
+run as root, or if Debian's slurmctld, slurmd, slurm-client or munge is missing."""
 import contextlib
 import csv
 import functools
@@ -21,7 +21,8 @@ import unittest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
 import waiting
 
-wait_for = functools.partial(waiting.wait_for, pause_s=0.1)  # each check starts a program
+# Each check starts a program, so the pause between checks is long.
+wait_for = functools.partial(waiting.wait_for, pause_s=0.1)
 
 bin_dir = pathlib.Path(sys.argv.pop(1)).resolve()
 scripts = pathlib.Path(__file__).resolve().parents[2] / "scripts/slurm"
@@ -94,7 +95,7 @@ class Slurm(unittest.TestCase):
         return subprocess.run(words, text=True, capture_output=True).stdout.strip()
 
     def processes_of(self, *names):
-        """Returns the process ids of this cluster, found by the environment of its daemons."""
+        """Yields the ids of the processes of this cluster, which have its configuration in their environment."""
         mark = f"SLURM_CONF={self.dir}/slurm.conf".encode()
         for process in pathlib.Path("/proc").glob("[0-9]*"):
             try:
@@ -114,11 +115,11 @@ class Slurm(unittest.TestCase):
 
     def kill(self, processes):
         for process in processes:
-            with contextlib.suppress(ProcessLookupError):  # already ended
+            with contextlib.suppress(ProcessLookupError):  # The process has already ended.
                 os.kill(process, signal.SIGKILL)
 
     def halted(self, node, program):
-        """Stops this program in a job of this node; returns whether it was found running."""
+        """Stops the program in a job of the node. Returns True if the program was running."""
         for process in self.processes_of(f"SLURMD_NODENAME={node}"):
             try:
                 if pathlib.Path(f"/proc/{process}/comm").read_text().strip() == program:
@@ -129,12 +130,13 @@ class Slurm(unittest.TestCase):
         return False
 
     def node_dies(self, node):
-        """Kills the node's daemon and all its jobs at once, like a power failure."""
+        """Kills the daemon and all jobs of the node at once, as a power failure does."""
         os.kill(int((self.dir / f"slurmd.{node}.pid").read_text()), signal.SIGKILL)
         jobs = list(self.processes_of(f"SLURMD_NODENAME={node}"))
         parents = {int(pathlib.Path(f"/proc/{job}/stat").read_text().rpartition(")")[2].split()[1]) for job in jobs}
         keepers = [pid for pid in parents if pathlib.Path(f"/proc/{pid}/comm").read_text().startswith("slurmstepd")]
-        self.kill([*keepers, *jobs])  # parents first, because they would report the end of the jobs
+        # The parents are killed first, because they would report the end of the jobs.
+        self.kill([*keepers, *jobs])
         subprocess.run(["scontrol", "update", f"nodename={node}", "state=down", "reason=test"], check=True)
 
     def submit(self, script, *words):
@@ -159,7 +161,7 @@ class Slurm(unittest.TestCase):
                 db.close()
         return len(rows), hashlib.sha256(repr(rows).encode()).hexdigest()
 
-    def test_data_set_survives_a_failed_node(self):
+    def test_data_set_is_complete_after_a_node_failure(self):
         settings = ["--records", "2400", "--set", "spd_rays=512"]
         self.submit("dataset.sbatch", 6, "base", *settings)
         wait_for("a part being made on the node", lambda: self.halted("n2", "echofuse-sim"), 120)
@@ -173,7 +175,7 @@ class Slurm(unittest.TestCase):
         self.assertEqual(self.records(*(self.dir / f"work/base/part-{k}.sqlite" for k in range(1, 7))),
                          self.records(self.dir / "whole.sqlite"))
 
-    def test_distributed_study_equals_a_local_one(self):
+    def test_study_on_a_cluster_equals_a_local_study(self):
         bench = ["echofuse-bench", "stability", "-q", "--quick", "--seeds", "1", "--records", "120",
                  "--test-records", "20", "--axes", "matched-side", "shifted-radar_offset", "--methods", "mean-shape", "nearest",
                  "--out"]
@@ -182,7 +184,7 @@ class Slurm(unittest.TestCase):
         subprocess.run([*bench, self.dir / "whole.csv"], check=True, stdout=subprocess.DEVNULL)
 
         def rows(path):
-            """First line and rows, without their times."""
+            """Returns the first line and the rows of a table, without times."""
             head, *lines = path.read_text().splitlines()
             kept = [{name: value for name, value in row.items() if name not in ("infer_us_median", "infer_us_p99", "infer_us_batch", "train_s")}
                     for row in csv.DictReader(lines)]
@@ -196,7 +198,7 @@ IN_ARRAY = {"SLURM_JOB_ID": "9", "SLURM_ARRAY_TASK_ID": "3", "SLURM_ARRAY_TASK_C
 
 
 class Resubmitted(unittest.TestCase):
-    """Tasks of a partly resubmitted array: the scripts alone, without Slurm."""
+    """Tests the scripts without Slurm, as tasks of a partly resubmitted array."""
 
     def task(self, folder, script, *words):
         with tempfile.TemporaryDirectory() as spool:
@@ -204,7 +206,7 @@ class Resubmitted(unittest.TestCase):
             return subprocess.run([copy, *words], cwd=folder, text=True, capture_output=True,
                                   env={**os.environ, "PATH": f"{bin_dir}:{os.environ['PATH']}", **IN_ARRAY})
 
-    def test_scripts_submit_within_an_allocation_or_another_array(self):
+    def test_slurm_scripts_submit_their_array_from_within_another_job(self):
         with tempfile.TemporaryDirectory() as folder:
             fake = pathlib.Path(folder, "sbatch")
             fake.write_text('#!/bin/sh\necho "$@" >> submitted\necho 7\n')
@@ -216,7 +218,7 @@ class Resubmitted(unittest.TestCase):
             submitted = pathlib.Path(folder, "submitted").read_text().splitlines()
             self.assertEqual(sum("--array=1-4" in line for line in submitted), 4, submitted)
 
-    def test_task_writes_only_its_part(self):
+    def test_slurm_task_writes_only_its_part_of_the_data_set(self):
         with tempfile.TemporaryDirectory() as folder:
             done = self.task(folder, "dataset.sbatch", "8", ".", "--records", "16")
             self.assertEqual(done.returncode, 0, done.stderr)
@@ -225,7 +227,7 @@ class Resubmitted(unittest.TestCase):
             said = self.task(folder, "study.sbatch", "8", "echo", "a study").stdout
             self.assertEqual(said, "a study --part 3/8\n")
 
-    def test_refused_part_leaves_no_file(self):
+    def test_slurm_task_with_an_invalid_part_number_leaves_no_file(self):
         with tempfile.TemporaryDirectory() as folder:
             for words in (["2", "."], ["none", "."]):
                 done = self.task(folder, "dataset.sbatch", *words)

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/status_line.py BIN_DIR [TEST]: the daemon in a terminal (pty) of at most 80 columns."""
+"""tests/system/status_line.py BIN_DIR [TEST]: tests the status line of the daemon in pseudo-terminals of different
+widths."""
 import fcntl
 import os
 import pty
@@ -20,7 +21,7 @@ SEQUENCES = re.compile(r"\x1b\[[0-9;]*[A-Za-z]|\x07")
 
 
 class Terminal:
-    """Master side of the pty: keeps all output of the program."""
+    """Master side of a pseudo-terminal, which stores all output of the program."""
 
     def __init__(self, columns):
         self.master, self.slave = pty.openpty()
@@ -36,7 +37,7 @@ class Terminal:
         while True:
             try:
                 data = os.read(self.master, 4096)
-            except OSError:  # the last program closed its end
+            except OSError:  # The last program has closed its end.
                 return
             self.text += data.decode()
 
@@ -46,14 +47,14 @@ class Terminal:
         os.close(self.master)
 
     def status_lines(self):
-        """Returns the drawn status lines: texts between carriage returns."""
+        """Returns the status lines that were drawn, which are texts between carriage returns."""
         parts = re.split(r"[\r\n]+", SEQUENCES.sub("", self.text))
         return [part for part in parts if part.startswith("record ")]
 
 
 class StatusLine(live.Live):
     def setUp(self):
-        pass  # each test starts its own laboratory
+        pass  # Each test starts its own laboratory.
 
     def run_at_terminal(self, columns, *options):
         live.Live.setUp(self)
@@ -67,8 +68,8 @@ class StatusLine(live.Live):
         self.terminal.close()
         return daemon.returncode
 
-    def test_lines_do_not_wrap(self):
-        """Lines do not wrap in any width, and each status line overwrites the previous one."""
+    def test_status_line_does_not_wrap_in_a_narrow_terminal(self):
+        """Status lines do not wrap at any width, and each status line overwrites the previous one."""
         records = round(8 / live.WINDOW_S)
         daemon = self.run_at_terminal(300, "--duration", "8s", "--set", "run.label=" + "person " * 20)
         drawn = {}
@@ -76,7 +77,8 @@ class StatusLine(live.Live):
             self.terminal.resize(columns)
             before = len(self.terminal.status_lines())
             wait_for("status", lambda: len(self.terminal.status_lines()) >= before + 3, 40)
-            drawn[columns] = self.terminal.status_lines()[before + 1:]  # the first may be older
+            # The first line may have been drawn before the resize.
+            drawn[columns] = self.terminal.status_lines()[before + 1:]
         self.assertEqual(self.end(daemon), 0)
         text = self.terminal.text
         for columns, lines in drawn.items():
@@ -92,8 +94,8 @@ class StatusLine(live.Live):
         feeds = [line.rsplit("\r", 1)[-1] for line in lines[:-1]]
         self.assertEqual([f.split("  ")[0] for f in feeds if f.startswith("record ")], [f"record {records}/{records}"], text)
 
-    def test_second_ctrl_c_ends_the_run(self):
-        """The first Ctrl-C gives a message, the second ends the run at once."""
+    def test_second_ctrl_c_ends_the_run_immediately(self):
+        """The first Ctrl-C prints a message, and the second ends the run immediately."""
         daemon = self.run_at_terminal(80, "--set", "run.window_s=3")
         wait_for("a record", lambda: self.committed() >= 1)
         asked = time.monotonic()

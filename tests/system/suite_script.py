@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/suite_script.py: exit status and list of skipped tests of scripts/test, with a stand-in for ctest."""
+"""tests/system/suite_script.py: tests the exit status of scripts/test and its list of skipped tests, with a substitute
+for ctest."""
 import os
 import shutil
 import subprocess
@@ -18,7 +19,8 @@ def executable(path, text):
 
 
 def run(status, output="100% tests passed, 0 tests failed out of 1", ci=""):
-    """scripts/test in a folder of its own; ctest prints output and exits with status."""
+    """Runs scripts/test in a temporary folder with a substitute for ctest, which prints `output` and exits with
+    `status`."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         (root / "scripts/dev").mkdir(parents=True)
@@ -32,13 +34,13 @@ def run(status, output="100% tests passed, 0 tests failed out of 1", ci=""):
 
 
 class SuiteScript(unittest.TestCase):
-    def test_exit_status_is_that_of_ctest(self):
+    def test_suite_script_returns_the_exit_status_of_ctest(self):
         for status in 0, 8:
             with self.subTest(status=status):
                 done = run(status)
                 self.assertEqual((done.returncode, done.stderr), (status, ""))
 
-    def test_skip_without_a_reason_fails_in_ci(self):
+    def test_suite_script_fails_in_ci_if_a_skipped_test_gives_no_reason(self):
         skipped = "1/1 Test #1: a.test ....***Skipped\n100% tests passed, 0 tests failed out of 1"
         for ci, status in ("", 0), ("1", 1):
             with self.subTest(ci=ci):

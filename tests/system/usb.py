@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/usb.py BIN_DIR: daemon and libusb record from a laboratory with an emulated USB time
+"""tests/system/usb.py BIN_DIR: tests that the daemon records through libusb from a laboratory with an emulated USB time
 tagger."""
 import json
 import os
@@ -14,15 +14,16 @@ import unittest
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 usb_lab = bin_dir.parent / "tests/usb_lab"
 environment = os.environ | {"PATH": f"{bin_dir}:{os.environ['PATH']}"}
-WINDOW_S = float(os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.5"))  # longer: fewer tags per second
+# Longer slots give fewer tags per second.
+WINDOW_S = float(os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.5"))
 
-# Totals of everything received are left out: a live run counts what arrives until its file is closed.
+# Totals of received data are excluded, because a live run counts data until its file is closed.
 COUNTERS = ("SELECT name, value FROM counter WHERE source = 'spd' AND name NOT IN "
             "('bytes', 'blocks', 'tags', 'outside')")
 
 
 class Usb(unittest.TestCase):
-    def test_usb_tagger_is_recorded(self):
+    def test_daemon_records_from_an_emulated_usb_tagger(self):
         with tempfile.TemporaryDirectory(prefix="echofuse-") as folder:
             lab, run = pathlib.Path(folder) / "lab", pathlib.Path(folder) / "run.sqlite"
             raw = pathlib.Path(folder) / "raw"
@@ -46,10 +47,10 @@ class Usb(unittest.TestCase):
             db.close()
         self.assertEqual(rows, [(7, 0)] * 10, done.stderr)
         self.assertEqual(devices["spd"], "SIM-USB-1")
-        # Blocks and files are the same as over TCP.
+        # Import of the raw capture must give the same counters and histograms as the live run.
         self.assertEqual(imported, counted)
         self.assertEqual((sent["lost"], sent["starts"]), (0, 1))
-        # Tags left in the device when the daemon stopped it: at most those of 0.2 s.
+        # The device may still hold tags of the last 0.2 s when the daemon stops it.
         arrived = int(done.stderr.split("received: ")[1].split(" tags")[0])
         self.assertLessEqual(arrived, sent["tags"])
         self.assertLess(sent["tags"] - arrived, 0.2 / (10 * WINDOW_S) * sent["tags"], done.stderr)
