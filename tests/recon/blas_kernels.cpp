@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// This is a separate program, because a process selects its BLAS kernels only once, before its
-// first matrix product.
+// The tests of BLAS kernels are a separate program, because a process selects its kernels only
+// once, before its first matrix product.
 
 #include <catch2/catch.hpp>
 #include <cstdlib>

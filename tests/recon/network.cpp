@@ -49,7 +49,7 @@ TEST_CASE("the network gradient equals central differences for every parameter")
   std::vector<double> gradient;
   backward(q.network, q.parameters, q.inputs.data(), q.batch, a, gradient);
   REQUIRE(gradient.size() == q.network.parameters);
-  // Where no rectifier changes its state, the loss is quadratic in each parameter. Central
+  // The loss is quadratic in each parameter as long as no rectifier changes its state. Central
   // differences are then exact except for rounding errors of about 1e-16 * loss / step.
   constexpr double step = 1e-5;
   const double rounding = 1e-15 * q.loss(q.parameters) / step;

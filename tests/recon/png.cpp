@@ -118,7 +118,7 @@ TEST_CASE("a PNG with an extra or a missing byte is refused") {
 TEST_CASE("the PNG decoder does not allocate more memory than the compressed data can fill") {
   CHECK(record::inflated(Bytes(100), std::numeric_limits<std::size_t>::max()).empty());
   const Bytes flat(1 << 20);
-  // These data are compressed a thousandfold, and the decoder must accept them.
+  // The decoder must accept data that are compressed a thousandfold.
   CHECK(record::inflated(packed(flat), flat.size()) == flat);
 }
 

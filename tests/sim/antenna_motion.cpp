@@ -77,7 +77,7 @@ TEST_CASE("the number of independent radar looks per record grows with body sway
 TEST_CASE("motion during a chirp sequence changes antenna phases and reduces the echo power") {
   Conditions c = of_sum("coherent");
   c.radar_sway_m = c.radar_twist_deg = 0;
-  // This amplitude gives speeds of up to 16 cm/s.
+  // An amplitude of 10 cm gives speeds of up to 16 cm/s.
   c.radar_breath_m = 0.1;
   AntennaRadar radar{radar_response(c), antennas_in_layout(8), 7};
   radar.chirp_s = 1e-3;

@@ -114,9 +114,9 @@ TEST_CASE("an echo via one wall has the path length from the mirror image of the
   CHECK(way->length_m == Approx(std::sqrt(2.3 * 2.3 + 0.2 * 0.2 + 9)));
   // The departing direction equals the arriving direction with opposite sign of x.
   CHECK(length(way->departure - Vec3{-way->arrival.x, way->arrival.y, way->arrival.z}) < 1e-12);
-  // This place is behind the wall.
+  // The point is behind the wall.
   CHECK_FALSE(way_to(images[1], sensor, {-2, 0, 3}));
-  // The path to this place misses the wall.
+  // The path to this point misses the wall.
   CHECK_FALSE(way_to(images[1], sensor, {0.3, 0.2, 40}));
 }
 

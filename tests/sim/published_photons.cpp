@@ -280,7 +280,7 @@ TEST_CASE("simulated histograms match those measured with a TMF8820 for a block"
   const auto records = read_json("spad-tmf8820/tall_block.json.gz");
   const Corners corners = read_stl("spad-tmf8820/tall_block.stl");
   constexpr double m_a_bin = 0.0135, zero_bin = 12.25, step_m = 0.002;
-  // These bins are behind the peak of the window.
+  // Bins from 21 on are behind the peak of the window.
   constexpr std::size_t from = 21, to = 60;
   std::vector<double> off, times, chi2s, rests;
   for (std::size_t zone = 0; zone < 9; ++zone) {

@@ -38,7 +38,7 @@ TEST_CASE("simulated people have realistic heights and stand on the floor inside
         CHECK(end.z > c.target_z_min_m - 0.8);
         CHECK(end.z < c.target_z_max_m + 0.8);
       }
-    // These capsules form the trunk from pelvis to head.
+    // Capsules 6 to 11 form the trunk from pelvis to head.
     for (std::size_t k = 6; k < 12; ++k)
       trunk_top = std::max(trunk_top, scene.capsules[k].b.y + scene.capsules[k].radius_m);
     CHECK(lowest == Approx(-c.camera_height_m).margin(1e-9));

@@ -75,7 +75,7 @@ TEST_CASE("the radar driver detects the data port of another board on pseudo-ter
   CHECK_THAT(mixed.sink.events.back(),
              Catch::StartsWith("radar.cli and radar.data are ports of two boards: frame "));
   mixed.driver.reset();
-  // This board already sends frames when the driver connects.
+  // The board already sends frames when the driver connects.
   Lines again(b);
   REQUIRE(again.frames(3));
   CHECK(counter(*again.driver, "connections") == 1);
