@@ -62,7 +62,7 @@ TEST_CASE("train refuses a data set that exceeds the memory before reading it") 
         0);
 }
 
-TEST_CASE("too few records, a damaged record or different axes cause a one-line error") {
+TEST_CASE("too few records, damaged records and different axes are refused with a one-line error") {
   const Folder dir;
   write_run(dir / "one", 1);
   refuses("train " + (dir / "one") + " --out " + (dir / "m"), 1, "1 usable records");

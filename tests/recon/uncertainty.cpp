@@ -198,7 +198,7 @@ TEST_CASE("photon thinning keeps the expected fraction of non-integer counts") {
   CHECK(left / static_cast<double>(data.spd.values.size()) == Approx(0.173).epsilon(0.3));
 }
 
-TEST_CASE("an uncertainty fitted to pure noise covers 90 % of errors outside the fit") {
+TEST_CASE("an uncertainty fitted to pure noise covers 90 % of the errors of new records") {
   // The errors are pure noise. A regression of ten terms on 60 records explains part of the noise
   // of these records.
   std::vector<double> held;
@@ -236,7 +236,9 @@ record::RadarResponse bell(double times) {
 
 }  // namespace
 
-TEST_CASE("records converted from a wider radar response are rarely flagged, and intervals hold") {
+TEST_CASE(
+    "records of a radar with a wider response are rarely flagged, and most errors are within the "
+    "interval") {
   Dataset training = testing::load_plates(800);
   training.sources[0].radar_response = bell(1);
   TrainOptions options;

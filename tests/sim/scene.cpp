@@ -51,7 +51,7 @@ TEST_CASE("simulated people have realistic heights and stand on the floor inside
   }
 }
 
-TEST_CASE("ten letters are held in both hands and face the sensors within 30 degrees") {
+TEST_CASE("simulated people hold a letter in both hands, facing the sensors within 30 degrees") {
   const Conditions c;
   std::set<std::string> seen;
   for (std::uint64_t i = 0; i < 300; ++i) {

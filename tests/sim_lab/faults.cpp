@@ -76,7 +76,7 @@ amount = 3
             "a time tagger has no frame to freeze"));
 }
 
-TEST_CASE("faults act only on their device, at their times and repetitions") {
+TEST_CASE("a simulated fault affects only its device, and only at the times of its repetitions") {
   const Faults faults(
       {{"tdc", FaultKind::drop, 1, 0.5, 4, 0.3}, {"radar", FaultKind::stall, 0, 9, 0, 0}}, "tdc");
   for (const double t : {1.0, 1.4, 5.0, 9.4}) CHECK(faults.at(FaultKind::drop, t) == 0.3);

@@ -69,20 +69,20 @@ TEST_CASE("the simulated laboratory creates its files at start and removes its d
 TEST_CASE("the simulated laboratory refuses a folder that it cannot use") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
-  SECTION("another laboratory uses the folder") {
+  SECTION("a folder that another laboratory uses is refused") {
     LabThread lab(options);
     CHECK_THAT(refusal(options, ExitCode::usage),
                Catch::Contains("another laboratory is running in this directory"));
     CHECK(fs::exists(options.dir + "/radar-cli"));
   }
-  SECTION("the folder contains files of another program") {
+  SECTION("a folder that contains files of another program is refused") {
     fs::create_directories(options.dir);
     std::ofstream(options.dir + "/thesis.tex") << "\\documentclass";
     CHECK_THAT(refusal(options, ExitCode::usage),
                Catch::Contains("files that do not belong to a laboratory"));
     CHECK(names_in(options.dir) == std::set<std::string>{"thesis.tex"});
   }
-  SECTION("the folder path is too long for a socket") {
+  SECTION("a folder path that is too long for a socket is refused") {
     options.dir = dir / std::string(120, 'x');
     CHECK_THAT(refusal(options, ExitCode::usage), Catch::Contains("too long for a socket"));
   }
@@ -102,15 +102,15 @@ TEST_CASE("the simulated laboratory reuses the folder of a previous one and keep
 TEST_CASE("start-up errors of the simulated laboratory state the cause and leave no device files") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
-  SECTION("the radar configuration file is missing") {
+  SECTION("a missing radar configuration file is reported") {
     options.radar_cfg = dir / "missing.cfg";
     CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("missing.cfg: cannot read"));
   }
-  SECTION("the bin width is not a whole number of picoseconds") {
+  SECTION("a bin width that is not a whole number of picoseconds is reported") {
     options.conditions.bin_width_ps = 12.5;
     CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("whole picoseconds"));
   }
-  SECTION("the laser rate is too high for the histogram range") {
+  SECTION("a laser rate that is too high for the histogram range is reported") {
     options.tagging.laser_rate_hz = 80e6;
     CHECK_THAT(refusal(options, ExitCode::config),
                Catch::Contains("the next pulse is emitted before the end of the last bin"));

@@ -63,8 +63,10 @@ Returns person(const Conditions& c) {
 TEST_CASE("simulated photons have the expected rate in each histogram bin") {
   Conditions c;
   c.background_counts = 2e4;
-  SECTION("Gaussian instrument response") {}
-  SECTION("instrument response with an exponential tail") { c.irf_tail_ps = 300; }
+  SECTION("the photon rate is correct for a Gaussian instrument response") {}
+  SECTION("the photon rate is correct for an instrument response with an exponential tail") {
+    c.irf_tail_ps = 300;
+  }
   const Returns returns = person(c);
   const Stream stream = draw(c, {}, returns);
   const auto rate = spd_rate(returns, c);
@@ -144,7 +146,7 @@ TEST_CASE("simulated time tags are sorted, and with a filter each sync tag prece
     for (std::size_t i = 1; i < tags.size(); ++i)
       REQUIRE((tags[i].channel == 2 || tags[i - 1].channel == 2));
   }
-  SECTION("every laser pulse has a sync tag without the filter") {
+  SECTION("each laser pulse has a sync tag if the filter is off") {
     tagging.conditional_filter = false;
     const auto tags = draw(c, tagging, returns).tags;
     CHECK(sorted(tags));

@@ -171,7 +171,7 @@ TEST_CASE("the radar driver repeats the last error of the board until a frame ar
   CHECK(b.sink.events.back().find("Exception") == std::string::npos);
 }
 
-TEST_CASE("damaged radar data cost at most one intact frame, and lost frames are counted") {
+TEST_CASE("damaged radar data cause the loss of at most one intact frame, and losses are counted") {
   using Damage = std::function<void(Bytes&, Rng&)>;
   const auto at = [](Rng& rng, std::size_t end) {
     return static_cast<std::ptrdiff_t>(rng() % end);

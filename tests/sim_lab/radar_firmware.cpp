@@ -125,7 +125,7 @@ TEST_CASE("simulated radar subframes start one after another, each with its own 
 
 TEST_CASE("a complete cfg starts the simulated radar and defines its range axis") {
   Console console;
-  SECTION("radar cfg with 50 cm resolution") {
+  SECTION("the cfg for 50 cm resolution gives 64 range bins of 25 cm") {
     configure(console);
     CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
     const RadarAxis axis = console.firmware().running().value().axis({});
@@ -139,7 +139,7 @@ TEST_CASE("a complete cfg starts the simulated radar and defines its range axis"
     CHECK(console.firmware().outputs().stats);
     CHECK_FALSE(console.firmware().outputs().objects);
   }
-  SECTION("radar cfg with 4.4 cm resolution") {
+  SECTION("the cfg for 4.4 cm resolution gives 256 range bins") {
     configure(console, "none", "xwr68xx_44mm.cfg");
     CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
     const RadarAxis axis = console.firmware().running().value().axis({});
@@ -175,34 +175,34 @@ TEST_CASE("an incomplete cfg does not start the simulated radar") {
 
 TEST_CASE("simulated radar firmware refuses missing chirps and chirps beyond front-end limits") {
   Console console;
-  SECTION("the cfg defines no chirp") { configure(console, "chirpCfg"); }
-  SECTION("the cfg defines no frame") { configure(console, "frameCfg"); }
-  SECTION("the ramp ends before the last sample") {
+  SECTION("a cfg that defines no chirp is refused") { configure(console, "chirpCfg"); }
+  SECTION("a cfg that defines no frame is refused") { configure(console, "frameCfg"); }
+  SECTION("a ramp that ends before the last sample is refused") {
     configure(console);
     console.send("profileCfg 0 60 7 6 30 0 0 18.75 1 60 2000 0 0 30\n");
   }
-  SECTION("the ramp exceeds 64 GHz") {
+  SECTION("a ramp that exceeds 64 GHz is refused") {
     configure(console);
     console.send("profileCfg 0 62 7 3 24 0 0 166 1 256 12500 0 0 30\n");
   }
-  SECTION("the ramp of an unused profile exceeds 64 GHz") {
+  SECTION("a ramp that exceeds 64 GHz is refused even in an unused profile") {
     configure(console);
     console.send("profileCfg 1 63.5 7 6 40 0 0 18.75 1 60 2000 0 0 30\n");
     console.send("profileCfg 0 60 7 6 40 0 0 18.75 1 60 2000 0 0 30\n");
   }
-  SECTION("the start frequency offset moves a chirp beyond 64 GHz") {
+  SECTION("a start frequency that moves a chirp beyond 64 GHz is refused") {
     configure(console);
     console.send("chirpCfg 3 3 0 3500000000 0 0 0 1\n");
   }
-  SECTION("the ADC start offset moves the samples of a chirp beyond the ramp") {
+  SECTION("an ADC start time that moves samples beyond the ramp is refused") {
     configure(console);
     console.send("chirpCfg 3 3 0 0 0 0 5 1\n");
   }
-  SECTION("the frame uses a chirp that is not defined") {
+  SECTION("a frame that uses an undefined chirp is refused") {
     configure(console);
     console.send("frameCfg 0 3 32 0 50 1 0\n");
   }
-  SECTION("the frame has more chirps than its period allows") {
+  SECTION("a frame that has more chirps than its period allows is refused") {
     configure(console);
     console.send("frameCfg 0 2 512 0 50 1 0\n");
   }
