@@ -17,7 +17,7 @@ if not octave:
     sys.exit(77)
 bin_dir = pathlib.Path(sys.argv[1])
 text = (pathlib.Path(__file__).resolve().parents[2] / "recon/README.md").read_text(encoding="utf-8")
-# These two commands need a display.
+# The commands plot and imagesc are removed, because they need a display.
 example = re.sub(r"^(plot|imagesc).*", "", re.search(r"```matlab\n(.*?)```", text, re.S)[1], flags=re.M)
 h5read = """function out = h5read(file, path)
   [status, text] = system(sprintf('/usr/bin/python3 h5read.py %s %s', file, path));

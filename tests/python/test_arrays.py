@@ -188,7 +188,7 @@ def test_import_refuses_an_npy_data_type_that_contains_a_nul_byte(tmp_path):
 
 def test_write_run_stores_the_radar_response_and_antennas(tmp_path):
     values = np.random.default_rng(1).normal(0, 1, (12, 20, 10)).astype(np.float32)
-    values[:, :, 4:6] = 100  # These two columns contain the power of each antenna.
+    values[:, :, 4:6] = 100  # Columns 4 and 5 contain the power of each antenna.
     run = write(tmp_path / "own", **scene(), step_m=0.25, radar_cell_m=0.25, radar_taps=[1, 0.9, 0.5, 0.2], array=values,
                 antennas=[(0, 0), (1, 0, 1.5, 0.25)])
     assert (run.meta["radar_cell_m"], run.meta["radar_taps"]) == ("0.25", "1.0 0.9 0.5 0.2")

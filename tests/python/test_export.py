@@ -79,7 +79,7 @@ def test_hdf5_export_contains_the_arrays_and_marks_unreadable_records(runs, tmp_
         assert [dim.label for dim in data["depth"].dims] == ["record", "depth_y", "depth_x"]
         assert file["entry"].attrs["NX_class"] == "NXentry" and file["entry/depth"].attrs["signal"] == "depth"
         assert file["entry/entry_identifier"].asstr()[()] == run.info["uuid"]
-        # Both are fixed-length strings.
+        # Identifier and labels are stored as fixed-length strings.
         assert file["entry/entry_identifier"].dtype.kind == "S" and data["label"].dtype.kind == "S"
 
 
@@ -163,7 +163,7 @@ def test_netcdf_export_equals_the_result_of_to_xarray(runs, tmp_path, monkeypatc
 def test_export_does_not_depend_on_the_block_size(runs, tmp_path, monkeypatch):
     run = echofuse.open(runs / "own")
     export(run, tmp_path / "whole.h5")
-    monkeypatch.setattr(blocks, "MAX_BYTES", 400)  # This limit gives blocks of one record.
+    monkeypatch.setattr(blocks, "MAX_BYTES", 400)  # A limit of 400 bytes gives blocks of one record.
     assert [len(part) for _, part, _ in blocks.blocks(run, lambda done: None)] == [1] * 20
     export(run, tmp_path / "blocks.h5")
     with h5py.File(tmp_path / "whole.h5") as whole, h5py.File(tmp_path / "blocks.h5") as parts:

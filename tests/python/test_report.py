@@ -129,7 +129,7 @@ def test_report_groups_models_by_their_inputs(here, tmp_path):
     assert [row[0] for row in page["first"][1]["rows"]][:5] == [
         "ours (ridge, SPD + radar profile; 2 trainings)", "small (mean-shape, SPD + radar profile)", "spd (ridge, SPD alone)",
         "paper (the paper's network, SPD alone)", "mean (no sensor)"]
-    assert page["of"]["metrics"][3]["rows"][0][2] == "0.6389"  # This is the published value for the paper's network.
+    assert page["of"]["metrics"][3]["rows"][0][2] == "0.6389"  # The paper published this SSIM for its SPD network.
     code, said = report(tmp_path / "no", "--run", here / "run.sqlite", "--model", f"a={here / 'spd'}", f"a={here / 'radar'}")
     assert code == 1 and f"inputs radar alone, but {here / 'spd'} with the same name has SPD alone; give --model NAME=" in said
 

@@ -121,7 +121,7 @@ TEST_CASE("loading converts antenna samples to spatial lags and reports records 
   CHECK(data.fault_of(2, Inputs::fused_profile).empty());
   CHECK(data.usable(Inputs::fused) == Rows{0, 1, 3});
   Dataset moved = data;
-  // 0.25 m is one range bin.
+  // The offset of 0.25 m is one range bin.
   subtract_range_offset(moved, 0.25);
   for (std::size_t c = 60; c < 90; ++c)
     CHECK(moved.array.row(0)[c] == Approx(data.array.row(0)[c + lag_values(7)]).margin(1e-5));

@@ -124,8 +124,8 @@ TEST_CASE("the standard error for a sequence of similar records is computed betw
   CHECK(sequence.mean == Approx(0.5));
   CHECK(sequence.se == Approx(0.1 / std::sqrt(3)));
   CHECK(sequence.maps == 30);
-  // Folds of unequal size; one has no value. For K = 2 folds and n = 4 values the mean is 0.4, and
-  // the residuals are 0.6 - 3 * 0.4 and 1 - 0.4.
+  // The folds have unequal sizes, and one fold has no value. For K = 2 folds and n = 4 values the
+  // mean is 0.4, and the residuals are 0.6 - 3 * 0.4 and 1 - 0.4.
   const Summary uneven =
       summarise({fold({0.2, 0.2, 0.2}), fold({none}), fold({1.0, none})}, true)[metric_iou];
   CHECK(uneven.mean == Approx(0.4));

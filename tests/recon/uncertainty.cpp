@@ -127,7 +127,7 @@ TEST_CASE(
   CHECK(share_flagged(uncertainties_of(noise)) > 0.98);
 
   const Dataset far = fresh_plates(50, [](record::FusedRecord& r) {
-    // 9 bins are 54 cm.
+    // The histogram is shifted by 9 bins, which are 54 cm.
     std::rotate(r.spd.begin(), r.spd.end() - 9, r.spd.end());
     std::rotate(r.radar.begin(), r.radar.end() - 2, r.radar.end());
   });

@@ -208,8 +208,9 @@ TEST_CASE("meshes of right-handed files are not mirrored for any up axis") {
       };
       // The outline of the letter is centred at x = 0.5, and its depth is centred 0.15 m behind the
       // front of the bump.
-      CHECK(depth_m(-0.35, 0.5) == Approx(2.95).margin(1e-3));   // front of the bump
-      CHECK(depth_m(-0.35, -0.1) == Approx(3.25).margin(1e-3));  // front of the stem
+      // The depths are those of the front of the bump and of the front of the stem.
+      CHECK(depth_m(-0.35, 0.5) == Approx(2.95).margin(1e-3));
+      CHECK(depth_m(-0.35, -0.1) == Approx(3.25).margin(1e-3));
       // Only the L has a foot.
       CHECK((depth_m(0.3, -0.6) > 0) == is_l);
       // Only the F has an upper arm.

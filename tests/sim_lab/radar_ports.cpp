@@ -214,8 +214,8 @@ TEST_CASE("the simulated radar sends frames of the scene at the frame period whi
   for (std::size_t bin = 0; bin < 64; ++bin) {
     if (power[bin] < 20 * noise) continue;
     const double code = 256 * 12.0 / 16 * 0.5 * std::log2((power[bin] + noise) * std::pow(2.0, 40));
-    // ln|x|^2 has the variance of the noise, plus 2 own / power for each of 12 antennas. The mean
-    // is over 20 frames.
+    // Variance of ln|x|^2: the noise of the frame, plus 2 * own / power of a single antenna,
+    // averaged over 12 antennas. The codes are averaged over 20 frames.
     const double variance = std::pow(noise / power[bin], 2) + 2 * own / power[bin] / 12;
     const double sigma = 256 * 12 / 16.0 * 0.5 / std::log(2.0) * std::sqrt(variance / frames);
     // The codes are rounded to integers.

@@ -1,8 +1,8 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
-# realtime.sh COMMAND...: raises the priority of devices and daemon where permitted. Uses a separate session, because
-# Linux shares the processor between sessions and applies nice only within a session. Aborts a command that hangs; Python
-# then prints the waiting line.
+# realtime.sh COMMAND... raises the priority of devices and daemon where permitted, and aborts a command that hangs.
+# The command gets its own session, because Linux shares the processor between sessions and applies nice within a session.
+# An aborted Python program prints the line at which it was waiting.
 if [ "$1" != --here ]; then
   exec setsid -w "$0" --here "$@"
 fi
