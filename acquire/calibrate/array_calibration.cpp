@@ -18,9 +18,9 @@ using AntennaSamples = Eigen::MatrixXcd;  // rows: antennas; columns: frames
 
 constexpr std::size_t least_frames = 8;
 constexpr double least_snr_db = 10;
-constexpr double least_share = 0.9;  // minimum fraction of the power that one wave contains
+constexpr double least_share = 0.9;  // minimum power of the strongest wave / total power
 constexpr double weakest_gain = 0.03;
-// Power of the rounding error of a real or imaginary part.
+// Mean square of the rounding error of the real or imaginary part of a sample.
 constexpr double rounding_power = 1.0 / 12;
 
 template <class... Values>
@@ -59,7 +59,7 @@ AntennaFit fit_wave(const AntennaSamples& x) {
         100 * wave / all);
     return fit;
   }
-  // The largest eigenvalue is the last.
+  // Eigen sorts the eigenvalues in ascending order, so the last eigenvector is the principal one.
   const Eigen::VectorXcd a = solver.eigenvectors().col(x.rows() - 1);
   const double noise = antennas > 1 ? std::max(0.0, all - wave) / (antennas - 1) : 0;
   for (Eigen::Index m = 0; m < a.size(); ++m) {

@@ -26,7 +26,8 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr double spd_reach_m = 15;  // length of the axis beyond the reflector, for cable delays
+// Length of the histogram axis beyond the reflector; allows for cable delays.
+constexpr double spd_reach_m = 15;
 constexpr std::int64_t spd_bin_ps = 10;
 
 // Returns a histogram axis with fine bins. It starts at the sync pulse of the laser, because click
@@ -136,7 +137,7 @@ class Measurement {
         fit.gains, steering_of(reflector_, profile.pairs, speed_of_light_m_s / profile.carrier_hz));
     return fit;
   }
-  // Fits the wave of the reflector across the antennas, in the range bin of the peak.
+  // Fits gain and phase of the reflector's echo at each antenna, in the range bin of the peak.
   AntennaFit wave() const {
     const Peak peak = options_.side ? echo(frames_) : radar().peak;
     AntennaFit all{.gains = {}, .snr_db = 0, .refusal = "no peak in the range profile"};
@@ -200,7 +201,8 @@ class Measurement {
   }
   void listen() { loop_.run_until(interrupted, loop_.now() + from_seconds(options_.time_s)); }
   Search search_of(Sensor sensor) const {
-    constexpr double side_window_m = 0.4;  // wide, because the reflector is moved by hand
+    // Width of the search window; large, because the reflector is moved by hand.
+    constexpr double side_window_m = 0.4;
     if (options_.side)
       return {place_at(*options_.side, reflector_, config_.calibration.antennas.sine).range_m +
                   stored_offset_m(),
@@ -260,8 +262,8 @@ class Measurement {
     if (spd.refusal.empty()) spd_ranges_.push_back(spd.range_m);
     repeats_.push_back(std::exchange(gatherer_.frames, {}));
   }
-  // Rejects the peak if fewer than three, or fewer than half, of the repeats show it. Their spread
-  // is unreliable then.
+  // Rejects the peak if it was found in fewer than three repeats or in fewer than half of them,
+  // because the spread of so few ranges is unreliable.
   void refuse_few(Peak& peak, std::size_t measured) const {
     const auto wanted = static_cast<std::size_t>(std::max<std::int64_t>(3, options_.repeats / 2));
     if (!peak.refusal.empty() || measured >= wanted) return;
@@ -337,7 +339,7 @@ Calibration to_calibration(const std::vector<CalibrationResult>& results,
   return out;
 }
 
-// Returns the configuration without the ranging sensors that are not to be measured.
+// Returns the configuration without the ranging sensor that `options` exclude.
 Config with_chosen(const Config& all, const CalibrateOptions& options) {
   Config config = all;
   const auto only = options.side ? std::optional(Sensor::radar) : options.only;

@@ -19,9 +19,9 @@ inline constexpr std::array blackman{0.5 / 0.42, 0.08 / 0.42};
 // shifts the lobe of a Hann window least.
 struct Window {
   std::vector<double> terms{blackman.begin(), blackman.end()};
-  double adding = 0;  // 0: noise interferes with the echo; 1: their powers add
+  double adding = 0;  // 0: amplitudes of noise and echo add (interference); 1: powers add
   double skew_rad = 0;
-  double zero_cells = 0;  // offset of the range zero from the zero of the transform
+  double zero_cells = 0;  // offset of range zero from the transform's origin
 };
 
 // Fourier transform of a window: the response to an echo at distance u, in cells of c / 2B.

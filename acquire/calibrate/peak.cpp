@@ -180,7 +180,7 @@ using Near = Eigen::Matrix<double, near, 1>;
 
 struct EchoPlace {
   double top = 0;     // position of the peak, in bins from the middle bin
-  Near model, power;  // expected log2 of the power; ratio signal / noise
+  Near model, power;  // in each bin: expected log2 of the power; power ratio signal / noise
   Near share;         // derivative of `top` with respect to the value of each bin
 };
 
@@ -232,8 +232,8 @@ EchoPlace fit_parabola(const Near& mean) {
   return fit;
 }
 
-// Returns the standard error of the position in bins: the scatter of the frames, plus the code
-// steps if noise does not average them out.
+// Returns the standard error of the position in bins: the scatter of the frames, plus the
+// quantisation error of the codes unless noise averages it out.
 double place_error(const std::vector<std::vector<std::uint16_t>>& frames, const Profile& profile,
                    const EchoPlace& fit, std::size_t first, double log2_power_step) {
   const auto n = static_cast<double>(frames.size());
@@ -259,7 +259,8 @@ std::string unlike_one_echo(const Profile& profile, const EchoPlace& fit, std::s
   constexpr double allowed = 0.66;  // tolerated deviation: 2 dB as log2 of the power
   // Bins more than 25 dB below the peak, where side lobes begin, are not tested.
   constexpr double weakest = 1 / 316.0;
-  constexpr double least_over_noise = 4;  // below this ratio, the mean depends on how noise adds
+  // Below this power ratio signal / noise, the mean depends on whether amplitudes or powers add.
+  constexpr double least_over_noise = 4;
   for (std::size_t i = 0; i < near; ++i) {
     const auto k = static_cast<Eigen::Index>(i);
     const double off = profile.mean[top - 2 + i] - fit.model[k];

@@ -11,7 +11,7 @@
 
 namespace echofuse::acquire {
 
-// Search window: the true range of the reflector, at its centre, and its full width.
+// Search window: its centre is the true range of the reflector; `window_m` is its full width.
 struct Search {
   double distance_m = 1, window_m = 0.2;
 };
@@ -26,7 +26,7 @@ struct Peak {
 };
 
 // SPD: fits a Gaussian on a constant background to the Poisson counts in the window, by maximum
-// likelihood (Fisher scoring). Bin i of two-way time starts at start_ps + i*step_ps; the Gaussian
+// likelihood (Fisher scoring). Bin i starts at the two-way time start_ps + i*step_ps; the Gaussian
 // is integrated over each bin. The standard error is the Cramer-Rao bound. If the IRF has a tail,
 // the fitted centre is close to the mean of the IRF, here and in runs.
 Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double step_ps,
@@ -59,8 +59,8 @@ Profile profile_of(const std::vector<std::vector<std::uint16_t>>& frames, double
 // mmwDemo_genWindow; Harris, Proc. IEEE 66, 1978). In the model, the mean of ln power for a signal
 // P in noise N is ln P + E1(P / N); N is derived from the median of the profile. If the resolution
 // is unknown, the range is the vertex of a parabola through the logarithms of three bins. The
-// standard error is the scatter of the frames, plus the code steps if noise does not average them
-// out.
+// standard error is the scatter of the frames, plus the quantisation error of the codes unless
+// noise averages it out.
 inline constexpr std::size_t least_echo_frames = 8;
 Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoAxis& axis,
               const Search& search, const Window& window = {},
@@ -74,9 +74,9 @@ inline double spread_of(const std::vector<double>& values) {
   return std::sqrt(squares / static_cast<double>(values.size() - 1));
 }
 
-// Returns the standard error of the mean of the repeats. This is `standard_error`, unless the
-// repeats scatter more than noise explains, by more than four standard errors of their spread.
-// Something has then moved, and the error is derived from the spread.
+// Returns the standard error of the mean of the repeats. Normally this is `standard_error`. If the
+// spread of the repeats exceeds the value expected from noise by more than four standard errors,
+// something has moved, and the error is derived from the spread.
 inline double honest_error(double standard_error, const std::vector<double>& repeats) {
   const auto n = static_cast<double>(repeats.size());
   if (n < 3) return standard_error;

@@ -34,7 +34,7 @@ struct Reflector {
 
   double range_m(Sensor sensor) const;  // true range of the reflector from the sensor
   double error_m(Sensor sensor) const;  // standard error of range_m()
-  Reflector other() const;              // the same reflector with the other mounting
+  Reflector other() const;              // copy of this reflector with the other value of `mounting`
 };
 
 // Returns a question to the user if the radar peak fits the other mounting better; otherwise an

@@ -32,8 +32,8 @@ struct Fitted {
 // numerical derivatives and bounded parameters. The weights may depend on the model.
 struct Problem {
   std::function<VectorXd(const VectorXd&)> model;
-  std::function<VectorXd(const VectorXd&)> weights;  // weights for these model values
-  std::function<double(const VectorXd&)> chi2;       // chi2 of these model values
+  std::function<VectorXd(const VectorXd&)> weights;  // weights of the data for given model values
+  std::function<double(const VectorXd&)> chi2;       // chi2 of given model values
   VectorXd measured, least, most;
 };
 
@@ -221,7 +221,7 @@ class EchoFit {
  public:
   // Indices of the parameters; `place` is in bins.
   enum : Index { place, log2_peak, adding, skew, terms };
-  static constexpr double most_misfit = 2;  // limit of chi2 / degrees of freedom
+  static constexpr double most_misfit = 2;  // maximum chi2 per degree of freedom of a good fit
 
   EchoFit(const Profile& profile, const EchoAxis& axis, std::size_t frames, double range_m)
       : cells_per_bin_(axis.step_m / axis.resolution_m), log2_noise_(log2_noise_of(profile.floor)) {

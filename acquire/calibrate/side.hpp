@@ -22,14 +22,15 @@ struct SidePlace {
   double range_m = 0;  // distance from the radar
   double sine = 0;     // sine of the direction from the radar
 };
-// Returns the expected position of the reflector after moving it to this side. `sine`: sine of its
+// Returns the expected position of the reflector after it was moved to `side`. `sine`: sine of its
 // direction in the calibration.
 SidePlace place_at(Side side, const Reflector& reflector, double sine);
 
 struct SideFinding {
   double sine = 0, expected = 0, if_swapped = 0;
   bool swapped = false;
-  std::string refusal;  // reason if neither direction fits; otherwise empty
+  // Reason if the echo has neither the expected nor the swapped direction; otherwise empty.
+  std::string refusal;
 };
 // Finds the direction of the wave `seen`, measured by fit_antennas(), with the calibrated phases.
 SideFinding find_side(Side side, const Reflector& reflector, const AntennaGains& seen,

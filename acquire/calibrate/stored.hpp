@@ -17,8 +17,8 @@ bool compare(const Calibration& fresh, const Calibration& stored, nlohmann::orde
 // if the file is unreadable, because it must not be overwritten then.
 Calibration stored_in(const std::string& path);
 
-// Writes the new calibration. Sensors that were not measured keep the stored one; prints them
-// unless `quiet` is set.
+// Writes the new calibration. Keeps the stored entries of sensors that were not measured, and
+// prints these entries unless `quiet` is set.
 void store(const Calibration& fresh, const Calibration& stored, const std::string& path,
            nlohmann::ordered_json& json, bool quiet);
 

@@ -51,7 +51,8 @@ const TableRow titles{"run",   "started (UTC)", "length",   "records", "valid %"
                       "state", "labels",        "operator", "notes",   "verdict"};
 
 TableRow row_of(const ListedRun& e) {
-  constexpr std::size_t longest = 40;  // maximum length of a text, bytes; --json prints it in full
+  // Maximum length of a text, bytes; --json does not shorten texts.
+  constexpr std::size_t longest = 40;
   const auto short_text = [](const std::string& text) { return printable(text, longest); };
   std::string labels, notes;
   for (const auto& [label, count] : e.run.sum.labels)

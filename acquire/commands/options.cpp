@@ -30,8 +30,8 @@ void add_config_options(CLI::App& command, Options& o) {
       ->allow_extra_args(false);
 }
 
-// Replaces a duration such as "2h30m" by its seconds ("9000"). The units must be in descending
-// order. Returns the error message, or an empty string.
+// Converts a duration such as "2h30m" to seconds ("9000"). The units must be in descending order.
+// Returns the error message, or an empty string.
 std::string to_seconds(std::string& text) {
   const std::map<std::string, double> units{{"h", 3600}, {"m", 60}, {"min", 60}, {"s", 1}};
   std::istringstream in(text);

@@ -49,7 +49,7 @@ void bind(Settings& s, AntennaGains& a, AntennaTexts& t) {
         "standard error of phase (rad) and relative gain");
 }
 
-// Keys and values of section response, in the text format of a run's metadata.
+// Keys and values of the section [response], in the text format of a run's metadata.
 using Texts = std::vector<std::pair<std::string, std::string>>;
 
 void bind(Settings& s, Texts& response) {

@@ -16,7 +16,7 @@
 namespace echofuse::acquire {
 namespace {
 
-// Values that `Config` stores in another form. Integers in the file have 64 bits.
+// Values that `Config` stores as another type. Integers are read from the file as 64-bit numbers.
 struct Keys {
   std::int64_t start_channel, click_channel, bins;
   std::int64_t data_baud, width, height, fps, map_size;
@@ -103,8 +103,8 @@ void bind_radar(Settings& s, Config& c, Keys& k) {
         "type of radar board; it determines the antenna positions of the heat map",
         radar::board_names());
   s.add("radar.baseline_m", c.baseline_m, 0, most_baseline_m,
-        "distance from the detector's axis to the centre of the radar's antennas, which are to its "
-        "left");
+        "distance from the detector's axis to the centre of the radar's antennas, which are to "
+        "the left of the detector");
   s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "baud rate of the data port");
   s.add("radar.keep_running", c.radar.keep_running,
         "do not send sensorStop at the end, so that the sensor keeps transmitting");
@@ -242,7 +242,7 @@ void calibrate_antennas(Config& c) {
   }
 }
 
-// Throws if the baseline is not the one during the calibration, because the radar offset depends on
+// Throws if radar.baseline_m has changed since the calibration, because the radar offset depends on
 // it.
 void refuse_other_baseline(const Config& c) {
   constexpr double allowed_m = 5e-3;

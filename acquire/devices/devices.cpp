@@ -11,7 +11,7 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr auto calibration_keeps = std::chrono::hours(90 * 24);
-constexpr auto stop_timeout = std::chrono::milliseconds(300);  // time for all drivers together
+constexpr auto stop_timeout = std::chrono::milliseconds(300);  // maximum time to stop all drivers
 
 std::string address_of(const Config& config, Sensor s) {
   if (s == Sensor::spd) return config.tdc.address;

@@ -81,7 +81,8 @@ class Devices final : private SampleSink {
   SampleSink* next_;
   std::optional<DeviceLocks> locks_;  // must outlive the drivers
   PerSensor<Status> status_;
-  PerSensor<std::string> identities_;  // serial number, or model if it is unknown
+  // Serial number of the device; its model if the serial number is unknown.
+  PerSensor<std::string> identities_;
   PerSensor<std::unique_ptr<Driver>> drivers_;
   PerSensor<std::vector<Counter>> last_counters_;  // counters of drivers that have ended
 };

@@ -60,19 +60,19 @@ class Capture final : public SampleSink {
   TagCounts tags;
   std::uint64_t lost_blocks = 0, lost_tags = 0;
   std::uint64_t histograms = 0;            // number of histograms; 0 if the detector sends tags
-  std::vector<std::uint64_t> zone_clicks;  // clicks of each zone in these histograms
-  std::size_t histogram_counts = 0;        // bins of a histogram, all zones together
+  std::vector<std::uint64_t> zone_clicks;  // total clicks of each detector zone
+  std::size_t histogram_counts = 0;        // number of bins of all zones in one histogram
   std::map<std::int32_t, std::uint64_t> channels;  // number of time tags per channel
   std::uint64_t radar_frames = 0, radar_lost = 0, profiles = 0, arrays = 0;
   std::vector<std::uint16_t> profile;  // last range profile
-  std::size_t power_bins = 0;          // bins of the last profile of a radar behind a bridge
+  std::size_t power_bins = 0;  // number of bins in the last profile of a radar behind a bridge
   std::uint64_t depth_frames = 0, depth_lost = 0, pixels = 0, valid_pixels = 0;
   std::optional<DepthFrame> depth;                 // last depth frame
   PerSensor<std::vector<std::string>> complaints;  // distinct warnings and errors
 
  private:
   tdc::Histogram histogram_;
-  TagCounts summed_;  // counts of the received histograms
+  TagCounts summed_;  // pulses and clicks of all received histograms
   bool running_ = false;
 };
 

@@ -58,7 +58,7 @@ std::vector<std::string> configured_addresses(const std::optional<Config>& confi
 struct Port {
   std::string path, missing;
   bool configured = false;
-  bool denied = false;  // the node exists, but this user may not open it
+  bool denied = false;  // the node exists, but this user has no permission to open it
 };
 
 bool is_denied(const std::string& path) {
@@ -141,8 +141,8 @@ std::vector<Finding> check_permissions(const std::optional<Config>& config,
   const bool fine = installed || inventory::list_attached(roots.devices).empty();
   out.push_back({"udev rules", fine ? Grade::ok : Grade::warning,
                  std::string(rules) + (installed ? " is installed"
-                                       : fine    ? " is not installed, and no device here needs it"
-                                                 : " is not installed"),
+                                       : fine ? " is not installed, and no attached device needs it"
+                                              : " is not installed"),
                  fine ? "" : install_rules});
   return out;
 }
@@ -195,7 +195,7 @@ Finding check_clock(const KernelClock& clock) {
   constexpr double enough_s = 0.1;
   if (!clock.readable) return {check, Grade::warning, "synchronisation unknown", ""};
   char found[160];
-  std::snprintf(found, sizeof found, "%s, maximal error %.4g s",
+  std::snprintf(found, sizeof found, "%s, maximum error %.4g s",
                 clock.synchronised ? "synchronised" : "not synchronised", clock.maximal_error_s);
   const bool good = clock.synchronised && clock.maximal_error_s <= enough_s;
   return {

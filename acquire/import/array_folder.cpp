@@ -190,7 +190,8 @@ void ArrayFolder::refuse(const NpyFile& file, const std::string& what) const {
 
 std::vector<Axis> ArrayFolder::axes() const {
   std::vector<Axis> out;
-  const auto count = [](const NpyFile& f, std::size_t k) {  // fits, because open() limits the size
+  // Fits in 32 bits, because open() limits the size.
+  const auto count = [](const NpyFile& f, std::size_t k) {
     return static_cast<std::uint32_t>(f.shape()[k]);
   };
   const ArraySettings& s = settings_;
@@ -354,7 +355,8 @@ std::string ArrayFolder::take_depth(record::FusedRecord& r,
     if (!(mm >= 0 && mm <= most_mm))
       return "a depth of " + std::to_string(mm / 1000) + " m; expected 0 to 65.5 m" +
              (millimetres_ ? "" : ", or depth.unit = \"mm\"");
-    if (millimetres_ && mm == most_mm) mm = 0;  // value that cameras use for no return
+    // Some cameras report the largest value for pixels without a return.
+    if (millimetres_ && mm == most_mm) mm = 0;
     r.depth_mm.push_back(static_cast<std::uint16_t>(std::lround(mm)));
     if (r.depth_mm.back() > 0) returns.push_back(mm);
   }

@@ -41,7 +41,7 @@ class Slots final : public SampleSink {
   void on_tags(const TagBlock& block) override {
     tag_check_.take(block, [this](const TagBlock& repaired) { take_tags(repaired); });
   }
-  // The frame already has the time of the board.
+  // RadarRecording has already dated the frame by the board's clock.
   void on_radar(RadarFrame frame) override { windows_.add(frame); }
   Windows& windows() { return windows_; }
   void flush() {

@@ -17,7 +17,7 @@ namespace echofuse::acquire {
 // Time at which the first slot begins.
 struct RunStart {
   UtcTime utc{};
-  std::string doubt;  // why the time is uncertain; empty if --began is given
+  std::string doubt;  // reason why the start time is uncertain; empty if --began is given
 };
 
 // Returns the modification time of a file.

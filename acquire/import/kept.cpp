@@ -96,7 +96,8 @@ class CapturedPort {
   TimesFile times_;
   std::string stem_, ending_;
   std::optional<TimesFile::Line> line_ = times_.next();
-  std::optional<RegularFile> file_;  // bytes of the connection; opened when the first are read
+  // File with the bytes of the connection; opened by the first read.
+  std::optional<RegularFile> file_;
   int files_ = 0;
 };
 

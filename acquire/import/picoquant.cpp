@@ -22,7 +22,7 @@ constexpr long double longest_ps = 9.1e18L;  // limit of times, below 2^63
 constexpr long double ps_per_s = 1e12L;
 constexpr double rate_share = 0.05;  // tolerated relative difference of pulse rates
 
-// Returns true if a is later than b by more than two clocks may differ.
+// Returns true if a_s exceeds b_s by more than the tolerated difference of two clocks, 1 % + 0.1 s.
 bool later(long double a_s, long double b_s) { return a_s > 1.01L * b_s + 0.1L; }
 
 DeviceInfo device_of(const TaggedFile& file) {
@@ -200,7 +200,7 @@ bool PicoquantTags::next(SampleSink& sink) {
   if (!more) known = tags_.size();
   if (known == 0) {
     if (beyond_) return false;
-    // A recording without light may end with overflows only, which then give its end time.
+    // A recording without light may end with overflow records only, which then define its end time.
     const auto end_s = static_cast<double>(end_ps() / ps_per_s);
     at_ = std::max(at_, from_seconds(header_s_ > 0 ? std::min(end_s, header_s_) : end_s) -
                             std::chrono::nanoseconds(1));
@@ -208,8 +208,8 @@ bool PicoquantTags::next(SampleSink& sink) {
   }
   std::int64_t last_ps = 0;
   for (std::size_t i = 0; i < known; ++i) last_ps = std::max(last_ps, tags_[i].time_ps);
-  // The time of a block never decreases, because an out-of-order tag stays in the block of its
-  // neighbours.
+  // Block times must not decrease, although an out-of-order tag may be earlier than the previous
+  // block.
   at_ = std::max(at_, HostTime(last_ps / 1000));
   TagBlock block;
   block.received = at_;

@@ -45,13 +45,13 @@ class PicoquantRecords {
   // time exceeds 2^63 ps.
   bool add(std::uint32_t record, std::vector<Tag>& out);
   std::uint64_t markers() const { return markers_; }
-  // Number of T3 clicks later than one sync period.
+  // Returns the number of T3 clicks that are later than one sync period after their sync pulse.
   std::uint64_t behind_period() const { return behind_period_; }
   long double offset_ps() const { return offset_ps_; }
-  // Return the time of the last overflow, and the overflow period, ps.
+  // Time of the last overflow, and overflow period, ps.
   long double overflowed_ps() const { return static_cast<long double>(base_) * unit_ps_; }
   long double wrap_ps() const { return static_cast<long double>(wrap_) * unit_ps_; }
-  // Return the unit of the times, and the unit of the time from start to click, ps.
+  // Unit of the record times, and unit of the delay from start to click, ps.
   long double unit_ps() const { return unit_ps_; }
   long double step_ps() const { return t3_ ? dtime_ps_ : unit_ps_; }
 
@@ -78,7 +78,7 @@ class PicoquantTags final : public Recording {
   std::vector<Counter> counters() const override;
   std::vector<std::string> doubts() const override;
   std::optional<UtcTime> began() const;  // start time; local time in the file
-  // Returns true if that local time occurred twice because summer time ended.
+  // Returns true if the local start time occurred twice because summer time ended.
   bool began_twice() const;
 
  private:
@@ -90,11 +90,11 @@ class PicoquantTags final : public Recording {
   std::unique_ptr<File> file_;
   PicoquantRecords records_;
   tdc::HistogramSettings use_;
-  // Measured duration in the header, and limit of the times, s; 0: unknown.
+  // Duration of the measurement according to the header, and maximum time of a tag, s; 0: unknown.
   double stopped_s_ = 0, header_s_ = 0;
   long double last_ps_ = 0;  // time of the latest tag, ps
   std::int64_t first_sync_ps_ = -1, last_sync_ps_ = 0;
-  // Tags of the block, then tags that belong to the next block.
+  // Tags of the current block, followed by tags that belong to the next block.
   std::vector<Tag> tags_;
   std::vector<std::uint32_t> chunk_;
   std::size_t in_chunk_ = 0;

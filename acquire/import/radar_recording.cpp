@@ -47,8 +47,8 @@ RadarRecording::FrameTime RadarRecording::read(const RadarFrame& frame) const {
 }
 
 // Determines the time of a frame. After a restart of the board the frame is dated one period after
-// the previous one, because the counter does not measure the gap. A frame number counts as damaged
-// if the next one does not follow it.
+// the previous one, because the counter does not measure the gap. A frame number is treated as
+// damaged if it is not between the numbers of the previous and the next frame.
 void RadarRecording::step(FrameTime now, const FrameTime* next) {
   const std::uint32_t usual = 101 * profile_.subframes, most = profile_.subframes << 20;
   const std::uint32_t to_now = now.position - last_->position;
@@ -109,8 +109,8 @@ void RadarRecording::take(std::optional<RadarFrame> next, SampleSink& sink) {
   const std::size_t bins = frame->range_profile.size();
   if (bins > 0 && bins != profile_.bins) ++others_, other_bins_ = bins;
   frame->received = at_;
-  // Frame numbers repeat after a restart. The number of restarts makes the device times of such
-  // frames different.
+  // Frame numbers repeat after a restart. Adding the number of restarts makes sure that frames with
+  // the same number have different device times.
   epoch_ += frame->frame_number < std::exchange(number_, frame->frame_number);
   frame->time_cpu_cycles += epoch_;
   frame->subframes = profile_.subframes;

@@ -49,15 +49,14 @@ class RadarRecording final : public Recording {
   std::optional<FrameTime> last_;   // last frame with an accepted time
   HostTime last_at_{}, at_{};
   Irregularity restarts_, paused_, impossible_;
-  bool confirmed_ = false;  // true after a step of the counter was accepted
+  bool confirmed_ = false;  // true if a step of the device counter has been accepted
   // Number of frames with the same time as the last accepted frame.
   std::uint64_t stood_ = 0;
   std::uint64_t others_ = 0;              // number of frames with a wrong number of bins
   std::size_t other_bins_ = 0;            // last wrong number of bins
   std::uint32_t number_ = 0, epoch_ = 0;  // last frame number; number of restarts
-  double steps_ = 0,
-         // Accepted steps: number of frame periods by frame number, and duration by the counter.
-      stepped_s_ = 0;
+  // Sums over the accepted steps: frame periods by frame number; duration by the board's clock, s.
+  double steps_ = 0, stepped_s_ = 0;
 };
 
 }  // namespace echofuse::acquire

@@ -17,8 +17,8 @@ namespace echofuse::acquire {
 
 class TaggedFile {
  public:
-  // Reads the tags of the header. Throws Error(failed) if the file has another type or a tag is
-  // damaged.
+  // Reads the tags of the header. Throws Error(failed) if the file is not a PicoQuant file or a tag
+  // is damaged.
   explicit TaggedFile(const std::string& path);
 
   // Returns the number in a tag that has no index; no value if the tag is missing or contains no
@@ -34,7 +34,7 @@ class TaggedFile {
   // the time zone of this machine. No value if the tag is missing or its time is not between 1970
   // and 2250.
   std::optional<UtcTime> time(const std::string& name) const;
-  // Returns true if that local time occurred twice because summer time ended.
+  // Returns true if the local time in the tag occurred twice because summer time ended.
   bool came_twice(const std::string& name) const;
   const std::string& path() const { return path_; }
   const RegularFile& file() const { return file_; }  // positioned at the end of the tags

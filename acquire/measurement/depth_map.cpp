@@ -27,7 +27,8 @@ std::vector<PixelRange> cells_of(const Axis& source, const Axis& target) {
     const double b = (target.at(i + 0.5) - source.start) / source.step;
     const double centre = (target.at(i) - source.start) / source.step;
     const double n = source.count;
-    if (centre < -0.5 || centre > n - 0.5) continue;  // outside the source image: an empty range
+    // The range of a target pixel outside the source image stays empty.
+    if (centre < -0.5 || centre > n - 0.5) continue;
     // The offset of 1e-9 assigns a centre that is exactly on an edge to only one target pixel.
     auto first = static_cast<std::int64_t>(std::clamp(std::ceil(std::min(a, b) - 1e-9), -1.0, n));
     auto last = static_cast<std::int64_t>(std::clamp(std::ceil(std::max(a, b) - 1e-9), -1.0, n));

@@ -61,7 +61,7 @@ void copy_into(NewFile& copy, const std::string& path) {
   if (::stat(path.c_str(), &like) != 0 || ::access(path.c_str(), W_OK) != 0)
     cannot_annotate(path, ExitCode::disk, std::strerror(errno));
   const auto folder = std::filesystem::path(path).parent_path();
-  constexpr std::uintmax_t note = 1 << 20;  // more than the size of a note
+  constexpr std::uintmax_t note = 1 << 20;  // upper limit of the space for a note, bytes
   if (const auto room = std::filesystem::space(folder).available; room < file.size() + note)
     cannot_annotate(path, ExitCode::disk,
                     std::to_string(room >> 20) +

@@ -13,7 +13,7 @@ void follow(const std::string& path, const std::function<bool(const RunReader&)>
     bool open = false;
     {
       const RunReader run(path);
-      // Read before take(), so that the last records are not missed.
+      // The status is read before take(), so that the last records are not missed.
       open = run.info().status == "open";
       if (take(run)) continue;
     }

@@ -52,7 +52,7 @@ inline constexpr double most_clicks_a_pulse = 0.05;
 struct SlotStatistics {
   std::uint64_t radar_frames = 0, depth_frames = 0;     // number of frames in the slot
   std::optional<std::uint32_t> radar_last, depth_last;  // frame number of the last frame
-  double closed_late_s = 0;  // delay of the closing after the end of the slot and the grace period
+  double closed_late_s = 0;  // time from the end of the grace period to the closing of the slot
 };
 
 // Positions of the temperature sensors on the radar chip, in the order of RadarTemperature.

@@ -18,8 +18,8 @@
 
 namespace echofuse::record {
 
-// linux/magic.h has constants only for the types up to V9FS. The numbers are from statfs(2) and
-// from the headers of the file systems.
+// linux/magic.h does not define the types that are given as numbers. These numbers are from
+// statfs(2) and from the headers of the file systems.
 std::string network_of_type(std::uint64_t type) {
   switch (type) {
     case NFS_SUPER_MAGIC:

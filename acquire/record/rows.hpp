@@ -148,7 +148,7 @@ const std::vector<const Row*>& tables();
 template <class... T>
 void insert(Statement& statement, const T&... parts) {
   Row row(statement, Row::Purpose::write);
-  (columns(row, const_cast<T&>(parts)), ...);  // writing does not change them
+  (columns(row, const_cast<T&>(parts)), ...);  // writing does not change `parts`
   statement.run();
 }
 // Inserts a row. `conflict`: SQL clause for a row with an existing key.

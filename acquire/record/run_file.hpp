@@ -43,7 +43,7 @@ struct CounterRow {
 struct Patience {
   std::atomic<std::int64_t> give_up_ns = std::numeric_limits<std::int64_t>::max();
   std::atomic<std::int64_t> waited_ns = 0;  // last time at which a writer was waiting
-  bool tried() const;                       // true while a writer is waiting
+  bool tried() const;                       // true if a writer was waiting within the last 100 ms
 };
 
 // Writes a run file. Threading: one thread at a time. Every member throws Error: disk for a full
@@ -66,7 +66,7 @@ class RunWriter {
 
   // Call once per axis name, before the first record that needs it.
   void put_axis(const Axis& axis);
-  void put_device(const DeviceInfo& device);    // adds a row for each answer of a device
+  void put_device(const DeviceInfo& device);    // adds a row each time a device answers
   void put_antennas(const Antennas& antennas);  // replaces the antennas stored before
   void put_zones(const Zones& zones);           // call once, before the first record
   void put_calibration(const CalibrationEntry& entry);
@@ -83,7 +83,8 @@ class RunWriter {
   // nothing if it wrote none. After close(), returns the last label that was written before
   // closing.
   std::optional<std::string> new_label(UtcTime before);
-  void append(std::span<const FusedRecord> batch);  // uses one transaction; for simulated data sets
+  // Appends all records in one transaction; for simulated data sets.
+  void append(std::span<const FusedRecord> batch);
   // Stores the status and merges the WAL into the database, which leaves a single file. Returns
   // false if another program is still reading the run after half a second. The last records then
   // remain in the WAL until recover() or a writer merges them. Throws Error(failed) at the end if
@@ -141,7 +142,7 @@ struct Event {
   std::optional<std::int64_t> id = {};  // assigned by SQLite in the order of the events
 };
 
-struct Anchor {  // one moment on both clocks
+struct Anchor {  // the same moment on the monotonic clock and in UTC
   HostTime mono{};
   UtcTime utc{};
 };
@@ -236,11 +237,12 @@ class RunReader {
  private:
   void open(const std::string& network);
   void check_axis(const Axis& axis) const;
-  Statement ask(const std::string& sql) const;  // prepares a statement and restarts the budget
+  // Prepares a statement and resets its resource budget.
+  Statement ask(const std::string& sql) const;
   std::vector<FusedRecord> records(const std::string& which) const;
   template <class T>
   std::vector<T> rows(const std::string& tail = {}) const;  // `tail`: end of the SELECT
-  std::string path_, file_, shown_;  // path as given, with resolved links, and printable
+  std::string path_, file_, shown_;  // path as given, path with links resolved, path for messages
   sqlite3* db_ = nullptr;
   bool closed_ = false;      // result of is_closed()
   bool lacks_wal_ = false;   // no process is writing, and the -wal is missing or empty

@@ -384,7 +384,8 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
     }
   };
   while (step()) {
-    // Reads the axes after the first row, so that they include those that a live run added with it.
+    // Reads the axes after the first row, because a live run may add axes together with its first
+    // record.
     if (!known) known.emplace(axes(), histograms_of(zones()));
     RecordDecoder one;
     one.read(row, *known, sensors);
@@ -413,8 +414,8 @@ FusedRecord RunReader::read(std::int64_t index) const {
       },
       index);
   if (!seen)
-    throw Error(ExitCode::failed, shown_ + ": no record " + std::to_string(index) + "; it has " +
-                                      std::to_string(count()));
+    throw Error(ExitCode::failed, shown_ + ": no record " + std::to_string(index) +
+                                      "; number of records: " + std::to_string(count()));
   return found;
 }
 

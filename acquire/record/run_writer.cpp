@@ -41,8 +41,8 @@ void refuse_existing(const std::string& path) {
 // Maximum wait for another process that adds a label or a note.
 constexpr std::int64_t longest_wait_ns = 30'000'000'000;
 constexpr auto retry_pause = std::chrono::milliseconds(10);
-// Page cache of SQLite. It is large enough for all pages of the WAL, so that data not yet in the
-// database exist twice. A run fills it in the first minutes.
+// Page cache of SQLite. It can hold all pages of the WAL, so that data that are not yet in the
+// database are both in memory and in the WAL. A run fills the cache in its first minutes.
 constexpr const char* page_cache = "PRAGMA cache_size=-2000";  // KiB
 constexpr int checkpoint_pages = 400;  // maximum length of the WAL, in pages of 4 KiB
 
@@ -320,8 +320,8 @@ bool RunWriter::close(const std::string& status, std::int64_t unwritten) {
   } catch (const Error&) {
     leave(status);
   }
-  // Writing the status needs free space on a full disk. Emptying the WAL provides it unless the
-  // database must grow; then freeing the reserve does.
+  // Writing the status needs free space on a full disk. Emptying the WAL frees space unless the
+  // database must grow. Therefore the reserve is freed as well.
   sqlite3_busy_timeout(db_, 0);
   unbind_wal(db_, path_);
   sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
@@ -375,8 +375,8 @@ bool RunWriter::fold() {
   return false;
 }
 
-// Copies the committed records and closes. Does not write to the file at this path, because it may
-// belong to another program.
+// Copies the committed records to another file and closes the database. Does not write to the file
+// at `path_`, because it may belong to another program.
 void RunWriter::leave(const std::string& status) {
   lock_->empty();
   const Rescue kept = rescue(db_, path_, status, clock_.utc(), records_);

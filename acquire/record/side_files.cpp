@@ -114,9 +114,9 @@ bool lacks_wal(const std::string& path) {
   return !unbound;
 }
 
-// The first write creates the header of the WAL; it must change the value, because SQLite does not
-// write an unchanged one. The TRUNCATE checkpoint raises the checkpoint count of this connection
-// above 0, because SQLite chooses new salts at 0.
+// The first write creates the header of the WAL. It must change the stored key, because SQLite does
+// not write an unchanged value. The TRUNCATE checkpoint raises the checkpoint count of this
+// connection above 0, because SQLite chooses new salts at 0.
 void bind_wal(sqlite3* db, const std::string& path) {
   put_key(db, path, "none");
   const std::string key = text_of(wal_key(path));
@@ -157,7 +157,7 @@ void require_own_journal(const std::string& path) {
     return;
   // A journal has a header of one sector, then the page number, the page and its checksum.
   const std::size_t sector = big_endian(bytes.data() + 20), page = big_endian(bytes.data() + 24);
-  if (!lacks_wal(path)) refuse(path, name, "a run with a -wal must not have one");
+  if (!lacks_wal(path)) refuse(path, name, "a run with a -wal must not have a -journal");
   if (bytes.size() > sector + page + 8) refuse(path, name, "it has more than one page");
   if (bytes.size() >= sector + 4 && big_endian(bytes.data() + sector) != 1)
     refuse(path, name, "it has page " + std::to_string(big_endian(bytes.data() + sector)));

@@ -18,7 +18,7 @@
 
 namespace echofuse::record {
 
-// Returns the error for a database that yields more data than its size allows.
+// Returns the error for a database that contains more data than its file size allows.
 inline Error damaged(const std::string& path) {
   return {ExitCode::failed, printable(path) + ": damaged: it contains more than its size allows"};
 }
@@ -95,8 +95,8 @@ inline DatabaseHandle open_database(const std::string& path, const char* doing, 
 // Prepared statement. Parameters are bound and columns are read in order, beginning with the first.
 class Statement {
  public:
-  // `most_bytes`: limit for the total size of the texts and blobs that are read. Throws Error
-  // beyond it.
+  // `most_bytes`: maximum total size of the texts and blobs that are read; a statement that exceeds
+  // it throws Error.
   Statement(sqlite3* db, const std::string& path, const char* sql,
             std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max())
       : db_(db), path_(path), bytes_left_(most_bytes) {

@@ -40,7 +40,7 @@ std::string event_text(DeviceState state, const std::string& address) {
 }
 
 // Threading: run() must be called on the loop's thread, and all callbacks run there. Drivers and
-// the writer may use threads of their own.
+// the writer may use additional threads.
 class Daemon final : private SampleSink {
  public:
   Daemon(const Config& config, const RunOptions& options, port::Loop& loop)
@@ -374,8 +374,8 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
     begin_next(due.index + 1);
 }
 
-// Writes the number of late samples of each record. Late samples of the previous run are counted
-// only in its counters.
+// Writes the number of late samples of each record. Late samples that belong to the previous run
+// are included only in its counters.
 void Daemon::put_late() {
   record::LateCounts late;
   for (const auto& [slot, counts] : recording_->windows.take_late())
@@ -383,7 +383,7 @@ void Daemon::put_late() {
   recording_->journal.put_late(std::move(late));
 }
 
-// Writes the drivers' counters and the counts of unassigned samples; logs the latter.
+// Writes the drivers' counters. Writes and logs the counts of unassigned samples.
 void Daemon::put_counters() {
   PerSensor<std::vector<Counter>> counters;
   for (const Sensor s : all_sensors) counters[s] = devices_.counters(s);

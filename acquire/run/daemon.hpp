@@ -21,7 +21,7 @@ struct RunOptions {
   // Number of slots to record; no value: record until interrupted.
   std::optional<std::int64_t> count;
   std::vector<std::pair<std::string, std::string>> meta;
-  std::string uuid;              // UUID of the first run; empty: a random one
+  std::string uuid;              // UUID of the first run; empty: random
   std::int64_t countdown_s = 0;  // countdown before the first slot, s; 0: none
   bool quiet = false;
   // Receives each status line; empty: print to stderr.

@@ -142,7 +142,7 @@ Finding speed_finding(const DiskSpeed& speed, const PlannedRun& plan) {
           grade,
           plan.folder + ": " + size_text(speed.bytes_per_s) + commits +
               (known ? "; the run needs " + size_text(needed) + "/s" : ""),
-          grade == Grade::ok ? "" : "record to another disk, or make run.window_s longer",
+          grade == Grade::ok ? "" : "record to another disk, or increase run.window_s",
           {{"bytes_per_s", speed.bytes_per_s},
            {"needed_bytes_per_s", needed},
            {"commit_bytes", static_cast<double>(speed.commit_bytes)},

@@ -35,7 +35,7 @@ class DoubtHook {
   DoubtHook(const DoubtHook&) = delete;
   DoubtHook& operator=(const DoubtHook&) = delete;
 
-  // Queues a change for each configured sensor that is in another state than in the previous
+  // Queues a change for each configured sensor that has changed its state since the previous
   // record.
   void take(const record::FusedRecord& record, SensorSet configured, const std::string& run);
   void take_disk(std::optional<std::uint64_t> free_bytes, UtcTime now, const std::string& run);

@@ -18,7 +18,8 @@ constexpr auto anchor_pause = std::chrono::minutes(1);
 // Smallest jump of the system clock that is reported. The process may be paused for a shorter time
 // between reading the two clocks.
 constexpr auto least_step = std::chrono::milliseconds(500);
-constexpr std::size_t hard_limit = 10;  // multiple of the capacity at which the journal fails
+// The journal fails if this multiple of its capacity is waiting.
+constexpr std::size_t hard_limit = 10;
 // Longest wait for another program that holds the run file when the run ends.
 constexpr std::chrono::seconds last_wait{2};
 
@@ -254,7 +255,7 @@ void Journal::stop() {
   const auto now = std::chrono::steady_clock::now().time_since_epoch();
   patience_.give_up_ns = std::min(patience_.give_up_ns.load(),
                                   std::int64_t{std::chrono::nanoseconds(now + last_wait).count()});
-  worker_.reset();  // stopped first, because its jobs use closer_
+  worker_.reset();  // worker_ is stopped first, because its jobs use closer_
   closer_.reset();
 }
 
@@ -277,7 +278,8 @@ bool Journal::finish(const std::string& status) {
   try {
     run_->close(code == ExitCode::disk ? "stopped:disk" : "stopped:failed", missing);
   } catch (const Error&) {
-    // Keeps the first error, unless the file is damaged: this error then names a rescued copy.
+    // Keeps the first error, unless the file is damaged, because the new error then names the
+    // rescued copy.
     if (run_->lost()) throw;
   }
   throw Error(code, why);

@@ -20,8 +20,8 @@ std::vector<DueSlot> Scheduler::tick(HostTime now) {
   return due;
 }
 
-// Gives the next slot a second grace period after a pause. Each slot gets only one, so that a
-// program that is always late still closes its slots.
+// After a pause of the program, delays the closing of the next slot by another grace period. Each
+// slot is delayed only once, so that a program that is always late still closes its slots.
 void Scheduler::note_pause(HostTime now) {
   const auto pause = now - last_tick_;
   if (pause > longest_pause && held_ != next_) {

@@ -65,8 +65,8 @@ class Scheduler {
   std::vector<DueSlot> tick(HostTime now);
   // Returns the time at which the next slot becomes due. Undefined if done() is true.
   HostTime next_deadline() const { return std::max(grid_.end(next_) + grace, held_until_); }
-  // Returns by how much slot k is late if it is closed `now`. A second grace period counts as
-  // lateness.
+  // Returns by how much slot k is late if it is closed `now`. The additional grace period after a
+  // pause counts as lateness.
   std::chrono::nanoseconds lateness(std::int64_t k, HostTime now) const {
     return now - (grid_.end(k) + grace);
   }
@@ -88,17 +88,17 @@ class Scheduler {
   std::optional<std::int64_t> last_;  // number of the last slot, if known
   HostTime last_tick_;
   HostTime held_until_ = HostTime::min();
-  std::int64_t held_ = -1;  // number of the slot that last got a second grace period
-  // Pauses longer than a slot in which slots began that are still open.
+  std::int64_t held_ = -1;  // number of the last slot that got an additional grace period
+  // Pauses that were longer than a slot and during which a slot began that is still open.
   std::vector<Pause> pauses_;
 };
 
-// Slots that are due but not closed. After a pause of the program many slots are due at once; these
-// wait while the disk is busy. If too many later slots are due, the disk is too slow, and they are
-// closed without waiting.
+// Slots that are due but not closed. After a pause of the program many slots are due at the same
+// time; these slots wait while the disk is busy. If too many later slots are due, the disk is too
+// slow, and all slots are closed without waiting.
 class Backlog {
  public:
-  // If this number of later slots is due, the slots of a pause no longer wait for the disk.
+  // Number of later due slots at which the slots of a pause no longer wait for the disk.
   static constexpr std::int64_t most_behind = 128;
 
   void put(const std::vector<DueSlot>& fresh) {
@@ -120,7 +120,7 @@ class Backlog {
 
  private:
   std::deque<DueSlot> due_;
-  std::int64_t pause_end_ = -1;  // number of the last slot that became due together with others
+  std::int64_t pause_end_ = -1;  // number of the last slot that became due during a pause
 };
 
 }  // namespace echofuse::acquire

@@ -54,8 +54,8 @@ bool same_profile(const std::vector<float>& a, const std::vector<float>& b, bool
                     [&](float x, float y) { return std::abs(x - y) <= rounding; });
 }
 
-// Returns the verdict "lossy" if fewer than `limit` of the events that the tagger measured have
-// arrived; otherwise an empty text.
+// Returns the verdict "lossy" if the received fraction of the events that the tagger measured is
+// below `limit`; otherwise an empty text.
 std::string missed_verdict(const TagCounts& counts, double limit) {
   const auto arrived = static_cast<double>(counts.tags);
   const double sent = arrived + static_cast<double>(counts.missed);
@@ -71,7 +71,7 @@ bool may_be_filtered(const record::FusedRecord& r) {
   const auto clicks = static_cast<double>(c.in_range + c.out_of_range);
   const auto starts = static_cast<double>(c.starts);
   if (starts >= 2 * clicks) return false;
-  constexpr double most_share = 0.5;  // largest fraction of pulses that a filter lets through
+  constexpr double most_share = 0.5;  // maximum fraction of pulses that a filter passes
   const auto& a_pulse = r.signal.clicks_a_pulse;
   return !a_pulse || *a_pulse * starts < most_share * clicks;
 }

@@ -58,7 +58,7 @@ struct StatusTimes {
 std::vector<StatusField> status_fields(const RunTotals& now, const StatusTimes& times);
 
 // Joins the fields that fit into `columns`, separated by two spaces; joins all fields if `columns`
-// has no value. Each byte is assumed to need one column, which is never too few.
+// has no value. Each byte is counted as one column, so that the line is never too long.
 std::string status_line(const std::vector<StatusField>& fields, std::optional<std::size_t> columns,
                         bool colours);
 

@@ -61,7 +61,7 @@ class ClockFit {
     double device_s;  // device time since the start of the history
     double excess_s;  // host time since the start of the history, minus device_s
   };
-  struct Least {  // least delayed sample in a stretch of the history (half a second)
+  struct Least {  // least delayed sample of one half-second stretch of the history
     ClockSample sample;
     std::int64_t stretch;
     std::uint64_t samples;
@@ -91,7 +91,7 @@ class ClockFit {
   std::deque<Least> history_;  // empty before the first sample
   std::uint64_t samples_ = 0;  // number of samples in the history
   double intercept_s_ = 0, slope_ = 0, residual_s_ = 0;
-  double edge_slope_ = 0;  // slope before it is limited
+  double edge_slope_ = 0;  // fitted slope without the limits that are applied to slope_
   std::optional<Receipt> suspect_;
   std::optional<Late> late_;
 };

@@ -15,7 +15,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::uint64_t sorted_within_ps = 1'000'000;
-// Maximum distance by which sorting moves an event, in events.
+// Maximum number of positions by which sorting moves an event.
 constexpr std::size_t most_moves = 1000;
 constexpr std::size_t most_events = 20'000;
 constexpr auto clock_time = 2s, overflow_time = 3s;
@@ -313,7 +313,7 @@ void TagCheck::check_starts() {
         static_cast<double>(count_near(shorts, usual_ps, 0.2)) >
             0.8 * static_cast<double>(shorts.size())) {
       found(doubled, shorts.size(),
-            "starts followed by a second one after " + time_text(usual_ps) +
+            "starts followed by a second start after " + time_text(usual_ps) +
                 "; check the trigger level, and the start line for a reflection");
       period_ps = static_cast<double>(gaps.back());
     }
@@ -370,7 +370,7 @@ void TagCheck::check_clicks() {
   if (delay_ps < static_cast<double>(use_.dead_time_ps)) return;
   found(
       second, sample_.seconds,
-      "clicks are followed by a second one after " + time_text(delay_ps) +
+      "clicks are followed by a second click after " + time_text(delay_ps) +
           format(
               ", which causes a second peak %.2f m behind the first: afterpulses or a reflection; "
               "tdc.dead_time_ps removes it",

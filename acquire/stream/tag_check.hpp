@@ -65,7 +65,7 @@ class TagCheck {
     std::uint64_t count = 0, reported = 0;
     std::string cause;
   };
-  struct SecondCounts {  // statistics of the first 20,000 events of a second
+  struct SecondCounts {  // statistics of the first 20,000 events in each second
     std::size_t events = 0;
     std::uint64_t starts = 0, firsts = 0, seconds = 0;
     // Gaps between starts; delays from the first to the second click after a start.

@@ -162,7 +162,7 @@ TEST_CASE("the doctor command reports whether the system clock is synchronised")
   CHECK(check_clock({true, true, 0.01}).grade == Grade::ok);
   CHECK(check_clock({true, true, 0.5}).grade == Grade::warning);
   CHECK(check_clock({true, false, 16}).grade == Grade::warning);
-  CHECK(has(check_clock({true, false, 16}).found, "not synchronised, maximal error 16 s"));
+  CHECK(has(check_clock({true, false, 16}).found, "not synchronised, maximum error 16 s"));
   CHECK(check_clock({}).grade == Grade::warning);
   CHECK(read_clock().readable);
 }

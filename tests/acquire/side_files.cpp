@@ -186,7 +186,8 @@ TEST_CASE("an open run with the -journal file of another run is refused") {
   const std::string before = contents(path);
   recover(path);
   const auto refusal = [&] { return error_of([&] { RunReader run(path); }).second; };
-  CHECK(has(refusal(), path + "-journal is of another run (a run with a -wal must not have one)"));
+  CHECK(has(refusal(),
+            path + "-journal is of another run (a run with a -wal must not have a -journal)"));
   fs::rename(path + "-wal", folder / "wal");
   CHECK(has(refusal(), path + "-journal is of another run (it has more than one page)"));
   CHECK(contents(path) == before);

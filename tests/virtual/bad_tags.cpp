@@ -176,7 +176,8 @@ TEST_CASE("missing, doubled and faster start pulses each cause an event") {
     if (i > 20'000) out.push_back(tag(1, at + 12 * ns));
     if (i % 25 == 0) out.push_back(tag(2, at + click_after(i)));
   }});
-  CHECK_THAT(doubled.events.at(0), Catch::Contains("starts followed by a second one after 12 ns"));
+  CHECK_THAT(doubled.events.at(0),
+             Catch::Contains("starts followed by a second start after 12 ns"));
   const Outcome faster = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     ordinary(out, i, at);
     if (i > 20'000) out.push_back(tag(1, at + period / 2));
@@ -230,7 +231,7 @@ TEST_CASE("afterpulses cause an event that reports the second peak") {
     if (i % 25 == 0) out.push_back(tag(2, at + click_after(i) + 15 * ns));
   }});
   CHECK_THAT(run.events.at(0),
-             Catch::Contains("clicks are followed by a second one after 15 ns, "
+             Catch::Contains("clicks are followed by a second click after 15 ns, "
                              "which causes a second peak 2.25 m behind the first"));
 }
 
