@@ -156,8 +156,8 @@ class Measurement {
     widen(all.gains, repeats);
     return all;
   }
-  // Fits the responses of the sensors to the reflector. If a value cannot be measured, adds the
-  // reason to `unstated`.
+  // Fits the responses of the sensors, measured with the reflector. If a value cannot be measured,
+  // adds the reason to `unstated`.
   record::Response response(const std::vector<CalibrationResult>& results,
                             Unstated& unstated) const {
     record::Response out;

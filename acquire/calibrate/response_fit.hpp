@@ -34,10 +34,10 @@ struct WindowFit {
 // amplitudes at whole cells. Up to six terms are used; each further term must reduce chi2 by 9. A
 // cubic phase error, which makes the flanks differ, is added if it reduces chi2 by 9; the taps are
 // then those of the even part (record::symmetry_of). Errors are derived from the scatter of the
-// frames and the precision of the firmware's arithmetic, and increased if the fit is bad. Bins with
-// another echo are excluded: there, one flank has more than three times the power of the other.
-// Sets cell, taps and taps_standard_error of the radar, unless the fit differs from a bin by more
-// than 5 % of the peak.
+// frames and the precision of the firmware's arithmetic, and increased if the fit is bad. Bins in
+// which one flank has more than three times the power of the other flank are excluded, because they
+// contain another echo. Sets cell, taps and taps_standard_error of the radar, unless the fit
+// differs from a bin by more than 5 % of the peak.
 WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& frames,
                              const EchoAxis& axis, double range_m, record::Response& out);
 

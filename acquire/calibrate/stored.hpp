@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Compares a new calibration with the one in run.calibration, and writes the new one.
+// Compares a new calibration with the calibration file run.calibration, and writes it to that file.
 #pragma once
 #include <nlohmann/json.hpp>
 #include <string>

@@ -56,7 +56,7 @@ struct Config;
 // `radar`: range axis of the radar.
 CalibratedAxes axes_of(const Config& config, const Calibration& calibration, const Axis& radar);
 
-// Throws Error(config) that lists all errors, each with the line of the file.
+// Throws Error(config) that lists all errors, each with its line number in the file.
 Calibration read_calibration(const std::string& path);
 // Replaces the file atomically. Throws Error(disk) if it cannot be written.
 void write_calibration(const std::string& path, const Calibration& calibration);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The daemon's configuration: a TOML file, parsed strictly.
+// Configuration of echofuse-acquire: a TOML file, parsed strictly.
 #pragma once
 #include <cstdint>
 #include <optional>

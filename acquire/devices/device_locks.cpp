@@ -36,7 +36,8 @@ std::string known_as(const std::string& address) {
     std::error_code none;
     if (!camera->uri.empty())
       return std::filesystem::is_regular_file(camera->uri, none) ? "" : camera->uri;
-    const auto cameras = depth::list_openni_devices();  // the driver refuses an ambiguous address
+    // The driver refuses an address without URI if several cameras are attached.
+    const auto cameras = depth::list_openni_devices();
     return cameras.size() == 1 ? cameras[0].uri : "";
   }
   if (const auto* bridge = std::get_if<port::BridgeAddress>(&parsed)) {
@@ -51,7 +52,7 @@ std::string known_as(const std::string& address) {
 
 // Returns the process that holds the lock; nullopt if the lock is free.
 std::optional<Holder> holder_of(const std::string& path) {
-  // Maximum time between taking a lock and writing the holder.
+  // Maximum time from taking a lock to writing the holder's name into it.
   constexpr auto write_time = std::chrono::milliseconds(20);
   for (int tries = 0;; ++tries) {
     const auto text = Lock::holder(path);

@@ -173,8 +173,9 @@ Finding check_usb_memory(const std::optional<Config>& config, const MachineRoots
     return {check, Grade::warning, "limit unknown", "check that the module usbcore is loaded"};
   }
   char found[160];
-  std::snprintf(found, sizeof found, "usbfs_memory_mb is %g%s; the time tagger's ring needs %g MiB",
-                limit, limit == 0 ? " (no limit)" : "", needed);
+  std::snprintf(found, sizeof found,
+                "usbfs_memory_mb is %g%s; the time tagger's ring buffer needs %g MiB", limit,
+                limit == 0 ? " (no limit)" : "", needed);
   const bool enough = limit == 0 || limit >= needed;
   return {check,
           enough ? Grade::ok : Grade::problem,

@@ -19,7 +19,7 @@ namespace echofuse::acquire {
 
 struct ImportOptions {
   std::vector<std::string> files{};
-  std::string cfg{};       // radar cfg; empty: the one next to the recording
+  std::string cfg{};       // radar .cfg file; empty: .cfg file next to the recording
   std::string began{};     // start time, UTC, ISO 8601; empty: start time in the files
   std::int32_t start = 0;  // tagger input of the laser pulses; 0: sync
   std::int32_t click = 1;  // tagger input of the detector

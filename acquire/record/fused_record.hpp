@@ -95,7 +95,7 @@ struct CalibrationEntry {
   Sensor sensor{};
   std::string date_utc, method;
   double distance_m = 0, offset_m = 0, standard_error_m = 0;
-  std::string model = {}, serial = {};  // identify the device; not stored in a run
+  std::string model = {}, serial = {};  // identity of the device; not stored in a run
 
   bool operator==(const CalibrationEntry&) const = default;
 };

@@ -67,7 +67,7 @@ class RunWriter {
   // Call once per axis name, before the first record that needs it.
   void put_axis(const Axis& axis);
   void put_device(const DeviceInfo& device);    // adds a row each time a device answers
-  void put_antennas(const Antennas& antennas);  // replaces the antennas stored before
+  void put_antennas(const Antennas& antennas);  // replaces the previously stored antennas
   void put_zones(const Zones& zones);           // call once, before the first record
   void put_calibration(const CalibrationEntry& entry);
   void put_policy(Sensor sensor, const std::string& policy);  // "required" or "optional"

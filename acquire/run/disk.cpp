@@ -20,8 +20,10 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr double row_bytes = 2048;  // database row and events of a record, without sensor data
-constexpr double fixed_bytes = 16 << 20;  // size of the WAL and of a run file without records
+// Size of the database row and the events of a record, without sensor data.
+constexpr double row_bytes = 2048;
+// Size of the WAL and of a run file without records, bytes.
+constexpr double fixed_bytes = 16 << 20;
 // Every byte is written twice: to the WAL, then to the database.
 constexpr double journal_factor = 2;
 

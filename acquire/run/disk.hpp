@@ -29,13 +29,13 @@ struct Finding {
 
 struct PlannedRun {
   std::string folder{};
-  double record_bytes = 0;  // sensor data per record, bytes; 0: unknown
+  double record_bytes = 0;  // size of the sensor data per record, bytes; 0: unknown
   double window_s = 0;
   std::optional<std::int64_t> count{};
 };
 
 struct DiskEstimate {
-  double record_bytes = 0;  // sensor data, row and events of a record, bytes
+  double record_bytes = 0;  // size of the sensor data, row and events of a record, bytes
   double needed_bytes = 0;  // size of all planned records, bytes; 0: number of records unlimited
   double lasts_s = 0;       // recording time until the disk is full
 };

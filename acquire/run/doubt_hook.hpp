@@ -24,7 +24,7 @@ namespace echofuse::acquire {
 class DoubtHook {
  public:
   static constexpr std::chrono::seconds longest{10};
-  // Limit of waiting changes; further changes are dropped.
+  // Maximum number of waiting changes; further changes are dropped.
   static constexpr std::size_t most_waiting = 16;
   using Warn = std::function<void(const std::string&)>;
 

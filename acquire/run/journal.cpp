@@ -20,7 +20,7 @@ constexpr auto anchor_pause = std::chrono::minutes(1);
 constexpr auto least_step = std::chrono::milliseconds(500);
 // The journal fails if this multiple of its capacity is waiting.
 constexpr std::size_t hard_limit = 10;
-// Longest wait for another program that holds the run file when the run ends.
+// Maximum wait for the write transaction of another program when the run ends.
 constexpr std::chrono::seconds last_wait{2};
 
 void give_up_data(record::FusedRecord& record, const std::string& why) {

@@ -76,7 +76,7 @@ class Journal {
   // should then wait for the disk.
   bool crowded() const { return waiting_ >= capacity_ / 2; }
   bool failed() const { return failed_ || !overflow_.empty(); }
-  // Returns the cause of a delay: a slow disk, or another program that holds the run file.
+  // Returns the cause of a delay: a slow disk, or a write transaction of another program.
   std::string why_late() const;
   std::int64_t written() const { return written_; }
   std::string path() const;  // path of the run file being written
@@ -105,7 +105,7 @@ class Journal {
   void fail(const std::exception_ptr& why);
   void stop();
 
-  record::Patience patience_;  // waiting time for a locked file, shared by all writers
+  record::Patience patience_;  // times of waiting for a locked run file, shared by all writers
   // Replaced by the worker when the next run begins; guarded by mutex_.
   std::unique_ptr<record::RunWriter> run_;
   const std::size_t capacity_;

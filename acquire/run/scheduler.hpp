@@ -6,10 +6,10 @@
 // If tick() is called late, it returns all due slots in order; it never skips a slot.
 //
 // tick() must be called every 50 ms. A pause of more than 100 ms means that the program did not
-// run. Data that were sent during the pause have not been read yet, so the next slot gets a second
-// grace period. After a pause longer than a slot, the slots that began during the pause are marked
-// as stalled. Without a clock fit their samples have the time at which they were read; with a clock
-// fit a stalled slot is valid if it is complete.
+// run. Data that were sent during the pause have not been read yet, so the closing of the next slot
+// is delayed by another grace period. After a pause longer than a slot, the slots that began during
+// the pause are marked as stalled. Without a clock fit their samples have the time at which they
+// were read; with a clock fit a stalled slot is valid if it is complete.
 #pragma once
 #include <algorithm>
 #include <cstdint>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Checks the quality of each sensor's data. Pure. If it is poor, replaces the verdict "ok" of a
-// valid sensor with one of these kinds, followed by ": " and figures:
+// Checks the quality of each sensor's data. Pure. If the quality is poor, replaces the verdict "ok"
+// of a valid sensor with one of these kinds, followed by ": " and figures:
 //   stands still  the histogram, profile or frame is identical to that of the previous record
 //   saturated     SPD: too many clicks per laser pulse (pile-up)
 //                 radar: the top of the lobe is clipped

@@ -27,7 +27,7 @@
 //   radar  Mean linear power of the frames, stored as log2_q8 codes; a single frame is stored
 //          unchanged. Valid if there is a usable frame.
 //   array  Statistics of the same frames, if they have a heat map (measurement/radar_array.hpp).
-//          Two frames count as consecutive if their numbers are.
+//          Two frames are consecutive if their frame numbers are.
 //   depth  The frame nearest to the centre of the slot. Valid if there is a usable frame.
 #pragma once
 #include <array>

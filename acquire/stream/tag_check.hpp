@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Checks the event stream of a time tagger for faults, and repairs the first two. Uses no clock,
-// device or file.
+// Checks the event stream of a time tagger for the following faults, and repairs the first two
+// kinds. Uses no clock, device or file.
 //   wrap         times restart at 2^32 or 2^40 ps; an offset is added to the later times
 //   order        an event is up to 1 us earlier than its predecessor; events are sorted. For this,
 //                events in the last 1 us of a block wait for the next block, in the first second
