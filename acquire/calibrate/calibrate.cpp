@@ -262,8 +262,8 @@ class Measurement {
     if (spd.refusal.empty()) spd_ranges_.push_back(spd.range_m);
     repeats_.push_back(std::exchange(gatherer_.frames, {}));
   }
-  // Rejects the peak if it was found in fewer than three repeats or in fewer than half of them,
-  // because the spread of so few ranges is unreliable.
+  // Rejects the peak if it was found in fewer than three repeats or in fewer than half of the
+  // repeats. The spread of so few ranges is unreliable.
   void refuse_few(Peak& peak, std::size_t measured) const {
     const auto wanted = static_cast<std::size_t>(std::max<std::int64_t>(3, options_.repeats / 2));
     if (!peak.refusal.empty() || measured >= wanted) return;

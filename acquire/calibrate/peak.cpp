@@ -175,7 +175,7 @@ SecondPeak other_bump(std::span<const std::uint32_t> counts, const PhotonPeak& g
 
 // ---- radar: fit of an echo
 
-constexpr std::size_t near = 5;  // number of fitted bins of a lobe
+constexpr std::size_t near = 5;  // number of bins around the peak that are fitted
 using Near = Eigen::Matrix<double, near, 1>;
 
 struct EchoPlace {
@@ -232,7 +232,7 @@ EchoPlace fit_parabola(const Near& mean) {
   return fit;
 }
 
-// Returns the standard error of the position in bins: the scatter of the frames, plus the
+// Returns the standard error of the position in bins. It is the scatter of the frames, plus the
 // quantisation error of the codes unless noise averages it out.
 double place_error(const std::vector<std::vector<std::uint16_t>>& frames, const Profile& profile,
                    const EchoPlace& fit, std::size_t first, double log2_power_step) {

@@ -32,7 +32,7 @@ struct WindowFit {
 // Fits the transform of a window 1 + a cos(2 pi t) + b cos(4 pi t) + ... over the sweep (Harris,
 // Proc. IEEE 66, 1978) to the powers around the peak, by least squares. The terms a, b, ... are the
 // amplitudes at whole cells. Up to six terms are used; each further term must reduce chi2 by 9. A
-// cubic phase error, which makes the flanks differ, is added if it reduces chi2 by 9; the taps are
+// cubic phase error, which makes the flanks differ, is added if it reduces chi2 by 9. The taps are
 // then those of the even part (record::symmetry_of). Errors are derived from the scatter of the
 // frames and the precision of the firmware's arithmetic, and increased if the fit is bad. Bins in
 // which one flank has more than three times the power of the other flank are excluded, because they

@@ -29,7 +29,7 @@ std::vector<std::string> addresses_of(const Config& config, Sensor s) {
 }
 
 // Returns the name by which a device is locked: host and port of a bridge, path of a serial port,
-// URI of a camera, or the address of any other device.
+// or URI of a camera. Any other device is locked by its address.
 std::string known_as(const std::string& address) {
   const port::Address parsed = port::parse_address(address);
   if (const auto* camera = std::get_if<port::OpenNiAddress>(&parsed)) {

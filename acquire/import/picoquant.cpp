@@ -18,7 +18,7 @@ namespace {
 constexpr std::size_t chunk_records = 16384;
 constexpr std::int64_t block_ps = 10'000'000'000;  // block length: 10 ms
 constexpr std::int64_t all = std::numeric_limits<std::uint32_t>::max();
-constexpr long double longest_ps = 9.1e18L;  // limit of times, below 2^63
+constexpr long double longest_ps = 9.1e18L;  // maximum time of a tag, below 2^63
 constexpr long double ps_per_s = 1e12L;
 constexpr double rate_share = 0.05;  // tolerated relative difference of pulse rates
 
@@ -191,7 +191,7 @@ bool PicoquantTags::next(SampleSink& sink) {
   std::size_t known = tags_.size();  // number of tags left from the previous block
   const auto block_of = [](const Tag& tag) { return tag.time_ps / block_ps; };
   bool more = true;
-  constexpr std::size_t most_tags = std::size_t{1} << 20;  // limit of tags per block
+  constexpr std::size_t most_tags = std::size_t{1} << 20;  // maximum number of tags per block
   while (more && known < most_tags &&
          (known == 0 || block_of(tags_.back()) <= block_of(tags_.front()))) {
     known = tags_.size();

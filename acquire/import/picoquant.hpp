@@ -66,8 +66,8 @@ class PicoquantRecords {
 
 // Reads a .ptu file in blocks of at most 10 ms. `use` contains the selected inputs and the
 // histogram bins. Tags after the end time in the header are omitted, because a single damaged
-// overflow can shift times by days. Throws Error(failed) if the file is not a .ptu file or has
-// unknown records, or if its header contradicts the mode (T2 or T3) of the records.
+// overflow can shift times by days. Throws Error(failed) if the file is not a .ptu file, its record
+// type is unknown, or its header contradicts the mode (T2 or T3) of the records.
 class PicoquantTags final : public Recording {
  public:
   PicoquantTags(const std::string& path, const tdc::HistogramSettings& use);

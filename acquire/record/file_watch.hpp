@@ -42,7 +42,7 @@ class FileWatch {
     const char* suffix;
     dev_t device = 0;
     ino_t inode = 0;
-    off_t size = 0;  // size at note() or note_commit()
+    off_t size = 0;  // file size at the last note() or note_commit(), bytes
   };
   int fault_of(const WatchedFile& file) const;
   off_t size_of(const WatchedFile& file) const;

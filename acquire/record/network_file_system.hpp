@@ -19,8 +19,8 @@ std::string network_of_mount(std::istream& mountinfo, const std::string& device)
 // it is local or unknown.
 std::string network_of(const std::string& path);
 
-// Throws Error(failed) if the run on this network file system is being written or was not closed,
-// because writes of another machine may be only partly visible.
+// Throws Error(failed) if the run on this network file system is being written or was not closed.
+// Writes of another machine may be only partly visible.
 void require_closed(const std::string& path, const std::string& network);
 
 }  // namespace echofuse::record

@@ -16,9 +16,9 @@ struct Rescue {
   std::string text;    // message with path and state of the copy, or the reason why it is missing
 };
 
-// Copies the run to NAME.rescued.sqlite (-2, -3 ... if it exists) next to `path`, or to the current
-// folder if the folder of `path` is missing. `status`: status of the copy; `records`: number of
-// committed records. Never throws.
+// Copies the run to NAME.rescued.sqlite (-2, -3 ... if it exists) next to `path`. If the folder of
+// `path` is missing, the copy is in the current folder. `status`: status of the copy; `records`:
+// number of committed records. Never throws.
 Rescue rescue(sqlite3* db, const std::string& path, const std::string& status, UtcTime ended,
               std::int64_t records);
 

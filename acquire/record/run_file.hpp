@@ -185,10 +185,10 @@ inline constexpr const char* copy_of_open = "copy of an open run";
 // Reads closed, live and crashed runs. Threading: one thread at a time.
 class RunReader {
  public:
-  // Throws Error(failed) if the file is missing, damaged, of another format or not a run file, or
-  // if it contains anything but the tables of a run. The size of the file limits the time and
-  // memory for reading it. A closed run does not change, so side files of SQLite are ignored. On a
-  // network file system only closed runs can be read.
+  // Throws Error(failed) if the file is missing, damaged, of another format or not a run file.
+  // Throws it as well if the file contains anything but the tables of a run. The size of the file
+  // limits the time and memory for reading it. A closed run does not change, so side files of
+  // SQLite are ignored. On a network file system only closed runs can be read.
   explicit RunReader(const std::string& path);
   // `network`: result of network_of(path).
   RunReader(const std::string& path, const std::string& network);
@@ -220,8 +220,8 @@ class RunReader {
   // Returns how many tags, radar frames and depth frames were received after their slot was closed.
   PerSensor<std::int64_t> late() const;
   // Calls `visit` for the records from index `first` on, in order, until it returns false. A record
-  // with data of a wrong size or non-finite values is skipped after a call of `on_bad`; without
-  // `on_bad`, Error is thrown with the index of the record. Only the sensors in `sensors` are
+  // with data of a wrong size or non-finite values is skipped after a call of `on_bad`. If `on_bad`
+  // is empty, Error is thrown with the index of the record. Only the sensors in `sensors` are
   // decoded; the others are marked as not valid. in_parallel(n, work) must call work(0) ... work(n
   // - 1) in any order, possibly on several threads; work(i) decodes a depth image. `visit` and
   // `on_bad` are still called in order on this thread.

@@ -41,8 +41,8 @@ void refuse_existing(const std::string& path) {
 // Maximum wait for another process that adds a label or a note.
 constexpr std::int64_t longest_wait_ns = 30'000'000'000;
 constexpr auto retry_pause = std::chrono::milliseconds(10);
-// Page cache of SQLite. It can hold all pages of the WAL, so that data that are not yet in the
-// database are both in memory and in the WAL. A run fills the cache in its first minutes.
+// Page cache of SQLite. It can hold all pages of the WAL. Data that are not yet in the database are
+// therefore both in memory and in the WAL. A run fills the cache in its first minutes.
 constexpr const char* page_cache = "PRAGMA cache_size=-2000";  // KiB
 constexpr int checkpoint_pages = 400;  // maximum length of the WAL, in pages of 4 KiB
 
@@ -152,7 +152,7 @@ void RunWriter::make(const RunInfo& info, const Begin& begin) {
   insert(db_, path_, own);
   if (begin) begin(*this);
   execute(db_, path_, "COMMIT", "cannot create the run file");
-  use_wal();  // before the file is visible to other processes
+  use_wal();  // WAL mode is set before the file is visible to other processes
 }
 
 // Opens the published file, binds the WAL to the run and starts to watch both files.

@@ -68,7 +68,7 @@ void checkpoint(sqlite3* db, const std::string& path) {
 }
 
 struct BoundKey {
-  std::string key;       // empty if missing
+  std::string key;       // empty if the run has no key
   bool records = false;  // true if the run has records
 };
 

@@ -14,10 +14,10 @@ inline constexpr const char* wal_key_name = "wal_key";
 // SQL assignment that removes the key when the run is closed.
 inline constexpr const char* without_wal_key = "meta = json_remove(meta, '$.wal_key')";
 
-// Returns the key of the -wal of the run `path`, (salt 1 - checkpoint number) mod 2^32 from its
-// header; nothing if the file or its header is missing. The key is constant while the same
-// connection restarts the -wal. Another connection changes the key by a number of restarts, because
-// SQLite counts restarts per connection.
+// Returns the key of the -wal of the run `path`; nothing if the -wal or its header is missing. The
+// key is (salt 1 - checkpoint number) mod 2^32, both from the header. The key is constant while the
+// same connection restarts the -wal. Another connection changes the key by a number of restarts,
+// because SQLite counts restarts per connection.
 std::optional<std::uint32_t> wal_key(const std::string& path);
 // Returns true if the -wal is missing, empty or filled with zeros, although the run was bound to
 // one or has records. Records may then be lost. A run that was killed before bind_wal() wrote its

@@ -45,9 +45,9 @@ class Journal {
   Journal& operator=(const Journal&) = delete;
 
   // Writes a record. If `capacity` jobs are waiting, writes only the row of the record without data
-  // and returns false; the verdict then names the cause: the disk or another program. If ten times
-  // `capacity` jobs are waiting, the journal fails: it rejects new jobs but completes the waiting
-  // ones.
+  // and returns false. The verdict of the record then names the cause: the disk or another program.
+  // If ten times `capacity` jobs are waiting, the journal fails: it rejects new jobs but completes
+  // the waiting ones.
   bool put(record::FusedRecord record);
   void put(WriteJob job);
   // Closes the run as complete. Later jobs write to the next run, which `make` creates. Writes a

@@ -43,8 +43,8 @@ class ClockFit {
   // Adds a sample. Call in the order of receipt.
   void add(std::uint64_t ticks, HostTime received);
 
-  // Returns true if there are enough samples (32, over at least 0.5 s), the latest one is not
-  // suspect, and the rates of device clock and host clock agree within 5 %.
+  // Returns true if the fit is reliable: it has at least 32 samples over at least 0.5 s, the latest
+  // sample is not suspect, and the clock rates of device and host agree within 5 %.
   bool sound() const;
   // Returns the host time of the measurement, which is at most the time of receipt. Without a sound
   // fit it is the time of receipt.
