@@ -339,7 +339,7 @@ Calibration to_calibration(const std::vector<CalibrationResult>& results,
   return out;
 }
 
-// Returns the configuration without the ranging sensor that `options` exclude.
+// Returns the configuration without the ranging sensor that is excluded by `options`.
 Config with_chosen(const Config& all, const CalibrateOptions& options) {
   Config config = all;
   const auto only = options.side ? std::optional(Sensor::radar) : options.only;

@@ -14,7 +14,7 @@ bool compare(const Calibration& fresh, const Calibration& stored, nlohmann::orde
              bool quiet);
 
 // Reads the calibration file; returns an empty calibration if it is missing. Throws Error(config)
-// if the file is unreadable, because it must not be overwritten then.
+// if the file exists but is unreadable, so that store() does not overwrite it.
 Calibration stored_in(const std::string& path);
 
 // Writes the new calibration. Keeps the stored entries of sensors that were not measured, and

@@ -240,9 +240,10 @@ ExitCode list(const Options& o) {
   return ExitCode::ok;
 }
 
-// Returns the configuration of `import`. A raw capture contains its own, unless --config is given.
-// NumPy arrays need one only if --out is missing, because run.folder is then used. Otherwise the
-// default is the first configuration file found, or the installed one.
+// Returns the configuration of `import`. A raw capture contains its own configuration, which
+// --config overrides. NumPy arrays need a configuration only if --out is missing, because
+// run.folder is then used. Otherwise the default is the first configuration file found, or the
+// installed one.
 Config config_of_import(const Options& o) {
   const std::string& first = o.import.files[0];
   if (o.config.empty() && is_kept(first)) return kept_config(first, o.assignments);

@@ -299,7 +299,8 @@ std::string import_recordings(Config config, const ImportOptions& options) {
   }
   begins(config.radar.data.empty() ? std::optional(modified(config.tdc.address)) : std::nullopt,
          "start time unknown: the file's modification time is used; --began UTC sets it");
-  // The modification time of the file is that of its last write, so the length is subtracted.
+  // The file was last modified at the end of the recording, so the length of the recording is
+  // subtracted.
   if (options.began.empty() && began.doubt.empty()) {
     RadarRecording whole(config.radar.data, parse_profile(config.radar));
     SampleSink nobody;

@@ -69,7 +69,7 @@ struct Response {
   Measured irf_fwhm_ps, irf_tail_ps, irf_tail_share;  // unknown if irf_fwhm_ps is 0
   RadarResponse radar;
   double taps_standard_error = 0;
-  Measured radar_noise_exponent;  // -1/2 if the noise of frames is independent; 0 if unknown
+  Measured radar_noise_exponent;  // -1/2 if the noise is independent between frames; 0 if unknown
 
   // Returns the metadata entries of the known parts.
   std::vector<std::pair<std::string, std::string>> meta() const;

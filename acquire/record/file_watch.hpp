@@ -28,7 +28,7 @@ class FileWatch {
   // may also truncate it, but changes the database first, so that touched() returns true.
   bool wal_shortened() const;
   // Restores the length of a truncated index. Otherwise SQLite would raise SIGBUS when it accesses
-  // the mapped file. SQLite then reads zeros and rebuilds the index from the WAL.
+  // the mapped file. SQLite reads the restored part as zeros and rebuilds the index from the WAL.
   void restore_index() const;
 
   // Returns true if the path of the database still leads to the same file.

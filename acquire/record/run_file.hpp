@@ -99,7 +99,8 @@ class RunWriter {
   void reserve() const;
 
   // Makes the writer wait for another program's write transaction until patience.give_up_ns,
-  // instead of at most 30 s. Then the call throws Error(disk). `patience` must outlive the writer.
+  // instead of at most 30 s. After that time, the waiting call throws Error(disk). `patience` must
+  // outlive the writer.
   void wait_with(Patience& patience) { patience_ = &patience; }
   const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }

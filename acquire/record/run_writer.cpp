@@ -232,8 +232,7 @@ void RunWriter::checkpoint() {
   if (taken_over != in_wal) watch_->note_commit();
 }
 
-// Without close(), keeps the -wal like a killed process, because it marks a run that was not
-// closed.
+// If close() was not called, keeps the -wal, because a -wal marks a run that was not closed.
 RunWriter::~RunWriter() {
   if (db_) sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
 }

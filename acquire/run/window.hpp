@@ -149,7 +149,7 @@ class Windows {
   std::shared_ptr<tdc::Histogram> histogram_;  // histogram of the slot that got the last tags
   // Start of the current overflow; no value outside an overflow.
   std::optional<HostTime> overflow_from_;
-  std::map<std::string, Axis> axes_;  // by name: array, depth_x, depth_y, radar, spd
+  std::map<std::string, Axis> axes_;  // axes by name: array, depth_x, depth_y, radar, spd
   Zones zones_;                       // announced together with axis "spd"
   bool sends_histograms_ = false;
   PerSensor<bool> refused_{};
