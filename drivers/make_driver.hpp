@@ -33,7 +33,7 @@ struct RadarConfig {
   static constexpr std::uint32_t cli_baud = 115200;
   std::uint32_t data_baud = 921600;
   std::string board = "isk";  // name listed in drivers/radar/board_antennas.hpp
-  bool keep_running = false;  // do not stop the sensor at the end
+  bool keep_running = false;  // true: the sensor keeps running at the end
   std::string address = {};   // address of a bridge; if it is set, the fields above are not used
 };
 

@@ -85,7 +85,7 @@ void BridgeClient::check_liveness() {
 // Ignores blocks that the parser still delivers after stop() or after a failure.
 void BridgeClient::on_block(Block block, HostTime received) {
   if (!running_ || !port_) return;
-  // Losses reported by a hello or by an early block are added to the next delivered block.
+  // Losses reported by blocks that are not delivered are added to the next delivered block.
   lost_blocks_ += block.lost_blocks;
   dropped_items_ += block.dropped_items;
   if (block.kind == BlockKind::bye)
@@ -130,7 +130,7 @@ void BridgeClient::on_hello(const Block& block) {
   handlers_.state(DeviceState::streaming, hello_);
 }
 
-// May be called by a handler of the parser or the port: destroying the port there is safe.
+// Destroys the port, which is safe even in a handler of the parser or of the port.
 void BridgeClient::fail(const std::string& why) {
   if (!running_) return;
   port_.reset();

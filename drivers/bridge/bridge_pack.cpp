@@ -12,7 +12,8 @@ using namespace echofuse;
 
 namespace {
 
-// Moves the tags of the two channels and all markers to the front. Returns their number.
+// Moves the tags of the two channels and all markers to the front. Returns the number of moved
+// tags.
 std::size_t keep(std::uint8_t* tags, std::size_t count, std::int32_t start, std::int32_t click) {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -52,7 +53,7 @@ void echofuse_pack_tags(const std::uint8_t* from, std::uint8_t* to, std::uint32_
   for (std::size_t i = 0; i < count; ++i) {
     Words tag;
     std::memcpy(&tag, from + i * sizeof tag, sizeof tag);
-    found -= (tag & Words{0xff, -1, -1, -1}) == sought;  // a match is -1
+    found -= (tag & Words{0xff, -1, -1, -1}) == sought;  // each matching word becomes -1
     clicks -= tag == click;
     tag &= Words{~0xff00, -1, -1, -1};
     std::memcpy(to + i * sizeof tag, &tag, sizeof tag);

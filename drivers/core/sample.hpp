@@ -92,7 +92,7 @@ struct RadarFrame {
 };
 
 // Result of TI's calibration (measureRangeBiasAndRxChanPhase), or the mean of several results.
-// Intended for the .cfg. The firmware applies it to its point cloud, not to the range profile.
+// Belongs in the .cfg. The firmware applies it to its point cloud, not to the range profile.
 struct FirmwareBias {
   double range_bias_m = 0;
   // real and imaginary part of each virtual antenna, as in compRangeBiasAndRxChanPhase

@@ -44,7 +44,8 @@ struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
       });
     });
   }
-  // Requests the camera's thread to end, and ends its pause. Posted actions still run.
+  // Requests the camera's thread to end, and wakes it from pause(). Actions already posted still
+  // run.
   void stop() {
     const std::lock_guard lock(mutex);
     stopping = true;

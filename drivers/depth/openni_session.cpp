@@ -66,7 +66,7 @@ std::string several_cameras() {
   for (int i = 0; i < all.getSize(); ++i) {
     const std::string uri = all[i].getUri();
     std::error_code none;
-    // OpenNI also lists recordings that were opened
+    // OpenNI also lists recordings that it has opened
     if (std::filesystem::is_regular_file(uri, none)) continue;
     list += (count++ > 0 ? ", openni:" : "openni:") + uri;
   }
@@ -163,9 +163,9 @@ std::string OpenNiSession::set_up(const OpenNiOptions& wanted) {
   if (recording_) {
     openni::PlaybackControl* playback = device_.getPlaybackControl();
     playback->setRepeatEnabled(false);
-    // At speed -1, readFrame() produces the next frame, so that each frame is delivered once. A
-    // recording that was not closed has no length. It plays in real time and ends when no more
-    // frames arrive.
+    // At speed -1, readFrame() steps to the next frame, so that each frame is delivered once. The
+    // length of a recording that was not closed properly is unknown. Such a recording plays in real
+    // time and ends when no more frames arrive.
     frames_left_ = playback->getNumberOfFrames(stream_);
     stepped_ = frames_left_ > 0 && playback->setSpeed(-1) == openni::STATUS_OK;
   } else {

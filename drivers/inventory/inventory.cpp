@@ -29,7 +29,7 @@ struct UsbDevice {
   unsigned bus = 0, number = 0;
   std::string place;  // position on the bus, for example "1-2"
   std::string model, serial;
-  std::vector<UsbInterface> interfaces;  // in the order of their numbers
+  std::vector<UsbInterface> interfaces;  // sorted by interface number
 };
 
 // Number of folder levels to search below an interface. The deepest known node is
@@ -139,7 +139,7 @@ struct KnownDevice {
   std::uint16_t vendor, product;  // product 0 matches all products of the vendor
   const char* name;
   Transport access;
-  // data port's interface on radar boards; the command port has interface 0
+  // interface number of a radar board's data port; the command port is interface 0
   unsigned data_interface;
   const char* advice;
   const char* model = "";  // text contained in the product's name; empty matches all names

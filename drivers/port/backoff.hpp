@@ -21,7 +21,7 @@ class Backoff {
 
   // Returns true if this failure differs from the last one, so that it should be reported.
   bool is_news(const std::string& why) { return std::exchange(reason_, why) != why; }
-  // Returns the pause before the next attempt, and doubles the following one.
+  // Returns the pause before the next attempt, and doubles the pause for the attempt after that.
   std::chrono::milliseconds next() {
     healthy_since_.reset();
     return std::exchange(next_, std::min(2 * next_, longest_));

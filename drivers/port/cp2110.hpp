@@ -22,7 +22,7 @@ namespace echofuse::port::cp2110 {
 inline constexpr std::size_t report_bytes = 64;  // size of a full-speed interrupt packet
 inline constexpr std::size_t max_data = 63;
 inline constexpr std::uint32_t min_baud = 300, max_baud = 1'000'000;
-// Throughput of one report per frame of full-speed USB, 1 ms.
+// Throughput at one report in each 1 ms frame of full-speed USB.
 inline constexpr std::uint32_t pipe_bytes_per_s = 1000 * max_data;
 
 inline constexpr std::array<std::uint8_t, 2> enable_report{0x41, 1};

@@ -22,8 +22,10 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr auto status_period = std::chrono::seconds(1);
-constexpr int read_wait_ms = 2;                 // longest delay of bytes that wait to be sent
-constexpr std::size_t max_waiting = 256 << 10;  // bytes received in 4 s at the maximum rate
+// timeout of a read; bytes to be sent may wait for this time
+constexpr int read_wait_ms = 2;
+// limit of each queue, bytes; 4 s of data at the maximum rate
+constexpr std::size_t max_waiting = 256 << 10;
 
 // Several processes can read a hidraw node. A lock on the node excludes other echofuse programs.
 struct CloseDevice {
@@ -124,7 +126,8 @@ class HidWorker {
   HidWorker(HidLinkPtr link, HidAddress address, std::uint32_t baud)
       : link_(std::move(link)), address_(std::move(address)), baud_(baud) {}
 
-  // Runs until the port is closed or the device fails. Returns nullopt or the failure.
+  // Runs until the port is closed or the device fails. Returns nullopt if the port was closed,
+  // otherwise the failure.
   std::optional<Failure> serve() {
     Result<HidDevice> opened = open_device(address_);
     if (!opened) return opened.failure();

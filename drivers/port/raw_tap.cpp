@@ -39,7 +39,7 @@ struct RawKeeper::Shared {
 
   std::mutex mutex;  // protects the members below
   std::condition_variable done;
-  std::size_t queued_bytes = 0;  // includes bytes that are being written
+  std::size_t queued_bytes = 0;  // waiting to be written, or being written
   Counts counts;
   std::map<std::string, int> numbers;
   std::string trouble;

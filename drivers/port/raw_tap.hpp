@@ -45,7 +45,7 @@ class RawKeeper {
   // Returns the reason why the capture stopped, once; otherwise an empty text.
   std::string take_trouble();
   struct Counts {
-    std::uint64_t kept = 0, dropped = 0;  // numbers of bytes
+    std::uint64_t kept = 0, dropped = 0;  // numbers of bytes written and dropped
   };
   // Waits up to 2 s for queued bytes to be written, then ends the capture.
   Counts finish();

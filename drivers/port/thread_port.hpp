@@ -62,8 +62,8 @@ class ThreadPort : public BytePort {
   explicit ThreadPort(boost::asio::io_context& io, const Args&... args)
       : link_(std::make_shared<Link>(io)), worker_(std::make_unique<Worker>(link_, args...)) {}
   ~ThreadPort() override {
-    // Limits how long the loop's thread waits here. A request to a faulty device may take seconds
-    // and would block the other devices.
+    // Limits how long the loop's thread waits for the port's thread. A request to a faulty device
+    // may take seconds and would block the other devices.
     constexpr auto close_timeout = std::chrono::milliseconds(200);
     link_->closed = true;
     link_->stopping = true;

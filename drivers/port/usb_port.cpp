@@ -30,7 +30,7 @@ class UsbWorker {
     stopping_ = true;
     cancel();
     if (started_) request(usb_stop);
-    if (any_busy()) {  // if libusb may still write into these buffers, leak them
+    if (any_busy()) {  // leaks the buffers, because libusb may still write into them
       for (Transfer& slot : slots_) new Bytes(std::move(slot.buffer));
       static_cast<void>(handle_.release());
       static_cast<void>(context_.release());
@@ -68,7 +68,7 @@ class UsbWorker {
     bool busy = false;
   };
 
-  // Stores the failure unless there is an earlier one. Returns false.
+  // Stores the failure unless there is an earlier one. Always returns false.
   bool fail(std::errc code, const std::string& why) {
     if (!failure_) failure_ = failure(code, name_ + ": " + why);
     return false;
@@ -124,7 +124,8 @@ class UsbWorker {
     else
       found = open_device(only) && find_interface(only);
     libusb_free_device_list(list, 1);
-    if (found) failure_.reset();  // discard the failure of another device that could not be opened
+    // discards the failures of other devices that could not be opened
+    if (found) failure_.reset();
     return found;
   }
 

@@ -15,7 +15,7 @@
 namespace echofuse::radar {
 namespace {
 
-// limits of the firmware: SDK, utils/cli and UART text mode
+// Firmware limits of the characters and words in a line. Source: SDK, utils/cli and UART text mode.
 constexpr std::size_t max_line = 255, max_words = 40;
 
 // Size limit. The cfgs of TI's demos have 1 to 4 kB.

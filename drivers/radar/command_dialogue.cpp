@@ -9,10 +9,10 @@
 namespace echofuse::radar {
 namespace {
 
-// end of the prompt "mmwDemo:/>"; lab demos use another word than mmwDemo
+// end of the prompt "mmwDemo:/>"; lab demos have another word in place of mmwDemo
 constexpr std::string_view prompt_end = ":/>";
 constexpr std::size_t max_line = 512, max_answer_lines = 64;
-constexpr std::size_t longest_answer = 4096;  // limit of the answer to sensorStop, bytes
+constexpr std::size_t longest_answer = 4096;  // maximum length of the answer to sensorStop, bytes
 constexpr int max_tries = 3;
 
 std::string trimmed(std::string_view text) {
@@ -149,8 +149,8 @@ void CommandDialogue::on_prompt(HostTime now) {
   }
 }
 
-// Called at each prompt. If no verdict precedes the prompt, it belongs to an earlier command, and
-// the answer to the current command follows.
+// Called at each prompt. If neither "Done" nor an error precedes the prompt, the prompt belongs to
+// an earlier command, and the answer to the current command follows.
 void CommandDialogue::check_answer(HostTime now) {
   const bool refused = std::any_of(answer_.begin(), answer_.end(), is_refusal);
   if (has(answer_, "Done") || has(answer_, "Skipped")) {

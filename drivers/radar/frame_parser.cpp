@@ -94,7 +94,8 @@ std::string why_no_frames(ByteView bytes) {
     return plain ? "file contains text; expected the data port's bytes"
                  : "no frame header found: was the file recorded at the data port's baud rate?";
   }
-  // required number of line feeds; the platform field of each frame contains one
+  // number of line feeds required to detect converted line ends; every frame's platform field
+  // contains one
   constexpr std::ptrdiff_t enough = 4;
   const auto feeds = std::ranges::count(bytes, '\n');
   std::ptrdiff_t pairs = 0;

@@ -223,7 +223,8 @@ void read_gui_monitor(const Cfg& cfg, RadarProfile& profile) {
   if (!profile.range_profile_on)
     profile.warnings.push_back(
         cfg.where(gui.line) + "guiMonitor does not send the range profile (its third number is 0)");
-  for (const std::size_t flag : {6u, 7u}) {  // flags of range-Doppler heat map and stats
+  // guiMonitor arguments of the range-Doppler heat map (6) and the stats (7)
+  for (const std::size_t flag : {6u, 7u}) {
     const double value = cfg.number(gui, flag);
     if (value != 0 && value != 1)
       profile.warnings.push_back(cfg.where(gui.line) +
@@ -294,7 +295,8 @@ void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud)
                            ", but a frame of " + std::to_string(profile.frame_bytes) +
                            " bytes takes " + milliseconds(transmit_s) + " at " +
                            std::to_string(baud) + " baud";
-  // A late heat map is an error, because the demo then stops sending completely.
+  // A heat map that takes longer than the frame period is an error, because the demo then stops
+  // sending completely.
   const CfgCommand& gui = cfg.last("guiMonitor");
   if (cfg.number(gui, 5) != 0 || cfg.number(gui, 6) != 0)
     cfg.fail(cfg.last(command), what +

@@ -62,8 +62,8 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
 // and the number of virtual antennas as scale. Bin i is at i * range_step_m, because the firmware
 // does not apply its range bias to the profile.
 Axis radar_axis(const RadarProfile& profile);
-// Returns the axis with name "array", quantity "covariance", the same bins, and the number of
-// antennas of the heat map as scale.
+// Returns the axis with name "array", quantity "covariance", the bins of radar_axis(), and the
+// number of antennas of the heat map as scale.
 Axis array_axis(const RadarProfile& profile);
 
 }  // namespace echofuse::radar

@@ -7,7 +7,8 @@
 
 namespace echofuse::radar {
 namespace {
-// Time for which an unplugged board keeps our cfg. Later, another program may have changed it.
+// If a port was unplugged for longer, the whole cfg is sent, because another program may have
+// changed it.
 constexpr std::chrono::seconds cfg_keeps{10};
 // A frame is complete after this silence. USB bridges hold bytes back for up to 16 ms.
 constexpr std::chrono::milliseconds quiet{20};

@@ -55,7 +55,7 @@ struct RadarSetup {
   Board board = Board::isk;             // selects the antennas of the heat map
   port::Backoff backoff{};
   DialogueTimeouts timeouts{};
-  bool keep_running = false;  // do not stop the sensor at the end
+  bool keep_running = false;  // true: the sensor keeps running at the end
 };
 
 // Each connection opens both ports and sends the whole cfg. If a port was unplugged for less than
@@ -120,7 +120,7 @@ class RadarDriver final : public Driver {
     std::uint32_t number = 0, cycles = 0;
   };
   FrameCount last_frame_;
-  int odd_periods_ = 0;  // successive frames with a wrong interval; constant after the warning
+  int odd_periods_ = 0;  // successive frames with a wrong interval; not counted after the warning
   struct DriverFault {
     std::string reason;
     DeviceState state = DeviceState::faulted;

@@ -22,15 +22,16 @@ struct Ramp {
   Ramp in_steps() const;            // ramp with values rounded towards 0 to the chip's steps
   double sampled_until_us() const;  // end time of the last sample
   double carrier_hz() const;        // centre frequency of the sampled sweep
-  // Returns the distance between the points of a range FFT of this length,
+  // Returns the distance between the points of a range FFT of this length:
   //   c * sample rate / (2 * slope * points)
-  // with the slope in multiples of the chip's step. TI's demo and documents use c = 3.0e8 m/s and
+  // The slope is rounded to the chip's step. TI's demo and documents use c = 3.0e8 m/s and
   // the slope of the cfg instead. If `points` is the number of samples, the result is the range
   // resolution c / 2B.
   double range_step_m(double points) const;
 };
 
-// Returns one text for each limit that the ramp exceeds. Values are in the chip's steps.
+// Returns one text for each limit that the ramp exceeds, with values rounded to the
+// chip's steps.
 std::vector<std::string> refusals_of(const Ramp& ramp);
 // Returns one text for each limit that the frame exceeds. All chirps together take active_ms.
 std::vector<std::string> frame_refusals_of(double chirps, double active_ms, double period_ms);

@@ -52,8 +52,8 @@ bool has_command(const std::vector<CfgLine>& cfg, std::string_view command) {
                      [&](const CfgLine& line) { return first_word(line.text) == command; });
 }
 
-// Returns the file of config/radar for another SDK that corresponds to the cfg, according to the
-// cfg's name.
+// Returns the file of config/radar that corresponds to the named cfg, for SDK 3.4 or for later
+// SDKs.
 std::string other_file(std::string_view cfg_name, bool for_old_sdk) {
   const bool fine = cfg_name.find("44mm") != cfg_name.npos;
   const std::string end = for_old_sdk ? "_sdk3.4.cfg" : ".cfg";

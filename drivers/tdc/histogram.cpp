@@ -13,8 +13,8 @@
 namespace echofuse::tdc {
 namespace {
 
-// Additional cells after those of the bins. out_of_range is the first, because a distance of `bins`
-// or more bins has this index.
+// Additional cells after the cells of the bins. out_of_range is the first, because ClickBins::bin()
+// returns the number of bins for a click out of range.
 enum ExtraCell : std::uint32_t { out_of_range, without_start, start, other, cells };
 
 constexpr std::uint32_t max_bins = 1u << 24;

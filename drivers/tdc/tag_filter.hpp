@@ -33,7 +33,8 @@ class TagFilter {
   // Adds tags. Returns the tags that are ready, sorted by delayed time. The result is valid until
   // the next call.
   std::span<const Tag> feed(std::span<const Tag> tags);
-  // Returns all waiting tags. Must be called at the end of a slot, or if tags are missing next.
+  // Returns all waiting tags. Must be called at the end of a slot, and before a
+  // gap in the tags.
   std::span<const Tag> flush();
   bool passes_all() const { return pass_through_; }
   // Returns the number of tags removed by the dead time since the last call.

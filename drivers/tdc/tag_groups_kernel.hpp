@@ -97,7 +97,8 @@ std::size_t take_groups(const Tag* tags, std::size_t count, const ClickBins& bin
     return hn::Set(d, std::uint64_t{static_cast<std::uint32_t>(channel)} << 32);
   };
   const auto start_word = word_of(bins.start_channel), click_word = word_of(bins.click_channel);
-  const auto channel_bits = word_of(-1), head_bits = hn::Set(d, 0xffff);  // type, reserved byte
+  // bit masks of the channel, and of the type with the reserved byte
+  const auto channel_bits = word_of(-1), head_bits = hn::Set(d, 0xffff);
   const auto first_bin = hn::Set(d, bins.first_bin_ps), range = hn::Set(d, bins.range_ps);
   // The bitwise OR of an integer and the double 2^52 is the double 2^52 + integer.
   const auto two_52 = hn::Set(d, 0x4330000000000000);

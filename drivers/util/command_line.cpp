@@ -98,7 +98,7 @@ class Readable final : public CLI::Formatter {
     const std::size_t known = columns_of_stdout(), columns = known > 0 ? known : 100;
     std::string out, line;
     for (bool examples = false; std::getline(lines, line);) {
-      if (line.empty() && out.ends_with("\n\n")) continue;  // keep only one blank line
+      if (line.empty() && out.ends_with("\n\n")) continue;  // keeps only one blank line
       examples = examples ? !line.empty() : line == "Examples:";
       out += examples ? line + '\n' : wrapped(line + '\n', columns);
     }
@@ -117,7 +117,7 @@ class Readable final : public CLI::Formatter {
     for (const auto& [was, now] : plain) text = std::regex_replace(text, std::regex(was), now);
     text = text.substr(0, std::min(text.find(" Needs:"), text.find(" Excludes:")));
     if (option->get_positional() && std::isupper(option->get_name(true).front()) != 0)
-      text.erase(0, text.find(' ', 1));  // remove CLI11's type name
+      text.erase(0, text.find(' ', 1));  // removes CLI11's type name
     return text;
   }
   std::string make_option_desc(const CLI::Option* option) const override {
@@ -130,7 +130,7 @@ class Readable final : public CLI::Formatter {
   }
 };
 
-// `above`: lines that refer to the parents' options, for the end of the help.
+// `above`: lines at the end of the help that refer to the parents' options.
 void set_up(CLI::App& app, const std::shared_ptr<CLI::FormatterBase>& formatter,
             const std::string& above = {}, const std::string& path = {}) {
   app.formatter(formatter);

@@ -17,9 +17,9 @@ inline std::string csv_text(std::string_view text) {
 }
 
 // Makes external text (from a file, device or command line) safe for a terminal, log or message.
-// Returns one line of valid UTF-8. Escapes control characters, characters that change the text
-// direction (\n, \x1b, \u202e), and bytes that are not UTF-8 (\xff). Cuts texts longer than
-// `longest` bytes between two characters and appends "...".
+// Returns one line of valid UTF-8. Escapes control characters (as \n or \x1b), characters that
+// change the text direction (as \u202e), and bytes that are not UTF-8 (as \xff). Cuts texts longer
+// than `longest` bytes between two characters and appends "...".
 std::string printable(std::string_view text, std::size_t longest = std::string_view::npos);
 
 // Like printable(), but keeps line breaks, for messages of several lines.

@@ -16,7 +16,7 @@ struct ProgramOptions {
   int output = 1;        // file descriptor that becomes its standard output
   // If true, the program has its own process group, reads from /dev/null and writes to our stderr.
   bool background = false;
-  std::vector<std::string> environment{};  // NAME=value each, added to our environment
+  std::vector<std::string> environment{};  // variables NAME=value, added to our environment
 };
 
 // Returns the folder of the running executable.
@@ -38,15 +38,15 @@ std::string permission_hint(const std::string& node);
 // Returns the host name.
 std::string machine_name();
 // Returns the path of a program in the folder of this program. If it does not exist, returns NAME,
-// which is then searched in PATH.
+// so that start_program() searches for it in PATH.
 std::string program_beside(const std::string& name);
 
 // Returns why start_program() cannot start a program with this name, or an empty text if it can.
 std::string fault_of_program(const std::string& name);
 
-// Starts words[0], which is searched in PATH, with the other words as arguments. The new program
-// inherits only the three standard files, because another inherited descriptor would keep an
-// unplugged port open.
+// Starts the program words[0] with the other words as arguments; searches for it in PATH. The new
+// program inherits only stdin, stdout and stderr, because another inherited descriptor would keep
+// an unplugged port open.
 Result<pid_t> start_program(const std::vector<std::string>& words,
                             const ProgramOptions& options = {});
 
