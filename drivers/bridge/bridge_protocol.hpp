@@ -77,8 +77,8 @@ struct BlockCounts {
 
 std::vector<Counter> counters_of(const BlockCounts& counts);
 
-// Parses bytes into blocks and stops at the first invalid block. The transport loses and reorders
-// no bytes. So a damaged block indicates a faulty sender, and the start of the next block is
+// Parses bytes into blocks and stops at the first invalid block. The transport does not lose or
+// reorder bytes. So a damaged block indicates a faulty sender, and the start of the next block is
 // unknown.
 class BlockParser {
  public:

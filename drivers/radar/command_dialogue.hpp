@@ -41,11 +41,12 @@
 namespace echofuse::radar {
 
 struct DialogueTimeouts {
-  std::chrono::milliseconds quiet{60};     // required silence between prompt and first command
-  std::chrono::milliseconds prompt{1000};  // limit for the answer to an empty line; 3 attempts
-  // limit for the answer to a command; sensorStop waits for the end of a frame
+  std::chrono::milliseconds quiet{60};  // required silence between prompt and first command
+  // maximum wait for the answer to an empty line; up to 3 empty lines are sent
+  std::chrono::milliseconds prompt{1000};
+  // maximum wait for the answer to a command; the answer to sensorStop follows the end of a frame
   std::chrono::milliseconds answer{2000};
-  // limit for the answer to sensorStart, which calibrates for several seconds
+  // maximum wait for the answer to sensorStart, which first calibrates for several seconds
   std::chrono::milliseconds start{8000};
   // shortest time from the answer to sensorStop until sensorStart is sent
   std::chrono::milliseconds pause{0};

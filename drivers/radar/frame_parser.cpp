@@ -147,7 +147,7 @@ void FrameParser::resolve(const OnFrame& on_frame) {
   if (!complete_) return;
   const HostTime received = *complete_;
   const Bytes held(buffer_.held().begin(), buffer_.held().end());
-  // possible if on_frame threw an exception
+  // The buffer may be incomplete if on_frame threw an exception.
   if (held.size() < header_bytes) return forget_progress();
   const Header header = *read_header(held);
   buffer_.clear();

@@ -82,7 +82,7 @@ EnabledAntennas read_antennas(const Cfg& cfg, const FrameCfg& of) {
 // Parameters that determine the range axis.
 struct RampSampling {
   std::uint32_t samples = 0;
-  double slope_mhz_us = 0, rate_ksps = 0;  // slope in multiples of the chip's step
+  double slope_mhz_us = 0, rate_ksps = 0;  // slope rounded to the chip's step
   bool operator==(const RampSampling&) const = default;
 };
 

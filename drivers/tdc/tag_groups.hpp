@@ -13,7 +13,7 @@ namespace echofuse::tdc {
 
 inline constexpr std::size_t max_group = 8;  // largest number of tags in a group
 
-// Start and click channel, and the parameters that assign a click to a bin. Times are modulo 2^64.
+// Start and click channels, and the parameters that assign a click to a bin. Times are modulo 2^64.
 struct ClickBins {
   std::int32_t start_channel = 0, click_channel = 0;
   std::uint64_t first_bin_ps = 0;

@@ -19,9 +19,9 @@ using Bins = hn::Rebind<std::int32_t, Times>;
 constexpr std::size_t group = hn::MaxLanes(Times());
 constexpr unsigned sets = 1u << group;  // number of subsets of lanes
 
-// Table of permutations with one row for each subset of lanes. For each lane the row contains its
-// source, in pieces of `bytes` bytes. AVX2 permutes 4-byte pieces across a vector, and single bytes
-// within 16 bytes.
+// Table of permutations with one row for each subset of lanes. For each piece of `bytes` bytes the
+// row contains the index of the source piece. AVX2 permutes 4-byte pieces across a vector, and
+// single bytes within 16 bytes.
 template <std::size_t bytes, std::size_t lane_bytes, unsigned rows>
 struct Permutations {
   static constexpr unsigned pieces = lane_bytes / bytes;
@@ -35,8 +35,8 @@ struct Permutations {
   }
 };
 
-// Source of each lane: the last lane of the subset up to this lane. Arbitrary before the first lane
-// of the subset.
+// Source of each lane: the last lane of the subset at or before this lane; arbitrary if the subset
+// has no such lane.
 alignas(64) constexpr Permutations<4, 8, sets> last_of([](unsigned set, unsigned lane) {
   const unsigned upto = set & ((2u << lane) - 1);
   return upto == 0 ? 0u : static_cast<unsigned>(std::bit_width(upto)) - 1;
@@ -105,7 +105,6 @@ std::size_t take_groups(const Tag* tags, std::size_t count, const ClickBins& bin
   const auto two_52_less_half = hn::Set(df, 0x1p52 - 0.5);
   const auto bins_per_ps = hn::Set(df, bins.bins_per_ps);
   const auto first_lane = hn::FirstN(d, 1);
-
   auto start = hn::Set(d, run.last_start_ps);    // same time in all lanes
   auto previous = hn::Set(d, run.last_time_ps);  // only the first lane is used
   auto backwards = hn::Zero(d);

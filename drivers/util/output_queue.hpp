@@ -24,7 +24,7 @@ class OutputQueue {
   OutputQueue& operator=(const OutputQueue&) = delete;
 
   // Returns false if texts were dropped. If `state` is true, the text replaces an unwritten earlier
-  // text with `state`.
+  // text that was also put with `state`.
   bool put(std::string text, bool state = false);
   // Returns a stream that puts its text into the queue when it is flushed. It is closed with the
   // queue.
