@@ -17,7 +17,7 @@ LATENCY_NS = 250_000_000
 GRACE_NS = 500_000_000  # after the end of a slot the daemon still accepts its frames for this time
 SETTLING_NS = 5_000_000_000  # time that the clock fit needs to become valid again after a clock jump
 PATIENCE_NS = 5_000_000_000
-CLOCK_ERROR_NS = 100_000_000  # smaller backward steps of a device clock are not detected
+CLOCK_ERROR_NS = 100_000_000  # backward steps of a device clock that are smaller than this are not detected
 SETTLED = 200  # number of samples that a clock fit needs to become valid
 NUMBER_FIELD = range(20, 24)  # byte range of the frame number in a radar frame
 BELIEVED_GAP = 100  # larger gaps in radar frame numbers count as loss only after the next frame confirms them
@@ -61,10 +61,10 @@ class Account:
 
 
 def bounded(account, what, run, column, items, late):
-    """Compares running sums over the records with the log, and returns the total. items: tuples (earliest time,
-    latest time by which a record must contain them or None, amount). An unknown amount may have arrived before the
-    run. Each running sum plus that amount must lie between the amount that must have arrived by the end of the record
-    and the amount that may have arrived."""
+    """Checks the running sums of a record column against the log, and returns the sum over all records. items: tuples
+    (earliest time, latest time by which a record must contain the items or None, amount). An unknown amount may have
+    arrived before the run. Each running sum plus the unknown amount must lie between two amounts from the log: the
+    amount that must have arrived by the end of the record, and the amount that may have arrived by then."""
     may_t, may = accumulate(sorted((first, amount) for first, _, amount in items))
     must_t, must = accumulate(sorted((by, amount) for _, by, amount in items if by is not None))
     low, high, total = 0, float("inf"), 0
@@ -73,7 +73,7 @@ def bounded(account, what, run, column, items, late):
         low = max(low, must[bisect.bisect_left(must_t, record["end"])] - late - total)
         high = min(high, may[bisect.bisect_left(may_t, record["end"])] - total)
         if low > high:
-            account.fault(f"record {record['idx']}: {what}: {low - high} {'missing' if total + high < low else 'off'}")
+            account.fault(f"record {record['idx']}: {what}: {low - high} {'missing' if total + high < low else 'unexplained'}")
             low, high = 0, float("inf")
             low = max(0, must[bisect.bisect_left(must_t, record["end"])] - late - total)
     return total
@@ -169,13 +169,13 @@ def audit_tags_within(run, entries, latency_ns):
         account.fault(f"the driver received {received} tags; expected a sum of complete blocks (the previous block ends at {near})")
     before = received - in_records - late - outside
     if before != run.counters["spd", "early"]:
-        account.fault(f"{before} received tags are not in a record, late or outside; "
+        account.fault(f"{before} received tags are neither in a record nor counted as late or outside; "
                       f"{run.counters['spd', 'early']} are counted as early")
     start = run.records[0]["start"]
     may_before = sum(n for first, _, n, _ in tags.delivered if first < start)
     if not 0 <= before <= may_before:
-        account.fault(f"{before} received tags are not in a record, late or outside; at most {may_before} arrived "
-                      "before the run")
+        account.fault(f"{before} received tags are neither in a record nor counted as late or outside; at most "
+                      f"{may_before} arrived before the run")
     after = sum(tags.sums.values()) - received - sum(v for k, v in tags.sums.items() if k != "sent")
     account.put("made", sum(tags.sums.values()))
     for what in ("dropped", "corrupt", "garbage", "behind damage", "cut", "unsent", "overrun", "before a hello"):
@@ -245,9 +245,9 @@ class Range:
         self.settling = any(r[f"{sensor}_samples"] < SETTLED for r in records)
 
     def movable(self, frames):
-        """Returns how many frames of this range may be stored in a neighbouring range. These are late frames, which
-        may have higher numbers than the last frame of their record, damaged frames, and all frames before the clock
-        fit is valid; the daemon assigns the last two kinds to slots by their receipt time."""
+        """Returns how many frames of this range may be stored in a neighbouring range: late frames, damaged frames, and
+        all frames while the clock fit is not valid. A late frame may have a higher number than the last frame of its
+        record. The daemon assigns damaged frames, and frames without a valid fit, to slots by their receipt time."""
         return self.late + (self.got if self.settling else sum(map(frames.doubtful, self.numbers)))
 
 
@@ -258,7 +258,7 @@ def ranges_of(account, run, frames, jumps):
         records.append(record)
         last = record[f"{sensor}_last"]
         if any(begin < record["end"] and record["start"] < end for begin, end in jumps):
-            continue  # the slots without a known frame number belong to the same range as the next one
+            continue  # a slot without a known frame number belongs to the same range as the next slot
         if last is None or not frames.plausible(last, previous, record):
             got = sum(r[f"{sensor}_frames"] for r in records)
             if last is not None and not frames.certain(last) and frames.renumbered(previous or 0, (previous or 0) + got + 20) == 0:

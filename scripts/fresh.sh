@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-# Sourced by check_fresh and package: a bare Debian 12 in $root (debootstrap), from the package mirror of this
-# machine's apt configuration. Needs root and ~4 GB; the folder is removed when the script ends.
+# Functions for check_fresh and package. They install a bare Debian 12 in $root with debootstrap, from the package
+# mirror in this machine's apt configuration. They need root and 4 GB of disk. $root is removed when the script ends.
 
-# fresh_mirror: sets $mirror; fails with a message without a mirror or without root.
+# fresh_mirror: sets $mirror; prints a message and fails if there is no mirror or the user is not root.
 fresh_mirror() {
   if [ "$(id -u)" != 0 ]; then
     echo "$(basename "$0"): needs root (debootstrap, chroot)" >&2
@@ -39,7 +39,7 @@ fresh_root() {
   in_root "apt-get update -q && apt-get install -q -y --no-install-recommends ca-certificates $*" >/dev/null
 }
 
-# fresh_ccache: if CCACHE_DIR is set, commands in $root use ccache with it (package: ccache).
+# fresh_ccache: if CCACHE_DIR is set, commands in $root use ccache with that folder. Needs the package ccache in $root.
 fresh_ccache() {
   [ -n "${CCACHE_DIR:-}" ] || return 0
   mkdir -p "$CCACHE_DIR" "$root/ccache"

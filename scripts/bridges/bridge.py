@@ -92,7 +92,7 @@ def listen_address(text):
 
 
 def number(kind, low, high):
-    """Returns an argparse type for numbers of this kind from low to high."""
+    """Returns an argparse type that accepts numbers of type `kind` (int or float) from low to high."""
     def parse(text):
         try:
             value = kind(text)
@@ -105,7 +105,7 @@ def number(kind, low, high):
 
 
 class Server:
-    """Serves one client at a time; a second one gets a BYE block.
+    """Serves one client at a time; a second client gets a BYE block.
 
     Threads: the device's thread calls send(), lose(), online(), offline() and close(); the server's
     own thread owns the sockets and `_rest`. `_lock` guards the queue and the counts."""
@@ -341,8 +341,8 @@ class Finished(Exception):
 
 
 class Stop:
-    """True after the first SIGINT or SIGTERM; a second one ends the program at once. Not an Event,
-    because the interrupted thread may hold its lock."""
+    """True after the first SIGINT or SIGTERM; a second signal ends the program immediately. Not a
+    threading.Event, because the interrupted thread may hold the lock of the Event."""
 
     def __init__(self):
         self._asked = False
@@ -366,7 +366,7 @@ class Stop:
 def run(address, open_device, items):
     """Serves a device until a signal arrives; returns the exit code. open_device() returns an object with hello() ->
     dict, poll(server) -> seconds until the next call, and close(). Any exception from these calls means that the
-    device is gone. At the start this ends the bridge; later the bridge reopens the device."""
+    device is gone. Such an exception ends the bridge at the start; later the bridge reopens the device."""
     stop = Stop()
     try:
         device = open_device()

@@ -8,7 +8,7 @@ import time
 import bridge
 from pack import np
 
-WAIT_MS = 100    # longest wait for a frame; a signal may be handled that much later
+WAIT_MS = 100    # longest wait for a frame; it delays the handling of a signal
 SILENCE_S = 3.0  # restart the stream after this time without a frame; if it stays silent, reopen the device
 
 MOST_LOST = 1 << 20  # larger jumps of the frame number are not counted as lost frames
@@ -30,11 +30,11 @@ def parse_arguments(arguments, text, epilog, height, depth_modes=False):
     add("--height", type=number(int, 1, 2048), default=height, help=f"height of the depth image, pixels ({height})")
     add("--fps", type=number(int, 1, 120), default=15, help="frames per second (15)")
     add("--no-projector", action="store_true",
-        help="switch off the infrared projector (850 nm), which silicon detectors see")
-    add("--preset", metavar="NAME", help="preset of the SDK, e.g. \"High Accuracy\"; a wrong name lists all")
+        help="switch off the infrared projector (850 nm), which silicon detectors detect")
+    add("--preset", metavar="NAME", help="preset of the SDK, e.g. \"High Accuracy\"; an unknown name prints the list")
     if depth_modes:
         add("--depth-mode", metavar="NAME",
-            help="depth mode, e.g. \"Unbinned Dense Default\"; a wrong name lists all")
+            help="depth mode, e.g. \"Unbinned Dense Default\"; an unknown name prints the list")
     return parser.parse_args(arguments)
 
 
@@ -92,7 +92,7 @@ class Camera:
             self._odd += 1
             if fault[0] not in self._reported:
                 self._reported.add(fault[0])
-                bridge.say(f"omitting frames with {fault[0]} {fault[1]}")
+                bridge.say(f"dropping frames with {fault[0]} {fault[1]}")
         if fault or frame is None:
             self._watch(server)
             return 0

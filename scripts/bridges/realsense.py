@@ -47,7 +47,7 @@ class Camera(camera.Camera):
             lens = profile.get_stream(sdk.stream.depth).as_video_stream_profile().get_intrinsics()
             self.began(camera.Lens(lens.width, lens.height, lens.fx, lens.fy, lens.ppx, lens.ppy))
             if any(lens.coeffs):
-                bridge.say("the depth image is distorted, which is not corrected: coefficients "
+                bridge.say("the depth image has lens distortion, which is not corrected: coefficients "
                            + ", ".join(f"{value:g}" for value in lens.coeffs))
         except Exception:
             self.stop()

@@ -26,15 +26,16 @@ the photon. With
   --conditional-filter PS
 the sync is therefore delayed by PS in hardware, before the filter, and by -PS in software, after it:
 the pulse that caused the photon passes, and the tags keep their true times. PS must be longer than
-the longest time of flight of interest and shorter than the laser period; 7 m and 20 MHz: 48000.
-A device without hardware delays (Time Tagger 20) needs a cable with that delay in the sync line
-instead: --conditional-filter 0 --input-delay START=-PS. With the filter, each --input-delay is
+the longest time of flight of interest and shorter than the laser period, e.g. 48000 for 7 m and
+20 MHz. A device without hardware delays (Time Tagger 20) needs a cable with that delay in the sync
+line instead: --conditional-filter 0 --input-delay START=-PS. With the filter, each --input-delay is
 applied in software, after the filter. Do not combine it with --event-divider on the sync.
 
 If another program shares the Time Tagger (startServer in Python, or Time Tagger Lab), --network HOST
 receives its tags. Without an option, a setting keeps its value on the server; --input-delay is
 applied by the bridge. Other settings require a server with AccessMode.Control.
---scan CH prints the rate by trigger level and the plateau; its middle is a good level."""
+--scan CH prints the rate by trigger level and the plateau. The middle of the plateau is a good
+level."""
 RESOLUTIONS = ("Standard", "HighResA", "HighResB", "HighResC")
 # Options that change settings of the hardware.
 HARDWARE = ("trigger_level", "dead_time", "event_divider", "conditional_filter", "test_signal")
@@ -66,7 +67,7 @@ def parse_arguments(arguments):
     add("--scan", metavar="CH", type=number(int, -99, 99),
         help="measure and print the rate at each trigger level, then exit")
     add("--start-channel", metavar="CH", type=number(int, -99, 99), default=1,
-        help="channel of the laser sync (1); negative: falling edge; old devices with inputs 0 to 7: input + 8")
+        help="channel of the laser sync (1); negative: falling edge; on old devices with inputs 0 to 7, add 8")
     add("--click-channel", metavar="CH", type=number(int, -99, 99), default=2, help="channel of the detector (2)")
     per_channel = dict(action="append", default=[])
     add("--trigger-level", metavar="CH=V", type=setting(float, -5, 5), **per_channel,
@@ -193,7 +194,7 @@ class Tagger:
 
     def _watch(self, tags_came):
         """Raises an error if the device is gone. isRunning() may stay true after an unplug, but sync()
-        returns only with a device, also without light."""
+        succeeds only if the device responds, even if there are no tags."""
         now = time.monotonic()
         if tags_came:
             self._last_tags_s, self._dark_reported = now, False
@@ -284,8 +285,8 @@ def custom_stream(library, tagger, channels, most):
             self.finalize_init()
 
         def process(self, incoming_tags, begin_time, end_time):
-            # The library calls this on its own thread while it holds its mutex; the array is valid only during the
-            # call.
+            # The library calls process() on the library's thread and holds self.mutex; the array is valid only during
+            # the call.
             if len(incoming_tags) == 0:
                 return
             if self._held + len(incoming_tags) > most:
@@ -337,7 +338,7 @@ class Losses:
             f"{' and '.join(self._places)}"
         if self._options.conditional_filter is None and 2 * self._starts > self._tags:
             text += f"; {100 * self._starts / self._tags:.0f} % of them are laser pulses: --conditional-filter sends " \
-                "only those of photons"
+                "only the pulses that follow a photon"
         bridge.say(text)
 
 
