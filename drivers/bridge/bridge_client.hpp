@@ -54,7 +54,8 @@ class BridgeClient {
   Handlers handlers_;
   BlockParser parser_;
   Hello hello_;
-  std::uint64_t blocks_seen_ = 0, bytes_seen_ = 0;  // received until the last liveness check
+  // numbers of blocks and bytes received until the last liveness check
+  std::uint64_t blocks_seen_ = 0, bytes_seen_ = 0;
   int quiet_checks_ = 0;
   bool running_ = false, faulted_ = false, greeted_ = false;
   bool connected_ = false, told_kind_ = false;  // reset at each connection

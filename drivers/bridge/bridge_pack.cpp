@@ -31,7 +31,7 @@ std::size_t keep(std::uint8_t* tags, std::size_t count, std::int32_t start, std:
 #pragma GCC visibility push(default)
 extern "C" {
 
-// Version of the functions in this library. A caller refuses any other version than its own.
+// Version of the functions in this library. Callers accept only the version that they need.
 std::uint32_t echofuse_bridge_pack_version() { return 3; }
 
 struct EchofusePacked {

@@ -42,7 +42,7 @@ struct TagBlock {
   HostTime received{};
   std::span<const Tag> tags;      // valid only during the call that delivers it
   std::uint64_t lost_blocks = 0;  // transport blocks missing before this block
-  std::uint64_t lost_items = 0;   // tags that the sender dropped before this block, as it reports
+  std::uint64_t lost_items = 0;  // tags that were dropped before this block according to the sender
 };
 
 // Counts of one exposure of a detector that sends histograms instead of time tags.

@@ -39,7 +39,7 @@ struct RawKeeper::Shared {
 
   std::mutex mutex;  // protects the members below
   std::condition_variable done;
-  std::size_t queued_bytes = 0;  // waiting to be written, or being written
+  std::size_t queued_bytes = 0;  // bytes waiting to be written, or being written
   Counts counts;
   std::map<std::string, int> numbers;
   std::string trouble;
@@ -167,7 +167,7 @@ class TapPort final : public BytePort {
         ending_(std::move(ending)) {}
   void open(PortHandlers handlers) override {
     keeper_->note(name_, loop_.now(), "open");
-    // The handlers hold copies of these members, because a running handler may destroy the port.
+    // The handlers do not capture `this`, because a running handler may destroy the port.
     handlers.opened = [&loop = loop_, keeper = keeper_, name = name_,
                        next = std::move(handlers.opened)] {
       const HeldTime held(loop);

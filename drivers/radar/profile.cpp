@@ -278,7 +278,7 @@ std::string milliseconds(double s) {
 }
 
 void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud) {
-  constexpr std::uint32_t firmware_baud = 921600;  // rate of the firmware before configDataPort
+  constexpr std::uint32_t firmware_baud = 921600;  // baud rate before any configDataPort
   const bool given = cfg.has("configDataPort");
   const std::uint32_t baud =
       given ? cfg.integer(cfg.last("configDataPort"), 1, 1, 1e9) : firmware_baud;
@@ -295,8 +295,8 @@ void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud)
                            ", but a frame of " + std::to_string(profile.frame_bytes) +
                            " bytes takes " + milliseconds(transmit_s) + " at " +
                            std::to_string(baud) + " baud";
-  // A heat map that takes longer than the frame period is an error, because the demo then stops
-  // sending completely.
+  // A heat map that takes longer to send than the frame period is an error, because the demo then
+  // stops sending completely.
   const CfgCommand& gui = cfg.last("guiMonitor");
   if (cfg.number(gui, 5) != 0 || cfg.number(gui, 6) != 0)
     cfg.fail(cfg.last(command), what +

@@ -24,9 +24,10 @@ struct RadarProfile {
   // Number of range bins: adc_samples rounded up to a power of two, but 1022 instead of 1024 with
   // 12 antennas (SDK, mss_main.c).
   std::uint32_t bins = 0;
-  double range_step_m = 0;     // distance between bins (ramp.hpp)
-  double resolution_m = 0;     // range resolution c / 2B of the sampled sweep
-  std::uint32_t antennas = 0;  // virtual antennas: enabled Rx * Tx used by the frame's chirps
+  double range_step_m = 0;  // distance between bins (ramp.hpp)
+  double resolution_m = 0;  // range resolution c / 2B of the sampled sweep
+  // Number of virtual antennas: enabled receivers times transmitters used by the frame's chirps.
+  std::uint32_t antennas = 0;
   // Number of subframes, 1 to 4 (advFrameCfg). Each is sent as a separate packet. They may differ
   // only in their start frequency.
   std::uint32_t subframes = 1;

@@ -7,8 +7,8 @@
 
 namespace echofuse::radar {
 namespace {
-// If a port was unplugged for longer, the whole cfg is sent, because another program may have
-// changed it.
+// If a port was unplugged for longer than this, the whole cfg is sent, because another program may
+// have changed the board's settings.
 constexpr std::chrono::seconds cfg_keeps{10};
 // A frame is complete after this silence. USB bridges hold bytes back for up to 16 ms.
 constexpr std::chrono::milliseconds quiet{20};

@@ -116,7 +116,7 @@ void Histogram::count_singly(std::span<const Tag> tags) {
     index = has_start ? index : bins + without_start;
     index = tag.channel == click_bins.click_channel ? index : bins + other;
     index = is_start ? bins + start : index;
-    // Arithmetic instead of the operator ?:, because GCC 12 compiles that to a branch.
+    // Uses arithmetic instead of the operator ?:, which GCC 12 compiles to a branch.
     run.last_start_ps ^= (run.last_start_ps ^ time) & -std::uint64_t{is_start};
     has_start |= is_start & serves;
     ++cell[index];

@@ -44,7 +44,7 @@ std::string program_beside(const std::string& name);
 // Returns why start_program() cannot start a program with this name, or an empty text if it can.
 std::string fault_of_program(const std::string& name);
 
-// Starts the program words[0] with the other words as arguments; searches for it in PATH. The new
+// Searches PATH for the program words[0] and starts it with the other words as arguments. The new
 // program inherits only stdin, stdout and stderr, because another inherited descriptor would keep
 // an unplugged port open.
 Result<pid_t> start_program(const std::vector<std::string>& words,
