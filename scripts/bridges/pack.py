@@ -71,13 +71,13 @@ def keep_freed_memory():
 
 
 def pack(tags, channels):
-    """Packs the tags of the start and click channels and the overflow markers of all channels into blocks. Other
-    channels are dropped, because a measurement also receives tags that other measurements requested. Copies the
+    """Packs the tags of the start and click channels and the error and overflow markers of all channels into blocks.
+    Tags of other channels are dropped, because a measurement also receives tags that other measurements requested. Copies the
     structured array."""
     ours, fields = np.dtype(RECORD), tags.dtype.fields
     if tags.itemsize != 16 or any(
             (fields or {}).get(name, ())[:2] != ours.fields[name][:2] for name in ours.names):
-        raise RuntimeError(f"the library's tags are {tags.dtype}, expected {ours}")
+        raise RuntimeError(f"the library's tags have the format {tags.dtype}; expected {ours}")
     tags = np.ascontiguousarray(tags)
     blocks = (pack_block(tags[first:first + BLOCK_TAGS], channels)
               for first in range(0, len(tags), BLOCK_TAGS))

@@ -199,7 +199,7 @@ class Tagger:
         if tags_came:
             self._last_tags_s, self._dark_reported = now, False
         if self._options.network and not self._tagger.isConnected():
-            raise RuntimeError(f"the server {self._options.network} is gone")
+            raise RuntimeError(f"connection to the server {self._options.network} lost")
         if now - self._last_tags_s < SILENCE_S:
             return
         if not self._tagger.sync(ANSWER_MS):
@@ -319,7 +319,7 @@ class Losses:
             self._tags += packed.items
             self._starts += packed.starts
             if packed.overflows:
-                self._places["the device overflows"] = True
+                self._places["the device's buffer overflows"] = True
         if lost:
             self._places["the buffer is full (raise --max-events or lower --block-ms)"] = True
         if dropped != self._dropped:

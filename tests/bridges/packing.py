@@ -52,7 +52,7 @@ class Packing(unittest.TestCase):
         tags = some_tags(1000)
         tags.flags.writeable = False
         self.check(tags)
-        with self.assertRaisesRegex(RuntimeError, "the library's tags are .*, expected"):
+        with self.assertRaisesRegex(RuntimeError, "the library's tags have the format .*; expected"):
             pack.pack(np.zeros(3, [("time", "i8"), ("type", "u4"), ("channel", "i4")]), (1, 2))
 
     def test_packed_payload_does_not_share_memory_with_the_vendor_array(self):

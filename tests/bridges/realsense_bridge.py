@@ -66,7 +66,7 @@ class Process(unittest.TestCase):
         for words, env, why in (([], {"STAND_IN_CAMERAS": "0"}, "no RealSense camera is connected"),
                                 (["--serial", "1"], {}, "no RealSense camera with the serial number 1; attached: STAND-IN-3"),
                                 ([], {"STAND_IN_CAMERAS": "2"}, "choose one with --serial: STAND-IN-3, STAND-IN-3"),
-                                (["--width", "65"], {}, "no depth of 65 x 48 pixels at 30 frames/s: Couldn't resolve"),
+                                (["--width", "65"], {}, "no depth mode 65 x 48 at 30 frames/s: Couldn't resolve"),
                                 (["--preset", "x"], {}, 'no preset "x"; this camera has "Custom", "Default"'),
                                 (["--preset", "x"], {"STAND_IN_LACKS": "preset"}, "this camera has none"),
                                 (["--no-projector"], {"STAND_IN_LACKS": "emitter"}, "cannot switch off its projector"),

@@ -180,7 +180,7 @@ class Tags(unittest.TestCase):
 
     def test_message_about_lost_tags_contains_the_tag_rate(self):
         said = self.poll(self.pattern(150_000))[2]  # this pattern has overflows
-        self.assertRegex(said, r"tags are lost at [\d.]+ million tags/s \(\d+ MB/s\): the device overflows; "
+        self.assertRegex(said, r"tags are lost at [\d.]+ million tags/s \(\d+ MB/s\): the device's buffer overflows; "
                                r"67 % of them are laser pulses: --conditional-filter")
         self.assertNotIn("--conditional-filter", self.poll(self.pattern(150_000), "--conditional-filter", "48000")[2])
         self.assertEqual(self.poll([column[:700] for column in self.pattern(700)])[2], "")  # ends before the overflow
