@@ -7,8 +7,8 @@
 namespace echofuse::bridge {
 namespace {
 // A working sender is silent for at most 1 s, plus delays of a busy machine. The timeout of 4 s
-// also limits the wait for a block with a corrupt length. So a block of 16 MiB must arrive at 4
-// MB/s or faster.
+// also ends the wait for a block with a corrupt length. Therefore the largest blocks (16 MiB) must
+// arrive at 4 MB/s or faster.
 constexpr std::chrono::seconds check_pause{1};
 constexpr int timeout_checks = 4;
 

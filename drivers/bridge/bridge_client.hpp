@@ -60,7 +60,7 @@ class BridgeClient {
   bool running_ = false, faulted_ = false, greeted_ = false;
   bool connected_ = false, told_kind_ = false;  // reset at each connection
   std::uint64_t connections_ = 0, bad_payloads_ = 0;
-  std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;  // losses not yet delivered
+  std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;  // reported with the next delivered block
   std::unique_ptr<port::BytePort> port_;
 };
 

@@ -43,7 +43,7 @@ struct RawKeeper::Shared {
   Counts counts;
   std::map<std::string, int> numbers;
   std::string trouble;
-  bool closing = false, ended = false;  // ended: no more bytes are written
+  bool closing = false, ended = false;  // ended: the capture has stopped
 };
 
 // Writes the bytes and updates the counts, on the worker's thread.

@@ -10,9 +10,9 @@ namespace {
 // If a port was unplugged for longer than this, the whole cfg is sent, because another program may
 // have changed the board's settings.
 constexpr std::chrono::seconds cfg_keeps{10};
-// A frame is complete after this silence. USB bridges hold bytes back for up to 16 ms.
+// A frame is complete after this silence. USB bridges delay bytes by up to 16 ms.
 constexpr std::chrono::milliseconds quiet{20};
-// A stopped board still sends the rest of one frame, which USB bridges hold back. A second frame,
+// A stopped board still sends the rest of one frame, which USB bridges delay. A second frame,
 // or any frame after the longest transmission, is from another board.
 constexpr std::chrono::milliseconds held_back{50}, longest_transmission{250}, least_pause{300};
 
@@ -263,7 +263,7 @@ void RadarDriver::detect_other_board(const RadarFrame& frame) {
 }
 
 // Returns true if the frame number has restarted. Ignores a restart within the first two frames
-// after a start, which may follow a known reset.
+// after a start, because a known reset may have caused it.
 bool RadarDriver::board_was_reset() {
   const FrameCounts& counts = parser_.counts();
   const bool again = counts.restarts > restarts_seen_;

@@ -113,7 +113,7 @@ int OutputQueue::close() {
   std::unique_lock lock(s.mutex);
   s.ending = true;
   s.changed.notify_all();
-  // Waits at most one second for each text.
+  // Waits at most one second for each text to be written.
   for (std::size_t before = s.written; !s.done; before = s.written)
     if (!s.changed.wait_for(lock, patience, [&] { return s.done || s.written != before; })) break;
   const auto [done, error] = std::pair(s.done, s.error);

@@ -13,7 +13,7 @@ namespace echofuse {
 
 struct ProgramOptions {
   std::string folder{};  // working directory; empty: inherited from this program
-  int output = 1;        // file descriptor that becomes its standard output
+  int output = 1;        // file descriptor that becomes the program's standard output
   // If true, the program has its own process group, reads from /dev/null and writes to our stderr.
   bool background = false;
   std::vector<std::string> environment{};  // variables NAME=value, added to our environment

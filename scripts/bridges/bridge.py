@@ -22,7 +22,7 @@ USAGE, NO_DEVICE = 2, 4  # exit codes of the echofuse programs
 
 QUEUE_BYTES = 256 << 20  # limit of the send queue; blocks beyond the limit are dropped and counted
 BLOCKS_A_TURN = 16       # maximum number of blocks to send before the server handles other events
-HELLO_PAUSE_S = 0.5      # the protocol asks for a heartbeat at least every second
+HELLO_PAUSE_S = 0.5      # the protocol requires a heartbeat at least every second
 FAREWELL_S = 2.0         # time limit for sending the rest of the queue when the program ends
 DEAD_CLIENT_MS = 10_000  # a client that acknowledges nothing for this time is disconnected
 LONGEST_RETRY_S = 2.0
