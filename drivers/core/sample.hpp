@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Samples of the three drivers, with unprocessed device values and device times. Unless noted,
-// `received` is the monotonic host time at which the last byte of the sample was read.
+// Samples of the three kinds of sensor, with unprocessed device values and device times. Unless
+// noted, `received` is the monotonic host time at which the last byte of the sample was read.
 #pragma once
 #include <cstdint>
 #include <numeric>

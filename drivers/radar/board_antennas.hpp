@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Positions of the virtual antennas of TI's IWR6843 boards. A virtual antenna is a pair of a
-// transmitter and a receiver; its position is the sum of their positions.
+// transmitter and a receiver; its position is the sum of the positions of both.
 //
 // Sources: antenna figures and geometry lines {azimuth, elevation} of the mmWave Industrial Toolbox
 // 4.7 and 4.10 for the boards, in half wavelengths at 62 GHz:

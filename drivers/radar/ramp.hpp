@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Limits of the chip's front end (xWR6x43) for ramps and frames. If they are exceeded, the board
-// answers sensorStart with "Error -1" and no reason.
+// Limits of the chip's front end (xWR6x43) for ramps and frames. If a limit is exceeded, the
+// board answers sensorStart with "Error -1" without a reason.
 //
 // The demo's command line converts values to integer steps, truncated towards 0. On 60 GHz parts a
 // step is

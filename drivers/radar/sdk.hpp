@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Determines for which release and demo of TI's mmWave SDK a cfg or firmware is. Since SDK 3.5 the
-// demo requires a `calibData` line before the first start; SDK 3.4 does not have this command. The
-// ISK runs the DSP demo, which requires a `bpmCfg` line. AOP and ODS run the hardware-accelerator
-// demo, which does not have this command. config/radar contains cfgs for all of them.
+// Determines the release and the demo of TI's mmWave SDK to which a cfg or a firmware belongs.
+// Since SDK 3.5 the demo requires a `calibData` line before the first start; SDK 3.4 does not have
+// the command `calibData`. The ISK runs the DSP demo, which requires a `bpmCfg` line. AOP and ODS
+// run the hardware-accelerator demo, which does not have the command `bpmCfg`. config/radar
+// contains cfgs for both demos and all these releases.
 #pragma once
 #include <optional>
 #include <string>

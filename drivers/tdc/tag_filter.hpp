@@ -4,11 +4,11 @@
 // Dead time: a tag less than dead_time_ps after the last KEPT tag of its channel is removed
 // (non-extending). The start and click channels are treated separately.
 //
-// Delay: it is added to the times of the click channel. This changes the order, so tags wait until
-// no earlier tag can follow. Before a marker, which reports missing time information, all waiting
-// tags are released.
+// Delay: click_delay_ps is added to the times of the click channel. The delay changes the order of
+// the tags, so each tag waits until no earlier tag can follow. Before a marker, which reports
+// missing time information, all waiting tags are released.
 //
-// If both are zero, feed() returns its input without a copy.
+// If dead time and delay are both zero, feed() returns its input without a copy.
 #pragma once
 #include <cstdint>
 #include <span>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Command line parsing of all programs, with the same error messages.
+// Command-line parsing for all programs, with uniform error messages.
 #pragma once
 #include <CLI/CLI.hpp>
 #include <initializer_list>
