@@ -116,14 +116,16 @@ class ReconstructReport {
                  static_cast<long long>(r.index),
                  printable(r.fault.empty() ? r.note : r.fault).c_str());
   }
-  // From this number on, notes with the same text are printed as one line with their count.
+  // If at least this many records have the same fault or note, only one line is printed for all of
+  // them.
   static constexpr std::size_t many_alike = 10;
   std::string run_;
   bool follow_, quiet_;
   std::size_t good_ = 0, left_out_ = 0;
   std::vector<RecordStatus> faults_;
   std::vector<double> after_slot_s_;
-  // Number of records for each text.
+  // Number of records with each note, each doubtful verdict, and each reason for being out of
+  // distribution.
   std::map<std::string, std::size_t> notes_, doubts_, reasons_;
 };
 

@@ -114,8 +114,8 @@ nlohmann::json paired_json(const std::vector<MethodScores>& all) {
   return out;
 }
 
-// Returns the sensors that at least one of these models needs. Empty if all models return a
-// constant map.
+// Returns the sensors that at least one of `models` needs. Empty if all models return a constant
+// map.
 std::optional<Inputs> asked_by(const std::vector<TrainedModel>& models) {
   std::optional<Inputs> out;
   for (const TrainedModel& model : models)
@@ -224,8 +224,8 @@ std::vector<std::string> notes_on_truth(const Dataset& data, const std::vector<S
   return out;
 }
 
-// Marks the records excluded by --rows. With `test` these are the records outside the test part of
-// the default split, with `listed` those missing in every records.csv.
+// Marks the records excluded by --rows. `test` keeps only the test part of the default split;
+// `listed` keeps only the records that at least one records.csv lists.
 void leave_out_unasked(const std::string& asked, const std::vector<WrittenMaps>& folders,
                        const Dataset& data, std::vector<std::string>& left_out) {
   if (asked.empty()) return;
@@ -273,9 +273,9 @@ void add_folder(ScoredMaps& out, const WrittenMaps& maps, const Dataset& data, c
                 const SceneModel& scene) {
   out.answered.push_back(count_maps(maps, data, rows));
   if (out.answered.back() < rows.size())
-    out.unanswered +=
-        formatted("%s: %zu of %zu records have a map; the others are scored as empty maps\n",
-                  maps.name.c_str(), out.answered.back(), rows.size());
+    out.unanswered += formatted(
+        "%s: %zu of %zu records have a map; missing maps are replaced by the empty room\n",
+        maps.name.c_str(), out.answered.back(), rows.size());
   out.all.push_back({maps.name, rows,
                      score_maps(maps_of(maps, data, rows, scene.background), data, rows, scene)});
 }

@@ -173,13 +173,15 @@ class Appender {
       else
         out.insert(out.end(), zone.begin(), zone.end());
     }
-    // Minimum fraction of pulses that find the detector ready; below it, mainly noise is amplified.
+    // Minimum fraction of pulses for which the detector is ready. Below it, the pile-up correction
+    // mainly amplifies noise.
     constexpr double hardly_any = 0.03;
     if (pulses > 0 && ready > hardly_any) a_pulse = 0;
     return out;
   }
   static std::string absurd_counts(const record::FusedRecord& r) {
-    // Detections per second; above the rate of any detector or time tagger.
+    // Limit of the detection rate, 1/s. It is higher than the maximum rate of any detector or time
+    // tagger.
     constexpr double most_a_second = 1e8;
     const double slot_s = seconds(r.slot_end - r.slot_start);
     for (std::size_t i = 0; i < r.spd.size(); ++i)
@@ -235,8 +237,8 @@ class Appender {
   // interpolation cannot overflow.
   static bool is_power(float v) { return std::abs(v) < 1e38f; }
   // Returns the recorded clicks per laser pulse. Imported runs do not contain this value, so it is
-  // computed from the counts. Returns 0 (unknown) if there are at least 0.95 clicks per start,
-  // because a filter has then dropped the starts without a click.
+  // computed from the counts. Returns 0 (unknown) if there are at least 0.95 clicks per start
+  // signal, because a filter has then removed the start signals without a click.
   static double clicks_a_pulse(const record::FusedRecord& r) {
     constexpr double filtered = 0.95;
     if (r.signal.clicks_a_pulse) return *r.signal.clicks_a_pulse;

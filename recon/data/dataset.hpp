@@ -28,7 +28,7 @@ inline const std::vector<std::string> inputs_names = {"fused", "spd", "radar", "
 inline const std::string& name_of(Inputs i) { return inputs_names[static_cast<std::size_t>(i)]; }
 inline Inputs without_antennas(Inputs i) { return i == Inputs::fused ? Inputs::fused_profile : i; }
 inline bool both_sensors(Inputs i) { return i == Inputs::fused || i == Inputs::fused_profile; }
-Inputs inputs_of(const std::string& name);  // throws Error(usage)
+Inputs inputs_of(const std::string& name);  // throws Error(usage) if the name is unknown
 
 // One run of a Dataset, in rows [first, first + count).
 struct Source {
@@ -90,8 +90,8 @@ struct Dataset {
   Matrix zone_spd;
   // Sensors with data: bit 0 SPD, bit 1 radar, bit 2 depth camera.
   std::vector<std::uint32_t> valid;
-  // Verdict (quality flag) on each valid sensor, without its numbers; "" if ok. The vector is empty
-  // if the records have no verdicts.
+  // Kind of the verdict (quality flag) on each valid sensor, e.g. "weak"; "" if it is "ok". The
+  // vector is empty if the records have no verdicts.
   std::vector<PerSensor<std::string>> doubt;
   bool leave_lossy = false;  // true: exclude records with the verdict "lossy"
   // Hash of the SPD counts between the first and the last nonzero bin, for finding copies; without
@@ -203,7 +203,7 @@ bool is_near(const Axis& found, const Axis& wanted);
 // of `found`, the first or last bin is repeated.
 std::vector<float> resampled(std::span<const float> row, const Axis& found, const Axis& wanted,
                              std::size_t values_a_bin);
-// Returns true if `wanted` equals `found` or its first part.
+// Returns true if `wanted` equals `found` or the first part of `found`.
 bool covers(const Axis& found, const Axis& wanted);
 
 // Throws Error(failed) if the data contain a depth map on another grid than `grid`; `owner` names

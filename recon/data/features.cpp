@@ -28,7 +28,7 @@ void bring_to_strength(std::span<float> values, const std::string& scaling) {
     for (float& v : values) v = std::sqrt(std::max(v, 0.f));
 }
 
-// Returns the gain that scales columns of these variances to a total variance of `wanted`.
+// Returns the gain that scales columns with these variances to the total variance `wanted`.
 float gain_for(std::span<const double> variances, double wanted) {
   const double sum = std::accumulate(variances.begin(), variances.end(), 0.0);
   return sum > 0 ? static_cast<float>(std::sqrt(wanted / sum)) : 1;

@@ -38,7 +38,7 @@ struct Features {
   Inputs inputs = Inputs::fused;
   std::string scaling = "record";
   Axis spd_axis, radar_axis;           // axes that records must have
-  std::vector<float> centre;           // subtracted from each input
+  std::vector<float> centre;           // value subtracted from each input
   float spd_gain = 1, radar_gain = 1;  // factors for the inputs of SPD and radar
   Axis array_axis = {};                // count 0: spatial lags are not inputs
   // Number of zones with separate histograms as inputs; 0: one histogram, summed over any zones.

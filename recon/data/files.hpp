@@ -8,11 +8,11 @@
 
 namespace echofuse::recon {
 
-Bytes read_file(const std::string& path);        // throws Error(failed)
-std::string read_text(const std::string& path);  // throws Error(failed)
+Bytes read_file(const std::string& path);        // throws Error(failed) if it cannot be read
+std::string read_text(const std::string& path);  // throws Error(failed) if it cannot be read
 // Replaces the file atomically (write_atomically()).
 void write_file(const std::string& path, ByteView contents);
-void make_folder(const std::string& path);  // throws Error(disk)
+void make_folder(const std::string& path);  // throws Error(disk) if it cannot be created
 
 // Splits a CSV line into fields. A quoted field may contain commas.
 std::vector<std::string> csv_fields(const std::string& line);

@@ -38,7 +38,7 @@ class SpatialLags {
   // Writes c_0, then the real and imaginary parts of c_1..c_D. c_d is 0 if no antenna pair has
   // spacing d.
   void operator()(const record::ArrayBin& bin, std::span<float> out) const;
-  // Writes the lags of each bin of a record's array, until `out` is full.
+  // Writes the lags of each range bin of a record's antenna data, until `out` is full.
   void operator()(std::span<const float> array, std::size_t antennas, std::span<float> out) const;
 
  private:

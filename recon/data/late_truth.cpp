@@ -17,7 +17,8 @@ constexpr double least_correlation = 0.3;
 // Minimum difference of two correlations, in standard errors of Fisher's z.
 constexpr double clear = 5;
 
-// Returns the mean bin, weighted by the counts above the median; NaN if there are none.
+// Returns the mean bin index, weighted by the counts above the median. NaN if no count exceeds the
+// median.
 double mean_bin(std::span<const float> counts) {
   std::vector<float> over(counts.begin(), counts.end());
   subtract_median(over);
@@ -29,7 +30,7 @@ double mean_bin(std::span<const float> counts) {
   return weight > 0 ? sum / weight : NAN;
 }
 
-// Returns the mean depth of the pixels with a return; NaN if there are none.
+// Returns the mean depth of the pixels with a return. NaN if no pixel has a return.
 double mean_depth(std::span<const float> map) {
   double sum = 0, pixels = 0;
   for (const float z : map)
@@ -53,8 +54,8 @@ double fisher_z(double correlation) { return std::atanh(std::clamp(correlation, 
 // per row of the data.
 std::string late_truth_of(const Dataset& data, const Source& run, const std::vector<double>& range,
                           const std::vector<double>& depth) {
-  // Uses only rows for which the previous, own and next map are known, so that all three
-  // correlations use the same rows.
+  // Uses a row only if its own map and the maps of both neighbouring records are known. All three
+  // correlations are then computed from the same rows.
   std::vector<double> ranges;
   std::vector<std::vector<double>> depths(3);
   for (std::size_t row = run.first + 1; row + 1 < run.first + run.count; ++row) {

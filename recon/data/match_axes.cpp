@@ -12,7 +12,7 @@ namespace {
 
 // Describes how the axes differ if is_near() returned false.
 std::string difference(const Axis& found, const Axis& wanted) {
-  if (found.count == 0 || wanted.count == 0) return "one of the two has no such axis";
+  if (found.count == 0 || wanted.count == 0) return "one of the two axes is missing";
   if (found.quantity != wanted.quantity || found.unit != wanted.unit)
     return "quantity or unit differs";
   if (found.scale != wanted.scale)

@@ -17,9 +17,9 @@ namespace {
 
 constexpr double reach_cells = 3;
 constexpr std::ptrdiff_t most_reach = 48;  // maximum half length of the filter, points
-// A model for any response uses a run as recorded if the width of its response is less than this
-// fraction of the model's. Tests with a digital twin: at .67 of the width of a Blackman window, the
-// IoU is .49 as recorded and .45 converted; at .8 of it, .44 and .45.
+// Maximum ratio of response widths, run to model, at which a model for any response uses the run as
+// recorded. In tests with a digital twin, the IoU was .49 as recorded and .45 converted if the run
+// had .67 of the width of a Blackman window. At .8 of this width, the IoU was .44 and .45.
 constexpr double much_narrower = 0.75;
 constexpr int parts = 8;  // points per step at which the responses are compared
 // Noise of the Wiener filter: sum of its squares over eight points, relative to the squared peak.

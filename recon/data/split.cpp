@@ -62,7 +62,7 @@ Split make_fold(const Rows& rows, std::size_t fold, std::size_t folds, std::size
     if (i + gap < first || i >= last + gap) split.train.push_back(rows[i]);
   }
   if (split.train.size() < 2 || split.test.empty())
-    throw Error(ExitCode::failed, std::to_string(rows.size()) + " usable records cannot make " +
+    throw Error(ExitCode::failed, std::to_string(rows.size()) + " usable records are too few for " +
                                       std::to_string(folds) + " folds with a gap of " +
                                       std::to_string(gap) +
                                       "; use more records, fewer folds or a smaller gap");

@@ -178,8 +178,8 @@ std::optional<double> age_s(const SensorState& sensor, UtcTime now) {
   return std::max(0.0, seconds(now - *sensor.last_valid));
 }
 
-// The limit includes 0.5 s of delay, because the acquisition writes a record 0.5 s after the end of
-// its slot.
+// The age limit includes 0.5 s, because the acquisition writes a record 0.5 s after the end of its
+// slot.
 bool is_stale(const SensorState& sensor, double window_s, UtcTime now) {
   constexpr double grace_s = 0.5;
   const auto age = age_s(sensor, now);

@@ -20,7 +20,7 @@ struct Outline {
   std::int64_t index = 0;
   UtcTime start{}, end{};
   SensorSet valid;
-  PerSensor<float> used{}, lost{}, residual_s{};  // clock residual is NaN if not measured
+  PerSensor<float> used{}, lost{}, residual_s{};  // residual_s: clock residual; NaN if not measured
   // Highest temperature on the radar chip, degrees C.
   float radar_c = std::numeric_limits<float>::quiet_NaN();
   float margin_ms = std::numeric_limits<float>::quiet_NaN();  // idle time per radar frame, ms

@@ -38,7 +38,7 @@ Caller caller_of(const HttpRequest& request, const Access& access, bool socket);
 HttpResponse respond(const HttpRequest& request, const Caller& caller,
                      const std::function<std::string()>& runs);
 
-// File of the page that is embedded in the program.
+// A file of the web page. All files of the page are embedded in the program.
 struct PageFile {
   std::string_view name, type, contents;
 };

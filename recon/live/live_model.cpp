@@ -77,7 +77,7 @@ std::string LiveModel::doubt(const record::RunReader& run, std::int64_t first,
     const DomainShift shift = domain_shift_of(model_, records.data);
     return shift.found() ? shift.text() : "";
   } catch (const Error&) {
-    return {};  // the message of each record contains the reason
+    return {};  // the message of each record reports the error
   }
 }
 

@@ -13,7 +13,8 @@
 namespace echofuse::view {
 
 struct Reconstruction {
-  // In m, on `grid`. deviation_m is empty if the model is not calibrated.
+  // Depth and standard deviation of each pixel on `grid`, m. deviation_m is empty if it was not
+  // requested or the model is not calibrated.
   std::vector<float> map_m, deviation_m;
   record::MapGrid grid;
   std::string fault;               // reason for a missing map; otherwise empty
@@ -25,13 +26,14 @@ struct Reconstruction {
 
 class LiveModel {
  public:
-  explicit LiveModel(const std::string& path);  // throws like recon::load_model
+  explicit LiveModel(const std::string& path);  // throws the same errors as recon::load_model
   const std::string& name() const { return name_; }
   bool calibrated() const { return model_->uncertainty.has_value(); }
   // Returns true if this record was used in training or validation.
   bool saw(const std::string& run_uuid, std::int64_t index) const;
   // Predicts the map of a record. Sets `fault` instead of throwing if the record or the run cannot
-  // be used. Deviations of the pixels take additional time.
+  // be used. with_deviation: also computes the standard deviation of each pixel, which takes
+  // additional time.
   Reconstruction reconstruct(const record::RunReader& run, std::int64_t index,
                              bool with_deviation) const;
   // Computes iou and lateral_error_m if both maps have the same number of pixels.

@@ -44,7 +44,8 @@ bool is_index(const Json& value) {
 Request sum_of(const Json& value) {
   if (!value.is_array() || value.size() != 3 || !is_index(value[0]) || value[0] > most_summed ||
       !value[1].is_number() || !value[2].is_number())
-    return BadRequest{"sum: expected [number of records (0 to 1000), metres, metres]"};
+    return BadRequest{
+        "sum: expected [number of records (0 to 1000), fit range start (m), fit range end (m)]"};
   return ShowSum{value[0].get<std::int64_t>(), {value[1].get<double>(), value[2].get<double>()}};
 }
 

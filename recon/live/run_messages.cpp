@@ -22,8 +22,8 @@ constexpr std::int64_t checked_records = 100;
 constexpr double check_pause_s = 10;
 // Maximum number of records in a sum since a mark; reading them takes about 0.3 s.
 constexpr std::int64_t most_since_mark = 20'000;
-constexpr std::size_t most_sums = 4;  // number of cached sums; the next record extends them
-// Maximum number of events in which a mark is searched.
+constexpr std::size_t most_sums = 4;  // maximum number of cached sums
+// Maximum number of events that are searched for a mark.
 constexpr std::size_t most_events_searched = 1000;
 
 Json axis_json(const Axis& a) {
@@ -250,8 +250,9 @@ void RunMessages::check_maps() {
   }
 }
 
-// Returns the index of the first record after the newest mark, or `index` if it is later. Only
-// considers marks before the end of record `index`. Empty if no mark was found.
+// Returns the index of the first record after the newest mark that was set before the end of record
+// `index`. Returns `index` if no record up to `index` started after the mark. Empty if no mark
+// was found.
 std::optional<std::int64_t> RunMessages::first_since_mark(std::int64_t index) const {
   const auto& all = run_.outlines();
   const auto shown = std::ranges::find(all, index, &Outline::index);

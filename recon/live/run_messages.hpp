@@ -31,7 +31,7 @@ class RunMessages {
   FollowedRun& run() { return run_; }
   Message about_run(bool may_write);
   Message state();
-  Message record(std::int64_t index, bool live);            // the last message is cached
+  Message record(std::int64_t index, bool live);            // caches the message of the last call
   Message sum(std::int64_t index, const ShowSum& request);  // sum of records up to `index`
   Message strip() const;
   Message sheet(std::int64_t first, std::int64_t last) const;

@@ -67,7 +67,7 @@ class Session : public std::enable_shared_from_this<Session> {
   const std::string& run() const { return caller_.run; }
 
   bool live = true;       // true: displays the newest record
-  std::int64_t held = 0;  // otherwise: index of the displayed record
+  std::int64_t held = 0;  // if not live: index of the displayed record
   std::optional<ShowSum> summed;
 
  private:

@@ -18,7 +18,8 @@ namespace {
 
 constexpr int picture_zoom = 4;
 
-// Returns the depths of the training maps with a margin.
+// Returns the range of the colour scale: from about 1 m in front of the bodies to 1 m behind them,
+// or to the farthest background if this is farther.
 DepthSpan span_of(const SceneModel& scene) {
   const double body = double{scene.foreground_depth_m};
   const double wall = double{*std::max_element(scene.background.begin(), scene.background.end())};
@@ -27,7 +28,7 @@ DepthSpan span_of(const SceneModel& scene) {
   return {near, std::clamp(far, near + 1, std::max(near + 1, scene.grid.far_m))};
 }
 
-// Near depths are bright.
+// Returns a colour image of the depths in which near pixels are bright.
 cv::Mat coloured(const cv::Mat1f& depths, const DepthSpan& span) {
   cv::Mat share, colours;
   depths.convertTo(share, CV_8U, -255 / (span.far - span.near),
@@ -45,8 +46,9 @@ Bytes depth_colours(std::span<const float> map, const DepthSpan& span) {
   return {colours.data, colours.data + 3 * colours.total()};
 }
 
-// Returns a PNG of a square map, row-major, metres; light grey: no return. Each pixel is `zoom` x
-// `zoom`; from zoom 3 on the foreground has an outline. Throws Error(failed) if encoding fails.
+// Returns a PNG of a square map (row-major, metres). Pixels without a return are light grey. Each
+// map pixel becomes `zoom` x `zoom` image pixels. If `zoom` is at least 3, the foreground has an
+// outline. Throws Error(failed) if encoding fails.
 Bytes depth_picture(std::span<const float> map, const DepthSpan& span, int zoom) {
   const cv::Scalar no_return(232, 234, 237), line(60, 65, 72);
   const int side = static_cast<int>(std::lround(std::sqrt(static_cast<double>(map.size()))));

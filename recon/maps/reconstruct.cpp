@@ -159,7 +159,7 @@ class RunReconstructor {
   HostTime started_, read_{};
   std::int64_t next_ = 0;
   std::deque<RecordStatus> bad_;   // unusable records, read but not yet reported
-  std::string antennas_, ranges_;  // last notes on antennas and ranges
+  std::string antennas_, ranges_;  // notes on antennas and ranges reported last
 };
 
 // Reads the next records without depth images, because maps do not need these.

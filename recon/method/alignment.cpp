@@ -12,9 +12,8 @@
 namespace echofuse::recon {
 namespace {
 
-// Returns the background of each column, i.e. the part that all records have in common: the low
-// quantile minus its distance to the median, or 0 where many records contain bodies. If a count
-// varies only by photon noise, it contains no bodies, and its background is the median.
+// Returns the background of each column: twice the low quantile minus the median, but at least 0.
+// If a count varies only by photon noise, it contains no bodies, and its background is the median.
 // `steadiness`: limit of this variation, in Poisson standard deviations; 0 for values that are not
 // counts.
 std::vector<float> background_of(std::span<const float> low, std::span<const float> median,

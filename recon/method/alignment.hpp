@@ -50,7 +50,7 @@ struct AlignmentRanges {
   double first_m, step_m;
 };
 
-// Number of terms of the sinc series on each side.
+// Number of terms of the sinc series on each side of the interpolated point.
 inline constexpr std::ptrdiff_t profile_taps = 8;
 
 // Groups of columns of a view. T is float or const float.
@@ -115,12 +115,13 @@ class Alignment {
   // there are no lags, writes the features of zero signal.
   void antennas_about(double range_m, std::span<const float> lags, std::span<float> out) const;
 
-  // Replaces profile and correlation in a view of the same record, as if the body were `farther_m`
-  // farther from the radar. Used for rotation augmentation (rotation.hpp).
+  // Replaces profile and correlation in the view of a record, as if its body were `farther_m`
+  // farther from the radar. recorded_power: power of the same record. Used for rotation
+  // augmentation (rotation.hpp).
   void move_profile(std::span<const float> recorded_power, double farther_m,
                     std::span<float> view) const;
-  // Replaces the antenna features in the same way, and increases the direction cosine by
-  // `by_cosine`.
+  // Replaces the antenna features in the view of a record, as if its body were `farther_m` farther
+  // from the radar and its direction cosine were larger by `by_cosine`.
   void move_array(std::span<const float> recorded_lags, double farther_m, double by_cosine,
                   std::span<float> view) const;
   // Replaces the profile in a view by a sum of profiles, each shifted to longer ranges by

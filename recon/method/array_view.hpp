@@ -22,8 +22,9 @@ class ArrayView {
 
   // Returns the number of features of a body; 0 if there are no antennas.
   std::size_t size() const;
-  static constexpr std::size_t of_direction = 2;  // number of direction features, before the lags
-  std::size_t cost() const;                       // multiply-adds per record
+  // Number of direction features, which precede the lags.
+  static constexpr std::size_t of_direction = 2;
+  std::size_t cost() const;  // multiply-adds per record
   // Writes size() features, computed from a record's lags above the background: the direction
   // cosine u; u times the range, m; the lags of the window around the body; the lags of its parts.
   // All lags are divided by the power of the window, and horizontal lags are multiplied by exp(-i

@@ -57,7 +57,7 @@ class BodyFrame {
 
   record::MapGrid grid_;  // grid of the maps
   std::size_t columns_ = 0, rows_ = 0;
-  // Position of the centre of cell (0, 0), and side of a cell.
+  // Position of the centre of cell (0, 0), and side of a cell, m.
   double left_m_ = 0, top_m_ = 0, pitch_m_ = 1;
 };
 

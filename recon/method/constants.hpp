@@ -5,17 +5,17 @@
 
 namespace echofuse::recon::method {
 
-// Constants of the background. At a given range, 95 % of the records contain no body.
+// Low quantile of the values in a bin. The background of the bin is computed from it.
 inline constexpr double background_quantile = 0.05;
-// A bin that varies by fewer Poisson standard deviations contains only background.
+// A bin contains only background if its counts vary by less than this, in Poisson standard
+// deviations.
 inline constexpr double steadiness = 4;
-// Constants of the body's range.
 inline constexpr int centroid_passes = 3;  // another pass changes the range by less than 1 mm
 inline constexpr double body_m = 0.8;      // half the depth of a body with outstretched arms
 // Minimum number of counts of a body, in standard deviations of all counts.
 inline constexpr double significance = 5;
-// Constants of a view. Extent of the histogram on each side of the body's range; enough for an
-// outstretched arm.
+// Extent of the histogram of a view on each side of the body's range; enough for an outstretched
+// arm.
 inline constexpr double histogram_m = 0.7;
 inline constexpr double histogram_step_m = 0.04;  // about the width of a 200 ps response
 inline constexpr double zone_step_m = 0.2;        // coarser, because zones have few photons
@@ -28,11 +28,11 @@ inline constexpr double least_profile_step_m = 0.02;
 inline constexpr double coarse_step_m = 0.08;
 // Profile steps per range resolution c/2B, for a Blackman window.
 inline constexpr double steps_a_resolution = 2;
-// Shifts between both sensors. They include 0.3 m, which occurs at x = 2 m, range 3 m and a
-// baseline of 0.5 m, and a radar bias towards longer ranges.
+// Smallest and largest shift of the radar profile to longer ranges. A body at x = 2 m and range 3 m
+// shifts it by 0.3 m if the baseline is 0.5 m. The largest shift also allows for a range bias.
 inline constexpr double shift_from_m = -0.3, shift_to_m = 0.6;
 // The window of the antenna features is divided into overlapping parts, which describe the extent
-// of the body in range. These are the centres of the first and the last part.
+// of the body in range. part_from_m and part_to_m are the centres of the first and the last part.
 inline constexpr double part_from_m = -0.5;
 inline constexpr double part_to_m = 0.65;
 // Minimum length of a part; shorter parts would contain mostly noise.

@@ -11,7 +11,7 @@ constexpr double significance = 10;  // minimum baseline, in standard deviations
 // Profile shift for measuring the gain; typical distance between bodies of a data set.
 constexpr double probe_m = 0.05;
 constexpr std::size_t most_probed = 200;
-// Required accuracy of the baseline if antennas measure the direction without it.
+// Required accuracy of the baseline estimate if the antennas measure the direction of the body.
 constexpr double least_deviation_m = 0.03;
 constexpr double most_range_bias_m = 0.15;  // maximum of the random range bias
 

@@ -32,7 +32,7 @@ inline __attribute__((always_inline)) void step_each(std::size_t n, float* p, fl
 }
 
 #if defined(__x86_64__)
-// Gives the same bits as the version for other processors, because it is compiled without FMA.
+// The results are bit-identical to those of other processors, because this version uses no FMA.
 __attribute__((target("avx2"))) void step_avx2(std::size_t n, float* p, float* m, float* v,
                                                float* g, float keep, float rate) {
   step_each(n, p, m, v, g, keep, rate);

@@ -50,7 +50,7 @@ struct Training {
   std::uint64_t seed;
   bool quiet;
   Redraw redraw = {};               // empty: no augmentation
-  std::vector<float> weights = {};  // weight of the squared errors of each column; empty: 1
+  std::vector<float> weights = {};  // weight of the squared errors of each column; empty: all 1
   double l2_penalty = 0;            // factor of half the squared distance from the initial weights
   Loss loss = {};  // custom loss; if it has no to_slopes, the squared error is used
 };

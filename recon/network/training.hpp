@@ -38,8 +38,8 @@ struct Tuning {
   // L2 penalty: the mean loss is increased by l2_penalty / records times half the squared distance
   // from the old weights. INFINITY keeps the networks unchanged.
   double l2_penalty = 1;
-  // Applies if the networks stay unchanged. A model that places a body then learns the mean body of
-  // the new records; if this is true, also offset and scale of the positions.
+  // Only used if the networks stay unchanged. True: a model that predicts a body position fits the
+  // offset and scale of the positions, and the mean body, to the new records.
   bool correct = false;
   std::size_t steps = 200, batch = 64;  // number of steps; maximum number of records per step
   double learning_rate = 4e-3;          // initial rate, which decreases to zero

@@ -49,7 +49,7 @@ struct Estimator {
 // Results of preprocessing, shared by all models with the same training rows and inputs.
 struct Preprocessing {
   SceneModel scene;
-  Alignment alignment;   // empty if not requested or without a detector
+  Alignment alignment;   // empty if not requested or if the SPD is missing
   Matrix views;          // views of all records in the data set
   double elapsed_s = 0;  // included in the training time of each model
   Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, SceneModel scene,

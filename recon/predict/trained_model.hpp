@@ -34,7 +34,7 @@ struct TrainingRecords {
 };
 
 struct TrainedModel {
-  std::vector<Estimator> estimators;  // first choice and fallbacks; at least one
+  std::vector<Estimator> estimators;  // at least one; the fallbacks follow the first choice
   SplitOptions split;
   TrainingRecords training;
   std::uint32_t data_hash = 0;
@@ -50,7 +50,7 @@ struct TrainedModel {
   Estimator& first() { return estimators.front(); }
   const Estimator* operator->() const { return &first(); }
   Estimator* operator->() { return &first(); }
-  double train_s() const;  // sum over all estimators
+  double train_s() const;  // training time of all estimators, s
 
   // Returns the first estimator that matches the radar antennas of the run.
   const Estimator& for_run(const Dataset& data) const;
@@ -78,7 +78,6 @@ struct TrainedModel {
   Rows rows_of(const Dataset& data, Subset part) const;
 };
 
-// Returns the text for files and displays.
 inline const char* calibration_name(bool calibrated) {
   return calibrated ? "calibrated" : "not calibrated";
 }

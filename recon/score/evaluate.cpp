@@ -138,7 +138,7 @@ std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const
     return data.has(row, Sensor::depth) ? model.fault_of(data, row) : "camera missing";
   };
   for (std::size_t row = 0; row < data.size(); ++row)
-    out[row] = held_out ? "in no part of the training split" : fault(row);
+    out[row] = held_out ? "not in any part of the training split" : fault(row);
   if (held_out)
     for (const Subset part : {Subset::train, Subset::validation, Subset::test})
       for (const std::size_t row : model.rows_of(data, part))

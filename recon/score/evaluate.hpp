@@ -31,7 +31,7 @@ struct RunningCost {
 struct UncertaintyCalibration {
   // fraction of records with a lateral error below their lateral_interval_90_m
   double within_90 = 0;
-  double lateral_interval_90_m = 0;  // mean 90 % interval over the records, m
+  double lateral_interval_90_m = 0;  // mean half-width of the 90 % intervals, m
   double flagged = 0;                // fraction of records flagged as out of distribution
   // Rms over pixels, m: actual and estimated error of the mean map.
   double error_m = 0, deviation_m = 0;

@@ -126,7 +126,7 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
 
 std::string mirrored_truth(const Summaries& metrics) {
   constexpr std::size_t least_maps = 10;
-  // A model that cannot distinguish left and right would have 0.5.
+  // Maximum fraction of bodies on the true side for a warning. Random sides would give 0.5.
   constexpr double most_share = 0.1;
   const Summary& right = metrics[metric_left_right];
   if (right.maps < least_maps || !(right.mean < most_share)) return {};

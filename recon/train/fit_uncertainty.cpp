@@ -34,7 +34,8 @@ std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth,
 // (imitate_brought).
 void learn_brought(LateralError& lateral, const Estimator& model, const Dataset& data,
                    const Rows& usual, const std::vector<HeldOut>& judged, Rng& rng) {
-  // Limit per model. The fraction of errors within the interval then has a standard error of .013.
+  // Maximum number of records per model. With this number, the fraction of errors within the
+  // interval has a standard error of .013.
   constexpr std::size_t most_records = 500;
   const Inputs inputs = model.features.inputs;
   if (inputs == Inputs::spd) return;

@@ -32,9 +32,9 @@ UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, co
 //   - the model itself, if there are at least enough_validation validation records;
 //   - otherwise, below 2000 records, four models, each trained by `fit` on three quarters of them;
 //   - otherwise one model, trained by `fit` on half of the records.
-// If the split is blocked, the quarters and halves are blocks. 500 validation records give the
-// fraction of 90 % a standard error of .013. 150 are enough for the SPD alone, which is rarely
-// used.
+// If the split is blocked, the quarters and halves are blocks. With 500 validation records, the
+// fraction of errors within the 90 % interval has a standard error of .013. For the SPD alone,
+// which is rarely used, 150 validation records are enough.
 std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Dataset& data,
                                                 const Matrix& views, const Split& split,
                                                 const SplitOptions& options,

@@ -44,16 +44,16 @@ struct TrainingPlan {
   Inputs inputs;
   std::string scaling;
   FitOptions fit;
-  // Number of validation records that suffice for an estimate of its errors.
+  // Number of validation records that suffice for estimating the errors of the estimator.
   std::size_t enough_validation;
 };
 
-// Returns the estimators to train, in the order in which they are tried for a record: the named
-// one; if it uses the radar's antennas, the same with the range profile only; if it uses both
-// sensors, a network for the SPD alone, for records without radar.
+// Returns the estimators to train, in the order in which they are tried for a record. The first is
+// `name`. With options.fallback, two fallback estimators may follow: `name` without antenna
+// samples, and a network for the SPD alone.
 std::vector<TrainingPlan> wanted_of(const Dataset& data, const std::string& name,
                                     const TrainOptions& options) {
-  // The model for the SPD alone needs fewer, because it is rarely used.
+  // The network for the SPD alone needs fewer validation records, because it is rarely used.
   constexpr std::size_t enough = 500, enough_of_spd = 150;
   const Inputs inputs = inputs_of(options.inputs);
   const bool aligned = aligns_inputs(name, options);

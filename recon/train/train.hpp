@@ -15,8 +15,8 @@ struct TrainOptions {
   std::vector<std::string> candidates;  // candidates for "auto"; if empty, candidates()
   SplitOptions split;
   FitOptions fit;
-  // Optional parts of the model. `fallback`: train also a model for the SPD alone, for records
-  // without radar (TrainedModel). `uncertainty`: learn the uncertainty of each estimator.
+  // Optional parts of the model. `fallback`: also train estimators for records without antenna
+  // samples or without radar data. `uncertainty`: learn the uncertainty of each estimator.
   bool fallback = false, uncertainty = true;
   // True: training runs that state no radar response may have any response, like those of a digital
   // twin.

@@ -123,9 +123,9 @@ bool shows_body(std::span<const float> map, const SceneModel& scene) {
   return pixels >= least_share * static_cast<double>(map.size());
 }
 
-// Returns the largest ratio of successive sorted distances to other maps, in the nearer half. It is
-// below 2 for independent maps. If a map recurs, there is a gap between its repetitions and the
-// other maps.
+// Returns the largest ratio of successive values in the nearer half of the sorted distances to
+// other maps. The ratio is below 2 for independent maps. If a map recurs, there is a gap between
+// its repetitions and the other maps.
 double greatest_gap(std::vector<double> distances) {
   std::ranges::sort(distances);
   double gap = 1;
@@ -149,7 +149,7 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows) {
   for (std::size_t i = 1; i + 1 < rows.size(); i += rows.size() / sample + 1, ++judged) {
     const double near = std::min(apart(i, i - 1), apart(i, i + 1));
     bool nearest = true;
-    // Compares with records that are at least an eighth of all records away.
+    // Compares row i with distant rows, which are at least an eighth of all rows away.
     for (std::size_t k = 0; k < others && nearest; ++k)
       nearest =
           near < apart(i, (i + rows.size() / 8 + k * rows.size() * 3 / 4 / others) % rows.size());

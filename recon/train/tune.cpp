@@ -20,8 +20,8 @@ namespace {
 
 constexpr std::array penalties{100., 10., 1.};
 constexpr double usual_penalty = 30, least_penalty_of_few = 10;
-// Minimum fraction of background pixels that must differ before a new background is used. People
-// cover fewer pixels of a median map, even if they stay in one place for half of a few records.
+// Minimum fraction of background pixels that must change before the background is replaced. People
+// cover fewer pixels of the median map, even if they stay in one place for half of the records.
 constexpr double changed_share = 0.2;
 
 const char* const unchanged = "unchanged";
@@ -271,7 +271,7 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   const SceneModel judged_by =
       scene_for(starts.front().model.first(), starts.front().data, split.train);
   std::vector<Choice> choices;
-  choices.reserve(starts.size());  // the candidates hold references to its elements
+  choices.reserve(starts.size());  // the candidates refer to elements of `choices`
   for (const Start& start : starts) {
     choices.emplace_back(judged_by, split, options.split);
     try_all(choices.back(), start, split, options, better_room(start, judged_by, split, options),

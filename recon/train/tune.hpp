@@ -29,7 +29,7 @@ struct Start {
   const TrainedModel& model;
   const Dataset& data;
   const Dataset& own;
-  std::string name = {};  // prefix of its rows in the table, if there are several starts
+  std::string name = {};  // prefix of this start's rows in the table, if there are several starts
 };
 
 struct TunedModel {

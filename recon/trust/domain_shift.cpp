@@ -24,8 +24,8 @@ constexpr int permutations = 4000;
 constexpr std::uint64_t permutation_stream = 0x646f6d61;  // ASCII "doma"
 // Minimum significance of a difference, in standard errors.
 constexpr double clearly = 4;
-// Smaller differences do not matter. least_mean is in units of the standard deviation between
-// records, least_square in units of its square.
+// Differences below these limits are ignored. least_mean is in units of the standard deviation
+// between records, least_square in units of its square.
 constexpr double least_mean = 0.1, least_square = 0.3;
 // Limit of a squared deviation, so that a single outlier has little weight.
 constexpr double most_square = 16;
@@ -73,7 +73,7 @@ MatrixXd block_means(const MatrixXd& rows) {
 }
 
 // Draws `drawn` blocks at random, several thousand times. Returns one row per draw: the mean of the
-// drawn blocks minus the mean of the others.
+// drawn blocks minus the mean of the other blocks.
 MatrixXd permuted(const MatrixXd& blocks, Index drawn) {
   const VectorXd all = blocks.colwise().sum();
   const auto others = static_cast<double>(blocks.rows() - drawn);
@@ -178,7 +178,7 @@ DomainShift DomainReference::test(const Alignment& alignment, const Dataset& dat
   DomainShift out{found.rows, 1, {}, {}};
   for (std::size_t k = 0; k < record_number_count; ++k) {
     if (!standard.known(k) || own.known(k)) continue;
-    // Sets the differences of a number to 0 if this run does not have it.
+    // If the tested run lacks quantity k, sets its differences to 0.
     for (const Index c : {Index(k), count + Index(k)})
       before.col(c).setZero(), now.col(c).setZero();
   }

@@ -40,7 +40,8 @@ struct DomainShift {
   // Returns true if the run differs from the training data. A significant difference must also
   // exceed a tenth of the standard deviation between records.
   bool found() const { return mostly_flagged() || (p < most_p && !differences.empty()); }
-  // Returns true if most records are flagged. Of records like the training data, one in 140 is.
+  // Returns true if most records are flagged. About one in 140 records that resemble the training
+  // data is flagged.
   bool mostly_flagged() const;
   std::string text() const;  // message for the user; empty if not tested
 };

@@ -19,14 +19,17 @@ namespace {
 
 constexpr std::uint64_t held_stream = 0x68656c64;  // ASCII "held"
 constexpr std::size_t most_components = 36, rows_a_component = 60;
-// Number of folds. If there are more than few_records, only one fold sets the limits.
+// Number of folds below and above many_records. From few_records on, only one fold is used to set
+// the limits.
 constexpr std::size_t folds_of_few = 4, folds_of_many = 10;
 constexpr std::size_t few_records = 400, many_records = 3000;
-// False alarm rate allowed for T^2, for two bodies, and for all Q together.
+// Allowed false alarm rate of T^2, of the detection of two bodies, and of the Q statistics of all
+// groups together.
 constexpr double above_limit = 0.002;
 constexpr double nobody = -30;          // log odds of two bodies if a record shows no body
 constexpr double range_reserve = 0.05;  // margin, as a fraction of the span of the training ranges
-// A saturated record has more clicks per pulse than this times the maximum of the training.
+// A record can be saturated only if its clicks per pulse exceed this factor times the maximum in
+// training.
 constexpr double clicks_reserve = 1.25;
 // A record without a body is unusual if more than this fraction of the training records shows one.
 constexpr double nearly_all_records = 0.99;
@@ -77,7 +80,7 @@ Rows OutOfDistributionDetector::learn_ranges(const Matrix& descriptions) {
   Rows out;
   for (std::size_t i = 0; i < descriptions.rows; ++i) {
     if (!shows_body(descriptions.row(i))) continue;
-    // Without an SPD this value is not a range, and the limits of the range are not used.
+    // If the SPD is missing, this value is not a range, and the range limits are not used.
     const auto range_m = double{descriptions.row(i)[first_[range]]};
     nearest_m_ = out.empty() ? range_m : std::min(nearest_m_, range_m);
     farthest_m_ = out.empty() ? range_m : std::max(farthest_m_, range_m);
@@ -124,7 +127,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   };
   Rng rng = make_rng(seed, held_stream);
   const Rows order = shuffled(rows.size(), rng);
-  // If there are few records, all serve for the limits: each fold is tested by a fit to the rest.
+  // If there are few records, all folds set the limits, each tested by a fit to the other folds.
   const bool few = rows.size() < few_records;
   const std::size_t parts = rows.size() < many_records ? folds_of_few : folds_of_many;
   std::vector<StatisticValues> held;
@@ -229,7 +232,7 @@ OutOfDistributionDetector::Limits OutOfDistributionDetector::limits_of(
     std::vector<float> values;
     for (std::size_t i = 0; i < held.size(); ++i)
       if (s != two || !shows_two[i]) values.push_back(static_cast<float>(held[i].values[s]));
-    if (values.empty()) continue;  // if all records show two people
+    if (values.empty()) continue;  // empty if all records show two people
     const double usual = double{quantile(values, 0.5)};
     const double above = above_limit / (s < groups ? static_cast<double>(groups) : 1.);
     out[s] = {usual, std::max(upper_limit(std::move(values), above), usual + 1e-6)};
@@ -275,7 +278,7 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::score(const Matri
       s.reason = "empty";
     else if (has_spd && clicks > record::most_clicks_a_pulse &&
              clicks > clicks_reserve * most_clicks_per_start_)
-      s.reason = "saturated", s.details = formatted("%.2f clicks a laser pulse", clicks);
+      s.reason = "saturated", s.details = formatted("%.2f clicks per laser pulse", clicks);
     else if (has_range && (range_m < nearest_m_ || range_m > farthest_m_))
       s.reason = "outside the training records' distances",
       s.details = formatted("%.2f m", range_m);

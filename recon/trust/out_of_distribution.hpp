@@ -31,15 +31,15 @@ namespace echofuse::recon {
 // Label of records that show two people.
 inline constexpr std::string_view two_people_label = "two_people";
 
-// Learns to detect whether a record shows two bodies. No training record does. However, the sum of
-// two records equals a record of two bodies if neither body hides the other (outlier exposure:
-// Hendrycks et al., ICLR 2019). A small network separates views of such sums from views of single
-// records; the views have no correlation.
-// A view is centred on the centroid of all bodies. The two bodies of a sum must be apart sideways,
-// because two bodies cannot occupy one place. If there are both sensors and a baseline, all bodies
-// are rotated about the SPD to augment the data (method/rotation.hpp).
-// `rows`: records with at most one body each; their depth maps give its position. Learns nothing if
-// fewer than two records show a body.
+// Learns to detect whether a record shows two bodies. The given records show at most one body.
+// However, the sum of two records equals a record of two bodies if neither body hides the other
+// (outlier exposure: Hendrycks et al., ICLR 2019). A small network separates views of such sums
+// from views of single records; the views have no correlation.
+// A view is centred on the centroid of all bodies. The two bodies of a sum must have a minimum
+// lateral distance, because real bodies cannot overlap. If there are both sensors and a baseline,
+// all bodies are rotated about the SPD to augment the data (method/rotation.hpp).
+// `rows`: records with at most one body each; the position of the body is computed from the depth
+// map. Learns nothing if fewer than two records show a body.
 Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
                             const Dataset& data, const Rows& rows, const SceneModel& scene,
                             std::uint64_t seed);
@@ -57,7 +57,7 @@ class OutOfDistributionDetector {
 
   OutOfDistributionDetector() = default;
   // Learns from these rows; at least least_records are needed. Row i of `views` belongs to record i
-  // of `data`; `views` is empty if the SPD is missing. `scene` serves to find the bodies in the
+  // of `data`; `views` is empty if the SPD is missing. `scene` is used to find the bodies in the
   // depth maps.
   OutOfDistributionDetector(const Alignment& alignment, const Dataset& data, const Matrix& views,
                             const Rows& rows, Inputs inputs, const SceneModel& scene,
@@ -79,7 +79,7 @@ class OutOfDistributionDetector {
   };
   // Limit of a statistic, learnt from records that were not used for the fit.
   struct Limit {
-    double usual = 0, most = 1;  // median of these records; their limit
+    double usual = 0, most = 1;  // median and limit of the statistic over these records
     double share(double value) const { return (value - usual) / (most - usual); }
   };
   void use(const Features& sensors, const Alignment& alignment);

@@ -63,7 +63,7 @@ std::array<double, 4> numbers_of_radar(std::span<const float> body, std::span<co
 const std::array<RecordNumber, record_number_count> record_numbers = {
     {{"histogram spread", Kind::ratio, 0.02},
      {"histogram skewness", Kind::number, 0.05},
-     {"background share of the clicks", Kind::number, 0.01},
+     {"background fraction of the clicks", Kind::number, 0.01},
      {"range", Kind::length, 0.01},
      {"radar profile width", Kind::ratio, 0.02},
      {"radar skewness", Kind::number, 0.05},

@@ -17,7 +17,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double smallest_error_m = 3e-3;  // smaller errors are replaced by this
+constexpr double smallest_error_m = 3e-3;  // smaller errors are replaced by this value
 constexpr double penalty = 1e-3;
 constexpr std::size_t folds = 5;
 
@@ -39,8 +39,8 @@ double factor_of(std::vector<double> ratios) {
 }
 
 // Returns the lateral error that results from the range calibration: 90 % of calibrations with the
-// stated standard error cause a smaller one. Returns 0 if the run states no error, or if the model
-// does not find the side of a body from the two ranges alone.
+// stated standard error cause a smaller error. Returns 0 if the run states no error, or if the
+// model does not find the side of a body from the two ranges alone.
 double calibration_error_m(const Dataset& data, std::size_t row, Inputs inputs,
                            std::span<const float> map, const SceneModel& scene) {
   constexpr double deviations_90 = 1.645;
@@ -111,7 +111,7 @@ void LateralError::fit(const Matrix& predictors, const std::vector<double>& erro
   weights_ = linear_fit(terms, targets, std::vector<float>(targets.size(), 1.f), penalty);
   std::vector<double> ratios;
   for (std::size_t fold = 0; fold < folds; ++fold) {
-    std::vector<float> counts;  // 0 for a record that is held out, and for its copies
+    std::vector<float> counts;  // weight of each record; 0 for held-out records and their copies
     for (const std::size_t i : known) counts.push_back(i % plain % folds == fold ? 0.f : 1.f);
     const auto weights = linear_fit(terms, targets, counts, penalty);
     for (std::size_t i = 0; i < known_plain; ++i)

@@ -32,15 +32,16 @@ bool side_by_ranges(const Dataset& data, Inputs inputs);
 // Returns predictors of the error of a map, which are known without the true map. Row i belongs to
 // map i and record rows[i]. The columns are |x/z| of the map's foreground (NaN if the map has
 // none); for the SPD log(1 + clicks above the background, in standard deviations of all clicks);
-// for the radar log(peak over the standard deviation of the weaker half of the profile). The last
-// one is corrected if a filter has smoothed the noise.
+// for the radar log(peak over the standard deviation of the weaker half of the profile). The radar
+// column is corrected if a filter has smoothed the noise.
 Matrix predictors_of(const Matrix& maps, const SceneModel& scene, const Dataset& data,
                      const Rows& rows, Inputs inputs);
 
 // Interval of the lateral error, which grows with |x/z| and with noise. A regression on the
 // predictors gives the logarithm of the typical error. A factor widens the interval until it
-// contains the errors of 90 % of the validation records. Each of these is tested by a regression
-// fitted without it (cross-conformal prediction; Vovk, Ann. Math. Artif. Intell. 74, 9, 2015).
+// contains the errors of 90 % of the validation records. Each of these records is tested by a
+// regression fitted without it (cross-conformal prediction; Vovk, Ann. Math. Artif. Intell. 74, 9,
+// 2015).
 class LateralError {
  public:
   static constexpr double share_within = 0.9;

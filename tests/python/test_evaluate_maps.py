@@ -37,7 +37,7 @@ def test_evaluate_scores_a_record_without_a_map_as_an_empty_map(run, tmp_path):
     assert told["metrics"]["iou"]["mean"] == pytest.approx(0.1) and told["trivial"] == whole["trivial"]
     assert (whole["answered"], whole["metrics"]["iou"]["mean"]) == (60, 1)
     text = judged(few, run)
-    assert "few: 6 of 60 records have a map; the others are scored as empty maps" in text
+    assert "few: 6 of 60 records have a map; missing maps are replaced by the empty room" in text
     assert text[text.index("depth_mae_m"):].splitlines()[1].split()[:3] == ["over", "maps", "6"]
 
 

@@ -141,9 +141,9 @@ TEST_CASE("written maps get the same scores as their model, and invalid map file
   std::filesystem::copy(dir / "o", dir / "few");
   std::filesystem::remove(dir / "few/maps.npy");
   std::filesystem::remove(dir / "few/000007_mm.png");
-  CHECK_THAT(
-      recon_program("evaluate --maps " + (dir / "few") + " " + (dir / "fresh")).text,
-      Catch::Contains("few: 19 of 20 records have a map; the others are scored as empty maps"));
+  CHECK_THAT(recon_program("evaluate --maps " + (dir / "few") + " " + (dir / "fresh")).text,
+             Catch::Contains(
+                 "few: 19 of 20 records have a map; missing maps are replaced by the empty room"));
 }
 
 TEST_CASE("option --rows reconstructs only the given or held-out records") {

@@ -119,7 +119,7 @@ TEST_CASE(
 
   Dataset bright = clean;
   std::fill(bright.clicks_a_pulse.begin(), bright.clicks_a_pulse.end(), 0.4);
-  CHECK(share_flagged(uncertainties_of(bright), "saturated (0.40 clicks a laser pulse)") == 1);
+  CHECK(share_flagged(uncertainties_of(bright), "saturated (0.40 clicks per laser pulse)") == 1);
 
   Dataset noise = clean;
   std::normal_distribution<float> normal;

@@ -113,7 +113,8 @@ TEST_CASE("the viewer parses each kind of request and refuses values beyond its 
   CHECK(refusal(R"({"label": 3})") == "mark and label: expected a string");
   for (const char* text : {R"({"sum": [1001, 2, 4]})", R"({"sum": [1, 2]})",
                            R"({"sum": [1, "2", 4]})", R"({"sum": [-1, 2, 4]})"})
-    CHECK(refusal(text) == "sum: expected [number of records (0 to 1000), metres, metres]");
+    CHECK(refusal(text) ==
+          "sum: expected [number of records (0 to 1000), fit range start (m), fit range end (m)]");
   for (const char* text : {R"({"show": -1})", R"({"show": 1.5})", R"({"show": "old"})",
                            R"({"sheet": [4, 3]})", R"({"sheet": [1, 2, 3]})", R"({"hide": 1})"})
     CHECK(refusal(text) == "unknown request: expected show, sheet, sum, mark or label");
