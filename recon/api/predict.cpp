@@ -31,8 +31,8 @@ DepthMap public_map(MappedRecord made, const SceneModel& scene) {
   return out;
 }
 
-// Makes a table with one row of `wanted` values; fills it with zeros if `values` is empty. `limit`:
-// lowest accepted value.
+// Copies `values` to a table with one row and `wanted` columns. The row contains zeros if `values`
+// is empty. `limit`: lowest accepted value.
 void put_row(Matrix& table, std::span<const float> values, std::size_t wanted, const char* name,
              std::optional<float> limit = {}) {
   const auto refuse = [&](const std::string& fault) {

@@ -36,8 +36,8 @@ struct Arguments {
   bool all = false, json = false;
 };
 
-// Scores of one method for the records in `rows`. `stated` contains the estimated errors; empty if
-// the method does not estimate any.
+// Scores of one method for the records in `rows`. `stated` contains the estimated errors, and is
+// empty if the method does not estimate errors.
 struct MethodScores {
   std::string name;
   Rows rows;

@@ -259,7 +259,7 @@ class Appender {
       throw axis_error(path_, found, common, data_.sources.front().path);
     }
   }
-  // Adopts the zones of the first run. Throws Error(failed) if another run has other zones.
+  // Adopts the zones of the first run. Throws Error(failed) if the zones of another run differ.
   // Tangents of the directions may differ by 0.01, as between two boards of the same type.
   void adopt_zones() {
     if (data_.sources.empty()) data_.zones = zones_;
@@ -326,7 +326,7 @@ class Appender {
   PileUp pile_up_;
   Zones zones_;
   double spd_offset_ps_ = 0;
-  std::vector<std::optional<Shift>> shifts_;  // one per zone; empty if no shift is needed
+  std::vector<std::optional<Shift>> shifts_;  // one shift per zone; empty if no shift is needed
 };
 
 void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,

@@ -21,8 +21,7 @@
 namespace echofuse::recon {
 
 // Sensors that a model uses. fused: SPD and radar, including the radar's antennas if the run has
-// them. fused_profile: SPD and only the range profile of the radar, as with a single antenna (as in
-// the paper).
+// them. fused_profile: SPD and only the range profile of the radar, as in the paper.
 enum class Inputs : std::uint8_t { fused, spd, radar, fused_profile };
 inline const std::vector<std::string> inputs_names = {"fused", "spd", "radar", "fused-profile"};
 inline const std::string& name_of(Inputs i) { return inputs_names[static_cast<std::size_t>(i)]; }
@@ -48,7 +47,8 @@ struct Source {
   double baseline_m = 0;
 };
 
-// Sensor data of the room without people, on the axes of a Dataset: one row for each of its tables.
+// Sensor data of the room without people, on the axes of a Dataset: one row for each table of the
+// Dataset.
 struct EmptyRoom {
   std::vector<float> spd, radar, array, zone_spd = {};
   // Text with the number of records excluded from the mean; may be empty.
@@ -94,9 +94,9 @@ struct Dataset {
   // vector is empty if the records have no verdicts.
   std::vector<PerSensor<std::string>> doubt;
   bool leave_lossy = false;  // true: exclude records with the verdict "lossy"
-  // Hash of the SPD counts between the first and the last nonzero bin, for finding copies; without
-  // an SPD, hash of the radar values. 0: no hash, because the record has too few clicks or is
-  // doubtful. The vector may be empty.
+  // Hash for finding copies, computed from the SPD counts between the first and the last nonzero
+  // bin, or from the radar values if the SPD is missing. 0: no hash, because the record has too few
+  // clicks or is doubtful. The vector may be empty.
   std::vector<std::int64_t> content;
   std::vector<std::int64_t> index;  // number of the record in its run
   std::vector<HostTime> slot_end;
@@ -206,7 +206,7 @@ std::vector<float> resampled(std::span<const float> row, const Axis& found, cons
 // Returns true if `wanted` equals `found` or the first part of `found`.
 bool covers(const Axis& found, const Axis& wanted);
 
-// Throws Error(failed) if the data contain a depth map on another grid than `grid`; `owner` names
+// Throws Error(failed) if the data contain a depth map on a grid other than `grid`; `owner` names
 // the run or model that has the expected grid.
 void require_map(const Dataset& data, const record::MapGrid& grid, const std::string& owner);
 

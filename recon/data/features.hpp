@@ -50,8 +50,8 @@ struct Features {
   std::size_t radar_count() const { return inputs == Inputs::spd ? 0 : radar_axis.count; }
   std::size_t array_count() const { return lag_columns(array_axis); }
   std::size_t count() const { return spd_count() + radar_count() + array_count(); }
-  // Returns unscaled inputs [rows x count()], SPD first. Throws Error(failed) if the data have
-  // another number of zones than the model.
+  // Returns unscaled inputs [rows x count()], SPD first. Throws Error(failed) if the number of
+  // zones in the data differs from that of the model.
   Matrix raw_inputs(const Dataset& data, const Rows& rows) const;
   // Returns the inputs after the scaling of each record, before centre and gains are applied.
   Matrix normalised_inputs(const Dataset& data, const Rows& rows) const;

@@ -18,8 +18,8 @@ namespace echofuse::recon {
 class PileUp {
  public:
   PileUp() = default;  // unknown detector: no correction
-  // Uses the detector that the run states (record::detector_of). The detector is unknown if the run
-  // states none, or if the axis `spd` is not in ps.
+  // Uses the detector described in the run (record::detector_of). The detector is unknown if the
+  // run does not describe it, or if the axis `spd` is not in ps.
   PileUp(const record::RunReader& run, const Axis& spd);
 
   // If the dead time is infinite, only the first photon of each pulse counts. The detector is ready

@@ -65,9 +65,9 @@ record::RadarResponse response_of_cosine(int order, double cell_m) {
   return out;
 }
 
-// Returns the noise deviation of the columns first, first + stride, ...: the lower quartile of the
-// columns' deviations. A column's deviation is its median minus its 15.87 % quantile, because
-// values above the median contain echoes.
+// Returns the standard deviation of the noise in the columns first, first + stride, ...: the lower
+// quartile of the columns' standard deviations. The standard deviation of a column is estimated as
+// its median minus its 15.87 % quantile, because values above the median contain echoes.
 float quiet_deviation(const Matrix& table, const Rows& rows, std::size_t first,
                       std::size_t stride) {
   constexpr double one_deviation_below = 0.1587;

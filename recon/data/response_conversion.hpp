@@ -13,9 +13,9 @@
 namespace echofuse::recon {
 
 // Returns the 2n + 1 weights of a filter that converts samples of the response `own` to samples of
-// the response `wanted`. Samples are `step_m` apart; the weights belong to n steps before to n
-// steps after a sample. Wiener filter: least squares with noise 20 dB below the peak in each
-// sample.
+// the response `wanted`. Samples are `step_m` apart. The weights apply to the samples from n steps
+// before to n steps after the output sample. Wiener filter: least squares with noise 20 dB below
+// the peak in each sample.
 std::vector<double> response_filter(const record::RadarResponse& own,
                                     const record::RadarResponse& wanted, double step_m);
 

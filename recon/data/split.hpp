@@ -14,7 +14,7 @@ struct SplitOptions {
   // records are alike; in record order: training, gap, validation, gap, test.
   std::string kind = "random";
   double test_share = 0.1;
-  double validation_share = 0.05;  // fraction of the records outside the test set
+  double validation_share = 0.05;  // fraction of the non-test records
   std::size_t gap = 10;            // records dropped between blocks
   std::uint64_t seed = 1;
 };

@@ -62,8 +62,8 @@ class FollowedRun {
   const std::string& path() const { return path_; }
   // Returns the reason why the run cannot be read; empty if it can.
   const std::string& trouble() const { return trouble_; }
-  // Returns a number that increases if another run replaces this one, its axes or status change, or
-  // it becomes readable again.
+  // Returns a number that increases if another run replaces the current run, if the axes or the
+  // status of the run change, or if the run becomes readable again.
   int edition() const { return edition_; }
   const record::RunInfo& info() const { return info_; }
   const std::vector<Axis>& axes() const { return axes_; }

@@ -33,7 +33,7 @@
 namespace echofuse::recon {
 namespace {
 
-// Records per prediction; with options.follow, records per read.
+// Number of records predicted at a time; with options.follow also the number read at a time.
 constexpr std::size_t part_records = 64;
 
 bool wants_uncertainty(const ReconstructOptions& options) {
@@ -142,7 +142,7 @@ class RunReconstructor {
   Dataset read(const record::RunReader& run, std::size_t at_most);
   Rows take_rows_asked(const Dataset& data);
   Records prepare_new(Dataset data);
-  // Statuses of consecutive records; a record with a map also has files.
+  // Status of each of several consecutive records, and its files if the record has a map.
   using PreparedMaps = std::vector<std::pair<RecordStatus, std::optional<MapFiles::Ready>>>;
   PreparedMaps make(const Records& records, std::span<const std::size_t> rows) const;
   void write(const Records& records, std::span<const std::size_t> rows, PreparedMaps made);

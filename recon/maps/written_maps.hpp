@@ -36,8 +36,9 @@ struct WrittenMaps {
   // Training records of the model that made the maps.
   std::set<std::int64_t> trained_on;
 };
-// Reads the maps in a folder. Throws Error(failed) if the folder has neither format, or if the maps
-// have another grid. Also throws if a value is not a possible depth in metres.
+// Reads the maps in a folder. Throws Error(failed) if the folder contains neither maps.npy nor
+// PNGs, or if the grid of the maps differs from `grid`. Also throws if a value is not a possible
+// depth in metres.
 WrittenMaps read_written_maps(const std::string& folder, const record::MapGrid& grid);
 
 // Returns for each row why it is not scored; empty if it is. Reasons: the depth map is missing or

@@ -58,10 +58,10 @@ template <class T>
 struct ViewColumns {
   // Correlation of profile and histogram, from the longest to the shortest shift.
   std::span<T> correlation;
-  std::span<T> histogram;  // fractions of the counts in bins around the range of the body
+  std::span<T> histogram;  // counts around the range of the body, divided by their sum
   // Histogram of each zone in wider bins, as fractions of the counts of all zones.
   std::span<T> zones;
-  std::span<T> profile;   // fractions of the power around the range of the body
+  std::span<T> profile;   // powers around the range of the body, divided by their sum
   std::span<T> antennas;  // features of the antennas (array_view.hpp)
   T& range_m;             // range of the body; 0: no body
 };

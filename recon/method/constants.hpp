@@ -35,7 +35,7 @@ inline constexpr double shift_from_m = -0.3, shift_to_m = 0.6;
 // of the body in range. part_from_m and part_to_m are the centres of the first and the last part.
 inline constexpr double part_from_m = -0.5;
 inline constexpr double part_to_m = 0.65;
-// Minimum length of a part; shorter parts would contain mostly noise.
+// Minimum length of a part of the antenna window; shorter parts would contain mostly noise.
 inline constexpr double least_part_m = 0.15;
 inline constexpr int lags_of_parts = 4;  // largest lag of a part; longer lags add no information
 // Directions of the grid search; their spacing is at most a third of the beam of eight antennas.

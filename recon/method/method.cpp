@@ -9,7 +9,7 @@
 // radar measures the power p(R) at range R. The body is at x (right of the detector) and z (in
 // front of it), at range r from the detector and R from the radar, which is b to the left.
 //
-//   (1) n_i = N_i - B_i - median      counts above the background; p likewise
+//   (1) n_i = N_i - B_i - median      counts above the background; p likewise, without median
 //   (2) r = sum n_i r_i / sum n_i     range of the body, over |r_i - r| < body_m
 //   (3) h(d) = n(r + d) / sum n       histogram about r, independent of laser power and exposure;
 //                                     of zones: h_k(d) = n_k(r + d) / sum n

@@ -27,7 +27,7 @@ namespace echofuse::recon {
 // Step 1: returns the values that `sensors` requests, [n x sensors.layout().inputs()], for each of
 // the n rows. These are photons per bin (corrected for pile-up), linear radar power per bin at true
 // ranges, spatial lags of the radar's antennas per bin (data/lags.hpp), and photons of each zone.
-// Throws Error(failed) if the detector has another number of zones.
+// Throws Error(failed) if the detector has a different number of zones.
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors);
 
 // Step 2: returns the views, [n x scene.inputs()]: correlation of both sensors over their shift |

@@ -8,12 +8,13 @@ namespace echofuse::recon {
 namespace {
 
 constexpr double significance = 10;  // minimum baseline, in standard deviations of its estimate
-// Profile shift for measuring the gain; typical distance between bodies of a data set.
+// Profile shift for measuring displacement_gain(), similar to the distances between the bodies of a
+// data set.
 constexpr double probe_m = 0.05;
 constexpr std::size_t most_probed = 200;
 // Required accuracy of the baseline estimate if the antennas measure the direction of the body.
 constexpr double least_deviation_m = 0.03;
-constexpr double most_range_bias_m = 0.15;  // maximum of the random range bias
+constexpr double most_range_bias_m = 0.15;  // maximum random range bias that rotate() adds
 
 double sine_of(const Place& place) {
   const auto tangent = double{place.tangent};

@@ -16,7 +16,7 @@ constexpr float b1 = 0.9f, b2 = 0.999f, epsilon = 1e-8f;
 // weight, but calculations with subnormal numbers are slow. NaN is kept.
 constexpr float least_gradient = 1e-16f, least_moment = 1e-30f;
 
-// Updates n parameters p by their gradients g and moments m and v, and clears g. A separate
+// Updates n parameters p by their gradients g and moments m and v, and clears g. This is a separate
 // function, because the compiler vectorises the loop only for plain arguments.
 inline __attribute__((always_inline)) void step_each(std::size_t n, float* p, float* m, float* v,
                                                      float* g, float keep, float rate) {

@@ -51,7 +51,8 @@ struct Training {
   bool quiet;
   Redraw redraw = {};               // empty: no augmentation
   std::vector<float> weights = {};  // weight of the squared errors of each column; empty: all 1
-  double l2_penalty = 0;            // factor of half the squared distance from the initial weights
+  // Weight of the L2 penalty: half the squared distance from the initial weights.
+  double l2_penalty = 0;
   Loss loss = {};  // custom loss; if it has no to_slopes, the squared error is used
 };
 

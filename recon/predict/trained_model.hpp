@@ -54,9 +54,9 @@ struct TrainedModel {
 
   // Returns the first estimator that matches the radar antennas of the run.
   const Estimator& for_run(const Dataset& data) const;
-  // Converts the data to the axes of for_run(). The depth maps must already be on its grid. If the
-  // run has no radar and a fallback estimator works without radar, all radar frames are marked as
-  // lost.
+  // Converts the data to the axes of for_run(). The depth maps must already be on the grid of the
+  // model. If the run has no radar and a fallback estimator works without radar, all radar frames
+  // are marked as lost.
   void match(Dataset& data) const;
   // Returns the first estimator that can use the record; null if none can (see fault_of). The
   // data must be on the model's axes.

@@ -216,7 +216,8 @@ std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const
 
 namespace {
 
-// Scores the doubtful records together with the other records. The main scores exclude them.
+// Scores the doubtful records together with the other records. The main scores exclude the doubtful
+// records.
 void add_doubtful(const TrainedModel& model, const Records& records, Evaluation& out) {
   const Dataset& data = records.data;
   Rows rest = without(with_map_and_depth(model, data), model.rows_trained_on(data)), doubtful;

@@ -215,7 +215,8 @@ std::string compared(const std::vector<Start>& starts, const std::vector<Choice>
   constexpr double clear_errors = 2;
   const auto [gain, error] = choices[best].gain_and_error(choices[other]);
   return formatted(
-      "gain of start %s over %s on the same folds: IoU - 2.4 x lateral m %+.3f +- %.3f%s\n",
+      "gain of start %s over %s on the same folds: %+.3f +- %.3f (IoU - 2.4 x lateral error in "
+      "m)%s\n",
       printable(starts[best].name).c_str(), printable(starts[other].name).c_str(), gain, error,
       gain < clear_errors * error ? "; not significant" : "");
 }
@@ -233,7 +234,7 @@ TrainingRecords both(const TrainingRecords& old, TrainingRecords seen) {
 
 // Returns the index of the best start. A start must be better than the first one by `errors`
 // standard errors (one if there are few records). With this limit, no result became worse in 21
-// draws (seven conditions, three draws each); without it, 2 did.
+// draws (seven conditions, three draws each); without the limit, 2 results did.
 std::size_t best_start(const std::vector<Choice>& choices, double errors) {
   std::size_t best = 0;
   double most = 0;

@@ -75,10 +75,10 @@ class LateralError {
 
 // Uncertainty of one reconstructed map.
 struct PredictionUncertainty {
-  // Lateral distance from the shown position that contains the body in 90 % of the records like the
-  // training data, m. Includes the calibration error that the run states. An error s of the
-  // difference between both ranges moves a body at range r sideways by s r / b (baseline b). NaN if
-  // the record is out of distribution or shows no body.
+  // Half-width of the interval around the predicted lateral position that contains the body for 90
+  // % of the records like the training data, m. Includes the calibration error that the run states.
+  // An error s of the difference between both ranges moves a body at range r sideways by s r / b
+  // (baseline b). NaN if the record is out of distribution or shows no body.
   double lateral_interval_90_m = std::numeric_limits<double>::quiet_NaN();
   OutOfDistributionScore out_of_distribution = {};
   bool stated = false;  // false: the estimator has no uncertainty

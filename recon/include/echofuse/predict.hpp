@@ -33,7 +33,8 @@ struct DepthMap {
   std::string fault;         ///< reason for a missing map, e.g. `radar missing`; otherwise empty
   std::string note;          ///< missing sensor data, e.g. `radar lost: SPD alone`; usually empty
   std::string doubt;  ///< verdict of a sensor with doubtful data, e.g. `SPD weak`; otherwise empty
-  std::string out_of_distribution;  ///< difference from the training data; usually empty
+  std::string
+      out_of_distribution;  ///< how the record differs from the training data; usually empty
 };
 
 /// Predicts the map of record `index`, like `echofuse-recon reconstruct`. Corrects the ranges by
