@@ -93,7 +93,7 @@ std::vector<PairedDifference> differences_of(const std::vector<MethodScores>& al
   return paired_differences(all[0].scores, all[k].scores);
 }
 
-// Describes how much each method is better than the first one, with 95 % intervals.
+// Describes by how much each method is better than the first one, with 95 % intervals.
 std::string paired_text(const std::vector<MethodScores>& all) {
   std::string out;
   for (std::size_t k = 1; k < all.size(); ++k)

@@ -32,8 +32,8 @@ class SpatialLags {
   // Returns the number of lags, D: c_1..c_across belong to horizontal antenna pairs, the others to
   // vertical pairs. D is 0 if horizontal pairs are missing.
   std::size_t longest() const { return across_ + up_; }
-  // Returns the quantity of the lag axis: "lags" if all are horizontal. With three vertical lags it
-  // is "lags, 3 up" (lags_up); if pairs with lag 2 are missing, "lags 1 3".
+  // Returns the quantity of the lag axis: "lags" if all lags are horizontal, "lags, 3 up" (lags_up)
+  // if three lags are vertical, or "lags 1 3" if antenna pairs with lag 2 are missing.
   std::string quantity() const;
   // Writes c_0, then the real and imaginary parts of c_1..c_D. c_d is 0 if no antenna pair has
   // spacing d.

@@ -79,7 +79,8 @@ class FollowedRun {
   std::uint64_t bytes() const { return stamp_.bytes; }  // with the WAL
   std::optional<std::uint64_t> free_bytes() const;  // free space on the disk that contains the run
 
-  // Opens the run and passes the reader to `use`. Throws Error if the run cannot be read.
+  // with_reader() opens the run and passes the reader to `use`. It throws Error if the run cannot
+  // be read.
   using ReadAction = std::function<void(const record::RunReader&)>;
   void with_reader(const ReadAction& use) const;
 

@@ -17,8 +17,8 @@ constexpr std::size_t most_places_kept = 1000;
 
 }  // namespace
 
-// Adds the camera image and its depth map. With a model, also adds the predicted map and the track
-// of the body.
+// Adds the camera image and its depth map. If there is a model, also adds the predicted map and the
+// track of the body.
 void RunMessages::add_maps(MessageWriter& out, Json& head, const record::FusedRecord& r,
                            const record::RunReader& run) {
   const std::vector<Axis> axes = run.axes();

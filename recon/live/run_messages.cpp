@@ -300,7 +300,7 @@ Message RunMessages::sum(std::int64_t index, const ShowSum& request) {
   known.first = *first, known.last = index;
   sums_[request.records] = known;
   MessageWriter out;
-  if (request.records != 1) {  // a single record is already in the message `record`
+  if (request.records != 1) {  // the message `record` already contains a single record
     if (!known.tally.clicks().empty()) out.add("spd", known.tally.clicks());
     if (const auto db = known.tally.profile_db(axes); !db.empty()) out.add("radar", db);
   }

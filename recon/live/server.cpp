@@ -180,8 +180,8 @@ void Server::Impl::listen() {
   }
 }
 
-// Accepts connections. Closes a connection at once if the limit is reached. Pauses after an error,
-// e.g. too many open files.
+// Accepts connections. Closes a connection immediately if the limit is reached. Pauses after an
+// error, e.g. too many open files.
 void Server::Impl::accept() {
   acceptor_.async_accept([this](Error_code error, tcp::socket socket) {
     if (error == net::error::operation_aborted) return;

@@ -33,7 +33,7 @@
 namespace echofuse::recon {
 namespace {
 
-// Number of records predicted at a time; with options.follow also the number read at a time.
+// Number of records predicted at a time; if options.follow is set, also the number read at a time.
 constexpr std::size_t part_records = 64;
 
 bool wants_uncertainty(const ReconstructOptions& options) {

@@ -33,8 +33,8 @@ class ShiftCorrelation {
 
   std::size_t shifts() const { return shifts_; }
   std::size_t cost() const;  // multiply-adds per record
-  // Computes the cosine similarity between the profile and the one expected from the histogram.
-  // There is one value per shift, from the longest to the shortest shift.
+  // Computes the cosine similarity between the measured profile and the profile expected from the
+  // histogram, for each shift from the longest to the shortest.
   void operator()(std::span<const float> histogram, std::span<const float> profile,
                   std::span<float> out) const;
 
@@ -74,8 +74,8 @@ inline bool shows_body(std::span<const float> view) { return view.back() != 0; }
 class Alignment {
  public:
   Alignment() = default;
-  // Learns the background from observations, which contain counts, power and lags (method.hpp).
-  // Without a radar, the view has no profile. Throws Error(usage) if the histogram is missing.
+  // Learns the background from observations, which contain counts, power and lags (method.hpp). If
+  // the radar is missing, the view has no profile. Throws Error(usage) if the histogram is missing.
   Alignment(const Layout& layout, const Matrix& observations, const Rows& rows);
 
   bool known() const { return !counts_background_.empty(); }
@@ -124,8 +124,8 @@ class Alignment {
   // from the radar and its direction cosine were larger by `by_cosine`.
   void move_array(std::span<const float> recorded_lags, double farther_m, double by_cosine,
                   std::span<float> view) const;
-  // Replaces the profile in a view by a sum of profiles, each shifted to longer ranges by
-  // farther_m. Does not change the correlation.
+  // add_profiles() replaces the profile in a view by the sum of these profiles, each shifted to
+  // longer ranges by farther_m. It does not change the correlation.
   struct MovedProfile {
     std::span<const float> recorded_power;
     double farther_m;

@@ -22,7 +22,7 @@ inline constexpr double zone_step_m = 0.2;        // coarser, because zones have
 // Window of the radar profile. The radar measures a range that is longer by b x / r, so the window
 // extends farther to the back (baseline b, lateral position x, range r).
 inline constexpr double profile_from_m = -0.8, profile_to_m = 1.1;
-// Minimum step; points of a finer profile are skipped.
+// Minimum step of the profile in a view; points of a finer recorded profile are skipped.
 inline constexpr double least_profile_step_m = 0.02;
 // If the profile step is larger, the profile is also interpolated half way between its points.
 inline constexpr double coarse_step_m = 0.08;

@@ -120,7 +120,7 @@ Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors) {
   return out;
 }
 
-// Step 2 for one record. Numbers in parentheses refer to the equations above.
+// Step 2 for one record. Numbers in parentheses refer to the equations at the top of this file.
 void align(std::span<const float> observation, const Alignment& scene, std::span<float> view) {
   const AlignmentColumns at = scene.columns(view);
   values(view) = 0;

@@ -71,7 +71,7 @@ double lateral_error(std::span<const float> prediction, std::span<const float> t
                      const SceneModel& scene);
 
 struct Summary {
-  double mean = 0;       // NaN if the metric is undefined for all maps
+  double mean = 0;       // mean over the maps; NaN if the metric is undefined for all maps
   double se = 0;         // standard error of the mean; NaN if maps < 2
   std::size_t maps = 0;  // number of maps for which the metric is defined
 };

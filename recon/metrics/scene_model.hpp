@@ -58,9 +58,9 @@ bool true_foreground(float depth_m, float background_m);
 bool holds_returns(std::span<const float> map, const SceneModel& scene);
 
 // Returns the position of each pixel's depth between the background (0) and the mean foreground
-// depth (1). Pixels above 0.5 are foreground. Without a background, the value is 0 or 1 for
-// returns. For a least-squares prediction it estimates the probability of foreground, and may be
-// below 0 or above 1.
+// depth (1). Pixels above 0.5 are foreground. If the map contains returns (holds_returns) and a
+// pixel has no background, its value is 1 for a return and 0 otherwise. For a least-squares
+// prediction, the value estimates the probability of foreground, and may be below 0 or above 1.
 std::vector<float> foreground_share(std::span<const float> prediction, const SceneModel& scene);
 
 // Returns the prediction clipped to the range 0 to far_m of the grid, as it is displayed, stored

@@ -140,8 +140,8 @@ Redraw Factorised::augment_positions(const RotatedBodies& rotated) const {
   });
 }
 
-// Keeps the targets, because the shape of a body does not change if it is rotated about the SPD.
-// The depth camera is at the same position.
+// Keeps the targets. Rotation about the SPD does not change the shape of a body, because the depth
+// camera is at the position of the SPD.
 Redraw Factorised::augment_shapes(const RotatedBodies& rotated) const {
   return augment(rotated, [](const Place&, float, std::span<float>) {});
 }

@@ -73,10 +73,10 @@ struct TrainingState {
 
 class Regression {
  public:
-  // Trains the network. Losses are logged in units of the targets (Spread::common) or of their
-  // standard deviations (Spread::each); a custom loss is logged as the root of its mean. Calls
-  // on_epoch after each epoch. Throws Error(failed) if training diverges; the message begins with
-  // the title.
+  // fit() trains the network. It logs losses in units of the targets (Spread::common) or of their
+  // standard deviations (Spread::each), and a custom loss as the root of its mean. It calls
+  // on_epoch after each epoch. It throws Error(failed) if training diverges; the message begins
+  // with the title.
   using OnEpoch = std::function<void(std::size_t epochs, double validation_loss)>;
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   const Training& training, const std::string& title, const OnEpoch& on_epoch = {});

@@ -11,7 +11,7 @@
 #include "drivers/util/exit_code.hpp"
 #include "recon/numbers/parallel.hpp"
 
-// Only OpenBLAS exports these functions. With another BLAS the weak symbols are null.
+// Only OpenBLAS exports these functions. If another BLAS is linked, the weak symbols are null.
 extern "C" void openblas_set_num_threads(int) __attribute__((weak));
 extern "C" int blas_thread_shutdown_() __attribute__((weak));
 // Functions of LAPACK, which OpenBLAS contains.
@@ -34,13 +34,15 @@ const bool one_thread = [] {
   return true;
 }();
 
-// Part of a product that one call computes: `rows` x `cols` elements of C, from (row, col) on.
+// Part of a matrix product that one BLAS call computes: `rows` x `cols` elements of C, starting at
+// (row, col).
 struct Strip {
   std::size_t row, col, rows, cols;
 };
 
-// Returns the parts of a product: strips across the longer side of C. A small product has one or
-// two strips, a large one up to eight, because each strip packs the other factor again.
+// Returns the parts of a matrix product: strips across the longer side of C. A small product has
+// one or two strips, a large product at most eight, because each strip packs the other factor
+// again.
 std::vector<Strip> parts_of(std::size_t m, std::size_t n, std::size_t k) {
   constexpr std::size_t small = 4'000'000, narrowest = 128, few = 2, most = 8;
   const std::size_t work = m * n * k;

@@ -43,8 +43,8 @@ void subtract_median(std::span<float> values);
 double upper_limit(std::vector<float> values, double share_above);
 
 // Returns the rows of a block bootstrap: `count` of `of` consecutive records, drawn in circular
-// blocks of ten (Politis and Romano 1992). With fewer than 50 records the blocks are shorter,
-// because few blocks would make all resamples alike.
+// blocks of ten (Politis and Romano 1992). If there are fewer than 50 records, the blocks are
+// shorter, because few blocks would make all resamples alike.
 Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng);
 
 // Returns the quantile of each column over `rows`, which must not be empty.

@@ -42,7 +42,7 @@ struct Estimator {
   Matrix maps(const Dataset& data, const Rows& rows, const Matrix& views,
               SoftMaps* soft = nullptr) const;
   Matrix maps(const Dataset& data, const Rows& rows) const;
-  Cost cost() const;  // includes the cost of the alignment
+  Cost cost() const;  // cost of one map, including the alignment
   void archive(Archive archive);
 };
 

@@ -22,8 +22,8 @@ struct Records {
   std::string ranges;    // note on what the error intervals assume about ranges; may be empty
 };
 
-// Tests whether the records as a group differ from the training data. Uses only the held-out
-// records of a training run. For other runs excludes copies of training records.
+// Tests whether the records as a group differ from the training data. For a run used in training,
+// uses only the held-out records. For another run, excludes copies of training records.
 DomainShift domain_shift_of(const TrainedModel& model, const Dataset& data);
 
 // Converts recorded runs (load_recorded, load_part) or modified records to the axes of
@@ -42,7 +42,7 @@ enum class PredictionDetail : std::uint8_t { maps, uncertainty, pixels };
 
 struct Prediction {
   Matrix maps;  // predicted depth, m
-  // One per row; empty if not requested or not calibrated.
+  // Error estimates, one per row; empty if not requested or if the model is not calibrated.
   std::vector<PredictionUncertainty> uncertainties;
   // Mean and standard deviation of each pixel, m. No rows unless `pixels` was requested. The
   // deviation is NaN if the estimator is not calibrated.

@@ -37,7 +37,8 @@ nlohmann::json to_json(const std::vector<PairedDifference>& differences);
 // (from several trainings), their mean is used.
 struct NamedScores {
   std::string name;
-  std::map<std::int64_t, MapScores> of_record;  // NaN if the metric is undefined
+  // Scores by record index; NaN if a metric is undefined.
+  std::map<std::int64_t, MapScores> of_record;
 };
 // Returns the scores in the order in which the names first occur. Throws Error(failed) if the file
 // is not such a table.

@@ -135,7 +135,7 @@ std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Da
   std::sort(rows.begin(), rows.end());
   const bool few = rows.size() < enough_for_halves;
   std::vector<Split> folds = make_folds(rows, few ? 4 : 2, options, fold_stream);
-  if (!few) folds.resize(1);  // one half gives enough errors
+  if (!few) folds.resize(1);  // the errors of one half are sufficient
   std::vector<Estimator> models;
   std::vector<HeldOut> judged;
   models.reserve(folds.size());

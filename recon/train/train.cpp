@@ -49,7 +49,7 @@ struct TrainingPlan {
 };
 
 // Returns the estimators to train, in the order in which they are tried for a record. The first is
-// `name`. With options.fallback, two fallback estimators may follow: `name` without antenna
+// `name`. If options.fallback is set, two fallback estimators may follow: `name` without antenna
 // samples, and a network for the SPD alone.
 std::vector<TrainingPlan> wanted_of(const Dataset& data, const std::string& name,
                                     const TrainOptions& options) {

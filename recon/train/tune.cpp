@@ -92,8 +92,8 @@ Tuning without_training(Tuning tuning) {
   return tuning;
 }
 
-// Returns the background with which the unchanged networks have the better score. The learnt
-// background must be better by one standard error.
+// Returns the background that gives the unchanged networks the better score. The learnt background
+// must be better by one standard error.
 BackgroundSource better_room(const Start& start, const SceneModel& judged_by, const Split& split,
                              const TuneOptions& options) {
   if (!wants_alignment(start.model->name) || !options.only.empty()) return BackgroundSource::kept;

@@ -52,9 +52,9 @@ class LateralError {
   // least_records errors of unmodified records are known.
   static constexpr std::size_t least_records = 30;
   void fit(const Matrix& predictors, const std::vector<double>& error_m, std::size_t plain);
-  // Learns the factor for records with a radar response converted from one that is `times_wider`
-  // times wider, from imitations of validation records. Call it for the narrowest response first.
-  // The factor is interpolated between widths.
+  // Learns the factor for records of a radar with a `times_wider` times wider response, from
+  // imitated validation records. Must be called in the order of increasing width. The factor is
+  // interpolated between widths.
   void add_brought(double times_wider, const Matrix& predictors,
                    const std::vector<double>& error_m);
   // Returns the lateral error that 90 % of the records do not exceed, m; NaN if nothing was learnt
