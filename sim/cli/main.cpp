@@ -171,7 +171,7 @@ void add_dataset(CLI::App& app, Command& command) {
       ->required();
   const sim::Plan plan;
   sub->add_option("--records", a->records,
-                  "number of records: one quarter show people, the rest letters; default: " +
+                  "number of records (1/4 of people, 3/4 of letters); default: " +
                       std::to_string(plan.people + plan.letters))
       ->check(count);
   sub->add_option("--people", a->people, "number of records that show one person")->check(count);

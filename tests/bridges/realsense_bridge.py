@@ -58,7 +58,7 @@ class Process(unittest.TestCase):
             for index, z in seen.items():
                 z_mm = sdk.values(index, 64 * 48) * (0.1 if index >= 156 else 1)
                 np.testing.assert_array_equal(z, np.rint(z_mm))
-            self.assertEqual(program.said().count("omitting"), 1)
+            self.assertEqual(program.said().count("dropping"), 1)
             self.assertEqual(program.stop(), 0)
             self.assertEqual(program.calls().count(("start",)), 1)
 

@@ -62,7 +62,7 @@ TEST_CASE("all errors of a scene list are reported with line and column") {
   CHECK_THAT(said, Catch::Contains("list.toml:4:9: count"));
   CHECK_THAT(said, Catch::Contains("valid only for a person, letter or object"));
   CHECK_THAT(said, Catch::Contains("list.toml:9:5: x: unknown key"));
-  CHECK_THAT(refusal("[[scene]]\ncount = 2\n"), Catch::Contains("list.toml:1:1: no kind"));
+  CHECK_THAT(refusal("[[scene]]\ncount = 2\n"), Catch::Contains("list.toml:1:1: kind is missing"));
   CHECK_THAT(refusal(""), Catch::Contains("no [[scene]]"));
   CHECK_THAT(refusal("scene = 1\n"), Catch::Contains("[[scene]] tables only"));
   CHECK_THAT(refusal("kind = \n"), Catch::Contains("not TOML"));
