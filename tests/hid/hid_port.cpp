@@ -10,6 +10,7 @@
 #include <mutex>
 #include <thread>
 
+#include "../folder.hpp"
 #include "../shell.hpp"
 #include "bed.hpp"
 #include "drivers/inventory/inventory.hpp"
@@ -292,18 +293,20 @@ TEST_CASE("bytes lost by a slow reader of a HID port are counted") {
   CHECK_THAT(host.warnings.at(0), Catch::Contains("did not read them in time"));
 }
 
-TEST_CASE("the devices command lists the CP2110") {
-  Bridge bridge("00A1");
-  const auto folder =
-      std::filesystem::temp_directory_path() / ("echofuse-" + std::to_string(::getpid()));
-  std::filesystem::create_directory(folder);
-  const auto [code, text] = echofuse::test::shell(
-      "cd " + folder.string() + " && " + echofuse::test::bin_dir + "/echofuse-acquire devices");
+TEST_CASE("the devices command prints the address of a CP2110 as a TOML string") {
+  const auto [serial, printed, in_toml] = GENERATE(table<std::string, std::string, std::string>(
+      {{"00A1", "00A1", R"("hid:10c4:ea80:00A1")"},
+       {"0\"1\x02", R"(0"1\x02)", R"("hid:10c4:ea80:0\"1\u0002")"}}));
+  Bridge bridge(serial);
+  const echofuse::test::Folder folder;
+  const auto [code, text] =
+      echofuse::test::shell("cd " + folder.path.string() + " && " + echofuse::test::bin_dir +
+                            "/echofuse-acquire devices");
   CHECK(code == 0);
-  std::filesystem::remove_all(folder);
   CHECK_THAT(text, Catch::Contains("CP2110 HID serial bridge 10c4:ea80: model CP2110 HID "
-                                   "USB-to-UART Bridge, serial 00A1, firmware 1.00") &&
-                       Catch::Contains("radar.cli or radar.data = \"hid:10c4:ea80:00A1\""));
+                                   "USB-to-UART Bridge, serial " +
+                                   printed + ", firmware 1.00") &&
+                       Catch::Contains("radar.cli or radar.data = " + in_toml));
 }
 
 TEST_CASE("a HID port can be destroyed at any time, and no event follows") {
