@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: MIT
-# Completion of the echofuse programs for bash: reads the --help of the program.
+# Bash completion of the echofuse programs. The words are read from the --help output of the program.
 _echofuse() {
   local current=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD - 1]} asked=("${COMP_WORDS[0]}")
   local help word options line
   help=$("${asked[@]}" --help 2>/dev/null) options=$help
-  for word in "${COMP_WORDS[@]:1:COMP_CWORD-1}"; do  # the subcommands before the cursor
+  for word in "${COMP_WORDS[@]:1:COMP_CWORD-1}"; do  # collects the subcommands before the cursor
     sed -n '/^Subcommands:/,$p' <<<"$help" | grep -qE "^ {2,4}$word( |$)" || break
     asked+=("$word")
-    help=$("${asked[@]}" --help 2>/dev/null) options+=$'\n'$help  # a command accepts its parents' options
+    help=$("${asked[@]}" --help 2>/dev/null) options+=$'\n'$help  # subcommands also accept their parents' options
   done
   # The current word is an option, the value of the preceding option, or a command or argument.
   case $before in
