@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Reads echofuse runs as NumPy arrays, and predicts depth maps in NumPy. models/method.py contains
-the method on one page.
+"""Reads echofuse runs as NumPy arrays, and predicts depth maps in NumPy. The short file
+models/method.py contains the complete method.
 
 >>> import echofuse
 >>> run = echofuse.open("monday")
 >>> run.spd.shape, run.axes["spd"].unit
->>> empty = echofuse.record("lab.toml", count=1, label="empty")  # records with the devices
+>>> empty = echofuse.record("lab.toml", count=1, label="empty")  # records one slot
 >>> maps = echofuse.load_model("fused.safetensors").predict(run)
 >>> maps.depth_m.shape  # metres, NaN: no return
 """

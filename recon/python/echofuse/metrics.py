@@ -22,14 +22,14 @@ from .runs.axis import tangents
 
 Scores = NDArray[np.float64]
 STEP_M = 0.1  # minimum distance between foreground and background, m
-BEHIND = 0.25  # maximum fraction of the foreground, weighted by distance, behind the background
-NEAREST, NEARER = 0.125, 0.1  # thresholds of Scene.holds_returns(): relative depth, fraction
+BEHIND = 0.25  # maximum distance-weighted fraction of the foreground behind the background
+NEAREST, NEARER = 0.125, 0.1  # holds_returns(): fraction of foreground_m, and of values
 SIDE_M = 0.3  # minimum |x| of a body for a distinct mirror image, m
 WINDOW, SIGMA = 11, 1.5  # width and standard deviation of the SSIM window, pixels
 
 
 def pixels(maps: ArrayLike) -> NDArray[np.float32]:
-    """Replaces NaN in maps [n, N, N] by 0. Raises ValueError for another shape."""
+    """Replaces NaN in maps [n, N, N] by 0. Raises ValueError for any other shape."""
     table = np.nan_to_num(np.asarray(maps, np.float32))
     if table.ndim != 3 or table.shape[1] != table.shape[2]:
         raise ValueError(f"maps: shape {list(table.shape)} (expected [n, N, N])")
@@ -46,7 +46,7 @@ def ratio(numerator: NDArray[Any], denominator: NDArray[Any], least: float = 0) 
 class Scene:
     """Background and foreground depths of the training maps (recon/metrics/scene_model.hpp)."""
 
-    background_m: NDArray[np.float32]  #: z of the background [N, N], m; 0: none
+    background_m: NDArray[np.float32]  #: z of the background [N, N], m; 0: no background
     foreground_m: float  #: mean z of the foreground, m; 0: no separable body
     half_tangent: float = 0.55  #: x / z at the right edge of the maps
     far_m: float = 6.0  #: maximum z of a map, m
@@ -74,9 +74,9 @@ class Scene:
         return (self.foreground_m > 0) & (z > 0) & ((b <= 0) | (abs(z - b) > np.float32(STEP_M)))
 
     def holds_returns(self, maps: ArrayLike) -> NDArray[np.bool_]:
-        """Returns whether each map [n] contains depths of returns: in the pixels without
-        background, at most 10 % of the values are below foreground_m / 8. In contrast, a regression
-        yields many values near 0."""
+        """Returns for each map [n] whether its values are depths of returns, i.e. whether at most
+        10 % of the values in pixels without background are below foreground_m / 8. Maps from a
+        regression contain many values near 0 there."""
         z = pixels(maps)
         open_ = (self.background_m <= 0) & (z > 0)
         nearer = open_ & (z < np.float32(NEAREST) * np.float32(self.foreground_m))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Compares methods by accuracy, cost and stability, and runs the benchmark of three tracks.
+"""Compares methods by accuracy, cost and stability, and runs the three-track benchmark.
 `echofuse-bench --help` lists the kinds of methods.
 
 >>> from echofuse import bench

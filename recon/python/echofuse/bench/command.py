@@ -109,7 +109,7 @@ def make_parser() -> argparse.ArgumentParser:
 def main() -> None:
     """Runs echofuse-bench with the arguments in sys.argv."""
     args = make_parser().parse_args()
-    sys.path.append(os.getcwd())  # allows imports of methods in the current folder
+    sys.path.append(os.getcwd())  # allows methods to be imported from the current folder
     try:
         if getattr(args, "figure", None):
             require_matplotlib()

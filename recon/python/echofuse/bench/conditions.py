@@ -15,7 +15,7 @@ from . import derive
 
 @dataclass(frozen=True)
 class World:
-    """A condition, as its differences from the base condition."""
+    """A condition, described by its differences from the base condition."""
 
     set: tuple[str, ...] = ()  #: simulator settings, each KEY=VALUE
     scenes: str = "records"  #: option of `echofuse-sim dataset` that selects the kind of scene
@@ -31,12 +31,13 @@ BASE = World()
 
 @dataclass(frozen=True)
 class Axis:
-    """Conditions along one axis, in order, by label. One of them is BASE."""
+    """An axis of conditions. `values` maps labels to conditions in order, and includes BASE."""
 
-    # "matched": same condition in training and test; "shifted": only the test differs from the base
+    # "matched": training and test have the same condition; "shifted": only the test differs from
+    # BASE
     kind: str
     name: str
-    title: str  # title in tables and figures, with the unit
+    title: str  # title in tables and figures, including the unit
     values: dict[str, World] = field(default_factory=dict)
     # labels that --quick measures in addition to the base; empty: all labels
     quick: tuple[str, ...] = ()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Copies a run with changed records: fewer photons, fewer records, more background light, more
+"""Copies a run and degrades the copy: fewer photons, fewer records, more background light, more
 noise, or missing sensors. The copy has a new uuid.
 
 >>> from echofuse.bench import derive
@@ -21,7 +21,7 @@ from ..runs.acquire import import_arrays
 
 @dataclass
 class Records:
-    """Data of a run, which a change may edit in place."""
+    """Data of a run that a Change function may edit in place."""
 
     run: runs.Run
     keep: NDArray[np.bool_] = field(init=False)  #: whether each record is copied [n]
@@ -135,6 +135,6 @@ def require_linear(records: Records) -> None:
 
 
 def read(path: str | pathlib.Path) -> Records:
-    """Reads the data of a run as Records, which a change can edit."""
+    """Reads the data of a run into Records that a Change function can edit."""
     with runs.open(path) as run:
         return Records(run)

@@ -14,7 +14,7 @@ LETTERS = "ACEHLNOTUX"
 # width, height and stroke width of the letter plates, m (acquire/measurement/letter.hpp)
 SIZES = ((0.30, 0.40, 0.07), (0.20, 0.30, 0.05))
 CELL_M, MAX_SHIFT_M, NEAR_M = 0.02, 0.08, 0.2
-BLUR_DEPTH_M = 3.0  # templates are blurred by the width of one map pixel at this depth
+BLUR_DEPTH_M = 3.0  # templates are blurred by one map pixel at this depth, m
 Floats = NDArray[np.float64]
 
 
@@ -77,8 +77,8 @@ def near_layer(depth_m: NDArray[np.float32], half_tangent: float, plate: tuple[f
 
 
 def match(patch: Floats, pattern: Floats) -> tuple[float, float, float]:
-    """Returns the highest normalised correlation of the pattern with the patch, and its offset from
-    the patch centre to the right and down, cells."""
+    """Returns the highest normalised correlation of the pattern with the patch, and the offset of
+    the pattern from the patch centre to the right and down, cells."""
     rows, columns = (n - k + 1 for n, k in zip(patch.shape, pattern.shape))
 
     def correlated(values: Floats, kernel: Floats) -> Floats:

@@ -193,7 +193,7 @@ def timed_predict(fitted: Fitted, run: runs.Run) -> tuple[NDArray[np.float32], f
 
 def single_record_times(fitted: Fitted, run: runs.Run, max_records: int = 30) -> Row:
     """Returns the median and the 99th percentile of the prediction time of single records, us.
-    Empty if the method does not accept single records."""
+    Returns an empty row if the method does not accept single records."""
     rows = np.unique(np.linspace(0, len(run) - 1, min(len(run), max_records)).astype(int)).tolist()
     try:
         us = [timed_predict(fitted, run[row:row + 1])[1] for row in rows]
@@ -213,7 +213,8 @@ def _by_command(text: str, train: pathlib.Path, seed: int) -> Predict:
                 f"{text}: {(done.stderr.strip().splitlines() or ['no error message'])[-1]}")
             error.add_note(done.stderr.strip())
             raise error
-        # run.txt may name the copy without true maps, but `evaluate` refuses maps of another run.
+        # Removes run.txt if it names the copy without true maps: `evaluate` requires the original
+        # run.
         named = folder / "maps/run.txt"
         if named.exists() and named.read_text().startswith(runs.open(test).info["uuid"]):
             named.unlink()
@@ -238,9 +239,9 @@ def evaluate(predict: Predict, train: pathlib.Path, test: pathlib.Path,
     row: Row = {name: nan_if_none(report["metrics"].get(name, {}).get("mean")) for name in METRICS}
     counts = {"answered": report.get("answered", report["records"]), "records": report["records"],
               "depth_maps": report["metrics"]["depth_mae_m"]["maps"],
-              "threads": 1 if report.get("cost")  # echofuse-recon measures costs on one thread
+              "threads": 1 if report.get("cost")  # echofuse-recon uses one thread to measure costs
               else int(os.environ.get("OMP_NUM_THREADS") or os.cpu_count() or 1)}
-    if "answered" not in report:  # scores of a model exclude records without a map
+    if "answered" not in report:  # the scores of a model exclude records without a map
         counts["records"] += report["left_out"]
     cost = costs | (report.get("cost") or {})
     return row | counts | {name: nan_if_none(cost.get(name)) for name in COSTS}, records

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Makes the runs of the benchmark track with real photons. Public TMF8820 files are converted into
-runs with nine zones, and into runs with the sum of the zones. Each NAME.json.gz with a mesh is a
-test set. The training records are rendered with zones that were fitted to a few poses. These poses
-are excluded from the test sets."""
+"""Creates the runs of the benchmark track that uses measured photon counts. Public TMF8820 files
+are converted into runs with nine zones, and into runs with the sum of all zones. Each NAME.json.gz
+with a mesh is a test set. The training records are rendered with zones that were fitted to a few
+poses. These poses are excluded from the test sets."""
 from __future__ import annotations
 
 import pathlib
@@ -13,10 +13,10 @@ from . import zone_fit
 
 
 class RunPair(NamedTuple):
-    """A training run and the test run for its models."""
+    """A training run, and a run to test the models trained on it."""
 
     shape: str
-    zones: str  # "zones", "sum" (of the zones), or "1" (no zones)
+    zones: str  # "zones", "sum" (sum of all zones), or "1" (single pixel)
     train: pathlib.Path
     test: pathlib.Path
 
@@ -37,7 +37,7 @@ def shapes_in(data: pathlib.Path) -> list[str]:
 
 def make_runs(track: dict[str, Any], folder: pathlib.Path,
               data: pathlib.Path) -> Iterator[RunPair]:
-    """Generates the missing runs of the track, and yields all its runs."""
+    """Generates the missing runs of the track, and yields all runs of the track."""
     # Not imported at the top, because `python3 -m echofuse.bench.tmf8820` would import it twice.
     from . import tmf8820
 

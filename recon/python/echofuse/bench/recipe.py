@@ -40,8 +40,8 @@ def require_checksum(path: pathlib.Path, expected: str | None) -> None:
 
 def run_pairs(track: dict[str, Any], folder: pathlib.Path,
               data: pathlib.Path | None) -> list[photon_track.RunPair]:
-    """Returns the pairs of training and test runs of a track; empty if the user's data are
-    missing."""
+    """Returns the pairs of training and test runs of a track; empty if the track needs a data set
+    that the user has not provided."""
     if "fit" not in track:
         return [photon_track.RunPair("", "1", *(make_run(track, part, folder)
                                                 for part in ("train", "test")))]

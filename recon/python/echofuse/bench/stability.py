@@ -17,7 +17,7 @@ from . import derive, fog, table as tables
 from .conditions import BASE, Axis, World, recorded_axes, simulated_axes
 from .methods import CONSTANT, Method, Row, method, version
 
-TEST_SEEDS = 1000  # added to the seed for the test records
+TEST_SEEDS = 1000  # offset of the seed of the test records from the seed of the training records
 
 
 class Simulated:
@@ -32,7 +32,8 @@ class Simulated:
 
     @property
     def source_line(self) -> str:
-        """First line of a result table that is measured on these runs."""
+        """First line of a result table. It describes the runs on which the results were
+        measured."""
         settings = " ".join(word for word in self.settings if word != "--set")
         return (f"{version()}: {self.records} training and {self.test_records} test records, "
                 f"simulated{'; ' * bool(settings)}{settings}")

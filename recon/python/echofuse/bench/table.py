@@ -42,10 +42,10 @@ class Table:
     code of the method changed. Each new row is synced to disk before the next one is measured.
     A concatenation of tables (cat) is a valid table.
 
-    `source` is the first line, which names the data. A file with another first line is refused
+    `source` is the first line, which names the data. A file with a different first line is refused
     (UsageError). The rows of part (k, n) are in NAME-part-k-of-n.csv; the whole table includes the
-    rows of all existing parts. NAME.records.csv contains the scores of each record. `failed` is
-    the number of failed rows of user methods; NAME.log contains their tracebacks."""
+    rows of all existing parts. NAME.records.csv contains the scores of each record. `failed` is the
+    number of failed rows of user methods; NAME.log contains their tracebacks."""
 
     def __init__(self, path: Path, source: str = "", part: tuple[int, int] = (1, 1)) -> None:
         whole = pathlib.Path(path)
@@ -84,7 +84,7 @@ class Table:
         rows = csv.DictReader(line for line in lines if not line.startswith("#"))
         if data and tuple(rows.fieldnames or ()) != COLUMNS:
             raise UsageError(f"{path}: not a bench table; choose another --out")
-        if path == self.path and whole != data:  # removes a partial line of a killed process
+        if path == self.path and whole != data:  # removes the partial line of a killed process
             with writing(path), open(path, "r+b") as file:
                 file.truncate(len(whole))
         return {self.key(row): row for row in rows if row["axis"] != "axis"}
@@ -108,7 +108,7 @@ class Table:
         if previous["source"] == row["source"] and np.isnan(float(row["iou"])):
             return  # the file already has a row for this failure
         head = {name: row[name] for name in HEAD}
-        with writing(self.path):  # writes the scores first, so that no row lacks them
+        with writing(self.path):  # writes the scores before the row, so that no row lacks scores
             if records:
                 self._append(self.records, COLUMNS_OF_RECORDS, [head | score for score in records])
             self._append(self.path, COLUMNS, [row])
@@ -212,7 +212,7 @@ def checksum(path: Path) -> str:
 
 def content_hash(path: Path) -> str:
     """Returns a hash of the sensor data, axes, offsets, record indices and verdicts of a run. The
-    hash does not depend on times and uuid."""
+    hash does not depend on the times or the uuid."""
     with runs.open(path) as run:
         facts = (sorted(map(repr, run.axes.values())), sorted(run.offset_m.items()),
                  run.index.tolist(),
@@ -222,7 +222,8 @@ def content_hash(path: Path) -> str:
 
 
 def source_line(train: Path, test: Path) -> str:
-    """Returns the first line of a table that is measured on these runs: version, content hashes."""
+    """Returns the first line of a table of results measured on these runs: the version, and the
+    content hashes of the runs."""
     return f"{version()}: runs {content_hash(train)} {content_hash(test)}"
 
 
@@ -248,9 +249,9 @@ class Cell:
     axis: str  #: name of the property that is varied
     value: str  #: value of this property
     method: Method  #: method to measure
-    seed: int  #: seed for the training
-    train: RunSource  #: run for the training
-    test: RunSource  #: run for the test
+    seed: int  #: seed of the training
+    train: RunSource  #: training run
+    test: RunSource  #: test run
     #: whether a model of both sensors also predicts records with only one sensor
     fallback: bool = False
 
@@ -262,12 +263,12 @@ class Cell:
 
     @property
     def fit_key(self) -> str:
-        """Key under which Shared stores the trained method."""
+        """Key under which the class Shared stores the trained method."""
         return f"{self.method.name} {self.seed} {self.fallback} {self.train.key}"
 
     @property
     def test_input_key(self) -> str:
-        """Key under which Shared stores the test run without true maps."""
+        """Key under which the class Shared stores the test run without true maps."""
         return f"{self.test.key} without truth"
 
     @property
@@ -332,7 +333,7 @@ def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int,
         try:
             row, records = shared.row(cell)
             return cell.head | row, records, None
-        except (UsageError, OSError, sqlite3.Error):  # the method did not cause these errors
+        except (UsageError, OSError, sqlite3.Error):  # errors that are not caused by the method
             raise
         except Exception as error:  # noqa: BLE001 (user code)
             return cell.head | dict.fromkeys(METRICS + COSTS + COUNTS, float("nan")), [], error
@@ -461,7 +462,7 @@ def markdown(rows: Sequence[Row]) -> str:
 
 def finish(table: Table, args: argparse.Namespace, draw: Callable[[Any], Any],
            axis: str = "model") -> None:
-    """Prints the table as Markdown and draws the figure if the options request it."""
+    """Prints the table as Markdown and draws the figure, each only if an option requests it."""
     if args.markdown:
         print(markdown(means(table, axis)))
     if args.figure:

@@ -58,7 +58,7 @@ def read_measured(path: str | pathlib.Path) -> tuple[Array, Array, Array]:
 
 def read_mesh(path: str | pathlib.Path) -> Array:
     """Reads triangles [k, 3 corners, xyz], m, from a binary .stl or an .obj file. Raises ValueError
-    for another kind of file."""
+    for any other kind of file."""
     contents = pathlib.Path(path).read_bytes()
     if pathlib.Path(path).suffix == ".obj":
         lines = [line.split() for line in contents.decode().splitlines()]

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 # rays per side of a field, and tangent at its edge; 14 % of the weight is outside +-0.3
 G, FIELD_TANGENT = 30, 0.46
-# A field is a sum of KNOTS x KNOTS hat functions. A few poses do not determine each ray weight.
+# A field is a sum of KNOTS x KNOTS hat functions, because a few poses do not determine every ray
+# weight.
 KNOTS = 8
 BIN_M = 0.0138
 FIRST, LAST = 11, 60  # bins FIRST to LAST - 1 are fitted
@@ -84,9 +85,9 @@ class Scenes:
 
 
 def non_negative(a: Array, y: Array, steps: int) -> Array:
-    """Returns the x >= 0 that minimises |a x - y|, after this number of steps."""
+    """Returns the x >= 0 that minimises |a x - y|, approximated by this number of steps."""
     squares, to = a.T @ a, a.T @ y
-    # The power iteration finds the largest eigenvalue, which limits the step size.
+    # Finds the largest eigenvalue by power iteration, because it limits the step size.
     v = np.ones(len(to), squares.dtype)
     for _ in range(30):
         v = squares @ v
@@ -130,7 +131,8 @@ class ZoneFit:
     explained: Array  #: explained fraction of the variance [zones]
 
     def centres(self) -> Array:
-        """Returns mean x, mean y and standard deviation of each field [zones, 3], tangents."""
+        """Returns the mean x, the mean y and the standard deviation of each field [zones, 3],
+        tangents."""
         x, y = (part.ravel() for part in tangents(G, FIELD_TANGENT))
         w = self.fields / self.fields.sum(1, keepdims=True)
         cx, cy = w @ x, w @ y
@@ -197,6 +199,6 @@ def fit_zones(counts: Array, reference: Array, scenes: Scenes) -> ZoneFit:
                 best[k] = (share, float(own), field)
     fields = np.array([field for _, _, field in best])
     digits = 5 - int(np.floor(np.log10(max(fields.max(), 1e-30))))
-    # Rounded fields make the rendered records equal on all machines.
+    # Rounds the fields, so that the rendered records are equal on all machines.
     return ZoneFit(np.round(fields, digits), np.array([zero for _, zero, _ in best]), exponent,
                    albedo, np.array([share for share, _, _ in best]))

@@ -83,8 +83,8 @@ def units_of(table: str, column: str) -> str:
 
 def put(group: Any, name: str, values: Any, scale: Any = None, **attributes: Any) -> Any:
     """Creates a data set from a column or a text and returns it. Texts have a fixed length, which
-    all readers support. They are ASCII if possible, for readers such as Octave. Without
-    `scale`, a column becomes a dimension scale itself."""
+    all readers support. They are ASCII if possible, for readers such as Octave. If `scale` is not
+    given, the column itself becomes a dimension scale."""
     import h5py
 
     values = np.array(values.encode("utf-8", "surrogateescape") if isinstance(values, str)
@@ -275,7 +275,7 @@ def main() -> None:
             print(f"\rexport {done}/{len(run)} ", end="" if done < len(run) else "\n",
                   file=sys.stderr)
 
-    sys.excepthook = lambda *_: None  # hides errors that HDF5 objects print when deleted
+    sys.excepthook = lambda *_: None  # hides errors that HDF5 objects print when they are deleted
     sys.unraisablehook = lambda _: None
     try:
         try:

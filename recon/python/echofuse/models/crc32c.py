@@ -10,7 +10,7 @@ Words = NDArray[np.uint32]
 
 
 def _stepped(states: Words, bits: int) -> Words:
-    """Returns the CRC states after the input of `bits` zero bits."""
+    """Returns the CRC states after `bits` zero bits have been processed."""
     for _ in range(bits):
         states = (states >> 1) ^ np.where(states & 1, np.uint32(POLYNOMIAL), np.uint32(0))
     return states
@@ -42,8 +42,8 @@ def crc32c(data: bytes) -> int:
     states are combined in pairs."""
     values = np.frombuffer(data, np.uint8)
     length = max(1, -(-len(values) // ROWS))
-    # The data are padded with leading zero bytes. The initial state is 0, which they do not change.
-    # The initial state of RFC 3720 is therefore XORed into the first four bytes of the data.
+    # The data are padded with leading zero bytes, which do not change the initial state 0. The
+    # initial state of RFC 3720 is therefore XORed into the first four bytes of the data.
     padded = np.zeros(ROWS * length, np.uint8)
     padded[len(padded) - len(values):] = values
     padded[len(padded) - len(values):][:4] ^= 0xFF

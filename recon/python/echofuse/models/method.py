@@ -5,7 +5,7 @@
   (2) r = sum n_i r_i / sum n_i     range of the body, over |r_i - r| < body_m
   (3) h(d) = n(r + d) / sum n       aligned histogram; for zones h_k(d) = n_k(r + d) / sum n
   (4) g(d) = p(r + d) / sum p       aligned profile
-  (5) R - r = b x / r + O(b^2)      additional range of the body from the radar, b to the left
+  (5) R - r = b x / r + O(b^2)      R: range from the radar, which is b to the left
   (6) c(s) = <h * psf, g(. + s)> / (|h * psf| |g|)     estimator of (5), over shifts s
   (7) u = argmax sum (A - d) Re(c_d e^-i pi d u)       direction of the body from A antennas
   (8) x, z - r = place network      (c, h, h_k, g, antennas, r)
@@ -27,7 +27,7 @@ TAPS = np.arange(-7, 9)  # offsets of the interpolation taps, in profile points
 
 
 class Method:
-    """The method with the tensors t, facts f and constants c of one estimator
+    """The method with the tensors t, the metadata f and the constants c of one estimator
     (recon/method/constants.hpp)."""
 
     def __init__(self, t: dict[str, Array], f: dict[str, Any]) -> None:
@@ -36,7 +36,7 @@ class Method:
                   if name.startswith("alignment/config/")}
 
     def axis(self, name: str) -> tuple[int, float, float]:
-        """Returns count, start and step of the axis of a sensor."""
+        """Returns the count, the start and the step of the axis of a sensor."""
         return (self.f[f"axes/{name}/count"], self.f[f"axes/{name}/start"],
                 self.f[f"axes/{name}/step"])
 
@@ -116,7 +116,7 @@ class Method:
         near, far = int(np.floor(c["shift_from_m"] / apart)), int(np.ceil(c["shift_to_m"] / apart))
         shifts = far - near + 1
         positions = points[0] + apart * (np.arange(len(points) + shifts - 1) - far)
-        within = step * ((np.arange(4) + 0.5) / 4 - 0.5)  # spreads counts over their bin
+        within = step * ((np.arange(4) + 0.5) / 4 - 0.5)  # spreads the counts evenly over their bin
         centres = -c["histogram_m"] + step * (np.arange(len(h)) + 0.5)
         resolution = c["steps_a_resolution"] * self.axis("radar")[2]
         expected = h @ (np.sinc((positions - centres[:, None] - within[:, None, None])
@@ -127,9 +127,9 @@ class Method:
 
     def antennas(self, r: np.floating[Any], lags: Array) -> Array:
         """Equation (7): returns the direction cosine u, the product u r, the lags summed over the
-        body, and the shortest lags of each range part. The lags are normalised to the power of the
-        body, and horizontal lags are rotated to direction u. Empty if there are no antennas. The
-        shape of `lags` is [points, 2 D + 1]."""
+        body, and the shortest lags summed over each range part. All lags are normalised to the
+        power of the body, and the horizontal lags are rotated to direction u. Returns an empty
+        array if there are no antennas. The shape of `lags` is [points, 2 D + 1]."""
         if "alignment/lags" not in self.t or lags.size == 0:
             return np.zeros(0)
         c, (count, start, step) = self.c, self.axis("array")
@@ -182,7 +182,7 @@ class Method:
         right, behind = self.networks(standard, "model/place").T  # equation (8)
         r, nearest = inputs[bodies, -1], self.f["model/nearest_m"]
         tangent, z = right / np.maximum(r, nearest), np.maximum(r + behind, nearest)
-        # Equation (9) computes mask and depth.
+        # equation (9)
         mask, depth = (self.t[f"model/{name}/mean"][None].repeat(len(bodies), 0)
                        for name in ("masks", "depths"))
         if self.f["model"] == "factorised":
@@ -198,7 +198,7 @@ class Method:
         half = self.f["scene/map_half_tangent"]
         # tangents of the pixel centres
         pixel = half * ((2 * np.arange(self.size) + 1) / self.size - 1)
-        for i, row in enumerate(bodies):  # each body: equation (10)
+        for i, row in enumerate(bodies):  # equation (10), for each body
             across = interpolation(((pixel - tangent[i]) * z[i] - left) / pitch, columns)
             down = interpolation((-pixel * z[i] - top) / pitch, rows)
             m = down @ mask[i].reshape(rows, columns) @ across.T

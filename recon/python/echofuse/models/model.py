@@ -26,8 +26,8 @@ from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_
 
 
 def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Reads tensors and facts of a model file (recon/numbers/tensor_file.hpp). Raises ValueError
-    for another kind of file or a wrong checksum."""
+    """Reads the tensors and the metadata of a model file (recon/numbers/tensor_file.hpp). Raises
+    ValueError for any other kind of file or a wrong checksum."""
     kinds = {"F32": "<f4", "F64": "<f8", "I64": "<i8", "U32": "<u4", "U8": "u1"}
     contents = pathlib.Path(path).read_bytes()
     if contents.startswith(b"SQLite format 3"):
@@ -49,7 +49,7 @@ def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, NDArray[Any]],
 
 
 class Estimator:
-    """Predicts maps from sensor data, with its tensors t and facts f from the model file."""
+    """Predicts maps from sensor data. t and f are the tensors and the metadata of the estimator."""
 
     def __init__(self, tensors: dict[str, NDArray[Any]], facts: dict[str, Any], group: str) -> None:
         self.t = {name[len(group):]: values for name, values in tensors.items()
@@ -181,8 +181,8 @@ class Maps:
 
 
 class Model:
-    """Model from a file that `echofuse-recon train` wrote. If a sensor is missing in a record, an
-    estimator for the other sensor predicts the map, if the model contains such an estimator."""
+    """Model from a file that `echofuse-recon train` wrote. If a sensor is missing in a record, the
+    map is predicted by an estimator for the other sensor, provided that the model contains one."""
 
     def __init__(self, path: str | pathlib.Path) -> None:
         tensors, facts = read_safetensors(path)
@@ -193,7 +193,7 @@ class Model:
                          if facts.get("response/known") else None)
         #: run, index and part (2: held out) of each record of the training runs
         self.split = {key: tensors[f"split/{key}"].ravel() for key in ("run", "index", "part")}
-        #: whether the model accepts runs with a much narrower response without conversion
+        #: whether runs with a much narrower response than in training need no conversion
         self.any_response = bool(facts["response/any"])
         self.estimators = [Estimator(tensors, facts, f"{k}/") for k in range(facts["estimators"])]
 
@@ -293,7 +293,7 @@ class Model:
 def zones_of(estimator: Estimator, run: runs.Run | Arrays, photons: NDArray[Any],
              rows: NDArray[np.int64]) -> NDArray[Any]:
     """Returns the zone counts [n, zones, bins] of these rows, or [n, 0, 0] if the estimator does
-    not use zones. Raises ValueError if the detector has another number of zones."""
+    not use zones. Raises ValueError if the number of zones differs from that of the estimator."""
     zones = estimator.f.get("zones", 0)
     if not zones:
         return np.zeros((len(rows), 0, 0), np.float32)
@@ -311,5 +311,5 @@ def is_constant(table: NDArray[np.float32]) -> NDArray[np.bool_]:
 
 
 def load_model(path: str | pathlib.Path) -> Model:
-    """Reads a model file. Raises ValueError if it is not a model."""
+    """Reads a model file. Raises ValueError if the file is not a model."""
     return Model(path)

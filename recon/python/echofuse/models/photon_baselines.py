@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Bench methods for a detector with zones that need no network. They predict the mean training map,
+"""Bench methods for a detector with zones. They use no network, and predict the mean training map,
 the mean test map (oracle), or the first return of each zone."""
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..runs import PS_PER_M, zones
 
 Maps = NDArray[np.float32]
 MIN_PEAK = 0.08  # minimum height of a peak, relative to the highest bin of the zone
-TABLE_M = 0.035  # minimum distance of the object from the farthest return, m
+TABLE_M = 0.035  # minimum distance of the object in front of the farthest return, m
 
 
 def mean_map(maps: Maps) -> Maps:

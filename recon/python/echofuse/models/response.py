@@ -40,7 +40,7 @@ class Response:
 
 
 def stated_in(meta: Mapping[str, str]) -> Response | None:
-    """Returns the response in the metadata of a run; None if it is missing or invalid."""
+    """Returns the response that the metadata of a run contain; None if it is missing or invalid."""
     try:
         return Response(float(meta["radar_cell_m"]),
                         tuple(map(float, meta["radar_taps"].split(" +- ")[0].split())))
