@@ -15,7 +15,7 @@ import numpy as np
 import echofuse
 from echofuse.bench import call
 
-MANY = 1e9  # photons per record; the noise is negligible
+MANY = 1e9  # photons per record, so that the noise is negligible
 QUIET = [f"signal_photons={MANY:g}", "radar_snr_db=200"]
 
 

@@ -10,8 +10,8 @@ from torch import nn
 
 
 class Network:
-    """Network from histogram and profile to mask and depths, with layers of 256, 256 and 128
-    units."""
+    """Network that predicts a mask and depths from the histogram and the profile. Its layers have
+    256, 256 and 128 units."""
 
     def __init__(self, seed: int = 1, epochs: int = 40) -> None:
         torch.manual_seed(seed)

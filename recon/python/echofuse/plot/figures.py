@@ -56,13 +56,13 @@ def figure(columns: int = 1, rows: int = 1, wide: float = 4.6, high: float = 3.4
 
 
 def opened(run: runs.Run | Path) -> runs.Run:
-    """Returns the run, after opening it if it is given as a path."""
+    """Returns the run. If `run` is a path, opens the run first."""
     return run if isinstance(run, runs.Run) else runs.open(run)
 
 
 def plain_log(ax: Axes, *sides: str) -> None:
-    """Makes the axes "x" or "y" logarithmic with plain tick labels such as 0.1, 1 and 10. Axes of
-    few decades also have labels at 3, or at 2 and 5."""
+    """Makes the axes "x" or "y" logarithmic with plain tick labels such as 0.1, 1 and 10. An axis
+    that spans only a few decades also has labels at 3, or at 2 and 5."""
     for side in sides:
         ax.set(**{f"{side}scale": "log"})
         axis = getattr(ax, f"{side}axis")
@@ -79,7 +79,7 @@ def draw_map(ax: Axes, depth_m: ArrayLike, x: ArrayLike, y: ArrayLike,
              span: tuple[float, float] | None = None,
              title: str = "", bar: bool = True) -> None:
     """Draws depths [rows, columns], m, over the tangents x and y of the pixel centres. Near pixels
-    are bright; values <= 0 are no return. If no `span` is given, the values are fractions from 0
+    are bright; values <= 0 mean no return. If no `span` is given, the values are fractions from 0
     to 1."""
     values, x, y = np.asarray(depth_m, float), np.asarray(x, float), np.asarray(y, float)
     image_values = np.where(values > 0, values, np.nan) if span else values
@@ -303,8 +303,8 @@ def over_seeds(rows: Sequence[dict[str, Any]], metric: str) -> tuple[float, floa
 
 def _costs(panel: Axes, methods: dict[str, list[dict[str, Any]]], cost: str, metric: str,
            unit: float) -> tuple[list[tuple[float, float]], str]:
-    """Draws a metric against a cost. Returns the points, and the names of the methods without this
-    cost."""
+    """Draws a metric against a cost. Returns the points, and the names of the methods for which the
+    cost is not known."""
     points, without = [], []
     for k, (name, rows) in enumerate(methods.items()):
         costs = [row[cost] for row in rows if row[cost] > 0]

@@ -35,7 +35,8 @@ def table(caption: str, head: Sequence[Any], rows: Sequence[Sequence[Any]],
 
 
 def cell(text: str, small: str = "", mark: str = "") -> Block:
-    """Returns a table cell with a text, small print, and a mark ("best", "good" or "bad")."""
+    """Returns a table cell with a text, a note in small print, and a mark ("best", "good" or
+    "bad")."""
     return {"text": text} | ({"small": small} if small else {}) | ({"mark": mark} if mark else {})
 
 

@@ -76,7 +76,7 @@ class Report:
                 f"{args.dir}: contains a report of another run; give another folder, or --force "
                 "to overwrite it", 2)
         self.simulated = self.info["notes"].startswith("simulated")
-        self.models: list[ReportModel] = []  # models with equal inputs are adjacent
+        self.models: list[ReportModel] = []  # models with the same inputs are adjacent
         self.main: list[Block] = []
         self.gallery: list[Block] = []
         self.failing: list[Block] = []
@@ -138,7 +138,7 @@ class Report:
         else:
             found = record_blocks(self.args.live, self.story.typical())
             caption = "One of the records with the most sensors, from the middle of the run."
-        # the record is from another run
+        # index None: the record is not from the scored run
         index = {} if self.args.live == self.run else {"index": None}
         self.main += [block | {"caption": caption} | index for block in found.values()]
         self.span = self.span if self.models or self.others or not self.main else span_of(
@@ -176,7 +176,7 @@ class Report:
 
     @property
     def problems(self) -> list[str]:
-        """Sentences about problems, the most serious problem first."""
+        """Sentences that describe problems, the most serious problem first."""
         return self.live_problems + (tables.problems_of_run(self.first) if self.models else [])
 
     def read_provenance(self) -> dict[str, str]:
@@ -351,7 +351,8 @@ def measured(record: Block) -> list[str]:
 
 
 def require(args: argparse.Namespace) -> None:
-    """Raises ReportError with exit code 2 if options exclude each other or are missing."""
+    """Raises ReportError with exit code 2 if options cannot be combined, or if a required option is
+    missing."""
     for wrong, text in ((args.empty and not args.run, "--empty needs --run"),
                         (args.model and args.compare,
                          "--compare and --model exclude each other"),

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Adds maps of other programs to a report. `echofuse-recon evaluate --maps` scores them on the
-records of the first model."""
+"""Adds maps computed by other programs to a report. `echofuse-recon evaluate --maps` scores them on
+the records of the first model."""
 from __future__ import annotations
 
 import pathlib
@@ -70,7 +70,7 @@ class OtherMaps:
 
     def record(self) -> Block | None:
         """Returns the record with the median IoU of the first folder, with all maps of this record;
-        None if it has no maps, because all folders contain PNG files."""
+        None if there are no maps because all folders contain PNG files."""
         order = self.evaluation.scores[0].order
         index = order[len(order) // 2]
         with runs.open(self.run) as run:

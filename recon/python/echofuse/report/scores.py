@@ -84,7 +84,7 @@ class Scores:
     result: dict[str, Any]  # JSON output of `evaluate`
     index: NDArray[np.int64]  # record indices [n]
     labels: list[str]
-    warnings: list[str]  # why the record is flagged; empty if it is not
+    warnings: list[str]  # why each record is flagged; empty if a record is not flagged
     columns: dict[str, Values]  # per-record scores [n] by name
 
     def __getitem__(self, name: str) -> Values:
@@ -92,13 +92,13 @@ class Scores:
 
     @property
     def shift(self) -> dict[str, Any]:
-        """Test whether the run differs from the training data: p, records, found and text. Empty if
-        the run was not tested."""
+        """Result of the test whether the run differs from the training data: p, records, found and
+        text. Empty if the run was not tested."""
         return self.result.get("domain_shift") or {}
 
     @property
     def remarks(self) -> list[str]:
-        """Messages of `evaluate` that are not failures, such as assumptions."""
+        """Messages from `evaluate` that do not report problems, e.g. about assumptions."""
         texts = [*(self.result.get(key) for key in ("note", "antennas", "response", "ranges")),
                  self.result.get("two_people", {}).get("text")]
         return [text for text in ("" if self.shift.get("found") else self.shift.get("text"),
@@ -106,20 +106,20 @@ class Scores:
 
     @property
     def notes(self) -> list[str]:
-        """Other messages of `evaluate`, e.g. about excluded records or true maps that contradict
-        the sensors."""
+        """Messages from `evaluate` that are not in `remarks`, e.g. about excluded records or about
+        true maps that contradict the sensors."""
         known = [self.shift.get("text"), *self.remarks]
         return [line for line in self.result["notes"].splitlines() if line not in known]
 
     @property
     def inside(self) -> Count:
-        """Number of bodies inside their stated 90 % interval."""
+        """Number of bodies with a lateral error inside the 90 % interval stated by the model."""
         error, stated = self["lateral_m"], self["lateral_interval_90_m"]
         return Count.where(error <= stated, error, stated)
 
     @property
     def outside(self) -> str:
-        """Text about bodies outside their stated interval; empty if no interval is stated."""
+        """Text about bodies outside the 90 % interval; empty if the model states no interval."""
         inside, error, stated = self.inside, self["lateral_m"], self["lateral_interval_90_m"]
         if not inside.total:
             return ""
@@ -140,7 +140,7 @@ class Evaluation(NamedTuple):
 
     scores: list[Scores]
     result: dict[str, Any]  # JSON output of `evaluate`
-    room_note: str  # messages of `evaluate` about another room
+    room_note: str  # stderr of `evaluate`, e.g. if the room differs from the training room
 
     def span(self, wall: float, far_m: float) -> tuple[float, float]:
         """Returns the limits of the common depth scale of all maps, m, with a margin. `wall` is the
@@ -177,13 +177,13 @@ def evaluate(models: Sequence[str], run: str, room: Sequence[str],
 
 @dataclass
 class ReportModel:
-    """A model of the report, with one or several trainings. Its maps are from the first
+    """A model of the report, trained once or several times. Its maps are from the first
     training."""
 
     name: str
     files: list[str]
-    facts: list[dict[str, Any]]  # facts of each file
-    tensors: dict[str, NDArray[Any]]  # tensors of the first file
+    facts: list[dict[str, Any]]  # metadata of each model file
+    tensors: dict[str, NDArray[Any]]  # tensors of the first model file
     sensors: str  # e.g. "SPD + 8 antennas", "SPD alone"; "no sensor" for a constant map
     scores: list[Scores] = field(default_factory=list)
     # paired differences from the first model of the report, by metric
@@ -208,8 +208,8 @@ class ReportModel:
 
     @property
     def means(self) -> Means:
-        """Means over the maps. If there are several trainings, mean and standard error over
-        them."""
+        """Means over the maps. If the model was trained several times, mean and standard error over
+        the trained models."""
         all_means = [means_of(s.result["metrics"]) for s in self.scores]
         return all_means[0] if len(all_means) == 1 else Means(
             {m: Mean.of(np.array([means[m].mean for means in all_means])) for m in all_means[0]})
@@ -229,8 +229,8 @@ def sensors_of(facts: dict[str, Any]) -> str:
 
 
 def read_models(arguments: Sequence[str], compared: bool) -> list[ReportModel]:
-    """Reads models given as FILE or NAME=FILE. Files with equal names are trainings of one model;
-    models with equal inputs are adjacent. Compared models keep their order and names."""
+    """Reads models given as FILE or NAME=FILE. Files with equal names are repeated trainings of one
+    model. Models with the same inputs are adjacent. Compared models keep their order and names."""
     models: list[ReportModel] = []
     for argument in arguments:
         name, equals, path = argument.partition("=")

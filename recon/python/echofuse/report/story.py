@@ -18,7 +18,7 @@ from .records import decibels
 from .scores import Values
 
 SENSORS = {"spd": "SPD", "radar": "radar", "depth": "depth camera"}
-MAX_POINTS = 400  # maximum number of points per curve; more are not visible
+MAX_POINTS = 400  # maximum number of points per curve, because more cannot be distinguished
 
 
 def info_of(path: str) -> dict[str, Any]:
@@ -27,12 +27,12 @@ def info_of(path: str) -> dict[str, Any]:
 
 
 class Story:
-    """Course of a run. Times are in `unit` since the first slot."""
+    """Course of a run. Times are relative to the first slot, in `unit`."""
 
     def __init__(self, path: str) -> None:
         self.path, self.info, self.run = path, info_of(path), runs.open(path)
         self.quality = self.run.quality()
-        self.unreadable: list[str] = []  # messages about records; waterfalls() adds them
+        self.unreadable: list[str] = []  # error messages about records, added by waterfalls()
         seconds = (self.run.time - self.run.time[:1]) / np.timedelta64(1, "s")
         whole = seconds[-1] if len(seconds) else 0
         self.unit, by = ("h", 3600) if whole > 7200 else ("min", 60) if whole > 180 else ("s", 1)
@@ -148,7 +148,7 @@ class Story:
         return best[len(best) // 2:len(best) // 2 + 1]
 
     def blocks(self, between: Sequence[Block], pictures: Sequence[Block]) -> list[Block]:
-        """Returns the tables and charts of the run. `between` contains blocks that follow the
+        """Returns the tables and charts of the run. The blocks in `between` are inserted after the
         verdict."""
         rows = []
         for s, name in SENSORS.items():

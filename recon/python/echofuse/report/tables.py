@@ -13,7 +13,7 @@ from .scores import Count, Evaluation, Mean, Means, ReportModel, Scores, Values,
 
 
 class MetricFormat(NamedTuple):
-    """Name, unit and number format of a metric."""
+    """The name, the unit and the number format of a metric."""
 
     name: str
     unit: str
@@ -106,7 +106,7 @@ def models_verdict(models: Sequence[ReportModel], evaluation: Evaluation, simula
            f"IoU {plus_minus(own.means, 'iou')} ({second}{baseline})")
     out += "".join(f", {METRICS[m].name} {plus_minus(own.means, m)}"
                    for m in FIRST[1:] if own.means[m].maps) + "."
-    for model in models[1:] if len(models) == 2 else []:  # differences_table() has more models
+    for model in models[1:] if len(models) == 2 else []:  # differences_table() compares more models
         found = [(METRICS[m], model.differences[m])
                  for m in PAIRED if m not in ("ssim_fg", "ghost") and m in model.differences]
         worse = [f"{form.name} ({form.text(d['first'])} against "
@@ -127,7 +127,8 @@ def problems_of_run(scores: Scores, where: str = "") -> list[str]:
 
 
 class Row(NamedTuple):
-    """Row of a metrics table. `scores` of a single training allow paired comparisons."""
+    """Row of a metrics table. If `scores` are from a single training, they allow paired
+    comparisons."""
 
     name: str
     means: Means
@@ -275,8 +276,8 @@ def labels_table(model: ReportModel) -> list[Block]:
 
 
 def failing(s: Scores) -> list[tuple[str, Count, list[int]]]:
-    """Returns the kinds of failures, the most frequent first, with their record indices, the worst
-    record first."""
+    """Returns the kinds of failures, the most frequent kind first. Each kind has the indices of its
+    records, the worst record first."""
     iou, side, error, stated = (s[name] for name in ("iou", "left_right", "lateral_m",
                                                      "lateral_interval_90_m"))
     known = error + stated
@@ -330,8 +331,8 @@ def uncertainty_table(rows: Sequence[tuple[str, Scores]]) -> Block:
 
 
 def shares_below(values: Values) -> tuple[Values, Values]:
-    """Returns the empirical distribution: at most 200 sorted values, and the percentage of all
-    values up to each of them."""
+    """Returns the empirical distribution: at most 200 sorted values, and for each of these values
+    the percentage of all values that do not exceed it."""
     values = np.sort(values[~np.isnan(values)])
     at = np.arange(0, len(values), len(values) // 200 + 1)
     return values[at], 100 * (at + 1) / max(len(values), 1)

@@ -112,8 +112,9 @@ def write_run(path: str | pathlib.Path, *, spd: ArrayLike | None = None, first_b
 def import_arrays(out: str | pathlib.Path, sections: dict[str, dict[str, Any]],
                   arrays: dict[str, ArrayLike | None],
                   *options: str, program: str | None = None) -> None:
-    """Writes run.toml and the arrays to a temporary folder next to `out`, and imports it as the run
-    `out` (acquire/README.md). Raises RuntimeError with the error message of the program."""
+    """Writes run.toml and the arrays to a temporary folder next to `out`, and imports this folder
+    as the run `out` (acquire/README.md). Raises RuntimeError with the error message of the
+    program."""
     text = "".join((f"[{name}]\n" if name else "")
                    + "".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items())
                    for name, keys in sections.items())

@@ -31,8 +31,8 @@ class Axis:
         return self.start + self.step * np.arange(self.count)
 
     def is_near(self, other: dict[str, Any]) -> bool:
-        """Returns whether the positions differ by at most one bin. This axis may have more bins
-        than `other`."""
+        """Returns whether the positions on this axis and on `other` differ by at most one bin. This
+        axis may have more bins than `other`."""
         start = self.start - other["start"]
         end = start + (self.step - other["step"]) * other["count"]
         return bool(self.quantity == other["quantity"] and self.scale == other["scale"]

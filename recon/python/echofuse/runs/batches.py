@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from . import antennas
 from .run import Run
 
-MAX_RECORDS, MAX_BYTES = 256, 32 << 20  # maximum records and bytes of a block
+MAX_RECORDS, MAX_BYTES = 256, 32 << 20  # maximum number of records and bytes in a block
 Progress = Callable[[int], None]  # called with the number of finished records
 
 
@@ -32,8 +32,9 @@ def load(part: Run) -> None:
 
 def blocks(run: Run, progress: Progress = lambda done: None
            ) -> Iterator[tuple[int, Run, dict[int, str]]]:
-    """Yields each block as its first row, its records, and the error messages of its unreadable
-    rows. Unreadable records are marked as records without a valid sensor."""
+    """Yields for each block the number of its first row, a run of its records, and the error
+    messages of its unreadable rows. Unreadable records are marked as records without a valid
+    sensor."""
     count = {name: axis.count for name, axis in run.axes.items()}
     count["spd"] = count.get("spd", 0) * (len(run.zones) or 1)
     size = sum(count.get(name, 0)

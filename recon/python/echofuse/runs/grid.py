@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 def cells(source: Any, target: Any) -> list[tuple[int, int]]:
     """Returns for each target pixel the interval [first, last) of source pixels with centres inside
-    it. If there are none, the interval contains the nearest source pixel. Outside the field of view
-    of the camera, the interval is (0, 0). Both axes have count, start and step (run.Axis)."""
+    it. If no centre is inside it, the interval contains the nearest source pixel. Outside the field
+    of view of the camera, the interval is (0, 0). Both axes have the attributes count, start and
+    step (run.Axis)."""
     out = []
     for i in range(target.count):
         a, b, centre = ((target.start + (i + off) * target.step - source.start) / source.step
@@ -64,7 +65,8 @@ def to_map(columns: list[tuple[int, int]], rows: list[tuple[int, int]], size: tu
 
 
 def rows_of(count: int, rows: Any) -> NDArray[np.int64]:
-    """Converts a slice, a mask or a list to row numbers from 0 to count - 1. Raises IndexError."""
+    """Converts a slice, a mask or a list to row numbers from 0 to count - 1. Raises IndexError for
+    rows outside this range."""
     selected: slice | NDArray[Any] = rows if isinstance(rows, slice) else np.asarray(rows)
     if isinstance(selected, np.ndarray) and not selected.size:
         selected = selected.astype(int)  # NumPy converts an empty list to floats

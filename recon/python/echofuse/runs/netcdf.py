@@ -67,12 +67,12 @@ def engine() -> str:
 
 
 def write(run: Run, path: pathlib.Path, progress: Progress) -> int:
-    """Writes the first block of records with xarray, and appends the other blocks with the same
+    """Writes the first block of records with xarray, and appends all further blocks with the same
     encoding. Returns the number of unreadable records."""
     import h5py
     from xarray import conventions
 
-    encoded: Any = conventions.cf_encoder  # xarray has no type annotation for it
+    encoded: Any = conventions.cf_encoder  # xarray does not declare this type
 
     unreadable = 0
     for first, part, faults in blocks(run, progress):

@@ -24,7 +24,7 @@ from .run_files import STATISTICS, connect, leftovers, meta_of, status_of, table
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of the column record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # two-way time of flight per metre of range, ps
-MIN_AXIS_LIMIT, MAX_PIXELS = 1 << 16, 1 << 23  # minimum limit of axis points; limit of image pixels
+MIN_AXIS_LIMIT, MAX_PIXELS = 1 << 16, 1 << 23  # axis points always allowed; maximum image pixels
 IMAGES = 64  # maximum number of depth images in memory
 
 
@@ -231,7 +231,7 @@ class Run:
         return table(self.path, name)
 
     def events(self) -> list[tuple[str, str, str, str]]:
-        """Returns UTC, level, source and text of each event."""
+        """Returns the UTC time, level, source and text of each event."""
         return self.select("SELECT utc, level, source, text FROM event ORDER BY id")
 
     @errors_with_path

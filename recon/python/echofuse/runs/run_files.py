@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 3
 NULL_INTEGER = -1 << 63
 WAL_KEY = "wal_key"  # key in the JSON text run.meta of an open run
-MAX_RESTARTS = 1 << 16  # maximum difference between the stored key and that of the -wal
+MAX_RESTARTS = 1 << 16  # maximum difference between the stored key and the key of the -wal file
 TABLES = {"run", "axis", "record", "device", "calibration", "antenna", "anchor", "counter", "event",
           "late", "zone"}
 STATISTICS = {f"sqlite_stat{n}" for n in range(1, 5)}  # tables that SQLite writes for ANALYZE
@@ -39,17 +39,17 @@ def printable(text: str) -> str:
 
 
 _lock = threading.Lock()
-_descriptors: dict[tuple[int, int], list[int]] = {}  # descriptors by device and inode
+_descriptors: dict[tuple[int, int], list[int]] = {}  # open file descriptors by device and inode
 _connections: Counter[tuple[int, int]] = Counter()
 
 
 class Connection(sqlite3.Connection):
-    """Connection to a run, with an additional descriptor of the file. Closing any descriptor of a
-    file releases all SQLite locks of this process on the file. The descriptor therefore stays open
-    until the last connection to the file is closed."""
+    """Connection to a run, with an additional descriptor of the file. When a process closes any
+    descriptor of a file, it loses all SQLite locks on this file. The descriptor therefore stays
+    open until the last connection to the file is closed."""
 
     inode: tuple[int, int] | None = None
-    lacks_wal = False  # whether the run is open but not being recorded, and has no -wal
+    lacks_wal = False  # whether the run was not closed, is not being recorded, and has no -wal file
 
     def close(self) -> None:
         super().close()
@@ -98,7 +98,7 @@ def is_closed(path: pathlib.Path) -> bool:
 
 
 def side_file(path: pathlib.Path, suffix: str) -> pathlib.Path:
-    """Returns the path of the file next to a run with this suffix, after resolving links."""
+    """Returns the path of the file with this suffix next to a run, after resolving links."""
     real = path.resolve()
     return real.with_name(real.name + suffix)
 
@@ -130,7 +130,7 @@ def is_written(path: pathlib.Path) -> bool:
 
 
 def wal_header(path: pathlib.Path) -> bytes:
-    """Returns the first 32 bytes of the -wal next to a run, padded with zeros."""
+    """Returns the first 32 bytes of the -wal file next to a run, padded with zeros."""
     try:
         descriptor = os.open(side_file(path, "-wal"), os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     except FileNotFoundError:
@@ -144,14 +144,15 @@ def wal_header(path: pathlib.Path) -> bytes:
 
 
 def wal_key(path: pathlib.Path) -> int | None:
-    """Returns the key of the -wal (acquire/record/side_files.hpp); None if it has no header."""
+    """Returns the key of the -wal file (acquire/record/side_files.hpp); None without a header."""
     magic, *_, number, salt, _ = struct.unpack(">6I8x", wal_header(path))
     return (salt - number) % (1 << 32) if magic & ~1 == 0x377F0682 else None
 
 
 def stored_in(path: pathlib.Path) -> tuple[str | None, bool] | None:
-    """Returns the stored key of the -wal, and whether the run has records. Reads only the run file,
-    as in acquire/record/side_files.cpp. Returns None for a damaged file or another kind of file."""
+    """Returns the stored key of the -wal file, and whether the run contains records. Reads only the
+    run file, as in acquire/record/side_files.cpp. Returns None if the file is damaged or is not a
+    run."""
     with closing(opened(path, "mode=ro&immutable=1")) as db:
         try:
             guard(db, path)
@@ -163,7 +164,7 @@ def stored_in(path: pathlib.Path) -> tuple[str | None, bool] | None:
 
 
 def refuse_foreign_wal(path: pathlib.Path) -> None:
-    """Raises ValueError if the key of the -wal differs from that of the open run."""
+    """Raises ValueError if the key of the -wal file differs from the key stored in the open run."""
     if (found := wal_key(path)) is None or (stored := stored_in(path)) is None:
         return
     try:
@@ -188,8 +189,8 @@ def opened(path: pathlib.Path, options: str) -> Connection:
 
 
 def lacks_wal(path: pathlib.Path) -> bool:
-    """Returns whether an open run is a copy without its -wal. A run that is being recorded always
-    has its -wal. Raises ValueError if the -wal belongs to another run."""
+    """Returns whether an open run is a copy without its -wal file. A run that is being recorded
+    always has a -wal file. Raises ValueError if the -wal file belongs to a different run."""
     if is_written(path):
         return False
     refuse_foreign_wal(path)

@@ -18,8 +18,8 @@ from typing import Any, NoReturn
 
 def stop_by_signal() -> list[int]:
     """Makes SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt. Returns a list to which received
-    signals are appended, because SQLite replaces an exception in its progress handler with its own
-    error."""
+    signals are appended. The list is needed because SQLite replaces an exception in its progress
+    handler with an SQLite error."""
     stopped: list[int] = []
 
     def stop(number: int, _: Any) -> NoReturn:
@@ -59,7 +59,7 @@ def sync(path: pathlib.Path) -> None:
     try:
         os.fsync(descriptor)
     except OSError as error:
-        # folders cannot be synced in some file systems
+        # some file systems cannot sync folders
         if error.errno not in (errno.EINVAL, errno.ENOTSUP):
             raise
     finally:
@@ -103,7 +103,7 @@ def staged(place: pathlib.Path) -> Iterator[pathlib.Path]:
     key = zlib.crc32(os.fsencode(place.absolute()))
     name = f".{place.name}.{socket.gethostname()}-{key:08x}.unfinished"
     temporary = pathlib.Path(os.environ.get("TMPDIR") or place.parent) / name
-    final = place.parent / name  # in the same file system as `place`
+    final = place.parent / name  # on the same file system as `place`
     lock = temporary.with_name(f"{name}.lock")
     try:
         descriptor = locked(lock)

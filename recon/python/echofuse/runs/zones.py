@@ -14,7 +14,8 @@ Number = TypeVar("Number", bound=np.generic)
 
 
 class Zone(NamedTuple):
-    """Direction, width and time zero of a zone. NaN: unknown direction and width."""
+    """The direction, the width and the time zero of a zone. The direction and the width are NaN if
+    they are unknown."""
 
     x: float  # tangent of the zone centre, positive to the right
     y: float  # tangent of the zone centre, positive upwards
@@ -22,7 +23,7 @@ class Zone(NamedTuple):
     zero_ps: float = 0.0  # two-way time of range 0, ps
 
     def plausible(self) -> bool:
-        """Returns whether the values are plausible, like Zone::plausible
+        """Returns whether the values are plausible, as in Zone::plausible
         (drivers/core/zone.hpp)."""
         unknown = all(map(math.isnan, self[:3]))
         return abs(self.zero_ps) <= 1e12 and (unknown or abs(self.x) <= 100 and abs(self.y) <= 100
