@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Plays sounds for alerts. Browsers allow sound only after a click, so a button turns it on and shows its state.
+// Plays sounds for alerts. Browsers allow sound only after a click, so a button turns the sound on and shows whether it
+// is on.
 const repeatS = 10;
 
 export class Alarm {

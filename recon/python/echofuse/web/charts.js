@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Charts drawn with uPlot: histogram, range profile, waterfalls, and strips over the run.
+// Draws charts with uPlot: the histogram, the range profile, the waterfalls, and the curves over the run.
 /* global uPlot */
 export const metresPerPs = 299792458 / 2e12;
 export const colour = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-// Returns the font size of charts, px. Key f (large type) changes it.
+// Returns the font size of charts, px. The key f (large type) changes the size.
 export const textSize = () => parseFloat(colour('--chart-text'));
 export const text = () => `${textSize()}px ${getComputedStyle(document.body).fontFamily}`;
 
@@ -16,13 +16,13 @@ export const siNumber = v => Math.abs(v) >= 1e6 ? `${+(v / 1e6).toPrecision(3)}M
   : Math.abs(v) >= 1e3 ? `${+(v / 1e3).toPrecision(3)}k` : `${+v.toPrecision(3)}`;
 export const short = (_, values) => values.map(v => v == null ? '' : siNumber(v));
 
-// A chart that fills its element. It is created again when its style changes.
+// A chart that fills its element. The chart is created again when its style changes.
 export class Chart {
   constructor(id, height) {
     this.at = document.getElementById(id);
     this.height = height;
     this.data = null;
-    this.gaps = [], this.rules = [];  // gaps: intervals of x to shade; rules: labelled lines {at, name, across}
+    this.gaps = [], this.rules = [];  // gaps: intervals of x that are shaded; rules: labelled lines {at, name, across}
     new ResizeObserver(() => this.plot?.setSize(this.size())).observe(this.at);
   }
   size() {
@@ -70,14 +70,14 @@ export function save(blob, name) {
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
 
-// Units of the range axis of histogram and profile: metres, or nanoseconds of two-way time.
+// Units of the range axis of the histogram and the profile: metres, or nanoseconds of two-way time.
 export const units = {m: {name: 'range, m', perM: 1, words: m => `${m.toFixed(2)} m`, width: m => `${+(100 * m).toPrecision(3)} cm`},
                       ns: {name: 'two-way time, ns', perM: 1e-3 / metresPerPs, words: m => `${(m * 1e-3 / metresPerPs).toFixed(2)} ns`,
                            width: m => `${+(m * 1e-3 / metresPerPs).toPrecision(3)} ns`}};
 
-// A chart over range, for one record or a sum of records. Drag to zoom it and its partner; double-click to reset. Two
-// clicks set cursors A and B. The readout shows their distance, and the FWHM of the highest peak between them. Without
-// cursors it shows the highest peak in the visible part.
+// A chart over range, for one record or a sum of records. Drag to zoom this chart and its partner; double-click to
+// reset. Two clicks set the cursors A and B. The readout then shows the distance between A and B, and the FWHM of the
+// highest peak between them. If no cursors are set, the readout shows the highest peak in the visible part.
 class Bench extends Chart {
   constructor(id, height) {
     super(id, height);
@@ -99,7 +99,7 @@ class Bench extends Chart {
   get range() {
     return {time: false, range: () => this.zoom ?? [0, (this.farthest ?? 1) * this.unit.perM]};
   }
-  // Range of the peak fit, m: between the cursors, otherwise the visible part.
+  // Returns the range of the peak fit, m: the interval between the cursors or, if they are not set, the visible part.
   get part() {
     const ends = this.marks.length === 2 ? this.marks.map(mark => mark.at).sort((a, b) => a - b) : this.zoom ?? [-1e6, 1e6];
     return ends.map(at => at / this.unit.perM);
@@ -148,7 +148,7 @@ class Bench extends Chart {
     for (let i = 0; i < x.length; ++i) if (x[i] >= from * perM && x[i] <= to * perM && y[i] != null && (top == null || y[i] > y[top])) top = i;
     return top;
   }
-  // Shows the value under the pointer. Without pointer or with two cursors, shows the peak and its fit.
+  // Shows the value under the pointer. If there is no pointer, or if two cursors are set, shows the peak and its fit.
   readOut(index) {
     if (this.lacks) return void (this.readout.textContent = this.lacks);
     const [x, y] = this.data ?? [[], []], top = this.peak(), {perM, width} = this.unit, words_at = i => this.words(x[i] / perM, y[i]);
@@ -172,7 +172,8 @@ class Bench extends Chart {
   }
 }
 
-// Returns the upper end of the y axis. It rises at once but falls slowly, so that records can be compared by eye.
+// Returns the upper end of the y axis. The end rises immediately but falls slowly, so that records can be compared by
+// eye.
 function calmTop(before, values, least) {
   let top = least;
   for (const v of values) if (v > top) top = v;
@@ -275,7 +276,7 @@ const niceTop = most => {
 const fromZero = {range: (_, low, high) => [0, niceTop(Math.max(high, 1))]};
 const endsOnly = {values: short, size: 52, splits: (u, i, low, high) => [low, high]};
 
-// Rate of a sensor over the run. Marks at the top show where data were lost; the heading shows how many.
+// Rate of a sensor over the run. Marks at the top show when data were lost; the heading shows how many were lost.
 class Strip extends Chart {
   constructor(sensor) {
     super(`strip-${sensor}`, 64);
@@ -301,14 +302,14 @@ export const clock = s => {
 };
 const times = {incrs: [1, 2, 5, 10, 20, 30, ...[1, 2, 5, 10, 20, 30, 60, 120, 180, 360, 720, 1440].map(min => 60 * min)], space: 70,
                values: (_, at) => at.map(clock)};
-// Intensity of one sensor over range and time (or direction). Bright colours mean high values; missing data are blank.
+// Signal of one sensor over range and time (or direction). Bright colours mean high values; missing data are blank.
 export class Waterfall extends Chart {
   constructor(id, height = 150, x = {...times}, label = '') {
     super(id, height);
     Object.assign(this, {x, label});
   }
-  // image: one column per record, with the farthest range at the top. span: start of the first and end of the last
-  // column. table: colour map. ends: labels at the lower and upper end of the colour bar.
+  // image: one column per record, with the farthest range at the top. span: the start of the first column and the end
+  // of the last column. table: colour map. ends: labels at both ends of the colour bar.
   show(image, span, farthest, table, ends) {
     Object.assign(this, {image, span, farthest, table, ends});
     this.set([span, [null, null]]);

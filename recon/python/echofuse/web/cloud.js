@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Draws the pixels of a depth map as points in space (WebGL). x points to the right, y up, z away from the camera; metres.
+// Draws a depth map as a point cloud (WebGL). x points to the right, y up, and z away from the camera; unit: m.
 import {isDark, rgbOf, tables} from './maps.js';
 
 const vertex = `attribute vec3 place; attribute vec3 tint; uniform mat4 view; uniform float size; varying vec3 shown;
@@ -24,7 +24,7 @@ function program(gl) {
 function viewOf(turn, tilt, away, middle, aspect) {
   const [cy, sy, cx, sx] = [Math.cos(turn), Math.sin(turn), Math.cos(tilt), Math.sin(tilt)];
   const f = 1 / Math.tan(Math.PI / 9), near = 0.05, far = 60, a = (far + near) / (near - far), b = 2 * far * near / (near - far);
-  // In camera space z points towards the viewer. The z of the scene points away from the sensors, so it is negated.
+  // Negates z, because z points towards the viewer in camera space, and away from the sensors in the scene.
   const rows = [[cy, 0, -sy], [sx * sy, cx, sx * cy], [-cx * sy, sx, -cx * cy]];
   const t = rows.map((r, i) => r[1] * 0.5 - r[2] * middle - (i === 2 ? away : 0));
   const out = new Float32Array(16);
@@ -48,7 +48,7 @@ export class Cloud {
       this.box.textContent = 'Points cannot be drawn, because this browser does not support WebGL.';
       return;
     }
-    // away: viewing distance; null until the first zoom, so that the whole floor is visible.
+    // away: viewing distance. Until the first zoom it is null, and the whole floor is visible.
     this.turn = -0.6, this.tilt = 0.3, this.away = null, this.middle = 3.5;
     this.program = program(this.gl);
     this.labels = [2, 3, 4, 5].map(z => {

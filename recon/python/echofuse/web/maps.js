@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: MIT
-// Draws depth maps as images. The colour map viridis covers the distances in the scene; near is bright. Pixels without a
-// return are grey. Returns are outlined, because some colours are similar to grey. Axes in degrees, colour bar in metres.
+// Draws depth maps as images. The colour map viridis covers the distances in the scene; near pixels are bright. Pixels
+// without a return are grey. Areas of returns are outlined, because some colours are similar to grey. The axes are in
+// degrees, the colour bar is in metres.
 import {colour, text, textSize} from './charts.js';
 
 const viridis = ['440154', '482475', '414487', '355f8d', '2a788e', '21918c', '22a884', '44bf70', '7ad151', 'bddf26', 'fde725'];
 const inferno = ['000004', '1b0c41', '4a0c6b', '781c6d', 'a52c60', 'cf4446', 'ed6925', 'fb9b06', 'f7d13d', 'fcffa4'];
-// Colours of depth errors: blue is too near, orange is too far; both ends have equal lightness.
+// Colours of depth errors: blue means too near, orange means too far. Both ends of the scale have equal lightness.
 const twoEnds = ['08306b', '1c5a9c', '4585bf', '84b0d8', 'c5d8ec', 'f7f7f7', 'f5d5b8', 'eaa96c', 'd37b2c', 'a95308', '6e3003'];
 const table = anchors => {
   const rgb = anchors.map(hex => [0, 2, 4].map(i => parseInt(hex.slice(i, i + 2), 16)));
@@ -75,8 +76,8 @@ export function fill(canvas, image) {
   outline(c, image, 0, 0, width, height);
 }
 
-// Returns an image of the error (map minus truth) at pixels where both have a return. Also stores which returns are
-// missed or false.
+// Returns an image of the error (predicted minus true depth) at pixels where both maps have a return. Also stores which
+// returns are missed or false.
 export function errorPicture(map, truth, rows, columns, span) {
   const both = map.map((v, i) => v > 0 && truth[i] > 0 ? v - truth[i] : NaN), image = picture(both, rows, columns, span, tables.error, 1, true);
   image.missed = map.map((v, i) => truth[i] > 0 && !(v > 0)), image.invented = map.map((v, i) => v > 0 && !(truth[i] > 0));
@@ -101,8 +102,8 @@ function mark(c, image, left, top, width, height) {
   c.restore();
 }
 
-// Height of the upper margin, px. Other margins depend on the size of the labels: elevation left, azimuth below, colour
-// bar right.
+// Height of the upper margin, px. The other margins depend on the size of their labels: elevation on the left, azimuth
+// below, colour bar on the right.
 const top = 8;
 const roomOf = size => ({left: 3.9 * size, bottom: 2.8 * size, bar: 28 + 4.4 * size});
 
@@ -121,7 +122,7 @@ export class MapView {
         this.readOut();
       });
   }
-  // Shows the value under the pointer. Without pointer, shows the note.
+  // Shows the value under the pointer or, if there is no pointer, the note.
   readOut() {
     if (!this.value) return;
     const {pointer, inner, image, values} = this;
@@ -227,7 +228,7 @@ export class MapView {
     const [low, far] = this.span, step = [0.25, 0.5, 1].find(s => s / (far - low) * high > 2.6 * size) ?? 2;
     for (let v = Math.ceil(low / step) * step; v <= far + 1e-9; v += step) {
       const y = top + (1 - (v - low) / (far - low)) * high;
-      // The colours at both ends also represent all values beyond the scale.
+      // The end colours also represent all values beyond the scale.
       const last = v + step > far + 1e-9, end = !this.unit ? '' : Math.abs(v - far) < 1e-9 ? '≥ ' : Math.abs(v - low) < 1e-9 && this.kind !== 'sure' ? '≤ ' : '';
       c.fillText(`${end}${+v.toFixed(2)}${last ? this.unit : ''}`, x + 16, Math.min(Math.max(y + size / 3, top + 0.8 * size), top + high));
     }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Plan view in metres. The detector is at the origin and the radar to its left; x points to the right, z away. Shows the
-// power received by the radar antennas, the field of view of the maps, and the track of the body.
+// Plan view, m. The detector is at the origin, and the radar is to its left. x points to the right, and z away from the
+// detector. The view shows the power received by the radar antennas, the field of view of the maps, and the track of
+// the body.
 import {colour, text, textSize} from './charts.js';
 import {picture, tables} from './maps.js';
 
@@ -15,8 +16,8 @@ export class Plan {
     this.canvas = document.getElementById('plan');
     new ResizeObserver(() => this.shown && this.draw()).observe(this.canvas.parentElement);
   }
-  // beams: dB by range and sine of the azimuth, or null. track: [age s, x, z, interval] of each body position, newest
-  // first.
+  // beams: power in dB by range and sine of the azimuth, or null. track: [age s, x, z, interval] of each body position,
+  // newest first.
   show(what) {
     this.shown = what;
     this.draw();

@@ -6,7 +6,7 @@ import {Cloud} from './cloud.js';
 import {MapView, errorPicture, isDark, picture, tables} from './maps.js';
 
 const report = JSON.parse(document.getElementById('data').textContent), errorSpan = [-0.5, 0.5];
-const redraws = [];  // functions that draw again after a change of theme or width
+const redraws = [];  // functions that redraw their charts when the theme or the width changes
 let ids = 0;
 const newId = kind => `${kind}-${++ids}`;
 // Appends a new element to its parent, and returns it.
@@ -85,7 +85,7 @@ class Plot extends Chart {
     const widest = Math.max(...words.map(word => c.measureText(word).width)), fits = u => widest + 8 < (u.width - 5 * textSize()) / words.length;
     return {rotate: u => fits(u) ? 0 : 45, size: u => fits(u) ? 2 * textSize() : 0.72 * widest + 1.6 * textSize()};
   }
-  // Draws error bars, crosses and names over the points.
+  // Draws the error bars, crosses and names over the points.
   over(u) {
     const c = u.ctx, ratio = devicePixelRatio, points = [], taken = [];
     const stroke = (...lines) => (c.beginPath(), lines.forEach(([a, b, x, y]) => (c.moveTo(a * ratio, b * ratio), c.lineTo(x * ratio, y * ratio))), c.stroke());
@@ -141,7 +141,7 @@ const record = i => {
   return r;
 };
 
-// Returns the square part of the map that contains the bodies in truth and predictions, with a margin.
+// Returns the square part of the map that contains the bodies in the true and predicted maps, with a margin.
 function about(r) {
   const all = {left: 0, top: 0, size: r.side}, at = [];
   for (const map of [r.truth, ...r.maps.map(m => m.map)])
@@ -336,7 +336,8 @@ const kinds = {
     strips.take(block.arrays, block.window_s);
     redraws.push(() => strips.renew());
   },
-  // Draws the data of each sensor over the run. Each column is a group of records, nearest bin first; 255: no data.
+  // Draws the data of each sensor over the run. Each column is a group of records, with the nearest bin first; 255
+  // means no data.
   waterfalls(parent, {tables: all, unit, end}) {
     const box = make(parent, 'figure', {className: 'card waterfalls'}), head = {spd: ['SPD', 'clicks by range and time'], radar: ['radar', 'power by range and time']};
     for (const {sensor, values, columns, bins, start_m: start, end_m: far, most} of all) {
@@ -405,11 +406,11 @@ const chapters = report.sections.map(({id, heading, blocks}) => {
   add(section, blocks);
   return [entry, section];
 });
-// A chapter is not printed if all its parts are folded, or if it contains the rotating view.
+// A section is not printed if all its parts are collapsed, or if it contains the 3D view.
 const isEmpty = section => [...section.children].every(part => part.matches('h2, details:not([open])')) || section.querySelector('#cloud') !== null;
 if (location.hash) document.getElementById(location.hash.slice(1))?.scrollIntoView();
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
-// Printed pages use the light theme and a fixed width.
+// Switches printed pages to the light theme and a fixed width.
 let theme;
 addEventListener('beforeprint', () => {
   theme = root.dataset.theme, root.dataset.theme = 'light', root.classList.add('paper');

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
-// Shows the runs of a folder, with one card per run that links to its page.
+// Shows the runs in a folder. Each run has a card that links to the page of the run.
 import {clock, colour, siNumber} from './charts.js';
 import {refusal} from './link.js';
 import {fill, picture, spanOf, tables} from './maps.js';
 
 const $ = id => document.getElementById(id);
 const side = 112, pause = {all: 5000, more: 100};
-let listed = '';  // JSON of the displayed list of runs
+let listed = '';  // list of runs that is displayed, as JSON
 
 function thumbnail(run, span) {
   const canvas = document.createElement('canvas'), c = canvas.getContext('2d'), high = side * devicePixelRatio;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Shows thumbnails of depth maps at regular intervals over the run. A click selects the record.
+// Shows thumbnails of depth maps at regular intervals over the run. A click on a thumbnail selects its record.
 import {colour} from './charts.js';
 import {fill, picture, tables} from './maps.js';
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Page of a run. Displays messages from the server, and sends requests when a key or button is pressed.
+// Page of a run. Displays the data in messages from the server, and sends requests when a key or a button is pressed.
 import {Curve, Histogram, Profile, Strips, Waterfall, clock, metresPerPs, siNumber, units} from './charts.js';
 import {Alarm} from './alarm.js';
 import {Cloud} from './cloud.js';
@@ -23,7 +23,7 @@ const sheet = new Sheet(index => show(index));
 let run = null, state = null, record = null, sum = null, strip = null, span = [2.5, 5], spanKnown = false;
 let wasLive = false, received = 0, lastMessage = performance.now(), connected = false, live = true, wanted = null, cloudOf = 'map', sheetAt = -1;
 window.framesSeen = 0;
-// The viewer sends a message at least every second. It is considered unreachable after 3 s without one.
+// The viewer sends a message at least every second. It is considered unreachable if no message arrives for 3 s.
 const silence = () => (performance.now() - lastMessage) / 1000, reached = () => connected && silence() < 3;
 
 const age = s => s < 10 ? `${s.toFixed(1)} s ago` : s < 600 ? `${Math.round(s)} s ago` : `${clock(s)} ago`;
@@ -40,7 +40,8 @@ const rate = (n, name) => `${n < 10 ? +n.toPrecision(2) : count(Math.round(n))} 
 
 const doubtsOf = shown => sensors.filter(name => !['ok', 'not configured'].includes(shown.sensors[name].verdict))
   .map(name => `${names[name]}: ${shown.sensors[name].verdict}`);
-// Returns the colour and the word of a lamp. The word alone is sufficient if colours cannot be distinguished.
+// Returns the colour and the word of a sensor's status indicator. The word is sufficient if the colours cannot be
+// distinguished.
 function lampOf(sensor, over) {
   if (!sensor.configured) return ['off', 'OFF'];
   if (!over && sensor.stale) return ['bad', 'LOST'];
@@ -73,7 +74,7 @@ function drawLamps() {
   $('doubts').hidden = false, $('doubts').dataset.none = !state.doubts;
   drawMapsLamp();
 }
-// Shows the worst state among the run and its sensors.
+// Shows the worst of the states of the run and its sensors.
 function drawStatus(lost, look) {
   const of = list => list.map(name => names[name]).join(', '), words = {open: 'recording', complete: 'complete'};
   const all = sensors.filter(name => state.sensors[name].configured);
@@ -171,12 +172,12 @@ function drawRecord() {
   drawPlan();
   const points = cloudOf === 'reconstruction' && a.reconstruction ? a.reconstruction : a.map;
   if (points || !live) cloud.set(points, cloudOf === 'reconstruction' && made ? made.half_tangent : grid, span);
-  // In live mode the lamps show the verdicts. For a held record, the verdicts are listed here.
+  // Lists the verdicts of a held record. In live mode, the status indicators show them.
   setText('shown', $('shown').title = [`record ${record.index}${live ? ' (newest)' : ''}`, `${record.utc.slice(11, 21)} UTC`, record.label, ...(live ? [] : ['held', ...doubtsOf(record)])].filter(Boolean).join(', '));
   sheet.point(record.index);
 }
 
-// Draws sensors, antenna power and body from above, with the detector at the origin.
+// Draws the sensors, the antenna power and the body from above, with the detector at the origin.
 function drawPlan() {
   const {beams, track} = record.arrays, made = record.reconstruction, hasBeams = beams?.some(v => v > -Infinity);
   $('card-plan').hidden = !hasBeams && !track?.length;
@@ -195,7 +196,7 @@ function takeFits(fits) {
 }
 // Returns the number of records in the displayed sum; 0: all records since the newest mark.
 const summed = () => +$('sum').value;
-// Draws histogram, profile and rates of one record or of a sum of records.
+// Draws the histogram, the profile and the rates of one record or of a sum of records.
 function drawMeasured({arrays, rates, fits, spd_records: records}, lacks) {
   histogram.records = records;
   takeFits(fits);
@@ -235,7 +236,7 @@ const take = {
     $('facts').replaceChildren(...run.facts.flatMap(words => ['dt', 'dd'].map((kind, i) => Object.assign(document.createElement(kind), {textContent: words[i]}))));
     const {spd, radar} = run.axes;
     const end = spd ? (spd.start + spd.count * spd.step) * metresPerPs : radar ? radar.start + radar.count * radar.step : 1;
-    // Both charts have the same range axis, so that peaks at equal ranges are aligned.
+    // The histogram and the profile have the same range axis, so that peaks at equal ranges are aligned.
     histogram.farthest = profile.farthest = end;
     if (run.axes.spd && (other || histogram.x?.length !== run.axes.spd.count)) histogram.axes(run.axes.spd);
     if (run.axes.radar) profile.axes(run.axes.radar);
@@ -265,7 +266,7 @@ const take = {
   sum(message) {
     sum = message;
     setText('rates-of', summed() === 1 || message.why ? message.why ?? '' : `of ${message.records} records from record ${message.from}`);
-    if (summed() === 1) {  // the message `record` already contains these data
+    if (summed() === 1) {  // a sum of one record: the message `record` already contains these data
       takeFits(message.fits);
       for (const chart of [histogram, profile]) chart.readOut(null);
     } else drawMeasured(message, {spd: message.why ?? (message.arrays.spd ? '' : 'no data'), radar: message.why ?? (message.arrays.radar ? '' : 'no data')});
@@ -302,8 +303,8 @@ const take = {
   },
 };
 
-// Draws both waterfalls: the logarithm of the clicks, and the radar power relative to its median. The colours are
-// scaled to the maximum of the run.
+// Draws both waterfalls: the logarithm of the clicks, and the radar power relative to its median. The colour scale ends
+// at the maximum of the run.
 function drawWaterfalls() {
   const {message} = sheet;
   if (!message || !run) return;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Draws the histogram of each detector zone at the position of the zone in the field of view, all with the same scale.
+// Draws the histogram of each detector zone at the position of the zone in the field of view. All histograms have the
+// same scale.
 import {colour, siNumber, text, textSize} from './charts.js';
 
 // Returns the centres [x, y] of the zones, and the side length of equal squares around them that do not overlap. If the
