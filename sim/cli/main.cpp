@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// echofuse-sim simulates data sets and laboratories of devices. Each add_... function defines one
-// subcommand, and the function that runs it.
+// The program echofuse-sim simulates data sets, and laboratories with devices. Each add_...
+// function defines one subcommand and sets the function that runs it.
 #include <toml++/toml.h>
 
 #include <CLI/CLI.hpp>
@@ -102,7 +102,7 @@ struct DatasetArguments : PlanArguments {
   std::optional<std::int64_t> records, people, letters, two_people, empty, objects, seed;
 };
 
-// If the command line has record counts, they replace all record counts of the plan. Throws
+// If the command line contains record counts, replaces all record counts of the plan. Throws
 // Error(usage) if the counts contradict each other or are all 0.
 void apply_counts(const DatasetArguments& a, sim::Plan& plan) {
   const bool by_kind = a.people || a.letters || a.two_people || a.empty || a.objects;

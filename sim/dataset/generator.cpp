@@ -138,7 +138,7 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
   return info;
 }
 
-// Returns the content of the files that the settings name: scene list and mesh.
+// Returns the contents of the files that the settings name: the scene list and the mesh.
 std::string files_of(const Plan& plan) {
   std::string out;
   for (const std::string& path : {plan.scenes, plan.conditions.object})
@@ -146,9 +146,9 @@ std::string files_of(const Plan& plan) {
   return out;
 }
 
-// Returns the UUID (RFC 9562 version 8) of a part of a data set. It consists of three values
-// computed from version, settings, part and the content of the named files: the 64-bit FNV-1a hash,
-// the CRC-32C, and the length.
+// Returns the UUID (RFC 9562 version 8) of a part of a data set. It consists of the 64-bit FNV-1a
+// hash, the CRC-32C and the length of a text. This text contains the version, the settings, the
+// part and the contents of the named files.
 std::string part_uuid(const record::RunInfo& info, const JobPart& part, const std::string& files) {
   const std::string text =
       info.version + "\n" + info.config_resolved + "\n" + part.name() + "\n" + files;
@@ -292,7 +292,7 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
 
 // Simulates the antenna samples, stores their statistics in the record, and returns the mean power
 // at each range point. Uses a separate random stream, so that the number of antennas does not
-// change photon counts and depth map.
+// change the photon counts and the depth map.
 std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Returns& returns,
                                                    const AntennaRadar& radar,
                                                    record::FusedRecord& r) const {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Writes a run file of simulated records. Equal plans give identical files, except for UUID and
-// time of day, on any number of threads.
+// Writes a run file of simulated records. Equal plans give identical files on any number of
+// threads, except for the UUID and the time of day.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -31,16 +31,16 @@ struct Plan {
 };
 
 void bind(Settings& settings, Plan& plan);
-// Replaces plan.twin by the TOML text of its ranges, without the keys that the settings give. Call
-// after all settings have been read. Throws Error(config) if the twin cannot be read, or if a
-// laboratory is selected without a twin.
+// Replaces plan.twin with the TOML text of its ranges, without the keys that are set in the
+// settings. Call this function after all settings have been read. Throws Error(config) if the twin
+// cannot be read, or if a laboratory is selected without a twin.
 void resolve_twin(const Settings& settings, Plan& plan);
 // Returns the conditions of each laboratory of the plan; one element if plan.laboratories is 0.
 std::vector<Conditions> laboratories_of(const Plan& plan);
 
-// Returns the scene of each record, in the order of the scene list. Without a list the order is
-// random and depends on the seed. Throws Error(config) if the list cannot be read, or if an object
-// scene has no mesh.
+// Returns the scene of each record, in the order of the scene list. If there is no list, the order
+// is random and depends on the seed. Throws Error(config) if the list cannot be read, or if an
+// object scene has no mesh.
 std::vector<SceneSpec> scenes_of(const Plan& plan);
 
 // Signals of the empty room, computed once because the room is static. A scene in front of the room
@@ -101,8 +101,8 @@ struct DatasetOptions {
 };
 
 // Writes the run file. Returns the number of records written, which is smaller than requested after
-// an interrupt. The file of a part appears only when it is complete. If the complete file already
-// exists, it is kept and nothing is written.
+// an interrupt. The file of a part is visible only when it is complete. If the complete file
+// already exists, nothing is written.
 std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options);
 
 }  // namespace echofuse::sim

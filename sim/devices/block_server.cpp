@@ -60,7 +60,7 @@ void BlockServer::disconnect(const char* why) {
 }
 
 // Logs and discards the queued blocks of the last client, then accepts the next client. Must not be
-// called during a write, which uses a buffer of the queue.
+// called during a write, because the write uses a buffer of the queue.
 void BlockServer::next_client() {
   for (const QueuedBlock& block : queue_) log(block, block.begun == HostTime{} ? "unsent" : "cut");
   queue_.clear();

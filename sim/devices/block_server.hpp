@@ -13,8 +13,8 @@
 
 namespace echofuse::sim {
 
-// Threading: use only in the thread of the event loop. Listener and injector must outlive the
-// server. The device must call poll() from the on_poll function of the injector.
+// Threading: use only in the thread of the event loop. The listener and the injector must outlive
+// the server. The device must call poll() from the on_poll function of the injector.
 class BlockServer {
  public:
   struct QueuedBlock {
@@ -47,7 +47,7 @@ class BlockServer {
   // Increases the number of lost items that the next block reports.
   void lose(std::uint64_t items) { lost_ += items; }
   void poll();
-  // Sends a goodbye block to the client. Further clients are not accepted.
+  // Sends a goodbye block to the client. After that, no further clients are accepted.
   void stop();
 
   std::uint64_t clients() const { return clients_; }

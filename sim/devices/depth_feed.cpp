@@ -46,8 +46,8 @@ class DepthFeed final : public Device {
   }
 
  private:
-  // A connected OpenNI2 driver module. Several may be connected, because each process that uses
-  // OpenNI2 loads its own module.
+  // A connected OpenNI2 driver module. Several modules may be connected, because each process that
+  // uses OpenNI2 loads its own module.
   struct FeedClient {
     explicit FeedClient(Local::socket s) : socket(std::move(s)) {}
     Local::socket socket;
@@ -103,7 +103,7 @@ class DepthFeed final : public Device {
   }
 
   // Sends frames that are due, and starts or ends an unplug fault. While the camera is unplugged,
-  // its socket is removed and connected clients read an end of file.
+  // its socket is removed, and connected clients receive an end of file.
   void poll() {
     if (stopping_) return;
     send_due();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // OpenNI2 driver with one depth camera, loaded by the unmodified OpenNI2 library. It reads frames
-// from the socket LAB/depth.sock of a laboratory. LAB follows from the path of the module,
+// from the socket LAB/depth.sock of a laboratory. LAB is derived from the path of the module,
 // LAB/openni/OpenNI2/Drivers/MODULE. The camera is present while the laboratory accepts
 // connections. Threading: OpenNI calls the driver in threads of the application. A separate thread
 // reads the socket.

@@ -2,7 +2,7 @@
 // Protocol of the unix socket between a laboratory and the OpenNI2 driver module. The first header
 // has pixel_bytes 0 and describes the camera. Each further header is followed by a frame of width *
 // height depths z (u16, mm), row-major from the top left. Both ends come from the same build and
-// run on the same machine, so byte order and padding are native.
+// run on the same machine, so the byte order and the padding are native.
 #pragma once
 #include <cstdint>
 

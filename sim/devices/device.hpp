@@ -56,7 +56,7 @@ class SentLog {
 
 class Listener;
 
-// Faults of all devices, and the log of sent data (null: no log).
+// Faults of all devices, and the log of the sent data (null: no log).
 struct FaultPlan {
   std::vector<Fault> faults;
   SentLog* sent_log = nullptr;
@@ -65,8 +65,8 @@ struct FaultPlan {
 class Device {
  public:
   virtual ~Device() = default;
-  // Ends the service. Sends a goodbye if the protocol of the device has one. Writes in progress end
-  // within one second.
+  // Ends the service. Sends a goodbye message if the protocol of the device defines one. Writes in
+  // progress end within one second.
   virtual void stop() = 0;
   // Returns the number of sent items of each kind, with the name of the kind.
   virtual std::vector<std::pair<std::string, std::uint64_t>> sent() const = 0;

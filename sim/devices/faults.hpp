@@ -56,8 +56,8 @@ class Faults {
   // Returns the first time after time_s at which a fault starts or ends; infinity after the last
   // change.
   double next_change_s(double time_s) const;
-  // Returns the offset of the device clock from laboratory time, s; positive if it is ahead. An
-  // offset accumulated by drift remains after the fault.
+  // Returns the offset of the device clock from laboratory time, s; positive if the device clock is
+  // ahead. An offset accumulated by drift remains after the fault.
   double clock_error_s(double time_s) const;
 
   struct FaultChange {
@@ -69,7 +69,7 @@ class Faults {
   std::vector<FaultChange> changes(double from_s, double to_s) const;
 
  private:
-  // State between two changes of faults. It is cached, because it is used for each tag.
+  // State between two changes of faults. The state is cached, because it is used for each tag.
   struct Segment {
     double from_s = 0, to_s = 0;    // time range of the segment, s; empty before the first use
     double error_s = 0, slope = 0;  // clock offset at from_s, s, and its slope

@@ -22,8 +22,8 @@ std::string hello_of(const Zones& zones) {
       .dump();
 }
 
-// Detector with zones that sends one histogram block per exposure over the bridge protocol. A
-// histogram shows the scene in the middle of its exposure.
+// Detector with zones that sends one histogram block per exposure over the bridge protocol. Each
+// histogram shows the scene at the midpoint of its exposure.
 class HistogramBridge final : public Device {
  public:
   HistogramBridge(port::Loop& loop, ScenePlayer& player, const TdcOptions& options,
@@ -97,7 +97,7 @@ class HistogramBridge final : public Device {
   port::Timer timer_;
   HostTime next_;
   Rng rng_;
-  std::vector<double> rates_;  // expected counts per window of scene number seen_
+  std::vector<double> rates_;  // expected counts per window for scene number seen_
   std::int64_t seen_ = -1;
   FaultInjector injector_;
   BlockServer server_;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Draws the detections of a pulsed laser and a single-photon detector one by one. They have the
-// same distribution as the simulated histogram (sim/sensors/optics.hpp).
+// Draws the detections of a pulsed laser and a single-photon detector one by one. The detections
+// have the same distribution as the simulated histogram (sim/sensors/optics.hpp).
 #pragma once
 #include <cstdint>
 #include <vector>

@@ -14,9 +14,9 @@ namespace {
 // Factor from amplitudes (mean scene: 1) to the 16-bit integers of the heat map, which saturate at
 // 32 times the amplitude of the mean scene.
 constexpr float sample_gain = 1 << 10;
-constexpr unsigned above = 1;  // index of the ISK transmitter that is not in the row
+constexpr unsigned above = 1;  // index of the ISK transmitter outside the row of the other two
 
-constexpr double layout_hz = 62e9;  // frequency for which antenna positions are in half wavelengths
+constexpr double layout_hz = 62e9;  // antenna positions are in half wavelengths at this frequency
 
 std::vector<AntennaRadar::TxRxPair> about_their_middle(std::vector<AntennaRadar::TxRxPair> pairs) {
   AntennaRadar::TxRxPair middle;
@@ -84,7 +84,7 @@ void RadarAntennas::start(const Chirp& chirp, double mean_peak) {
                   (1e9 * chirp.start_ghz +
                    1e6 * chirp.played_slope_mhz_us() *
                        (chirp.adc_start_us + 500.0 * chirp.samples / chirp.sample_rate_ksps));
-  // If the chirp uses no transmitter in the row, the samples of all antennas are sent.
+  // If the chirp uses no transmitter of the ISK row, the samples of all antennas are sent.
   if (of_row == 0) of_row = tx.size();
   sent_ = tx.empty() ? 0 : used_.size() / tx.size() * of_row;
   echo_.reset();

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Virtual antennas of a simulated radar board, and their samples. An IWR6843ISK sends the samples
-// of the antennas in a row (TLV 4). A board with 12 antennas in a plane (AOP; radar_antennas = 12)
-// sends all samples (TLV 8). Phase and gain errors depend only on the board, not on the run.
+// Virtual antennas of a simulated radar board, and their samples. An IWR6843ISK sends only the
+// samples of the antennas in a row (TLV 4). A board with 12 antennas in a plane (AOP;
+// radar_antennas = 12) sends the samples of all antennas (TLV 8). The phase errors and the gain
+// errors depend only on the board, not on the run.
 #pragma once
 #include <array>
 #include <complex>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Parameters and range profile of a chirp. The parameters follow from the CLI commands as in TI's
-// demo firmware (mmWave SDK 3.x, mmwdemo_rfparser.c).
+// Parameters and range profile of a chirp. The parameters are computed from the CLI commands as in
+// TI's demo firmware (mmWave SDK 3.x, mmwdemo_rfparser.c).
 #pragma once
 #include <cstdint>
 #include <vector>

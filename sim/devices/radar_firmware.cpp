@@ -253,9 +253,9 @@ bool RadarFirmware::all_pending() const {
   });
 }
 
-// Prints an error and returns true if sensorStart does not match the configuration. Without an
-// argument it requires a complete new configuration; "sensorStart 0" requires that nothing was
-// configured since the last start.
+// Prints an error and returns true if sensorStart does not match the configuration. If sensorStart
+// has no argument, it requires a complete new configuration. "sensorStart 0" requires that nothing
+// was configured since the last start.
 bool RadarFirmware::refuse_start(bool reconfigure) {
   const bool first = state_ == DemoState::init || state_ == DemoState::opened;
   if (reconfigure && all_pending()) return false;
@@ -273,8 +273,9 @@ bool RadarFirmware::refuse_start(bool reconfigure) {
   return true;
 }
 
-// Antennas, ADC and power mode are configured only at the first start. If they change later, prints
-// the failed assertion of the demo and returns true; the command line then hangs, as on the board.
+// The antennas, the ADC and the power mode are configured only at the first start. If they change
+// later, prints the failed assertion of the demo and returns true; the command line then hangs, as
+// on the board.
 bool RadarFirmware::changed_latched() {
   for (const char* name : latched_commands) {
     if (state_ == DemoState::init) latched_[name] = config_[name];

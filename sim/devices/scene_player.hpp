@@ -32,7 +32,7 @@ struct SceneSchedule {
 
 class ScenePlayer {
  public:
-  // The time of construction is time zero of the player and of all device clocks.
+  // The player and all device clocks are at time zero when the player is constructed.
   ScenePlayer(const Clock& clock, const Conditions& conditions, const SceneSchedule& schedule);
 
   const Conditions& conditions() const { return conditions_; }

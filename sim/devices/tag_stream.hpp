@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Generates the tags of the current scenes in real time, in blocks for the device that sends them.
+// Generates the tags of the current scene in real time. The tags are in blocks, which a device
+// sends.
 #pragma once
 #include <functional>
 
@@ -17,9 +18,9 @@ class TagStream {
   void set_gain(double gain) { source_.set_gain(gain); }
   // Starts the stream at the present time. Earlier pulses are skipped.
   void start();
-  // Calls `emit` with blocks of all tags up to now. A block contains tags of one scene and spans at
-  // most TdcOptions::longest. If the stream is more than one second late, calls `lose` with the
-  // number of skipped tags.
+  // Calls `emit` with blocks of all tags up to the present time. A block contains tags of one scene
+  // and spans at most TdcOptions::longest. If the stream is more than one second late, calls `lose`
+  // with the number of skipped tags.
   void advance(const Emit& emit, const Lose& lose);
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// UART of a radar board. It sends at its baud rate, even if the receiver does not read.
+// UART of a radar board. The UART sends at its baud rate, even if the receiver does not read.
 #pragma once
 #include <chrono>
 #include <cstdint>

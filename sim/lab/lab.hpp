@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
 // Simulated laboratory with a time tagger, a radar and a depth camera that observe the same scenes.
-// Programs use these devices like real ones. The directory of the laboratory contains:
+// Programs use these devices like real devices. The directory of the laboratory contains:
 //
 //   lab.toml                 configuration for the daemon; written last, when all devices are ready
 //   radar-cli, radar-data    symbolic links to the two serial ports of the radar
 //   radar.cfg                chirp configuration, used by lab.toml
 //   depth.sock               socket that sends frames to the OpenNI2 driver module
-//   openni/                  private OpenNI2 library and drivers, for LD_LIBRARY_PATH
+//   openni/                  private copy of OpenNI2, for LD_LIBRARY_PATH
 //   sent.json                number of items that each device sent; written at the end
 #pragma once
 #include <cstdint>

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Settings of the simulation with their default values (the base condition). bind() in
 // conditions.cpp contains the description and range of each setting, which `echofuse-sim config`
-// prints. SPD and depth camera are at the origin and look along +z, with x right and y up. The
-// radar is at (-baseline_m, 0, 0).
+// prints. The SPD and the depth camera are at the origin and look along +z. x points to the right,
+// and y points up. The radar is at (-baseline_m, 0, 0).
 #pragma once
 #include <cstdint>
 #include <string>
@@ -53,7 +53,7 @@ struct Conditions {
   std::int64_t pulses_per_window = 0;
   double spd_dead_time_ps = 0;
   bool spd_detector_stated = true;
-  // The signal at tangent t from the axis of the detector has the factor exp(-spd_falloff (t /
+  // The signal at tangent t from the axis of the detector is multiplied by exp(-spd_falloff (t /
   // (half_tangent spd_field))^2).
   double spd_falloff = 0, spd_field = 1, spd_yaw_deg = 0;
   double slot_sway_m = 0;
@@ -70,7 +70,7 @@ struct Conditions {
   double radar_wall_reflectivity = 0.15, radar_wall_scatter = 1;
   double baseline_error_m = 0, radar_falloff = 0, radar_yaw_deg = 0, radar_psf_width = 1;
 
-  // Antennas (sim/sensors/antennas.hpp) and body motion.
+  // Radar antennas (sim/sensors/antennas.hpp) and body motion.
   std::int64_t radar_antennas = 0, radar_frames = 60;
   double radar_phase_error_rad = 0, radar_gain_error_db = 0;
   bool radar_array_calibrated = true;

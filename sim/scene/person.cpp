@@ -53,8 +53,8 @@ Leg random_leg(double side, double length, const Conditions& c, Rng& rng) {
 // Size factors relative to the base body.
 struct Build {
   double girth, shoulders, limbs, legs;
-  // Factor of lengths above the hip. It is larger for shorter legs, so that the total height does
-  // not change.
+  // Scale factor of the lengths above the hip. The factor is larger for shorter legs, so that the
+  // total height does not change.
   double trunk() const { return 1 - (legs - 1) * hip_height / (1 - hip_height); }
 };
 Build random_build(const Conditions& c, Rng& rng) {
@@ -158,8 +158,8 @@ class BodyBuilder {
   Vec3 ground_, right_, front_, hip_, trunk_;
 };
 
-// Returns the plate of a letter, without its position. It has its own axes, because it may be
-// tilted forward or back.
+// Returns the plate of a letter, without its position. The plate has its own axes, because it may
+// be tilted forward or back.
 Plate held_plate(const Conditions& c, const BodyBuilder& body, Rng& rng) {
   const double most_deg = c.letter_tilt_deg;
   const double lean = most_deg > 0 ? radians(uniform(rng, -most_deg, most_deg)) : 0;

@@ -6,7 +6,7 @@
 namespace echofuse::sim {
 
 // Range response (point-spread function) of the radar, as an amplitude with peak 1.
-// Without `taps` it is the Fourier transform of the window
+// If `taps` is empty, the response is the Fourier transform of the window
 //   1 + first cos(2 pi t) + second cos(4 pi t), -1/2 < t < 1/2
 // over the sweep (Harris, Proc. IEEE 66, 1978). Otherwise it is a measured response: `taps` are the
 // square roots of the measured power, a quarter of a resolution cell apart. Range zero is at index
@@ -36,7 +36,7 @@ struct Psf {
     }
   };
   Windowed windowed() const { return {4 * first - second - 5, 1 - first + second}; }
-  // Distance from u = 0, +-1 and +-2, where the formula is 0 / 0, below which its limit is used.
+  // The formula is 0 / 0 at u = 0, +-1 and +-2. Closer than this to such a u, its limit is used.
   static constexpr double nearest = 1e-7;
   // Returns the amplitude for a window. `sine` is sin(pi u).
   double at_sine(double u, double sine) const;

@@ -21,7 +21,7 @@ Plate wall(double x0, double z0, double x1, double z1, double albedo) {
   return rectangle(0.5 * (from + to), (1 / width) * (to - from), up, width, 7, albedo);
 }
 
-// Returns two side walls, floor and ceiling, which extend from z = 0 to length_m.
+// Returns two side walls, a floor and a ceiling, which extend from z = 0 to length_m.
 std::vector<Plate> tube(double left_x, double right_x, double length_m) {
   const Vec3 right{1, 0, 0}, away{0, 0, 1};
   const double middle_x = (left_x + right_x) / 2, middle_y = (floor_y_m + ceiling_y_m) / 2;

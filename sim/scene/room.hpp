@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Static rooms behind the people. The first room is the fixed background of the single-sensor
-// baseline (Turpin et al., Optica 7, 900, 2020). The others are used to test a model in an unknown
-// room.
+// baseline (Turpin et al., Optica 7, 900, 2020). The other rooms are used to test a model in a room
+// that is not in its training data.
 #pragma once
 #include <string>
 #include <vector>
@@ -13,8 +13,8 @@ namespace echofuse::sim {
 struct Room {
   std::string name;
   std::vector<Plate> plates;
-  // The first `walls` plates are walls, floor and ceiling, which reflect radar waves specularly.
-  // The other plates are faces of boxes.
+  // The first `walls` plates are the walls, the floor and the ceiling, which reflect radar waves
+  // specularly. The other plates are faces of boxes.
   std::size_t walls = 0;
 };
 

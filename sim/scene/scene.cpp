@@ -82,7 +82,8 @@ void add_object(Scene& scene, const Conditions& c, const Stand& stand) {
   const double cosine = std::cos(stand.yaw_rad), sine = std::sin(stand.yaw_rad);
   const auto world = [&](std::uint32_t corner) {
     const Vec3 p = c.object_scale * (upright(mesh.points[corner]) - foot);
-    // Rotates the mesh like a person: yaw 0 faces the sensors, and positive yaw turns towards +x.
+    // Rotates the mesh with the sign convention of people: yaw 0 faces the sensors, and positive
+    // yaw turns towards +x.
     return Vec3{stand.x_m + cosine * p.x - sine * p.z, p.y - c.camera_height_m,
                 stand.z_m + sine * p.x + cosine * p.z};
   };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Scene in front of the sensors. It consists of capsules (people), flat plates made of strokes
-// (letters, walls and faces of boxes), and triangles (meshes of users).
+// (letters, walls and faces of boxes), and triangles (meshes that users provide).
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -14,14 +14,14 @@
 
 namespace echofuse::sim {
 
-// Radar reflectivity that is the same as the albedo.
+// Special value: the radar reflectivity equals the albedo.
 inline constexpr double as_albedo = -1;
 
 // Capsule: all points within radius_m of the segment a-b.
 struct Capsule {
   Vec3 a, b;
   double radius_m = 0, albedo = 0;
-  double radar = as_albedo;  // radar reflectivity; as_albedo: same as `albedo`
+  double radar = as_albedo;  // radar reflectivity; as_albedo: equal to `albedo`
 };
 
 using record::Stroke;
@@ -50,8 +50,8 @@ struct Scene {
   std::string label;           // for example person, letter:A, two_people, empty, object:chair
 };
 
-// A reflector is a small plate at z = reflector_m, in front of the SPD or to its side
-// (Conditions::reflector_before). An object is the mesh Conditions::object on the floor.
+// A reflector is a small plate at z = reflector_m, in front of the SPD or to the left or right of
+// it (Conditions::reflector_before). An object is the mesh Conditions::object on the floor.
 enum class SceneKind : std::uint8_t { person, letter, two_people, empty, reflector, object };
 std::optional<SceneKind> kind_named(std::string_view name);
 std::string kind_names();  // all names, separated by commas

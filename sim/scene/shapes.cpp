@@ -96,7 +96,8 @@ ECHOFUSE_CLONES void meet_triangle(const TriangleShape& t, const double* x, cons
   }
 }
 
-// Computes depth and plate coordinates of the points where rays cross the plane of the plate.
+// Computes the depth and the plate coordinates of the points where rays cross the plane of the
+// plate.
 ECHOFUSE_CLONES void cross_plane(const PlateShape& p, const double* x, const double* y,
                                  double* __restrict met, double* __restrict along_u,
                                  double* __restrict along_v, std::size_t count) {

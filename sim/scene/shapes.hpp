@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Capsules, plates and triangles in coordinates relative to a sensor. A ray is the line z (x, y,
-// 1), so its parameter is the depth z. Functions process arrays of rays. Results are bitwise
+// 1), so its parameter is the depth z. Functions process arrays of rays. Results are bit-for-bit
 // identical on every machine.
 #pragma once
 #include <algorithm>
@@ -91,7 +91,8 @@ void light_back(const double* x, const double* y, const double* z, const double*
                 const double* albedo, double factor, double* range, double* weight,
                 std::size_t count);
 
-// Stores depth and number of a shape for each ray that meets the shape before its current depth.
+// Stores the depth and the number of a shape for each ray that meets the shape at a smaller depth
+// than the stored one.
 void keep_nearer(const double* met, std::int32_t number, double* z, std::int32_t* shape,
                  std::size_t count);
 

@@ -18,8 +18,8 @@ class TableReader {
   explicit TableReader(std::string file_name) : name_(std::move(file_name)) {}
 
  protected:
-  // Calls use(table) for each [[kind]] table. Anything else in the file is a mistake. Throws
-  // Error(config) if the text is not valid TOML.
+  // Calls use(table) for each [[kind]] table. Reports anything else in the file as a mistake.
+  // Throws Error(config) if the text is not valid TOML.
   template <class Use>
   void read_tables(const std::string& text, const std::string& kind, Use use) try {
     const toml::table file = toml::parse(text, name_);

@@ -107,7 +107,7 @@ MatrixXcf near_wave(const AntennaRadar& radar, const EchoCell& point) {
   return out;
 }
 
-// Adds the echoes of calibration reflector and leakage, which are points.
+// Adds the echoes of the calibration reflector and of the leakage, which are modelled as points.
 void add_points(const Returns& returns, const AntennaRadar& radar, EchoSamples& samples) {
   const RangeResponse response(radar.axis);
   std::vector<double> psf;
@@ -124,8 +124,8 @@ void add_points(const Returns& returns, const AntennaRadar& radar, EchoSamples& 
   }
 }
 
-// Adds the coherent echoes of room and objects. Hidden patches of a subtracted room have negative
-// weights, which removes their echoes.
+// Adds the coherent echoes of the room and of objects. If the room is subtracted, its hidden
+// patches have negative weights, which remove their echoes.
 void add_still(const Returns& returns, const AntennaRadar& radar, EchoSamples& samples) {
   std::vector<std::size_t> patches;
   double first = INFINITY, last = 0;
@@ -270,8 +270,8 @@ class AntennaEcho::Speckle : public Moving {
   MatrixXf turns_per_mode_;
 };
 
-// Incoherent echoes of people and room. The samples of a frame are x = L q with the covariance L
-// L^H. Over any `frames` consecutive frames, the mean of q q^H is the identity matrix.
+// Incoherent echoes of people and of the room. The samples of a frame are x = L q with the
+// covariance L L^H. Over any `frames` consecutive frames, the mean of q q^H is the identity matrix.
 class AntennaEcho::Expectation : public Moving {
  public:
   Expectation(const Returns& returns, const AntennaRadar& radar, const Conditions& c)
@@ -325,7 +325,7 @@ class AntennaEcho::Expectation : public Moving {
   }
 
  private:
-  // Replaces a covariance matrix by its Cholesky factor L. If there are fewer sources than
+  // Replaces a covariance matrix with its Cholesky factor L. If there are fewer sources than
   // antennas, some pivots contain only rounding errors; their columns are set to 0.
   static void take_root(Eigen::Map<Eigen::MatrixXcd>& c) {
     const double trace = c.diagonal().real().sum();
@@ -339,7 +339,7 @@ class AntennaEcho::Expectation : public Moving {
   }
 
   std::int64_t frames_, frame_ = 0;
-  MatrixXcf roots_;  // matrices L of all range points, one below the other
+  MatrixXcf roots_;  // matrices L of all range points, stacked vertically
 };
 
 AntennaEcho::AntennaEcho(const Returns& returns, const AntennaRadar& radar, const Conditions& c,

@@ -6,21 +6,21 @@
 // single point has power 1, as in radar_power().
 // If radar_sum is coherent, each cell of range, direction and height has its own complex Gaussian
 // amplitude (fully developed speckle). The phase of a cell changes by 4 pi / wavelength times its
-// displacement by sway, twist and breath (BodyMotion). The phases of room and objects are constant
-// and depend only on the seed.
+// displacement by sway, twist and breath (BodyMotion). The phases of the room and of objects are
+// constant and depend only on the seed.
 // If radar_sum is incoherent, the mean over any radar_frames consecutive frames has exactly the
 // covariance sum_k w_k psf^2 e_k e_k^H, as for infinitely many looks. The vector e_k contains the
 // factors of all antennas for the direction of echo k. Consecutive frames are uncorrelated.
-// Leakage and calibration reflector are static points. The reflector is so near that its wave is
-// spherical. If transmitter and receiver of an antenna are at t and r, the echo from P has the
-// phase
+// The leakage and the calibration reflector are static points. The reflector is so near that its
+// wave is spherical. If the transmitter and the receiver of an antenna are at t and r, the echo
+// from P has the phase
 //   -2 pi (|P - t| + |P - r| - 2 |P|) / wavelength.
 // The transmitters send in turn, at intervals of chirp_s, `chirps` times each. An echo that moves
 // at v m/s has at transmitter t of T the factor
 //   exp(-4 pi i v t chirp_s / wavelength) sin(pi f C) / (C sin(pi f)),
 // with C = chirps and f = 2 v T chirp_s / wavelength. The quotient of sines is the fraction of the
 // echo in Doppler bin 0.
-// The psf of people and room is computed once per eighth of a resolution cell in range.
+// The psf of people and of the room is computed once per eighth of a resolution cell in range.
 #pragma once
 #include <array>
 #include <complex>
@@ -61,10 +61,10 @@ class BodyMotion {
 
   // The motion of each person is random and stationary from the start. Sway and twist are
   // critically damped oscillators driven by white noise, with the covariance (1 + wt) exp(-wt) and
-  // w = 2 per second. So the head moves at about 1 cm/s. Breath is a sine of 0.25 Hz.
+  // w = 2 per second. So the head moves at about 1 cm/s. Breathing is a sine of 0.25 Hz.
   BodyMotion(const Conditions& conditions, std::size_t people, Rng& rng);
   void advance(double time_s, Rng& rng);
-  // Returns the displacement of each person in each mode.
+  // Returns the displacement of each person from rest, by mode of motion (m or rad, see `modes`).
   const std::vector<Modes>& places() const { return places_; }
   const std::vector<Modes>& speeds() const {
     return speeds_;
@@ -78,7 +78,7 @@ class BodyMotion {
 
  private:
   struct Oscillator {
-    double place = 0, speed = 0;  // unit variance each; speed in units of sway_rate
+    double place = 0, speed = 0;  // both with unit variance; speed in units of sway_rate
   };
   void set_modes();
 
@@ -107,12 +107,12 @@ struct EchoCells {
 // Combines the patches of people and, if with_room is true, of the room into cells. Range slots
 // have the length slot_m.
 EchoCells echo_cells(const Returns& returns, double slot_m, bool with_room);
-// Combines all patches of one kind (Returns::reflector or Returns::leakage) into a cell. Its weight
-// is 0 if the scene does not contain the kind.
+// Combines all patches of one kind (Returns::reflector or Returns::leakage) into a cell. The weight
+// of the cell is 0 if there are no such patches.
 EchoCell cell_of_kind(const Returns& returns, std::int32_t kind);
 
 // Properties of the radar that are the same for all records of a run. still_seed determines the
-// phases of room and objects.
+// phases of the echoes of the room and of objects.
 struct AntennaRadar {
   RadarAxis axis;
   record::Antennas antennas;
@@ -126,9 +126,9 @@ struct AntennaRadar {
   // Result of room_echo() if the room is subtracted from the returns (RoomReturns::subtracted);
   // otherwise empty.
   std::span<const std::complex<float>> room{};
-  // Positions of transmitter and receiver of each antenna, m, relative to the mean position of all
-  // transmitters or receivers. If `pairs` is empty, the wave of the reflector is plane.
-  // wavelength_m is used only with `pairs`.
+  // Positions of the transmitter and the receiver of each antenna, m, relative to the mean position
+  // of all transmitters or of all receivers. If `pairs` is empty, the wave of the reflector is
+  // plane. wavelength_m is used only with `pairs`.
   struct TxRxPair {
     double tx_x = 0, tx_y = 0, rx_x = 0, rx_y = 0;
   };

@@ -15,8 +15,8 @@ using Words = std::array<std::uint32_t, lanes>;
 
 // Returns the natural logarithm of a number in (0, 1], with a relative error of about 1e-7.
 float logarithm(float u) {
-  // Bits of sqrt(1/2). The number is split into a power of two and a factor from sqrt(1/2) to
-  // sqrt(2).
+  // Bit pattern of sqrt(1/2) as a float. u is split into a power of two and a factor from sqrt(1/2)
+  // to sqrt(2).
   constexpr std::int32_t root_half = 0x3f3504f3;
   const std::int32_t bits = std::bit_cast<std::int32_t>(u) - root_half;
   const float t = std::bit_cast<float>((bits & 0x7fffff) + root_half) - 1;
@@ -51,7 +51,8 @@ void add_steps(std::array<Words, 4>& kept, float rms, float* values, std::size_t
       const float u = (static_cast<float>(static_cast<std::int32_t>(first[i] >> 1)) + 1) * 0x1p-31f;
       const float x = static_cast<float>(static_cast<std::int32_t>(second[i])) *
                       (std::numbers::pi_v<float> * 0x1p-32f);
-      // Sine and cosine of x as power series. Those of the whole angle have errors below 2e-5.
+      // Sine and cosine of x as power series. The sine and cosine of the full angle 2 x then have
+      // errors below 2e-5.
       const float q = x * x;
       const float s = x * (1 + q * (-1.f / 6 + q * (1.f / 120 + q * (-1.f / 5040 + q / 362880))));
       const float c =

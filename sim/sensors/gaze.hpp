@@ -23,7 +23,7 @@ struct Gaze {
   double lobe = 1, plate_lobe = 1;  // cosine exponents for capsules and other shapes; 1: Lambert
   double sway_m = 0;
   double room = 1;  // factor of the weights of the room
-  // Height of the sensor above the floor. If it is set, Returns::place is filled.
+  // Height of the sensor above the floor, m. If it is set, Returns::place is filled.
   std::optional<double> height_m{};
   bool zones = false;  // if true, the tangents of the patches are stored
 

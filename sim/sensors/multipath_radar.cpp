@@ -30,8 +30,8 @@ bool on_wall(const Plate& wall, Vec3 p) {
   return along >= 0 && along <= reach && std::abs(across) <= s.width_m / 2;
 }
 
-// Returns the point where the line from one place to the other crosses the wall; nothing if it
-// misses the wall.
+// Returns the point where the line segment between the two points crosses the wall; nothing if the
+// segment does not cross the wall.
 std::optional<Vec3> through(const Plate& wall, Vec3 from, Vec3 to) {
   const Vec3 n = normal_of(wall);
   const double before = dot(n, from - wall.centre), behind = dot(n, to - wall.centre);

@@ -24,23 +24,23 @@ std::vector<ImageSource> image_sources(const Room& room, Vec3 sensor, int order)
 
 struct Way {
   Vec3 departure;  // unit vector of the path at the sensor
-  Vec3 arrival;    // unit vector of the path at the place
+  Vec3 arrival;    // unit vector of the path at its end
   double length_m = 0;
 };
-// Returns the path from the sensor to a place by the reflections of `image`. Returns nothing if a
-// reflection point is outside its wall. Ignores obstacles.
+// Returns the path from the sensor to the point `place` by the reflections of `image`. Returns
+// nothing if a reflection point is outside its wall. Ignores obstacles.
 std::optional<Way> way_to(const ImageSource& image, Vec3 sensor, Vec3 place);
 
 // Adds the echoes of patches visible to the radar that travel out on path i and back on path j,
-// with 1 <= n_i + n_j <= multipath_order reflections. Patches are Lambertian. Emitter and receiver
-// are at the same position.
+// with 1 <= n_i + n_j <= multipath_order reflections. Patches are Lambertian. The emitter and the
+// receiver are at the same position.
 //   w_ij = albedo dA (rho^n_i g_i cos_i / d_i^2) (rho^n_j g_j cos_j / d_j^2), range (d_i + d_j) / 2
 // A path has the length d, the angle of incidence with cosine cos, and the one-way falloff g; rho
-// is radar_wall_reflectivity. If i and j differ, path and reverse path add to twice the amplitude,
-// so the weight is 4 w_ij. Behind one mirror the power relative to the direct echo is the mean of
-// |1 + sqrt(rho) exp(i phi)|^4 over all phases phi: 1 + 4 rho + rho^2. The radar sends and receives
-// only at z > 0. If places are stored, the direction of an echo is the mean direction of both
-// paths.
+// is radar_wall_reflectivity. If i and j differ, the path and the reverse path add up to twice the
+// amplitude, so the weight is 4 w_ij. Behind one mirror the power relative to the direct echo is
+// the mean of |1 + sqrt(rho) exp(i phi)|^4 over all phases phi: 1 + 4 rho + rho^2. The radar sends
+// and receives only at z > 0. If Returns::place is filled, the direction of an echo is the mean
+// direction of both paths.
 void add_echoes_by_walls(const Scene& scene, const Conditions& conditions, const Gaze& gaze,
                          const Axis& x, const Axis& y, Returns& returns);
 

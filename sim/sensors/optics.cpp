@@ -56,9 +56,9 @@ ECHOFUSE_CLONES void add_shares(const double* weights, std::size_t points, const
   }
 }
 
-// Signal on a time grid finer than bins and IRF, with `phases` points per bin. Each return is split
-// linearly between its two neighbouring points. At a spacing of sigma/16 this widens the IRF by
-// less than 4e-4 of its width.
+// Signal on a time grid that is finer than the bins and the IRF, with `phases` points per bin. Each
+// return is split linearly between its two neighbouring points. At a spacing of sigma/16 this
+// widens the IRF by less than 4e-4 of its width.
 class FineSignal {
  public:
   FineSignal(const Conditions& c, const Irf& irf)
@@ -85,7 +85,8 @@ class FineSignal {
     const std::int64_t first = -whole_up(-irf.begin() / width_ps) - 1;
     const std::int64_t last = whole_up(irf.end() / width_ps) + 1;
     const auto length = static_cast<std::size_t>(last - first);
-    // The shares are kept for the next record, because they depend only on IRF and bin width.
+    // The shares are cached for the next record, because they depend only on the IRF and the bin
+    // width.
     thread_local std::vector<double> shares;
     thread_local std::optional<std::pair<Irf, double>> of;
     if (of != std::pair{irf, width_ps}) {

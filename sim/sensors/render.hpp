@@ -57,8 +57,9 @@ struct Returns {
 std::int32_t person_of(const Scene& scene, std::int32_t number);
 
 // Sum of albedo cos(theta) dOmega / R^2 over the mean scene (base condition, one person for every
-// three letters). It equals that of a white plate of 0.24 m^2 at 3.5 m: A / R^4. It is a constant,
-// so the sum of the weights of a scene depends on distance, size and albedo of its targets.
+// three letters). It equals the value of a white plate of A = 0.24 m^2 at R = 3.5 m: A / R^4. It is
+// a constant, so the sum of the weights of a scene depends on the distance, the size and the albedo
+// of its targets.
 inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
 
 // Return the patches visible to the detector or the radar, each with its own occlusion. Ranges
@@ -70,8 +71,8 @@ inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
 enum class RoomReturns : std::uint8_t { included, subtracted };
 Returns spd_returns(const Scene& scene, const Conditions& conditions);
 Returns radar_returns(const Scene& scene, const Conditions& conditions);
-// As above, but `out` is reused for each scene, because allocating new memory takes as long as
-// rendering.
+// Overloads that write the patches to `out`. Reuse `out` for each scene, because allocating new
+// memory takes as long as rendering.
 void spd_returns(const Scene& scene, const Conditions& conditions, Returns& out,
                  RoomReturns room = RoomReturns::included);
 void radar_returns(const Scene& scene, const Conditions& conditions, Returns& out,

@@ -125,8 +125,8 @@ struct Placed<CapsuleShape> {
     }
     double a, by, per;
   };
-  Bound left_{0, 0}, right_{0, 0}, top_{0, 0}, bottom_{0, 0};  // in points; bottom_ is negated
-  // Width in points from which the interpolation saves time.
+  Bound left_{0, 0}, right_{0, 0}, top_{0, 0}, bottom_{0, 0};  // bounds in points; bottom_ negated
+  // Minimum width, in points, for which the interpolation saves time.
   static constexpr std::uint32_t worth_it = 16;
   bool bounded_ = true;
 };
@@ -147,7 +147,7 @@ struct ScanRow {
   // Runs of neighbouring rays that meet something; only for Shading::on.
   const std::vector<PointRange>& met;
 };
-// Calls use(first, last) for each longest run of neighbours in [from, to) that all satisfy keep(i).
+// Calls use(first, last) for each maximal run of neighbours in [from, to) that all satisfy keep(i).
 template <class Keep, class Use>
 void for_each_run(std::size_t from, std::size_t to, Keep keep, Use use) {
   for (std::size_t first = from, last = from; first < to; first = last) {
@@ -306,7 +306,7 @@ class Scanner {
   const Axis& x_;
   const Axis& y_;
   Offsets offsets_;
-  // Values of the current row, padded.
+  // Values of the current row, padded to a SIMD width.
   std::vector<double> ray_x_, ray_y_, met_, z_, cosine_, albedo_;
   std::vector<std::int32_t> shape_;
   std::vector<InRow> in_row_;

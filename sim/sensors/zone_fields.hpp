@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Zones of the simulated detector: spd_zones x spd_zones parts of its field of view. The
 // sensitivities of the zones are Gaussian, overlap like those of a TMF8820, and add up to 1 in each
-// direction. So all zones together detect as much light as a single pixel.
+// direction. So all zones together detect the same amount of light as a single pixel.
 #pragma once
 #include <cstdint>
 #include <vector>

@@ -16,7 +16,7 @@
 namespace echofuse::sim {
 namespace {
 
-// Settings that cannot have a range, because the run file contains their values.
+// Settings that cannot have a range, because the run file contains a single value of each.
 constexpr std::array stated{"bin_width_ps",     "first_bin_ps", "radar_step_m",
                             "half_tangent",     "baseline_m",   "radar_resolution_m",
                             "map_half_tangent", "map_z_max_m"};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Encodes the data of the simulated devices. The encoders are written from the format descriptions,
-// independently of the parsers in drivers/, so that a mistake in a parser is not repeated here.
+// independently of the parsers in drivers/, so that the tests detect mistakes in a parser.
 #pragma once
 #include <complex>
 #include <cstdint>
