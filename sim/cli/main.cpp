@@ -78,7 +78,7 @@ void add_plan_options(CLI::App& app, PlanArguments& a) {
       ->allow_extra_args(false);
 }
 
-// Reads the settings into `plan`. If the plan has a twin, replaces its conditions by those drawn
+// Reads the settings into `plan`. If the plan has a twin, replaces its conditions with those drawn
 // for the selected laboratory. Throws Error(config) if the plan has several laboratories.
 void read_plan(const PlanArguments& a, sim::Plan& plan, Settings& settings) {
   bind(settings, plan);

@@ -161,7 +161,7 @@ std::string part_uuid(const record::RunInfo& info, const JobPart& part, const st
       8);
 }
 
-// Returns true if the file already is the complete run of this part, for example because a job was
+// Returns true if the file is already the complete run of this part, for example because a job was
 // queued twice.
 bool is_there(const std::string& path, const record::RunInfo& info, JobPart::IndexRange records) {
   if (!std::filesystem::exists(path)) return false;

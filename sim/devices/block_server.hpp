@@ -21,7 +21,8 @@ class BlockServer {
     BlockKind kind{};
     Bytes bytes;              // payload; put() adds the block header
     std::uint64_t items = 0;  // number of tags or histograms
-    // Host times of the first and last tag. In a block without tags, both are the creation time.
+    // Host times of the first and last tag. In a block without tags, both times are the creation
+    // time of the block.
     HostTime first{}, last{};
     // The server sets the following members.
     std::uint32_t sequence = 0;

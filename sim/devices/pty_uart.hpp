@@ -14,14 +14,14 @@ namespace echofuse::sim {
 
 class PtyUart final : public Uart {
  public:
-  // Opens a pty and creates a symbolic link to it, which replaces an existing link. Throws
-  // Error(failed) if either cannot be created.
+  // Opens a pty and creates a symbolic link to the pty. An existing link is replaced. Throws
+  // Error(failed) if the pty or the link cannot be created.
   PtyUart(port::SystemLoop& loop, std::string link, unsigned baud, Receive receive);
   ~PtyUart() override;
 
   void close() override;
-  // Removes the port if `in` is false; otherwise creates a new pty with the same link. Bytes sent
-  // without a port are lost.
+  // Removes the port if `in` is false; otherwise creates a new pty with the same link. Bytes that
+  // are sent while there is no port are lost.
   void plug(bool in);
 
  private:

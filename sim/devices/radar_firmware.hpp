@@ -24,8 +24,8 @@ struct RadarOutputs {
   double target_m = 0, search_m = 0;
 };
 
-// Variant of the demo. The ISK runs the demo for the signal processor (xWR68xx). AOP and ODS run
-// the demo for the hardware accelerator (xWR64xx), which lacks the command bpmCfg.
+// Variant of the demo. The ISK runs the demo for the signal processor (xWR68xx). The AOP and the
+// ODS run the demo for the hardware accelerator (xWR64xx), which lacks the command bpmCfg.
 enum class RadarDemo : bool { dsp, accelerator };
 
 class RadarFirmware {

@@ -72,7 +72,8 @@ struct RadarBoardOptions {
   FaultPlan plan{};
   unsigned sdk = 5;           // minor version of the mmWave SDK 3.x: 5 for SDK 3.5
   std::string board = "isk";  // TI board: isk, aop or ods
-  // Connects (`in`) or disconnects both ports. It is called repeatedly, even without a change.
+  // Connects (`in`) or disconnects both ports. The function is called repeatedly, even if nothing
+  // has changed.
   std::function<void(bool in)> plug{};
 };
 std::unique_ptr<Device> make_radar_board(port::Loop& loop, ScenePlayer& player,

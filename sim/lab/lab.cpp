@@ -92,10 +92,9 @@ fs::path find_radar_cfg(const LabOptions& options) {
 const fs::path openni_folder = ECHOFUSE_OPENNI2_DIR;
 
 // Creates a private copy of OpenNI2: links to the library and to its file driver, and a copy of the
-// simulator's driver module.
-// OpenNI2 loads drivers only from a folder next to its library, so adding a driver to an installed
-// OpenNI2 requires root rights. The driver module is copied, so that a rebuild does not change it
-// during use.
+// simulator's driver module. OpenNI2 loads drivers only from a folder next to its library, so
+// adding a driver to an installed OpenNI2 requires root rights. The driver module is copied, so
+// that a rebuild does not change it during use.
 void make_openni(const fs::path& dir) {
   const fs::path drivers = dir / "openni/OpenNI2/Drivers";
   const fs::path library = openni_folder / "libOpenNI2.so.0";

@@ -8,8 +8,8 @@
 namespace echofuse::sim {
 namespace {
 
-// Below this mean, events are counted one by one, which is equally fast. The rejection methods are
-// valid only above it.
+// Below this mean, events are counted one by one, because this is equally fast there. The rejection
+// methods are valid only above this mean.
 constexpr double few = 10;
 
 double log_factorial(double k) {

@@ -311,7 +311,8 @@ class AntennaEcho::Expectation : public Moving {
 
   void add(double, Rng&, EchoSamples& samples) override {
     // Phases that are quadratic in the frame number make successive frames behave like independent
-    // looks (Chu, IEEE Trans. Inf. Theory 18, 531, 1972). So do the means of successive frames.
+    // looks (Chu, IEEE Trans. Inf. Theory 18, 531, 1972). The means of successive frames also
+    // behave like independent looks.
     const std::int64_t f = frame_ % frames_, apart = frames_ / roots_.cols();
     Eigen::VectorXcf q(roots_.cols());
     for (Index a = 0; a < q.size(); ++a) {

@@ -41,8 +41,9 @@ namespace echofuse::sim {
 // are the pairs of transmitters at (0,0) (2,2) (0,2) and receivers at (1,1) (1,0) (0,1) (0,0), as
 // on TI's IWR6843AOP.
 record::Antennas antennas_in_layout(std::size_t count);
-// Returns radar_antennas antennas with random phase and gain errors, which depend only on the seed.
-// radar_phase_error_rad and radar_gain_error_db are their rms values.
+// Returns antennas with random phase errors and gain errors. Their number is radar_antennas. The
+// errors depend only on the seed; their rms values are radar_phase_error_rad and
+// radar_gain_error_db.
 record::Antennas simulated_antennas(const Conditions& conditions, std::uint64_t seed);
 // Returns the antennas to store in the run file. They include the simulated errors only if
 // radar_array_calibrated is true.

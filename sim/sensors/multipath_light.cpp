@@ -111,7 +111,7 @@ class Walls {
       twice.for_each(
           [&](double way_m, double light) { put(way_m + patch.range_m, ways * back * light); });
       if (ways < 2) continue;
-      ByLength both;  // light that travels out by one wall and back by another
+      ByLength both;  // light that travels out via one wall and back via a different wall
       once.for_each([&](double there_m, double light) { both.add(once, there_m, light); });
       both.for_each(
           [&](double way_m, double light) { put(way_m, patch.albedo * patch.area_m2() * light); });

@@ -12,7 +12,7 @@ namespace echofuse::sim {
 
 struct Gaze;
 
-// Mirror image of a sensor after reflection at one or two walls.
+// Mirror image of a sensor after a reflection at one wall or at two walls.
 struct ImageSource {
   Vec3 at;
   std::array<const Plate*, 2> walls{};  // reflecting walls, in the order of the outgoing path

@@ -32,8 +32,8 @@ std::vector<Hit> cast(const Scene& scene, double sensor_x_m, const Axis& x, cons
 std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, const Axis& y);
 
 // Surface patches visible to one sensor. The weight of a patch is albedo cos(theta) dOmega / R^2
-// (Lambertian; source and receiver at the same position), divided by mean_scene_weight. So the
-// weights of an average scene of the base condition add up to 1.
+// (Lambertian surface; the source and the receiver are at the same position), divided by
+// mean_scene_weight. So the weights of an average scene of the base condition add up to 1.
 struct Returns {
   std::vector<double> range_m;
   std::vector<double> weight;

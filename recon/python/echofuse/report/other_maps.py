@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Adds maps computed by other programs to a report. `echofuse-recon evaluate --maps` scores them on
-the records of the first model."""
+"""Adds maps computed by other programs to a report. `echofuse-recon evaluate --maps` scores these
+maps on the records of the first model."""
 from __future__ import annotations
 
 import pathlib

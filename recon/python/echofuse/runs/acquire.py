@@ -21,8 +21,8 @@ from .programs import not_started, path_of
 
 
 def acquire_program(program: str | None) -> str:
-    """Returns the path of echofuse-acquire: `program`, $ECHOFUSE_ACQUIRE, or the folder of the
-    other programs. Raises UsageError if the program is missing."""
+    """Returns the path of echofuse-acquire: `program`, $ECHOFUSE_ACQUIRE, or the file in the folder
+    of the other echofuse programs. Raises UsageError if the program is missing."""
     path = str(program or os.environ.get("ECHOFUSE_ACQUIRE") or path_of("echofuse-acquire"))
     if not shutil.which(path):
         raise not_started(path, "program not found")

@@ -17,9 +17,9 @@ ONE = {"units": "1"}
 
 
 def dataset(run: Run) -> Any:
-    """Returns the run as an xarray.Dataset (python3-xarray), with names and units as in /entry/data
-    of HDF5 (echofuse-export). spd_range and radar_range are measured ranges, m. The offsets to
-    subtract from them are attributes of the data set."""
+    """Returns the run as an xarray.Dataset (python3-xarray), with the names and units of
+    /entry/data in HDF5 files of echofuse-export. spd_range and radar_range are measured ranges, m.
+    The offsets to subtract from them are attributes of the data set."""
     import xarray
 
     columns = ("verdict", "used", "lost")

@@ -28,7 +28,7 @@ class UsageError(BenchError):
 
 
 def path_of(program: str) -> str:
-    """Returns the path of a program, which is in $ECHOFUSE_BIN, next to the running program, or in
+    """Returns the path of a program. Searches $ECHOFUSE_BIN, the folder of the running program, and
     PATH."""
     own, folder = (pathlib.Path(sys.argv[0]).absolute().with_name(program),
                    os.environ.get("ECHOFUSE_BIN"))
