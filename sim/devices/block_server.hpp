@@ -41,7 +41,7 @@ class BlockServer {
               std::size_t queue_bytes, Handlers handlers);
 
   bool connected() const { return connected_; }
-  // Sends the greeting again if the last one was sent more than 0.9 s ago.
+  // Sends the greeting again if the last greeting was sent more than 0.9 s ago.
   void greet_again();
   // Queues a block for sending. Returns false if the queue is full; the block is then lost.
   bool put(QueuedBlock block);

@@ -26,8 +26,8 @@ struct Chirp {
   bool operator==(const Chirp&) const = default;
 
   // Returns true if the front end accepts the frame. The front end truncates values to whole
-  // register units: 2.7 GHz / 2^26 for the start frequency, 900 times that per microsecond for the
-  // slope, and 10 ns for times.
+  // register units: 2.7 GHz / 2^26 for the start frequency, 900 * 2.7 GHz / 2^26 per microsecond
+  // for the slope, and 10 ns for times.
   bool possible() const;
   bool ramp_possible() const;  // true if the front end accepts the frequency ramp
   double active_us() const;    // time in a frame during which chirps are sent

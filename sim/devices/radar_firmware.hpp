@@ -77,8 +77,8 @@ class RadarFirmware {
   bool refuse_start(bool reconfigure);
   bool changed_latched();
   struct FramePart {
-    // Numbers of the first and last chirp, loops over these chirps per frame, and number of frames
-    // (0: unlimited).
+    // Numbers of the first and last chirp, number of loops over these chirps per frame, and number
+    // of frames (0: unlimited).
     unsigned first, last, loops, frames;
     double period_ms;
   };

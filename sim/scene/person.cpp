@@ -117,7 +117,7 @@ class BodyBuilder {
     scene_.capsules.push_back(
         {world(a), world(b), height_m_ * radius, surface.albedo, surface.radar});
   }
-  // Adds both legs. They are shifted vertically so that the lower foot is on the floor.
+  // Adds both legs. The legs are shifted vertically so that the lower foot is on the floor.
   void add_legs(Rng& rng) {
     const std::array<Leg, 2> legs{random_leg(-1, build_.legs, conditions_, rng),
                                   random_leg(1, build_.legs, conditions_, rng)};

@@ -10,7 +10,7 @@
 namespace echofuse::sim {
 namespace {
 
-// Shapes with a part at a smaller z than this are tested against every ray, because the tangents of
+// Shapes that extend to a z below this value are tested against every ray, because the tangents of
 // their outlines are unbounded.
 constexpr double near_m = 0.05;
 constexpr Interval everything{-INFINITY, INFINITY}, none{INFINITY, -INFINITY};

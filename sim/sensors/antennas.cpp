@@ -50,8 +50,8 @@ namespace {
 constexpr double pi = std::numbers::pi;
 constexpr double sway_rate = 2;       // natural frequency of sway and twist, rad/s
 constexpr double breath_rate = 0.25;  // frequency of breathing, Hz
-// Heights of head and chest of an average person, and half the height of the moving part of the
-// chest, m.
+// Heights of the head and the chest of an average person, and half the height of the moving part of
+// the chest, m.
 constexpr double head_m = 1.65, chest_m = 1.25, chest_half_m = 0.3;
 
 }  // namespace
@@ -214,7 +214,7 @@ AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
   const double later_s = c.window_s / static_cast<double>(frames);
   const auto rms = static_cast<float>(std::sqrt(noise_power / 2));
   AntennaEcho echo(returns, radar, c, rng);
-  // Memory is reused for the next record, because allocation would take half as long as this
+  // The memory is reused for the next record, because allocating it would take half as long as this
   // simulation.
   thread_local std::vector<std::complex<float>> samples;
   samples.resize(frames * echo.samples());

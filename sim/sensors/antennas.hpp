@@ -119,8 +119,8 @@ struct AntennaRadar {
   record::Antennas antennas;
   std::uint64_t still_seed = 0;
   // The antennas of one transmitter are adjacent; `receivers` is their number. The transmitters
-  // send in turn, at intervals of chirp_s, `chirps` times per frame. If chirp_s is 0, all send at
-  // the same time.
+  // send in turn, at intervals of chirp_s, `chirps` times per frame. If chirp_s is 0, all
+  // transmitters send at the same time.
   std::size_t receivers = 4;
   double chirp_s = 0;
   std::int64_t chirps = 1;

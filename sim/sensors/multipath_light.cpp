@@ -131,7 +131,7 @@ class Walls {
   const Gaze& gaze_;
   Patches patches_;
   std::int64_t order_;
-  std::vector<double> light_;    // exitance of each wall patch due to the laser
+  std::vector<double> light_;    // exitance of each wall patch due to direct laser light
   std::vector<ByLength> again_;  // exitance due to light from other walls
 };
 

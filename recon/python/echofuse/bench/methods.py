@@ -248,7 +248,7 @@ def evaluate(predict: Predict, train: pathlib.Path, test: pathlib.Path,
 
 
 def measure(method: Method, train: Path, test: Path, seed: int = 1) -> Row:
-    """Trains the method on the run `train`. Returns its mean metrics and costs on the run
+    """Trains the method on the run `train`. Returns the mean metrics and the costs on the run
     `test`."""
     train, test = pathlib.Path(train).resolve(), pathlib.Path(test).resolve()
     with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:

@@ -19,7 +19,7 @@ from .table import checksum
 
 def make_run(track: dict[str, Any], part: str, folder: pathlib.Path) -> pathlib.Path:
     """Returns the path of the run `part` ("train" or "test") of a track. Generates the run if it is
-    missing. Raises BenchError if its checksum is wrong."""
+    missing. Raises BenchError if the checksum of the run is wrong."""
     out = folder / f"{track['name']}-{part}.sqlite"
     if not out.exists():
         plan = track[part]

@@ -77,7 +77,7 @@ def read_mesh(path: str | pathlib.Path) -> Array:
 
 def table_height(triangles: Array) -> float:
     """Returns z of the table, m. The table is the highest horizontal plane that has at least half
-    the area of the largest one."""
+    the area of the largest horizontal plane."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     flat = np.abs(normals[:, 2]) > 0.999 * np.linalg.norm(normals, axis=1)
     areas: dict[float, float] = {}
@@ -179,7 +179,7 @@ def random_pose(rng: np.random.Generator, high: float) -> Array:
 def histograms(depth: Array, gain: Array, fit: zone_fit.ZoneFit, zero_bin: Array,
                response: tuple[Array, int]) -> Array:
     """Returns the relative counts [zones, 128] from G * G rays. Each ray adds field x gain / r^2 at
-    its range; the sum is convolved with the response."""
+    its range; the sum of all rays is convolved with the response."""
     met = np.isfinite(depth)
     range_m = np.where(met, depth, 1) * zone_fit.slant()
     weights = fit.fields * np.where(met, gain / range_m**2, 0)

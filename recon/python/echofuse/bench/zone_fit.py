@@ -105,7 +105,7 @@ def non_negative(a: Array, y: Array, steps: int) -> Array:
 
 def fitted_field(a: Array, counts: Array, steps: int) -> tuple[Array, float]:
     """Fits the field of one zone to counts [poses, bins]. Returns the field [G * G] and the
-    fraction of the weighted variance that it explains."""
+    fraction of the weighted variance that the field explains."""
     y = counts[:, FIRST:LAST].ravel()
     weight = 1 / np.sqrt(np.maximum(y, 0) + 0.02 * y.max())
     basis = hats()

@@ -278,8 +278,8 @@ class Model:
                     [self.estimators[k].inputs for k in by[done]], half, self._origin(run))
 
     def _origin(self, run: runs.Run | Arrays) -> str:
-        """Returns the text of run.txt. It identifies the run and lists its records that this model
-        was trained on."""
+        """Returns the text of run.txt. The text identifies the run, and lists the records of the
+        run on which this model was trained."""
         if isinstance(run, Arrays):
             return ""
         uuid = run.info["uuid"]

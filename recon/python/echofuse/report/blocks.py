@@ -90,7 +90,7 @@ def three_digits(value: float) -> str:
 
 def packed(values: NDArray[Any], unit: float, kind: str) -> str:
     """Encodes values as base64 text. Each value becomes a multiple of `unit` as an integer of dtype
-    `kind`, limited to its range. NaN becomes 0."""
+    `kind`, limited to the range of `kind`. NaN becomes 0."""
     steps = np.clip(np.nan_to_num(values.astype(float) / unit), 0, np.iinfo(kind).max)
     return base64.b64encode(np.floor(steps + 0.5).astype(kind).tobytes()).decode()
 

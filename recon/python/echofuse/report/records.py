@@ -27,8 +27,8 @@ Map = dict[str, NDArray[np.float32]]
 
 def record_blocks(run: str, indices: Sequence[int], models: Sequence[ReportModel] = (),
                   scores: Sequence[Scores] = (), room: Sequence[str] = ()) -> dict[int, Block]:
-    """Returns the blocks of records by record index. They contain the maps of the first training of
-    each model. `scores` contains the scores of these trainings."""
+    """Returns the blocks of records by record index. The blocks contain the maps from the first
+    training of each model. `scores` contains the scores from the same trainings."""
     with runs.open(run) as whole:
         rows = np.flatnonzero(np.isin(whole.index, indices)).tolist()
         out = {int(whole.index[row]): measured(whole[row:row + 1]) for row in rows}

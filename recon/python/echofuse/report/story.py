@@ -142,7 +142,7 @@ class Story:
 
     def typical(self) -> list[int]:
         """Returns a list with the index of one of the records with the most sensors, from the
-        middle of the run. Empty if the run has no records."""
+        middle of the run. Returns an empty list if the run has no records."""
         count = np.sum(list(self.run.valid.values()), 0)
         best: list[int] = self.run.index[count == count.max(initial=0)].tolist()
         return best[len(best) // 2:len(best) // 2 + 1]

@@ -42,7 +42,7 @@ def record(config: str | pathlib.Path | None = None, count: int = 1, *, label: s
                           *(("--set", f"{k}={v}") for k, v in settings.items())):
         words += [option, os.fspath(value)] if value is not None else []
     path = None
-    # The child has its own session, so that Ctrl-C reaches it only through the handler below.
+    # The child has its own session: Ctrl-C reaches the child only through send_signal() below.
     with tempfile.TemporaryFile("w+") as errors, subprocess.Popen(
             words, stdout=subprocess.PIPE, stderr=errors, text=True,
             start_new_session=True) as child:
