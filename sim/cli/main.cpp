@@ -225,7 +225,7 @@ ExitCode run_lab(LabArguments& a, bool quiet) {
   sim::Plan plan;
   Settings settings;
   read_plan(a, plan, settings);
-  // Adds noise by default, because a real camera never returns the same image twice.
+  // Adds depth noise by default, because a real camera never returns the same image twice.
   if (!settings.given("depth_noise_m") && plan.conditions.depth_noise_m == 0)
     plan.conditions.depth_noise_m = 0.0005;
   if (!settings.given("radar_psf")) plan.conditions.radar_psf = a.options.conditions.radar_psf;

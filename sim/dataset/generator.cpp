@@ -67,7 +67,7 @@ void count_clicks(record::FusedRecord& r, std::int64_t pulses) {
   std::uint64_t clicks = 0;
   for (const auto n : r.spd) clicks += n;
   r.spd_counts.in_range = clicks;
-  // 0 at low flux (no pile-up), where pulses are not simulated
+  // 0 at low flux, because pulses are then not simulated
   r.spd_counts.starts = static_cast<std::uint64_t>(pulses);
   r.spd_counts.tags = clicks + r.spd_counts.starts;
   if (pulses > 0)

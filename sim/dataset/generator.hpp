@@ -21,8 +21,8 @@ struct Plan {
   // Record counts by kind. The defaults are those of Lai et al., COL 22(2) 022701 (2024).
   std::int64_t people = 1000, letters = 3000, two_people = 0, empty = 0;
   std::int64_t objects = 0;
-  std::string scenes;     // scene list file (sim/scene/scene_list.hpp); replaces the counts
-  Conditions conditions;  // nominal values; a twin varies them
+  std::string scenes;     // scene list file (sim/scene/scene_list.hpp); replaces the record counts
+  Conditions conditions;  // nominal conditions, which a twin varies
   // `twin` contains the ranges from which the settings of laboratories are drawn (twin_named);
   // empty: no twin. If `laboratories` is 0, all records come from laboratory number `laboratory`.
   // Otherwise record i comes from laboratory i mod `laboratories`.
@@ -47,8 +47,8 @@ std::vector<SceneSpec> scenes_of(const Plan& plan);
 // needs only the change caused by people and objects (RoomReturns::subtracted).
 struct RoomAlone {
   std::vector<double> light;  // expected detections per bin (spd_rate), without background counts
-  std::vector<double> power;  // radar_power(); empty if echoes are coherent
-  // room_echo() if echoes are coherent; otherwise empty
+  std::vector<double> power;  // radar_power() of the room; empty if echoes are coherent
+  // room_echo(); empty if echoes are incoherent
   std::vector<std::complex<float>> echo;
 };
 RoomAlone room_alone(const Conditions& conditions, const AntennaRadar& radar);

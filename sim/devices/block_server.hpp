@@ -31,7 +31,7 @@ class BlockServer {
     std::int64_t damage = -1;  // index of the byte changed by a `corrupt` fault; -1: none
   };
   struct Handlers {
-    port::Action connected;  // called when a client has connected, before the greeting
+    port::Action connected;  // called when a client has connected, before the greeting is sent
     // Writes a log entry about a block (sent, cut, dropped) or, if `block` is null, about a
     // connection.
     std::function<void(HostTime time, const char* what, const QueuedBlock* block)> log;

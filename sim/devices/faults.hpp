@@ -72,7 +72,7 @@ class Faults {
   // State between two changes of faults. The state is cached, because it is used for each tag.
   struct Segment {
     double from_s = 0, to_s = 0;    // time range of the segment, s; empty before the first use
-    double error_s = 0, slope = 0;  // clock offset at from_s, s, and its slope
+    double error_s = 0, slope = 0;  // clock offset at from_s, s, and its drift, s/s
     std::array<std::optional<double>, fault_kinds> amounts{};
   };
   const Segment& segment(double time_s) const;

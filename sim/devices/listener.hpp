@@ -16,7 +16,7 @@ class Listener {
  public:
   struct Handlers {
     port::Action connected;
-    port::Action left;  // the client closed the connection
+    port::Action left;  // called when the client closes the connection
   };
   virtual ~Listener() = default;
   virtual void start(Handlers handlers) = 0;

@@ -23,8 +23,8 @@ class RadarAntennas {
  public:
   RadarAntennas(const Conditions& conditions, std::uint64_t seed, const std::string& board = "isk");
 
-  // Starts sampling with this chirp. `mean_peak` is the result of mean_peak_power(). It sets the
-  // noise power, as in range_profile_codes().
+  // Starts sampling with this chirp. `mean_peak` is the result of mean_peak_power(), and determines
+  // the noise power as in range_profile_codes().
   void start(const Chirp& chirp, double mean_peak);
   // Samples one frame at all antennas. `gain` multiplies the signal power. The phases are those of
   // the first subframe, even if another subframe has a different start frequency.
@@ -54,11 +54,12 @@ class RadarAntennas {
   double chirp_s_ = 0;
   std::int64_t chirps_ = 1;
   std::size_t receivers_used_ = receivers;
-  std::vector<std::size_t> numbers_;  // indices of the antennas used_ in channels_
+  std::vector<std::size_t> numbers_;  // indices into channels_ of the antennas in used_
   double noise_power_ = 0, sampled_s_ = 0;
   std::int64_t scene_ = -1;
   std::optional<AntennaEcho> echo_;
-  // Amplitudes of the last frame, [range bin][antenna], relative to that of the mean scene.
+  // Amplitudes of the last frame, [range bin][antenna], relative to the amplitude of the mean
+  // scene.
   std::vector<std::complex<float>> samples_;
 };
 

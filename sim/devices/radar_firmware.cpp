@@ -18,8 +18,8 @@ constexpr char banner_line[] = "******************************************\n";
 constexpr char prompt_text[] = "mmwDemo:/>";
 
 struct CommandRule {
-  bool needed;        // required before sensorStart
-  bool when_started;  // allowed while the sensor is running
+  bool needed;        // the command is required before sensorStart
+  bool when_started;  // the command is allowed while the sensor is running
   // The third word of the command selects one of two settings: 0 range, 1 Doppler.
   bool by_direction;
 };

@@ -97,7 +97,7 @@ class RadarFirmware {
   // Commands that cannot change after the first start, with their words at that start.
   std::map<std::string, CommandWords> latched_;
   std::vector<CommandWords> chirps_;
-  // profileCfg by profile number, subFrameCfg by subframe number.
+  // Words of profileCfg by profile number, and of subFrameCfg by subframe number.
   std::map<unsigned, CommandWords> profiles_, subframe_cfgs_;
   CommandWords last_profile_;
   std::set<std::string> pending_;  // required commands received since the last start

@@ -18,7 +18,7 @@ namespace echofuse::sim {
 struct RenderedScene {
   std::int64_t index = -1;
   Scene scene;
-  Returns spd, radar;  // `radar` includes the origin of each patch (place)
+  Returns spd, radar;  // `radar` contains the origin of each patch (Returns::place)
 };
 
 struct SceneSchedule {

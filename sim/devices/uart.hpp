@@ -29,7 +29,7 @@ class Uart {
   // Queues bytes for sending. Calls `sent` after the last byte; `arrived` means that no byte was
   // lost.
   void send(ByteView bytes, OnSent sent = {});
-  // Stops sending if `still`, otherwise resumes it. Queued bytes are kept.
+  // Stops sending if `still` is true, otherwise resumes sending. Queued bytes are kept.
   void hold(bool still);
   bool idle() const { return queue_.empty(); }
   unsigned baud() const { return baud_; }
@@ -37,8 +37,8 @@ class Uart {
   virtual void close() { timer_.cancel(); }
 
   std::uint64_t sent() const { return sent_; }
-  // Returns the number of bytes that were lost because the host did not read them before its buffer
-  // overflowed.
+  // Returns the number of bytes that were lost because the buffer overflowed before the host read
+  // them.
   std::uint64_t lost() const { return lost_; }
 
  private:

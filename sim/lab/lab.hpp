@@ -48,8 +48,8 @@ struct LabOptions {
   std::string radar_board = "isk";
   std::string faults;  // TOML file of faults; empty: no faults
   std::string log;     // log file of sent data; empty: no log
-  // If set, creates the time tagger. The default tagger uses the bridge protocol. The options
-  // contain the faults.
+  // Creates the time tagger. If the function is not set, the tagger uses the bridge protocol.
+  // TdcOptions contains the faults.
   std::function<LabTagger(port::SystemLoop&, ScenePlayer&, const TdcOptions&)> make_tagger;
 };
 

@@ -38,7 +38,7 @@ struct Conditions {
   double letter_tilt_deg = 0;
 
   // Reflectivity. A lobe with exponent n = 2 alpha is the directive model of diffuse scattering
-  // (Degli-Esposti et al., IEEE TAP 55, 143, 2007). In the backward direction its factor ((1 + cos
+  // (Degli-Esposti et al., IEEE TAP 55, 143, 2007). In the backward direction, the factor ((1 + cos
   // psi)/2)^alpha equals cos^(2 alpha) of the angle of incidence. The normalisation keeps the echo
   // of a sphere constant.
   double radar_cloth = 1, radar_skin = 1, radar_plate = 1, radar_follows_albedo = 1;
@@ -65,7 +65,7 @@ struct Conditions {
   double radar_snr_db = 20, radar_bias_m = 0;
   std::string radar_psf = "sinc", radar_taps, radar_flanks, radar_sum = "incoherent";
   double radar_taper = 0, radar_leakage = 0;
-  // Power reflectivity of concrete at normal incidence: permittivity 5.24 at 60 GHz (ITU-R
+  // Power reflectivity of concrete at normal incidence, for a permittivity of 5.24 at 60 GHz (ITU-R
   // P.2040-3). For sound, plaster reflects 0.97 of the power.
   double radar_wall_reflectivity = 0.15, radar_wall_scatter = 1;
   double baseline_error_m = 0, radar_falloff = 0, radar_yaw_deg = 0, radar_psf_width = 1;
@@ -108,6 +108,6 @@ RadarAxis radar_response(const Conditions& conditions);
 // Returns the instrument response to store in the run file: nominal values, without
 // radar_psf_width.
 record::Response stated_response(const Conditions& conditions);
-double radar_x_m(const Conditions& conditions);  // true x of the radar, m, with baseline_error_m
+double radar_x_m(const Conditions& conditions);  // x of the radar, m, including baseline_error_m
 
 }  // namespace echofuse::sim

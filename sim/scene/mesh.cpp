@@ -17,7 +17,7 @@ namespace echofuse::sim {
 namespace {
 
 constexpr std::size_t most_triangles = 1'000'000;
-constexpr double farthest = 1e6;  // largest absolute coordinate, in units of the mesh
+constexpr double farthest = 1e6;  // largest allowed absolute coordinate, in units of the mesh
 
 // Splits a text into words, line by line.
 class WordReader {

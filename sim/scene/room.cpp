@@ -65,7 +65,8 @@ std::vector<Room> build() {
   moved[0].x = -0.9, moved[1].x = -1.9, moved[2].x = 1.35, moved[3].x = 0.45;
   moved[3].front_z = 4.85;
   with_somebody.push_back({-2.15, 4.3, 0.45, 1.75, 0.25, 0.45});
-  // The door opening is 0.9 m wide. It is as high as the wall, so its upper edge is not visible.
+  // The door opening is 0.9 m wide. The opening is as high as the wall, so it has no visible upper
+  // edge.
   const std::vector<Plate> open{left, wall(-0.3, 5.225, 1.1, 5.341, 0.7),
                                 wall(2.0, 5.415, 3.4, 5.531, 0.7), wall(0.6, 6.3, 2.6, 6.4, 0.5)};
   const std::vector<Plate> other{wall(-3.4, 5.45, -0.2, 5.2, 0.3),

@@ -29,7 +29,7 @@ constexpr std::size_t whole_steps(std::size_t rays) {
 
 // Functions of every shape, for rays (x[i], y[i], 1):
 //   meet       depth z at which ray i meets the shape; NaN or <= 0 if it does not
-//   cosines    |cos| of the angle between normal and ray i at depth z[i]
+//   cosines    |cos| of the angle between the normal and ray i at depth z[i]
 //   tangents_x, tangents_y  bounds of the tangents of rays that can meet the shape
 struct CapsuleShape {
   Vec3 a, b, axis;
@@ -85,8 +85,9 @@ struct TriangleShape {
 void aim(const double* columns, const double* sides, const double* dy, double dx, double y,
          double* ray_x, double* ray_y, double* z, std::int32_t* shape, std::size_t count);
 
-// Computes the slant range and weight = factor albedo cos / |(x, y, 1)|^3 / range^2 of each ray. If
-// z is infinite, the range is infinite and the weight is 0.
+// Computes the slant range and the weight of each ray:
+//   weight = factor albedo cos / |(x, y, 1)|^3 / range^2.
+// If z is infinite, the range is infinite and the weight is 0.
 void light_back(const double* x, const double* y, const double* z, const double* cosine,
                 const double* albedo, double factor, double* range, double* weight,
                 std::size_t count);
@@ -96,7 +97,7 @@ void light_back(const double* x, const double* y, const double* z, const double*
 void keep_nearer(const double* met, std::int32_t number, double* z, std::int32_t* shape,
                  std::size_t count);
 
-// Merges a background into a row: keeps the nearer of both surfaces for each ray.
+// Merges a background into a row: keeps the nearer of the two surfaces for each ray.
 void put_behind(const double* far_z, const double* far_cosine, const double* far_albedo, double* z,
                 double* cosine, double* albedo, std::size_t count);
 

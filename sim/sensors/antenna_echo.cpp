@@ -81,8 +81,8 @@ MatrixXcf waves(const Antennas& antennas, const ArrayXf& u, const ArrayXf& v,
   return out;
 }
 
-// Returns the random phase of a static patch, turns. It depends only on the patch and the seed, so
-// that objects in front of other patches do not change it.
+// Returns the random phase of a static patch, turns. The phase depends only on the patch and the
+// seed, so that objects in front of other patches do not change the phase.
 float turns_of_patch(const Returns& returns, std::size_t k, std::uint64_t seed) {
   const auto range = std::bit_cast<std::uint64_t>(returns.range_m[k]);
   const auto x = std::bit_cast<std::uint32_t>(returns.place[k].x);
@@ -217,7 +217,7 @@ class AntennaEcho::Speckle : public Moving {
       if (chirp_s_ > 0) {
         const auto apart = static_cast<float>(chirp_s_);
         lose_doppler(apart * static_cast<float>(transmitters) * speeds, turned);
-        turns += apart * speeds;  // phase change until the next transmitter sends
+        turns += apart * speeds;  // phase change until the next transmitter sends, turns
       }
       const auto first = static_cast<Index>(t * receivers_);
       const auto count = std::min(static_cast<Index>(receivers_), waves_.rows() - first);

@@ -37,7 +37,7 @@
 
 namespace echofuse::sim {
 
-// Returns the positions of antennas in half wavelengths. Up to 8 antennas are in a row. 12 antennas
+// Returns the positions of antennas in half wavelengths. Up to 8 antennas form a row. 12 antennas
 // are the pairs of transmitters at (0,0) (2,2) (0,2) and receivers at (1,1) (1,0) (0,1) (0,0), as
 // on TI's IWR6843AOP.
 record::Antennas antennas_in_layout(std::size_t count);

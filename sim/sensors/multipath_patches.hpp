@@ -14,7 +14,7 @@ struct Patch {
   Vec3 at, normal;  // position relative to the sensor, m; unit normal facing the sensor
   Vec3 direction;   // unit vector from the sensor to the patch
   double range_m = 0, albedo = 0;
-  double cosine = 0;          // |cos| of the angle between normal and ray
+  double cosine = 0;          // |cos| of the angle between the normal and the ray
   double solid_angle_sr = 0;  // solid angle of the ray at the sensor
   std::int32_t shape = -1;    // shape number: capsules, then plates, then triangles
   std::uint32_t ray = 0;      // index of the ray, row-major

@@ -46,8 +46,8 @@ class Irf {
   double sigma_, tail_, share_;
 };
 
-// Adds the light of all grid points of one bin: for each point, its weight times its row of shares.
-// Rows are `stride` apart.
+// Adds the light of all grid points of one bin: for each point, its weight times its row of
+// `shares` (fractions of its light in each bin). Rows are `stride` apart.
 ECHOFUSE_CLONES void add_shares(const double* weights, std::size_t points, const double* shares,
                                 std::size_t stride, std::size_t count, double* __restrict__ bins) {
   for (std::size_t i = 0; i < points; ++i) {
@@ -79,8 +79,8 @@ class FineSignal {
     weights_[i + 1] += rest * weight;
   }
 
-  // Adds to each bin its share of every grid point. The share depends only on the position of the
-  // point within its bin and on the distance between the bins.
+  // Adds to each bin a fraction of every grid point. The fraction depends only on the position of
+  // the point within its bin and on the distance between the two bins.
   void spread(const Irf& irf, double width_ps, std::vector<double>& bins) const {
     const std::int64_t first = -whole_up(-irf.begin() / width_ps) - 1;
     const std::int64_t last = whole_up(irf.end() / width_ps) + 1;
@@ -156,8 +156,8 @@ std::vector<double> spd_rate(const Returns& returns, const Conditions& c) {
   const auto add = [&](std::size_t k) {
     signal.add(ps_per_m * returns.range_m[k], c.signal_photons * returns.weight[k]);
   };
-  // Adds returns from four parts of the list in turn. Successive returns of one part often fall in
-  // the same bin, so each addition would have to wait for the previous one.
+  // Adds returns from four parts of the list in turn. Successive returns in the list often fall in
+  // the same bin, so each addition would have to wait for the previous addition.
   constexpr std::size_t parts = 4;
   const std::size_t count = returns.range_m.size(), part = count / parts;
   for (std::size_t k = 0; k < part; ++k)

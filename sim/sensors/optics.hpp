@@ -18,8 +18,8 @@ namespace echofuse::sim {
 std::vector<double> spd_rate(const Returns& returns, const Conditions& conditions);
 
 // Draws the counts of one window from the expected numbers r_i. At low flux (pulses_per_window = 0)
-// they are N_i ~ Poisson(r_i). If pulses_per_window = L > 0, only the first photon of a pulse is
-// detected (Gupta et al., CVPR 2019):
+// the counts are N_i ~ Poisson(r_i). If pulses_per_window = L > 0, only the first photon of a pulse
+// is detected (Gupta et al., CVPR 2019):
 //   N ~ Multinomial(L, p), p_i = exp(-sum_{j<i} q_j) (1 - exp(-q_i)), q_i = r_i / L
 // If spd_dead_time_ps > 0 too, the detector is free-running. The photons of the L equal laser
 // periods in window_s are processed in order of time. Photons within the dead time of the previous
@@ -27,7 +27,7 @@ std::vector<double> spd_rate(const Returns& returns, const Conditions& condition
 std::vector<std::uint32_t> draw_counts(const std::vector<double>& rate,
                                        const Conditions& conditions, Rng& rng);
 
-// Returns the detector properties to store in the run file; empty at low flux or if
+// Returns the detector properties to store in the run file; empty at low flux, or if
 // spd_detector_stated is false.
 record::Detector stated_detector(const Conditions& conditions);
 

@@ -13,7 +13,7 @@ namespace echofuse::sim {
 struct Hit {
   float range_m = 0;  // slant range from the sensor
   float z_m = 0;
-  float cos_theta = 0;  // cosine of the angle between surface normal and ray, >= 0
+  float cos_theta = 0;  // cosine of the angle between the surface normal and the ray, >= 0
   float albedo = 0;
 };
 

@@ -25,7 +25,7 @@ Vec3 Scanner::normal(std::int32_t shape, Vec3 at) const {
   return dot(out, at) > 0 ? -1 * out : out;
 }
 
-// Returns the image of a static room. It is rendered once for each sensor and then cached.
+// Returns the image of a static room. The image is rendered once for each sensor and then cached.
 // Threading: any thread.
 std::shared_ptr<const Image> Scanner::room_image(const Room& room, double sensor_x_m, const Axis& x,
                                                  const Axis& y, Sampling sampling) {

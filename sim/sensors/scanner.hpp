@@ -116,7 +116,7 @@ struct Placed<CapsuleShape> {
   struct Bound {
     Bound(double of_a, double of_b) : a(of_a), by(of_b - of_a), per(by == 0 ? 0 : 1 / by) {}
     double at(double t) const { return a + t * by; }
-    // Limits [from, to] to the t at which the bound is at most y.
+    // Limits [from, to] to the values of t for which the bound is at most y.
     void keep_below(double y, double& from, double& to) const {
       const double t = (y - a) * per;
       if (by > 0) to = std::min(to, t);

@@ -135,7 +135,7 @@ def method(text: str) -> Method:
 
 def python_method(name: str, make: Callable[..., Fitted]) -> Method:
     """Returns a method with this name. `make` is called as make(seed=...) or, if it has no such
-    parameter, as make(); it returns a Fitted object."""
+    parameter, as make(). `make` returns a Fitted object."""
     module = sys.modules.get(getattr(make, "__module__", ""))
     return Method(name, "-", lambda train, folder, seed, fallback: _by_object(make, train, seed),
                   source_of(getattr(module, "__file__", None)),

@@ -278,8 +278,8 @@ class Cell:
 
 
 class Shared:
-    """Runs and trained methods that cells share. They are created at their first use, and removed
-    after their last use."""
+    """Runs and trained methods that cells share. Each run or method is created on its first use,
+    and removed after its last use."""
 
     def __init__(self, cells: Sequence[Cell], folder: pathlib.Path) -> None:
         self.folder, self.lock = folder, threading.Lock()

@@ -69,8 +69,8 @@ class Scenes:
     is_object: NDArray[np.bool_]
 
     def unit_counts(self, response: tuple[Array, int], zero_bin: float, albedo: float) -> Array:
-        """Returns the counts from each ray in the fitted bins [poses * bins, G * G], if the ray has
-        weight 1. `albedo` is the ratio of the table albedo to the object albedo."""
+        """Returns the counts in the fitted bins from each ray [poses * bins, G * G], for a ray
+        weight of 1. `albedo` is the ratio of the table albedo to the object albedo."""
         taps, peak = response
         fine = np.interp(np.arange(-20, 100, FINE) + peak, np.arange(len(taps)), taps)
         met = np.isfinite(self.depth_m)

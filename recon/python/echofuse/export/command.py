@@ -160,7 +160,7 @@ def make_signals(entry: Any, run: Run) -> list[str]:
         line = int(np.prod(shape[2:])) * 4
         layout: dict[str, Any] = {"dtype":
                                   "u4"} if name == "spd" else {"dtype": "f4", "fillvalue": np.nan}
-        if shape[0] and line * shape[1] >= 64:  # compression enlarges records below 64 bytes
+        if shape[0] and line * shape[1] >= 64:  # compression enlarges smaller records
             layout |= {"chunks": (1, min(max((16 << 20) // line, 1), shape[1]), *shape[2:]),
                        "shuffle": True, "compression": 1}
         data.create_dataset(name, shape,

@@ -21,7 +21,7 @@ TABLE: Words = _stepped(np.arange(256, dtype=np.uint32), 8)
 
 def _after_zeros(count: int) -> Words:
     """Returns a matrix over GF(2) that advances a CRC state by `count` zero bytes. Row k [32] is
-    the state that follows from bit k."""
+    the state that results from a state with only bit k set."""
     power = _stepped(np.uint32(1) << np.arange(32, dtype=np.uint32), 8)  # matrix for one zero byte
     out = np.uint32(1) << np.arange(32, dtype=np.uint32)
     while count:

@@ -24,8 +24,7 @@ def origin_of(run: Run) -> str:
 
 
 def require_indices(maps: NDArray[Any], index: NDArray[Any], run: Run | None) -> None:
-    """Raises ValueError for wrong shapes, or if the map indices are not unique records of the
-    run."""
+    """Raises ValueError for wrong shapes, or if the indices are not distinct records of the run."""
     if maps.ndim != 3 or maps.shape[1] != maps.shape[2]:
         raise ValueError(f"depth_m: shape {list(maps.shape)} (expected [n, N, N])")
     if index.shape != maps.shape[:1] or (index.size and index.dtype.kind not in "iu"):

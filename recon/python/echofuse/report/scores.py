@@ -223,7 +223,7 @@ def sensors_of(facts: dict[str, Any]) -> str:
         return {"spd": "SPD alone", "radar": "radar alone"}[facts["0/inputs"]]
     if not facts["0/takes_antennas"]:
         return "SPD + radar profile"
-    # The number of antennas is known only if they form a row without gaps.
+    # The number of antennas is known only if the antennas form a row without gaps.
     return (f"SPD + {facts['0/axes/array/scale'] + 1:.0f} antennas"
             if facts["0/axes/array/quantity"] == "lags" else "SPD + antennas")
 
