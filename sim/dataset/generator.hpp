@@ -38,9 +38,9 @@ void resolve_twin(const Settings& settings, Plan& plan);
 // Returns the conditions of each laboratory of the plan; one element if plan.laboratories is 0.
 std::vector<Conditions> laboratories_of(const Plan& plan);
 
-// Returns the scene of each record, in the order of the scene list. If there is no list, the order
-// is random and depends on the seed. Throws Error(config) if the list cannot be read, or if an
-// object scene has no mesh.
+// Returns the scene of each record, in the order of the scene list. If the plan has no list, the
+// order is random and depends on the seed. Throws Error(config) if the list cannot be read, or if
+// an object scene has no mesh.
 std::vector<SceneSpec> scenes_of(const Plan& plan);
 
 // Signals of the empty room, computed once because the room is static. A scene in front of the room

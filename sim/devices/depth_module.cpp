@@ -321,7 +321,7 @@ class DepthDriver final : public oni::driver::DriverBase {
   }
 
   // Reads `size` bytes. Returns false at end of file, on shutdown, or after `patience` consecutive
-  // polls without data. If `patience` is -1, there is no limit.
+  // polls without data. If `patience` is -1, the number of polls is unlimited.
   bool read_exactly(void* into, std::size_t size, int patience) {
     auto* place = static_cast<char*>(into);
     for (int waited = 0; size > 0 && !quit_ && waited != patience;) {

@@ -21,7 +21,7 @@ class PtyUart final : public Uart {
 
   void close() override;
   // Removes the port if `in` is false; otherwise creates a new pty with the same link. Bytes that
-  // are sent while there is no port are lost.
+  // are sent while the port is removed are lost.
   void plug(bool in);
 
  private:

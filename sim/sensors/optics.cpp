@@ -157,7 +157,7 @@ std::vector<double> spd_rate(const Returns& returns, const Conditions& c) {
     signal.add(ps_per_m * returns.range_m[k], c.signal_photons * returns.weight[k]);
   };
   // Adds returns from four parts of the list in turn. Successive returns in the list often fall in
-  // the same bin, so each addition would have to wait for the previous addition.
+  // the same bin, and each addition would then have to wait for the previous addition.
   constexpr std::size_t parts = 4;
   const std::size_t count = returns.range_m.size(), part = count / parts;
   for (std::size_t k = 0; k < part; ++k)

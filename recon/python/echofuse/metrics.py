@@ -23,7 +23,7 @@ from .runs.axis import tangents
 Scores = NDArray[np.float64]
 STEP_M = 0.1  # minimum distance between foreground and background, m
 BEHIND = 0.25  # maximum distance-weighted fraction of the foreground behind the background
-NEAREST, NEARER = 0.125, 0.1  # holds_returns(): fraction of foreground_m, and of values
+NEAREST, NEARER = 0.125, 0.1  # holds_returns(): depth limit / foreground_m, maximum fraction below
 SIDE_M = 0.3  # minimum |x| of a body for a distinct mirror image, m
 WINDOW, SIGMA = 11, 1.5  # width and standard deviation of the SSIM window, pixels
 

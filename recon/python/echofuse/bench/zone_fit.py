@@ -87,7 +87,7 @@ class Scenes:
 def non_negative(a: Array, y: Array, steps: int) -> Array:
     """Returns the x >= 0 that minimises |a x - y|, approximated by this number of steps."""
     squares, to = a.T @ a, a.T @ y
-    # Finds the largest eigenvalue by power iteration, because it limits the step size.
+    # Finds the largest eigenvalue, which limits the step size, by power iteration.
     v = np.ones(len(to), squares.dtype)
     for _ in range(30):
         v = squares @ v
