@@ -276,7 +276,8 @@ const niceTop = most => {
 const fromZero = {range: (_, low, high) => [0, niceTop(Math.max(high, 1))]};
 const endsOnly = {values: short, size: 52, splits: (u, i, low, high) => [low, high]};
 
-// Rate of a sensor over the run. Marks at the top show when data were lost; the heading shows how many were lost.
+// Rate of a sensor over the run. Marks at the top show when data were lost. The heading shows the number of lost tags
+// or frames.
 class Strip extends Chart {
   constructor(sensor) {
     super(`strip-${sensor}`, 64);
