@@ -28,27 +28,29 @@ bool is_one_of(const port::Address& address) {
 
 void check_tdc(const std::string& address) {
   if (!is_one_of<port::BridgeAddress, port::UsbAddress>(port::parse_address(address)))
-    refuse(address, "expected for a time tagger: bridge:tcp://HOST:PORT or usb:VVVV:PPPP");
+    refuse(address,
+           "expected the address of a time tagger: bridge:tcp://HOST:PORT or usb:VVVV:PPPP");
 }
 
 void check_radar(const std::string& address) {
   if (!is_one_of<port::BridgeAddress>(port::parse_address(address)))
-    refuse(
-        address,
-        "expected for a radar: bridge:tcp://HOST:PORT, or the two ports radar.cli and radar.data");
+    refuse(address,
+           "expected the address of a radar: bridge:tcp://HOST:PORT; for a radar without a bridge "
+           "set radar.cli and radar.data instead");
 }
 
 void check_radar_port(const std::string& address, std::uint32_t baud) {
   const port::Address parsed = port::parse_address(address);
   if (!is_one_of<port::SerialAddress, port::HidAddress>(parsed))
-    refuse(address, "expected for a radar port: serial:/dev/... or hid:VVVV:PPPP");
+    refuse(address, "expected the address of a radar port: serial:/dev/... or hid:VVVV:PPPP");
   if (const auto* hid = std::get_if<port::HidAddress>(&parsed)) port::check_hid_baud(*hid, baud);
 }
 
 void check_depth(const std::string& address) {
   if (!is_one_of<port::OpenNiAddress, port::BridgeAddress>(port::parse_address(address)))
     refuse(address,
-           "expected for a depth camera: openni:[URI or file.oni] or bridge:tcp://HOST:PORT");
+           "expected the address of a depth camera: openni:[URI or file.oni] or "
+           "bridge:tcp://HOST:PORT");
 }
 
 std::unique_ptr<Driver> make_tdc(port::Loop& loop, const TdcConfig& config, port::RawKeeper* raw) {
@@ -86,7 +88,8 @@ void refuse_two_boards(const RadarConfig& config) {
   if (!command || !frames) return;
   const std::string boards = inventory::two_boards(command->path, frames->path);
   if (!boards.empty())
-    throw Error(ExitCode::config, "radar.cli and radar.data are ports of two boards: " + boards);
+    throw Error(ExitCode::config,
+                "radar.cli and radar.data are ports of two different boards: " + boards);
 }
 
 }  // namespace

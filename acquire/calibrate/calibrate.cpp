@@ -277,7 +277,7 @@ class Measurement {
     const double a_pulse =
         gatherer_.histogram().gaps().clicks_a_pulse(clicks_, starts_).value_or(0);
     if (r.peak.refusal.empty() && a_pulse > record::most_clicks_a_pulse)
-      r.peak.refusal = "saturated: more than one click in 20 laser pulses; attenuate the light";
+      r.peak.refusal = "saturated: more than one click per 20 laser pulses; attenuate the light";
     if (gatherer_.counting_board)
       r.peak.refusal = "the sensor sends histograms; calibrate supports time taggers only";
     refuse_few(r.peak, spd_ranges_.size());
@@ -447,10 +447,13 @@ void announce(const Config& config, const Reflector& reflector, double window_m)
 ExitCode calibrate(const Config& all, const CalibrateOptions& options, port::Loop& loop) {
   const Config config = with_chosen(all, options);
   if ((config.configured() - SensorSet{Sensor::depth}).empty())
-    throw Error(ExitCode::config, std::string("nothing to calibrate: set tdc.address or a radar") +
-                                      (options.only ? "; --only excludes the other sensor" : ""));
+    throw Error(ExitCode::config,
+                std::string("nothing to calibrate; set tdc.address, radar.cli or radar.address") +
+                    (options.only ? ", or remove --only" : ""));
   if (options.check && config.calibration.entries.empty())
-    throw Error(ExitCode::config, "--check needs run.calibration: no calibration to compare with");
+    throw Error(ExitCode::config,
+                "--check: there is no calibration to compare with; set run.calibration to a "
+                "calibration file");
   const Reflector reflector{.mounting = options.mounting,
                             .distance_m = options.search.distance_m,
                             .baseline_m = config.baseline_m,

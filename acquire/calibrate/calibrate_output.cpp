@@ -32,8 +32,8 @@ void say(const CalibrationResult& r) {
     std::printf("%-6s rejected: %s\n", name_of(r.sensor), printable(p.refusal).c_str());
   else
     std::printf(
-        "%-6s %.4f m, offset %+.2f mm +- %.2f mm (measurement %.2f, reflector %.2f); spread of the "
-        "repeats %.2f mm, SNR %.0f dB\n",
+        "%-6s %.4f m, offset %+.2f mm +- %.2f mm (standard errors: measurement %.2f mm, reflector "
+        "position %.2f mm); spread of the repeats %.2f mm, SNR %.0f dB\n",
         name_of(r.sensor), p.range_m, 1e3 * r.offset_m(), 1e3 * r.standard_error_m(),
         1e3 * p.standard_error_m, 1e3 * r.reflector_error_m, 1e3 * r.spread_m, p.snr_db);
 }
@@ -59,11 +59,12 @@ void say(const WindowFit& fit) {
   if (std::abs(difference) < std::max(least, least_errors * error)) return;
   std::printf(
       "radar  asymmetric response: the %s flank is higher by up to %.1f +- %.1f %% of the peak; "
-      "ranges refer to the symmetric part, %.1f mm %s the peak. If this value changes when you "
+      "ranges refer to the symmetric part, which is %.1f mm %s the peak. If this value changes "
+      "when you "
       "move "
       "the reflector, there is a second echo close to it\n",
       difference > 0 ? "far" : "near", 100 * std::abs(difference), 100 * error,
-      1e3 * std::abs(fit.peak_m), fit.peak_m < 0 ? "beyond" : "before");
+      1e3 * std::abs(fit.peak_m), fit.peak_m < 0 ? "beyond" : "in front of");
 }
 
 void say(const record::Response& r, const Unstated& unstated) {
@@ -75,11 +76,13 @@ void say(const record::Response& r, const Unstated& unstated) {
                 100 * r.irf_tail_share.value, r.irf_tail_ps.value, r.irf_tail_ps.standard_error);
   if (r.irf_fwhm_ps.value > 0) std::printf("\n");
   if (r.radar.known())
-    std::printf("radar  response %.2f cells of %.3f m FWHM, each tap +- %.3f\n",
-                r.radar.width_m() / r.radar.cell_m, r.radar.cell_m, r.taps_standard_error);
+    std::printf(
+        "radar  response %.2f range cells FWHM (cells of %.3f m), standard error of each tap "
+        "%.3f\n",
+        r.radar.width_m() / r.radar.cell_m, r.radar.cell_m, r.taps_standard_error);
   if (const auto& e = r.radar_noise_exponent; e.value < 0)
-    std::printf("radar  noise of the mean of n frames decreases as n^%.2f +- %.2f\n", e.value,
-                e.standard_error);
+    std::printf("radar  noise of an average over n frames is proportional to n^%.2f +- %.2f\n",
+                e.value, e.standard_error);
   for (const auto& [key, why] : unstated)
     std::printf("%s not measured: %s\n", key.c_str(), why.c_str());
 }

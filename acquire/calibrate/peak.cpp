@@ -37,15 +37,15 @@ bool inside(const Search& search, double range_m) {
 void refuse_outside(Peak& peak, double range_m, const std::string& advice) {
   peak.range_m = range_m;
   peak.outside = true;
-  peak.refusal = at("no peak in the window; the strongest is at %.3f m: ", range_m) + advice;
+  peak.refusal =
+      at("no peak in the search window; the strongest peak is at %.3f m: ", range_m) + advice;
 }
 
-constexpr char place_advice[] = "is --distance right, and does the reflector face the radar?";
+constexpr char place_advice[] = "check --distance, and that the reflector faces the radar";
 
 std::string delay_advice(const Search& search, double range_m) {
   return at(
-      "is --distance right? For the delay of a cable or fibre add %.0f ps to "
-      "tdc.click_delay_ps",
+      "check --distance; if a cable or fibre delays the clicks, add %.0f ps to tdc.click_delay_ps",
       (search.distance_m - range_m) * ps_per_m);
 }
 
@@ -267,7 +267,7 @@ std::string unlike_one_echo(const Profile& profile, const EchoPlace& fit, std::s
     const double chance = 4 * profile.deviation[top - 2 + i] / std::sqrt(frames);
     if (fit.power[k] > std::max(weakest * fit.power.maxCoeff(), least_over_noise) &&
         std::abs(off) > allowed + chance)
-      return at("two peaks: the echo differs by %.1f dB from that of one reflector",
+      return at("two peaks: the echo differs by %.1f dB from that of a single reflector",
                 10 * std::log10(2.0) * std::abs(off));
   }
   return {};
@@ -349,7 +349,7 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
     refuse_outside(peak, peak.range_m, delay_advice(search, peak.range_m));
   } else if (bump.photons > 0.2 * fit.peak.photons &&
              bump.photons > 5 * std::sqrt(fit.peak.photons)) {
-    peak.refusal = at("two peaks: the second is at %.3f m", range_of(bump.bin));
+    peak.refusal = at("two peaks: the second peak is at %.3f m", range_of(bump.bin));
   }
   return peak;
 }
@@ -430,7 +430,7 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
   if (known) peak.refusal = unlike_one_echo(profile, fit, top, frames.size());
   if (const std::size_t other = other_top(mean, low, high, top, cells_per_bin))
     peak.refusal =
-        at("two peaks: the second is at %.3f m", axis.range_m(static_cast<double>(other)));
+        at("two peaks: the second peak is at %.3f m", axis.range_m(static_cast<double>(other)));
   if (!inside(search, peak.range_m)) refuse_outside(peak, peak.range_m, place_advice);
   return peak;
 }

@@ -67,8 +67,8 @@ std::string other_mounting(const Reflector& reflector, double measured_m, double
   std::snprintf(
       text, sizeof text,
       "the peak at %.3f m fits --reflector %s (true range %.3f m, offset %+.1f mm) better "
-      "than --reflector %s (true range %.3f m, offset %+.1f mm): is the reflector in "
-      "front of the %s?",
+      "than --reflector %s (true range %.3f m, offset %+.1f mm); check whether the reflector is in "
+      "front of the %s",
       measured_m, name_of(other.mounting), other.range_m(Sensor::radar), 1e3 * other_m,
       name_of(reflector.mounting), reflector.range_m(Sensor::radar), 1e3 * offset_m,
       other.mounting == Mounting::detector ? "detector" : "radar");

@@ -391,14 +391,15 @@ WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& fram
                              const EchoAxis& axis, double range_m, record::Response& out) {
   constexpr std::size_t least_frames = 8;
   constexpr const char* advice =
-      "remove other objects and place the reflector farther away (at 3 m for cells of 50 cm)";
+      "remove other objects and place the reflector farther away (e.g. at 3 m for range cells of "
+      "50 cm)";
   if (frames.size() < least_frames) return {{}, "fewer than 8 frames received"};
   EchoFit echo(profile_of(frames, axis.log2_power_step), axis, frames.size(), range_m);
   if (!echo.enough())
-    return {{}, std::string("another echo overlaps that of the reflector; ") + advice};
+    return {{}, std::string("another echo overlaps the reflector's echo; ") + advice};
   echo.fit();
   if (!echo.of_one_point())
-    return {{}, std::string("the echo is not that of a single point; ") + advice};
+    return {{}, std::string("the echo does not match that of a single point target; ") + advice};
   WindowFit found{EchoFit::window_of(echo.best.parameters), {}};
   const VectorXd shape = shape_of(found.window),
                  errors = std::sqrt(echo.misfit()) * shape_errors(echo.best, shape);

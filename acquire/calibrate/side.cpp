@@ -47,11 +47,11 @@ SideFinding find_side(Side side, const Reflector& reflector, const AntennaGains&
   out.swapped = off_swapped < off;
   if (std::min(off, off_swapped) > near) {
     char text[160];
-    std::snprintf(
-        text, sizeof text,
-        "echo at %+.0f degrees (expected %+.0f, or %+.0f if swapped): check the reflector's "
-        "position",
-        degrees(out.sine), degrees(out.expected), degrees(out.if_swapped));
+    std::snprintf(text, sizeof text,
+                  "echo at %+.0f degrees (expected %+.0f, or %+.0f if the antenna order is "
+                  "reversed): check the reflector's "
+                  "position",
+                  degrees(out.sine), degrees(out.expected), degrees(out.if_swapped));
     out.refusal = text;
   }
   return out;
@@ -62,9 +62,9 @@ std::string to_text(Side side, const SideFinding& f) {
   char text[240];
   std::snprintf(text, sizeof text, "array  echo on the %s at %+.0f degrees (expected %+.0f): ",
                 side == Side::right ? "right" : "left", degrees(f.sine), degrees(f.expected));
-  return text + std::string(f.swapped ? "the antenna row is swapped; turn the board upside down "
+  return text + std::string(f.swapped ? "the antenna order is reversed; turn the board upside down "
                                         "or correct radar.board, then calibrate again\n"
-                                      : "the antenna row is not swapped\n");
+                                      : "the antenna order is correct\n");
 }
 
 }  // namespace echofuse::acquire

@@ -22,8 +22,10 @@ bool compare_antennas(const AntennaGains& now, const AntennaGains& then,
   const bool holds = same && worst <= 4;
   json["array_residual"] = {{"standard_errors", worst}, {"holds", holds}};
   if (!quiet && !same)
-    std::printf("array  the stored calibration has %zu antennas; calibrate again\n",
-                then.gain.size());
+    std::printf(
+        "array  the number of antennas differs from that of the stored calibration, %zu; calibrate "
+        "again\n",
+        then.gain.size());
   else if (!quiet)
     std::printf("array  largest difference %.1f standard errors: the calibration of %s %s\n", worst,
                 then.date_utc.c_str(), holds ? "is valid" : "is outdated; calibrate again");

@@ -84,13 +84,14 @@ class Events {
   void begin() { out_.emplace(STDOUT_FILENO, left_out); }
   void put(const nlohmann::ordered_json& event) {
     if (!out_ || out_->put(line_of(event)) || std::exchange(told_, true)) return;
-    spdlog::warn("--json: output is not read; the oldest events are dropped");
+    spdlog::warn(
+        "--json: the program that reads stdout is too slow or has stopped; the oldest events are "
+        "dropped");
   }
   // Ignores EPIPE, because the reading program may exit before the run ends.
   void end() {
     if (const int error = out_ ? out_->close() : 0; error != 0 && error != EPIPE)
-      throw Error(ExitCode::failed,
-                  std::string("stdout: cannot be written: ") + std::strerror(error));
+      throw Error(ExitCode::failed, std::string("stdout: cannot write: ") + std::strerror(error));
   }
 
  private:
@@ -236,7 +237,7 @@ ExitCode list(const Options& o) {
   }
   const Catalogue found = list_runs(folder, system_clock, o.json);
   o.json ? static_cast<void>(std::fputs(found.text.c_str(), stdout)) : print(found.text);
-  if (!found.left_out.empty()) spdlog::warn("left out: {}", found.left_out);
+  if (!found.left_out.empty()) spdlog::warn("not listed: {}", found.left_out);
   return ExitCode::ok;
 }
 

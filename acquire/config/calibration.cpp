@@ -169,17 +169,17 @@ Calibration read_calibration(const std::string& path) {
     return std::ranges::any_of(kept, [&](const auto& k) { return k.first == pair.first; });
   };
   if (!std::ranges::all_of(stated, is_kept))
-    throw Error(ExitCode::config,
-                path +
-                    ": section response: expected numbers as written by calibrate "
-                    "(radar_taps: 3 to 64, the first equal to 1)");
+    throw Error(ExitCode::config, path +
+                                      ": section response: expected the numbers that `calibrate` "
+                                      "writes (radar_taps: 3 to 64 numbers, the first equal to 1)");
   if (settings.given("antennas.gain") || settings.given("antennas.phase_rad"))
     take_antennas(path, texts, out.antennas);
   for (std::size_t i = 0; i < entries.size(); ++i)
     if (settings.given(name_of(ranging[i]) + std::string(".offset_m")))
       out.entries.push_back(entries[i]);
   if (out.entries.empty())
-    throw Error(ExitCode::config, path + ": no offset; expected spd.offset_m or radar.offset_m");
+    throw Error(ExitCode::config,
+                path + ": contains no offset; expected spd.offset_m or radar.offset_m");
   if (line.empty()) return out;
   out.firmware = radar::parse_firmware_bias(line);
   if (!out.firmware)

@@ -196,14 +196,14 @@ void check_radar_keys(ConfigChecker& checker, Config& c, const std::string& cfg,
   RadarConfig& radar = c.radar;
   if (!radar.address.empty()) {
     if (!radar.cli.empty() || !radar.data.empty())
-      checker.complain(
-          {"radar.address"},
-          "a radar has either radar.address or the two ports radar.cli and radar.data; remove one");
+      checker.complain({"radar.address"},
+                       "radar.address cannot be combined with radar.cli and radar.data; remove the "
+                       "address or the two ports");
     return checker.attempt({"radar.address"}, [&] { check_radar(radar.address); });
   }
   if (radar.cli.empty() != radar.data.empty())
     checker.complain({"radar.cli", "radar.data"},
-                     "radar.cli and radar.data are both required; one of them is empty");
+                     "one of radar.cli and radar.data is empty; set both ports");
   if (!radar.cli.empty() && radar.cli == radar.data)
     checker.complain({"radar.data", "radar.cli"},
                      "radar.cli and radar.data are the same port; expected the radar's two ports");
@@ -252,7 +252,7 @@ void refuse_other_baseline(const Config& c) {
     return;
   std::ostringstream text;
   text << c.calibration_path << ": the radar was calibrated with radar.baseline_m = " << measured_m
-       << ", but here it is " << c.baseline_m << "; calibrate again";
+       << ", but the configuration has " << c.baseline_m << "; calibrate again";
   throw Error(ExitCode::config, text.str());
 }
 
@@ -271,8 +271,8 @@ void check_config(ConfigChecker checker, Config& c, const Keys& k,
                                        {"depth.policy", "depth.address"}};
   for (const Sensor s : all_sensors)
     if ((c.required() - c.configured()).contains(s))
-      checker.complain({keys[s].policy}, std::string("required sensor without an address: ") +
-                                             keys[s].address + " is empty");
+      checker.complain({keys[s].policy},
+                       std::string("the sensor is required, but ") + keys[s].address + " is empty");
   if (!c.tdc.address.empty()) checker.attempt({"tdc.address"}, [&] { check_tdc(c.tdc.address); });
   checker.attempt({"tdc.click_channel", "tdc.start_channel", "tdc.bins", "tdc.bin_width_ps"},
                   [&] { const tdc::Histogram check(c.histogram); });
@@ -399,7 +399,7 @@ ConfigPlace require_config() {
   std::string names;
   for (const ConfigPlace& place : config_places())
     names.append(names.empty() ? "" : ", ") += place.name;
-  throw Error(ExitCode::config, "no configuration file; searched " + names + "; copy " +
+  throw Error(ExitCode::config, "no configuration file found; searched " + names + "; copy " +
                                     (data_folder() / "lab.toml").string() +
                                     " there, or use --config or $ECHOFUSE_CONFIG");
 }

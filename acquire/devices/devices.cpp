@@ -157,7 +157,7 @@ void Devices::warn_of_another(Sensor sensor, const DeviceInfo& info) {
   const std::string before = std::exchange(identities_[sensor], now);
   if (before.empty() || before == now) return;
   next_->on_event(sensor, Severity::warning,
-                  nouns[sensor] + printable(now, 80) + ", was " + printable(before, 80) +
+                  nouns[sensor] + printable(now, 80) + ", previously " + printable(before, 80) +
                       ": the calibration may belong to another device");
 }
 

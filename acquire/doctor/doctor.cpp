@@ -133,7 +133,7 @@ std::vector<Finding> findings_of(const Answer& answer, const Capture& capture, c
   const char* check = name_of(answer.sensor);
   if (answer.status.holder)
     return {{check, answer.delivers ? Grade::warning : Grade::problem, answer.text,
-             "in use by another run; end that run first"}};
+             "stop the program that uses the device, or wait until it ends"}};
   if (answer.status.state == DeviceState::misconfigured)
     return {{.check = check,
              .grade = Grade::problem,

@@ -156,8 +156,9 @@ Finding check_modem_manager(const std::optional<Config>& config, const MachineRo
     if (name.starts_with("ttyACM") || name.starts_with("ttyUSB"))
       if (!ignored_by_modem_manager(name, roots)) grabbed += " " + port.path;
   }
-  if (grabbed.empty()) return {check, Grade::ok, "running; ignores our serial ports"};
-  return {check, Grade::warning, "running; probes" + grabbed + " when the device is plugged in",
+  if (grabbed.empty())
+    return {check, Grade::ok, "running, but ignores the serial ports of the radar"};
+  return {check, Grade::warning, "running, and probes" + grabbed + " when the device is plugged in",
           install_rules};
 }
 
@@ -180,7 +181,7 @@ Finding check_usb_memory(const std::optional<Config>& config, const MachineRoots
   return {check,
           enough ? Grade::ok : Grade::problem,
           found,
-          enough ? "" : "as root: echo 16 > /sys/module/usbcore/parameters/usbfs_memory_mb",
+          enough ? "" : "run as root: echo 16 > /sys/module/usbcore/parameters/usbfs_memory_mb",
           {{"limit_mib", limit}, {"needed_mib", needed}}};
 }
 

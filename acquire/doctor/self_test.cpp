@@ -46,7 +46,8 @@ void mark(Finding& finding, Grade grade, const std::string& advice) {
 void check_rate(Finding& finding, std::uint64_t frames, double nominal_hz, double time_s) {
   const double expected = nominal_hz * time_s, got = static_cast<double>(frames);
   if (got + 1 < slow * expected)
-    mark(finding, Grade::problem, "frame rate is lower than configured; check cable and port");
+    mark(finding, Grade::problem,
+         "frame rate is lower than configured; check the cable and the port");
   else if (got - 1 > expected / slow)
     mark(finding, Grade::warning,
          "frame rate is higher than configured; check whether the device refused the setting");
@@ -135,7 +136,7 @@ Finding spd_finding(const Capture& capture, const Config& config, double time_s)
   const std::uint64_t lost = capture.lost_tags + n.missed;
   Finding out{
       .check = "spd",
-      .found = format("starts %s, clicks %s, %.0f %% of them in the histogram, "
+      .found = format("starts %s, clicks %s, %.0f %% of the clicks in the histogram, "
                       "%" PRIu64 " tags and %" PRIu64 " blocks lost",
                       hertz(rate(n.starts, time_s)).c_str(), hertz(rate(clicks, time_s)).c_str(),
                       100 * share(n.in_range, clicks), lost, capture.lost_blocks),
@@ -157,7 +158,7 @@ Finding spd_finding(const Capture& capture, const Config& config, double time_s)
              ", not even dark counts; check the detector; " + channel_list(capture, time_s));
   if (const std::string question = swap_question(n); !question.empty())
     mark(out, Grade::warning,
-         "clicks outside the histogram, or several per start" + question +
+         "clicks are outside the histogram, or there are several clicks per start" + question +
              " If not, set tdc.click_delay_ps (cables, fibres), tdc.first_bin_ps and tdc.bins");
   if (lost + capture.lost_blocks + n.overflows > 0)
     mark(out, Grade::warning, "the tagger or its connection is too slow for these rates");
@@ -179,7 +180,7 @@ Finding radar_finding(const Capture& capture, const Config& config, double time_
   const double nominal_hz = 1 / cfg.frame_period_s;
   const double fps = rate(capture.radar_frames, time_s);
   Finding out{.check = "radar",
-              .found = format("%.4g frames/s of %.4g, %" PRIu64 " lost", fps, nominal_hz,
+              .found = format("%.4g frames/s, expected %.4g, %" PRIu64 " lost", fps, nominal_hz,
                               capture.radar_lost),
               .facts = {{"frames_per_s", fps},
                         {"nominal_frames_per_s", nominal_hz},
@@ -187,7 +188,7 @@ Finding radar_finding(const Capture& capture, const Config& config, double time_
                         {"bins", static_cast<double>(capture.profile.size())}}};
   check_rate(out, capture.radar_frames, nominal_hz, time_s);
   if (capture.radar_lost > 0)
-    mark(out, Grade::warning, "check radar.data_baud against the .cfg, and the cable");
+    mark(out, Grade::warning, "check the cable, and that radar.data_baud matches the .cfg");
   if (capture.profiles == 0) {
     mark(out, Grade::problem,
          "no frame has a range profile; set the third number of guiMonitor in radar.cfg to 1");
@@ -216,10 +217,11 @@ Finding radar_finding(const Capture& capture, const Config& config, double time_
     out.facts.emplace_back("antennas", static_cast<double>(cfg.array.size()));
     out.facts.emplace_back("heat_maps", static_cast<double>(capture.arrays));
     if (capture.arrays == 0)
-      mark(out, Grade::problem, "no frame has the heat map of the .cfg; check radar.board");
+      mark(out, Grade::problem,
+           "no frame contains the heat map that the .cfg defines; check radar.board");
   }
   if (sorted.front() == sorted.back())
-    mark(out, Grade::problem, "all bins are equal: the board does not measure");
+    mark(out, Grade::problem, "all bins are equal: the board is not measuring");
   return out;
 }
 
@@ -233,7 +235,7 @@ Finding depth_finding(const Capture& capture, const Config& config, double time_
                         {"lost_frames", static_cast<double>(capture.depth_lost)},
                         {"valid_share", valid}}};
   if (config.depth.fps > 0) {
-    out.found += format(" of %" PRIu32, config.depth.fps);
+    out.found += format(", expected %" PRIu32, config.depth.fps);
     check_rate(out, capture.depth_frames, config.depth.fps, time_s);
   }
   out.found += format(", %" PRIu64 " lost", capture.depth_lost);
@@ -246,7 +248,7 @@ Finding depth_finding(const Capture& capture, const Config& config, double time_
   if (capture.depth_lost > 0)
     mark(out, Grade::warning, "the USB port or this machine is too slow for the camera");
   if (valid < config.signal.depth_share)
-    mark(out, Grade::warning, "hardly any pixel is valid; check whether the camera is covered");
+    mark(out, Grade::warning, "almost no pixels are valid; check whether the camera is covered");
   return out;
 }
 

@@ -52,7 +52,7 @@ record::Antennas antennas_of(const std::vector<std::string>& texts, const std::s
       throw Error(ExitCode::config, printable(path) + ": radar.antennas has \"" +
                                         printable(text, 40) + "\"; expected at most " +
                                         std::to_string(record::most_antennas) +
-                                        " texts \"X Y\" or \"X Y GAIN PHASE\"");
+                                        " strings \"X Y\" or \"X Y GAIN PHASE\"");
     out.push_back(a);
   }
   return out;
@@ -117,8 +117,9 @@ ArrayFolder::ArrayFolder(const std::string& folder, const ArraySettings& setting
     throw Error(ExitCode::config, printable(folder) + "/run.toml: " + what);
   };
   if (!spd_ && !radar_ && !of_run)
-    throw Error(ExitCode::failed,
-                printable(folder) + ": has neither spd.npy [n, bins] nor radar.npy [n, points]");
+    throw Error(
+        ExitCode::failed,
+        printable(folder) + ": contains neither spd.npy [n, bins] nor radar.npy [n, points]");
   if (rows_ == 0)
     throw Error(ExitCode::failed,
                 printable(first_ ? *first_ : folder) + ": has no rows; nothing to import");
@@ -130,13 +131,13 @@ ArrayFolder::ArrayFolder(const std::string& folder, const ArraySettings& setting
                  std::to_string(rows_) + " records");
   if (settings_.map_size > 0 && settings_.map_size < record::least_map_size)
     config_error("depth.map_size = " + std::to_string(settings_.map_size) +
-                 "; expected 0 or 3 to 256");
+                 "; expected 0, or 3 to 256");
   if (array_ && (!radar_ || antennas_.empty() || array_->shape()[1] != axes().back().count ||
                  array_->shape()[2] != record::values_of_bin(antennas_.size())))
     refuse(*array_, "its shape is " + array_->shape_text() +
-                        "; expected one that matches radar.npy and radar.antennas, with " +
+                        "; expected a shape that matches radar.npy and radar.antennas, with " +
                         std::to_string(record::values_of_bin(antennas_.size())) +
-                        " values per bin up to " +
+                        " values in each of the bins up to " +
                         std::to_string(std::lround(record::array_end_m)) + " m");
   zones_ = stated_zones();
   if (depth_)
@@ -161,8 +162,8 @@ std::unique_ptr<NpyFile> ArrayFolder::open(const char* name, std::size_t dimensi
   if (!first_) first_ = newest_ = path, rows_ = file->rows();
   if (fs::last_write_time(path) > fs::last_write_time(newest_)) newest_ = path;
   if (file->rows() != rows_)
-    refuse(*file, "has " + std::to_string(file->rows()) + " rows; " + printable(*first_) + " has " +
-                      std::to_string(rows_));
+    refuse(*file, "has " + std::to_string(file->rows()) + " rows, but " + printable(*first_) +
+                      " has " + std::to_string(rows_));
   return file;
 }
 
@@ -297,9 +298,9 @@ void ArrayFolder::put_counts(record::FusedRecord& r) {
     refuse(*spd_, row + " has a count that exceeds 32 bits");
   const std::uint32_t factor = spd_->is_integer() ? 1 : factor_of(values);
   if (factor != 1)
-    refuse(*spd_, row + " has counts that are not whole; expected photons per bin: " +
+    refuse(*spd_, row + " has non-integer counts; expected photons per bin: " +
                       (factor > 1 ? "multiply by " + std::to_string(factor) +
-                                        " if each row is a mean of that number of exposures"
+                                        " if each row is the mean over that number of exposures"
                                   : "multiply a normalised histogram by its photon number"));
   std::vector<std::uint32_t> counts;
   for (const double v : values) counts.push_back(static_cast<std::uint32_t>(std::llround(v)));

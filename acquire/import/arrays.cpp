@@ -91,8 +91,8 @@ RunStart beginning_of(const std::optional<UtcTime>& given, const record::RunRead
   if (base) return {parse_utc(base->info().started_utc), {}};
   if (given) return {*given, {}};
   const std::string file = fs::path(arrays.newest()).filename().string();
-  return {modified(arrays.newest()),
-          "start time unknown: the modification time of " + file + " is used; --began UTC sets it"};
+  return {modified(arrays.newest()), "start time unknown: the modification time of " + file +
+                                         " is used; set it with --began UTC"};
 }
 
 }  // namespace

@@ -172,8 +172,8 @@ std::string import_streams(const Config& config, const ImportOptions& options,
       throw Error(ExitCode::failed,
                   printable((*behind)->device().address) + ": its times reach " +
                       std::to_string(std::llround(seconds((*behind)->at()))) +
-                      " s, with more slots than the file has bytes: is a time damaged? Otherwise "
-                      "use a longer slot (--set run.window_s)");
+                      " s, which gives more slots than the file has bytes; check whether a time is "
+                      "damaged, or use a longer slot (--set run.window_s)");
     if (more) {
       slots.close(now, false, take);
     } else {
@@ -235,8 +235,8 @@ std::string lower_case_extension(const std::string& path) {
               printable(path) +
                   (kind == ".ttbin"   ? ": only the Time Tagger library can read .ttbin; start "
                                         "`echofuse-bridge-timetagger --file FILE` and record from it"
-                   : kind == ".phu"   ? ": convert histograms with echofuse.write_run "
-                                        "(Python), or as a folder of arrays"
+                   : kind == ".phu"   ? ": .phu files cannot be imported; convert the histograms "
+                                        "with echofuse.write_run (Python) or to a folder of arrays"
                    : fs::exists(path) ? ": expected NAME.dat (radar), NAME.ptu or one folder"
                                       : ": no such file or folder"));
 }
@@ -270,12 +270,11 @@ std::string import_recordings(Config config, const ImportOptions& options) {
     if (options.began.empty() && began.doubt.empty() && utc) began = {*utc, doubt};
   };
   constexpr const char* local_time =
-      "start time: local time in the PicoQuant file, in this machine's time zone; --began UTC sets "
-      "it";
+      "start time: taken from the PicoQuant file as local time in this machine's time zone; set it "
+      "with --began UTC";
   constexpr const char* local_time_twice =
-      "start time: local time in the PicoQuant file, which occurred twice at the end of summer "
-      "time: it may "
-      "be an hour later; --began UTC sets it";
+      "start time: taken from the PicoQuant file as local time, which occurred twice at the end of "
+      "summer time; the true start may be an hour later; set it with --began UTC";
   for (const std::string& path : options.files) {
     const std::string kind = lower_case_extension(path);
     if (kind == ".dat") {
@@ -298,7 +297,7 @@ std::string import_recordings(Config config, const ImportOptions& options) {
     }
   }
   begins(config.radar.data.empty() ? std::optional(modified(config.tdc.address)) : std::nullopt,
-         "start time unknown: the file's modification time is used; --began UTC sets it");
+         "start time unknown: the file's modification time is used; set it with --began UTC");
   // The file was last modified at the end of the recording, so the length of the recording is
   // subtracted.
   if (options.began.empty() && began.doubt.empty()) {
@@ -306,9 +305,9 @@ std::string import_recordings(Config config, const ImportOptions& options) {
     SampleSink nobody;
     while (whole.next(nobody)) {
     }
-    begins(
-        modified(config.radar.data) - whole.at(),
-        "start time unknown: the file's modification time is used as the end; --began UTC sets it");
+    begins(modified(config.radar.data) - whole.at(),
+           "start time unknown: the file's modification time is used as the end time; set the "
+           "start with --began UTC");
   }
   return import_streams(config, options, began, recordings);
 }

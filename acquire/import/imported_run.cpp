@@ -79,7 +79,7 @@ std::string ImportedRun::finish() {
   const std::string text = std::to_string(run_->records()) + " records" + counts;
   if (counts.empty())
     throw Error(ExitCode::failed, printable(file_.place()) + ": nothing to import: " +
-                                      printable(text + causes) + "; none has a valid sensor");
+                                      printable(text + causes) + "; no record contains valid data");
   run_->close_as_one_file("complete");
   file_.publish();
   return printable(file_.place()) + ": " + text + lines_;

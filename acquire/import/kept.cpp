@@ -171,14 +171,16 @@ LiveRun read_live_run(const std::string& folder) {
       // Sum of the limits of run.connect_timeout_s and --countdown, plus a margin.
       3 * 3600;
   if (!(wait_s >= 0 && wait_s <= longest_wait_s))
-    throw Error(ExitCode::failed, printable(times.path()) + ": the first slot begins " +
-                                      std::to_string(wait_s) +
-                                      " s after the start of the run: is a number damaged?");
+    throw Error(
+        ExitCode::failed,
+        printable(times.path()) + ": the first slot begins " + std::to_string(wait_s) +
+            " s after the start of the run (expected 0 to 3 h); check whether a number is damaged");
   if (!(slot_s >= shortest_s && slot_s <= longest_s) ||
       static_cast<double>(run.slots) * slot_s > lasted_s + slot_s)
     throw Error(ExitCode::failed, printable(times.path()) + ": lists " + std::to_string(run.slots) +
                                       " slots of " + std::to_string(slot_s) + " s in " +
-                                      std::to_string(lasted_s) + " s: is a number damaged?");
+                                      std::to_string(lasted_s) +
+                                      " s; check whether a number is damaged");
   return run;
 }
 
@@ -230,9 +232,9 @@ std::string import_kept(Config config, const std::string& folder, const std::str
     throw Error(ExitCode::interrupted, printable(out) + ": interrupted; nothing was written");
   const record::RunSummary made = record::RunReader(file.path()).summary();
   if (std::ranges::all_of(all_sensors, [&](Sensor s) { return made.valid[s] == 0; }))
-    throw Error(ExitCode::failed, printable(folder) +
-                                      ": nothing was imported, because none of the " +
-                                      std::to_string(made.records) + " records has a valid sensor");
+    throw Error(ExitCode::failed,
+                printable(folder) + ": nothing was imported, because none of the " +
+                    std::to_string(made.records) + " records contains valid data");
   file.publish();
   return printable(out) + ": converted from the raw capture";
 }

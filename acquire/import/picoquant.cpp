@@ -65,7 +65,8 @@ PicoquantRecords::PicoquantRecords(std::uint32_t type, double global_resolution_
                      : 33'554'432u;
   const auto possible = [](long double ps) { return ps > 0 && ps <= ps_per_s; };
   if (!possible(unit_ps_) || (t3_ && !possible(dtime_ps_)))
-    throw Error(ExitCode::failed, "resolution is not between 0 and 1 s");
+    throw Error(ExitCode::failed,
+                "MeasDesc_GlobalResolution or MeasDesc_Resolution is not between 0 and 1 s");
   // Rounds to whole picoseconds, because 1e-12 s and 4e-12 s are not exact as doubles.
   for (long double* v : {&unit_ps_, &dtime_ps_})
     if (std::abs(*v - std::round(*v)) < 1e-9L * *v) *v = std::round(*v);
@@ -233,7 +234,7 @@ std::string PicoquantTags::missing_input() const {
   std::vector<std::string> there;
   for (std::int32_t c = 0; c < std::ssize(by_channel_); ++c)
     if (has(c)) there.push_back(std::to_string(c));
-  std::string text = "no events on the input of " +
+  std::string text = "no events on the input selected by " +
                      (has(use_.start_channel) ? "--click " + std::to_string(use_.click_channel)
                                               : "--start " + std::to_string(use_.start_channel));
   for (const auto& c : there) text += (&c == there.data() ? "; inputs with events: " : ", ") + c;
@@ -262,7 +263,7 @@ std::vector<std::string> PicoquantTags::rate_doubts() const {
   const double counted_hz = static_cast<double>(pulses - 1) / between_s;
   if (alike(counted_hz, rate_hz) || alike(counted_hz, rate_hz / divider)) return {};
   return {"pulse rate: TTResult_SyncRate is " + number_text(rate_hz) +
-          " Hz, but the records contain " + number_text(counted_hz) + " Hz"};
+          " Hz, but the pulse rate in the records is " + number_text(counted_hz) + " Hz"};
 }
 
 std::vector<std::string> PicoquantTags::doubts() const {
@@ -273,27 +274,28 @@ std::vector<std::string> PicoquantTags::doubts() const {
   const double stated_s = stopped_s_ > 0 ? stopped_s_ : header_s_;
   if (behind || (stopped_s_ > 0 && (later(end_s, stopped_s_) ||
                                     later(stopped_s_, end_s + records_.wrap_ps() / ps_per_s))))
-    out.push_back(
-        "duration: " + number_text(stated_s) + " s in the header, " + number_text(end_s) +
-        " s in the records" +
-        (behind ? ": records after the end time in the header are omitted; is a record damaged?"
-                : ""));
+    out.push_back("duration: " + number_text(stated_s) + " s in the header, " + number_text(end_s) +
+                  " s in the records" +
+                  (behind ? ": records after the end time in the header are omitted; check whether "
+                            "a record is damaged"
+                          : ""));
   for (auto& text : rate_doubts()) out.push_back(std::move(text));
   if (records_.offset_ps() > 0)
-    out.push_back("MeasDesc_Offset: " + number_text(records_.offset_ps() / 1000) +
-                  " ns, which the device subtracted from the click times, are added back");
+    out.push_back("MeasDesc_Offset: the device subtracted " +
+                  number_text(records_.offset_ps() / 1000) +
+                  " ns from the click times; this offset is added back");
   if (records_.behind_period() > 0)
     out.push_back(std::to_string(records_.behind_period()) +
                   " clicks have times beyond the sync period of " +
-                  number_text(records_.unit_ps() / ps_per_s) + " s: is MeasDesc_Resolution right?");
+                  number_text(records_.unit_ps() / ps_per_s) + " s; check MeasDesc_Resolution");
   if (const std::string text = comb_text(records_.step_ps(), use_.bin_width_ps); !text.empty())
     out.push_back(text);
   const double stated = file_->number("TTResult_NumberOfRecords").value_or(0);
   if (stated > 0 && stated != static_cast<double>(count_))
     out.push_back("the header specifies " + std::to_string(std::llround(stated)) +
-                  " records, but the file has " + std::to_string(count_));
+                  " records, but the file contains " + std::to_string(count_));
   if (bytes_cut_ > 0) out.push_back("the last record is truncated");
-  if (beyond_) out.push_back("time exceeds 106 days: the remaining records are omitted");
+  if (beyond_) out.push_back("the time exceeds 106 days: the remaining records are omitted");
   const double divider = file_->number("HWSync_Divider").value_or(1);
   if (divider > 1 && !records_.is_t3())
     out.push_back("sync divider " + std::to_string(std::llround(divider)) +

@@ -148,25 +148,26 @@ std::vector<std::string> RadarRecording::doubts() const {
   if (c.frames == 0)
     out.push_back("contains no frame of TI's demo: " + radar::why_no_frames(beginning_));
   else if (c.range_profiles == 0)
-    out.emplace_back("no frame has a range profile: guiMonitor's third number was 0 on the board");
+    out.emplace_back(
+        "no frame has a range profile: the third number of guiMonitor was 0 on the board");
   else if (c.range_profiles < c.frames)
     out.push_back(std::to_string(c.frames - c.range_profiles) + " of " + std::to_string(c.frames) +
                   " frames have no range profile");
   if (others_ > 0)
     out.push_back(std::to_string(others_) + " frames have " + std::to_string(other_bins_) +
-                  " bins; expected from the cfg: " + std::to_string(profile_.bins) +
+                  " bins, but the number of bins in the cfg is " + std::to_string(profile_.bins) +
                   (other_bins_ == profile_.bins + 4
-                       ? ": the lengths of its TLVs include their headers, as in SDK 1"
-                       : ": was the recording made with this cfg?"));
+                       ? "; the TLV lengths include the TLV headers, as in SDK 1"
+                       : "; check that the recording was made with this cfg"));
   add(restarts_, " restarts of the board", ": the gaps have unknown length and are omitted");
   add(paused_, " gaps in which the board's clock may have wrapped",
       ": their lengths are ambiguous; the shortest possible ones are used");
   if (2 * stood_ > c.frames)
     out.push_back("the board's clock stopped for " + std::to_string(stood_ + 1) +
-                  " frames: their times are computed from frame numbers and cfg");
+                  " frames: their times are computed from the frame numbers and the cfg");
   else
     add(impossible_, " frames have impossible times",
-        ": their times are computed from frame numbers and cfg");
+        ": their times are computed from the frame numbers and the cfg");
   if (c.lost_frames > 0) out.push_back(std::to_string(c.lost_frames) + " frames are missing");
   const std::uint64_t broken = c.truncated_frames + c.bad_headers + c.bad_tlvs;
   if (broken > 0 || c.junk_bytes > 0)
@@ -177,8 +178,8 @@ std::vector<std::string> RadarRecording::doubts() const {
   if (std::abs(period_s - expected_s) > 0.05 * expected_s) {
     char text[120];
     std::snprintf(text, sizeof text,
-                  "frame period %.1f ms; expected %.1f ms from the cfg: was the recording made "
-                  "with this cfg?",
+                  "frame period %.1f ms; expected %.1f ms from the cfg; check that the recording "
+                  "was made with this cfg",
                   1e3 * period_s, 1e3 * expected_s);
     out.emplace_back(text);
   }

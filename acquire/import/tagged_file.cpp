@@ -70,7 +70,7 @@ void TaggedFile::read_tags() {
     if (used && tag.type == type_text)
       texts_[name] = until_nul(text.data(), std::min(text.size(), longest_text));
   }
-  throw Error(ExitCode::failed, printable(path_) + ": damaged: the header has no end");
+  throw Error(ExitCode::failed, printable(path_) + ": damaged: the header is not terminated");
 }
 
 std::optional<double> TaggedFile::number(const std::string& name) const {
@@ -81,7 +81,7 @@ std::optional<double> TaggedFile::number(const std::string& name) const {
 
 double TaggedFile::require(const std::string& name) const {
   if (const auto found = number(name)) return *found;
-  throw Error(ExitCode::failed, printable(path_) + ": has no tag " + name);
+  throw Error(ExitCode::failed, printable(path_) + ": has no header tag " + name);
 }
 
 std::int64_t TaggedFile::whole(const std::string& name, std::int64_t least,

@@ -64,7 +64,7 @@ std::array<Axis, 5> MapGrid::run_axes() const {
 
 std::string MapGrid::text() const {
   char out[100];
-  std::snprintf(out, sizeof out, "%u x %u over tangents of +-%.4g, up to %.4g m", size, size,
+  std::snprintf(out, sizeof out, "%u x %u pixels, |x/z| up to %.4g, depth up to %.4g m", size, size,
                 half_tangent, far_m);
   return out;
 }
@@ -88,8 +88,8 @@ MapGrid map_grid_of(std::span<const Axis> axes) {
       (!z || same_axis(*z, wanted[2])))
     return grid;
   throw Error(ExitCode::failed,
-              "axes map_x, map_y and map_z: expected 3 to 256 pixels per side over tangents of "
-              "+-0.02 to +-3, and one bin from 0 to a depth of 0.1 to 65 m");
+              "axes map_x, map_y and map_z: expected 3 to 256 pixels per side, a maximum |x/z| "
+              "from 0.02 to 3, and one depth bin that begins at 0 and ends between 0.1 and 65 m");
 }
 
 Axis depth_x_axis(std::uint32_t size, double half_tangent) {

@@ -30,7 +30,7 @@ struct MapGrid {
   Axis y() const;
   std::array<Axis, 3> axes() const;      // {map_x, map_y, map_z}
   std::array<Axis, 5> run_axes() const;  // axes of a run that stores depth images on this grid
-  std::string text() const;              // e.g. "64 x 64 over tangents of +-0.55, up to 6 m"
+  std::string text() const;              // e.g. "64 x 64 pixels, |x/z| up to 0.55, depth up to 6 m"
   // Tolerates differences of 0.001 pixel in half_tangent and of 0.1 % in far_m.
   bool operator==(const MapGrid& other) const;
 };

@@ -198,7 +198,7 @@ std::string unpack_array(ByteView bytes, std::size_t bins, std::size_t antennas,
   for (std::size_t b = 0; b < bins; ++b) {
     const auto power = in.get<float>();
     if (!std::isfinite(power) || power < 0)
-      return "array bin " + std::to_string(b) + " has no finite power";
+      return "array bin " + std::to_string(b) + ": the power is negative or not finite";
     const float amplitude = std::sqrt(power);
     for (std::size_t i = 0; i < size; ++i)
       array[b * size + i] = static_cast<float>(in.get<std::int16_t>()) / full_scale *

@@ -88,7 +88,7 @@ void require_closed(const std::string& path, const std::string& network) {
   const std::string shown = printable(path);
   throw Error(ExitCode::failed,
               shown + ": is on a network file system (" + network + ") and is being written, or " +
-                  "was not closed: its last records are in " + shown +
+                  "was not closed; its last records are in " + shown +
                   "-wal; read it after it is closed, or copy both files to a local disk");
 }
 

@@ -76,7 +76,7 @@ void columns(Row& row, RunInfo& info) {
   row("notes", info.notes);
   std::string meta = meta_text(info);
   row("meta", meta);
-  if (row.reading() && !take_meta(meta, info)) row.fail("meta is not a JSON object of texts");
+  if (row.reading() && !take_meta(meta, info)) row.fail("meta is not a JSON object of strings");
 }
 
 void columns(Row& row, DeviceRow& device) {

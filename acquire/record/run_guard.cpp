@@ -67,7 +67,9 @@ void check_identity(sqlite3* db, const std::string& path) {
     throw Error(ExitCode::failed, shown + ": cannot be read: " + sqlite3_errmsg(db));
   if (code == SQLITE_OK && pragma(db, path, "SELECT count(*) FROM sqlite_schema") == 0)
     throw Error(ExitCode::failed,
-                shown + ": is empty: its run was killed before it began, or its records were in " +
+                shown +
+                    ": is empty: the recording process was killed before the first record, or the "
+                    "records were in " +
                     shown + "-wal, which is missing; look for a copy named *.rescued.sqlite");
   if (code != SQLITE_OK || pragma(db, path, "PRAGMA application_id") != application_id)
     throw Error(ExitCode::failed, shown + (is_model(path) ? ": is a model; expected a run file"
@@ -119,9 +121,10 @@ void check_tables(sqlite3* db, const std::string& path) {
     if (of_a_key && name.starts_with("sqlite_autoindex_")) continue;
     if (type == "table" && stored && is_statistics(sql)) continue;
     if (type != "table" || !stored || !known.contains(name))
-      refuse("holds the " + printable(type, 20) + " \"" + printable(name, 40) +
-             "\"; expected the tables of a run only" + removal(type, name));
-    if (sql != known.at(name)) refuse("its table " + name + " is not defined as in a run");
+      refuse("contains the " + printable(type, 20) + " \"" + printable(name, 40) +
+             "\"; expected only the tables of a run" + removal(type, name));
+    if (sql != known.at(name))
+      refuse("its table " + name + " does not have the expected definition");
     found.insert(name);
   }
   for (const Row* table : tables())

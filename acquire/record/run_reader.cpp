@@ -48,9 +48,9 @@ std::string fault_of_slot(const FusedRecord& r) {
                      r.slot_end - r.slot_start <= last_slot_end - r.slot_utc;
   if (sound) return {};
   return "its slot is from " + std::to_string(r.slot_start.count()) + " to " +
-         std::to_string(r.slot_end.count()) + " ns, its start at " +
+         std::to_string(r.slot_end.count()) + " ns and starts at " +
          std::to_string(r.slot_utc.count()) +
-         " ns UTC; expected an end after the start, in the years 1970 to 2261";
+         " ns UTC; expected an end after the start, and years from 1970 to 2261";
 }
 
 // Sizes of the data of a record, computed once from the axes of the run.
@@ -121,7 +121,7 @@ std::string RecordDecoder::decode(const Blobs& blobs, const DataSizes& shapes) {
   if (r.has(Sensor::depth)) depth.assign(blobs.depth.begin(), blobs.depth.end());
   const std::optional<double>& clicks = r.signal.clicks_a_pulse;
   if (clicks && !(*clicks >= 0 && *clicks < 1e9))
-    return "its clicks per laser pulse are not a number from 0 to 1e9";
+    return "its number of clicks per laser pulse is not from 0 to 1e9";
   if (blobs.array.empty() || shapes.array == 0 || !r.has(Sensor::radar)) return {};
   return unpack_array(blobs.array, shapes.array, shapes.antennas, r.array);
 }
@@ -188,7 +188,7 @@ void RunReader::open(const std::string& network) {
       if (bytes_of(file_ + beside) > 0 && !lacks_wal_)
         throw Error(ExitCode::failed, shown_ + ": was not closed, and its last records are in " +
                                           printable(file_) + beside +
-                                          "; copy both to a writable folder");
+                                          "; copy both files to a writable folder");
     unchanging();
   }
   sqlite3_busy_timeout(db_, 5000);
@@ -248,8 +248,8 @@ std::vector<CalibrationEntry> RunReader::calibrations() const {
   for (const CalibrationEntry& one : out)
     for (const CalibrationEntry& other : out)
       if (&one != &other && one.sensor == other.sensor)
-        throw Error(ExitCode::failed,
-                    shown_ + ": damaged: two calibrations of the " + name_of(one.sensor));
+        throw Error(ExitCode::failed, shown_ + ": damaged: contains two calibrations of sensor " +
+                                          name_of(one.sensor));
   return out;
 }
 
@@ -281,7 +281,7 @@ Zones RunReader::zones() const {
   if (out.size() > most_zones || !std::ranges::all_of(out, &Zone::plausible))
     throw Error(ExitCode::failed, shown_ + ": damaged: table zone: expected at most " +
                                       std::to_string(most_zones) +
-                                      " zones with centre, width and time zero");
+                                      " zones, each with a centre, a width and a time zero");
   return out;
 }
 
@@ -299,7 +299,7 @@ std::vector<Axis> RunReader::axes() const {
   constexpr std::size_t most_axes = 16;
   std::vector<Axis> out = rows<Axis>(" LIMIT " + std::to_string(most_axes + 1));
   if (out.size() > most_axes)
-    throw Error(ExitCode::failed, shown_ + ": more than 16 axes; expected six");
+    throw Error(ExitCode::failed, shown_ + ": contains more than 16 axes; expected six");
   for (const Axis& axis : out) check_axis(axis);
   return out;
 }
@@ -332,8 +332,8 @@ void RunReader::check_axis(const Axis& axis) const {
   s.step();
   const auto first = static_cast<double>(s.integer()), last = static_cast<double>(s.integer());
   if (too_many(last - first + 1) && too_many(static_cast<double>(count())))
-    refuse(std::to_string(points) + " points in each of its records do not fit in " +
-           std::to_string(bytes_) + " bytes, the size of the file");
+    refuse(std::to_string(points) +
+           " points per record exceed the file size: " + std::to_string(bytes_) + " bytes");
 }
 
 std::optional<Axis> RunReader::axis(const std::string& name) const {
@@ -392,9 +392,10 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
     const std::int64_t index = one.record.index;
     if (index < first || index > max_index || (before && index <= *before)) {
       if (!hand_over()) return;
-      throw Error(ExitCode::failed, shown_ + ": damaged: a record has the index " +
-                                        std::to_string(index) + ", after " +
-                                        (before ? std::to_string(*before) : "none"));
+      throw Error(
+          ExitCode::failed,
+          shown_ + ": damaged: the record index " + std::to_string(index) +
+              " is out of order; previous index: " + (before ? std::to_string(*before) : "none"));
     }
     before = index;
     some.push_back(std::move(one));

@@ -35,7 +35,7 @@ std::string make_uuid() {
 void refuse_existing(const std::string& path) {
   if (::access(path.c_str(), F_OK) != 0) return;
   throw Error(ExitCode::failed,
-              path + ": exists already; runs are never overwritten, choose another name");
+              path + ": exists already; runs are never overwritten; choose another name");
 }
 
 // Maximum wait for another process that adds a label or a note.
@@ -137,10 +137,10 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& 
 }
 
 void RunWriter::make(const RunInfo& info, const Begin& begin) {
-  execute(db_, path_, "BEGIN", "cannot set up");
+  execute(db_, path_, "BEGIN", "cannot set up the run file");
   const std::string identity = "PRAGMA application_id=" + std::to_string(application_id) +
                                "; PRAGMA user_version=" + std::to_string(format_version) + ";";
-  execute(db_, path_, identity.c_str(), "cannot set up");
+  execute(db_, path_, identity.c_str(), "cannot set up the run file");
   for (const Row* table : tables())
     execute(db_, path_, table->create().c_str(), "cannot create the tables");
   RunInfo own = info;
@@ -175,7 +175,7 @@ void RunWriter::open(const std::string& path) {
   db_ = handle_.get();
   harden(db_);
   wait_for_others();
-  execute(db_, path_, page_cache, "cannot set up");
+  execute(db_, path_, page_cache, "cannot set up the run file");
 }
 
 void RunWriter::wait_for_others() {
@@ -206,11 +206,12 @@ void RunWriter::use_wal() {
   Statement mode(db_, path_, "PRAGMA journal_mode=WAL");
   const std::string answer = mode.step() ? mode.text() : "";
   if (answer != "wal")
-    throw Error(ExitCode::disk, path_ +
-                                    ": this file system does not support a live run "
-                                    "(no shared memory for SQLite's WAL, as on a network); "
-                                    "record to a local disk");
-  execute(db_, path_, "PRAGMA synchronous=FULL", "cannot set up");
+    throw Error(ExitCode::disk,
+                path_ +
+                    ": this file system does not support a live run "
+                    "(no shared memory for SQLite's WAL, as on a network file system); "
+                    "record to a local disk");
+  execute(db_, path_, "PRAGMA synchronous=FULL", "cannot set up the run file");
 }
 
 // Starts to watch the files. Call after the first write, which creates the WAL.
@@ -350,14 +351,14 @@ void RunWriter::put_unwritten(std::int64_t records) {
   try {
     put_counters({&counted, 1});
     put_event(clock_.utc(), Severity::error, "run",
-              "its last " + std::to_string(records) + " records are not written");
+              "its last " + std::to_string(records) + " records were not written");
   } catch (const Error&) {  // the disk has no space for the event
   }
 }
 
 void RunWriter::close_as_one_file(const std::string& status) {
   if (!close(status))
-    throw Error(ExitCode::failed, path_ + ": another program reads it, so that its last records " +
+    throw Error(ExitCode::failed, path_ + ": another program is reading it, so the last records " +
                                       "are not in this file but in " + path_ + "-wal");
 }
 

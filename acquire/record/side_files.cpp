@@ -94,7 +94,7 @@ std::optional<BoundKey> stored_in(const std::string& path) {
 
 [[noreturn]] void refuse(const std::string& path, const std::string& file, const std::string& why) {
   throw Error(ExitCode::failed, printable(path) + ": was not closed, and " + printable(file) +
-                                    " is of another run (" + why + "); move it away");
+                                    " belongs to another run (" + why + "); move it away");
 }
 
 }  // namespace
@@ -160,7 +160,8 @@ void require_own_journal(const std::string& path) {
   if (!lacks_wal(path)) refuse(path, name, "a run with a -wal must not have a -journal");
   if (bytes.size() > sector + page + 8) refuse(path, name, "it has more than one page");
   if (bytes.size() >= sector + 4 && big_endian(bytes.data() + sector) != 1)
-    refuse(path, name, "it has page " + std::to_string(big_endian(bytes.data() + sector)));
+    refuse(path, name,
+           "it contains a page other than 1: " + std::to_string(big_endian(bytes.data() + sector)));
 }
 
 }  // namespace echofuse::record

@@ -20,7 +20,8 @@ namespace echofuse::record {
 
 // Returns the error for a database that contains more data than its file size allows.
 inline Error damaged(const std::string& path) {
-  return {ExitCode::failed, printable(path) + ": damaged: it contains more than its size allows"};
+  return {ExitCode::failed,
+          printable(path) + ": damaged: it contains more data than its file size allows"};
 }
 
 // Throws Error with the file name and the message of SQLite. Its code is ExitCode::disk for a full
@@ -101,7 +102,7 @@ class Statement {
             std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max())
       : db_(db), path_(path), bytes_left_(most_bytes) {
     if (sqlite3_prepare_v2(db, sql, -1, &handle_, nullptr) != SQLITE_OK)
-      sqlite_fail(db, path, "not the expected tables");
+      sqlite_fail(db, path, "unexpected table structure");
   }
   ~Statement() { sqlite3_finalize(handle_); }
   Statement(const Statement&) = delete;

@@ -226,7 +226,8 @@ void Daemon::describe_run() {
     if (devices_[s].state == DeviceState::streaming)
       announce(s);
     else if (devices_[s].configured)
-      log(Severity::warning, name_of(s), "no data at the start: " + devices_.describe(s));
+      log(Severity::warning, name_of(s),
+          "no data at the start of the run: " + devices_.describe(s));
 }
 
 void Daemon::begin_next(std::int64_t slot) {
@@ -344,7 +345,8 @@ void Daemon::interrupt(HostTime now) {
   if (too_long)
     spdlog::info("slot abandoned: {:.0f} s left (limit 4 s)", left_s);
   else
-    spdlog::info("finishing the slot, {:.1f} s left; press Ctrl-C again to end at once", left_s);
+    spdlog::info("finishing the slot, {:.1f} s left; press Ctrl-C again to stop immediately",
+                 left_s);
   if (too_long) status_ = "stopped:interrupted";
   scheduler.finish(too_long ? now - grid.length : now);
 }

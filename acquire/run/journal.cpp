@@ -274,7 +274,7 @@ bool Journal::finish(const std::string& status) {
     why = error.what();
   }
   const std::int64_t missing = put_ - written_;
-  if (missing > 0) why += "; its last " + std::to_string(missing) + " records are not written";
+  if (missing > 0) why += "; its last " + std::to_string(missing) + " records were not written";
   try {
     run_->close(code == ExitCode::disk ? "stopped:disk" : "stopped:failed", missing);
   } catch (const Error&) {

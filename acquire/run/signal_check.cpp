@@ -246,7 +246,7 @@ std::string swap_question(const TagCounts& c) {
   const bool outside_all = outside > 0 && outside >= nearly_all * (inside + outside);
   const bool many =
       c.starts > 0 && inside + outside > clicks_a_start * static_cast<double>(c.starts);
-  return outside_all || many ? ": are start and click swapped?" : "";
+  return outside_all || many ? ": are the start and click channels swapped?" : "";
 }
 
 std::string kind_of(const record::FusedRecord& record, Sensor sensor) {

@@ -120,7 +120,7 @@ void RunTotals::take(const record::FusedRecord& record, SensorSet configured,
 std::string RunTotals::doubts() const {
   std::string text;
   if (incomplete > 0)
-    text += format("; %" PRId64 " incomplete, without a required device", incomplete);
+    text += format("; %" PRId64 " incomplete because a required device sent no data", incomplete);
   if (not_ok > 0) text += format("; %" PRId64 " with a sensor not ok", not_ok);
   return text;
 }

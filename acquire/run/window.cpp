@@ -179,7 +179,7 @@ void Windows::take_profile(Slot& slot, const RadarFrame& frame, HostTime taken) 
   } else if (refused_[Sensor::radar]) {
     slot.radar_fault = axis_changed;
   } else if (axis == axes_.end() || axis->second.count != bins) {
-    slot.radar_fault = "frames of " + std::to_string(bins) + " bins do not fit the axis";
+    slot.radar_fault = "frames of " + std::to_string(bins) + " bins do not match the axis";
   } else {
     slot.power.resize(bins);
     for (std::size_t i = 0; i < bins; ++i)
@@ -220,7 +220,8 @@ void Windows::add(DepthFrame frame) {
   } else if (x == axes_.end() || y == axes_.end() || x->second.count != frame.width ||
              y->second.count != frame.height ||
              frame.depth_mm.size() != std::size_t{frame.width} * frame.height) {
-    slot->depth_fault = "frames of " + size_of(frame.width, frame.height) + " do not fit the axes";
+    slot->depth_fault =
+        "frames of " + size_of(frame.width, frame.height) + " do not match the axes";
   } else {
     const HostTime centre = grid_.centre(grid_.slot_of(taken));
     if (slot->depth && abs(slot->depth_taken - centre) <= abs(taken - centre)) return;
@@ -238,7 +239,7 @@ std::string Windows::spd_fault(const Slot& slot, HostTime end) const {
     return "no start tags on channel " + std::to_string(histogram_->settings().start_channel);
   if (overflow_from_ && tags.in_range + tags.out_of_range == 0 && tags.without_start > 0)
     return "in overflow for " + std::to_string(std::llround(seconds(end - *overflow_from_))) +
-           " s: clicks are not counted until the tagger reports the end";
+           " s: clicks are not counted until the tagger reports the end of the overflow";
   const auto span = slot.spd_times.last - slot.spd_times.first;
   if (span < grid_.length / 2)
     return (sends_histograms_ ? "histograms" : "tags") + std::string(" cover only ") +

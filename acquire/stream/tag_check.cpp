@@ -68,7 +68,7 @@ std::string comb_text(long double step_ps, std::int64_t bin_width_ps) {
   const long double steps = static_cast<long double>(bin_width_ps) / step_ps;
   if (steps >= few || std::abs(steps - std::round(steps)) <= 1e-6L * steps) return {};
   return format(
-      "tags have steps of %.5Lg ps, so bins of %lld ps have uneven widths; use --set "
+      "tag times are multiples of %.5Lg ps, so bins of %lld ps have uneven widths; use --set "
       "tdc.bin_width_ps=%.5Lg",
       step_ps, static_cast<long long>(bin_width_ps), std::max(1.0L, std::round(steps)) * step_ps);
 }
@@ -243,18 +243,18 @@ void TagCheck::check_second(HostTime received) {
   if (live_) check_clock(received);
   check_overflow(received);
   if (wrapped_ > 0)
-    found(
-        wrap, std::exchange(wrapped_, 0),
-        format(
-            "restarts of the tagger's time at 2^%u ps; times in the run continue without a restart",
-            wrap_bits_));
+    found(wrap, std::exchange(wrapped_, 0),
+          format("wrap-arounds of the tagger's time at 2^%u ps; times in the run continue without "
+                 "a jump",
+                 wrap_bits_));
   if (sorted_ > 0)
-    found(order, std::exchange(sorted_, 0), "events out of order by up to 1 us, sorted");
+    found(order, std::exchange(sorted_, 0),
+          "events out of order by up to 1 us; the events were sorted");
   check_starts();
   check_clicks();
   if (stepped_back_ > 0)
     found(back, std::exchange(stepped_back_, 0),
-          "steps back of the tagger's time by up to " +
+          "backward steps of the tagger's time by up to " +
               time_text(static_cast<double>(farthest_back_ps_)) +
               "; check whether its counter wraps or restarts");
   sample_ = {};
@@ -280,17 +280,17 @@ void TagCheck::check_clock(HostTime received) {
   const double slower = std::round(1 / ratio);
   const std::string at = ratio < 1 && near(1 / ratio, slower, 0.03) ? format("1/%.0f of", slower)
                                                                     : format("%.4g times", ratio);
-  found(
-      clock, 1,
-      "intervals of 2 s in which the tagger's clock runs at " + at +
-          " the rate of the host clock; check that its times are in ps. Times of receipt are used "
-          "instead");
+  found(clock, 1,
+        "intervals of 2 s in which the tagger's clock runs at " + at +
+            " the rate of the host clock; check that its times are in ps. Receipt times are used "
+            "instead");
 }
 
 void TagCheck::check_overflow(HostTime received) {
   if (!overflow_from_ || overflow_told_ || received - *overflow_from_ < overflow_time) return;
   overflow_told_ = true;
-  found(overflow, 1, "overflows without an end within 3 s; clicks are not counted until the end");
+  found(overflow, 1,
+        "overflows that did not end within 3 s; clicks are not counted during an overflow");
 }
 
 void TagCheck::check_starts() {
@@ -368,13 +368,11 @@ void TagCheck::check_clicks() {
   });
   if (static_cast<double>(around) < 0.5 * static_cast<double>(sample_.seconds)) return;
   if (delay_ps < static_cast<double>(use_.dead_time_ps)) return;
-  found(
-      second, sample_.seconds,
-      "clicks are followed by a second click after " + time_text(delay_ps) +
-          format(
-              ", which causes a second peak %.2f m behind the first: afterpulses or a reflection; "
-              "tdc.dead_time_ps removes it",
-              delay_ps / ps_per_m));
+  found(second, sample_.seconds,
+        "clicks are followed by a second click after " + time_text(delay_ps) +
+            format(", which causes a second peak %.2f m behind the first: afterpulses or a "
+                   "reflection; set tdc.dead_time_ps to remove these clicks",
+                   delay_ps / ps_per_m));
 }
 
 void TagCheck::found(FaultType kind, std::uint64_t count, const std::string& cause) {

@@ -95,7 +95,8 @@ void initialize_openni() {
   };
   static const Library library;
   if (library.status != openni::STATUS_OK)
-    throw Error(ExitCode::device, failure("OpenNI2 cannot start (no camera modules?)"));
+    throw Error(ExitCode::device,
+                failure("OpenNI2 cannot start (are its camera driver modules installed?)"));
 }
 
 OpenNiSession::~OpenNiSession() {
@@ -184,7 +185,7 @@ std::string OpenNiSession::set_up(const OpenNiOptions& wanted) {
   if (!(h > 0 && h < 3.1 && v > 0 && v < 3.1)) return "camera does not report its field of view";
   for (const int side : {mode.getResolutionX(), mode.getResolutionY()})
     if (side < 1 || side > static_cast<int>(max_depth_side))
-      return "frame width or height is " + std::to_string(side) + " pixels (limit 1 to " +
+      return "frame width or height is " + std::to_string(side) + " pixels (limits 1 to " +
              std::to_string(max_depth_side) + ")";
   describe(mode);
   return {};

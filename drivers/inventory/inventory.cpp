@@ -264,8 +264,9 @@ Attached describe(const KnownDevice& kind, const UsbDevice& d, const Roots& root
                kind.advice, {}};
   if (kind.access == Transport::serial) out.nodes = serial_nodes(kind, d, roots, shared_serial);
   if (kind.access == Transport::serial && shared_serial)
-    out.advice = "another board has the same serial number " + d.serial +
-                 ", so these addresses identify USB sockets: keep each board in its socket";
+    out.advice =
+        "another board has the same serial number " + d.serial +
+        ", so these addresses identify USB ports: always plug each board into the same port";
   if (kind.access == Transport::hid) out.nodes = hid_nodes(d, roots);
   if (kind.access == Transport::usb) out.nodes = usb_nodes(d, roots);
   return out;

@@ -36,7 +36,7 @@ BridgeAddress parse_bridge(std::string_view text, std::string_view rest) {
   const bool bracketed = host.size() > 2 && host.front() == '[' && host.back() == ']';
   if (bracketed) host = host.substr(1, host.size() - 2);
   if (host.empty() || host.find_first_of(bracketed ? "/[] " : "/:[] ") != host.npos)
-    refuse(text, expected + " (an IPv6 address in brackets)");
+    refuse(text, expected + " (IPv6 addresses in brackets)");
   address.host = host;
   return address;
 }
@@ -48,7 +48,7 @@ Result parse_ids(std::string_view text, std::string_view rest, const char* kind)
   if (!shape || !parse_whole(rest.substr(0, 4), 16, address.vendor) ||
       !parse_whole(rest.substr(5, 4), 16, address.product) || rest.size() == 10)
     refuse(text, std::string(kind) + ":VVVV:PPPP or " + kind +
-                     ":VVVV:PPPP:SERIAL with four hexadecimal digits each");
+                     ":VVVV:PPPP:SERIAL, with four hexadecimal digits for VVVV and for PPPP");
   if (rest.size() > 10) address.serial = rest.substr(10);
   return address;
 }

@@ -67,8 +67,8 @@ Result<std::string> find_node(const HidAddress& address) {
   if (fitting == 1) return node;
   if (fitting > 1)
     return failure(std::errc::device_or_resource_busy,
-                   name_of(address) + ": open; the address matches several devices" + others +
-                       "): append the serial number");
+                   name_of(address) + ": cannot open; the address matches several devices" +
+                       others + "): append the serial number");
   if (!others.empty()) others += ')';
   return failure(std::errc::no_such_device, name_of(address) + ": open" + others);
 }
@@ -245,7 +245,7 @@ class HidPort final : public ThreadPort<HidLink, HidWorker> {
 void check_hid_baud(const HidAddress& address, std::uint32_t baud) {
   if (baud < cp2110::min_baud || baud > cp2110::max_baud)
     throw Error(ExitCode::config, name_of(address) + ": " + std::to_string(baud) +
-                                      " baud; a CP2110 supports 300 to 1000000");
+                                      " baud (a CP2110 supports 300 to 1000000 baud)");
 }
 
 std::unique_ptr<BytePort> make_hid_port(boost::asio::io_context& io, const HidAddress& address,

@@ -18,9 +18,9 @@ ByteOpener byte_opener(boost::asio::io_context& io, const std::string& address,
     check_hid_baud(*hid, baud);
     return [&io, to = *hid, baud] { return make_hid_port(io, to, baud); };
   }
-  throw Error(
-      ExitCode::config,
-      "address \"" + address + "\" has no byte stream; expected bridge:, usb:, hid: or serial:");
+  throw Error(ExitCode::config, "address \"" + address +
+                                    "\" is not the address of a byte stream; expected one that "
+                                    "begins with bridge:, usb:, hid: or serial:");
 }
 
 }  // namespace echofuse::port

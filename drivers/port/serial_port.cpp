@@ -81,7 +81,7 @@ class SerialPort final : public StreamPort<serial_port> {
     const std::string doing =
         unknown_rate ? "baud rate " + std::to_string(baud_) +
                            " is not supported (expected a standard rate such as 115200 or 921600)"
-        : taken  ? "open (in use by another program)"
+        : taken  ? "cannot open (in use by another program)"
         : denied ? "open (" + permission_hint(path_) + ")"
                  : "open";
     boost::asio::post(link_->stream.get_executor(), [link = link_, error, doing] {

@@ -120,7 +120,7 @@ class UsbWorker {
                                                    serials + "): append the serial number");
     else if (fitting == 0)
       fail(std::errc::no_such_device,
-           others.empty() ? "open" : "open; only " + others + " is attached");
+           others.empty() ? "open" : "cannot open; only " + others + " is attached");
     else
       found = open_device(only) && find_interface(only);
     libusb_free_device_list(list, 1);
@@ -166,7 +166,8 @@ class UsbWorker {
     }
     libusb_free_config_descriptor(config);
     return found || fail(std::errc::no_such_device,
-                         "no interface for blocks (class ff, subclass 45, protocol 01)");
+                         "the device has no interface for blocks (expected class ff, subclass 45, "
+                         "protocol 01)");
   }
 
   // Starts the stream. A previous program may have left the interface halted or running. Requests

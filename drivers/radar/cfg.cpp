@@ -111,7 +111,7 @@ double Cfg::number(const CfgCommand& c, std::size_t i) const {
 
 double Cfg::positive(const CfgCommand& c, std::size_t i, const char* meaning) const {
   const double value = number(c, i);
-  if (value < 1e-6 || value > 1e9) fail(c, std::string(meaning) + " must be from 1e-6 to 1e9");
+  if (value < 1e-6 || value > 1e9) fail(c, std::string(meaning) + " outside the range 1e-6 to 1e9");
   return value;
 }
 
@@ -142,11 +142,11 @@ void Cfg::add(const CfgLine& line) {
     refuse(where(line.number) + "column " + std::to_string(odd - text.begin() + 1) + " has a " +
            (from[0] == '\t'                                            ? "tab"
             : from.starts_with("\xc2\xa0") || from.starts_with("\xa0") ? "no-break space"
-                                                                       : "character beyond ASCII") +
+                                                                       : "non-ASCII character") +
            "; the firmware splits words at spaces only");
   if (text.size() > max_line)
     fail(c, "line has " + std::to_string(text.size()) + " characters (limit of the firmware: 255)");
-  if (c.words.size() > max_words) fail(c, "line has more than 40 words, the limit of the firmware");
+  if (c.words.size() > max_words) fail(c, "line has more than 40 words (limit of the firmware)");
   if (c.words.empty()) return;
   check_words(c);
   commands_[std::string(c.words[0])].push_back(c);

@@ -103,7 +103,7 @@ void CommandDialogue::tick(HostTime now) {
     std::string said;
     for (const std::string& line : answer_) said += (said.empty() ? " after '" : "; ") + line;
     fail("no answer" + (said.empty() ? "" : shown(said) + "'") +
-         ": the firmware has stopped, reset the board");
+         "; the firmware has stopped: reset the board");
   }
 }
 

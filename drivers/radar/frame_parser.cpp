@@ -101,16 +101,17 @@ std::string why_no_frames(ByteView bytes) {
   std::ptrdiff_t pairs = 0;
   for (std::size_t i = 1; i < bytes.size(); ++i) pairs += bytes[i] == '\n' && bytes[i - 1] == '\r';
   if (feeds >= enough && pairs == feeds)
-    return "line ends were converted (saved as text): a carriage return precedes each line feed";
+    return "line ends were converted because the file was saved as text: a carriage return "
+           "precedes each line feed";
   const ByteView packet = bytes.subspan(first, end - first);
   if (fill(packet, 36, 0)) return "frames are from SDK 1 or 2.0 (header of 36 bytes)";
   for (const std::size_t header : {36u, 40u})
     if (fill(packet, header, tlv_header_bytes))
-      return "the lengths of its TLVs include their headers, as in SDK 1";
+      return "the TLV lengths include the TLV headers, as in SDK 1";
   for (const std::size_t header : {44u, 48u, 52u, 56u})
     if (fill(packet, header, 0) || fill(packet, header, tlv_header_bytes))
       return "frames are from another demo (header of " + std::to_string(header) + " bytes)";
-  return end == bytes.size() ? "file contains only a part of a frame"
+  return end == bytes.size() ? "file contains only part of a frame"
                              : "frames are from another demo";
 }
 

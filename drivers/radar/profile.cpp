@@ -41,7 +41,7 @@ struct FrameCfg {
     return (last_chirp(cfg) - first_chirp(cfg) + 1.0) * loops(cfg);
   }
   double period_s(const Cfg& cfg) const {
-    return cfg.positive(line, sub ? 10 : 5, sub ? "the subframe's period" : "the frame period") *
+    return cfg.positive(line, sub ? 10 : 5, sub ? "has a subframe period" : "has a frame period") *
            1e-3;
   }
 };
@@ -104,12 +104,12 @@ RampSampling sampling_of(const Cfg& cfg, const CfgCommand& chirp) {
   RampSampling out;
   cfg.attempt([&] { out.samples = cfg.integer(chirp, 10, 2, 2048); });
   cfg.attempt([&] {
-    const double slope_mhz_us = cfg.positive(chirp, 8, "the frequency slope");
+    const double slope_mhz_us = cfg.positive(chirp, 8, "has a frequency slope");
     out.slope_mhz_us = Ramp{.slope_mhz_us = slope_mhz_us}.in_steps().slope_mhz_us;
     if (out.slope_mhz_us == 0)
       cfg.fail(chirp, "has a frequency slope below the chip's step of 0.036 MHz/us");
   });
-  cfg.attempt([&] { out.rate_ksps = cfg.positive(chirp, 11, "the sample rate"); });
+  cfg.attempt([&] { out.rate_ksps = cfg.positive(chirp, 11, "has a sample rate"); });
   return out;
 }
 
@@ -178,7 +178,7 @@ void check_frame(const Cfg& cfg, const FrameCfg& frame) {
   for (std::uint32_t k = frame.first_chirp(cfg); k <= frame.last_chirp(cfg); ++k)
     if (!chirp_cfg_of(cfg, k))
       return cfg.refuse(cfg.complaint(
-          frame.line, "has chirp " + std::to_string(k) + ", which no chirpCfg defines"));
+          frame.line, "uses chirp " + std::to_string(k) + ", which no chirpCfg defines"));
   for (const auto& words :
        frame_refusals_of(frame.chirps(cfg), 1e3 * active_s(cfg, frame), 1e3 * frame.period_s(cfg)))
     cfg.refuse(cfg.complaint(frame.line, words));
@@ -214,7 +214,7 @@ void require_alike(const Cfg& cfg, const std::vector<FrameCfg>& frames) {
                "the mean of all subframes");
   const CfgCommand& gui = cfg.last("guiMonitor");
   if (cfg.advanced() && cfg.number(gui, 1) != -1)
-    cfg.fail(gui, "selects one subframe; expected -1 for all");
+    cfg.fail(gui, "selects one subframe; expected -1 for all subframes");
 }
 
 void read_gui_monitor(const Cfg& cfg, RadarProfile& profile) {

@@ -256,7 +256,7 @@ void RadarDriver::detect_other_board(const RadarFrame& frame) {
   const std::uint32_t first = frame_after_stop_.value_or(frame.frame_number);
   frame_after_stop_ = first;
   if (frame.frame_number == first && frame.received < *stopped + longest_transmission) return;
-  fault_ = {"radar.cli and radar.data are ports of two boards: frame " +
+  fault_ = {"radar.cli and radar.data are ports of two different boards: frame " +
                 std::to_string(frame.frame_number) +
                 " arrived although the board of radar.cli is stopped",
             DeviceState::misconfigured};
@@ -284,7 +284,7 @@ void RadarDriver::ask_why() {
   watch_timer_.after(Silence::time, [this] {
     const std::string& remark = dialogue_->remark();
     fail(said_ = "no frames on the data port: " + silence_->verdict() +
-                 (remark.empty() ? "" : "; message at start: " + remark));
+                 (remark.empty() ? "" : "; message from the board on start: " + remark));
   });
 }
 
@@ -371,8 +371,8 @@ std::string Silence::verdict() const {
            "demo for this board";
   if (bytes_ > 0)
     return std::to_string(bytes_) +
-           " bytes received, but no frame: is radar.data_baud the rate of the firmware's data "
-           "port?";
+           " bytes received, but no frame; check that radar.data_baud is the baud rate of the "
+           "firmware's data port";
   return "no bytes received, not even the firmware's test bytes: radar.data is "
          "the wrong port (expected the board's port with the higher interface number), or its "
          "cable is loose";

@@ -72,7 +72,7 @@ std::vector<std::string> frame_refusals_of(double chirps, double active_ms, doub
     return {"has a period of " + digits(period_ms) + " ms (limits 0.3 to 1342 ms)"};
   if (active_ms >= period_ms)
     return {"has " + digits(chirps) + " chirps, which take " + digits(active_ms) +
-            " ms, but a period of " + digits(period_ms) + " ms"};
+            " ms, but its period is " + digits(period_ms) + " ms"};
   return {};
 }
 

@@ -71,7 +71,7 @@ std::string of_accelerator(std::string_view cfg_name, bool old_sdk) {
 }
 
 std::string radar_has(std::string_view firmware) {
-  return "this radar has " + (firmware.empty() ? "another SDK" : std::string(firmware));
+  return "this radar runs " + (firmware.empty() ? "another SDK" : std::string(firmware));
 }
 
 }  // namespace
@@ -102,7 +102,7 @@ std::string advice_for_unknown(const std::string& command, std::string_view firm
                                std::string_view cfg_name) {
   const auto sdk = sdk_of(firmware);
   if (first_word(command) == dsp_command)
-    return "; this is a cfg of the DSP demo (ISK); the board runs the hardware-accelerator demo "
+    return "; this is a cfg for the DSP demo (ISK); the board runs the hardware-accelerator demo "
            "(AOP, ODS): use " +
            of_accelerator(cfg_name, sdk && *sdk < new_sdk);
   if (first_word(command) == "dfeDataOutputMode")
@@ -119,13 +119,14 @@ std::string advice_for_start(const std::vector<CfgLine>& cfg, std::string_view f
                              std::string_view cfg_name, bool without_reason) {
   const auto sdk = sdk_of(firmware);
   if (without_reason)
-    return "; the chip's front end refuses the chirps or the frame; limits: " +
+    return "; the chip's front end rejects the chirps or the frame; limits: " +
            std::string(front_end_limits);
   if (sdk && *sdk >= new_sdk && !has_command(cfg, new_command))
     return "; the cfg is for SDK 3.4, because it has no calibData, but " + radar_has(firmware) +
            ": use a cfg for SDK 3.5, " + other_file(cfg_name, false);
   if (!has_command(cfg, dsp_command) && has_command(cfg, "aoaFovCfg"))
-    return "; this is a cfg of the hardware-accelerator demo (AOP, ODS), because it has no bpmCfg; "
+    return "; this is a cfg for the hardware-accelerator demo (AOP, ODS), because it has no "
+           "bpmCfg; "
            "does "
            "the board run the DSP demo (ISK)? Then use " +
            other_file(cfg_name.find("44mm") == cfg_name.npos ? "50cm" : "44mm",

@@ -43,7 +43,7 @@ std::vector<std::string> commands_of(const CLI::App* app) {
   const std::string like = nearest(known, name);
   throw CLI::ExtrasError(
       dashes + name + ": no such " + what +
-          (like.empty() ? "; --help lists them" : "; the nearest is " + dashes + like),
+          (like.empty() ? "; --help lists them" : "; the most similar name is " + dashes + like),
       CLI::ExitCodes::ExtrasError);
 }
 

@@ -52,7 +52,7 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
     }
     if (errno == EPIPE) return static_cast<int>(code);
     const std::string why = errno != 0 ? std::string(": ") + std::strerror(errno) : "";
-    return complain(("stdout: cannot be written" + why).c_str(),
+    return complain(("stdout: cannot write" + why).c_str(),
                     code == ExitCode::ok ? ExitCode::failed : code);
   };
   std::signal(SIGXFSZ, SIG_IGN);

@@ -79,7 +79,7 @@ Lock::Lock(std::string path, mode_t mode) : path_(std::move(path)) {
     if (fd_ < 0 || !is_ours(fd_)) {
       ::close(fd_);
       throw Error(ExitCode::failed,
-                  printable(path_) + ": is not a lock file of echofuse; move it away");
+                  printable(path_) + ": is not an echofuse lock file; move it away");
     }
     const struct flock lock = whole_file();
     held_ = ::fcntl(fd_, F_OFD_SETLK, &lock) == 0;

@@ -46,7 +46,7 @@ void NpyFile::read_header() {
       file_.read({head.data(), 10}) == 10 && std::memcmp(head.data(), "\x93NUMPY", 6) == 0
           ? head[6]
           : std::size_t{0};
-  if (version_bytes < 1 || version_bytes > 3) refuse("is not a .npy file of NumPy");
+  if (version_bytes < 1 || version_bytes > 3) refuse("is not a NumPy .npy file");
   const bool wide = head[6] > 1;
   if (wide && file_.read({head.data() + 10, 2}) != 2) refuse("header is truncated");
   ByteReader sizes({head.data() + 8, std::size_t{wide ? 4U : 2U}});

@@ -69,7 +69,7 @@ std::string begun_by(const std::vector<std::string>& known, const std::string& t
 
 std::string or_nearest(const std::vector<std::string>& known, const std::string& key) {
   const std::string name = nearest(known, key);
-  return name.empty() ? "; no similar name" : "; the nearest known one is \"" + name + "\"";
+  return name.empty() ? "; no similar name" : "; the most similar known name is \"" + name + "\"";
 }
 
 std::string section_of(const std::string& key) {
@@ -104,7 +104,7 @@ void refuse(const std::vector<std::string>& faults) {
   for (std::size_t i = 0; i < std::min(faults.size(), max_faults); ++i)
     all.append(i == 0 ? "" : "\n") += printable(faults[i]);
   if (faults.size() > max_faults)
-    all += "\nmore faults follow; these are the first " + std::to_string(max_faults);
+    all += "\nthere are more errors; the list ends after the first " + std::to_string(max_faults);
   throw Error(ExitCode::config, all);
 }
 
@@ -307,7 +307,7 @@ void Settings::take(const std::string& assignment, FaultList& faults) {
     const std::string longer = begun_by(keys(), key + "_");
     if (!expected.empty())
       complain("expected " + expected +
-               (longer.empty() ? "" : "; another key is \"" + longer + "\""));
+               (longer.empty() ? "" : "; there is another key \"" + longer + "\""));
   } catch (const toml::parse_error&) {
     complain("expected UTF-8");
   }

@@ -197,7 +197,7 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
     if (!scoring) scoring = scoring_scene(model, records.data);
     Evaluation e = evaluate(model, records, rows, title("scoring " + name), scoring);
     if (const std::size_t lacking = whole.size() - rows.size(); lacking > 0)
-      e.left_out += lacking, e.faults["no data of a sensor that another model needs"] += lacking;
+      e.left_out += lacking, e.faults["no data from a sensor that another model needs"] += lacking;
     if (k == 0)
       e.baselines = score_baselines(data, rows, scoring->scene, trained_on,
                                     a.train.empty() ? model.rows_of(trained_on, Subset::train)

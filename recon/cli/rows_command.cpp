@@ -48,7 +48,8 @@ std::vector<ListedRow> rows_of_training(const Dataset& data, const Arguments& a)
                                    {Subset::test, &split.test}})
     for (const std::size_t row : *rows) out[row].part = parts[static_cast<std::size_t>(part)];
   for (ListedRow& row : out)
-    if (row.part.empty() && row.left_out.empty()) row.left_out = "in the gap of the split";
+    if (row.part.empty() && row.left_out.empty())
+      row.left_out = "in the gap between the parts of the split";
   return out;
 }
 

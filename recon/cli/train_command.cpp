@@ -101,7 +101,8 @@ Dataset load_to_train(Arguments& a, double radar_bin_m) {
                                      "model");
   if (!a.empty.empty() && radar_bin_m > 0)
     throw Error(ExitCode::usage,
-                "--empty cannot be combined with radar_bin_m; use runs with wide bins");
+                "--empty cannot be combined with radar_bin_m; use runs that were recorded with "
+                "wide radar bins");
   bring_to_response(data, widest_response(data));
   const std::string left_out = a.empty.empty() ? "" : state_empty_room(data, a.empty);
   if (!left_out.empty() && !a.fit.quiet) std::fprintf(stderr, "%s\n", left_out.c_str());
@@ -146,7 +147,7 @@ ExitCode train_and_save(Arguments& a, const CLI::App& app, const Common& common)
                  model->name.c_str(), name_of(model->features.inputs).c_str(), model.train_s(),
                  model->log.best_epoch > 0 || model->log.loss.empty()
                      ? ""
-                     : "; the network was never better than the mean map",
+                     : "; the network was never better than a prediction of the mean map",
                  model->log.interrupted ? "; interrupted, saved the best epoch so far" : "");
   return model->log.interrupted ? ExitCode::interrupted : ExitCode::ok;
 }

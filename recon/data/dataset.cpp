@@ -38,7 +38,7 @@ namespace {
 
 Error map_error(const std::string& path, const record::MapGrid& found,
                 const record::MapGrid& wanted, const std::string& owner) {
-  return {ExitCode::failed, printable(path) + ": depth maps are " + found.text() + "; " +
+  return {ExitCode::failed, printable(path) + ": depth maps have " + found.text() + "; " +
                                 printable(owner) + " has " + wanted.text()};
 }
 
@@ -123,7 +123,7 @@ class Appender {
     if (r.has(Sensor::radar)) radar = linear(r);
     std::vector<float> lags = lags_of(r);
     if (!std::ranges::all_of(radar, is_power) || !std::ranges::all_of(lags, is_power))
-      return "a radar code is too large to be converted to power";
+      return "a radar value is too large to be converted to linear power";
     to_common(radar, radar_, data_.radar_axis, 1);
     if (depths_ && r.has(Sensor::depth)) depths_->add(r.depth_mm, data_.map.far_m);
     if (zones_.empty()) {
@@ -187,7 +187,7 @@ class Appender {
     for (std::size_t i = 0; i < r.spd.size(); ++i)
       if (r.spd[i] == std::numeric_limits<std::uint32_t>::max() ||
           (slot_s > 0 && r.spd[i] > most_a_second * slot_s))
-        return "spd bin " + std::to_string(i) + " holds " + std::to_string(r.spd[i]) +
+        return "spd bin " + std::to_string(i) + " contains " + std::to_string(r.spd[i]) +
                " clicks, more than a time tagger can send";
     return {};
   }
@@ -270,10 +270,11 @@ class Appender {
     };
     if (!std::ranges::equal(zones_, data_.zones, near))
       throw Error(ExitCode::failed,
-                  printable(path_) + ": the detector has " + std::to_string(histograms_of(zones_)) +
-                      " zones, " + printable(data_.sources.front().path) + " has " +
+                  printable(path_) + ": the detector zones differ in number or direction (here " +
+                      std::to_string(histograms_of(zones_)) + " zones; " +
+                      printable(data_.sources.front().path) + " has " +
                       std::to_string(histograms_of(data_.zones)) +
-                      ", or their directions differ; use runs of one type of detector");
+                      "); use runs of one type of detector");
   }
   void adopt_array(const Axis& found) {
     if (data_.sources.empty()) data_.array_axis = found;
@@ -432,7 +433,7 @@ void rebin_radar(Dataset& data, const Axis& bins) {
   if (from.quantity != "power" || from.step > bins.step ||
       from.at(from.count - 0.5) < bins.at(bins.count - 0.5))
     throw Error(ExitCode::failed, (data.sources.empty() ? "run" : data.sources.front().path) +
-                                      ": radar axis is " + describe(from) +
+                                      ": the radar axis is " + describe(from) +
                                       "; it cannot be summed into bins of " + describe(bins));
   // Converts index i of the profile to a position in the new bins; bin j covers [j, j + 1].
   const auto edge = [&](double i) { return (from.at(i) - bins.at(-0.5)) / bins.step; };

@@ -74,7 +74,8 @@ std::string late_truth_of(const Dataset& data, const Source& run, const std::vec
   return printable(run.path) +
          formatted(
              ": histogram ranges fit the depth maps of the %s records (correlation %.2f) "
-             "better than their own (%.2f): the maps are one record %s; shift them by one record",
+             "better than those of their own records (%.2f): the maps are one record %s; shift "
+             "them by one record",
              after > before ? "next" : "previous", best, own, after > before ? "late" : "early");
 }
 

@@ -29,7 +29,7 @@ void BodyModel::archive(Archive archive, std::size_t inputs, const record::MapGr
   recon::archive(archive.in("depths"), depths, frame.size());
   const std::size_t amounts = masks.basis.rows + depths.basis.rows;
   archive.require(has_shapes == (amounts > 0), "masks",
-                  "expected components, because the model has shapes");
+                  "expected shape components if, and only if, the model has shapes");
   if (has_shapes) shape.archive(archive.in("shape"), inputs, amounts);
 }
 

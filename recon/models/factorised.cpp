@@ -99,7 +99,8 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
   Bodies seen = bodies_in(train), judged = bodies_in(validation);
   if (seen.rows.size() < 2)
     throw Error(ExitCode::failed,
-                "fewer than two training records show a body in depth map, histogram and profile");
+                "fewer than two training records show a body in the depth map, the histogram and "
+                "the range profile");
   model_.nearest_m = nearest_m;
   learn_scale(seen.views);
   for (Bodies* s : {&seen, &judged})

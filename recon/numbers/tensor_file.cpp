@@ -95,7 +95,7 @@ TensorFile::TensorFile(std::string path, ByteView contents) : path_(std::move(pa
   ByteReader in(contents);
   const auto length = in.get<std::uint64_t>();
   if (contents.size() >= 4 && std::memcmp(contents.data(), "ECHO", 4) == 0)
-    refuse_file("model of an older version; train it again");
+    refuse_file("the model has an older format; train it again");
   constexpr std::string_view sqlite = "SQLite format 3";
   if (contents.size() > sqlite.size() &&
       std::memcmp(contents.data(), sqlite.data(), sqlite.size()) == 0)
@@ -148,7 +148,8 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
     if (begin != at) refuse("data_offsets", "tensors overlap or leave a gap");
     at = end;
   }
-  if (at != values.size()) refuse("data_offsets", "the file has bytes that belong to no tensor");
+  if (at != values.size())
+    refuse("data_offsets", "the file contains bytes that belong to no tensor");
   // Copies the values only after these checks: the tensors do not overlap, so their total size is
   // at most the size of the file.
   for (const auto& [begin, end, own] : places)
@@ -290,7 +291,7 @@ void Archive::whole_number(const std::string& name, std::int64_t& value, std::in
 void Archive::text(const std::string& name, std::string& value,
                    const std::vector<std::string>& allowed) {
   if (!reading()) return void(file_->facts[group_ + name] = value);
-  value = fact<std::string>(name, "a text");
+  value = fact<std::string>(name, "a string");
   std::string all;
   for (const std::string& one : allowed) all += (all.empty() ? "expected one of " : ", ") + one;
   require(allowed.empty() || std::find(allowed.begin(), allowed.end(), value) != allowed.end(),

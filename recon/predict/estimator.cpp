@@ -39,7 +39,8 @@ void archive_features(Archive archive, Features& f, bool views) {
                     "expected only in a fused model with aligned inputs");
     archive.require(lags >= 1 && lags <= double{2 * most_lags} && lags == std::floor(lags) &&
                         static_cast<double>(lags_up(f.array_axis)) < lags,
-                    "axes/array/scale", "expected 1 to 32 lags, at least one of them not vertical");
+                    "axes/array/scale",
+                    "expected 1 to 32 lags, of which at least one has a horizontal component");
   }
   archive.values("features/centre", f.centre, f.count());
   archive.number("features/spd_gain", f.spd_gain, -1e18, 1e18);
@@ -108,8 +109,9 @@ void Estimator::archive(Archive archive) {
   const bool takes_views = wants_alignment(name);
   archive_features(archive, features, takes_views);
   const Layout layout = features.layout();
-  archive.require(!takes_views || shows_sides(layout), "inputs",
-                  "expected fused, because this kind of model needs both sensors or zones");
+  archive.require(
+      !takes_views || shows_sides(layout), "inputs",
+      "expected fused, because this kind of model needs both sensors, or a detector with zones");
   recon::archive(archive.in("scene"), scene);
   archive.count("knows_empty_room", knows_empty_room, 0, 1);
   archive.number("train_s", train_s, 0, 1e12);

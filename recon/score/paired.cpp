@@ -114,7 +114,7 @@ std::vector<NamedScores> read_scores(const std::string& path) {
       scores[m] = number(fields[of_metric[m]], double{NAN});
     if (!lines.contains(fields[name])) names.push_back(fields[name]);
     if (fields[record].empty())
-      throw Error(ExitCode::failed, path + ": a line contains no record number");
+      throw Error(ExitCode::failed, path + ": a line contains no record index");
     lines[fields[name]][number(fields[record], std::int64_t{})].push_back(scores);
   }
   std::vector<NamedScores> out;

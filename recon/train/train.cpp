@@ -94,7 +94,7 @@ Estimator train_one(const TrainingPlan& wanted, const Dataset& data, const Split
   out.uncertainty = fit_uncertainty(
       out, data, preprocessing.views, split, options.split,
       [&](const Split& part) {
-        say(options, "  model " + std::to_string(++models) + " on part of the records");
+        say(options, "  fitting model " + std::to_string(++models) + " to part of the records");
         return fit_model(data, part, preprocessing, wanted.name, wanted.inputs, wanted.scaling,
                          quiet);
       },
@@ -125,7 +125,8 @@ TrainedModel train_split(const Dataset& data, const Split& split, const SceneMod
 Rows usable_rows(const Dataset& data, const TrainOptions& options) {
   const Inputs inputs = inputs_to_train(options);
   if (inputs == Inputs::fused && data.arrays_differ)
-    say(options, "the runs differ in the radar's antennas: only the radar profile is used");
+    say(options,
+        "the radar antennas differ between the runs: only the radar range profile is used");
   TrainingRows usable = rows_to_train(data, inputs);
   if (!usable.left_out.empty()) say(options, usable.left_out);
   return std::move(usable.rows);

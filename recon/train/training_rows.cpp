@@ -25,17 +25,17 @@ void require_sensors(const Dataset& data, Inputs inputs) {
     const char *name, *cure;
   };
   for (const auto& [sensor, name, cure] :
-       {RequiredSensor{Sensor::spd, "spd", "use --inputs radar"},
-        RequiredSensor{Sensor::radar, "radar", "use --inputs spd"},
+       {RequiredSensor{Sensor::spd, "SPD data", "use --inputs radar"},
+        RequiredSensor{Sensor::radar, "radar data", "use --inputs spd"},
         RequiredSensor{Sensor::depth, "a depth map",
-                       "training needs the depth camera; record with depth.address, or reconstruct "
+                       "training needs the depth camera: record with depth.address, or reconstruct "
                        "this run with a model of another run"}}) {
     if (sensor != Sensor::depth && !sensors_of(inputs).contains(sensor)) continue;
     bool found = false;
     for (std::size_t row = 0; row < data.size(); ++row) found |= data.has(row, sensor);
     if (!found)
       throw Error(ExitCode::failed,
-                  formatted("%s: no record has %s: %s", path_of(data).c_str(), name, cure));
+                  formatted("%s: no record has %s; %s", path_of(data).c_str(), name, cure));
   }
 }
 
@@ -50,7 +50,7 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
   if (data.size() > 0) {
     require_sensors(data, inputs);
   } else if (data.damaged.empty()) {
-    throw Error(ExitCode::failed, path_of(data) + ": has no record to train with");
+    throw Error(ExitCode::failed, path_of(data) + ": contains no record to train on");
   }
   std::map<std::string, std::size_t> reasons;
   std::string first_fault = data.damaged.empty() ? "" : to_text(data.damaged.front());
@@ -73,10 +73,11 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
   const std::size_t all = data.size() + data.damaged.size();
   const std::size_t none = reasons[dead_record] + data.damaged.size();
   if (static_cast<double>(none) > most_damaged * static_cast<double>(all))
-    throw Error(ExitCode::failed,
-                first_fault + formatted(": dead sensor, or an empty room without light; %zu of %zu "
-                                        "records are dead or damaged (limit 10 %%)",
-                                        none, all));
+    throw Error(
+        ExitCode::failed,
+        first_fault + formatted("; the sensor is dead, or the room is empty and dark; %zu of %zu "
+                                "records are dead or damaged (limit 10 %%)",
+                                none, all));
   reasons["damaged"] = data.damaged.size();
   out.left_out = left_out_text(reasons, all);
   if (!out.left_out.empty())
@@ -157,8 +158,9 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows) {
   }
   if (static_cast<double>(alike) <= most_share * static_cast<double>(judged)) return {};
   return formatted(
-      "neighbours in time are alike: for %zu of %zu records a neighbour's depth map is nearer than "
-      "those of %zu distant records; a random split gives optimistic scores, use --split blocked",
+      "consecutive records are alike: for %zu of %zu records, the depth map of an adjacent record "
+      "is more similar than those of %zu distant records; a random split gives optimistic scores; "
+      "use --split blocked",
       alike, judged, others);
 }
 
@@ -181,7 +183,7 @@ std::string recurring_scenes(const Dataset& data, const Split& split, const Scen
   const auto recur = std::ranges::count_if(gaps, [](double gap) { return gap > least_gap; });
   if (static_cast<double>(recur) <= most_share * static_cast<double>(judged.size())) return {};
   return formatted(
-      "scenes recur: %td of %zu held-out depth maps are much closer to a training map than "
+      "scenes recur: %td of %zu held-out depth maps are much closer to a training map than maps of "
       "independent scenes are; the scores are optimistic; evaluate on a run of other scenes",
       recur, judged.size());
 }

@@ -215,7 +215,8 @@ std::string compared(const std::vector<Start>& starts, const std::vector<Choice>
   constexpr double clear_errors = 2;
   const auto [gain, error] = choices[best].gain_and_error(choices[other]);
   return formatted(
-      "gain of start %s over %s on the same folds: %+.3f +- %.3f (IoU - 2.4 x lateral error in "
+      "gain of start model %s over %s on the same folds: %+.3f +- %.3f (IoU - 2.4 x lateral error "
+      "in "
       "m)%s\n",
       printable(starts[best].name).c_str(), printable(starts[other].name).c_str(), gain, error,
       gain < clear_errors * error ? "; not significant" : "");

@@ -240,7 +240,8 @@ ExitCode run_lab(LabArguments& a, bool quiet) {
   port::SystemLoop loop;
   sim::Lab lab(loop, a.options);
   if (!a.command.empty()) return sim::serve_command(lab, a.command, quiet);
-  if (!quiet) std::cerr << "laboratory is running; Ctrl-C stops it. To record from it:\n";
+  if (!quiet)
+    std::cerr << "the laboratory is running; press Ctrl-C to stop it. To record from it, run:\n";
   std::cout << lab.daemon_command() << std::endl;
   lab.serve(interrupted);
   print_sent(lab.sent());

@@ -38,7 +38,8 @@ void resolve_twin(const Settings& settings, Plan& plan) {
     return;
   }
   if (plan.laboratories > 0 && plan.laboratory > 0)
-    throw Error(ExitCode::config, "laboratory and laboratories exclude each other; remove one");
+    throw Error(ExitCode::config,
+                "laboratory and laboratories cannot be combined; remove one of them");
   Twin twin = twin_named(plan.twin);
   twin.ranges.erase(
       std::remove_if(twin.ranges.begin(), twin.ranges.end(),

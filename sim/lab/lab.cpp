@@ -290,7 +290,7 @@ ExitCode serve_command(Lab& lab, const std::vector<std::string>& command, bool q
   if (talks)
     std::fprintf(
         stderr,
-        "laboratory is open; the addresses of its devices are in lab.toml. Running `%s`; the "
+        "the laboratory is open; the addresses of its devices are in lab.toml. Running `%s`; the "
         "laboratory closes when this command exits\n",
         command.front().c_str());
   int status = 0;
@@ -299,7 +299,7 @@ ExitCode serve_command(Lab& lab, const std::vector<std::string>& command, bool q
     if (interrupted() && !std::exchange(told, true)) ::kill(child, SIGTERM);
     return ::waitpid(child, &status, WNOHANG) != 0;
   });
-  if (talks) std::fputs("laboratory is closed\n", stderr);
+  if (talks) std::fputs("the laboratory is closed\n", stderr);
   return static_cast<ExitCode>(WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status));
 }
 

@@ -57,12 +57,12 @@ TEST_CASE("an invalid calibration file is refused with the line and column of th
     write_file(path, text);
     return error_of([&] { read_calibration(path); }).second;
   };
-  CHECK(has(refusal(""), path + ": no offset; expected spd.offset_m or radar.offset_m"));
+  CHECK(has(refusal(""), path + ": contains no offset; expected spd.offset_m or radar.offset_m"));
   CHECK(has(refusal("[spd]\noffset_m = 5000\n"), path + ":2:1: spd.offset_m = 5000 is not valid"));
   CHECK(has(refusal("[spd]\noffset_cm = 5\n"), path + ":2:1: unknown key"));
   CHECK(has(
       refusal("[spd]\noffset_m = 0.1\n[response]\nradar_cell_m = \"0.5\"\nradar_taps = \"2 1\"\n"),
-      "section response: expected numbers"));
+      "section response: expected the numbers"));
   CHECK(has(refusal("[spd]\noffset_m = 0.1\n[firmware]\nline = \"x\"\n"), "firmware.line is not"));
   CHECK(error_of([&] { write_calibration(folder / "no/c.toml", {}); }).first == ExitCode::disk);
 }

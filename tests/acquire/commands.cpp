@@ -74,7 +74,8 @@ TEST_CASE("the run command refuses invalid configurations and output names") {
   refuses("run --out " + folder / "a" + config, 3, "lab.toml: cannot read");
   write_file(folder / "lab.toml", "[depth]\nadress = \"openni:\"\n");
   refuses("run --out " + folder / "a" + config, 3,
-          "lab.toml:2:1: unknown key \"depth.adress\"; the nearest known one is \"depth.address\"");
+          "lab.toml:2:1: unknown key \"depth.adress\"; the most similar known name is "
+          "\"depth.address\"");
   write_file(folder / "lab.toml", tdc_nowhere);
   refuses("run --out " + folder / "a" + config + " --set tdc.address=carrier:pigeon", 3,
           "carrier:pigeon");
@@ -143,7 +144,7 @@ TEST_CASE("commands exit with an error if standard output cannot be written") {
         shell("(" + echofuse::test::bin_dir + "/echofuse-acquire " + command + " > /dev/full)");
     CAPTURE(command, o.text);
     CHECK(o.code == 1);
-    CHECK(has(o.text, "stdout: cannot be written: No space left on device"));
+    CHECK(has(o.text, "stdout: cannot write: No space left on device"));
   }
 }
 

@@ -71,7 +71,7 @@ TEST_CASE("an old calibration or a calibration of another device causes a warnin
   run();
   CHECK(warnings.texts ==
         std::vector<std::string>{
-            "time tagger T2, was T1: the calibration may belong to another device"});
+            "time tagger T2, previously T1: the calibration may belong to another device"});
   config.calibration.entries[0].date_utc = iso8601(loop.utc() - std::chrono::hours(24 * 91));
   config.calibration.entries[0].serial = "T2";
   run();
@@ -96,5 +96,5 @@ TEST_CASE("a warning is reported if a different device reconnects at the same ad
   CHECK(connections == 5);
   CHECK(warnings.texts ==
         std::vector<std::string>{
-            "time tagger T2, was T1: the calibration may belong to another device"});
+            "time tagger T2, previously T1: the calibration may belong to another device"});
 }

@@ -66,7 +66,7 @@ TEST_CASE("an invalid lock file is reported as a device fault") {
   } catch (const Error& e) {
     CHECK(e.code() == ExitCode::device);
     CHECK_THAT(e.what(),
-               Catch::StartsWith("the device lock ") && Contains("is not a lock file of"));
+               Catch::StartsWith("the device lock ") && Contains("is not an echofuse lock file"));
   }
 }
 

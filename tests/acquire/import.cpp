@@ -140,7 +140,7 @@ TEST_CASE("import gives equal records for T2 and T3 recordings of the same photo
       {.files = {folder / "a.ptu"}, .began = "2024-02-07T12:34:56.5Z", .out = folder / "a.sqlite"});
   const std::string said =
       acquire::import_recordings(config, {.files = {folder / "b.ptu"}, .out = folder / "b.sqlite"});
-  CHECK(has(said, "the header specifies 218 records, but the file has 209"));
+  CHECK(has(said, "the header specifies 218 records, but the file contains 209"));
   CHECK(has(said, "start time unknown"));
   const record::RunReader a(folder / "a.sqlite"), b(folder / "b.sqlite");
   CHECK(a.info().started_utc == "2024-02-07T12:34:56.500Z");
@@ -232,24 +232,26 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
        ExitCode::ok, "spd: duration: 1 s in the header, 1126.9 s in the records: records after");
   jumps.assign({special, 5000, special | t2(63, 0x1ffffff), special, 5000});
   says(header(is_t2, 1e-12, 0).end().data(jumps), ExitCode::failed,
-       "its times reach 1126 s, with more slots than the file has bytes");
+       "its times reach 1126 s, which gives more slots than the file has bytes");
 
   says(header(is_t2, 1e-12, 0).end().data(words(0, t2(0, 0), t2(1, 0))), ExitCode::failed,
-       "no events on the input of --start 0; inputs with events: 1, 2; did you mean --start 1 "
+       "no events on the input selected by --start 0; inputs with events: 1, 2; did you mean "
+       "--start 1 "
        "--click 2?");
   says(header(is_t2, 1e-12, 0).end().data(words(0, special, t2(2, 0))), ExitCode::failed,
-       "no events on the input of --click 1; inputs with events: 0, 3; did you mean --start 0 "
+       "no events on the input selected by --click 1; inputs with events: 0, 3; did you mean "
+       "--start 0 "
        "--click 3?");
   // The recording has events only in its first 0.05 s, a tenth of a slot.
   std::vector<std::uint32_t> begun(light.begin(), light.begin() + std::ssize(light) / 20);
   begun.push_back(special | t2(63, 100'000));
   says(header(is_t2, 1e-12, 0).end().data(begun), ExitCode::failed, "nothing to import: ");
   says(header(is_t2, 1e-12, 0).end(), ExitCode::failed,
-       "no events on the input of --start 0; events by input: none");
+       "no events on the input selected by --start 0; events by input: none");
   says(header(is_t2, 1e-12, 0).end().data(light).data(std::vector<std::uint8_t>{1, 2, 3}),
        ExitCode::ok, "the last record is truncated");
   for (const char* why :
-       {"tags have steps of 250 ps, so bins of 100 ps have uneven widths; use --set "
+       {"tag times are multiples of 250 ps, so bins of 100 ps have uneven widths; use --set "
         "tdc.bin_width_ps=250",
         "no click is within the histogram (tdc.first_bin_ps, tdc.bins)"})
     says(header(is_t2, 250e-12, 0).end().data(light), ExitCode::ok, why);
@@ -262,18 +264,18 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
               "TTResult_SyncRate") == (rate_hz == 1e6));
 
   says(header(is_t2, 1e-12, 0).real("TTResult_SyncRate", 80e6).end().data(light), ExitCode::ok,
-       "pulse rate: TTResult_SyncRate is 8e+07 Hz, but the records contain 1000 Hz");
+       "pulse rate: TTResult_SyncRate is 8e+07 Hz, but the pulse rate in the records is 1000 Hz");
   CHECK_FALSE(
       has(import(header(is_t2, 1e-12, 0).real("TTResult_SyncRate", 1e3).end().data(light)).second,
           "TTResult_SyncRate"));
   says(header(is_t3, 1e-6, 25e-9).end().data(pulses), ExitCode::failed,
-       "1000 clicks have times beyond the sync period of 1e-06 s: is MeasDesc_Resolution right?");
+       "1000 clicks have times beyond the sync period of 1e-06 s; check MeasDesc_Resolution");
   auto swapped = light;
   for (std::size_t i = 1; i < swapped.size(); ++i)
     if (swapped[i] >> 25 == 0 && swapped[i - 1] >> 25 == special >> 25)
       std::swap(swapped[i - 1], swapped[i]), ++i;
   says(header(is_t2, 1e-12, 0).end().data(swapped), ExitCode::ok,
-       "spd: 1000 events out of order by up to 1 us, sorted");
+       "spd: 1000 events out of order by up to 1 us; the events were sorted");
 
   // If one of two recordings is invalid, the run is written but the exit code differs.
   write_file(folder / "a.dat", "nothing");
@@ -340,10 +342,10 @@ TEST_CASE("import refuses an invalid recording with a one-line message") {
     CHECK_FALSE(testing::fs::exists(folder / "run.sqlite"));
   };
   refuses("a.ptu", 1, "does not begin with PQTTTR");
-  refuses("b.ptu", 1, "the header has no end");
+  refuses("b.ptu", 1, "the header is not terminated");
   refuses("a.dat", 3, "the board's .cfg is missing");
   write_file(folder / "a.phu", "");
-  refuses("a.phu", 2, "convert histograms with echofuse.write_run");
+  refuses("a.phu", 2, "convert the histograms with echofuse.write_run");
   refuses("a.ttbin", 2, "only the Time Tagger library can read .ttbin");
   refuses("lab.toml", 2, "expected NAME.dat (radar), NAME.ptu or one folder");
   refuses("nowhere", 2, "nowhere: no such file or folder");

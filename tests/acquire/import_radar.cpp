@@ -123,7 +123,7 @@ TEST_CASE("import takes radar times from the device clock and checks them agains
         "1.05 s + n "
         "x 21.47 s): their lengths are ambiguous");
   const std::string other =
-      " ms; expected 50.0 ms from the cfg: was the recording made with this cfg?";
+      " ms; expected 50.0 ms from the cfg; check that the recording was made with this cfg";
   check(RadarFile{.period_s = 0.0998}.frames(1, 20), {11, 9}, "frame period 99.8" + other);
   check(RadarFile{.period_s = 0.499}.frames(1, 20), {3, 2, 2, 2, 2, 2, 2, 2, 2, 1},
         "frame period 499.0" + other);
@@ -146,18 +146,19 @@ TEST_CASE("import refuses a radar recording without a range profile and reports 
     if (b == '\n') mangled.push_back('\r');
     mangled.push_back(b);
   }
-  refuses(mangled, "line ends were converted (saved as text)");
+  refuses(mangled, "line ends were converted because the file was saved as text");
   refuses(Bytes(5000, 0xf3), "was the file recorded at the data port's baud rate?");
   refuses(RadarFile{.header = 36}.frames(1, 20).bytes, "from SDK 1 or 2.0 (header of 36 bytes)");
   refuses(RadarFile{.header = 48}.frames(1, 20).bytes, "from another demo (header of 48 bytes)");
   refuses(RadarFile{.header = 52}.frames(1, 20).bytes, "from another demo (header of 52 bytes)");
   refuses(RadarFile{.length_error = 8}.frames(1, 20).bytes,
-          "the lengths of its TLVs include their headers");
+          "the TLV lengths include the TLV headers");
   refuses(RadarFile{.tlv = 1}.frames(1, 20).bytes,
-          "no frame has a range profile: guiMonitor's third");
-  refuses(RadarFile{.bins = 256}.frames(1, 20).bytes,
-          "20 frames have 256 bins; expected from the cfg: 64: was the recording");
+          "no frame has a range profile: the third number of guiMonitor");
+  refuses(
+      RadarFile{.bins = 256}.frames(1, 20).bytes,
+      "20 frames have 256 bins, but the number of bins in the cfg is 64; check that the recording");
   Bytes part = RadarFile().frames(1, 1).bytes;
   part.resize(100);
-  refuses(part, "file contains only a part of a frame");
+  refuses(part, "file contains only part of a frame");
 }

@@ -135,7 +135,8 @@ TEST_CASE(
     holder.let_go();
     const auto [code, text] = error_of([&] { journal.finish("complete"); });
     CHECK(code == ExitCode::disk);
-    CHECK(text == "another program is writing to the run file; its last 9 records are not written");
+    CHECK(text ==
+          "another program is writing to the run file; its last 9 records were not written");
     CHECK(record::RunReader(path).count() == 21);
   }
 }
@@ -154,12 +155,12 @@ TEST_CASE("the run journal stops writing after the first failed job") {
   while (!journal.failed()) std::this_thread::yield();
   journal.put(small_record(2));
   CHECK(error_of([&] { journal.finish("complete"); }).second ==
-        "no space left; its last 2 records are not written");
+        "no space left; its last 2 records were not written");
   const record::RunReader run(folder / "a.sqlite");
   CHECK(run.count() == 1);
   CHECK(run.counters().back().name == "unwritten");
   CHECK(run.counters().back().value == 2);
-  CHECK(run.events().back().text == "its last 2 records are not written");
+  CHECK(run.events().back().text == "its last 2 records were not written");
   CHECK(run.info().status == "stopped:disk");
 }
 
@@ -225,7 +226,7 @@ TEST_CASE("a run keeps all its records if the next file of the rotation cannot b
     const auto [code, text] = error_of([&] { journal.finish("complete"); });
     CHECK(code == ExitCode::failed);
     CHECK(has(text, next + ": exists already"));
-    CHECK(has(text, "its last 1 records are not written"));
+    CHECK(has(text, "its last 1 records were not written"));
     CHECK(record::RunReader(path).info().status == "stopped:failed");
     CHECK(contents(next) == "others'");
   }

@@ -331,7 +331,7 @@ TEST_CASE("a run requires a valid lock file and does not delete it") {
     CAPTURE(kind);
     const auto [code, text] = error_of([&] { begin(path, 0); });
     CHECK(code == ExitCode::failed);
-    CHECK(has(text, lock + ": is not a lock file of echofuse"));
+    CHECK(has(text, lock + ": is not an echofuse lock file"));
     CHECK_FALSE(fs::exists(path));
     CHECK_FALSE(fs::exists(folder / "nowhere"));
     CHECK(fs::file_size(folder / "victim") == (kind == "hard link" ? 0 : 8));

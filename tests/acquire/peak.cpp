@@ -185,10 +185,10 @@ TEST_CASE("a peak fit refuses data without a reflector peak and reports the reas
   CHECK_THAT(spd(photons({}, 20'000, rng)).refusal, starts("SNR too low"));
   CHECK_THAT(
       spd(photons({{1.5, 5000}}, 1000, rng)).refusal,
-      starts("no peak in the window; the strongest is at 1.500 m: is --distance right? For the "
-             "delay of a cable or fibre add -33"));
+      starts("no peak in the search window; the strongest peak is at 1.500 m: check --distance; if "
+             "a cable or fibre delays the clicks, add -33"));
   CHECK_THAT(spd(photons({{1, 5000}, {1.07, 3000}}, 1000, rng)).refusal,
-             starts("two peaks: the second is at 1.0"));
+             starts("two peaks: the second peak is at 1.0"));
   // Echoes outside the search range do not count, however strong they are.
   const Peak before_a_wall = spd(photons({{1, 5000}, {1.3, 20'000}}, 1000, rng));
   CHECK(before_a_wall.refusal == "");
@@ -199,8 +199,9 @@ TEST_CASE("a peak fit refuses data without a reflector peak and reports the reas
   };
   CHECK_THAT(fit_echo({}, fine, {}).refusal, starts("no peak: fewer than 8 frames"));
   CHECK_THAT(radar({{1, 1}}, 0), starts("SNR too low"));
-  CHECK_THAT(radar({{1.3, 1}}, -30), starts("no peak in the window"));
-  CHECK_THAT(radar({{1, 1}, {1.4, 0.8}}, -30, {1, 1}), starts("two peaks: the second is at 1.4"));
+  CHECK_THAT(radar({{1.3, 1}}, -30), starts("no peak in the search window"));
+  CHECK_THAT(radar({{1, 1}, {1.4, 0.8}}, -30, {1, 1}),
+             starts("two peaks: the second peak is at 1.4"));
   auto flat = frames({{1, 1}}, -30, 20, rng);
   for (auto& frame : flat)
     for (auto& code : frame) code = std::min<std::uint16_t>(code, 3700);

@@ -131,7 +131,7 @@ TEST_CASE("a packed antenna array is accurate to 4e-5 of the power in its bin") 
   CHECK(unpack_array(packed, 2, 8, back) == "array has 504 bytes, but its axis requires 336");
   Bytes bad = packed;
   bad[3] = 0xff, bad[2] = 0xc0;
-  CHECK(unpack_array(bad, 3, 8, back) == "array bin 0 has no finite power");
+  CHECK(unpack_array(bad, 3, 8, back) == "array bin 0: the power is negative or not finite");
 }
 
 TEST_CASE("a run file stores the antennas and the antenna array of each record") {

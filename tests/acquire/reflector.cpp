@@ -129,7 +129,7 @@ TEST_CASE("an echo from a known side shows whether the antenna row is swapped le
         CAPTURE(swapped, found.sine, found.expected, found.if_swapped);
         CHECK(found.refusal.empty());
         CHECK(found.swapped == swapped);
-        CHECK_THAT(to_text(side, found), Contains(swapped ? "is swapped" : "is not swapped"));
+        CHECK_THAT(to_text(side, found), Contains(swapped ? "is reversed" : "is correct"));
       }
       if (!swapped)
         CHECK_THAT(find_side(Side::right, reflector, measured(place_m - 1.2), calibrated, antennas,

@@ -184,7 +184,8 @@ TEST_CASE("invalid run files and output files are refused with the reason") {
   }
   SECTION("an empty run file is refused") {
     write_file(path, "");
-    CHECK(has(refusal().second, "is empty: its run was killed before it began, or"));
+    CHECK(has(refusal().second,
+              "is empty: the recording process was killed before the first record, or"));
   }
   SECTION("the database of another program is refused") {
     sql(path, "CREATE TABLE record (idx)");
@@ -208,7 +209,7 @@ TEST_CASE("invalid run files and output files are refused with the reason") {
       fs::copy_file(path, folder / "b.sqlite", fs::copy_options::overwrite_existing);
       sql(folder / "b.sqlite", change);
       const std::string text = error_of([&] { RunReader run(folder / "b.sqlite"); }).second;
-      CHECK((has(text, "has no table late") || has(text, "is not defined as in a run")));
+      CHECK((has(text, "has no table late") || has(text, "does not have the expected definition")));
     }
   }
   SECTION("an existing file is not overwritten") {

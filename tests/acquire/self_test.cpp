@@ -90,14 +90,16 @@ TEST_CASE(
   CHECK(fact(good, "share_in_range") == 1);
   const Finding far = spd_verdict(pairs(1, 2, 900'000));
   CHECK(far.grade == Grade::warning);
-  CHECK(has(far.advice, "are start and click swapped? If not, set tdc.click_delay_ps"));
+  CHECK(
+      has(far.advice, "are the start and click channels swapped? If not, set tdc.click_delay_ps"));
   std::vector<Tag> swapped = pairs(1, 2, 20'000);
   for (std::size_t i = 0, n = swapped.size(); i < n; ++i)
     if (swapped[i].channel == 2)
       for (int k = 1; k <= 9; ++k)
         swapped.push_back({.channel = 2, .time_ps = swapped[i].time_ps + 50'000 * k});
   std::ranges::sort(swapped, {}, &Tag::time_ps);
-  CHECK(has(spd_verdict(swapped).advice, "several per start: are start and click swapped?"));
+  CHECK(has(spd_verdict(swapped).advice,
+            "several clicks per start: are the start and click channels swapped?"));
   const Finding lossy = spd_verdict(pairs(1, 2, 20'000), 5);
   CHECK(lossy.grade == Grade::warning);
   CHECK(fact(lossy, "lost_tags") == 5);
@@ -141,7 +143,7 @@ TEST_CASE(
   const Finding good = depth_verdict(20, depth_frame(3000));
   CHECK(good.grade == Grade::ok);
   CHECK(fact(good, "valid_share") == Approx(0.995));
-  CHECK(has(good.found, "10 frames/s of 10, 0 lost; 20 x 10 pixels"));
+  CHECK(has(good.found, "10 frames/s, expected 10, 0 lost; 20 x 10 pixels"));
   CHECK(depth_verdict(10, depth_frame(3000)).grade == Grade::problem);
   CHECK(has(depth_verdict(0, depth_frame(3000)).advice, "frame rate is lower"));
   const Finding covered = depth_verdict(20, depth_frame(0));

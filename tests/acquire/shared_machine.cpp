@@ -135,7 +135,7 @@ TEST_CASE("the list command shows notes that were added during and after a run")
   CHECK(has(text.text, "monday   2026-11-23T08:00"));
   CHECK(has(text.text, "first light; the lens was dirty\n"));
   CHECK(text.text.find("monday") < text.text.find("tuesday"));
-  CHECK(has(text.text, "left out: " + folder / "other.sqlite: not an echofuse run file"));
+  CHECK(has(text.text, "not listed: " + folder / "other.sqlite: not an echofuse run file"));
   CHECK_FALSE(has(text.text, "text.txt"));
   const std::string program = echofuse::test::bin_dir + "/echofuse-acquire";
   const Json all = Json::parse(

@@ -167,7 +167,7 @@ TEST_CASE("an open run is read only together with its own -wal file") {
   recover(path);
   const auto [code, text] = error_of([&] { RunReader run(path); });
   CHECK(code == ExitCode::failed);
-  CHECK(has(text, path + "-wal is of another run (key "));
+  CHECK(has(text, path + "-wal belongs to another run (key "));
   CHECK(error_of([&] { put_note(path, "door", "me"); }).second == text);
   CHECK(contents(path) == before);
   CHECK_FALSE(fs::exists(path + "-shm"));
@@ -187,9 +187,9 @@ TEST_CASE("an open run with the -journal file of another run is refused") {
   recover(path);
   const auto refusal = [&] { return error_of([&] { RunReader run(path); }).second; };
   CHECK(has(refusal(),
-            path + "-journal is of another run (a run with a -wal must not have a -journal)"));
+            path + "-journal belongs to another run (a run with a -wal must not have a -journal)"));
   fs::rename(path + "-wal", folder / "wal");
-  CHECK(has(refusal(), path + "-journal is of another run (it has more than one page)"));
+  CHECK(has(refusal(), path + "-journal belongs to another run (it has more than one page)"));
   CHECK(contents(path) == before);
   fs::remove(path + "-journal");
   fs::rename(folder / "wal", path + "-wal");

@@ -153,7 +153,8 @@ TEST_CASE("background alone has no photon peak, and radar noise alone has no ech
              EndsWith("90 % of the clicks are outside the histogram (2.00 to 7.04 m)"));
   far.spd_counts = {.in_range = 1, .out_of_range = 99};
   ++far.spd[0];
-  CHECK_THAT(verdicts(checked, far)[0], EndsWith("7.04 m): are start and click swapped?"));
+  CHECK_THAT(verdicts(checked, far)[0],
+             EndsWith("7.04 m): are the start and click channels swapped?"));
   lab.photons = 3e4, lab.radar_snr_db = 20, lab.background = 1e6;
   SignalCheck check({}, 3);
   CHECK(verdicts(check, lab.record()) == all_ok);
@@ -176,7 +177,8 @@ TEST_CASE(
   r.spd_counts = {
       .starts = 100, .in_range = 100, .out_of_range = 1900};  // 20 clicks per laser pulse
   ++r.spd[0];
-  CHECK_THAT(verdicts(check, r)[0], EndsWith("(limit 0.05): are start and click swapped?"));
+  CHECK_THAT(verdicts(check, r)[0],
+             EndsWith("(limit 0.05): are the start and click channels swapped?"));
   r.sync[Sensor::radar].used = 1;  // in a single frame two bins may have equal codes
   for (float& p : r.radar) p = p == 5500.F ? p : p - 1;
   CHECK(verdicts(check, r)[1] == "ok");

@@ -258,8 +258,8 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
   SECTION("a sensor that sends frames of the wrong size is invalid") {
     windows.add(radar_frame(10s, 1, {1, 2, 3}));
     windows.add(depth_frame(10s, 1, {1, 2, 3}, 3));
-    radar = "frames of 3 bins do not fit the axis";
-    depth = "frames of 3 x 1 do not fit the axes";
+    radar = "frames of 3 bins do not match the axis";
+    depth = "frames of 3 x 1 do not match the axes";
   }
   SECTION("a radar that sends frames without a range profile is invalid") {
     windows.add(radar_frame(10s, 1, {}));

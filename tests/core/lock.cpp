@@ -111,7 +111,7 @@ TEST_CASE("a lock is refused if another file occupies its path, and that file is
   SECTION("a FIFO at the lock path is refused") { REQUIRE(::mkfifo(lock.c_str(), 0666) == 0); }
   SECTION("a folder at the lock path is refused") { fs::create_directory(lock); }
   const auto is = fs::symlink_status(lock).type();
-  CHECK_THROWS_WITH(Lock(lock, 0666), Catch::Contains("x.lock: is not a lock file of echofuse"));
+  CHECK_THROWS_WITH(Lock(lock, 0666), Catch::Contains("x.lock: is not an echofuse lock file"));
   CHECK(fs::symlink_status(lock).type() == is);
   CHECK(contents(precious) == stays);
   CHECK_FALSE(fs::exists(folder / "new"));

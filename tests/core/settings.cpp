@@ -54,9 +54,9 @@ TEST_CASE("settings are stored in their fields, and integers are accepted for re
 TEST_CASE("all settings errors are reported at once, with position and expected value") {
   const std::string faults = faults_of(
       "windw_s = 3\nwindow_s = \"long\"\n[tdc]\nbins = 0\nfilter = 1\n[radar]\npsf = \"gauss\"\n");
-  CHECK(
-      faults.find("lab.toml:1:1: unknown key \"windw_s\"; the nearest known one is \"window_s\"") !=
-      std::string::npos);
+  CHECK(faults.find(
+            "lab.toml:1:1: unknown key \"windw_s\"; the most similar known name is \"window_s\"") !=
+        std::string::npos);
   CHECK(faults.find("lab.toml:2:1: window_s") != std::string::npos);
   CHECK(faults.find("a number from 0.01 to 3600") != std::string::npos);
   CHECK(faults.find(
@@ -72,7 +72,7 @@ TEST_CASE("only the first 20 settings errors are listed") {
   for (int i = 0; i < 5000; ++i) text += "key_" + std::to_string(i) + " = 1\n";
   const std::string faults = faults_of(text);
   CHECK(std::count(faults.begin(), faults.end(), '\n') == 20);
-  CHECK(faults.ends_with("more faults follow; these are the first 20"));
+  CHECK(faults.ends_with("there are more errors; the list ends after the first 20"));
 }
 
 TEST_CASE("a section given as a value, or text that is not TOML, is reported with its position") {
@@ -80,7 +80,7 @@ TEST_CASE("a section given as a value, or text that is not TOML, is reported wit
         "lab.toml:1:1: tdc is a section; expected [tdc] and its keys below");
   CHECK(faults_of("[[radar]]\n").find("lab.toml:1:3: radar is a section") == 0);
   CHECK(faults_of("[tcd]\nbins = 3\n") ==
-        "lab.toml:1:2: unknown section \"tcd\"; the nearest known one is \"tdc\"");
+        "lab.toml:1:2: unknown section \"tcd\"; the most similar known name is \"tdc\"");
   CHECK(faults_of("window_s = = 3\n").find("lab.toml:1:") == 0);
   CHECK(faults_of("window_s = nan\n").find("expected a number") != std::string::npos);
 }
@@ -101,8 +101,8 @@ TEST_CASE("an assignment by --set accepts only TOML values and bare words") {
     CHECK(sample.address == text);
   }
   CHECK_THROWS_WITH(s.set("tdc.address=[8]"), Catch::Contains("expected a quoted string"));
-  CHECK_THROWS_WITH(s.set("windw_s=1"), Catch::Contains("nearest known one is \"window_s\""));
-  CHECK_THROWS_WITH(s.set("win=1"), Catch::Contains("nearest known one is \"window_s\""));
+  CHECK_THROWS_WITH(s.set("windw_s=1"), Catch::Contains("most similar known name is \"window_s\""));
+  CHECK_THROWS_WITH(s.set("win=1"), Catch::Contains("most similar known name is \"window_s\""));
   CHECK_THROWS_WITH(s.set("tdc.bins=many"), Catch::Contains("whole number"));
   CHECK_THROWS_WITH(s.set("tdc.bins"), Catch::Contains("key=value"));
   CHECK_THROWS_WITH(s.set("window_s=1\ntdc = 2"), Catch::Contains("expected a number"));
@@ -160,7 +160,7 @@ TEST_CASE("an assignment by --set overrides the file, and errors of both are rep
       s.read("window_s = 1\n[tdc]\nbins = 0\n", "lab.toml", {"window_s=2", "tdc.bin=3", "x"});
   REQUIRE(faults.size() == 3);
   CHECK(faults[0].find("lab.toml:3:1: tdc.bins = 0") == 0);
-  CHECK(faults[1] == "--set tdc.bin=3: unknown key; the nearest known one is \"tdc.bins\"");
+  CHECK(faults[1] == "--set tdc.bin=3: unknown key; the most similar known name is \"tdc.bins\"");
   CHECK(faults[2] == "--set x: expected key=value");
   CHECK(sample.window_s == 2);
 }

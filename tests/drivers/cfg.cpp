@@ -31,9 +31,9 @@ TEST_CASE("the cfg parser reports values that the radar would refuse and compute
       {"1 256 12500", "1 512 12500",
        "x.cfg:5: profileCfg samples from 3 to 43.96 us, but the ramp ends at 24 us"},
       {"0 100 1", "0 2.5 1",
-       "x.cfg:9: frameCfg has 96 chirps, which take 2.976 ms, but a period of 2.5 ms"},
+       "x.cfg:9: frameCfg has 96 chirps, which take 2.976 ms, but its period is 2.5 ms"},
       {"0 100 1", "0 1500 1", "x.cfg:9: frameCfg has a period of 1500 ms (limits 0.3 to 1342 ms)"},
-      {"frameCfg 0 2", "frameCfg 0 3", "x.cfg:9: frameCfg has chirp 3, which no chirpCfg defines"},
+      {"frameCfg 0 2", "frameCfg 0 3", "x.cfg:9: frameCfg uses chirp 3, which no chirpCfg defines"},
       {"chirpCfg 1 1 0", "chirpCfg 1 1 4",
        "x.cfg:7: chirpCfg uses profile 4, which no profileCfg defines"},
       {"chirpCfg 1 1 0 0", "chirpCfg 1 1 0 50000000",
@@ -43,7 +43,7 @@ TEST_CASE("the cfg parser reports values that the radar would refuse and compute
       {"chirpCfg 1 1 0 0 0 0 0", "chirpCfg 1 1 0 0 0 0 3",
        "x.cfg:7: chirpCfg samples from 6 to 26.48 us, but the ramp ends at 24 us"},
       {"chirpCfg 1 1 0 0 0 0", "chirpCfg 1 1 0 0 0 3100",
-       "x.cfg:9: frameCfg has 96 chirps, which take 102.176 ms, but a period of 100 ms"},
+       "x.cfg:9: frameCfg has 96 chirps, which take 102.176 ms, but its period is 100 ms"},
       {"chirpCfg 0", "profileCfg 1 63.5 7 3 24 0 0 166 1 256 12500 0 0 30\nchirpCfg 0",
        "x.cfg:6: profileCfg sweeps 63.5 to 67.4837 GHz (limits 60 to 64 GHz)"},
       {"frameCfg 0", "frameCfg\t0",
@@ -55,7 +55,7 @@ TEST_CASE("the cfg parser reports values that the radar would refuse and compute
        "7 0",
        "x.cfg:4: column 14 has a no-break space; the firmware splits words at spaces only"},
       {"15 7 0", "15 7 0\xe2\x80\x8b",
-       "x.cfg:4: column 18 has a character beyond ASCII; the firmware splits words at spaces only"},
+       "x.cfg:4: column 18 has a non-ASCII character; the firmware splits words at spaces only"},
       {"0 100 1 0", "0 100 1 0 % 10 Hz",
        "x.cfg:9: frameCfg '%' follows the numbers; put comments on their own line"},
       {"0 100 1 0", "0 100 1 0 8",
@@ -116,7 +116,7 @@ TEST_CASE("only the first errors of a radar cfg with thousands of faulty lines a
   for (int i = 0; i < 2000; ++i) text += "chirpCfg x" + std::to_string(i) + "\n";
   const std::string lines = refusal(text);
   CHECK(std::ranges::count(lines, '\n') == 20);
-  CHECK_THAT(lines, Catch::EndsWith("more faults follow; these are the first 20"));
+  CHECK_THAT(lines, Catch::EndsWith("there are more errors; the list ends after the first 20"));
   CHECK(refusal(stock + std::string(1 << 19, '%')) ==
         "x.cfg: has " + std::to_string(stock.size() + (1 << 19)) +
             " bytes; expected a cfg of at most 65536");

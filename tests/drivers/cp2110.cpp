@@ -66,5 +66,5 @@ TEST_CASE("baud rates that the CP2110 does not support are refused") {
   CHECK_NOTHROW(check_hid_baud({0x10c4, 0xea80, ""}, 1'000'000));
   CHECK_THROWS_AS(check_hid_baud({0x10c4, 0xea80, ""}, 299), Error);
   CHECK_THROWS_WITH(check_hid_baud({0x10c4, 0xea80, "A"}, 1'000'001),
-                    "hid:10c4:ea80:A: 1000001 baud; a CP2110 supports 300 to 1000000");
+                    "hid:10c4:ea80:A: 1000001 baud (a CP2110 supports 300 to 1000000 baud)");
 }

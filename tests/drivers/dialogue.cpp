@@ -138,18 +138,18 @@ TEST_CASE("a radar cfg of another SDK is reported with both SDK versions and the
   const std::string unknown = "'calibData' is not recognized as a CLI command\n";
   CHECK(refusal("flushCfg\ncalibData 0 0 0\n", "03.04.00.03", unknown) ==
         "x.cfg:2: calibData 0 0 0: 'calibData' is not recognized as a CLI command; only SDK 3.5 "
-        "and 3.6 have this command, but this radar has mmWave SDK 03.04.00.03: use a cfg for SDK "
+        "and 3.6 have this command, but this radar runs mmWave SDK 03.04.00.03: use a cfg for SDK "
         "3.4, "
         "config/radar/xwr68xx_paper_50cm_sdk3.4.cfg");
   const std::string partial = "Error: Full configuration must be provided\nError -1\n";
   CHECK(
       refusal("flushCfg\nsensorStart\n", "03.05.00.04", partial) ==
       "x.cfg:2: sensorStart: Error: Full configuration must be provided; Error -1; the cfg is for "
-      "SDK 3.4, because it has no calibData, but this radar has mmWave SDK 03.05.00.04: use a cfg "
+      "SDK 3.4, because it has no calibData, but this radar runs mmWave SDK 03.05.00.04: use a cfg "
       "for "
       "SDK 3.5, config/radar/xwr68xx_paper_50cm.cfg");
   CHECK_THAT(refusal("flushCfg\nsensorStart\n", "03.04.00.03", "Error -1\n"),
-             Catch::StartsWith("x.cfg:2: sensorStart: Error -1; the chip's front end refuses") &&
+             Catch::StartsWith("x.cfg:2: sensorStart: Error -1; the chip's front end rejects") &&
                  Catch::Contains("60 to 64 GHz"));
   // The cause of these failures is not the SDK.
   CHECK_THAT(refusal("flushCfg\nsensorStart\n", "03.04.00.03", partial),
@@ -170,7 +170,7 @@ TEST_CASE("a refused cfg line is reported with its number and the firmware's mes
   SECTION("a command that the firmware does not know is reported") {
     s.say(answer("flushCfg", "'flushCfg' is not recognized as a CLI command\n"));
     CHECK(s.d.failure() ==
-          "x.cfg:4:   flushCfg: 'flushCfg' is not recognized as a CLI command; this radar has "
+          "x.cfg:4:   flushCfg: 'flushCfg' is not recognized as a CLI command; this radar runs "
           "mmWave SDK 03.05.00.04: is the cfg for another demo?");
   }
   SECTION("a crash of the firmware is reported") {

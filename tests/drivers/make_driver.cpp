@@ -31,19 +31,19 @@ TEST_CASE("an address of another device kind is refused when the driver is creat
     return refusal([&] { make_radar(loop, {cli, data, "", "x.cfg"}); });
   };
   CHECK_THAT(tdc("usb:04b4"), Catch::Contains("usb:VVVV:PPPP"));
-  CHECK_THAT(tdc("serial:/dev/ttyUSB0"), Catch::Contains("expected for a time tagger"));
+  CHECK_THAT(tdc("serial:/dev/ttyUSB0"), Catch::Contains("expected the address of a time tagger"));
   CHECK_THAT(tdc("nonsense"), Catch::Contains("\"nonsense\": expected"));
-  CHECK_THAT(depth("usb:2bc5:0670"), Catch::Contains("expected for a depth camera"));
+  CHECK_THAT(depth("usb:2bc5:0670"), Catch::Contains("expected the address of a depth camera"));
   CHECK_THAT(radar("hid:10c4:ea80:A", "hid:10c4:ea80:B"), Catch::Contains("has no profileCfg"));
   CHECK_THAT(refusal([&] {
                make_radar(loop, {"serial:/dev/x", "hid:10c4:ea80", "", "x.cfg", 3'000'000});
              }),
              Catch::Contains("a CP2110 supports 300 to 1000000"));
   CHECK_THAT(radar("serial:/dev/x", "bridge:tcp://a:1"),
-             Catch::Contains("expected for a radar port"));
+             Catch::Contains("expected the address of a radar port"));
   RadarConfig bridge;
   bridge.address = "serial:/dev/x";
   CHECK_THAT(refusal([&] { make_radar(loop, bridge); }),
-             Catch::Contains("expected for a radar: bridge:tcp:"));
+             Catch::Contains("expected the address of a radar: bridge:tcp:"));
   CHECK_THAT(radar("serial:/dev/x", "serial:/dev/y"), Catch::Contains("x.cfg: has no profileCfg"));
 }

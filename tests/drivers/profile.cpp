@@ -79,13 +79,13 @@ TEST_CASE("errors in a radar cfg are reported with the line number") {
         "x.cfg:5: profileCfg has 10 numbers; SDK 3.4 to 3.6 expect 14 (SDK 1 and 2 differ)");
   CHECK(refusal(with("1 256 12500", "1 256 fast")) == "x.cfg:5: profileCfg 'fast' is not a number");
   CHECK(refusal(with("166 1 256", "0 1 256")) ==
-        "x.cfg:5: profileCfg the frequency slope must be from 1e-6 to 1e9");
+        "x.cfg:5: profileCfg has a frequency slope outside the range 1e-6 to 1e9");
   CHECK(refusal(with("1 256 12500", "1 25.5 12500")) ==
         "x.cfg:5: profileCfg '25.5' should be a whole number from 2 to 2048");
   CHECK(refusal(with("frameCfg 0 2", "frameCfg 5 6")) ==
         "x.cfg:9: frameCfg uses no chirp with an enabled transmitter");
   CHECK(refusal(with("0 100 1 0", "0 0 1 0")) ==
-        "x.cfg:9: frameCfg the frame period must be from 1e-6 to 1e9");
+        "x.cfg:9: frameCfg has a frame period outside the range 1e-6 to 1e9");
   CHECK_THAT(refusal(with("% a comment", "calib " + std::string(300, '1'))),
              Catch::StartsWith("x.cfg:1: calib line has 306 characters"));
 }
@@ -99,8 +99,8 @@ TEST_CASE("all faults of a radar cfg are reported at once") {
         "x.cfg:5: guiMonitor has 2 numbers; SDK 3.4 to 3.6 expect 7 (SDK 1 and 2 differ)\n"
         "x.cfg:1: channelCfg '9' should be a whole number from 1 to 7\n"
         "x.cfg:2: profileCfg '1' should be a whole number from 2 to 2048\n"
-        "x.cfg:2: profileCfg the sample rate must be from 1e-6 to 1e9\n"
-        "x.cfg:4: frameCfg the frame period must be from 1e-6 to 1e9");
+        "x.cfg:2: profileCfg has a sample rate outside the range 1e-6 to 1e9\n"
+        "x.cfg:4: frameCfg has a frame period outside the range 1e-6 to 1e9");
 }
 
 TEST_CASE("radar cfg settings with unwanted effects cause warnings") {
@@ -304,7 +304,7 @@ TEST_CASE(
                                             "antennas than subframe 0; a record "
                                             "is the mean of all subframes");
   CHECK(refusal(changed("guiMonitor -1", "guiMonitor 2")) ==
-        "x.cfg:34: guiMonitor selects one subframe; expected -1 for all");
+        "x.cfg:34: guiMonitor selects one subframe; expected -1 for all subframes");
   CHECK(refusal(changed("subFrameCfg 2 0", "subFrameCfg 1 0")) ==
         "x.cfg:29: advFrameCfg has no subFrameCfg 2");
   CHECK(refusal(changed("advFrameCfg 4", "% advFrameCfg 4")) == "x.cfg: has no advFrameCfg");

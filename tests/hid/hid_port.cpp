@@ -116,8 +116,9 @@ TEST_CASE("an address that matches two CP2110 devices is refused") {
   Host host;
   host.open();
   host.goes();
-  CHECK_THAT(host.why, Catch::StartsWith(
-                           "hid:10c4:ea80: open; the address matches several devices (attached: "));
+  CHECK_THAT(host.why,
+             Catch::StartsWith(
+                 "hid:10c4:ea80: cannot open; the address matches several devices (attached: "));
 }
 
 TEST_CASE("a HID port transfers bytes both ways and splits long writes") {

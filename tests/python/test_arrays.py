@@ -50,15 +50,15 @@ def test_row_of_nan_marks_the_sensor_as_invalid_in_that_record(tmp_path):
 
 
 @pytest.mark.parametrize("said, arrays", [
-    ("has neither spd.npy", {}),
+    ("contains neither spd.npy", {}),
     ("radar: has 4 rows", {"spd": np.ones((3, 5)), "radar": np.ones((4, 4))}),
     ("spd: its shape is [15]; expected 2 dimensions", {"spd": np.ones(15)}),
     ("expected counts of 0 or more", {"spd": -np.ones((3, 5))}),
-    ("multiply by 16 if each row is a mean of that number", {"spd": np.arange(15).reshape(3, 5) / 16}),
+    ("multiply by 16 if each row is the mean over that number", {"spd": np.arange(15).reshape(3, 5) / 16}),
     ("multiply a normalised histogram by its photon number", {"spd": np.random.default_rng(1).random((3, 5))}),
     ("spd: has no rows", {"spd": np.ones((0, 5))}),
-    ("nothing to import: 3 records; none has a valid sensor", {"spd": np.full((3, 5), np.nan)}),
-    ("expected one that matches radar.npy and radar.antennas",
+    ("nothing to import: 3 records; no record contains valid data", {"spd": np.full((3, 5), np.nan)}),
+    ("expected a shape that matches radar.npy and radar.antennas",
      {"radar": np.ones((3, 5)), "array": np.ones((3, 5, 7)), "antennas": [(0, 0)]}),
     ("\"1.0\"; expected at most 12 texts", {"radar": np.ones((3, 5)), "antennas": [(1,)]}),
     ("exceeds 32 bits", {"spd": np.full((3, 5), 2.0 ** 33)}),
@@ -147,7 +147,7 @@ def test_began_argument_sets_the_start_time_of_an_imported_run(tmp_path):
     listed = subprocess.run([ACQUIRE, "list", tmp_path, "--json"], capture_output=True, text=True, check=True).stdout
     assert "2024-02-07T12:00:00" in listed
     assert events(write(tmp_path / "today", **scene())) == [
-        "start time unknown: the modification time of radar.npy is used; --began UTC sets it"]
+        "start time unknown: the modification time of radar.npy is used; set it with --began UTC"]
     for text in ("2024-02-30", "2024-02-07T13:00:00+25:00", "2024-02-07T13:00:00+1", "noon"):
         with pytest.raises(RuntimeError, match="expected a time such as"):
             write(tmp_path / "other", began=text, **scene())

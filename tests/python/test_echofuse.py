@@ -194,7 +194,7 @@ def test_open_refuses_a_wal_file_of_another_run(folder, tmp_path):
     killed_run(folder, path, 7)
     killed_run(folder, tmp_path / "b.sqlite", 12)
     shutil.copy(f"{tmp_path / 'b.sqlite'}-wal", f"{path}-wal")
-    with pytest.raises(ValueError, match=r"a\.sqlite-wal is of another run \(key ") as refused:
+    with pytest.raises(ValueError, match=r"a\.sqlite-wal belongs to another run \(key ") as refused:
         echofuse.open(path)
     assert outcome("echofuse-acquire", "info", path).stderr == f"echofuse-acquire: {refused.value}\n"
     assert outcome("echofuse-export", path, "--to", tmp_path / "a.h5").returncode == 1

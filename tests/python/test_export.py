@@ -276,7 +276,7 @@ def test_export_refuses_invalid_metadata(runs, tmp_path, meta):
     shutil.copy(runs / "far.sqlite", tmp_path / "bad.sqlite")
     change(tmp_path / "bad.sqlite", ("UPDATE run SET meta = ?", meta))
     done = tool(tmp_path / "bad", "--to", tmp_path / "a.h5")
-    assert (done.returncode, done.stderr) == (1, f"echofuse-export: {tmp_path / 'bad.sqlite'}: meta is not a JSON object of texts\n")
+    assert (done.returncode, done.stderr) == (1, f"echofuse-export: {tmp_path / 'bad.sqlite'}: meta is not a JSON object of strings\n")
 
 
 def test_export_marks_a_record_as_unreadable_if_a_number_replaces_its_array(runs, tmp_path):

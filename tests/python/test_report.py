@@ -271,7 +271,7 @@ def test_report_on_a_full_disk_or_after_sigterm_leaves_no_files(here, tmp_path):
     (["--live", "fresh.sqlite", "--maps", "m"], 2, "--maps needs --run"),
     (["--run", "fresh.sqlite", "--maps", "m", "other/m"], 2, "duplicate name m; give NAME=FOLDER"),
     ([], 2, "nothing to report on: give --run with models, or --live"),
-    (["--run", "fresh.sqlite", "--model", "body", "--compare", "body", "spd"], 2, "--compare and --model exclude each other"),
+    (["--run", "fresh.sqlite", "--model", "body", "--compare", "body", "spd"], 2, "--compare and --model cannot be combined"),
     (["--live", "fresh.sqlite", "--empty", "run.sqlite"], 2, "--empty needs --run"),
     (["--lvie", "fresh.sqlite"], 2, "--lvie"),
     (["--live", "nofile"], 1, "nofile.sqlite: No such file or directory; expected a run file"),

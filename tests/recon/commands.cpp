@@ -209,7 +209,7 @@ TEST_CASE(
   std::ofstream(path) << "record,name,iou\n7,a,0.2\n,a,0.4\n";
   const auto o = recon_program("compare " + path);
   CHECK(o.code == 1);
-  CHECK(o.text.find("a line contains no record number") != std::string::npos);
+  CHECK(o.text.find("a line contains no record index") != std::string::npos);
 }
 
 TEST_CASE("the nearest-neighbour baseline does not depend on the evaluated model") {

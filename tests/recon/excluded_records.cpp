@@ -138,7 +138,7 @@ TEST_CASE("the rows command prints the split part of each record or the reason f
   CHECK(judged(dir / "b") == test);
   const nlohmann::json blocked = rows((dir / "a") + " --split blocked --set gap=2");
   CHECK(blocked[59]["part"] == "test");
-  CHECK(std::ranges::count(blocked, "in the gap of the split",
+  CHECK(std::ranges::count(blocked, "in the gap between the parts of the split",
                            [](const auto& row) { return row.value("left_out", ""); }) == 4);
   CHECK(recon_program("rows --seed 2 " + (dir / "a") + " --model " + (dir / "m")).code == 2);
 }
@@ -283,7 +283,7 @@ TEST_CASE("evaluate refuses a run with dead held-out records, and train refuses 
   const Outcome none =
       recon_program("train -q --model mean " + (dir / "a") + " --out " + (dir / "n"));
   CHECK(none.code == 1);
-  CHECK_THAT(none.text, Catch::Contains("has no record to train with"));
+  CHECK_THAT(none.text, Catch::Contains("contains no record to train on"));
 }
 
 TEST_CASE("a record that occurs twice in a run is used once") {
@@ -310,8 +310,8 @@ TEST_CASE(
     write_run(dir / name, 12, 1, [&](record::FusedRecord& r) { r.valid.erase(lost); });
     return "train " + (dir / name) + " --out " + (dir / "m");
   };
-  refuses(run("blind", Sensor::radar), 1, "no record has radar: use --inputs spd");
-  refuses(run("dark", Sensor::spd), 1, "no record has spd: use --inputs radar");
+  refuses(run("blind", Sensor::radar), 1, "no record has radar data; use --inputs spd");
+  refuses(run("dark", Sensor::spd), 1, "no record has SPD data; use --inputs radar");
   refuses(run("without_maps", Sensor::depth), 1, "no record has a depth map");
   const auto held = [](record::FusedRecord& r) {
     Rng rng = make_rng(1, static_cast<std::uint64_t>(r.index) / 12);
@@ -327,7 +327,7 @@ TEST_CASE(
                          (dir / "m") + more)
         .text;
   };
-  CHECK_THAT(says("held", ""), Catch::Contains("neighbours in time are alike") &&
+  CHECK_THAT(says("held", ""), Catch::Contains("consecutive records are alike") &&
                                    Catch::Contains("use --split blocked"));
   CHECK_THAT(says("held", " --split blocked"), !Catch::Contains("alike"));
   CHECK_THAT(says("free", ""), !Catch::Contains("alike"));

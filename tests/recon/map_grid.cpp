@@ -52,8 +52,8 @@ TEST_CASE("loading refuses runs with different map grids and runs with invalid m
   write_mapped(dir / "b", 2, {32, 0.55}, 2);
   CHECK(error_of([&] {
           load({dir / "a", dir / "b"});
-        }) == dir / "b" + ": depth maps are 32 x 32 over tangents of +-0.55, up to 6 m; " +
-                  dir / "a" + " has 64 x 64 over tangents of +-0.55, up to 6 m");
+        }) == dir / "b" + ": depth maps have 32 x 32 pixels, |x/z| up to 0.55, depth up to 6 m; " +
+                  dir / "a" + " has 64 x 64 pixels, |x/z| up to 0.55, depth up to 6 m");
   write_mapped(dir / "same", 2, {}, 3);
   CHECK(load({dir / "a", dir / "same"}).size() == 4);
   const auto refused = [&](const std::string& statement) {
@@ -94,8 +94,8 @@ TEST_CASE(
     const Outcome judged = recon_program("evaluate " + m + " " + (dir / "other"));
     CHECK(judged.code == 1);
     CHECK_THAT(judged.text,
-               Catch::Contains("depth maps are 64 x 64 over tangents of +-0.55, up to 6 m; "
-                               "the model has 24 x 24 over tangents of +-0.55, up to 6 m"));
+               Catch::Contains("depth maps have 64 x 64 pixels, |x/z| up to 0.55, depth up to 6 m; "
+                               "the model has 24 x 24 pixels, |x/z| up to 0.55, depth up to 6 m"));
     const Outcome drawn = recon_program("reconstruct -q " + m + " " + (dir / "other") + out);
     CAPTURE(drawn.text);
     CHECK(drawn.code == 0);

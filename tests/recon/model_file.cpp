@@ -149,7 +149,7 @@ const std::vector<Hostile> hostile_files = {
     {"a missing fact", "ridge", "0/train_s: is missing",
      [](auto& m) { m.facts.erase("0/train_s"); }},
     {"a text for a number", "ridge", "0/train_s: expected a number", fact("0/train_s", "long")},
-    {"a number for a text", "ridge", "0/scaling: expected a text", fact("0/scaling", 3)},
+    {"a number for a text", "ridge", "0/scaling: expected a string", fact("0/scaling", 3)},
     {"a fraction for a count", "ridge", "estimators: expected a whole number",
      fact("estimators", 1.5)},
     {"a list for a fact", "ridge", "0/train_s: expected a number or a string",
@@ -233,7 +233,7 @@ const std::vector<Spoilt> spoilt_files = {
      }},
     {"an old HDF5 file", "not a model file",
      [](const Bytes&) { return text_file("\x89HDF\r\n\x1a\n" + std::string(4096, '\0')); }},
-    {"an old safetensors file", "model of an older version; train it again",
+    {"an old safetensors file", "the model has an older format; train it again",
      [](const Bytes&) {
        return text_file("ECHOFUSE" + std::string(504, '\0') + "\x89HDF\r\n\x1a\n");
      }},

@@ -273,7 +273,7 @@ TEST_CASE("a part of a data set is not completed while another program reads its
     REQUIRE(reader.holds());
   }
   ::unsetenv("TMPDIR");
-  CHECK_THAT(said, Catch::Contains("another program reads it"));
+  CHECK_THAT(said, Catch::Contains("another program is reading it"));
   CHECK(std::filesystem::is_empty(folder.path));
 }
 

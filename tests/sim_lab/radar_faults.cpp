@@ -383,8 +383,9 @@ TEST_CASE("the radar driver detects ports of two boards by frames from a stopped
   TwoBoards b;
   b.driver->start(b.sink);
   REQUIRE(b.reach(DeviceState::misconfigured, GENERATE(10ms, 50ms, 120ms)));
-  CHECK_THAT(b.sink.events.back(),
-             Catch::StartsWith("radar.cli and radar.data are ports of two boards: frame "));
+  CHECK_THAT(
+      b.sink.events.back(),
+      Catch::StartsWith("radar.cli and radar.data are ports of two different boards: frame "));
   CHECK(b.sink.radar.empty());
   CHECK_FALSE(b.board.running());
   CHECK(b.board.heard() ==

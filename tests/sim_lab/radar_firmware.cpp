@@ -354,7 +354,7 @@ TEST_CASE("each simulated radar board accepts only its own cfgs, and errors name
                   Catch::Contains("the board runs the hardware-accelerator demo (AOP, ODS): use "
                                   "config/radar/xwr64xx_aop"));
         else if (!right_demo && right_sdk)
-          CHECK_THAT(failure, Catch::Contains("cfg of the hardware-accelerator demo") &&
+          CHECK_THAT(failure, Catch::Contains("cfg for the hardware-accelerator demo") &&
                                   Catch::Contains("Then use config/radar/xwr68xx_"));
         else if (!right_sdk && right_demo)
           CHECK_THAT(failure, Catch::Contains("use a cfg for SDK 3."));

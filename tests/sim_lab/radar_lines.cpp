@@ -72,8 +72,9 @@ TEST_CASE("the radar driver detects the data port of another board on pseudo-ter
   Lines mixed(a, b.dir);
   REQUIRE(run_until(mixed.loop, [&] { return mixed.sink.state() == DeviceState::misconfigured; }));
   CHECK(mixed.sink.radar.empty());
-  CHECK_THAT(mixed.sink.events.back(),
-             Catch::StartsWith("radar.cli and radar.data are ports of two boards: frame "));
+  CHECK_THAT(
+      mixed.sink.events.back(),
+      Catch::StartsWith("radar.cli and radar.data are ports of two different boards: frame "));
   mixed.driver.reset();
   // The board already sends frames when the driver connects.
   Lines again(b);

@@ -104,7 +104,7 @@ class Calibrate(unittest.TestCase):
             self.assertNotIn("--window", said["refusal"])
         self.assertFalse(stored.exists())
         far = measure("detector", "--only", "radar", bias_m=.3)[1]["refusal"]
-        self.assertIn("is --distance right", far)
+        self.assertIn("check --distance", far)
         self.assertNotIn("--window", far)
         for sensor in "spd", "radar":
             code, said = measure("each", "--reflector", "each", "--only", sensor)
@@ -140,7 +140,7 @@ class Calibrate(unittest.TestCase):
             done = calibrate(side, "--side", side)
             self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
             self.assertIn(f"echo on the {side} at", done.stdout)
-            self.assertIn("the antenna row is not swapped", done.stdout)
+            self.assertIn("the antenna order is correct", done.stdout)
         self.assertEqual(calibrate("left", "--side", "right").returncode, 4)
 
     def test_model_for_calibrated_antennas_works_on_a_recorded_run(self):
@@ -182,7 +182,7 @@ class Calibrate(unittest.TestCase):
             said = json.loads(done.stdout.splitlines()[-1])
             self.assertEqual(farther_m > 0, "radar_taps" in said["response"], said)
             if farther_m < 0:
-                self.assertIn("at 3 m for cells of 50 cm", said["unstated"]["radar_taps"])
+                self.assertIn("at 3 m for range cells of 50 cm", said["unstated"]["radar_taps"])
                 continue
             taps, _, error = said["response"]["radar_taps"].partition(" +- ")
             for tap, true in zip(taps.split(), hann.split()):

@@ -174,7 +174,7 @@ class HostileRuns(unittest.TestCase):
         self.assertEqual({n: c for n, c in codes.items() if c}, {"label": 1}, (codes, self.said))
 
     def test_commands_refuse_a_run_with_foreign_tables(self):
-        only = "expected the tables of a run only"
+        only = "expected only the tables of a run"
         self.refused({
             "endless view": (f"{RECORD_VIEW}{ENDLESS}r0.* FROM r0, c", only),
             "endless view of events": (f"DROP TABLE event; CREATE VIEW event AS {ENDLESS}x, x, x, x FROM c", only),
@@ -182,12 +182,12 @@ class HostileRuns(unittest.TestCase):
             "index": ("CREATE INDEX i ON record(hex(label))", only),
             "strange name": ("CREATE TABLE \"a\x1b[31m\nb\" (x)", "a\\x1b[31m\\nb"),
             "virtual table": ("CREATE VIRTUAL TABLE v USING rtree(id, a, b)", only),
-            "generated column": ("ALTER TABLE event ADD COLUMN x AS (hex(zeroblob(100000000)))", "its table event is not defined as in a run"),
-            "default": ("ALTER TABLE event ADD COLUMN x TEXT DEFAULT (hex(zeroblob(100000000)))", "its table event is not defined as in a run"),
+            "generated column": ("ALTER TABLE event ADD COLUMN x AS (hex(zeroblob(100000000)))", "its table event does not have the expected definition"),
+            "default": ("ALTER TABLE event ADD COLUMN x TEXT DEFAULT (hex(zeroblob(100000000)))", "its table event does not have the expected definition"),
             "check": ("DROP TABLE late; CREATE TABLE late (idx INTEGER PRIMARY KEY, spd INTEGER, radar INTEGER, depth INTEGER,"
-                      " CHECK (length(hex(zeroblob(100000000))) = 0))", "its table late is not defined as in a run"),
+                      " CHECK (length(hex(zeroblob(100000000))) = 0))", "its table late does not have the expected definition"),
             "no rowid": ("DROP TABLE late; CREATE TABLE late (idx INTEGER PRIMARY KEY, spd INTEGER, radar INTEGER, depth INTEGER)"
-                         " WITHOUT ROWID", "its table late is not defined as in a run"),
+                         " WITHOUT ROWID", "its table late does not have the expected definition"),
             "no records": ("DROP TABLE record", "has no table record"),
         }, "note")
 
@@ -217,8 +217,8 @@ class HostileRuns(unittest.TestCase):
             "words": (axis("step = 'many'"), "expected finite numbers"),
             "1e7": (axis("count = 16000000", "name = 'spd'") + ";" + """
                 WITH RECURSIVE c(x) AS (SELECT 1000 UNION ALL SELECT x + 1 FROM c LIMIT 5000)
-                INSERT INTO record (idx, valid) SELECT x, 0 FROM c""", "do not fit in"),
-            "8192 x 8192 pixels": (axis("count = 8192", "name = 'map_x'"), "8192 points in each of its records do not fit"),
+                INSERT INTO record (idx, valid) SELECT x, 0 FROM c""", "exceed the file size"),
+            "8192 x 8192 pixels": (axis("count = 8192", "name = 'map_x'"), "8192 points per record exceed the file size"),
             "infinite": (axis("start = 9e999, step = -9e999"), "expected finite numbers"),
             "no step": (axis("step = 0"), "expected finite numbers"), "tiny": (axis("step = 1e-300"), "expected finite numbers"),
             "huge": (axis("start = 1e300, step = 1e300"), "expected finite numbers"),
@@ -252,13 +252,13 @@ class HostileRuns(unittest.TestCase):
     def test_commands_refuse_a_run_with_invalid_metadata(self):
         for text in ("", "[", "[]", "{\"a\": 1}", "[" * 100000, "null"):
             with self.subTest(text[:9]):
-                self.refused({"meta": (f"UPDATE run SET meta = '{text}'", "meta is not a JSON object of texts")})
+                self.refused({"meta": (f"UPDATE run SET meta = '{text}'", "meta is not a JSON object of strings")})
 
     def test_commands_refuse_a_run_with_invalid_record_numbers(self):
         last = f"idx = {RECORDS - 1}"
         for name, (change, why) in {
                 "one at the end": (f"UPDATE record SET idx = 9223372036854775807 WHERE {last}", "9223372036854775807"),
-                "all at the end": ("UPDATE record SET idx = 9223372036854775807 - idx", "damaged: a record has the index"),
+                "all at the end": ("UPDATE record SET idx = 9223372036854775807 - idx", "damaged: the record index"),
                 "far": (f"UPDATE record SET idx = 9007199254740993 WHERE {last}", "9007199254740993")}.items():
             with self.subTest(name):
                 codes = self.attack(self.make(change))

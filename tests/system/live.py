@@ -333,7 +333,7 @@ class Live(unittest.TestCase):
         log = self.finish(daemon)
         self.assertLess(time.monotonic() - sent, 5)
         self.assertEqual(daemon.returncode, 6, log)
-        self.assertRegex(log, r"another program holds a write transaction; its last [3-9] records are not written")
+        self.assertRegex(log, r"another program holds a write transaction; its last [3-9] records were not written")
         self.assertEqual(self.committed(), before)
         writer.execute("ROLLBACK")
         self.assertEqual(self.info()["status"], "crashed")
@@ -362,11 +362,11 @@ class Live(unittest.TestCase):
         checked = acquire("doctor", mixed, "--json")
         self.assertEqual(checked.returncode, 3, checked.stderr)
         radar = [check for check in json.loads(checked.stdout)["checks"] if check["check"] == "radar"]
-        self.assertIn("ports of two boards", radar[0]["found"])
+        self.assertIn("ports of two different boards", radar[0]["found"])
         self.assertRegex(radar[0]["advice"], "^correct the configuration")
         refused = acquire("run", mixed, "--out", self.run, "--count", "2")
         self.assertEqual(refused.returncode, 3, refused.stderr)
-        self.assertIn("radar.cli and radar.data are ports of two boards", refused.stderr)
+        self.assertIn("radar.cli and radar.data are ports of two different boards", refused.stderr)
         self.assertFalse(self.run.exists())
 
 

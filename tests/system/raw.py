@@ -89,7 +89,7 @@ class Raw(unittest.TestCase):
             done = subprocess.run([bin_dir / "echofuse-acquire", "import", self.raw, "--out", self.dir / "other"],
                                   capture_output=True, text=True, timeout=20)
             self.assertEqual(done.returncode, 1, done.stderr)
-            self.assertIn("is a number damaged?", done.stderr)
+            self.assertIn("check whether a number is damaged", done.stderr)
 
 
 if __name__ == "__main__":

@@ -134,7 +134,7 @@ class Service(live.Live):
         info = self.info()
         self.assertEqual(info["status"], "stopped:disk")
         lost = info["counters"]["run"]["unwritten"]
-        self.assertIn(f"its last {lost} records are not written", log)
+        self.assertIn(f"its last {lost} records were not written", log)
         self.assertEqual(info["events"]["error"], 1)
         self.assertIn("6", Unit()["Service"]["RestartPreventExitStatus"].split())
         lines = self.notify.close()

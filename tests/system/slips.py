@@ -14,34 +14,34 @@ import tempfile
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 # Each line has a command, its exit code, and a text that the output contains.
 TABLE = """
-recon trian | 2 | trian: no such command; the nearest is train
+recon trian | 2 | trian: no such command; the most similar name is train
 recon help train | 0 | fit a model to runs
 recon --help | 0 | evaluate
-recon train x --otu y | 2 | --otu: no such option; the nearest is --out
+recon train x --otu y | 2 | --otu: no such option; the most similar name is --out
 recon train nofile --out m | 1 | nofile.sqlite: No such file or directory; expected a run file
 recon evaluate nomodel norun | 1 | nomodel: No such file or directory; expected a model file
 recon compare three.toml | 1 | three.toml: expected columns record, name and iou, as written by evaluate --per-record
 recon train x --out m --model factorisd | 2 | factorisd
 recon train x --out m --set epoch=3 | 3 | --set epoch=3: unknown key; no similar name
-acquire run --cont 3 | 2 | --cont: no such option; the nearest is --count
-acquire run --uot x | 2 | --uot: no such option; the nearest is --out
+acquire run --cont 3 | 2 | --cont: no such option; the most similar name is --count
+acquire run --uot x | 2 | --uot: no such option; the most similar name is --out
 acquire run --count 0 | 2 | --count: Value 0: expected a positive number
 acquire run --count 1e30 | 2 | --count = 1e30: expected a number
 acquire run --meta x | 3 | no configuration
 acquire config check --config TEMPLATE | 3 | lab.toml:38:1: radar.cli: still contains the template's XXXXXXXX; echofuse-acquire devices prints
 acquire | 2 | a command is required
-acquire lst | 2 | lst: no such command; the nearest is list
+acquire lst | 2 | lst: no such command; the most similar name is list
 acquire info nofile | 1 | nofile
-sim dataset --otu x | 2 | --otu: no such option; the nearest is --out
+sim dataset --otu x | 2 | --otu: no such option; the most similar name is --out
 sim dataset --records 1e30 --out x | 2 | --records: Value 1e30 not in range 0 to 10000000
-sim dataset --out x --set spd_bins=3 | 3 | unknown key; the nearest known one is "bins"
-sim dataset --out x --set reflector=3 | 3 | unknown key; the nearest known one is "reflector_before"
+sim dataset --out x --set spd_bins=3 | 3 | unknown key; the most similar known name is "bins"
+sim dataset --out x --set reflector=3 | 3 | unknown key; the most similar known name is "reflector_before"
 sim lab --bogus -- ls --foo | 2 | --bogus: no such option; --help lists them
 sim dataset --out x --like nofile | 3 | nofile
-view --modle m x | 2 | --modle: no such option; the nearest is --model
+view --modle m x | 2 | --modle: no such option; the most similar name is --model
 view | 2 | RUN is required
 acquire config check --config three.toml | 3 | three.toml:2:13: not TOML
-recon train dark.sqlite --out m | 1 | dark.sqlite: no record has a depth map: training needs the depth camera
+recon train dark.sqlite --out m | 1 | dark.sqlite: no record has a depth map; training needs the depth camera
 recon train seen.sqlite --out m.safetensors --from nomodel | 1 | nomodel: No such file or directory; expected a model file
 recon train seen.sqlite --out seen.sqlite | 2 | seen.sqlite
 recon train seen.sqlite --out m --set doubtful=log | 3 | expected
@@ -64,8 +64,8 @@ acquire run --count 3 --duration 5s | 2 | --count cannot be combined with --dura
 acquire run --duration 99999999999h | 2 | --duration: expected at most 87660h (ten years)
 acquire calibrate --distance -1 | 2 | --distance: Value -1 not in range 0.1 to 100
 acquire calibrate --distance 1m | 2 | --distance: 1m: expected a number from 0.1 to 100, without a unit
-sim dataset --out x --set background=200 | 3 | "corridor"; another key is "background_counts"
-sim dataset --out x --set signal=3 | 3 | unknown key; the nearest known one is "signal_photons"
+sim dataset --out x --set background=200 | 3 | "corridor"; there is another key "background_counts"
+sim dataset --out x --set signal=3 | 3 | unknown key; the most similar known name is "signal_photons"
 acquire calibrate --reflector front | 2 | --reflector: front not in {detector,each}
 acquire calibrate --side right --check | 2 | --side
 export seen.sqlite --to x.txt | 2 | --to x.txt: expected NAME.h5 or NAME.nc, or NAME.csv with --record N

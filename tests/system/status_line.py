@@ -102,7 +102,7 @@ class StatusLine(live.Live):
         daemon.send_signal(signal.SIGINT)
         wait_for("an answer", lambda: "finishing the slot, " in self.terminal.text)
         self.assertLess(time.monotonic() - asked, 1)
-        self.assertRegex(self.terminal.text, r"finishing the slot, [\d.]+ s left; press Ctrl-C again to end at once")
+        self.assertRegex(self.terminal.text, r"finishing the slot, [\d.]+ s left; press Ctrl-C again to stop immediately")
         daemon.send_signal(signal.SIGINT)
         self.assertEqual(self.end(daemon), 130)
         self.assertLess(time.monotonic() - asked, 2)

@@ -252,7 +252,7 @@ TEST_CASE("a USB tagger that cannot be opened is reported in one line") {
   SECTION("a USB tagger with another serial number is reported") {
     Bench b;
     CHECK(refusal(b, "usb:1209:0001:T2") ==
-          "usb:1209:0001:T2: open; only T1 is attached: No such device");
+          "usb:1209:0001:T2: cannot open; only T1 is attached: No such device");
   }
   SECTION("a missing USB tagger is reported") {
     Bench b;
@@ -284,7 +284,7 @@ TEST_CASE("a USB tagger that cannot be opened is reported in one line") {
     Bench::subclass = 0;
     Bench b;
     Bench::subclass = 0x45;
-    CHECK_THAT(refusal(b, address), Catch::Contains("no interface for blocks"));
+    CHECK_THAT(refusal(b, address), Catch::Contains("the device has no interface for blocks"));
   }
   SECTION("a USB tagger in use by another program is reported") {
     Bench b;

@@ -112,8 +112,8 @@ TEST_CASE("tag times that wrap are continued and cause an event") {
   const Outcome run = run_of(
       {.pulse = ordinary, .time = [=](std::int64_t t) { return t % (std::int64_t{1} << bits); }});
   CHECK(run.events.size() == 2);  // one event at detection, one with the count at the end
-  CHECK_THAT(run.events.at(0),
-             Catch::Contains("restarts of the tagger's time at 2^" + std::to_string(bits) + " ps"));
+  CHECK_THAT(run.events.at(0), Catch::Contains("wrap-arounds of the tagger's time at 2^" +
+                                               std::to_string(bits) + " ps"));
   for (std::size_t i = 2; i < 10; ++i) {
     CHECK(run.verdict(i) == "ok");
     CHECK(run.records[i].spd_counts.out_of_range == 0);
@@ -124,7 +124,8 @@ TEST_CASE("tag times that wrap are continued and cause an event") {
 TEST_CASE("backward steps in tag times are counted") {
   const Outcome run =
       run_of({.pulse = ordinary, .time = [](std::int64_t t) { return t % (3 * s); }});
-  CHECK_THAT(run.events.at(0), Catch::Contains("1 steps back of the tagger's time by up to 3 s"));
+  CHECK_THAT(run.events.at(0),
+             Catch::Contains("1 backward steps of the tagger's time by up to 3 s"));
 }
 
 TEST_CASE("a tagger clock that drifts from the host clock is reported") {
@@ -149,7 +150,7 @@ TEST_CASE("a tagger overflow that never ends causes a verdict and an event") {
   CHECK_THAT(run.verdict(9), Catch::StartsWith("in overflow for "));
   CHECK_FALSE(run.records[9].has(Sensor::spd));
   CHECK(std::ranges::any_of(run.events, [](const auto& e) {
-    return e.find("1 overflows without an end within 3 s") != std::string::npos;
+    return e.find("1 overflows that did not end within 3 s") != std::string::npos;
   }));
 }
 
@@ -241,7 +242,8 @@ TEST_CASE("tags out of order by up to 1 us are sorted and counted") {
     out.push_back(tag(1, at));
     if (i % 50 == 25) out.push_back(tag(2, at + click_after(i)));
   }});
-  CHECK_THAT(run.events.at(0), Catch::Contains("events out of order by up to 1 us, sorted"));
+  CHECK_THAT(run.events.at(0),
+             Catch::Contains("events out of order by up to 1 us; the events were sorted"));
   for (const auto& r : run.records) CHECK(r.spd_counts.out_of_range == 0);
 }
 
@@ -255,7 +257,8 @@ TEST_CASE("tags out of order across two blocks are sorted without loss") {
     }
     ordinary(out, i, at);
   }});
-  CHECK_THAT(run.events.at(0), Catch::Contains("events out of order by up to 1 us, sorted"));
+  CHECK_THAT(run.events.at(0),
+             Catch::Contains("events out of order by up to 1 us; the events were sorted"));
   for (const auto& r : run.records) {
     CHECK(r.spd_counts.out_of_range == 0);
     CHECK(r.spd_counts.starts == 4000);

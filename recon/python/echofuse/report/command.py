@@ -355,7 +355,7 @@ def require(args: argparse.Namespace) -> None:
     missing."""
     for wrong, text in ((args.empty and not args.run, "--empty needs --run"),
                         (args.model and args.compare,
-                         "--compare and --model exclude each other"),
+                         "--compare and --model cannot be combined"),
                         (not args.run and args.compare, "--compare needs --run"),
                         (not args.run and args.maps, "--maps needs --run"),
                         (not args.run and args.model and not args.live,

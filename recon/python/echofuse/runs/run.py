@@ -455,7 +455,7 @@ class Run:
             found = np.frombuffer(blob, stored)
             if bad := np.flatnonzero(~(np.isfinite(found["power"])
                                        & (found["power"] >= 0))).tolist():
-                raise ValueError(f"{place} bin {bad[0]} has no finite power")
+                raise ValueError(f"{place} bin {bad[0]}: the power is negative or not finite")
             yield row, found
 
     @cached_property

@@ -173,8 +173,8 @@ def refuse_foreign_wal(path: pathlib.Path) -> None:
         return  # the run has no key
     difference = (found - expected) % (1 << 32)
     if min(difference, (1 << 32) - difference) > MAX_RESTARTS:
-        raise ValueError(f"{path}: was not closed, and {side_file(path, '-wal')} is of another run "
-                         f"(key {found:08x}, expected {expected:08x}); move it away")
+        raise ValueError(f"{path}: was not closed, and {side_file(path, '-wal')} belongs to "
+                         f"another run (key {found:08x}, expected {expected:08x}); move it away")
 
 
 def opened(path: pathlib.Path, options: str) -> Connection:
@@ -235,8 +235,8 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
                 rest = side_file(path, suffix)
                 if rest.is_file() and rest.stat().st_size:
                     raise ValueError(
-                        f"{path}: was not closed, and its last records are in {rest}; copy both to "
-                        "a writable folder") from None
+                        f"{path}: was not closed, and its last records are in {rest}; copy both "
+                        "files to a writable folder") from None
             continue
         if db.is_closed() and not closed:  # the writer has just closed the run
             db.close()
@@ -283,7 +283,7 @@ def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
         if kind != "table" or name not in TABLES | STATISTICS or computed:
             escaped, quoted = printable(name), printable(name.replace('"', '""'))
             raise ValueError(
-                f'{path}: holds the {kind} "{escaped}"; expected the tables of a run only; '
+                f'{path}: contains the {kind} "{escaped}"; expected only the tables of a run; '
                 f'remove it with: DROP {kind.upper()} "{quoted}"')
 
 
@@ -294,7 +294,7 @@ def meta_of(path: pathlib.Path, text: Any) -> dict[str, str]:
             return meta
     except (TypeError, ValueError, RecursionError):
         pass
-    raise ValueError(f"{path}: meta is not a JSON object of texts")
+    raise ValueError(f"{path}: meta is not a JSON object of strings")
 
 
 def table(path: pathlib.Path, name: str) -> dict[str, NDArray[Any]]:

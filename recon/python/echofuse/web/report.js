@@ -364,7 +364,7 @@ const kinds = {
     make(parent, 'p', {textContent: `${r.title}: drag or use the arrow keys to rotate; use the wheel or two fingers to zoom.`});
     const buttons = make(parent, 'div', {className: 'tools'});
     const maps = [...r.maps.map(m => [m.name, m.map]), ['truth', r.truth]];
-    make(make(parent, 'div', {id: 'cloud-box'}), 'canvas', {id: 'cloud', tabIndex: 0, role: 'img', ariaLabel: 'points of the map in space'});
+    make(make(parent, 'div', {id: 'cloud-box'}), 'canvas', {id: 'cloud', tabIndex: 0, role: 'img', ariaLabel: 'point cloud of the map'});
     const cloud = new Cloud();
     let shown = 0;
     const show = i => {

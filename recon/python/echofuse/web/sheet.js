@@ -16,7 +16,7 @@ export class Sheet {
     const {index, label, lacks, arrays: {maps}} = this.message, side = maps.shape[1], shown = 3 * side;
     const step = index.length > 1 ? (index.at(-1) - index[0]) / (index.length - 1) : 1;
     document.getElementById('sheet-of').textContent = index.length ? `camera images of ${index.length} records`
-      + (step > 1.01 ? `, one in ${+step.toFixed(1)}` : '') : '';
+      + (step > 1.01 ? `, one of every ${+step.toFixed(1)} records` : '') : '';
     this.box.replaceChildren(...index.map((at, i) => {
       const button = document.createElement('button'), canvas = document.createElement('canvas');
       const words = document.createElement('span');
