@@ -451,9 +451,10 @@ ExitCode calibrate(const Config& all, const CalibrateOptions& options, port::Loo
                 std::string("nothing to calibrate; set tdc.address, radar.cli or radar.address") +
                     (options.only ? ", or remove --only" : ""));
   if (options.check && config.calibration.entries.empty())
-    throw Error(ExitCode::config,
-                "--check: there is no calibration to compare with; set run.calibration to a "
-                "calibration file");
+    throw Error(
+        ExitCode::config,
+        "--check: run.calibration contains nothing to compare with; set run.calibration to a "
+        "calibration file");
   const Reflector reflector{.mounting = options.mounting,
                             .distance_m = options.search.distance_m,
                             .baseline_m = config.baseline_m,

@@ -240,7 +240,7 @@ std::string to_text(const Json& j) {
   if (j["records"] > 0)
     line("slots", word(j["first_slot_utc"]) + " to " + word(j["last_slot_end_utc"]) + ", " +
                       word(j["window_s"]) + " s each");
-  line("valid", list(j["valid"]) + "; all three " + word(j["all_valid"]));
+  line("valid", list(j["valid"]) + "; all three sensors " + word(j["all_valid"]));
   for (const auto& [sensor, counts] : j["verdicts"].items())
     line("verdicts", counts.empty() ? "" : sensor + ": " + list(counts));
   line("doubts", word(j["doubts"]));

@@ -65,7 +65,7 @@ void Devices::start() {
   for (const auto& entry : config_.calibration.entries)
     if (status(entry.sensor).configured && entry.date_utc < oldest)  // ISO 8601 times sort as text
       next_->on_event(entry.sensor, Severity::warning,
-                      "calibration of " + printable(entry.date_utc, 40) +
+                      "the calibration of " + printable(entry.date_utc, 40) +
                           " is older than 90 days; calibrate again");
   for (const Sensor s : all_sensors)
     if (auto& driver = drivers_[s]; driver && !status(s).holder) driver->start(*this);
@@ -74,7 +74,7 @@ void Devices::start() {
 void Devices::stop() {
   for (const Sensor s : halt())
     next_->on_event(s, Severity::warning,
-                    "device did not confirm the stop and may still be sending");
+                    "the device did not confirm the stop and may still be sending");
 }
 
 // Stops all drivers. Returns the sensors that did not confirm the stop in time.

@@ -143,7 +143,8 @@ std::vector<Finding> findings_of(const Answer& answer, const Capture& capture, c
   if (!answer.delivers) {  // answer.text contains the driver's last warning or error
     const bool answered = !answer.status.info.firmware.empty();
     return {{check, Grade::problem, answer.text,
-             answered ? "" : "check its power, its cable and its address; see `devices`"}};
+             answered ? ""
+                      : "check the power, the cable and the address of the device; see `devices`"}};
   }
   constexpr PerSensor<decltype(&spd_finding)> finders{spd_finding, radar_finding, depth_finding};
   std::vector<Finding> out{finders[answer.sensor](capture, config, time_s)};

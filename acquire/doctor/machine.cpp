@@ -23,8 +23,9 @@ constexpr const char* install_rules =
     "install config/70-echofuse.rules as described in its header, and join the groups dialout, "
     "plugdev and video";
 constexpr const char* check_groups =
-    "replug it; check that this user is in the groups dialout, plugdev and video";
-constexpr const char* check_plug = "check its cable and name; `devices` lists attached devices";
+    "replug the device; check that this user is in the groups dialout, plugdev and video";
+constexpr const char* check_plug =
+    "check the cable and the configured name of the device; `devices` lists attached devices";
 
 std::string text_of(const fs::path& file) {
   std::ifstream in(file);

@@ -197,7 +197,7 @@ Finding radar_finding(const Capture& capture, const Config& config, double time_
   if (capture.profile.size() != cfg.bins) {
     mark(out, Grade::problem,
          format("the profiles have %zu bins, but radar.cfg defines %" PRIu32
-                "; the radar may be running another .cfg",
+                "; the radar may be running a different .cfg",
                 capture.profile.size(), cfg.bins));
     return out;
   }

@@ -113,7 +113,7 @@ void put(const std::string& name, const std::string& level, const std::string& t
     if (level == "label") refuse_closed(name);
     if (put_into_closed(path, event)) return;
     if (std::chrono::steady_clock::now() >= end)
-      cannot_annotate(name, ExitCode::failed, "another process is writing it");
+      cannot_annotate(name, ExitCode::failed, "another process is writing to it");
     std::this_thread::sleep_for(retry_pause);
   }
 }
@@ -122,8 +122,9 @@ void put(const std::string& name, const std::string& level, const std::string& t
 
 void put_note(const std::string& path, const std::string& text, const std::string& who) {
   if (RunReader(path).info().status == crashed_without_wal)  // throws if `path` is not a run file
-    cannot_annotate(path, ExitCode::failed,
-                    "it is a copy without its -wal; closing it would lose the records in the -wal");
+    cannot_annotate(
+        path, ExitCode::failed,
+        "it is a copy without its -wal file; closing it would lose the records in the -wal file");
   put(path, "note", text, who);
 }
 

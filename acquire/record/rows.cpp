@@ -37,7 +37,8 @@ void Row::operator()(std::string_view name, Sensor& value) {
   const auto* const found =
       std::ranges::find_if(all_sensors, [&](Sensor s) { return text == name_of(s); });
   if (found == std::end(all_sensors))
-    return fail("a row has sensor \"" + printable(text, 40) + "\"; expected spd, radar or depth");
+    return fail("a row contains the sensor \"" + printable(text, 40) +
+                "\"; expected spd, radar or depth");
   value = *found;
 }
 

@@ -99,7 +99,8 @@ std::optional<double> SignalCheck::Reference::add(double strength, std::size_t a
 std::string SignalCheck::beside_reference(Sensor sensor, double strength, const char* what) {
   const auto usual = references_[sensor].add(strength, reference_records_);
   if (!usual || strength >= limits_.weak_share * *usual) return {};
-  return format("weak: %s is %.2g times that of the run's first minute", what, strength / *usual);
+  return format("weak: %s is %.2g times its median in the first minute of the run", what,
+                strength / *usual);
 }
 
 std::string SignalCheck::assess_spd(record::FusedRecord& r, const Axis& axis) {

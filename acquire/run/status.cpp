@@ -121,7 +121,7 @@ std::string RunTotals::doubts() const {
   std::string text;
   if (incomplete > 0)
     text += format("; %" PRId64 " incomplete because a required device sent no data", incomplete);
-  if (not_ok > 0) text += format("; %" PRId64 " with a sensor not ok", not_ok);
+  if (not_ok > 0) text += format("; %" PRId64 " with a sensor that is not ok", not_ok);
   return text;
 }
 

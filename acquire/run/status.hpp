@@ -34,7 +34,7 @@ struct RunTotals {
   // doubtful or recovers.
   void take(const record::FusedRecord& record, SensorSet configured,
             const std::function<void(Sensor, Severity)>& changed);
-  // Returns a text such as "; 3 with a sensor not ok"; empty if all records are ok.
+  // Returns a text such as "; 3 with a sensor that is not ok"; empty if all records are ok.
   std::string doubts() const;
 };
 

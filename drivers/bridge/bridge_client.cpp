@@ -78,7 +78,7 @@ void BridgeClient::check_liveness() {
   if (quiet_checks_ == timeout_checks)
     return fail(greeted_      ? "no block received for 4 s"
                 : !connected_ ? "no connection within 4 s"
-                              : "no hello within 4 s; expected an echofuse bridge");
+                              : "no hello block within 4 s; expected an echofuse bridge");
   watch();
 }
 
@@ -122,7 +122,8 @@ void BridgeClient::reject(const Block& block, const char* expected) {
 void BridgeClient::on_hello(const Block& block) {
   const auto hello = read_hello(block.payload);
   if (!hello)
-    return fail("hello is not valid; expected a JSON object with model, serial and firmware");
+    return fail(
+        "the hello block is not valid; expected a JSON object with model, serial and firmware");
   if (std::exchange(greeted_, true)) return;
   hello_ = *hello;
   lost_blocks_ += connections_ > 1;

@@ -75,7 +75,7 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
   const auto [end, differs] = std::mismatch(magic.begin(), magic.end(), bytes.begin(), bytes.end());
   if (end != magic.end() && differs != bytes.end()) {
     ++counts_.bad_headers;
-    return refuse("received bytes are not a bridge block; expected an echofuse bridge",
+    return refuse("the received bytes are not a bridge block; expected an echofuse bridge",
                   static_cast<std::size_t>(differs - bytes.begin()) + 1);
   }
   // Compares even an incomplete magic, so that a foreign protocol is reported at its first bytes.
@@ -84,14 +84,14 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
   const BlockHeader header = read_header(bytes);
   if (!header.plausible()) {
     ++counts_.bad_headers;
-    return refuse("block header is damaged or has another version", header_bytes);
+    return refuse("the block header is damaged or has an unsupported version", header_bytes);
   }
   const std::size_t size = header_bytes + header.payload_bytes;
   if (bytes.size() < size) return {0, size};
   const ByteView payload = bytes.subspan(header_bytes, header.payload_bytes);
   if (crc32c(payload, crc32c(bytes.first(header_bytes - 4))) != header.crc) {
     ++counts_.bad_crcs;
-    return refuse("block has a wrong checksum", size);
+    return refuse("the block has a wrong checksum", size);
   }
   counts_.bytes += size;
   ++counts_.blocks;

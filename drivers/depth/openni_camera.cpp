@@ -149,7 +149,7 @@ class OpenNiCamera::CaptureThread {
         last_frame = now;
       }
       if (session.recording() && now - last_frame > recording_end) return {};
-      if (now - last_frame > silence_limit) return "camera sent no complete frame for 3 s";
+      if (now - last_frame > silence_limit) return "the camera sent no complete frame for 3 s";
     }
     return {};
   }

@@ -128,7 +128,7 @@ std::string OpenNiSession::open(const std::string& uri, const OpenNiOptions& wan
 }
 
 std::string OpenNiSession::open_stream(const OpenNiOptions& wanted) {
-  if (!device_.hasSensor(openni::SENSOR_DEPTH)) return "camera has no depth sensor";
+  if (!device_.hasSensor(openni::SENSOR_DEPTH)) return "the camera has no depth sensor";
   if (stream_.create(device_, openni::SENSOR_DEPTH) != openni::STATUS_OK)
     return failure("cannot create the depth stream");
   std::string wrong = set_up(wanted);
@@ -157,7 +157,7 @@ std::string OpenNiSession::choose_mode(const OpenNiOptions& wanted) {
                  : failure("cannot set the depth mode");
     offered += (offered.empty() ? "" : ", ") + describe_mode(modes[i]);
   }
-  return "camera does not support this depth mode; it offers " + offered;
+  return "the camera does not support this depth mode; it offers " + offered;
 }
 
 std::string OpenNiSession::set_up(const OpenNiOptions& wanted) {
@@ -182,7 +182,8 @@ std::string OpenNiSession::set_up(const OpenNiOptions& wanted) {
            " is not supported (expected depth in mm or 0.1 mm)";
   units_per_mm_ = format == openni::PIXEL_FORMAT_DEPTH_100_UM ? 10 : 1;
   const double h = stream_.getHorizontalFieldOfView(), v = stream_.getVerticalFieldOfView();
-  if (!(h > 0 && h < 3.1 && v > 0 && v < 3.1)) return "camera does not report its field of view";
+  if (!(h > 0 && h < 3.1 && v > 0 && v < 3.1))
+    return "the camera does not report its field of view";
   for (const int side : {mode.getResolutionX(), mode.getResolutionY()})
     if (side < 1 || side > static_cast<int>(max_depth_side))
       return "frame width or height is " + std::to_string(side) + " pixels (limits 1 to " +

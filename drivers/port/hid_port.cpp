@@ -70,7 +70,7 @@ Result<std::string> find_node(const HidAddress& address) {
                    name_of(address) + ": cannot open; the address matches several devices" +
                        others + "): append the serial number");
   if (!others.empty()) others += ')';
-  return failure(std::errc::no_such_device, name_of(address) + ": open" + others);
+  return failure(std::errc::no_such_device, name_of(address) + ": cannot open" + others);
 }
 
 Result<HidDevice> open_device(const HidAddress& address) {
@@ -78,7 +78,7 @@ Result<HidDevice> open_device(const HidAddress& address) {
   const std::lock_guard lock(hidapi_globals);
   const Result<std::string> node = find_node(address);
   if (!node) return node.failure();
-  const std::string doing = name_of(address) + ": open " + *node;
+  const std::string doing = name_of(address) + ": cannot open " + *node;
   const int fd = ::open(node->c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
   int error = fd < 0 ? errno : 0;
   if (error == 0 && ::flock(fd, LOCK_EX | LOCK_NB) != 0)

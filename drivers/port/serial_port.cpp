@@ -82,8 +82,8 @@ class SerialPort final : public StreamPort<serial_port> {
         unknown_rate ? "baud rate " + std::to_string(baud_) +
                            " is not supported (expected a standard rate such as 115200 or 921600)"
         : taken  ? "cannot open (in use by another program)"
-        : denied ? "open (" + permission_hint(path_) + ")"
-                 : "open";
+        : denied ? "cannot open (" + permission_hint(path_) + ")"
+                 : "cannot open";
     boost::asio::post(link_->stream.get_executor(), [link = link_, error, doing] {
       if (error) return link->fail(error, doing.c_str());
       begin(link);

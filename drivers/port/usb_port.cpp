@@ -120,7 +120,7 @@ class UsbWorker {
                                                    serials + "): append the serial number");
     else if (fitting == 0)
       fail(std::errc::no_such_device,
-           others.empty() ? "open" : "cannot open; only " + others + " is attached");
+           others.empty() ? "cannot open" : "cannot open; only " + others + " is attached");
     else
       found = open_device(only) && find_interface(only);
     libusb_free_device_list(list, 1);
@@ -133,7 +133,7 @@ class UsbWorker {
     libusb_device_handle* handle = nullptr;
     const int error = libusb_open(device, &handle);
     handle_.reset(handle);
-    return error == 0 || fail("open", error);
+    return error == 0 || fail("cannot open", error);
   }
 
   std::string text(std::uint8_t index) {

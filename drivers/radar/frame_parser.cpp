@@ -83,15 +83,15 @@ bool fill(ByteView packet, std::size_t header, std::size_t extra) {
 }  // namespace
 
 std::string why_no_frames(ByteView bytes) {
-  if (bytes.empty()) return "file is empty";
+  if (bytes.empty()) return "the file is empty";
   const std::size_t first = find_magic(bytes, 0);
   const std::size_t end = find_magic(bytes, std::min(first + 1, bytes.size()));
   if (first == bytes.size()) {
     const std::string text(bytes.begin(), bytes.end());
     if (text.find(":/>") != text.npos)
-      return "file contains text of the command port; expected the data port's bytes";
+      return "the file contains text of the command port; expected the data port's bytes";
     const bool plain = std::ranges::all_of(text, [](char c) { return c >= '\t' && c <= '~'; });
-    return plain ? "file contains text; expected the data port's bytes"
+    return plain ? "the file contains text; expected the data port's bytes"
                  : "no frame header found: was the file recorded at the data port's baud rate?";
   }
   // number of line feeds required to detect converted line ends; every frame's platform field
@@ -104,15 +104,16 @@ std::string why_no_frames(ByteView bytes) {
     return "line ends were converted because the file was saved as text: a carriage return "
            "precedes each line feed";
   const ByteView packet = bytes.subspan(first, end - first);
-  if (fill(packet, 36, 0)) return "frames are from SDK 1 or 2.0 (header of 36 bytes)";
+  if (fill(packet, 36, 0)) return "the frames are from SDK 1 or 2.0 (header of 36 bytes)";
   for (const std::size_t header : {36u, 40u})
     if (fill(packet, header, tlv_header_bytes))
       return "the TLV lengths include the TLV headers, as in SDK 1";
   for (const std::size_t header : {44u, 48u, 52u, 56u})
     if (fill(packet, header, 0) || fill(packet, header, tlv_header_bytes))
-      return "frames are from another demo (header of " + std::to_string(header) + " bytes)";
-  return end == bytes.size() ? "file contains only part of a frame"
-                             : "frames are from another demo";
+      return "the frames are not from the out-of-box demo (header of " + std::to_string(header) +
+             " bytes)";
+  return end == bytes.size() ? "the file contains only part of a frame"
+                             : "the frames are not from the out-of-box demo";
 }
 
 // Fields of the header, in wire order.

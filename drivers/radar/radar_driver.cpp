@@ -216,10 +216,10 @@ void RadarDriver::check_array(RadarFrame& frame) {
   if (frame.array.empty() || (frame.array.size() == wanted && frame.planar == profile_.planar))
     return;
   ++bad_arrays_;
-  const std::string text = "heat map has " + std::to_string(frame.array.size() / 2) +
+  const std::string text = "the heat map has " + std::to_string(frame.array.size() / 2) +
                            " samples in TLV " + (frame.planar ? "8" : "4") +
                            ", but the cfg and radar.board require " + std::to_string(wanted / 2) +
-                           " in TLV " + (profile_.planar ? "8" : "4") + "; heat map ignored";
+                           " in TLV " + (profile_.planar ? "8" : "4") + "; the heat map is ignored";
   frame.array.clear();
   if (std::exchange(array_told_, true)) return;
   sink_->on_event(Sensor::radar, Severity::warning, text);
@@ -365,7 +365,7 @@ std::string Silence::verdict() const {
     return "the sensor does not stop: its signal processor has stopped; reset the board, and "
            "disable outputs in guiMonitor or set a longer frame period";
   if (pings_ >= most_of_16)
-    return "the data port works, but no frame is sent: the firmware image is for another board "
+    return "the data port works, but no frame is sent: the firmware image is for a different board "
            "(ISK image on "
            "an AOP or ODS, or vice versa), or its signal processor has stopped; flash the "
            "demo for this board";

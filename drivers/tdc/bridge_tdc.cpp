@@ -29,7 +29,8 @@ void BridgeTdc::on_histogram(const bridge::Block& block, HostTime received) {
     if (!std::exchange(told_zones_, true))
       sink_->on_event(Sensor::spd, Severity::error,
                       "histograms have " + std::to_string(frame.zones) +
-                          " zones, but the hello lists " + std::to_string(stated_zones_.size()));
+                          " zones, but the hello block lists " +
+                          std::to_string(stated_zones_.size()));
     return client_.reject(block, "histograms");
   }
   const bool unknown = stated_zones_.empty() && frame.zones > 1;

@@ -163,7 +163,7 @@ WrittenMaps read_written_maps(const std::string& folder, const record::MapGrid& 
   else if (fs::exists(folder + "/camera.json"))
     read_pictures(folder, grid, out);
   else
-    refuse(folder, "has neither maps.npy with records.csv nor PNGs with camera.json");
+    refuse(folder, "contains neither maps.npy with records.csv nor PNGs with camera.json");
   if (out.of_index.empty()) refuse(folder, "contains no map");
   if (fs::exists(folder + "/run.txt")) read_run(folder + "/run.txt", out);
   return out;

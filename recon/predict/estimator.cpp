@@ -40,7 +40,7 @@ void archive_features(Archive archive, Features& f, bool views) {
     archive.require(lags >= 1 && lags <= double{2 * most_lags} && lags == std::floor(lags) &&
                         static_cast<double>(lags_up(f.array_axis)) < lags,
                     "axes/array/scale",
-                    "expected 1 to 32 lags, of which at least one has a horizontal component");
+                    "expected 1 to 32 lags, at least one with a horizontal component");
   }
   archive.values("features/centre", f.centre, f.count());
   archive.number("features/spd_gain", f.spd_gain, -1e18, 1e18);

@@ -146,7 +146,7 @@ TrainingRows rows_of(const std::vector<Start>& starts) {
     if (!can_be_tuned(start.model->name))
       throw Error(ExitCode::failed,
                   "a model of type " + start.model->name +
-                      " cannot be tuned; mean-shape, factorised, mlp and pca-mlp can");
+                      " cannot be tuned; expected mean-shape, factorised, mlp or pca-mlp");
     const TrainingRows found = rows_to_train(start.data, start.model->features.inputs);
     Rows both;
     std::ranges::set_intersection(out.rows, found.rows, std::back_inserter(both));

@@ -76,7 +76,7 @@ fs::path make_directory(const std::string& wanted) {
         ExitCode::usage,
         dir.string() +
             ": contains files that do not belong to a laboratory; expected an empty directory "
-            "or that of an earlier laboratory");
+            "or the directory of an earlier laboratory");
   return dir;
 }
 

@@ -149,8 +149,10 @@ TEST_CASE("import refuses a radar recording without a range profile and reports 
   refuses(mangled, "line ends were converted because the file was saved as text");
   refuses(Bytes(5000, 0xf3), "was the file recorded at the data port's baud rate?");
   refuses(RadarFile{.header = 36}.frames(1, 20).bytes, "from SDK 1 or 2.0 (header of 36 bytes)");
-  refuses(RadarFile{.header = 48}.frames(1, 20).bytes, "from another demo (header of 48 bytes)");
-  refuses(RadarFile{.header = 52}.frames(1, 20).bytes, "from another demo (header of 52 bytes)");
+  refuses(RadarFile{.header = 48}.frames(1, 20).bytes,
+          "not from the out-of-box demo (header of 48 bytes)");
+  refuses(RadarFile{.header = 52}.frames(1, 20).bytes,
+          "not from the out-of-box demo (header of 52 bytes)");
   refuses(RadarFile{.length_error = 8}.frames(1, 20).bytes,
           "the TLV lengths include the TLV headers");
   refuses(RadarFile{.tlv = 1}.frames(1, 20).bytes,

@@ -103,7 +103,7 @@ TEST_CASE("the doctor command checks a configured radar port of an unknown vendo
   CHECK(of(findings, "permissions").grade == Grade::problem);
   CHECK(has(of(findings, "permissions").found, "dev/ttyS7: No such file or directory"));
   // A missing device is not a permission problem.
-  CHECK(has(of(findings, "permissions").advice, "check its cable and name"));
+  CHECK(has(of(findings, "permissions").advice, "check the cable and the configured name"));
   CHECK_FALSE(has(of(findings, "permissions").advice, "rules"));
 }
 

@@ -88,7 +88,7 @@ TEST_CASE("a copy of an open run without its -wal file is refused and not change
     for (const char* beside : {"-wal", "-shm"}) CHECK_FALSE(fs::exists(path + beside));
     const auto [code, text] = error_of([&] { put_note(path, "door", "me"); });
     CHECK(code == ExitCode::failed);
-    CHECK(has(text, "a copy without its -wal"));
+    CHECK(has(text, "a copy without its -wal file"));
   }
   write_file(path + "-wal", "");  // an empty -wal file, as SQLite creates it for a reader
   recover(path);

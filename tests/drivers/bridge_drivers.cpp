@@ -143,8 +143,8 @@ TEST_CASE("a server that does not use the bridge protocol is refused and reporte
       std::pair(Bytes{'S', 'S', 'H', '-', '2', '.', '0', '\r', '\n'},
                 std::string("received bytes are not a bridge block; expected an echofuse bridge")),
       std::pair(test::make_block(bridge::BlockKind::hello, 0, test::view_of("[1]")),
-                std::string(
-                    "hello is not valid; expected a JSON object with model, serial and firmware")));
+                std::string("the hello block is not valid; expected a JSON object with model, "
+                            "serial and firmware")));
   for (std::uint64_t round = 1; round <= 2; ++round) {
     REQUIRE(server.accept());
     server.send(bytes);
@@ -265,7 +265,7 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
       server.send(test::make_block(bridge::BlockKind::histogram, i, zones));
     REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 2; }));
     CHECK(b.sink.events ==
-          std::vector<std::string>{"histograms have 5 zones, but the hello lists 1"});
+          std::vector<std::string>{"histograms have 5 zones, but the hello block lists 1"});
     CHECK(b.sink.histograms.empty());
     server.send(test::make_block(bridge::BlockKind::histogram, 3, counts));
     REQUIRE(run_until(b.loop, [&] { return b.sink.histograms.size() == 1; }));

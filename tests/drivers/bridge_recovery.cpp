@@ -135,7 +135,7 @@ TEST_CASE("a damaged bridge block is reported in one line, and the driver closes
   pair.send(test::join({hello_block(), pair.block(1), damaged, pair.block(3)}));
   REQUIRE(run_until(loop, [&] { return !pair.connected; }));
   CHECK(pair.delivered() == Numbers{1});
-  CHECK(pair.sink.events == std::vector<std::string>{"block has a wrong checksum"});
+  CHECK(pair.sink.events == std::vector<std::string>{"the block has a wrong checksum"});
   CHECK(pair.sink.state() == DeviceState::faulted);
   REQUIRE(pair.await_client());
   pair.send(test::join({hello_block(), pair.block(4), pair.block(5)}));

@@ -180,7 +180,7 @@ TEST_CASE("an OpenNI camera that sends no frames is reopened") {
   REQUIRE(b.frames(3));
   camera("stall");
   REQUIRE(b.reaches(DeviceState::faulted));
-  CHECK(b.sink.events.at(0) == "camera sent no complete frame for 3 s");
+  CHECK(b.sink.events.at(0) == "the camera sent no complete frame for 3 s");
   camera("run");
   CHECK(b.reaches(DeviceState::streaming));
 }
@@ -216,7 +216,8 @@ TEST_CASE("a camera mode can be selected, and an unsupported mode is refused wit
     b.start();
     REQUIRE(b.reaches(DeviceState::faulted));
     CHECK(b.sink.events.at(0) ==
-          "camera does not support this depth mode; it offers 8 x 6 at 100 (raw), 8 x 6 at 100, 16 "
+          "the camera does not support this depth mode; it offers 8 x 6 at 100 (raw), 8 x 6 at "
+          "100, 16 "
           "x 12 at 50");
   }
 }

@@ -182,9 +182,9 @@ TEST_CASE("a heat map of another board is dropped, and its range profile is kept
   CHECK(b.sink.radar[2].array.size() == 64);
   CHECK(test::counter(*driver, "arrays") == 3);
   CHECK(test::counter(*driver, "bad_arrays") == 1);
-  CHECK(b.sink.events ==
-        std::vector<std::string>{"heat map has 48 samples in TLV 8, but the cfg and radar.board "
-                                 "require 32 in TLV 4; heat map ignored"});
+  CHECK(b.sink.events == std::vector<std::string>{
+                             "the heat map has 48 samples in TLV 8, but the cfg and radar.board "
+                             "require 32 in TLV 4; the heat map is ignored"});
   driver->stop();
 }
 
@@ -193,7 +193,8 @@ TEST_CASE("a missing radar port is reported with its name") {
   const auto driver = b.make();
   driver->start(b.sink);
   REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
-  CHECK_THAT(b.sink.events.at(0), Catch::Contains(b.dir + "/cli: open: No such file or directory"));
+  CHECK_THAT(b.sink.events.at(0),
+             Catch::Contains(b.dir + "/cli: cannot open: No such file or directory"));
 }
 
 TEST_CASE("swapped radar ports are detected by their names when the driver starts") {

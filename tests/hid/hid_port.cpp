@@ -200,7 +200,7 @@ TEST_CASE("an unplugged HID port fails once, and opening it again reports no suc
   CHECK(host.gone == 1);
   host.open("A");
   host.goes();
-  CHECK(host.why == "hid:10c4:ea80:A: open: No such device");
+  CHECK(host.why == "hid:10c4:ea80:A: cannot open: No such device");
   bridge.device.plug();
   host.opens("A");
   CHECK(bridge.sent().empty());
@@ -230,7 +230,7 @@ TEST_CASE("a wrong serial number is refused with a list of attached CP2110 devic
   Host host;
   host.open("Z");
   host.goes();
-  CHECK(host.why == "hid:10c4:ea80:Z: open (attached: A): No such device");
+  CHECK(host.why == "hid:10c4:ea80:Z: cannot open (attached: A): No such device");
 }
 
 TEST_CASE("a CP2110 in use by another program is refused and can be opened later") {
@@ -240,7 +240,8 @@ TEST_CASE("a CP2110 in use by another program is refused and can be opened later
   second.open();
   second.goes();
   CHECK(second.why ==
-        "hid:10c4:ea80: open /dev/hidraw0 (in use by another program): Device or resource busy");
+        "hid:10c4:ea80: cannot open /dev/hidraw0 (in use by another program): Device or resource "
+        "busy");
   // The emulation notices each open with a delay, and then empties the buffer. Three opens are
   // expected: for the lock, for hidapi and for the second program.
   REQUIRE(second.until([&] { return bridge.device.opened() == 3; }));
@@ -267,7 +268,7 @@ TEST_CASE("a missing permission is reported with its remedy when a CP2110 is ope
   if (is_root) REQUIRE(::setresuid(0, 0, 0) == 0);
   REQUIRE(reported);
   CHECK(host.why ==
-        "hid:10c4:ea80:A: open /dev/hidraw0 (install config/70-echofuse.rules): "
+        "hid:10c4:ea80:A: cannot open /dev/hidraw0 (install config/70-echofuse.rules): "
         "Permission denied");
   REQUIRE(list.size() == 1);
   CHECK(list[0].serial == "A");

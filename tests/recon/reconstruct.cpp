@@ -123,7 +123,7 @@ TEST_CASE("written maps get the same scores as their model, and invalid map file
   refused("n.save(d + '/maps.npy', m[1:])",
           "has 19 maps, but records.csv lists 20 records with a map");
   refused("n.save(d + '/maps.npy', n.asfortranarray(m))", "expected C order");
-  refused("os.remove(d + '/maps.npy'); os.remove(d + '/camera.json')", "has neither maps.npy");
+  refused("os.remove(d + '/maps.npy'); os.remove(d + '/camera.json')", "contains neither maps.npy");
   const auto camera_refused = [&](const std::string& change, const std::string& said) {
     refused("import json; os.remove(d + '/maps.npy'); c = json.load(open(d + '/camera.json')); " +
                 change + "; json.dump(c, open(d + '/camera.json', 'w'))",

@@ -333,7 +333,7 @@ TEST_CASE("the radar driver reports a missing first frame with cause and remedy"
     CHECK(b.sink.events.back().starts_with("no frames on the data port: "));
     return b.sink.events.back();
   };
-  CHECK_THAT(reported([](RadarBoard&) {}), Catch::Contains("image is for another board"));
+  CHECK_THAT(reported([](RadarBoard&) {}), Catch::Contains("image is for a different board"));
   CHECK_THAT(
       reported([](RadarBoard& board) { board.data.cut = true; }),
       Catch::Contains("no bytes received") && Catch::Contains("radar.data is the wrong port"));

@@ -185,7 +185,7 @@ TEST_CASE("a lost byte or a halted endpoint is reported once, and the USB connec
     Bytes run = b.tags(5);
     run.erase(run.begin() + 40);
     b.device.send(join({run, b.tags(5)}));
-    expected = "block has a wrong checksum";
+    expected = "the block has a wrong checksum";
   }
   SECTION("a halted USB endpoint is reported once") {
     b.device.halt();
@@ -257,7 +257,7 @@ TEST_CASE("a USB tagger that cannot be opened is reported in one line") {
   SECTION("a missing USB tagger is reported") {
     Bench b;
     b.device.unplug();
-    CHECK(refusal(b, address) == std::string(address) + ": open: No such device");
+    CHECK(refusal(b, address) == std::string(address) + ": cannot open: No such device");
   }
   SECTION("two USB taggers without a configured serial number are reported") {
     Bench b;

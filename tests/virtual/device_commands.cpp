@@ -416,7 +416,7 @@ TEST_CASE("a failed calibration is not stored") {
   SECTION("a verification without a calibration is refused") {
     Bench b(reflector());
     CHECK_THROWS_WITH(calibrate(*b.lab, true),
-                      Catch::Contains("there is no calibration to compare with"));
+                      Catch::Contains("run.calibration contains nothing to compare with"));
   }
 }
 

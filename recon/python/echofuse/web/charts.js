@@ -208,7 +208,7 @@ export class Histogram extends Bench {
           return [-most, most];
         }} : {distr: this.log ? 3 : 1, range: () => [this.log ? floor : 0, this.top ?? 10]},
       },
-      axes: [axis(this.unit.name), axis(`clicks in ${this.binPs} ps${this.difference ? ', minus first minute' : ''}`, {
+      axes: [axis(this.unit.name), axis(`clicks in ${this.binPs} ps${this.difference ? ', minus the first minute' : ''}`, {
         values: short, size: 4 * textSize(),
         grid: {stroke: colour('--grid'), width: 1, filter: (_, at) => this.log && !this.difference ? at.map(ofTen) : at},
       })],

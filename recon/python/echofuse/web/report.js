@@ -186,7 +186,7 @@ class Pictures {
   }
   picture(box, what, model, named) {
     const id = newId('map'), {r} = this, of = named ? `: ${model?.name}` : '';
-    const title = {truth: 'Truth (depth camera)', map: `Map: ${model?.name}`, error: `Error${of}`, deviation: `Uncertainty${of}`, share: model?.name};
+    const title = {truth: 'Ground truth (depth camera)', map: `Map: ${model?.name}`, error: `Error${of}`, deviation: `Uncertainty${of}`, share: model?.name};
     const values = what === 'truth' ? r.truth : what === 'error' ? model.map.map((v, i) => v > 0 && r.truth[i] > 0 ? v - r.truth[i] : 0) : model[what];
     make(box, 'h3', {textContent: title[what]});
     const canvas = make(box, 'canvas', {id, role: 'img', ariaLabel: title[what]});

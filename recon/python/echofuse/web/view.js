@@ -184,7 +184,7 @@ function drawPlan() {
   if ($('card-plan').hidden) return;
   plan.show({beams: hasBeams ? beams : null, axis: run.axes.array, baseline: run.baseline_m, track,
              halfTangent: made?.half_tangent ?? run.map.half_tangent, label: run.axes.radar ? 'radar' : ''});
-  setText('plan-of', [hasBeams && 'power received by the antennas (30 dB)', track && 'body in the last minute', !run.baseline_m && run.axes.radar && 'baseline unknown: radar drawn at the detector'].filter(Boolean).join('; '));
+  setText('plan-of', [hasBeams && 'power received by the antennas (30 dB)', track && 'positions of the body in the last minute', !run.baseline_m && run.axes.radar && 'baseline unknown, so the radar is drawn at the detector'].filter(Boolean).join('; '));
   const interval = made?.lateral_interval_90_m;
   setText('place', !made ? '' : made.x_m == null ? 'no body in the reconstruction'
     : `body at x ${made.x_m.toFixed(2)} m${interval == null ? '' : ` ± ${interval.toFixed(2)} m (90 %)`}, z ${made.z_m.toFixed(2)} m, azimuth ${(Math.atan2(made.x_m, made.z_m) * 180 / Math.PI).toFixed(1)}°`);
