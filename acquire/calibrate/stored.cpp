@@ -27,8 +27,9 @@ bool compare_antennas(const AntennaGains& now, const AntennaGains& then,
         "again\n",
         then.gain.size());
   else if (!quiet)
-    std::printf("array  largest difference %.1f standard errors: the calibration of %s %s\n", worst,
-                then.date_utc.c_str(), holds ? "is valid" : "is outdated; calibrate again");
+    std::printf(
+        "array  largest difference %.1f standard errors (limit 4): the calibration of %s %s\n",
+        worst, then.date_utc.c_str(), holds ? "is valid" : "is outdated; calibrate again");
   return holds;
 }
 

@@ -109,11 +109,11 @@ void BridgeClient::reject(const Block& block, const char* expected) {
   const auto kind = static_cast<std::size_t>(block.kind);
   if (kind < std::size(kinds) && std::string(kinds[kind]) != expected &&
       !std::exchange(told_kind_, true))
-    handlers_.event(
-        Severity::warning,
-        std::string("this bridge sends ") + kinds[kind] + ", not " + expected +
-            (block.kind == BlockKind::histogram ? "; add \"sends\": \"histograms\" to its hello"
-                                                : "; check the port in its address"));
+    handlers_.event(Severity::warning,
+                    std::string("this bridge sends ") + kinds[kind] + ", not " + expected +
+                        (block.kind == BlockKind::histogram
+                             ? "; add \"sends\": \"histograms\" to its hello block"
+                             : "; check the port in its address"));
   ++bad_payloads_;
   lost_blocks_ += block.lost_blocks + 1;
   dropped_items_ += block.dropped_items;

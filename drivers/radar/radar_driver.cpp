@@ -240,7 +240,7 @@ void RadarDriver::check_period(const RadarFrame& frame) {
   const auto ms = [](double s) { return std::to_string(std::lround(1e3 * s)) + " ms"; };
   sink_->on_event(Sensor::radar, Severity::warning,
                   "frames arrive every " + ms(period_s) + ", but the cfg requests " +
-                      ms(expected_s) + ": is radar.data a port of another board?");
+                      ms(expected_s) + ": is radar.data a port of a different board?");
 }
 
 // Drops a frame that may belong to another cfg: a frame of an earlier connection, before the cfg

@@ -110,7 +110,8 @@ std::string advice_for_unknown(const std::string& command, std::string_view firm
            "program "
            "does not support";
   if (first_word(command) != new_command)
-    return firmware.empty() ? "" : "; " + radar_has(firmware) + ": is the cfg for another demo?";
+    return firmware.empty() ? ""
+                            : "; " + radar_has(firmware) + ": is the cfg for a different demo?";
   return "; only SDK 3.5 and 3.6 have this command, but " + radar_has(firmware) +
          ": use a cfg for SDK 3.4, " + other_file(cfg_name, true);
 }

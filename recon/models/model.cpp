@@ -133,7 +133,7 @@ Candidate candidate_of(const std::string& name, const FitOptions& base, std::siz
       name.back() == '-' ? std::vector<std::size_t>{} : numbers_of(name.substr(digit));
   if (numbers.empty() || !(hidden || (basis && numbers.size() == 1 && numbers[0] <= 1024)))
     throw Error(ExitCode::usage,
-                "model \"" + name + "\": expected sizes as in mlp-512-256 or factorised-16");
+                "model \"" + name + "\": expected sizes, e.g. mlp-512-256 or factorised-16");
   if (hidden)
     out.fit.hidden = numbers;
   else

@@ -138,7 +138,7 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
     if (begin > end || end > values.size())
       refuse(name, "its data extend beyond the end of the file");
     if (count > values.size() || count * width != end - begin)
-      refuse(name, "data size does not match shape " + to_text(tensor.shape));
+      refuse(name, "the data size does not match the shape " + to_text(tensor.shape));
     const auto taken = tensors_.emplace(name, std::move(tensor)).first;
     places.emplace_back(begin, end, &taken->second.values);
   }

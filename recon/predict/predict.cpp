@@ -79,7 +79,7 @@ std::string assumption_of(const Estimator& by, const Dataset& data) {
            "of "
            "both sensors; a range bias of 2 cm moves a body sideways by 2 cm x range / baseline";
   if (!all([](const Source& run) { return run.baseline_m > 0; }))
-    return "90 % intervals do not include the calibration error, because the run does not state "
+    return "90 % intervals do not include the calibration error, because the run does not contain "
            "radar_baseline_m";
   return {};
 }
@@ -107,7 +107,7 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, double rang
       data.sources, [](const Source& run) { return run.radar_response.known(); });
   if (model.radar_response.known() && data.radar_axis.count > 0 && !stated)
     out.response =
-        "the run does not state its radar response; that of the training data is assumed";
+        "the run contains no radar response; the response of the training data is assumed";
   subtract_range_offset(data, range_offset_m);
   model.match(data);
   out.ranges = assumption_of(by, data);

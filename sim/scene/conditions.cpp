@@ -254,7 +254,7 @@ std::int64_t rays_of(const Conditions& c) {
 void validate(const Conditions& c) {
   if (c.spd_rays > 0 && c.spd_rays < 16)
     throw Error(ExitCode::config, "spd_rays is " + std::to_string(c.spd_rays) +
-                                      "; expected 0 or a whole number from 16 to 2048");
+                                      "; expected 0, or a whole number from 16 to 2048");
   if (c.spd_zones == 2 || (c.spd_zones > 4 && c.spd_zones < 8))
     throw Error(ExitCode::config,
                 "spd_zones is " + std::to_string(c.spd_zones) + "; expected 1, 3, 4 or 8");

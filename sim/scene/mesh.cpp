@@ -81,7 +81,7 @@ void check_size(const Mesh& mesh, const std::string& name) {
                 name + ": contains no triangles; expected a Wavefront OBJ file with faces");
   if (mesh.triangles.size() > most_triangles)
     throw Error(ExitCode::config, name + ": " + std::to_string(mesh.triangles.size()) +
-                                      " triangles; expected at most a million");
+                                      " triangles; expected at most one million");
 }
 
 // Returns the index of a vertex, from 0. Indices in the file count from 1 or, if negative,

@@ -76,7 +76,7 @@ class TwinReader : TableReader {
       return say(key + ": expected nothing or \"log\" after low and high");
     if (!(range.low <= range.high)) return say(key + ": expected low and high in ascending order");
     if (range.logarithmic && range.low <= 0)
-      return say(key + ": \"log\" needs a low limit above 0");
+      return say(key + ": \"log\" requires a low limit above 0");
     if (std::find(stated.begin(), stated.end(), key) != stated.end())
       return say(key +
                  ": cannot have a range, because the run file contains its value; use an error "

@@ -171,7 +171,7 @@ TEST_CASE("a refused cfg line is reported with its number and the firmware's mes
     s.say(answer("flushCfg", "'flushCfg' is not recognized as a CLI command\n"));
     CHECK(s.d.failure() ==
           "x.cfg:4:   flushCfg: 'flushCfg' is not recognized as a CLI command; this radar runs "
-          "mmWave SDK 03.05.00.04: is the cfg for another demo?");
+          "mmWave SDK 03.05.00.04: is the cfg for a different demo?");
   }
   SECTION("a crash of the firmware is reported") {
     s.say("flushCfg\r\nException: ../mss_main.c, line 1234.\n\r");

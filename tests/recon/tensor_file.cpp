@@ -36,5 +36,5 @@ TEST_CASE("a tensor shape is refused if its size in bytes overflows 64 bits") {
   const std::uint64_t values = (std::uint64_t{1} << 62) + 2;
   head["t"] = {{"dtype", "F32"}, {"shape", {values}}, {"data_offsets", {0, 8}}};
   CHECK_THROWS_WITH(recon::TensorFile("crafted", crafted::sealed(head.dump(), Bytes(8))),
-                    Catch::Contains("t: data size does not match shape"));
+                    Catch::Contains("t: the data size does not match the shape"));
 }

@@ -276,7 +276,7 @@ TEST_CASE("the lateral interval includes the calibration error, or a note report
   Dataset calibrated = plain;
   calibrated.sources[0].range_error_m = 0.01;
   CHECK_THAT(prepare_records(trained(), calibrated).ranges,
-             Catch::Contains("does not state radar_baseline_m"));
+             Catch::Contains("does not contain radar_baseline_m"));
   calibrated.sources[0].baseline_m = 0.5;
   const Records stated = prepare_records(trained(), calibrated);
   CHECK(stated.ranges.empty());

@@ -72,7 +72,7 @@ TEST_CASE("all errors of a digital-twin file are reported in one message") {
     for (const char* part :
          {"w.toml:1:9: unknown key \"girht\"",
           "baseline_m: cannot have a range, because the run file contains its value",
-          "girth: expected low and high", "radar_rays", "\"log\" needs a low", "from 0 to 1.5",
+          "girth: expected low and high", "radar_rays", "\"log\" requires a low", "from 0 to 1.5",
           "seed: expected"})
       CHECK(what.find(part) != std::string::npos);
   }
