@@ -86,8 +86,8 @@ class CapturedPort {
     }
     Bytes out(count > 0 && count <= most_bytes ? static_cast<std::size_t>(count) : 0);
     if (out.empty() || file_->read(out) != out.size())
-      throw Error(ExitCode::failed, printable(times_.path()) + ": lists more bytes than its " +
-                                        std::to_string(files_) + " data files contain");
+      throw Error(ExitCode::failed, printable(times_.path()) + ": lists more bytes than " +
+                                        std::to_string(files_) + " files contain");
     return out;
   }
   port::Loop& loop;

@@ -281,7 +281,7 @@ Zones RunReader::zones() const {
   if (out.size() > most_zones || !std::ranges::all_of(out, &Zone::plausible))
     throw Error(ExitCode::failed, shown_ + ": damaged: table zone: expected at most " +
                                       std::to_string(most_zones) +
-                                      " zones, each with a centre, a width and a time zero");
+                                      " zones, each with a centre, a width and a time-zero offset");
   return out;
 }
 

@@ -39,7 +39,7 @@ void resolve_twin(const Settings& settings, Plan& plan) {
   }
   if (plan.laboratories > 0 && plan.laboratory > 0)
     throw Error(ExitCode::config,
-                "laboratory and laboratories cannot be combined; remove one of them");
+                "laboratory cannot be combined with laboratories; remove one of the two settings");
   Twin twin = twin_named(plan.twin);
   twin.ranges.erase(
       std::remove_if(twin.ranges.begin(), twin.ranges.end(),

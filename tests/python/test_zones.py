@@ -76,7 +76,7 @@ def test_write_run_refuses_zones_that_do_not_match_the_histogram_array(tmp_path,
 
 
 MILLION = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 1000000) "
-TABLE = "table zone: expected at most 64 zones, each with a centre, a width and a time zero"
+TABLE = "table zone: expected at most 64 zones, each with a centre, a width and a time-zero offset"
 
 
 @pytest.mark.parametrize("sql, said", [

@@ -157,7 +157,7 @@ TEST_CASE("a raw capture without a slot, with missing bytes or with a damaged ti
   };
   std::string name = "tags.times", text = "1000000000 open 0\n1000000000 bytes 99999999999\n", why;
   SECTION("a raw capture with a list of more bytes than were captured is refused") {
-    why = "tags.times: lists more bytes than its 1 data files contain";
+    why = "tags.times: lists more bytes than 1 files contain";
   }
   SECTION("a raw capture with an incomplete line in a file of times is refused") {
     text = "1000000000 open\n";

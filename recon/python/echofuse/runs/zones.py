@@ -45,7 +45,7 @@ def stored(db: sqlite3.Connection) -> list[Zone]:
     out = [Zone(*(math.nan if value is None else value for value in row)) for row in rows]
     if len(out) > MAX_ZONES or not all(map(Zone.plausible, out)):
         raise ValueError(f"table zone: expected at most {MAX_ZONES} zones, each with a centre, a "
-                         "width and a time zero")
+                         "width and a time-zero offset")
     return out
 
 
