@@ -35,7 +35,7 @@ std::set<std::string> names_in(const std::string& folder) {
 }  // namespace
 
 TEST_CASE(
-    "the annotate command replaces a closed run's file, keeps owner and mode, follows symlinks") {
+    "annotating a closed run replaces its file, keeps owner and mode, and follows symbolic links") {
   const Folder folder;
   fs::create_directory(folder / "real");
   const std::string path = folder / "real/a.sqlite", link = folder / "link.sqlite";
@@ -61,7 +61,7 @@ TEST_CASE(
   CHECK(is_closed(path));
 }
 
-TEST_CASE("the annotate command waits for the lock of a closed run") {
+TEST_CASE("the annotate command waits while another program holds the lock of a closed run") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 3);
@@ -91,8 +91,7 @@ TEST_CASE("the annotate command leaves the run file unchanged if the disk is ful
   CHECK(names_in(folder.path) == names);
 }
 
-TEST_CASE(
-    "the annotate command killed by SIGKILL leaves the old or new file and no SQLite side files") {
+TEST_CASE("killing the annotate command leaves either the old or the new file, and no side files") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 200);

@@ -58,7 +58,7 @@ std::string refusal(const ArrayFrames& frames, std::size_t bin = reflector) {
 
 }  // namespace
 
-TEST_CASE("antenna calibration finds gains and phases within their standard errors") {
+TEST_CASE("antenna calibration recovers the gains and phases within their standard errors") {
   const World w;
   double squares = 0;
   int values = 0;
@@ -82,7 +82,7 @@ TEST_CASE("antenna calibration finds gains and phases within their standard erro
 }
 
 TEST_CASE(
-    "antenna calibration refuses data without a peak, with several waves or with a dead antenna") {
+    "antenna calibration is refused if there is no peak, more than one wave or a dead antenna") {
   World w;
   CHECK(refusal(frames_of(w, 7, 1)) == "fewer than 8 frames with antenna samples received");
   CHECK(has(refusal(frames_of(w, 20, 1), 9), "no peak in the antenna samples at the reflector: "));
@@ -98,7 +98,7 @@ TEST_CASE(
   CHECK(refusal(ArrayFrames(20, std::vector<std::int16_t>(bins * 16))) != "");
 }
 
-TEST_CASE("antenna calibration has larger standard errors if repeated measurements differ") {
+TEST_CASE("antenna calibration reports larger standard errors if repeated measurements differ") {
   const World w;
   AntennaGains all = fit_antennas(frames_of(w, 80, 3), 8, reflector).gains;
   const AntennaGains before = all;
@@ -117,7 +117,7 @@ TEST_CASE("antenna calibration has larger standard errors if repeated measuremen
   CHECK(largest_residual(slipped, before) == Approx(7 / std::sqrt(2.0)));
 }
 
-TEST_CASE("a calibration file is valid with or without antenna gains and phases") {
+TEST_CASE("a calibration file is valid whether or not it contains antenna gains and phases") {
   const Folder folder;
   const std::string path = folder / "c.toml";
   Calibration c;

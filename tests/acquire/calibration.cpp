@@ -50,7 +50,7 @@ TEST_CASE("a new calibration keeps the stored values of sensors that were not me
   CHECK(fresh.over(stored).firmware->lines == 4);
 }
 
-TEST_CASE("an invalid calibration file is refused with the line and column of the error") {
+TEST_CASE("the line and column of each error in a calibration file are reported") {
   const Folder folder;
   const std::string path = folder / "c.toml";
   const auto refusal = [&](const std::string& text) {

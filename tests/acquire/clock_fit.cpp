@@ -67,7 +67,8 @@ double feed(ClockFit& fit, const Device& device, double t, int count) {
 
 }  // namespace
 
-TEST_CASE("the clock fit is accurate to 5 ms for 500 ms offset, 200 ppm drift and random delays") {
+TEST_CASE(
+    "the clock fit is accurate to 5 ms for a 500 ms offset, a 200 ppm drift and random delays") {
   std::vector<double> worst, residual, drift;
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     const double offset_s = -0.5 + static_cast<double>(seed) / 299, sign = seed % 2 ? 1 : -1;
@@ -203,7 +204,7 @@ TEST_CASE(
   CHECK(error_s(fit, device, t - 1, host(t)) < 0.0011);
 }
 
-TEST_CASE("the transport delay of a tag block is measured at its last event") {
+TEST_CASE("the transport delay of a tag block is measured from the last event in the block") {
   SensorClocks clocks;
   Tag no_event;
   no_event.type = TagType::overflow_end;

@@ -50,7 +50,7 @@ TEST_CASE("a run is refused if a required device delivers no data") {
   CHECK_FALSE(fs::exists(folder / "run.sqlite"));
 }
 
-TEST_CASE("commands accept --help, --version and durations such as 1h 30m 10s") {
+TEST_CASE("commands accept --help and --version, and durations such as 1h 30m 10s") {
   for (const char* command : {"", "run", "devices", "doctor", "config", "config check",
                               "config show", "info", "annotate", "list", "calibrate", "import"}) {
     const Outcome o = acquire(std::string(command) + " --help");
@@ -85,7 +85,8 @@ TEST_CASE("the run command refuses invalid configurations and output names") {
   CHECK(fs::file_size(folder / "a.sqlite") == 8);
 }
 
-TEST_CASE("config check prints ok or all errors, config show prints values with their origin") {
+TEST_CASE(
+    "config check prints ok or all errors, and config show prints each value with its origin") {
   const Folder folder;
   const std::string path = folder / "lab.toml", config = " --config " + path;
   write_file(path, "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\nbin_width_ps = 50\n");
@@ -110,7 +111,7 @@ TEST_CASE("config check prints ok or all errors, config show prints values with 
   CHECK(acquire("config check --config /dev/stdin < " + path).code == 0);
 }
 
-TEST_CASE("commands refuse a FIFO given as a file and do not block") {
+TEST_CASE("commands refuse a FIFO in place of a regular file, and do not block") {
   const Folder folder;
   write_run(folder / "a.sqlite", 2);
   REQUIRE(::mkfifo((folder / "f.sqlite").c_str(), 0666) == 0);
@@ -177,7 +178,7 @@ TEST_CASE("the doctor command runs without a configuration file but stops if the
   refuses("doctor --config " + folder / "none.toml", 3, "none.toml: cannot read");
 }
 
-TEST_CASE("the run command refuses metadata without a value and a read-only folder") {
+TEST_CASE("the run command refuses a read-only folder, and metadata that have no value") {
   const Folder folder;
   write_file(folder / "lab.toml", tdc_nowhere);
   const std::string config = " --config " + folder / "lab.toml";
@@ -274,7 +275,7 @@ TEST_CASE("commands find a run by its file name or by the name given to --out") 
   refuses("annotate " + folder / "m2" + " door", 1, "m2.sqlite: ");
 }
 
-TEST_CASE("a run name that is not UTF-8 is escaped in JSON and refused for new runs") {
+TEST_CASE("a run name that is not UTF-8 is escaped in JSON output and refused for a new run") {
   const Folder folder;
   const std::string name = folder / "m\xff.sqlite";
   write_run(name, 1);

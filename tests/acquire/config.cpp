@@ -33,7 +33,8 @@ TEST_CASE("the shipped configuration and its radar cfg can be loaded") {
   CHECK(has(config.unfinished[1], "config/lab.toml:39:1: radar.data: still contains"));
 }
 
-TEST_CASE("a missing alert.on_doubt program is reported with its position, and loading continues") {
+TEST_CASE(
+    "a missing alert.on_doubt program is reported with line and column, and loading continues") {
   const Folder folder;
   const std::string path = folder / "a.toml";
   write_file(path, "[depth]\naddress = \"openni:\"\n[alert]\non_doubt = [\"./alert\", \"lab\"]\n");
@@ -48,7 +49,7 @@ TEST_CASE("a missing alert.on_doubt program is reported with its position, and l
   CHECK(load_config(path, {"alert.on_doubt=[\"sh\"]"}).unfinished.empty());
 }
 
-TEST_CASE("a configuration printed with all values loads with the same values") {
+TEST_CASE("a configuration that is printed with all values can be loaded again and is unchanged") {
   const Folder folder;
   write_file(folder / "a.toml",
              "[depth]\naddress = \"openni:\"\nmap_size = 256\nmap_half_tangent = "

@@ -52,7 +52,7 @@ struct Warnings final : SampleSink {
 
 }  // namespace
 
-TEST_CASE("an old calibration or a calibration of another device causes a warning") {
+TEST_CASE("a calibration that is too old or belongs to another device causes a warning") {
   port::VirtualLoop loop(std::chrono::hours(24 * 365 * 56));
   Config config;
   config.tdc.address = "bridge:tcp://tagger:1";

@@ -74,7 +74,7 @@ TEST_CASE("the on_doubt alert program is called once per change of verdict, with
 }
 
 TEST_CASE(
-    "the on_doubt program is called for missing data or a full disk only beyond their limits") {
+    "the on_doubt program is called after a set time without data or below a set disk space") {
   Calls calls({.no_data_s = 2.5, .disk_free_gb = 1});
   for (std::int64_t i = 0; i < 5; ++i) {
     calls.hook.take(record_of(i, i == 0 ? "ok" : ""), both, "/runs/a");
@@ -87,7 +87,7 @@ TEST_CASE(
 }
 
 TEST_CASE(
-    "an on_doubt program and its child processes are killed after 10 s, then the next starts") {
+    "an on_doubt program and its child processes are killed after 10 s before the next starts") {
   Calls calls({}, "sleep 60 & sleep 60");
   for (const char* verdict : {"weak: 1", "ok"})
     calls.hook.take(record_of(0, verdict), both, "/runs/a");
@@ -110,7 +110,8 @@ TEST_CASE("failures of the on_doubt program are reported, and a missing program 
   CHECK_THROWS_AS(DoubtHook({"no-such-program-anywhere"}, {}, {}), Error);
 }
 
-TEST_CASE("at most 16 changes wait for the on_doubt program, and dropped changes are reported") {
+TEST_CASE(
+    "at most 16 verdict changes wait for the on_doubt program, and dropped ones are reported") {
   Calls calls;
   for (std::int64_t i = 0; i < 20; ++i)
     calls.hook.take(record_of(i, i % 2 ? "ok" : "weak: 1"), both, "/runs/a");
@@ -120,8 +121,8 @@ TEST_CASE("at most 16 changes wait for the on_doubt program, and dropped changes
 }
 
 TEST_CASE(
-    "changes that wait for the on_doubt program at the end of a run are passed on or reported") {
-  SECTION("an on_doubt program that exits soon receives all waiting changes") {
+    "at the end of a run, waiting verdict changes are passed to the on_doubt program or reported") {
+  SECTION("an on_doubt program that exits soon receives all waiting verdict changes") {
     Calls calls;
     calls.hook.take(record_of(0, "weak: 1"), both, "/runs/a");
     calls.hook.take_disk(1, {}, "/runs/a");
@@ -129,7 +130,8 @@ TEST_CASE(
     CHECK(calls.lines().size() == 2);
     CHECK(calls.warnings.empty());
   }
-  SECTION("changes that an on_doubt program did not receive because it never exits are reported") {
+  SECTION(
+      "verdict changes that are not passed on because the on_doubt program hangs are reported") {
     Calls calls({}, "sleep 30");
     calls.hook.take(record_of(0, "weak: 1"), both, "/runs/a");
     calls.hook.take_disk(1, {}, "/runs/a");

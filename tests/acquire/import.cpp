@@ -313,7 +313,7 @@ TEST_CASE("import reports an ambiguous local time at the end of summer time") {
   ::tzset();
 }
 
-TEST_CASE("import accepts a start time with or without UTC offset and refuses invalid times") {
+TEST_CASE("import accepts a start time with or without a UTC offset and refuses invalid times") {
   const auto at = [](const char* text) { return acquire::parse_utc(text).count() / 1'000'000; };
   CHECK(at("2024-02-07T13:34:56.5+01:00") == at("2024-02-07T12:34:56.5Z"));
   CHECK(at("2024-02-07 07:04:56.5-0530") == at("2024-02-07T12:34:56.5"));

@@ -74,7 +74,8 @@ RadarImport import_radar(const Bytes& bytes, const std::string& cfg = "xwr68xx_p
 
 }  // namespace
 
-TEST_CASE("import takes radar times from the device clock and checks them against frame numbers") {
+TEST_CASE(
+    "import takes radar times from the device clock and checks them against the frame numbers") {
   using Used = std::vector<std::uint64_t>;
   const auto check = [](const RadarFile& file, const Used& used, const std::string& saying) {
     const RadarImport i = import_radar(file.bytes);

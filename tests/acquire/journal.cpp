@@ -87,7 +87,7 @@ TEST_CASE("the run journal drops data if the disk is slow and ends the run if th
   });
   begun.get_future().wait();
   for (std::int64_t i = 0; i < 4; ++i) CHECK(journal.put(small_record(i)) == (i < 2));
-  SECTION("records that a slow disk cannot store in time are stored without data") {
+  SECTION("records that wait too long for a slow disk are stored without sensor data") {
     disk.set_value();
     journal.finish("complete");
     const record::RunReader run(folder / "a.sqlite");
@@ -121,7 +121,7 @@ TEST_CASE(
   while (journal.why_late() != "another program is writing to the run file")
     std::this_thread::yield();
   for (std::int64_t i = 1; i < 5; ++i) CHECK(journal.put(small_record(i)) == (i < 3));
-  SECTION("queued records are written if the lock is released in time") {
+  SECTION("queued records are written if the lock of the run file is released in time") {
     holder.let_go();
     journal.finish("complete");
     const record::RunReader run(path);
@@ -129,7 +129,7 @@ TEST_CASE(
     CHECK(run.read(4).sync[Sensor::spd].verdict ==
           "dropped: another program is writing to the run file");
   }
-  SECTION("the run ends with an error if the queue is full before the lock is released") {
+  SECTION("the run ends with an error if the queue is full before the run file is unlocked") {
     for (std::int64_t i = 5; i < 30; ++i) journal.put(small_record(i));
     CHECK(journal.failed());
     holder.let_go();
@@ -169,8 +169,7 @@ static void rotate(Journal& journal, const std::string& path) {
   journal.begin_next([path] { return open_run(path); });
 }
 
-TEST_CASE(
-    "closing a run waits two seconds if another program locks the next file of the rotation") {
+TEST_CASE("closing a run waits at most two seconds if another program locks the next run file") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   rotate(journal, folder / "b.sqlite");
@@ -182,7 +181,8 @@ TEST_CASE(
   ends_in_time(journal);
 }
 
-TEST_CASE("closing a run waits two seconds if another program locks the previous file") {
+TEST_CASE(
+    "closing a run waits at most two seconds if another program locks the previous run file") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   Journal journal(open_run(path), loop);
@@ -192,7 +192,7 @@ TEST_CASE("closing a run waits two seconds if another program locks the previous
   Holder holder(path);
   rotate(journal, folder / "b.sqlite");
   while (!fs::exists(folder / "b.sqlite")) std::this_thread::yield();
-  SECTION("a run without a new label ends within two seconds") { ends_in_time(journal); }
+  SECTION("a run that is given no new label ends within two seconds") { ends_in_time(journal); }
   SECTION("a label set while the previous file is being closed applies to the next file") {
     while (journal.why_late() != "another program is writing to the run file")
       std::this_thread::yield();
@@ -243,7 +243,7 @@ TEST_CASE("a run keeps all its records if the next file of the rotation cannot b
   CHECK(record::RunReader(path).count() == 1);
 }
 
-TEST_CASE("an error that is not a disk error ends the run with its own exit code and status") {
+TEST_CASE("an error that is not a disk error determines the exit code and the status of the run") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   journal.put([](record::RunWriter&) { throw Error(ExitCode::failed, "not a number"); });
@@ -274,7 +274,7 @@ TEST_CASE("a new label applies to the current slot and all later slots") {
   CHECK(reader.read(2).label == "door");
 }
 
-TEST_CASE("a run that was not closed has status crashed and keeps all its records") {
+TEST_CASE("a run that was not closed has the status crashed and keeps all its records") {
   const Folder folder;
   {
     Journal journal(open_run(folder / "a.sqlite"), loop);
@@ -331,7 +331,7 @@ TEST_CASE("the run log is limited to 100 lines per source in 10 s, and dropped l
   CHECK(radar[101] == "later");
 }
 
-TEST_CASE("samples that belong to no slot are reported by cause and sensor") {
+TEST_CASE("samples that belong to no slot are counted by cause and sensor, and are reported") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   RunLog log(loop);

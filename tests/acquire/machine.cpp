@@ -84,7 +84,7 @@ TEST_CASE("the doctor command accepts accessible device nodes and reports missin
   CHECK(of(findings, "udev rules").grade == Grade::ok);
 }
 
-TEST_CASE("doctor rates a missing device node as a problem if configured, otherwise as a warning") {
+TEST_CASE("doctor rates a missing device node as a problem only if the device is configured") {
   Machine machine;
   machine.plug_in_radar();
   fs::remove(machine / "dev/ttyACM0");

@@ -31,7 +31,7 @@ TEST_CASE("a run name may contain dots, but percent signs only in time fields su
   }
 }
 
-TEST_CASE("a rotated run file is named with the next free number or the time") {
+TEST_CASE("the name of the next run file contains the next free number or the time") {
   const Folder folder;
   write_file(folder / "monday-007.sqlite", "");
   CHECK(record::next_of(folder / "monday") == folder / "monday-008.sqlite");
@@ -50,7 +50,7 @@ TEST_CASE("a run is refused if its time stamps would overflow") {
   CHECK(has(text, "set the clock"));
 }
 
-TEST_CASE("a run killed during creation leaves a complete file or none, and can be created again") {
+TEST_CASE("a run killed while being created leaves a complete file or none, and can be recreated") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   Config config;
@@ -113,7 +113,7 @@ TEST_CASE("SQLite VACUUM INTO copies a run while it is being recorded") {
   CHECK(record::RunReader(folder / "a.sqlite").count() == 4);
 }
 
-TEST_CASE("reading a run header takes little longer than opening the file in SQLite") {
+TEST_CASE("reading a run header takes only slightly longer than opening the file in SQLite") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 3);

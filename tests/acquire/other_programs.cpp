@@ -203,7 +203,8 @@ TEST_CASE("a WAL checkpointed by another program is not reported as truncated") 
     if (GENERATE(false, true)) more();
     checkpoint(path);
   }
-  SECTION("a checkpoint by another program after our own is not reported as a truncated WAL") {
+  SECTION(
+      "a checkpoint by another program after one by the run is not reported as a truncated WAL") {
     while (fs::file_size(path) < 100'000 || fs::file_size(path + "-wal") == 0) more();
     checkpoint(path);
     CHECK(fs::file_size(path + "-wal") == 0);
@@ -228,23 +229,23 @@ TEST_CASE("the memory use of the run writer does not grow with the length of the
   CHECK(fs::file_size(folder / "a.sqlite") > 4'000'000);
 }
 
-TEST_CASE("a run with missing records does not get status complete") {
+TEST_CASE("a run with missing records is not given the status complete") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 6);
   std::string said;
-  SECTION("a run with deleted rows does not get status complete") {
+  SECTION("a run with deleted rows is not given the status complete") {
     sql(open(path), "DELETE FROM record WHERE idx = 4");
     said =
         "contains 5 records instead of 6; 5 of its 6 records are in " + folder / "a.rescued.sqlite";
   }
-  SECTION("a run with deleted rows and a deleted run file does not get status complete") {
+  SECTION("a run with deleted rows and a deleted run file is not given the status complete") {
     sql(open(path), "DELETE FROM record WHERE idx = 4");
     fs::remove(path);
     said = "was removed or renamed during the run; 5 of its 6 records are in " +
            folder / "a.rescued.sqlite";
   }
-  SECTION("a run with an overwritten WAL does not get status complete") {
+  SECTION("a run with an overwritten WAL is not given the status complete") {
     overwrite(path + "-wal", 0, fs::file_size(path + "-wal"));
     said = "was damaged during the run: ";
   }
@@ -271,7 +272,8 @@ TEST_CASE("a run continues after another program truncates its -shm file") {
   check_whole(path, 7, "complete");
 }
 
-TEST_CASE("a run closes without waiting for readers, and the next program merges the WAL") {
+TEST_CASE(
+    "a run closes without waiting for readers, and the next program to open it merges the WAL") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 5);
@@ -299,7 +301,7 @@ TEST_CASE("a run closes without waiting for readers, and the next program merges
   check_whole(path, 6, "complete");
 }
 
-TEST_CASE("a label that waits for the run file is refused once the run is closed") {
+TEST_CASE("a label that is waiting for access to the run file is refused if the run is closed") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 1);
@@ -338,7 +340,7 @@ TEST_CASE("a run requires a valid lock file and does not delete it") {
     if (kind == "file") CHECK(fs::file_size(lock) == 8);
     CHECK_FALSE(WriterLock::someone_writes(path));
   }
-  SECTION("a lock file left by a crash is used again") {
+  SECTION("a lock file left by a crash is reused") {
     write_file(lock, std::string(128 << 10, '\0'));
     const ino_t before = inode(lock);
     auto run = begin(path, 1);
@@ -378,7 +380,7 @@ int open_without_memory(sqlite3_vfs* self, const char* name, sqlite3_file* file,
 
 }  // namespace
 
-TEST_CASE("a run file on a file system without shared memory is refused") {
+TEST_CASE("a run file is refused if its file system does not support shared memory") {
   const Folder folder;
   sqlite3_vfs* const whole = sqlite3_vfs_find(nullptr);
   sqlite3_vfs network = *whole;

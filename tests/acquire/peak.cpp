@@ -125,7 +125,7 @@ TEST_CASE("the scatter of fitted SPD peak positions matches their standard error
 }
 
 TEST_CASE(
-    "the scatter of fitted radar peak positions matches their standard errors at 4.4 cm bins") {
+    "the scatter of fitted radar peak positions in 4.4 cm bins matches their standard errors") {
   // At the weakest echo, averaging of logarithms would cause a bias above the standard error.
   const auto [noise_db, count] =
       GENERATE(table<double, std::size_t>({{-40, 20}, {-25, 40}, {-15, 100}}));
@@ -141,7 +141,8 @@ TEST_CASE(
   CHECK(pulls.worst_m < 1e-2);
 }
 
-TEST_CASE("the standard error of a radar peak is the code resolution if all frames are identical") {
+TEST_CASE(
+    "if all frames are equal, the standard error of a radar peak follows from the code step") {
   Rng rng = make_rng(4, 0);
   // Peaks midway between two bins are avoided. There, two bins that are equal in every frame would
   // count as a clipped lobe.

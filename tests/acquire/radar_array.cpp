@@ -67,7 +67,7 @@ FusedRecord write_run(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("mean and covariance of the antenna array are averages over frames") {
+TEST_CASE("the mean and the covariance of the antenna array are averages over frames") {
   constexpr std::size_t bins = 3, antennas = 12, count = 9;
   const auto frames = some_frames(count, bins * antennas);
   const auto array = array_of(frames, antennas);
@@ -134,7 +134,7 @@ TEST_CASE("a packed antenna array is accurate to 4e-5 of the power in its bin") 
   CHECK(unpack_array(bad, 3, 8, back) == "array bin 0: the power is negative or not finite");
 }
 
-TEST_CASE("a run file stores the antennas and the antenna array of each record") {
+TEST_CASE("a run file stores the antenna positions, and the antenna array of each record") {
   const Folder dir;
   const FusedRecord wrote = write_run(dir / "run");
   const RunReader run(dir / "run");
@@ -191,7 +191,7 @@ TEST_CASE("an antenna array that does not match its axis is not written") {
   CHECK_THAT(text, Catch::Contains("record 0: array has 5 values, but its axis has 164"));
 }
 
-TEST_CASE("beamforming recovers direction and power of a wave despite channel errors") {
+TEST_CASE("beamforming recovers the direction and the power of a wave despite channel errors") {
   Antennas antennas(8);
   std::vector<Samples> frames(3, Samples(8));
   constexpr double u = 0.3125, power = 9;

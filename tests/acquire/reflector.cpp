@@ -37,7 +37,8 @@ TEST_CASE("the radar range of the reflector is computed from the sensor baseline
   CHECK(r.range_m(Sensor::radar) == 3);
 }
 
-TEST_CASE("the reflector's range error combines errors of distance, tilt, baseline and height") {
+TEST_CASE(
+    "the reflector's range error combines the errors of distance, tilt, baseline and height") {
   Reflector r;
   CHECK(r.error_m(Sensor::spd) == 2e-3);
   const double along = 2e-3 / 1.118034, aside = 0.5 * 2e-3 * std::sqrt(2.0) / 1.118034;
@@ -51,7 +52,7 @@ TEST_CASE("the reflector's range error combines errors of distance, tilt, baseli
   CHECK(r.other().error_m(Sensor::radar) == 0);
 }
 
-TEST_CASE("a range that matches the other mounting of the reflector is refused") {
+TEST_CASE("a range is refused if it matches the reflector mounting that was not selected") {
   const auto refusal = [](Mounting stated, double distance_m, double measured_m) {
     return other_mounting({.mounting = stated, .distance_m = distance_m}, measured_m, 0.2);
   };
@@ -100,7 +101,7 @@ TEST_CASE("the wave from the reflector is plane in the far field and curved near
   CHECK(aside.error_rad[7] == Approx(7 * per_place / sine * slope).epsilon(0.05));
 }
 
-TEST_CASE("an echo from a known side shows whether the antenna row is swapped left to right") {
+TEST_CASE("an echo from a known side shows whether left and right are swapped in the antenna row") {
   const auto antennas = row();
   const std::vector<double> channels{0, 1.1, -2, 0.4, 3, -0.7, 1.9, -1.2};
   for (const auto mounting : {Mounting::detector, Mounting::each})

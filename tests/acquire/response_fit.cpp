@@ -142,7 +142,8 @@ std::vector<std::vector<std::uint16_t>> frames(const NamedWindow& window, const 
 
 }  // namespace
 
-TEST_CASE("the response fit finds width and tail of the detector response within standard errors") {
+TEST_CASE(
+    "the response fit recovers the width and tail of the detector response within their errors") {
   Rng rng = make_rng(1, 1);
   const Search search{1, 0.3};
   for (const double fwhm_ps : {120., 200., 280.}) {
@@ -285,7 +286,7 @@ TEST_CASE("radar noise falls with the square root of the number of independent f
 }
 
 TEST_CASE(
-    "the response of a run is read back as written, and an invalid one is treated as unknown") {
+    "the sensor responses of a run are read back as written, or as unknown if they are invalid") {
   record::Response r;
   r.irf_fwhm_ps = {203.5, 1.25}, r.irf_tail_ps = {90, 4}, r.irf_tail_share = {0.4, 0.02};
   r.radar = {0.05, {1, 0.75, 0.25, 0.0625}}, r.taps_standard_error = 0.0125;

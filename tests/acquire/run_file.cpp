@@ -147,7 +147,7 @@ TEST_CASE("committed records are readable after the writing program was killed b
   CHECK_FALSE(fs::exists(path + "-wal"));
 }
 
-TEST_CASE("a run ended by a full disk keeps its committed records and the reason") {
+TEST_CASE("a run ended by a full disk keeps its committed records and stores the reason") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const pid_t child = in_child([&] {
@@ -170,7 +170,7 @@ TEST_CASE("a run ended by a full disk keeps its committed records and the reason
   CHECK(run.check().empty());
 }
 
-TEST_CASE("invalid run files and output files are refused with the reason") {
+TEST_CASE("invalid run files and output files are refused, and the reason is reported") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto refusal = [&] { return error_of([&] { RunReader run(path); }); };
@@ -246,7 +246,7 @@ TEST_CASE("invalid run files and output files are refused with the reason") {
   }
 }
 
-TEST_CASE("an invalid record is refused, and the error contains its number") {
+TEST_CASE("an invalid record is refused, and the error contains the record number") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 4);
@@ -263,7 +263,7 @@ TEST_CASE("an invalid record is refused, and the error contains its number") {
     sql(path, "UPDATE record SET depth = x'89504e47' WHERE idx = 2");
     expected = "record 2: depth is not a deflated image of 3 x 2";
   }
-  SECTION("a negative number of the last depth frame is refused") {
+  SECTION("a negative frame number of the last depth frame is refused") {
     sql(path, "UPDATE record SET depth_last = -1 WHERE idx = 2");
     expected = "record 2: depth_last is -1";
   }

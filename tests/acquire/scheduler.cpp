@@ -37,7 +37,8 @@ using Indices = std::vector<std::int64_t>;
 
 }  // namespace
 
-TEST_CASE("slots begin at multiples of their length, slots over 10 s begin immediately") {
+TEST_CASE(
+    "slots up to 10 s begin at multiples of their length, and longer slots begin immediately") {
   CHECK(first_slot(100s, 3s) == 102s);
   CHECK(first_slot(102s, 3s) == 102s);
   CHECK(first_slot(102s + 1ns, 3s) == 105s);
@@ -103,7 +104,7 @@ TEST_CASE("each slot is delivered once and in order, and is marked stalled after
   }
 }
 
-TEST_CASE("the next slot after a pause of the program stays open for another grace time") {
+TEST_CASE("a slot stays open for another grace time if the program is paused when the slot ends") {
   Scheduler scheduler(grid);
   Ticking ticking(scheduler);
   CHECK(ticking.run(grid.end(0) + 400ms).empty());
@@ -144,7 +145,7 @@ TEST_CASE("the scheduler ends a run after its slot count or after finish()") {
   }
 }
 
-TEST_CASE("slots missed in a pause wait while the disk is busy, current slots do not") {
+TEST_CASE("slots missed during a pause wait while the disk is busy, but current slots do not") {
   Backlog backlog;
   const auto next = [&](bool busy) {
     const auto slot = backlog.next(busy);

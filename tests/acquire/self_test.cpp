@@ -81,7 +81,7 @@ Finding depth_verdict(int frames, const DepthFrame& frame) {
 }  // namespace
 
 TEST_CASE(
-    "doctor reports count rates, the fraction of clicks in the histogram and detector faults") {
+    "doctor reports detector faults, count rates and the fraction of clicks in the histogram") {
   const Finding good = spd_verdict(pairs(1, 2, 20'000));
   CAPTURE(good.found, good.advice);
   CHECK(good.grade == Grade::ok);
@@ -113,7 +113,8 @@ TEST_CASE(
   CHECK(has(spd_verdict({}).advice, "no channel has tags"));
 }
 
-TEST_CASE("doctor compares the radar's frame rate with frameCfg and checks losses and profiles") {
+TEST_CASE(
+    "doctor compares the radar frame rate with frameCfg and checks frame losses and profiles") {
   const Config config = lab();
   const Finding sample = radar_verdict(1, radar_frame());
   const double nominal = fact(sample, "nominal_frames_per_s");
@@ -175,7 +176,7 @@ TEST_CASE("the doctor command reports each device warning once and ignores infor
 }
 
 TEST_CASE(
-    "record size is estimated from received frames, or from the configuration without frames") {
+    "the record size is estimated from frames, or from the configuration if there are no frames") {
   const Config config = lab();
   Capture capture(config.histogram);
   const double unseen = estimate_record_bytes(capture, config);

@@ -64,7 +64,7 @@ TEST_CASE("the configuration file in the current folder takes precedence over th
   CHECK(has(wrong.text, "none.toml: cannot read"));
 }
 
-TEST_CASE("a radar cfg is searched next to the configuration file, then among the installed ones") {
+TEST_CASE("a radar cfg is searched for next to the configuration file, then among installed cfgs") {
   const Folder folder;
   const std::string radar = "[radar]\ncli = \"serial:/dev/a\"\ndata = \"serial:/dev/b\"\ncfg = ";
   write_file(folder / "lab.toml", tdc + radar + "\"radar/xwr68xx_paper_50cm.cfg\"\n");
@@ -88,7 +88,8 @@ TEST_CASE("a run without a name gets the next number of the day in the configure
   CHECK(config.run_folder == folder / "runs");
 }
 
-TEST_CASE("the operator of a run is the configured name, otherwise the user name") {
+TEST_CASE(
+    "the operator of a run is the configured name, or the user name if no name is configured") {
   const Folder folder;
   echofuse::acquire::Config config;
   const auto operator_of = [&](const std::string& name) {

@@ -72,7 +72,7 @@ TEST_CASE("SQLite side files next to a closed run are reported but not read") {
   CHECK(RunReader(path).leftovers().empty());
 }
 
-TEST_CASE("a copy of an open run without its -wal file is refused and not changed") {
+TEST_CASE("a copy of an open run that lacks its -wal file is refused and not changed") {
   const Folder folder;
   const std::string path = folder / "copy.sqlite";
   {
@@ -101,7 +101,7 @@ TEST_CASE("a copy of an open run without its -wal file is refused and not change
   CHECK(RunReader(path).count() == 3);
 }
 
-TEST_CASE("a run killed before its wal_key was stored is opened with status crashed") {
+TEST_CASE("a run killed before its wal_key was stored is opened with the status crashed") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   for (const char* meta : {R"({"wal_key": "none"})", "{}"}) {
@@ -197,7 +197,7 @@ TEST_CASE("an open run with the -journal file of another run is refused") {
 }
 
 // The file is in the state between the two steps of SQLite's switch to journal_mode=DELETE.
-TEST_CASE("a run in WAL mode without a -wal file is read, also on read-only media") {
+TEST_CASE("a run in WAL mode that lacks a -wal file can be read, even on read-only media") {
   const Folder folder;
   fs::create_directory(folder / "in");
   const std::string path = folder / "in/a.sqlite";
@@ -229,7 +229,7 @@ TEST_CASE("a run in WAL mode without a -wal file is read, also on read-only medi
   for (const char* beside : {"-wal", "-shm"}) CHECK_FALSE(fs::exists(path + beside));
 }
 
-TEST_CASE("tables made by ANALYZE are accepted, other tables are refused at the end of a run") {
+TEST_CASE("tables made by ANALYZE are accepted, but other tables are refused at the end of a run") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   RunWriter run(path, {});

@@ -134,7 +134,7 @@ TEST_CASE("a signal weaker than in the first minute has the verdict weak") {
   CHECK(verdicts(check, lab.record()) == all_ok);
 }
 
-TEST_CASE("background alone has no photon peak, and radar noise alone has no echo") {
+TEST_CASE("neither background light alone nor radar noise alone is reported as a peak") {
   Laboratory lab;
   lab.photons = 0, lab.radar_snr_db = -40;
   for (const double background : {1.0, 300.0, 1e4, 1e6}) {
@@ -160,8 +160,7 @@ TEST_CASE("background alone has no photon peak, and radar noise alone has no ech
   CHECK(verdicts(check, lab.record()) == all_ok);
 }
 
-TEST_CASE(
-    "a record with over one click in 20 pulses or a clipped radar lobe has the verdict saturated") {
+TEST_CASE("more than one click in 20 pulses or a clipped radar lobe gives the verdict saturated") {
   Laboratory lab;
   SignalCheck check({}, 3);
   auto r = lab.record();
@@ -188,7 +187,7 @@ TEST_CASE(
   CHECK(verdicts(indulgent, r)[0] == "ok");
 }
 
-TEST_CASE("sensor data that repeat bit by bit are reported as frozen (verdict: stands still)") {
+TEST_CASE("sensor data that repeat bit for bit are reported as frozen (verdict: stands still)") {
   Laboratory lab;
   SignalCheck check({}, 3);
   auto r = lab.record();
@@ -214,7 +213,7 @@ TEST_CASE("sensor data that repeat bit by bit are reported as frozen (verdict: s
   }
 }
 
-TEST_CASE("a record with under 80 % of the expected frames or pulses has the verdict lossy") {
+TEST_CASE("a record with less than 80 % of the expected frames or pulses has the verdict lossy") {
   Laboratory lab;
   SignalCheck check({}, 3, {1000, 20, 0});
   const auto with = [&](std::uint64_t starts, std::uint64_t radar, std::uint64_t depth) {

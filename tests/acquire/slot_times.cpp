@@ -24,7 +24,7 @@ std::vector<std::string> events_of(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("a clock set during a run is stored as an event, and later UTC times are correct") {
+TEST_CASE("a change of the system clock during a run is stored, and later UTC times are correct") {
   const auto step = GENERATE(24h, -24h);
   const Folder folder;
   const std::string path = folder / "run.sqlite";
@@ -117,7 +117,7 @@ TEST_CASE("a run still ends with its last slot after the system clock was set ba
   CHECK(sum.last_utc == small_record(4).slot_utc - std::chrono::hours(24));
 }
 
-TEST_CASE("the annotate command reports a note without its time if the slot length is invalid") {
+TEST_CASE("the annotate command reports no time for a note if the slot length is invalid") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   record::RunInfo info;

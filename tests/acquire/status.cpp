@@ -89,14 +89,14 @@ TEST_CASE("a sensor that becomes doubtful is reported once and counted in each r
   CHECK(totals.not_ok == 3);
 }
 
-TEST_CASE("a doubtful sensor is red on a colour terminal, and the line keeps its width") {
+TEST_CASE("a doubtful sensor is shown in red on a colour terminal, and the line keeps its width") {
   Moment m;
   CHECK(m.line(26, true) == "record 7/20  \033[31ms-D\033[0m  \033[31mspd weak\033[0m");
   m.now.doubtful = {}, m.now.valid = SensorSet::from_bits(7), m.now.trouble.clear();
   CHECK(m.line(79, true) == m.line(79));
 }
 
-TEST_CASE("a label in the status line is escaped and cut at a character boundary") {
+TEST_CASE("a label in the status line is escaped, and is truncated at a character boundary") {
   Moment m;
   m.now.label = "a\033[2J\n";
   CHECK(m.line(std::nullopt).find(R"(  a\x1b[2J\n  )") != std::string::npos);

@@ -54,7 +54,7 @@ struct Database {
 }  // namespace
 
 TEST_CASE(
-    "a run file stores clock fits and counts records without a required sensor as incomplete") {
+    "clock fits are stored, and records that lack a required sensor are counted as incomplete") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write(path);
@@ -82,7 +82,7 @@ TEST_CASE(
   CHECK(has(text, "axis      depth_x: 3 x 0.2 from -0.2, tangent"));
 }
 
-TEST_CASE("a run file stores the signal values of records and counts their verdicts by kind") {
+TEST_CASE("the signal values of records are stored, and their verdicts are counted by kind") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write(path);

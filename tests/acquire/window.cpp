@@ -106,7 +106,7 @@ TEST_CASE("a record with data of all three sensors is complete") {
   for (const auto& s : r.sync) CHECK(s.verdict == "ok");
 }
 
-TEST_CASE("the counts of a record take click delay, dead time and bad tags into account") {
+TEST_CASE("the counts of a record account for click delay, dead time and damaged tags") {
   auto settings = tdc_settings;
   settings.click_delay_ps = 500;
   settings.dead_time_ps = 100;
@@ -221,7 +221,7 @@ TEST_CASE("the range profile of a record is the mean power over frames and subfr
   CHECK(power_from_code(r.radar[0], 12) == Approx(sum / count).epsilon(1e-4));
 }
 
-TEST_CASE("a record contains the statistics and temperature of the last radar frame") {
+TEST_CASE("a record contains the statistics and temperature of the last radar frame in its slot") {
   Windows windows = make_windows();
   windows.announce(radar_info());
   RadarFrame frame = radar_frame(10s, 1, {1, 2, 3, 4});
@@ -265,7 +265,7 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
     windows.add(radar_frame(10s, 1, {}));
     radar = "frames without a range profile";
   }
-  SECTION("a radar that reconnects with another axis is invalid") {
+  SECTION("a radar that reconnects with a different axis is invalid") {
     CHECK_FALSE(windows.announce(radar_info(4, 8)));
     windows.add(radar_frame(10s, 1, {1, 2, 3, 4}));
     radar = "axis differs from the one at the start of the run";
@@ -283,7 +283,7 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
         spd.starts_with("tags cover"));  // tags over half of the slot suffice
 }
 
-TEST_CASE("a click is not paired with a start that precedes tags outside open slots") {
+TEST_CASE("a click is not paired with a start if tags outside open slots came between them") {
   Windows windows = make_windows({Sensor::spd});
   windows.close({0, false});
   feed(windows, 11s, {start_at(0)});
@@ -341,7 +341,7 @@ HistogramFrame histogram(HostTime received, std::vector<std::uint32_t> counts,
 
 }  // namespace
 
-TEST_CASE("a record contains the sum of the histograms with their mid-exposure in its slot") {
+TEST_CASE("a record contains the sum of all histograms that have their mid-exposure in its slot") {
   Windows windows = make_windows();
   REQUIRE(windows.announce(board_info()));
   CHECK(same_axis(windows.axes().front(), board_info().axes[0]));
@@ -364,7 +364,7 @@ TEST_CASE("a record contains the sum of the histograms with their mid-exposure i
   CHECK(sync(windows.close({2, false}), Sensor::spd).verdict == "no histograms");
 }
 
-TEST_CASE("histograms are not used after a counting board reconnects with other bins") {
+TEST_CASE("histograms are not used after a counting board reconnects with different bins") {
   Windows windows = make_windows();
   REQUIRE(windows.announce(board_info()));
   CHECK_FALSE(windows.announce(board_info(100)));
@@ -373,7 +373,7 @@ TEST_CASE("histograms are not used after a counting board reconnects with other 
         "axis differs from the one at the start of the run");
 }
 
-TEST_CASE("histograms are not used after a detector reconnects with other zones") {
+TEST_CASE("histograms are not used after a detector reconnects with different zones") {
   Windows windows = make_windows();
   DeviceInfo info = board_info();
   info.zones = {{0, 0, 0.2, 0}, {0.2, 0, 0.2, 0}};

@@ -56,7 +56,7 @@ TEST_CASE("a histogram that does not match the number of zones is refused") {
                     Contains("spd has 6 values, but its axis has 9"));
 }
 
-TEST_CASE("a zone of zero width, or with a time zero beyond one second, is refused") {
+TEST_CASE("a zone is refused if its width is zero or its time-zero offset exceeds one second") {
   CHECK(Zone{}.plausible());
   CHECK(Zone{0, 0, 0.1, -50}.plausible());
   CHECK_FALSE(Zone{0, 0, 0, 0}.plausible());

@@ -60,7 +60,7 @@ class Recording(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         return done.stdout
 
-    def test_custom_sensors_can_be_recorded_used_for_training_and_displayed(self):
+    def test_data_of_custom_sensors_can_be_recorded_displayed_and_used_for_training(self):
         folder = tempfile.TemporaryDirectory(prefix="echofuse-")
         self.addCleanup(folder.cleanup)
         place = pathlib.Path(folder.name)

@@ -38,16 +38,16 @@ class Packing(unittest.TestCase):
         self.assertEqual(sum(b.starts for b in blocks), np.count_nonzero(tags["channel"] == 2))
         self.assertEqual(sum(b.overflows for b in blocks), np.count_nonzero(tags["type"] == 2))
 
-    def test_packed_tags_equal_the_numpy_result_for_all_sizes(self):
+    def test_packed_tags_equal_the_numpy_result_for_any_number_of_tags(self):
         for size in (0, 1, 2, pack.BLOCK_TAGS, pack.BLOCK_TAGS + 1, 150_000):
             self.check(some_tags(size))
 
-    def test_tags_of_other_channels_are_not_packed(self):
+    def test_tags_of_channels_that_are_not_configured_are_not_packed(self):
         tags = some_tags(1000)
         tags["type"], tags["channel"] = 0, 2 + tags["channel"] % 2
         self.check(tags)
 
-    def test_strided_arrays_are_packed_and_other_layouts_are_refused(self):
+    def test_strided_arrays_are_packed_and_arrays_of_another_type_are_refused(self):
         self.check(some_tags(10_000)[::3])
         tags = some_tags(1000)
         tags.flags.writeable = False

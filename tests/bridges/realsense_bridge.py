@@ -30,7 +30,7 @@ class Process(unittest.TestCase):
         self.assertEqual(self.calls[:4], [("query_devices",), ("enable_device", "STAND-IN-3"),
                                           ("enable_stream", "depth", 64, 48, "z16", 30), ("start",)])
 
-    def test_projector_and_preset_options_are_sent_to_the_camera(self):
+    def test_projector_state_and_preset_are_sent_to_the_camera(self):
         with Program("realsense.py", *SIZE, "--no-projector", "--preset", "high accuracy", STAND_IN_SILENT="5") as program:
             with Client(program.address) as client:
                 client.until(bridge.DEPTH)

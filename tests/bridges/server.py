@@ -135,7 +135,7 @@ class SlowClient(unittest.TestCase):
         self.assertEqual(arrived + dropped, given + 1)
         self.assertEqual((server.sent, server.dropped), (arrived, dropped))
 
-    def test_next_client_starts_without_losses_after_a_disconnection_within_a_block(self):
+    def test_blocks_lost_by_a_disconnected_client_are_not_reported_to_the_next_client(self):
         server = make_server(self, queue_bytes=1 << 24)
         server.online({})
         with Client(server.address) as client:

@@ -94,7 +94,7 @@ class Calls(unittest.TestCase):
             ("stop",), ("freeTimeTagger",)])
         self.assertIn("dead time of channel 2: 26000 ps (requested: 25001)", said)
 
-    def test_tags_are_streamed_by_libraries_without_custom_measurements(self):
+    def test_tags_are_streamed_if_the_library_does_not_support_custom_measurements(self):
         tagger, _ = open_tagger(*SETTINGS, which=old_library)
         tagger.close()
         self.assertEqual(recorder.calls[-3:], [("TimeTagStream", 5000, [-1, 2]), ("stop",), ("freeTimeTagger",)])
@@ -157,7 +157,7 @@ class Tags(unittest.TestCase):
             outlet, _, _ = self.poll(columns, which=which)
             self.assertEqual(outlet.blocks, [(bridge.TAGS, golden()[1][32:], 4)])
 
-    def test_long_tag_blocks_are_divided(self):
+    def test_long_tag_blocks_are_split(self):
         columns = self.pattern(150_000)
         for which in (library, old_library):
             outlet, pause, _ = self.poll(columns, which=which)
@@ -185,7 +185,7 @@ class Tags(unittest.TestCase):
         self.assertNotIn("--conditional-filter", self.poll(self.pattern(150_000), "--conditional-filter", "48000")[2])
         self.assertEqual(self.poll([column[:700] for column in self.pattern(700)])[2], "")  # ends before the overflow
 
-    def test_loss_at_20_mhz_is_reported_at_most_twice_in_100_s(self):
+    def test_tag_loss_at_20_mhz_is_reported_only_twice_in_100_s(self):
         with mock.patch.object(time, "monotonic", lambda: self.now), contextlib.redirect_stderr(io.StringIO()) as said:
             self.now = 0.0
             losses = timetagger.Losses(options())

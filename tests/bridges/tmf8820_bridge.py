@@ -113,7 +113,7 @@ class Recording(unittest.TestCase):
         self.assertEqual(len(record["zones"]), 9)
         self.assertEqual(record["zones"][0], [0.17, 0.17, 0.3])
 
-    def test_tmf8820_recording_can_be_displayed_used_for_training_and_reported(self):
+    def test_tmf8820_recording_can_be_displayed_used_for_training_and_shown_in_a_report(self):
         with tempfile.TemporaryDirectory(prefix="echofuse-") as folder:
             place = pathlib.Path(folder)
             (place / "log.txt").write_text("".join(measurement(body(k), k) for k in range(50)), encoding="utf-8")

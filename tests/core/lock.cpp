@@ -43,7 +43,8 @@ TEST_CASE("a lock excludes other holders and names its holder") {
   CHECK(Lock(path, 0644).held());
 }
 
-TEST_CASE("one of many concurrent callers gets the lock, even if holders remove the lock file") {
+TEST_CASE(
+    "only one of many concurrent callers holds a lock, even if holders remove the lock file") {
   const Folder folder;
   const std::string path = folder / "x.lock";
   const bool removes = GENERATE(false, true);

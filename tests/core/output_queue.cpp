@@ -99,7 +99,8 @@ TEST_CASE("the output queue completely writes a text that is longer than its lim
   CHECK((text == huge));
 }
 
-TEST_CASE("closing the output queue waits one second for a stopped reader, not for a closed one") {
+TEST_CASE(
+    "closing the output queue waits one second for a stopped reader, but not for a closed one") {
   std::signal(SIGPIPE, SIG_IGN);
   const auto begin = std::chrono::steady_clock::now();
   const auto waited = [&] { return std::chrono::steady_clock::now() - begin; };

@@ -7,7 +7,7 @@
 
 using namespace echofuse;
 
-TEST_CASE("text made printable is valid UTF-8 in one line without control characters") {
+TEST_CASE("text converted by printable() is one line of valid UTF-8 without control characters") {
   CHECK(printable("letter:A \xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80 \\") ==
         "letter:A \xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80 \\");
   CHECK(printable(std::string("a\0b\x1b[2J\r\n\t\x7f", 11)) == "a\\x00b\\x1b[2J\\x0d\\n\\t\\x7f");

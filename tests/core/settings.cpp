@@ -38,7 +38,7 @@ std::string faults_of(const std::string& toml) {
 
 }  // namespace
 
-TEST_CASE("settings are stored in their fields, and integers are accepted for real numbers") {
+TEST_CASE("settings are stored in the bound fields, and an integer is accepted as a real number") {
   Sample sample;
   Settings s = sample.bound();
   s.read_text("window_s = 2\n[tdc]\nbins = 8\nfilter = false\naddress = \"a\\\"b\"\n", "x");
@@ -109,7 +109,7 @@ TEST_CASE("an assignment by --set accepts only TOML values and bare words") {
   CHECK_THROWS_WITH(s.set("tdc.address=\xff"), Catch::EndsWith("expected UTF-8"));
 }
 
-TEST_CASE("a settings error is a single line for any file content") {
+TEST_CASE("a settings error is reported in a single line for any file content") {
   CHECK(faults_of("\"a\\nb\\u001b\" = 1\n") ==
         "lab.toml:1:1: unknown key \"a\\nb\\x1b\"; no similar name");
 }

@@ -23,7 +23,7 @@ TEST_CASE("all kinds of device addresses are parsed") {
   CHECK(parse_address("openni:a/b.oni") == Address(OpenNiAddress{"a/b.oni"}));
 }
 
-TEST_CASE("an invalid device address is refused with its text and the expected form") {
+TEST_CASE("the error for an invalid device address contains the address and the expected form") {
   const auto [text, expected] = GENERATE(table<std::string, std::string>({
       {"", "bridge:tcp://HOST:PORT, usb"},
       {"tcp://127.0.0.1:1", "bridge:tcp://HOST:PORT, usb"},

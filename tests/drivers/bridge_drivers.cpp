@@ -254,7 +254,7 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
     CHECK(b.sink.info.axes[0].count == 1);
     CHECK(b.sink.histograms[0].counts.size() == 5);
   }
-  SECTION("zones are read from the hello block, and another number of histograms is refused") {
+  SECTION("zones are read from the hello block, and a different number of histograms is refused") {
     const std::string hello =
         R"({"sends": "histograms", "zones": [{"x": -0.1, "y": 0, "width": 0.2, "zero_ps": 7.5}]})";
     server.client.reset();
@@ -273,7 +273,7 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
   }
 }
 
-TEST_CASE("a hello block without a histogram key is refused with the name of the key") {
+TEST_CASE("the error for a hello block that lacks a histogram key contains the name of the key") {
   Bench b;
   Server server(b.loop);
   const auto driver = make_tdc(b.loop, {server.address()});

@@ -104,8 +104,7 @@ TEST_CASE("garbage between bridge blocks is detected at its first byte") {
   }
 }
 
-TEST_CASE(
-    "bridge blocks of excess size, other version or unknown kind are refused despite a valid CRC") {
+TEST_CASE("bridge blocks of wrong size, version or kind are refused even if their CRC is valid") {
   for (const auto& [at, value] : {std::pair{15, 1}, {15, 255}, {4, 2}, {5, 1}, {6, 6}, {24, 1}}) {
     Bytes bad = tags_block(hit);
     bad[static_cast<std::size_t>(at)] = static_cast<std::uint8_t>(value);

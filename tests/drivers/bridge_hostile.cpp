@@ -7,7 +7,7 @@
 using namespace echofuse;
 using namespace echofuse::bridge;
 
-TEST_CASE("a hello block with deep nesting, excess length or wrong types is refused") {
+TEST_CASE("a hello block with deep nesting, excessive length or wrong types is refused") {
   const auto refused = [](const std::string& text) { return !read_hello(test::view_of(text)); };
   const std::string half(30'000, '[');
   CHECK(refused(half));

@@ -295,7 +295,7 @@ TEST_CASE("a wrong magic word of a block is detected however the byte stream is 
   }
 }
 
-TEST_CASE("the buffer of a large bridge block is used again for the next block") {
+TEST_CASE("the buffer of a large bridge block is reused for the next block") {
   const Bytes large = tag_block(0, 1 << 17);  // 2 MiB of payload
   BlockParser parser;
   std::vector<const std::uint8_t*> places;
@@ -331,7 +331,8 @@ TEST_CASE("magic bytes inside a payload do not start a bridge block") {
   CHECK(parsed[0].payload.size() == 32);
 }
 
-TEST_CASE("the bridge parser counts every byte before random damage as block or junk") {
+TEST_CASE(
+    "the bridge parser counts every byte before the first damage as part of a block or as junk") {
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     Rng rng = make_rng(seed, 1);
     Bytes bytes;

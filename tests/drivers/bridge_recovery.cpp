@@ -79,7 +79,7 @@ using Numbers = std::vector<std::uint64_t>;
 }  // namespace
 
 TEST_CASE(
-    "a bridge connection ends after silence, single bytes, a wrong length or a missing hello") {
+    "the driver reconnects if a bridge stalls, sends a wrong length or omits the hello block") {
   port::VirtualLoop loop;
   Pair pair(loop, GENERATE(Sensor::spd, Sensor::depth));
   const std::string what = GENERATE("silent", "slow", "wrong length", "no hello");

@@ -86,7 +86,7 @@ TEST_CASE("the end frequency of a chirp is computed in register steps of the rad
         "x.cfg:5: profileCfg sweeps 60 to 64.0008 GHz (limits 60 to 64 GHz)");
 }
 
-TEST_CASE("a radar cfg with another text encoding is read, or refused in one line") {
+TEST_CASE("a radar cfg in UTF-8 with a BOM is read, and other encodings give a one-line error") {
   CHECK(parse_profile("\xef\xbb\xbf" + stock, "x.cfg").refusals.empty());
   CHECK(parse_profile("\xef\xbb\xbf" + stock.substr(13), "x.cfg").refusals.empty());
   std::string other = stock, wide;

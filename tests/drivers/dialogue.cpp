@@ -90,7 +90,7 @@ TEST_CASE("the cfg dialogue works however the received bytes are split") {
   }
 }
 
-TEST_CASE("garbage and extra prompts before the radar's first prompt are discarded") {
+TEST_CASE("garbage and prompts that the radar sends before the first command are discarded") {
   Session s;
   s.d.take_output();
   s.say("\x01\xff~?garb\r\n'garb' is not recognized as a CLI command\n\r" + prompt);
@@ -232,7 +232,7 @@ TEST_CASE("endless radar output before the first command does not block the cfg 
   CHECK(s.d.take_output() == "version\n");
 }
 
-TEST_CASE("the cfg dialogue accepts Skipped as success and ignores extra prompts") {
+TEST_CASE("the cfg dialogue accepts the answer Skipped as success and ignores extra prompts") {
   Session s("sensorStop\nsensorStart\n");
   s.begin();
   s.d.take_output();
@@ -304,7 +304,7 @@ TEST_CASE("a radar restart sends two cfg lines, or the whole cfg after a refusal
   }
 }
 
-TEST_CASE("the cfg dialogue ignores endless output without line ends in bounded memory") {
+TEST_CASE("the cfg dialogue ignores endless output without line ends and uses bounded memory") {
   Session s;
   s.begin();
   s.d.take_output();
@@ -313,7 +313,7 @@ TEST_CASE("the cfg dialogue ignores endless output without line ends in bounded 
   CHECK(s.d.take_output() == "  flushCfg\n");
 }
 
-TEST_CASE("sensorStop is sent after the running command's prompt and waits for its answer") {
+TEST_CASE("sensorStop is sent after the prompt of the running command, and its answer is awaited") {
   const bool busy = GENERATE(false, true);
   StopDialogue d(busy);
   if (busy) {

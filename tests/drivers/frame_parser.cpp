@@ -148,7 +148,8 @@ TEST_CASE("radar heat maps with damaged types and lengths are counted, and parsi
   }
 }
 
-TEST_CASE("radar frames do not depend on the split and are time-stamped at their last byte") {
+TEST_CASE(
+    "radar frames do not depend on how bytes are split, and have the time of their last byte") {
   const Bytes all = join(golden());
   for (std::size_t cut = 1; cut < all.size(); ++cut) {
     std::size_t next = cut;
@@ -230,7 +231,7 @@ TEST_CASE("a radar frame with a TLV count that is one too high keeps its TLVs") 
 }
 
 TEST_CASE(
-    "radar padding that looks like a magic word is resolved by the next bytes or by silence") {
+    "radar padding that resembles a magic word is recognised by the next bytes or by silence") {
   Bytes doubtful = golden()[2];
   doubtful.back() = 2;  // first byte of the magic word
   FrameParser parser;
@@ -257,7 +258,7 @@ TEST_CASE(
   check_sum(parser.counts());
 }
 
-TEST_CASE("the radar frame parser starts again after finish()") {
+TEST_CASE("the radar frame parser can be used again after finish()") {
   FrameParser parser;
   Numbers numbers;
   const auto keep = [&](const RadarFrame& f) { numbers.push_back(f.frame_number); };

@@ -187,7 +187,7 @@ TEST_CASE("the role of a radar port is derived from its device path") {
   CHECK_FALSE(role("/dev/ttyS0"));
 }
 
-TEST_CASE("two boards with equal serial numbers are listed by USB socket") {
+TEST_CASE("two boards with the same serial number are listed by USB port") {
   Tree tree;
   const std::string serial = GENERATE("R0081038", "R0099999");
   for (const auto& [place, number, node] :

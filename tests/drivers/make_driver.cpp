@@ -23,7 +23,7 @@ std::string refusal(Make make) {
 
 }  // namespace
 
-TEST_CASE("an address of another device kind is refused when the driver is created") {
+TEST_CASE("an address for another kind of device is refused when the driver is created") {
   port::SystemLoop loop;
   const auto tdc = [&](const char* a) { return refusal([&] { make_tdc(loop, {a}); }); };
   const auto depth = [&](const char* a) { return refusal([&] { make_depth(loop, {a}); }); };

@@ -157,7 +157,7 @@ TEST_CASE("the radar driver sends the cfg unchanged and then receives frames") {
   CHECK(b.sink.calls() == calls);
 }
 
-TEST_CASE("a heat map of another board is dropped, and its range profile is kept") {
+TEST_CASE("a heat map of another board is dropped, but the range profile of the frame is kept") {
   Bench b;
   Board board(b.loop, b.dir);
   std::string text = cfg;

@@ -318,7 +318,8 @@ TEST_CASE("a jump in radar frame numbers is accepted once the next number follow
   CHECK(lost({0xfffffffe, 0xffffffff, 0, 1}) == Result{0, 0});    // wrap of the frame counter
 }
 
-TEST_CASE("a frame number jump at the end of a connection counts as loss before the next frame") {
+TEST_CASE(
+    "frames lost at the end of a connection are counted with the first frame of the next one") {
   FrameParser parser;
   std::vector<std::uint32_t> lost;
   const auto add = [&](const RadarFrame& f) { lost.push_back(f.lost_before); };

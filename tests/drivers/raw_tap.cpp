@@ -73,7 +73,7 @@ TEST_CASE("raw capture writes one file per connection, created at the first byte
   CHECK(keeper.finish().dropped == 4);
 }
 
-TEST_CASE("the port opener is unchanged if raw capture is off") {
+TEST_CASE("if raw capture is off, data pass through the original port unchanged") {
   VirtualLoop loop;
   const auto port = tap(
       loop, [] { return std::make_unique<Speaker>(); }, nullptr, "x", ".y")();
@@ -103,7 +103,7 @@ TEST_CASE("raw capture drops and counts queued bytes if the disk hangs") {
   CHECK(counts.kept == 0);
 }
 
-TEST_CASE("raw capture ends at its first failure and reports it once") {
+TEST_CASE("raw capture ends at the first write failure and reports the failure once") {
   const Folder folder;
   RawLimits limits{.reserve_bytes = 0};
   const char* why = "";

@@ -65,7 +65,7 @@ Table expected(const std::string& name) {
 
 }  // namespace
 
-TEST_CASE("recorded byte streams of devices give the expected parser results") {
+TEST_CASE("the parsers return the expected results for recorded byte streams of devices") {
   const auto [name, parse] = GENERATE(table<std::string, std::string (*)(const Bytes&)>(
       {{"radar_frames", radar_frames}, {"bridge_blocks", bridge_blocks}}));
   const Table table = expected(name);

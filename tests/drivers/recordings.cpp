@@ -36,7 +36,7 @@ const char* const automated_doors = "ti-radar/xwr68xx_oob_automated_doors.dat";
 
 }  // namespace
 
-TEST_CASE("a recording of another TI demo gives 101 frames without loss, however it is split") {
+TEST_CASE("101 frames are parsed from a recording of another TI demo, however it is split") {
   const Bytes bytes = read(data_folder() / automated_doors);
   REQUIRE(bytes.size() == 79'360);
   for (const std::size_t piece :
@@ -70,7 +70,7 @@ TEST_CASE("a recording of another TI demo gives 101 frames without loss, however
   }
 }
 
-TEST_CASE("each frame of an imported radar recording is in the record of its time") {
+TEST_CASE("each frame of an imported radar recording is assigned to the record of its time") {
   const test::Folder folder;
   const std::string config = folder / "lab.toml";
   std::ofstream(config) << "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n[run]\nwindow_s = 1.0\n";

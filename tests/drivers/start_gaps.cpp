@@ -34,7 +34,8 @@ double share_of(const std::vector<Tag>& tags) {
 
 }  // namespace
 
-TEST_CASE("with a conditional filter the click probability is computed from gaps between starts") {
+TEST_CASE(
+    "if a conditional filter is used, click probabilities are computed from gaps in the starts") {
   Rng rng = make_rng(7, 0);
   for (const double chance : {0.03, 0.1, 0.5, 0.95}) {
     const double n = 1e6 * chance, gaps = std::min(n, 1e5);
@@ -45,7 +46,7 @@ TEST_CASE("with a conditional filter the click probability is computed from gaps
     CHECK(share_of(pulses(chance, true, 10'000'000, rng)) < 0.02);
 }
 
-TEST_CASE("without a conditional filter the pulse count does not depend on brightness") {
+TEST_CASE("if no conditional filter is used, the pulse count does not depend on the brightness") {
   Rng rng = make_rng(7, 1);
   for (const double chance : {0.001, 0.5, 1.0})
     CHECK(share_of(pulses(chance, false, 20'000, rng)) == 1);

@@ -82,7 +82,7 @@ TEST_CASE("counting tags in SIMD groups gives the same result as counting them o
   }
 }
 
-TEST_CASE("counting a long tag block in SIMD groups gives the same result as one by one") {
+TEST_CASE("counting a long tag block in SIMD groups gives the same result as counting one by one") {
   Rng rng = make_rng(1, 19);
   for (const std::uint64_t marker_among : {0, 1000})
     compare({}, stream(rng, 100'000, true, marker_among), 65'536);

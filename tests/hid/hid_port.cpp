@@ -188,7 +188,7 @@ TEST_CASE("a baud rate above the USB throughput causes a warning") {
   CHECK(host.warnings.empty());
 }
 
-TEST_CASE("an unplugged HID port fails once, and opening it again reports no such device") {
+TEST_CASE("an unplugged HID port reports one failure, and reopening it fails with no such device") {
   Bridge bridge;
   Host host;
   host.opens("A");
@@ -251,7 +251,7 @@ TEST_CASE("a CP2110 in use by another program is refused and can be opened later
   second.opens();
 }
 
-TEST_CASE("a missing permission is reported with its remedy when a CP2110 is opened or listed") {
+TEST_CASE("a missing permission is reported with a remedy when a CP2110 is opened or listed") {
   Bridge bridge;
   const std::string root = test::bed().root(), node = root + "/dev/hidraw0";
   // The emulation's files are readable by every user. Only the device node is not.

@@ -258,7 +258,7 @@ def test_write_run_errors_name_the_argument_instead_of_a_temporary_file(tmp_path
     assert said in str(refused.value) and str(tmp_path) not in str(refused.value) and ".npy" not in str(refused.value)
 
 
-def test_split_uses_the_sensors_of_the_run_and_explains_why_no_record_is_left(tmp_path):
+def test_split_uses_the_sensors_of_the_run_and_names_missing_data_if_no_record_remains(tmp_path):
     depth = np.where(np.arange(16) < 8, 2.0, 3.0) * np.ones((12, 16, 1))
     run = write(tmp_path / "own", depth_m=depth + np.random.default_rng(1).normal(0, 0.01, (12, 16, 16)), spd=scene()["spd"])
     assert len(np.concatenate(list(vars(echofuse.split(run, test_share=0.25)).values()))) == 12

@@ -152,7 +152,7 @@ class Truth:
         return echofuse.open(self.path).maps()
 
 
-def test_true_maps_have_iou_1_even_for_bodies_nearer_than_in_training(run, tmp_path):
+def test_true_maps_have_iou_1_even_for_bodies_nearer_than_any_training_body(run, tmp_path):
     near = tmp_path / "near.sqlite"
     program("echofuse-sim", "dataset", "-q", "--out", near, "--people", 12, "--set", "target_z_min_m=1.2", "--set",
             "target_z_max_m=1.4")
@@ -161,7 +161,7 @@ def test_true_maps_have_iou_1_even_for_bodies_nearer_than_in_training(run, tmp_p
         assert row["iou"] == 1 and row["depth_mae_m"] == 0
 
 
-def test_bench_refuses_unknown_methods_and_tables_of_another_study(run, tmp_path):
+def test_bench_refuses_an_unknown_method_and_a_table_of_another_study(run, tmp_path):
     """A mistyped method name ends the bench with an error. The table gets no row of NaN for it."""
     table = bench.Table(tmp_path / "b.csv", "this")
     with pytest.raises(bench.UsageError, match="nearst"):
@@ -219,7 +219,7 @@ def test_content_hash_of_a_run_depends_on_its_verdicts(run, tmp_path):
     assert content_hash(path) != content_hash(run.path)
 
 
-def test_study_in_two_parts_gives_the_same_rows_and_repeats_no_fit(run, tmp_path):
+def test_study_computed_in_two_parts_gives_the_same_rows_and_trains_each_model_once(run, tmp_path):
     """Each of the two parts writes its own table next to the common table. Cells of the study share runs and trained models."""
     made = []
 

@@ -29,7 +29,7 @@ def test_histogram_error_falls_with_the_number_of_simulated_rays():
     assert all(row["radar_chi2"] == row["depth_mm"] == row["pixels"] == 0 for row in found.values())
 
 
-def test_detail_example_measures_the_effect_of_radar_rays_and_scene_scale():
+def test_detail_example_measures_the_effect_of_the_number_of_radar_rays_and_the_target_scale():
     found = table("radar_rays=1536", "radar_rays=48", "target_scale=1.01")
     assert found["radar_rays=48"]["radar_chi2"] > 1 and found["radar_rays=48"]["spd_chi2"] == 0
     assert found["target_scale=1.01"]["depth_mm"] > 1 and found["target_scale=1.01"]["pixels"] > 0

@@ -46,7 +46,7 @@ def test_run_arrays_equal_those_of_the_hdf5_export(folder):
         assert np.array_equal(file["entry/data/depth"][:], run.depth, equal_nan=True)
 
 
-def test_record_without_a_sensor_is_marked_as_invalid_for_that_sensor(folder, tmp_path):
+def test_record_without_data_from_a_sensor_is_marked_as_invalid_for_that_sensor(folder, tmp_path):
     path = tmp_path / "lost.sqlite"
     path.write_bytes((folder / "monday.sqlite").read_bytes())
     with sqlite3.connect(path) as db:

@@ -41,7 +41,7 @@ def test_evaluate_scores_a_record_without_a_map_as_an_empty_map(run, tmp_path):
     assert text[text.index("depth_mae_m"):].splitlines()[1].split()[:3] == ["over", "maps", "6"]
 
 
-def test_evaluate_scores_only_the_records_requested_by_rows_option(run, tmp_path):
+def test_evaluate_scores_only_the_records_selected_by_the_rows_option(run, tmp_path):
     rows = echofuse.split(run).test
     folder = save(tmp_path / "mine", run, rows, run=run)
     for asked in ("test", "listed"):
@@ -57,7 +57,7 @@ def test_load_maps_includes_maps_predicted_without_one_sensor(tmp_path):
     assert echofuse.load_maps(tmp_path)[1].tolist() == [1, 2, 4]
 
 
-def test_evaluate_refuses_maps_that_match_no_scored_record(run, tmp_path):
+def test_evaluate_refuses_maps_if_none_of_them_belongs_to_a_scored_record(run, tmp_path):
     echofuse.save_maps(tmp_path / "none", run.maps([0]), [1000])
     assert "has 1 maps, but none for the 60 scored records" in judged(tmp_path / "none", run, ok=False)
 

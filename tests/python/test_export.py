@@ -219,7 +219,7 @@ def test_csv_export_contains_radar_power_over_range_and_azimuth(runs, tmp_path):
     assert float(line.rpartition(",")[2]) == pytest.approx(total / 64, rel=1e-6)
 
 
-def test_beamforming_recovers_direction_and_power():
+def test_beamforming_recovers_the_direction_and_power_of_a_wave():
     sine, power, count = 0.3125, 9.0, 8
     gain, phase = 1 + 0.1 * np.arange(count), 0.4 * np.arange(count) ** 2
     x = 3 * gain * np.exp(1j * (np.pi * np.arange(count) * sine + phase))
@@ -329,7 +329,7 @@ def test_export_syncs_a_file_to_disk_before_it_gets_its_final_name(tmp_path, mon
     assert synced == [(False, False), (True, True)]
 
 
-def test_export_creates_a_file_on_a_disk_that_does_not_support_hard_links(tmp_path, monkeypatch):
+def test_export_creates_a_file_on_a_file_system_that_does_not_support_hard_links(tmp_path, monkeypatch):
     def no_links(*_):
         raise PermissionError
 

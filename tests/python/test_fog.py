@@ -26,7 +26,7 @@ def mean_counts(visibility_m, photons=0, records=400, **settings):
     return fog.add_fog(clear, visibility_m, SETTINGS | settings, 1).mean(axis=0)
 
 
-def test_fog_attenuates_photons_and_adds_backscatter_that_falls_with_range_squared():
+def test_fog_attenuates_photons_and_adds_backscatter_that_falls_with_the_square_of_the_range():
     range_m = (13343 + 100 * (np.arange(336) + 0.5)) / PS_PER_M
     extinction, t2 = fog.extinction_per_m(30), 0.55**2
     solid_angle_sr = 4 * np.arcsin(t2 / (1 + t2))
@@ -67,7 +67,7 @@ def test_bench_simulates_the_same_scenes_with_and_without_fog(tmp_path):
     assert thick.spd.sum(axis=1).max() < 200_000 < thick.spd.sum()
 
 
-def test_bench_refuses_fog_with_a_detector_dead_time(tmp_path):
+def test_bench_refuses_fog_combined_with_a_detector_dead_time(tmp_path):
     source = stability.Simulated(["pulses_per_window=200000", "spd_dead_time_ps=5000"], 12, 12)
     with pytest.raises(stability.BenchError, match="fog: not supported with a detector dead time"):
         source.test(stability.World(fog_m=20), 1, tmp_path)

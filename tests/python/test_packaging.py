@@ -88,7 +88,7 @@ def test_installed_wheel_writes_a_report_page(made):
     assert "monday" in page and "uPlot" in page
 
 
-def test_star_import_does_not_replace_the_built_in_open():
+def test_star_import_does_not_replace_the_built_in_function_open():
     names = {}
     exec("from echofuse import *", names)  # noqa: S102
     assert "open" not in names and callable(echofuse.open)

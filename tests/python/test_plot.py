@@ -25,7 +25,7 @@ def written(figure, path):
 
 
 @pytest.mark.parametrize("run, panels", [("test", 4), ("wide", 6)])
-def test_plot_of_a_record_has_one_panel_per_sensor_and_colour_bar(folder, run, panels):
+def test_plot_of_a_record_has_one_panel_for_each_sensor_and_each_colour_bar(folder, run, panels):
     figure = plot.record(folder / f"{run}.sqlite", 0)
     assert len(figure.axes) == panels  # The number includes the colour bars.
     assert written(figure, folder / f"{run}.pdf").startswith(b"%PDF")

@@ -371,7 +371,7 @@ def test_report_packs_arrays_as_base64_and_escapes_html():
     assert '"title":"\\u003c!--\\u003cscript>"' in html and '"verdict":"\\u003c/script>\\\\u202e\\\\n"' in html
 
 
-def test_report_describes_a_model_by_its_sensor_inputs():
+def test_report_lists_the_sensor_inputs_of_each_model():
     facts = {"0/model": "factorised", "0/inputs": "fused", "0/takes_antennas": 1, "0/axes/array/scale": 7.0, "0/axes/array/quantity": "lags"}
     assert sensors_of(facts) == "SPD + 8 antennas" and sensors_of(facts | {"0/takes_antennas": 0}) == "SPD + radar profile"
     assert sensors_of(facts | {"0/axes/array/quantity": "lags 1 2 5"}) == "SPD + antennas"
@@ -410,7 +410,7 @@ def test_report_compares_maps_of_other_programs_with_the_first_model(here, tmp_p
     assert [section["id"] for section in page_of(tmp_path / "alone")["sections"]] == ["maps", "made"]
 
 
-def test_report_of_a_recorded_run_with_a_model_contains_its_failures_and_scores(here, tmp_path):
+def test_report_of_a_recorded_run_lists_the_failures_and_scores_of_a_model(here, tmp_path):
     code, said = report(tmp_path, "--live", here / "fresh.sqlite", "--model", here / "body")
     assert code == 0, said
     page = page_of(tmp_path)

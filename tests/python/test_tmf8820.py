@@ -58,7 +58,7 @@ def data(tmp_path_factory):
     return folder
 
 
-def test_rays_from_above_a_block_hit_its_top_face(data):
+def test_rays_from_a_sensor_above_a_block_hit_the_top_face(data):
     pose = np.zeros((4, 4))
     pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = (1, 0, 0), (0, -1, 0), (0, 0, -1), (0, 0, 0.3)
     triangles = tmf8820.read_mesh(data / "block.stl")
@@ -66,7 +66,7 @@ def test_rays_from_above_a_block_hit_its_top_face(data):
     assert np.nanmin(truth) == pytest.approx(0.2) and 30 < np.isfinite(truth).sum() < 400
 
 
-def test_zone_fit_recovers_the_fields_of_view_time_zeros_and_response(data, tmp_path):
+def test_zone_fit_recovers_fields_of_view_time_zero_offsets_and_response(data, tmp_path):
     zones = chip()
     found = tmf8820.fit_to_poses(data / "block_random.json.gz", data / "block.stl", range(16))
     assert (found.fields >= 0).all() and (found.explained > 0.97).all()
@@ -108,7 +108,7 @@ def test_first_return_method_ignores_the_echo_of_the_table():
     assert found[0] == pytest.approx(0.2, abs=0.003) and np.isnan(found[1:]).all()
 
 
-def test_photon_track_of_the_bench_fills_a_table_from_data_files(data, tmp_path, capfd):
+def test_bench_compares_photon_methods_on_simulated_captures_from_a_recipe(data, tmp_path, capfd):
     recipe = tmp_path / "recipe.toml"
     recipe.write_text("""
 name = "small"

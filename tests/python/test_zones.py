@@ -45,7 +45,7 @@ def test_run_with_one_zone_is_read_as_a_single_pixel_run(tmp_path):
     assert run.zones == [] and run.spd.shape == (3, 30) and "zone" not in run.tables
 
 
-def test_photons_of_each_zone_are_shifted_by_its_time_zero(tmp_path):
+def test_photons_of_each_zone_are_shifted_by_the_time_zero_offset_of_the_zone(tmp_path):
     spd = np.zeros((1, 2, 60), np.uint32)
     spd[0, 0, 31], spd[0, 1, 30] = 100, 100
     run = write(tmp_path / "own", spd=spd, bin_width_ps=100, zones=[(-0.1, 0, 0.2, 1100), (0.1, 0, 0.2, 1000)])

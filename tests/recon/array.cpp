@@ -138,7 +138,7 @@ TEST_CASE("loading converts antenna samples to spatial lags and reports records 
                  Catch::Contains("--inputs fused-profile"));
 }
 
-TEST_CASE("array features rotated by an angle equal those of a body in that direction") {
+TEST_CASE("array features rotated by an angle equal those of a body at that angle") {
   const ArrayView view(lags_of_plates());
   std::vector<float> middle(view.size()), right(view.size());
   view(body_lags(3.6, 0), 3.5, middle);
@@ -153,7 +153,7 @@ TEST_CASE("array features rotated by an angle equal those of a body in that dire
   CHECK(ArrayView(Axis{}).size() == 0);
 }
 
-TEST_CASE("a model trained with antenna samples requires them and tolerates a radar range bias") {
+TEST_CASE("a model trained with antenna samples requires such samples and tolerates a range bias") {
   const Folder dir;
   write_plates(dir / "train", 500, 1);
   write_plates(dir / "fresh", 60, 2);
@@ -204,7 +204,7 @@ TEST_CASE("records with wrong antenna metadata are flagged as out of distributio
 }
 
 TEST_CASE(
-    "a model uses the range profile if antenna samples are missing, and the SPD without radar") {
+    "a model uses the range profile if antenna data are missing, or the SPD if radar is missing") {
   const Folder dir;
   write_plates(dir / "train", 200, 1);
   write_plates(dir / "fresh", 6, 2, [](record::FusedRecord& r) {
@@ -244,7 +244,7 @@ TEST_CASE(
              Catch::Contains("1/inputs") && Catch::Contains("fewer sensors"));
 }
 
-TEST_CASE("models use only the range profile of runs without antennas or with other antennas") {
+TEST_CASE("a model uses only the range profile if a run has no antennas or different antennas") {
   const Folder dir;
   write_plates(dir / "new", 60, 1, [](record::FusedRecord&) {});
   write_plates(dir / "fresh", 8, 2, [](record::FusedRecord&) {});

@@ -26,7 +26,7 @@ std::string chosen(const std::vector<CrossvalidatedRow>& rows) {
 
 }  // namespace
 
-TEST_CASE("layer sizes come from the model name, and other training settings from options") {
+TEST_CASE("layer sizes come from the model name, and other training settings come from options") {
   FitOptions given;
   given.epochs = 7;
   const Candidate wide = candidate_of("mlp-1024-512-256", given);

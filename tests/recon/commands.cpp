@@ -62,7 +62,7 @@ TEST_CASE("train refuses a data set that exceeds the memory before reading it") 
         0);
 }
 
-TEST_CASE("too few records, damaged records and different axes are refused with a one-line error") {
+TEST_CASE("too few records, damaged records or different axes cause a one-line error") {
   const Folder dir;
   write_run(dir / "one", 1);
   refuses("train " + (dir / "one") + " --out " + (dir / "m"), 1, "1 usable records");
@@ -196,8 +196,7 @@ TEST_CASE("models with different sensors are compared only on records that all o
   CHECK(twice["paired"][0]["metrics"]["iou"]["high"] == 0);
 }
 
-TEST_CASE(
-    "compare averages the table lines of a record and refuses lines without a record number") {
+TEST_CASE("compare averages the lines of a record and refuses lines that have no record number") {
   const Folder dir;
   const std::string path = dir / "table.csv";
   std::ofstream(path) << "record,name,iou,lateral_m\n7,a,0.2,\n7,a,0.4,0.1\n8,a,0.5,\n";
@@ -252,7 +251,7 @@ TEST_CASE("interrupted training saves the best model so far") {
   CHECK(recon_program("evaluate " + model + " " + run).code == 0);
 }
 
-TEST_CASE("training interrupted before the fallback model is fitted saves the main model alone") {
+TEST_CASE("training interrupted before the fallback model is fitted saves only the main model") {
   const Folder dir;
   write_run(dir / "run", 1000);
   const std::string model = dir / "m";

@@ -108,7 +108,7 @@ TEST_CASE("records with a missing sensor keep their row and are excluded from tr
   CHECK(data.usable(Inputs::radar) == Rows{0, 1, 2, 4, 6, 7});
 }
 
-TEST_CASE("a run is interpolated to the axes of another run that differ by less than a bin") {
+TEST_CASE("a run is interpolated to the axes of another run if they differ by less than a bin") {
   const Folder dir;
   Axis near = radar_axis();
   near.start += 0.1;
@@ -120,7 +120,7 @@ TEST_CASE("a run is interpolated to the axes of another run that differ by less 
 }
 
 TEST_CASE(
-    "depths beyond the map are treated as no return, and depths in a wrong unit are refused") {
+    "depths beyond the map range are treated as no return, and a wrong depth unit is refused") {
   const Folder dir;
   const auto scaled = [](double by, std::int64_t every) {
     return [by, every](record::FusedRecord& r) {
@@ -199,7 +199,7 @@ TEST_CASE("a radar axis longer than the model axis is cropped, and other differe
   CHECK(refused(spd, radar_axis(50), Inputs::spd) == "no error");
 }
 
-TEST_CASE("records are interpolated to a model axis that differs by less than a bin") {
+TEST_CASE("records are interpolated to the model axis if the two axes differ by less than a bin") {
   Dataset data;
   data.spd_axis = {"spd", "counts", "ps", 5, 100, 10, 1};
   data.radar_axis = {"radar", "power", "m", 4, 0, 0.5, 1};

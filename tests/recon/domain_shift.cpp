@@ -136,7 +136,8 @@ TEST_CASE("the domain-shift test reports a 1 % wider radar profile in a run of 4
   CHECK_THAT(slight.text(), Catch::Contains("radar profile width 1.01 +- 0.00 times"));
 }
 
-TEST_CASE("the domain-shift test measures radar power in front of a body up to half its range") {
+TEST_CASE(
+    "the domain-shift test measures radar power in front of a body up to half the body range") {
   const TrainedModel& model = trained("ridge", "radar");
   // The echoes of the plates begin in bin 12.
   const auto said = [&](std::size_t from, std::size_t to) {

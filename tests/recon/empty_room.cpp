@@ -70,7 +70,8 @@ double evaluated_iou(const std::string& words) {
 
 }  // namespace
 
-TEST_CASE("a model trained with an empty-room run keeps its accuracy if adapted to another room") {
+TEST_CASE(
+    "a model trained with an empty-room run keeps its accuracy after adaptation to another room") {
   const Folder dir;
   write_room(dir / "here", here, 200, 1), write_room(dir / "here empty", here, 20, 2, false);
   write_room(dir / "there", elsewhere, 60, 3), write_room(dir / "again", here, 60, 3);
@@ -92,7 +93,7 @@ TEST_CASE("a model trained with an empty-room run keeps its accuracy if adapted 
   CHECK(evaluated_iou(there + " --empty '" + (dir / "there empty") + "'") > 0.9 * at_home);
 }
 
-TEST_CASE("option --range-offset also applies to the empty-room run") {
+TEST_CASE("the option --range-offset also applies to the empty-room run") {
   const Folder dir;
   const double longer_m = radar_axis().step;
   write_room(dir / "here", here, 200, 1), write_room(dir / "here empty", here, 20, 2, false);
@@ -148,7 +149,7 @@ TEST_CASE("dead and doubtful records of an empty-room run are excluded and count
              Catch::Contains("17 of 20 records left out: SPD weak 17"));
 }
 
-TEST_CASE("an empty-room run is accepted with 3 % brightness drift and refused with 10 %") {
+TEST_CASE("an empty-room run is accepted if its brightness drifts by 3 % and refused at 10 %") {
   const Folder dir;
   write_room(dir / "empty", here, 20, 2, false);
   Dataset empty = load({dir / "empty"});
@@ -162,7 +163,7 @@ TEST_CASE("an empty-room run is accepted with 3 % brightness drift and refused w
   CHECK_THAT(scaled(0.1f), Catch::Contains("vary by more than photon noise"));
 }
 
-TEST_CASE("adapting a plain network to another room is refused") {
+TEST_CASE("a model that uses no background cannot be adapted to another room") {
   const Folder dir;
   write_room(dir / "here", here, 60, 1), write_room(dir / "empty", here, 20, 2, false);
   TrainedModel other = trained(dir / "here", "", "mean-shape");

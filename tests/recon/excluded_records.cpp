@@ -59,7 +59,7 @@ TEST_CASE("doubtful records are excluded from training") {
   CHECK(data.usable(Inputs::fused) == Rows{0, 3, 5, 6, 7});
 }
 
-TEST_CASE("records with lost frames are counted, and used unless a setting excludes them") {
+TEST_CASE("records with lost frames are counted, and are used unless a setting excludes them") {
   const Folder dir;
   write_run(dir / "a", 40, 1, [](record::FusedRecord& r) {
     if (r.index == 1)
@@ -80,7 +80,7 @@ TEST_CASE("records with lost frames are counted, and used unless a setting exclu
   CHECK(data.usable(Inputs::spd).size() == 38);
 }
 
-TEST_CASE("a copied record has the same content hash in any run") {
+TEST_CASE("a copied record has the same content hash in every run") {
   const Folder dir;
   write_run(dir / "a", 6, 1), write_run(dir / "b", 3, 1), write_run(dir / "c", 3, 2);
   const Dataset a = load({dir / "a"});
@@ -217,7 +217,8 @@ TEST_CASE("copies of a record are used once in training and are excluded from ev
                  Catch::Contains("copies of training records and are scored\n"));
 }
 
-TEST_CASE("a record with identical photon counts is recognised as a copy despite other changes") {
+TEST_CASE(
+    "a record with identical photon counts is recognised as a copy even if other data differ") {
   const Folder dir;
   write_run(dir / "a", 60, 1);
   const std::string model = dir / "m";
@@ -244,7 +245,8 @@ TEST_CASE("a record with identical photon counts is recognised as a copy despite
   CHECK(load({dir / "padded"}).content == load({dir / "a"}).content);
 }
 
-TEST_CASE("records with few clicks, few bins, or weak or frozen counts are not treated as copies") {
+TEST_CASE(
+    "records that have few clicks or bins, or weak or frozen counts, are not treated as copies") {
   const Folder dir;
   write_run(dir / "run", 9, 1, [](record::FusedRecord& r) {
     if (r.index < 2) {
@@ -303,8 +305,7 @@ TEST_CASE("a record that occurs twice in a run is used once") {
              Catch::StartsWith("30 records; ") && Catch::Contains("twice in the run 30"));
 }
 
-TEST_CASE(
-    "train refuses a sensor that no record has and warns about a random split of a sequence") {
+TEST_CASE("train refuses a sensor that has no data and warns about a random split of a sequence") {
   const Folder dir;
   const auto run = [&](const std::string& name, Sensor lost) {
     write_run(dir / name, 12, 1, [&](record::FusedRecord& r) { r.valid.erase(lost); });

@@ -115,7 +115,7 @@ TEST_CASE("no body is detected in the histograms of an empty room") {
   CHECK_FALSE(shows_body(features));
 }
 
-TEST_CASE("a body extracted from a depth map is drawn at the same position") {
+TEST_CASE("a body that is extracted from a depth map is redrawn at the same position") {
   const Matrix& maps = plates().depth;
   const std::vector<float> background(maps.cols, 0);
   const Rows rows = all_rows(50);
@@ -195,7 +195,7 @@ TEST_CASE(
   CHECK(std::ranges::equal(trained().predict(dark, {5}).values, trained()->scene.background));
 }
 
-TEST_CASE("an invalid body frame in a model file is refused") {
+TEST_CASE("invalid dimensions of the body-mask grid in a model file are refused") {
   const Folder dir;
   save_model(trained(), dir / "m");
   const Bytes contents = read_file(dir / "m");

@@ -64,7 +64,7 @@ TEST_CASE("a fused model uses the SPD alone for records without radar data") {
   CHECK_THAT(model.fault_of(lost, 2), Catch::Contains("lacks "));
 }
 
-TEST_CASE("the fallback for missing radar data is optional and stored in the model file") {
+TEST_CASE("the fallback for missing radar data is optional and is stored in the model file") {
   const Folder dir;
   TrainedModel model = trained_with("ridge");
   save_model(model, dir / "with");
@@ -88,7 +88,7 @@ TEST_CASE("the fallback for missing radar data is optional and stored in the mod
   }
 }
 
-TEST_CASE("the domain-shift test counts only records with a predicted uncertainty") {
+TEST_CASE("the domain-shift test counts only records that have a predicted uncertainty") {
   TrainedModel model = trained_with("ridge");
   REQUIRE(model.estimators.size() == 2);
   model.estimators[1].uncertainty.reset();

@@ -72,7 +72,7 @@ TEST_CASE("loading refuses runs with different map grids and runs with invalid m
 }
 
 TEST_CASE(
-    "a model keeps the map grid of its training, and evaluate refuses runs with other grids") {
+    "a model keeps the map grid of its training runs, and evaluate refuses runs with other grids") {
   const Folder dir;
   const record::MapGrid grid{24, 0.55};
   write_mapped(dir / "run", 200, grid);

@@ -59,7 +59,8 @@ TEST_CASE("histogram sums count negative bins as zero if negative values are exc
   CHECK(with.all == 45);
 }
 
-TEST_CASE("a model file stores the method's constants and is refused if the program's differ") {
+TEST_CASE(
+    "a model file stores the method's constants and is refused if those of the program differ") {
   const Layout layout{testing::spd_axis(), testing::radar_axis()};
   Alignment alignment(layout, Matrix(1, layout.inputs()), {0});
   TensorFile file;

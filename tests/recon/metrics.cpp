@@ -58,8 +58,7 @@ TEST_CASE("a perfect prediction has perfect scores") {
   CHECK(s[metric_lateral_m] == Approx(0).margin(1e-12));
 }
 
-TEST_CASE(
-    "the ghost score is 1 for the mirror image and 0.5 for the mean of body and mirror image") {
+TEST_CASE("the ghost score is 1 for the mirror image of a body and 0.5 for the mean of the two") {
   const Map truth = plate(6, 3.5f), ghost = mirrored(truth);
   const MapScores wrong = score(ghost, truth, room());
   CHECK(wrong[metric_ghost] == 1);
@@ -103,7 +102,7 @@ TEST_CASE("ghost and left/right scores are undefined for a body near the optical
   CHECK(std::isnan(s[metric_left_right]));
 }
 
-TEST_CASE("a plate predicted at a wrong position and distance has the expected scores") {
+TEST_CASE("a plate predicted at the wrong position and distance has the expected scores") {
   const Map truth = plate(10, 3.5f), prediction = plate(15, 3.0f);
   const MapScores s = score(prediction, truth, room());
   CHECK(s[metric_iou] == Approx(5.0 / 15));
@@ -117,13 +116,15 @@ TEST_CASE("a plate predicted at a wrong position and distance has the expected s
   CHECK(s[metric_delta_125] == Approx(0.5));
 }
 
-TEST_CASE("without a background, predicted depths above half the mean body depth are foreground") {
+TEST_CASE(
+    "if no background is known, predicted depths above half the mean body depth are foreground") {
   const Map truth = plate(10, 3.5f);
   CHECK(score(with_ripple(plate(10, 1.76f)), truth, room())[metric_iou] == 1);
   CHECK(std::isnan(score(with_ripple(plate(10, 1.74f)), truth, room())[metric_lateral_m]));
 }
 
-TEST_CASE("without a background, every return in the true map is foreground, even a near one") {
+TEST_CASE(
+    "if no background is known, every return in the true map is foreground, even a near one") {
   for (const float depth_m : {0.6f, 1.2f, 1.4f, 1.74f, 5.5f}) {
     const Map near = plate(10, depth_m);
     CHECK(score(near, near, room())[metric_iou] == 1);
@@ -208,7 +209,7 @@ TEST_CASE("foreground scores are undefined if a moving surface replaces the back
   CHECK_FALSE(learn_scene(leaf, all_rows(60), {}).has_body());
 }
 
-TEST_CASE("mean and standard error exclude undefined scores") {
+TEST_CASE("the mean and the standard error of scores exclude undefined scores") {
   MapScores a{}, b{}, c{};
   a[metric_iou] = 1, b[metric_iou] = 3, c[metric_iou] = std::nan("");
   const Summaries s = summarise({a, b, c});

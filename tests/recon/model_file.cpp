@@ -291,7 +291,7 @@ TEST_CASE("a loaded model predicts exactly the same maps as the trained model") 
   }
 }
 
-TEST_CASE("a malicious model file is refused with a one-line error") {
+TEST_CASE("a maliciously crafted model file is refused with a one-line error") {
   for (const Hostile& h : hostile_files) {
     CAPTURE(h.what);
     crafted::Model model(whole_file(h.from));
@@ -335,7 +335,7 @@ TEST_CASE("a flipped byte in a model file is detected") {
   }
 }
 
-TEST_CASE("a model file with an array of another type or shape is refused") {
+TEST_CASE("a model file with an array of the wrong type or shape is refused") {
   for (const std::string& from : kinds_tried()) {
     const Bytes whole = whole_file(from);
     for (const std::string& name : crafted::Model(whole).tensors()) {
@@ -375,7 +375,7 @@ TEST_CASE("a model file with an array of another type or shape is refused") {
   }
 }
 
-TEST_CASE("a model file with metadata of another type is refused without a crash") {
+TEST_CASE("a model file with metadata of the wrong type is refused without a crash") {
   for (const std::string& from : kinds_tried()) {
     const crafted::Model whole(whole_file(from));
     CHECK(whole.names_of_facts().size() > 20);

@@ -118,7 +118,7 @@ TEST_CASE("training with the same seed gives the same model, and another seed an
   CHECK(predict(5).values != a.values);
 }
 
-TEST_CASE("every kind of model predicts the same after saving and loading") {
+TEST_CASE("every kind of model predicts the same maps after it is saved and loaded") {
   const Folder dir;
   for (const auto& name : model_names()) {
     CAPTURE(name);
@@ -143,7 +143,7 @@ TEST_CASE("every kind of model predicts the same after saving and loading") {
 }
 
 TEST_CASE(
-    "fused inputs score better than the SPD alone, which cannot distinguish left from right") {
+    "fused inputs score better than the SPD alone, because the SPD cannot tell left from right") {
   const auto scores = [](const char* inputs) {
     TrainOptions options = quick("mlp");
     options.inputs = inputs;
@@ -162,7 +162,8 @@ TEST_CASE(
   CHECK(spd[metric_ghost].mean > 0.4);
 }
 
-TEST_CASE("training stops early, keeps the best epoch and logs the loss of each epoch") {
+TEST_CASE(
+    "training stops early, keeps the weights of the best epoch and logs the loss of each epoch") {
   TrainOptions options = quick("mlp");
   options.fit.epochs = 400;
   options.fit.patience = 5;
@@ -204,7 +205,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("evaluation scores the held-out records and three baseline methods") {
+TEST_CASE("evaluation scores the model and three baseline methods on the held-out records") {
   const TrainedModel model = train(plates(), quick("ridge"));
   const Rows rows = rows_to_evaluate(model, plates(), false);
   CHECK(rows.size() == 60);

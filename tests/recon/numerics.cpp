@@ -243,7 +243,7 @@ TEST_CASE("predicted body position and shape agree in single and double precisio
   CHECK(off("0/model/shape/0") < 1e-4);
 }
 
-TEST_CASE("principal components equal the vectors of a singular value decomposition") {
+TEST_CASE("principal components equal the singular vectors of the data") {
   Rng rng = make_rng(5, 0);
   std::normal_distribution<float> normal;
   Matrix table(60, 40);

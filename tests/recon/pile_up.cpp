@@ -52,7 +52,8 @@ std::vector<float> detected(const std::vector<double>& q, double dead_ps, Rng& r
 
 }  // namespace
 
-TEST_CASE("pile-up correction recovers the photon number of each bin within its error") {
+TEST_CASE(
+    "pile-up correction recovers the number of photons in each bin within the expected error") {
   const double dead_ps = GENERATE(std::numeric_limits<double>::infinity(), 1000., 7000., 45'000.);
   const double all = GENERATE(0.1, 2.);
   const auto q = photons_a_pulse(all);
@@ -83,14 +84,16 @@ TEST_CASE("pile-up correction recovers the photon number of each bin within its 
   if (all > 1) CHECK(raw_chi2 > 10);
 }
 
-TEST_CASE("pile-up correction returns the lowest fraction of pulses that find the detector ready") {
+TEST_CASE(
+    "pile-up correction returns the lowest fraction of pulses for which the detector is ready") {
   const PileUp pile_up(std::numeric_limits<double>::infinity(), 1, 100);
   std::vector<float> some{0, 500, 0}, nearly_all{0, 990, 0};
   CHECK(pile_up.correct(some, 1000) == Approx(0.5));
   CHECK(pile_up.correct(nearly_all, 1000) == Approx(0.01));
 }
 
-TEST_CASE("pile-up correction keeps the counts if detector or pulse number is unknown") {
+TEST_CASE(
+    "pile-up correction keeps the counts if the detector or the number of pulses is unknown") {
   std::vector<float> counts{5, 700, 3};
   const auto before = counts;
   PileUp().correct(counts, 1000);

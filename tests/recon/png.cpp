@@ -91,7 +91,7 @@ Bytes png_of(const Bytes& rows, std::size_t parts) {
 
 }  // namespace
 
-TEST_CASE("the PNG decoder reads all filter types in one or several chunks") {
+TEST_CASE("the PNG decoder reads one or more image chunks for every filter type") {
   const auto pixels = some_pixels();
   for (int first = 0; first < filters; ++first)
     for (const std::size_t parts : {1, 3})
@@ -100,7 +100,7 @@ TEST_CASE("the PNG decoder reads all filter types in one or several chunks") {
 }
 
 // Ties in the Paeth predictor occur only if neighbouring pixels differ by a few levels.
-TEST_CASE("the PNG decoder reads all filter types in an image with few grey levels") {
+TEST_CASE("the PNG decoder reads an image with few grey levels for every filter type") {
   std::vector<std::uint16_t> pixels = some_pixels();
   for (auto& v : pixels) v = static_cast<std::uint16_t>(0x101 * (v % 5));
   for (int first = 0; first < filters; ++first)

@@ -29,7 +29,7 @@ testing::Change longer_by(double metres) {
 
 }  // namespace
 
-TEST_CASE("calibration offset and --range-offset are applied in one interpolation") {
+TEST_CASE("the calibration offset and --range-offset are applied in one interpolation") {
   const Folder dir;
   write_run(dir / "run", 3, 1, {}, testing::radar_axis(), testing::spd_axis(),
             {{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0.06, 0.001}});

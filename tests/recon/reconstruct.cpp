@@ -65,7 +65,7 @@ TEST_CASE("NumPy can read an array that was written row by row") {
   CHECK_THROWS_WITH(recon::NpyWriter(dir / "no/such.npy", {2}), Catch::Contains("no/such.npy"));
 }
 
-TEST_CASE("the status of a predicted map names doubtful input sensors") {
+TEST_CASE("the status of a predicted map names the doubtful input sensors") {
   const Folder dir;
   write_run(dir / "run", 60);
   REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
@@ -146,7 +146,7 @@ TEST_CASE("written maps get the same scores as their model, and invalid map file
                  "few: 19 of 20 records have a map; missing maps are replaced by the empty room"));
 }
 
-TEST_CASE("option --rows reconstructs only the given or held-out records") {
+TEST_CASE("reconstruct --rows processes only the listed or the held-out records") {
   const Folder dir;
   write_run(dir / "run", 120);
   write_run(dir / "fresh", 4, 2);
@@ -186,7 +186,7 @@ TEST_CASE("option --rows reconstructs only the given or held-out records") {
   refused("run", "3 --follow", 2, "--rows cannot be combined with --follow");
 }
 
-TEST_CASE("a model compared with maps is scored only on records outside its training") {
+TEST_CASE("a model compared with maps is scored only on records that were not used to train it") {
   const Folder dir;
   write_run(dir / "run", 120);
   REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
@@ -293,7 +293,7 @@ TEST_CASE("reconstruct writes body positions to records.csv and summarises repea
   CHECK(z_m == Approx(3.5).margin(0.2));
 }
 
-TEST_CASE("option --follow reconstructs a live run until it is closed") {
+TEST_CASE("reconstruct --follow processes a live run until it is closed") {
   const Folder dir;
   write_run(dir / "run", 60);
   const std::string model = dir / "m", live = dir / "live", out = dir / "o", log = dir / "log";

@@ -85,7 +85,7 @@ TEST_CASE("antenna lags are converted to another radar response like the range p
   CHECK(greatest_difference(data.array.row(0), lags(blackman)) < 0.02);
 }
 
-TEST_CASE("conversion to a narrower radar response limits the noise gain") {
+TEST_CASE("conversion to a narrower radar response limits the amplification of noise") {
   const auto widening = response_filter(sinc, blackman, 0.25),
              narrowing = response_filter(blackman, sinc, 0.25);
   const auto noise = [](const std::vector<double>& weights) {
@@ -100,7 +100,7 @@ TEST_CASE("conversion to a narrower radar response limits the noise gain") {
     CHECK(widening[i] == Approx(widening[widening.size() - 1 - i]).margin(1e-9));
 }
 
-TEST_CASE("a model for any radar response does not convert a run with a much narrower response") {
+TEST_CASE("a model that imitates wider responses does not convert runs with much narrower ones") {
   for (const auto& [own, stays] : {std::pair{sinc, true}, {hann, false}, {blackman, true}}) {
     Dataset data = run_of(own, profile(own));
     bring_to_response(data, blackman, true);
@@ -135,7 +135,7 @@ TEST_CASE("conversion to another radar response sets the relative width and the 
 }
 
 TEST_CASE(
-    "records that imitate conversion from a wider response have the noise of converted records") {
+    "training records that imitate a wider radar response have the noise of converted records") {
   constexpr std::size_t records = 400;
   constexpr float deviation = 0.01f;
   Rng rng = make_rng(1, 1);
@@ -165,7 +165,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("responses imitated in training are wider than the measured one and in ascending order") {
+TEST_CASE("responses imitated in training are wider than the measured one and sorted by width") {
   for (const auto& own : {sinc, hann, blackman}) {
     double last_m = own.width_m();
     const auto wider = wider_responses(own);

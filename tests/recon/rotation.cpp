@@ -63,7 +63,7 @@ struct Bodies {
 
 }  // namespace
 
-TEST_CASE("the step of an aligned radar profile follows the radar bins but is at least 2 cm") {
+TEST_CASE("the bin width of an aligned radar profile is that of the radar, but at least 2 cm") {
   const auto check = [](const Axis& radar, double width_m, double step_m) {
     const Alignment alignment = blank_alignment(radar);
     CHECK(alignment.profile_points() == 1 + static_cast<std::size_t>(1.9 / step_m));
@@ -86,7 +86,7 @@ TEST_CASE("the step of an aligned radar profile follows the radar bins but is at
   check({"radar", "power", "m", 1400, 0, 0.005, 1}, 0.04, 0.02);
 }
 
-TEST_CASE("the correlation of radar profile and blurred histogram peaks at their shift") {
+TEST_CASE("the correlation of a radar profile with the blurred histogram peaks at the true shift") {
   const ShiftCorrelation correlation({-0.68, 0.04, 35}, {-1, 0.02, 116}, 0.05, -0.3, 0.6);
   std::vector<float> histogram, profile, found(correlation.shifts());
   for (int i = 0; i < 35; ++i)
@@ -120,7 +120,7 @@ TEST_CASE("the sensor baseline is estimated from records with different body pos
   CHECK(found(others) == 0);
 }
 
-TEST_CASE("inputs of a rotated body equal those of a body measured at that position") {
+TEST_CASE("model inputs of a rotated body equal those of a body at the rotated position") {
   const Bodies bodies;
   const RotatedBodies rotated(bodies.alignment, bodies.inputs, bodies.radar, bodies.array,
                               bodies.rows, bodies.places);

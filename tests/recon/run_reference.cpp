@@ -10,7 +10,7 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::testing;
 
-TEST_CASE("scores use the foreground and background of the evaluated run, not of the model") {
+TEST_CASE("scores use the foreground and background of the evaluated run, not those of the model") {
   const Folder dir;
   const Change wall = [](record::FusedRecord& r) {
     for (auto& mm : r.depth_mm) mm = mm > 0 ? mm : 5000;
@@ -47,7 +47,7 @@ TEST_CASE("scores use the foreground and background of the evaluated run, not of
              Catch::Contains("the room differs"));
 }
 
-TEST_CASE("a run with a moving wall and no body is reported and scored by RMSE") {
+TEST_CASE("a run with a moving wall but without a body is reported and is scored by RMSE") {
   const Folder dir;
   write_run(dir / "run", 200, 1, [](record::FusedRecord& r) {
     Rng rng = make_rng(9, static_cast<std::uint64_t>(r.index));

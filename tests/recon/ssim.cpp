@@ -43,7 +43,7 @@ Pair make_pair_of_maps(unsigned pair) {
 
 }  // namespace
 
-TEST_CASE("SSIM equals scikit-image on 20 image pairs") {
+TEST_CASE("SSIM equals the result of scikit-image for 20 image pairs") {
   std::ifstream golden(echofuse::test::source_dir + "/tests/golden/ssim.txt");
   std::string line;
   unsigned seen = 0;

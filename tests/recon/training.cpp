@@ -25,7 +25,7 @@ void check_same(const TrainedModel& a, const TrainedModel& b, const Dataset& dat
 
 }  // namespace
 
-TEST_CASE("training with one, two or three threads gives bitwise the same model") {
+TEST_CASE("training with one, two or three threads gives the same model bit for bit") {
   const Folder dir;
   write_run(dir / "run", 150);
   const Dataset data = load({dir / "run"});
@@ -46,7 +46,7 @@ TEST_CASE("training with one, two or three threads gives bitwise the same model"
   set_threads(0);
 }
 
-TEST_CASE("training weights the records of all runs equally") {
+TEST_CASE("training gives the records of all runs the same weight") {
   const Folder dir;
   write_run(dir / "a", 60);
   write_run(dir / "b", 20, 2, [](record::FusedRecord& r) {
@@ -74,7 +74,7 @@ TEST_CASE("training weights the records of all runs equally") {
   }
 }
 
-TEST_CASE("models without sensor inputs have no uncertainty and no outlier detection") {
+TEST_CASE("models that use no sensor inputs have no uncertainty and no outlier detection") {
   const Dataset data = testing::load_plates(120);
   for (const std::string name : {"mean", "empty", "ridge"}) {
     CAPTURE(name);

@@ -92,7 +92,8 @@ TEST_CASE("tuning with ten records changes a model only if the gain is significa
   CHECK(at_home.table[at_home.chosen].metrics[metric_iou].mean >= before);
 }
 
-TEST_CASE("a model tuned with records of its own room is not worse and has an uncertainty") {
+TEST_CASE(
+    "tuning with records of the training room does not worsen a model and adds an uncertainty") {
   const TrainedModel& old = old_model("factorised");
   const Dataset fresh = plates(100, 9, false);
   const TunedModel tuned = tune(old, plates(60, 6, false), all_records());
@@ -103,7 +104,7 @@ TEST_CASE("a model tuned with records of its own room is not worse and has an un
   CHECK(tuned.model.knows(fresh) == false);
 }
 
-TEST_CASE("tuning chooses the better of two start models in either order") {
+TEST_CASE("tuning chooses the better of two start models for either order of the two") {
   const TrainedModel& old = old_model("factorised");
   TrainOptions options;
   options.model = "factorised", options.inputs = "fused", options.uncertainty = false;
@@ -138,7 +139,7 @@ TEST_CASE("tuning chooses the better of two start models in either order") {
   }
 }
 
-TEST_CASE("tuning is bitwise reproducible") {
+TEST_CASE("tuning is reproducible bit for bit") {
   const Dataset data = plates(20, 5, true);
   const TrainedModel& old = old_model("factorised");
   const auto maps = [&] {
@@ -214,7 +215,7 @@ TEST_CASE("every tuned model can be saved, loaded and evaluated") {
   }
 }
 
-TEST_CASE("tuning that trains on the new records alone adopts their axes and radar response") {
+TEST_CASE("tuning that trains only on new records adopts their axes and their radar response") {
   const record::RadarResponse narrow{0.5, {1, 0.8, 0.4, 0.1, 0}},
       wide{0.5, {1, 0.94, 0.77, 0.54, 0.3, 0.1, 0}};
   TrainOptions options;

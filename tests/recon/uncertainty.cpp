@@ -86,7 +86,8 @@ TEST_CASE("a weighted linear fit recovers known coefficients and ignores records
   for (std::size_t c = 0; c < truth.size(); ++c) CHECK(found[c] == Approx(truth[c]).margin(1e-3));
 }
 
-TEST_CASE("the 90 % interval of lateral position contains 90 % of bodies and widens with noise") {
+TEST_CASE(
+    "the 90 % interval of the lateral position contains 90 % of bodies and widens with noise") {
   const Dataset clean = fresh_plates(400);
   const UncertaintyCalibration c = calibration_of(trained(), clean);
   CHECK(c.within_90 == Approx(0.9).margin(0.07));
@@ -100,7 +101,7 @@ TEST_CASE("the 90 % interval of lateral position contains 90 % of bodies and wid
 }
 
 TEST_CASE(
-    "outliers are flagged with a reason, and few records like the training data are flagged") {
+    "outliers are flagged with a reason, and records similar to the training data rarely are") {
   const Dataset clean = fresh_plates(400);
   CHECK(share_flagged(uncertainties_of(clean)) < 0.03);
 
@@ -237,8 +238,7 @@ record::RadarResponse bell(double times) {
 }  // namespace
 
 TEST_CASE(
-    "records of a radar with a wider response are rarely flagged, and most errors are within the "
-    "interval") {
+    "records with a wider radar response are rarely flagged, and intervals cover most errors") {
   Dataset training = testing::load_plates(800);
   training.sources[0].radar_response = bell(1);
   TrainOptions options;
@@ -267,7 +267,8 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("the lateral interval includes the calibration error, or a note reports it as unknown") {
+TEST_CASE(
+    "the lateral interval includes the calibration error, or a note reports an unknown error") {
   const Dataset plain = fresh_plates(40);
   const Records records = prepare_records(trained(), plain);
   CHECK_THAT(records.ranges, Catch::Contains("does not contain a calibration of both sensors"));
@@ -291,7 +292,7 @@ TEST_CASE("the lateral interval includes the calibration error, or a note report
   }
 }
 
-TEST_CASE("the range error of a run is the root sum of squares of both sensor calibrations") {
+TEST_CASE("the range error of a run is the root sum of squares of both calibration errors") {
   const Folder dir;
   const record::CalibrationEntry spd{Sensor::spd, "2026-01-01T00:00:00Z", "", 1, 0, 0.003},
       radar{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0, 0.004};

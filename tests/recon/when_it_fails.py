@@ -68,7 +68,7 @@ class WhenItFails(unittest.TestCase):
     def test_radar_range_bias_is_reported(self):
         self.assertGreater(self.line("radar range bias", "radar_bias_m=0.08"), .9)
 
-    def test_wrong_antenna_phase_calibration_is_reported(self):
+    def test_wrong_calibration_of_antenna_phases_is_reported(self):
         self.reason("antenna phases", *antennas, "radar_phase_error_rad=0.8", "radar_array_calibrated=false",
                     least=.4, model="antennas")
 

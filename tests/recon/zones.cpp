@@ -54,7 +54,7 @@ TEST_CASE(
   CHECK(part_of(data, {0}).zone_spd.values == data.zone_spd.values);
 }
 
-TEST_CASE("a data set of a single-pixel detector has no zones") {
+TEST_CASE("a data set recorded with a single-pixel detector has no zones") {
   const Folder folder;
   write_zones(folder / "a", {}, 12);
   const Dataset data = load({folder / "a"});
@@ -141,7 +141,7 @@ TEST_CASE("the factorised model finds the lateral body position from detector zo
   CHECK(lateral_error_m(false) > 0.3);
 }
 
-TEST_CASE("the fallback for missing radar data is a factorised model if the run has zones") {
+TEST_CASE("the fallback model for missing radar data is factorised if the run has zones") {
   TrainOptions options;
   options.model = "ridge", options.uncertainty = false, options.fallback = true;
   options.fit.quiet = true, options.fit.epochs = 2;

@@ -12,7 +12,7 @@
 using namespace echofuse;
 using namespace echofuse::sim;
 
-TEST_CASE("simulated body sway has constant variance and the correlation of its spectrum") {
+TEST_CASE("simulated body sway has a constant variance and the specified correlation in time") {
   Conditions c;
   c.radar_sway_m = 1;
   Rng rng(2);
@@ -47,7 +47,7 @@ TEST_CASE("sway, twist and breathing of a body change the range by the computed 
   CHECK(BodyMotion::range_per_mode(0, 0, 0, 0, 3, 1)[1] == 0);
 }
 
-TEST_CASE("the number of independent radar looks per record grows with body sway") {
+TEST_CASE("the number of independent speckle samples per record grows with body sway") {
   Conditions c = of_sum("coherent");
   const RadarAxis axis = radar_response(c);
   const Returns person = a_person(c, 2);

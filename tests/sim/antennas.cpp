@@ -42,7 +42,7 @@ double correlation(const std::vector<Part>& parts, const BodyMotion::Modes& a,
 
 }  // namespace
 
-TEST_CASE("antenna samples of a point target have its steering phases and the channel errors") {
+TEST_CASE("antenna samples of a point target contain the steering phases and the channel errors") {
   for (const char* sum : {"incoherent", "coherent"})
     for (const std::int64_t antennas : {8, 12}) {
       Conditions c = of_sum(sum);
@@ -72,7 +72,8 @@ TEST_CASE("antenna samples of a point target have its steering phases and the ch
     }
 }
 
-TEST_CASE("AOP virtual antenna positions are sums of transmitter and receiver positions") {
+TEST_CASE(
+    "virtual antenna positions of the AOP board are sums of transmitter and receiver positions") {
   const auto a = antennas_in_layout(12);
   CHECK((a[0].x == 1 && a[0].y == 1));
   CHECK((a[5].x == 3 && a[5].y == 2));
@@ -114,7 +115,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("simulated antenna noise is white and complex and has the specified power") {
+TEST_CASE("simulated antenna noise is complex and white and has the specified power") {
   Conditions c = of_sum("coherent");
   constexpr double noise = 0.3;
   Rng rng(4);
@@ -164,7 +165,7 @@ TEST_CASE("the fast Gaussian generator has the moments and tails of a normal dis
   CHECK(std::abs(last - far * n) < 4.5 * std::sqrt(far * n));
 }
 
-TEST_CASE("speckle power is exponentially distributed with the incoherent sum as its mean") {
+TEST_CASE("speckle power has an exponential distribution, and its mean is the incoherent sum") {
   Conditions c = of_sum("coherent");
   const RadarAxis axis = radar_response(c);
   const auto array = antennas_in_layout(8);
@@ -198,7 +199,7 @@ TEST_CASE("speckle power is exponentially distributed with the incoherent sum as
   check_near(across, ends / power, 4.5 / std::sqrt(draws) + 0.02);
 }
 
-TEST_CASE("speckle of grouped echo cells decorrelates like that of the single patches") {
+TEST_CASE("speckle of grouped echo cells decorrelates like that of the individual patches") {
   Conditions c = of_sum("coherent");
   const RadarAxis axis = radar_response(c);
   const double turns_per_m = 2 * radar_carrier_hz / speed_of_light_m_s;
@@ -302,7 +303,7 @@ TEST_CASE("a cached room echo plus the changes by bodies equals the fully render
   }
 }
 
-TEST_CASE("echo patches are assigned to persons only if antennas are simulated") {
+TEST_CASE("echo patches are assigned to people only if antennas are simulated") {
   Conditions c = of_sum("coherent");
   c.background = "room";
   const Returns two = radar_returns(make_scene(c, SceneKind::two_people, 3, 0), c);

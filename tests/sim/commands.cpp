@@ -86,7 +86,7 @@ TEST_CASE("echofuse-sim lab unplugs and reconnects devices while its command run
   CHECK(o.code == 0);
 }
 
-TEST_CASE("option --set accepts scene lists and object files") {
+TEST_CASE("the option --set accepts scene lists and object files") {
   const Folder folder;
   std::ofstream(folder / "list.toml") << "[[scene]]\nkind = \"object\"\ncount = 2\n";
   std::ofstream(folder / "plate.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
@@ -106,7 +106,7 @@ TEST_CASE("option --set accepts scene lists and object files") {
   CHECK(has(lab.text, "object = \"FILE.obj\""));
 }
 
-TEST_CASE("options override --set, which overrides the configuration file") {
+TEST_CASE("other options override --set, and --set overrides the configuration file") {
   const Folder folder;
   std::ofstream(folder / "sim.toml") << "people = 3\nletters = 0\nseed = 5\nbins = 100\n";
   const Outcome o = sim("dataset --out " + folder / "a.sqlite" + " --config " +

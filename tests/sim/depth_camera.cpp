@@ -10,7 +10,7 @@
 using namespace echofuse;
 using namespace echofuse::sim;
 
-TEST_CASE("depth camera noise is Gaussian and grows with the square of the distance") {
+TEST_CASE("depth camera noise is Gaussian, and its width grows with the square of the distance") {
   Conditions c;
   c.depth_noise_m = 0.002;
   Rng rng = make_rng(1, 1);
@@ -31,7 +31,8 @@ TEST_CASE("depth camera noise is Gaussian and grows with the square of the dista
   }
 }
 
-TEST_CASE("simulated depth camera pixels drop out only at depth edges, with the set probability") {
+TEST_CASE(
+    "simulated depth camera pixels drop out at depth edges only and with the set probability") {
   Conditions c;
   c.depth_dropout = 0.3;
   Rng rng = make_rng(2, 2);
@@ -58,7 +59,8 @@ TEST_CASE("simulated depth camera pixels drop out only at depth edges, with the 
   }
 }
 
-TEST_CASE("a simulated depth map is exact without camera noise, or resampled from a noisy frame") {
+TEST_CASE(
+    "a simulated depth map is exact if camera noise is off, else resampled from a noisy frame") {
   Conditions c;
   const Scene scene = some_scene(c, 4);
   const record::MapGrid grid;

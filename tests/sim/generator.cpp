@@ -56,7 +56,7 @@ std::vector<record::FusedRecord> read_all(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("a simulated data set does not depend on the record order or number of threads") {
+TEST_CASE("a simulated data set does not depend on the generation order or the number of threads") {
   const Folder folder;
   const Plan plan = small_plan();
   const Generator generator(plan);
@@ -107,7 +107,7 @@ TEST_CASE("a simulated data set with antennas does not depend on the number of t
   CHECK(speckle.depth_mm == plain.depth_mm);
 }
 
-TEST_CASE("a simulated data set stores its settings and has the requested numbers of scenes") {
+TEST_CASE("a simulated data set stores its settings and has the requested number of scenes") {
   const Folder folder;
   Plan plan = small_plan();
   plan.conditions.irf_fwhm_ps = 50;
@@ -163,7 +163,7 @@ TEST_CASE("a simulated data set has depth maps of the requested size and field o
   CHECK_THROWS_AS(validate(plan.conditions), Error);
 }
 
-TEST_CASE("the seed determines the shuffled order of scene kinds in a data set") {
+TEST_CASE("the scene kinds in a data set are shuffled in an order that depends only on the seed") {
   Plan plan = small_plan();
   const auto kinds = scenes_of(plan);
   CHECK(kinds == scenes_of(plan));
@@ -277,7 +277,7 @@ TEST_CASE("a part of a data set is not completed while another program reads its
   CHECK(std::filesystem::is_empty(folder.path));
 }
 
-TEST_CASE("the parts of a data set contain bitwise the same records as the complete data set") {
+TEST_CASE("the parts of a data set together contain the records of the complete one, bit for bit") {
   const Folder folder;
   Plan plan = small_plan();
   plan.people = 11, plan.letters = 6, plan.two_people = plan.empty = 1;
@@ -294,7 +294,8 @@ TEST_CASE("the parts of a data set contain bitwise the same records as the compl
     CHECK(rows_of(part(2), table) == rows_of(whole, table));
 }
 
-TEST_CASE("an existing part of a data set is kept, and a different run with its name is refused") {
+TEST_CASE(
+    "an existing part of a data set is kept, and a different run of the same name is refused") {
   const Folder folder;
   Plan plan = small_plan();
   plan.people = 4, plan.letters = plan.two_people = plan.empty = 0;

@@ -176,7 +176,7 @@ std::string letter_obj(std::vector<Bar> bars, Vec3 (*in_file)(Vec3)) {
 
 }  // namespace
 
-TEST_CASE("meshes of right-handed files are not mirrored for any up axis") {
+TEST_CASE("meshes from right-handed files are not mirrored, whatever the up axis") {
   const auto path = std::filesystem::temp_directory_path() /
                     ("echofuse-letter-" + std::to_string(getpid()) + ".obj");
   struct File {

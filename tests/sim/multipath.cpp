@@ -141,7 +141,7 @@ TEST_CASE("echo power via one wall equals the analytic value, and open scenes ar
   CHECK(radar_returns(open, with_echoes(2, rho)).weight == radar_returns(open, direct).weight);
 }
 
-TEST_CASE("a path via the two walls of a corner exists in exactly one of the two orders") {
+TEST_CASE("an echo path via two walls of a corner exists for exactly one order of the walls") {
   const Room room = room_of({side_wall(-1, 0), wall({0, -1.1, 5}, {1, 0, 0}, {0, 0, 1}, 6, 10, 0)});
   const Vec3 sensor{0.2, 0, 0};
   const auto images = image_sources(room, sensor, 2);

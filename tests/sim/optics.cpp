@@ -92,7 +92,7 @@ TEST_CASE("a return at a bin edge adds the exact integral of the Gaussian respon
   }
 }
 
-TEST_CASE("linear sharing of a return between bins stays within its documented error bound") {
+TEST_CASE("splitting a return linearly between bins stays within the documented error bound") {
   for (const double fwhm : {50.0, 200.0, 700.0}) {
     Conditions c;
     c.irf_fwhm_ps = fwhm;
@@ -112,8 +112,7 @@ TEST_CASE("linear sharing of a return between bins stays within its documented e
   }
 }
 
-TEST_CASE(
-    "the bins of a return contain its whole energy and have the mean and variance of the IRF") {
+TEST_CASE("a return keeps its energy when binned, and has the mean and the variance of the IRF") {
   for (const double tail : {0.0, 40.0, 400.0})
     for (const double fwhm : {2.0, 200.0, 1000.0}) {
       Conditions c;
@@ -137,7 +136,7 @@ TEST_CASE(
     }
 }
 
-TEST_CASE("light from outside the time axis contributes only through the IRF") {
+TEST_CASE("light from outside the time axis contributes only where the IRF extends into the axis") {
   Conditions c;
   const double end = c.first_bin_ps + static_cast<double>(c.bins) * c.bin_width_ps;
   // Half of the return is on the time axis.
@@ -313,8 +312,7 @@ TEST_CASE("the Coates pile-up correction recovers the simulated rates within its
   CHECK(before > 1);
 }
 
-TEST_CASE(
-    "a free-running detector with a dead time longer than the histogram counts first photons") {
+TEST_CASE("a dead time longer than the histogram leaves only the first photon of each pulse") {
   Conditions c;
   // The pulse period is 150 ns, and the histogram covers 34 ns.
   c.pulses_per_window = 20'000'000;

@@ -171,7 +171,7 @@ constexpr double tmf_half_tangent = 0.29;
 
 // The publication does not state the bin width. The background is equal in front of and behind the
 // object if the simulator counts the first photon of 5000 pulses.
-TEST_CASE("simulated histograms match those of another simulator for a sphere and a soap dish") {
+TEST_CASE("simulated histograms of a sphere and a soap dish match those of another simulator") {
   const std::string name = GENERATE("sphere", "soap");
   const auto records = read_json("spad-simulated/" + name + ".json.gz");
   const Corners corners = read_obj("spad-simulated/" + name + ".obj");
@@ -276,7 +276,7 @@ Pose of_zone(Pose pose, std::size_t zone) {
 }
 
 // The bin size of 13.5 mm and the zero bin 12.25 were fitted. The test fits the delay of each zone.
-TEST_CASE("simulated histograms match those measured with a TMF8820 for a block") {
+TEST_CASE("simulated histograms of a block match those measured with a TMF8820") {
   const auto records = read_json("spad-tmf8820/tall_block.json.gz");
   const Corners corners = read_stl("spad-tmf8820/tall_block.stl");
   constexpr double m_a_bin = 0.0135, zero_bin = 12.25, step_m = 0.002;

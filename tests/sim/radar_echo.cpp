@@ -186,7 +186,7 @@ TEST_CASE("the reference peak power equals the mean peak power of simulated scen
   CHECK(std::abs(mean - reference) < 3.5 * std::sqrt(variance * (1.0 / scenes + 1.0 / 64)));
 }
 
-TEST_CASE("the default number of radar rays keeps profile errors below the default noise") {
+TEST_CASE("the default number of radar rays keeps range profile errors below the default noise") {
   Conditions c, fine;
   fine.radar_rays = 4 * c.radar_rays;
   const RadarAxis axis = radar_response(c);

@@ -50,8 +50,7 @@ TEST_CASE("rays from both sensors hit a sphere at the computed points") {
   }
 }
 
-TEST_CASE(
-    "each ray hit is on the surface of its capsule and has the cosine of the surface normal") {
+TEST_CASE("each ray hit is on the capsule surface and has the cosine of the angle of incidence") {
   // The capsules are tilted either way, level, upright, partly outside of the image, or next to the
   // sensor.
   const Capsule capsule = GENERATE(Capsule{{-0.3, -0.5, 3.2}, {0.4, 0.6, 3.9}, 0.15, 0.5},
@@ -210,7 +209,7 @@ TEST_CASE("a mirrored scene returns the same amount of light and a mirrored dept
   }
 }
 
-TEST_CASE("the mean light of simulated scenes equals the documented reference") {
+TEST_CASE("the mean amount of light returned by simulated scenes equals the documented reference") {
   const Conditions c;
   constexpr int scenes = 1000;
   double sum = 0, squares = 0;

@@ -41,7 +41,7 @@ std::string refusal(const std::string& text) {
 
 }  // namespace
 
-TEST_CASE("scenes of a scene list are read in order with their counts and parameters") {
+TEST_CASE("the scenes in a scene list are read in order, each with its count and parameters") {
   const auto all = read_scene_list(list, "list.toml");
   REQUIRE(all.size() == 4);
   CHECK(all[0].kind == SceneKind::person);
@@ -92,7 +92,7 @@ TEST_CASE("a given scene position does not change the other parameters of the sc
   }
 }
 
-TEST_CASE("record k of a scene list does not depend on order or list length") {
+TEST_CASE("record k of a scene list does not depend on the generation order or the list length") {
   const auto folder =
       std::filesystem::temp_directory_path() / ("echofuse-list-" + std::to_string(getpid()));
   std::filesystem::create_directories(folder);

@@ -100,7 +100,8 @@ TEST_CASE("records of alternating simulated laboratories equal those of each lab
   CHECK(there.spd != Generator(plan).make(1).spd);
 }
 
-TEST_CASE("settings given by the user are not sampled, and laboratories require a digital twin") {
+TEST_CASE(
+    "settings given by the user are not sampled, and the laboratory setting requires a twin") {
   Plan plan;
   Settings settings;
   bind(settings, plan);
@@ -116,7 +117,7 @@ TEST_CASE("settings given by the user are not sampled, and laboratories require 
   CHECK_THROWS_AS(resolve_twin(few, bare), Error);
 }
 
-TEST_CASE("radar reflectivities do not depend on the optical albedo") {
+TEST_CASE("radar reflectivities do not depend on the optical albedo of a surface") {
   Conditions c;
   c.radar_rays = 96;
   const Scene base = make_scene(c, SceneKind::letter, 1, 2);
@@ -160,7 +161,7 @@ TEST_CASE("a scattering lobe keeps the echo of a sphere and reduces the echo of 
         Approx(2 * std::pow(std::cos(tilt), 3)).epsilon(0.02));
 }
 
-TEST_CASE("light decreases away from the detector axis, and sway spreads the ranges of a person") {
+TEST_CASE("light falls off away from the detector axis, and body sway spreads the echo in range") {
   Conditions c;
   c.spd_falloff = 1;
   c.spd_yaw_deg = 5;
@@ -186,7 +187,7 @@ TEST_CASE("light decreases away from the detector axis, and sway spreads the ran
   CHECK(std::sqrt(square) == Approx(0.02).epsilon(0.03));
 }
 
-TEST_CASE("bodies and letter plates have the sizes and angles set by their laboratory") {
+TEST_CASE("bodies and letter plates have the sizes and angles that their laboratory specifies") {
   Conditions c;
   const Scene base = make_scene(c, SceneKind::letter, 1, 2);
   c.girth = 1.5;

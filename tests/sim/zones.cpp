@@ -69,7 +69,8 @@ TEST_CASE("zone directions and widths stored in a run match the simulated fields
   CHECK(zones_of(with_zones(1)).empty());
 }
 
-TEST_CASE("the sensitivity of a detector zone falls to exp(-1/2) at 0.75 times the zone pitch") {
+TEST_CASE(
+    "detector zone sensitivity falls to exp(-1/2) at 0.75 times the zone pitch from the centre") {
   const Conditions c = with_zones(8);
   const Zones zones = zones_of(c);
   const auto at = [&](double x) {
@@ -102,7 +103,7 @@ TEST_CASE("detector zones do not change the depth maps or the total counts") {
   }
 }
 
-TEST_CASE("unsupported zone numbers and zones with multipath are refused") {
+TEST_CASE("an unsupported number of zones, or zones combined with multipath, is refused") {
   CHECK_NOTHROW(validate(with_zones(8)));
   CHECK_THROWS_WITH(validate(with_zones(2)), Contains("expected 1, 3, 4 or 8"));
   CHECK_THROWS_WITH(validate(with_zones(5)), Contains("expected 1, 3, 4 or 8"));

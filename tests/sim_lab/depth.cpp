@@ -107,7 +107,7 @@ TEST_CASE("the simulated depth camera delivers 30 frames of the scene per second
   CHECK(read_picture(dir / "picture") == expected);
 }
 
-TEST_CASE("the simulated depth camera disappears with the laboratory and returns at its restart") {
+TEST_CASE("the simulated depth camera exists only while the simulated laboratory is running") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   auto lab = std::make_unique<LabThread>(options);

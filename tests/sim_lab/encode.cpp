@@ -35,7 +35,7 @@ TEST_CASE("an encoded bridge block with one tag has the documented bytes") {
   CHECK(bridge_block(BlockKind::tags, 7, 5, tag) == expected);
 }
 
-TEST_CASE("an encoded tag of a falling edge has a negative channel number") {
+TEST_CASE("the encoded tag of a falling edge has a negative channel number") {
   Bytes tag;
   put_tag(tag, -1, -2);
   CHECK(tag == bytes({0, 0, 0, 0, 0xff, 0xff, 0xff, 0xff, 0xfe, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff,

@@ -76,7 +76,7 @@ amount = 3
             "a time tagger has no frame to freeze"));
 }
 
-TEST_CASE("a simulated fault affects only its device, and only at the times of its repetitions") {
+TEST_CASE("a simulated fault affects only the specified device and only at the specified times") {
   const Faults faults(
       {{"tdc", FaultKind::drop, 1, 0.5, 4, 0.3}, {"radar", FaultKind::stall, 0, 9, 0, 0}}, "tdc");
   for (const double t : {1.0, 1.4, 5.0, 9.4}) CHECK(faults.at(FaultKind::drop, t) == 0.3);
@@ -94,7 +94,7 @@ TEST_CASE("a simulated fault affects only its device, and only at the times of i
   }
 }
 
-TEST_CASE("a clock offset ends with its fault, but the error from a clock drift remains") {
+TEST_CASE("a clock offset ends with the fault, but the error from a clock drift remains") {
   const Faults faults({{"tdc", FaultKind::clock_offset, 10, 1, 0, -0.5},
                        {"tdc", FaultKind::clock_drift, 2, 3, 20, 200}},
                       "tdc");

@@ -41,7 +41,7 @@ sim::LabOptions options_in(const TemporaryDirectory& dir) {
 
 }  // namespace
 
-TEST_CASE("the simulated laboratory creates its files at start and removes its devices at stop") {
+TEST_CASE("the simulated laboratory creates its files on start and removes its devices on stop") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   options.window_s = 0.2;
@@ -88,7 +88,8 @@ TEST_CASE("the simulated laboratory refuses a folder that it cannot use") {
   }
 }
 
-TEST_CASE("the simulated laboratory reuses the folder of a previous one and keeps other files") {
+TEST_CASE(
+    "the simulated laboratory reuses the folder of an earlier laboratory and keeps other files") {
   const TemporaryDirectory dir;
   const sim::LabOptions options = options_in(dir);
   LabThread(options).stop();
@@ -120,7 +121,7 @@ TEST_CASE("start-up errors of the simulated laboratory state the cause and leave
   CHECK_FALSE(fs::exists(options.dir + "/lab.toml"));
 }
 
-TEST_CASE("scenes change at the set interval, and mixed scenes contain 25 % people") {
+TEST_CASE("scenes change at the set interval, and 25 % of mixed scenes show people") {
   ManualClock clock;
   const sim::Conditions conditions;
   sim::ScenePlayer player(clock, conditions, {"mixed", 3, 0.5});

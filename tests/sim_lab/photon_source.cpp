@@ -97,7 +97,7 @@ TEST_CASE("the simulated photon stream with pile-up has only the first photon of
     REQUIRE(stream.tags[i].channel != stream.tags[i - 1].channel);
 }
 
-TEST_CASE("a dead time in the photon stream gives the counts of the histogram simulation") {
+TEST_CASE("a photon stream with dead time gives the same counts as the histogram simulation") {
   Conditions c;
   c.signal_photons = 3e4;
   c.background_counts = 1e4;
@@ -129,7 +129,8 @@ TEST_CASE("a dead time in the photon stream gives the counts of the histogram si
   }
 }
 
-TEST_CASE("simulated time tags are sorted, and with a filter each sync tag precedes a photon") {
+TEST_CASE(
+    "simulated time tags are sorted, and with the filter on, each sync tag precedes a photon") {
   Conditions c;
   Tagging tagging;
   const Returns returns = person(c);

@@ -37,7 +37,8 @@ double peak_over_scatter(std::vector<double> power) {
 
 }  // namespace
 
-TEST_CASE("a radar slot of the simulated laboratory has the same noise as a data set record") {
+TEST_CASE(
+    "a radar slot of the simulated laboratory is as noisy as a record of a simulated data set") {
   const auto [frames, window_s] =
       GENERATE(std::pair<std::int64_t, double>{4, 0.2}, std::pair<std::int64_t, double>{20, 1.0},
                std::pair<std::int64_t, double>{60, 3.0});

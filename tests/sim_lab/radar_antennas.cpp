@@ -73,7 +73,7 @@ struct CoherentBoard {
 
 }  // namespace
 
-TEST_CASE("the simulated linear array sends samples of eight antennas with 2 or 3 transmitters") {
+TEST_CASE("the simulated linear array sends eight antenna samples for two or three transmitters") {
   const Conditions c = quiet();
   for (const auto& transmitters : {std::vector<unsigned>{0, 2}, std::vector<unsigned>{0, 2, 1}}) {
     RadarAntennas board(c, 3);
@@ -131,7 +131,7 @@ TEST_CASE("range profile codes of coherent echoes match the antenna samples") {
   CHECK(std::abs(codes[13] - 256 * (10 + std::log2(std::abs(samples[13 * 8])))) < 2);
 }
 
-TEST_CASE("a new scene has new speckle, and an unchanged scene keeps its speckle") {
+TEST_CASE("radar speckle changes with each new scene and is kept while a scene is unchanged") {
   CoherentBoard board;
   RenderedScene person = point_at(0, 0);
   person.radar.place[0].person = 0;

@@ -32,7 +32,8 @@ radar::RadarSetup hasty() {
 
 }  // namespace
 
-TEST_CASE("after a short unplug the radar driver restarts the sensor with the cfg on the board") {
+TEST_CASE(
+    "after a short unplug the radar driver restarts the sensor with the cfg stored on the board") {
   Bench b;
   b.start();
   b.plug(false);
@@ -84,7 +85,7 @@ TEST_CASE("the radar driver detects a board reset immediately by the boot banner
   CHECK(b.count("restarted") == 0);
 }
 
-TEST_CASE("the radar driver detects a board reset without a banner by the frame numbers") {
+TEST_CASE("the radar driver detects a board reset by the frame numbers if no banner arrives") {
   Bench b;
   b.start();
   REQUIRE(b.until([&] { return b.board.number >= 20; }));
@@ -379,7 +380,8 @@ struct TwoBoards : RadarBench {
 
 }  // namespace
 
-TEST_CASE("the radar driver detects ports of two boards by frames from a stopped sensor") {
+TEST_CASE(
+    "the radar driver detects ports of two boards if a stopped sensor appears to send frames") {
   TwoBoards b;
   b.driver->start(b.sink);
   REQUIRE(b.reach(DeviceState::misconfigured, GENERATE(10ms, 50ms, 120ms)));

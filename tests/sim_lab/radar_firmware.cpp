@@ -149,7 +149,7 @@ TEST_CASE("a complete cfg starts the simulated radar and defines its range axis"
   }
 }
 
-TEST_CASE("simulated radar firmware of SDK 3.4 starts without the command calibData") {
+TEST_CASE("simulated radar firmware of SDK 3.4 does not require the command calibData to start") {
   Console console(4);
   CHECK_THAT(console.send("version\n"), Catch::Contains("mmWave SDK Version      : 03.04.00.03"));
   CHECK_THAT(console.send("calibData 0 0 0\n"),
@@ -257,7 +257,7 @@ TEST_CASE("simulated radar firmware refuses a partial cfg between stop and start
   CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
 }
 
-TEST_CASE("changing antennas after the first start crashes the simulated radar command line") {
+TEST_CASE("changing the antennas after the first start crashes simulated radar firmware") {
   Console console;
   configure(console);
   console.send("sensorStart\n");
@@ -278,7 +278,7 @@ TEST_CASE("the simulated radar data port changes its baud rate and sends a ping"
   CHECK_THAT(console.send("configDataPort 4000000 0\n"), Catch::Contains("Ignored: Invalid baud"));
 }
 
-TEST_CASE("simulated profile codes of a strong echo and of noise match the expected powers") {
+TEST_CASE("simulated range profile codes of a strong echo and of noise match the expected power") {
   Conditions c;
   c.radar_snr_db = 60;
   Rng rng(5);
@@ -297,7 +297,7 @@ TEST_CASE("simulated profile codes of a strong echo and of noise match the expec
         own / 2 + 5 * rms / std::sqrt(3999.0));
 }
 
-TEST_CASE("simulated radar firmware measures the range bias by a parabola through the peak") {
+TEST_CASE("simulated radar firmware measures the range bias with a parabola through the peak") {
   std::vector<double> power(40, 1e-6);
   // The magnitudes are those of a parabola with its peak at bin 10.3.
   for (const int i : {9, 10, 11})
@@ -333,7 +333,7 @@ std::string failure_of(const std::string& name, unsigned sdk, RadarDemo demo) {
 
 }  // namespace
 
-TEST_CASE("each simulated radar board accepts only its own cfgs, and errors name the right file") {
+TEST_CASE("each simulated radar board accepts only cfgs for it, and errors name the correct file") {
   std::size_t files = 0;
   for (const auto& entry :
        std::filesystem::directory_iterator(echofuse::test::source_dir + "/config/radar")) {

@@ -166,7 +166,7 @@ sim::LabOptions options_in(const TemporaryDirectory& dir) {
 
 }  // namespace
 
-TEST_CASE("the simulated radar sends frames of the scene at the frame period while started") {
+TEST_CASE("after sensorStart the simulated radar sends one frame of the scene per frame period") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   options.conditions.radar_snr_db = 40;
@@ -251,7 +251,7 @@ TEST_CASE("the simulated radar sends a heat map if the cfg requests it") {
   }
 }
 
-TEST_CASE("the simulated radar sends calibration lines once per frame if requested") {
+TEST_CASE("the simulated radar sends one calibration line per frame if requested") {
   BoardInMemory board;
   board.start("measureRangeBias", "measureRangeBiasAndRxChanPhase 1 3.5 1.0");
   board.loop.run_for(500ms);

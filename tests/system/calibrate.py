@@ -143,7 +143,7 @@ class Calibrate(unittest.TestCase):
             self.assertIn("the antenna order is correct", done.stdout)
         self.assertEqual(calibrate("left", "--side", "right").returncode, 4)
 
-    def test_model_for_calibrated_antennas_works_on_a_recorded_run(self):
+    def test_model_for_calibrated_antennas_can_be_used_on_a_recorded_run(self):
         """A model for eight antennas with phase and gain errors works after a calibration with one reflector in front
         of the detector."""
         stored, cfg = self.dir / "calibration.toml", config / "xwr68xx_azimuth_50cm.cfg"
@@ -227,7 +227,7 @@ class Calibrate(unittest.TestCase):
             for tap, true in zip(measured, stated):
                 self.assertLess(abs(float(tap) - float(true)), .05, said)
 
-    def test_range_calibration_restores_the_accuracy_of_maps(self):
+    def test_range_calibration_restores_the_accuracy_of_depth_maps(self):
         """Range biases degrade the maps of a model, and the calibration stored in the run restores them."""
         def program(name, *words):
             return subprocess.run([bin_dir / name, *words], check=True, text=True, capture_output=True, cwd=self.dir).stdout

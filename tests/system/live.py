@@ -309,7 +309,7 @@ class Live(unittest.TestCase):
         late = tool(acquire, "annotate", self.run, "--label", "too late")
         self.assertEqual((late.returncode, "run is not being recorded" in late.stdout), (1, True))
 
-    def test_daemon_writes_pending_records_when_a_file_lock_ends(self):
+    def test_daemon_writes_pending_records_when_a_lock_on_the_run_file_is_released(self):
         """Another program locks the run file. Records wait for the end of the lock, but SIGTERM does not, and the last
         log line counts the unwritten records."""
         daemon = self.record()

@@ -20,7 +20,7 @@ class Lock(live.Live):
     def config(self):
         return "--config", self.dir / "lab/lab.toml"
 
-    def test_commands_report_devices_that_a_run_uses(self):
+    def test_commands_report_that_a_device_is_in_use_by_a_run(self):
         """`run`, `calibrate`, `devices` and `doctor` report the run that uses the devices, and the run loses no data.
         The commands check the camera, which the run does not use."""
         daemon = self.record("--count", "30", "--set", "depth.address=")

@@ -81,7 +81,7 @@ class Service(live.Live):
         [self.run] = self.dir.glob("*.sqlite")
         return daemon
 
-    def test_daemon_sends_systemd_a_heartbeat_per_record(self):
+    def test_daemon_sends_a_watchdog_message_to_systemd_for_each_record(self):
         """systemd gets one heartbeat per record, and none while records cannot be written. The watchdog time of this
         service is shorter than four slots, so the daemon first requests a longer time."""
         daemon = self.serve(env={"WATCHDOG_USEC": "300000"})

@@ -155,7 +155,7 @@ TEST_CASE("a USB tagger with a full FIFO reports its lost tags") {
   CHECK(s.sink.state() == DeviceState::streaming);
 }
 
-TEST_CASE("USB transfers that split blocks, and short or empty packets, lose no tags") {
+TEST_CASE("no tags are lost if USB transfers split blocks or if packets are short or empty") {
   Bench b;
   b.connect();
   const Bytes all = join({b.tags(50'000), b.tags(0), b.tags(50'000)});

@@ -91,7 +91,8 @@ TEST_CASE("an exception in a request handler ends only the session of that reque
   CHECK(owner.waits_for([&] { return owner.marks == 1; }));
 }
 
-TEST_CASE("a viewer session queues eight unread marks and ends at the ninth") {
+TEST_CASE(
+    "a viewer session queues eight mark requests if answers are not read, and ends at a ninth") {
   Owner owner;
   // The greeting exceeds the socket buffers, so answers to the marks must wait.
   owner.greeting = std::make_shared<Bytes>(64 << 20);
@@ -100,7 +101,7 @@ TEST_CASE("a viewer session queues eight unread marks and ends at the ninth") {
   for (int i = 0; i < 8; ++i) Owner::write(client, frame(R"({"mark": "x"})"));
   owner.io.run_for(200ms);
   CHECK((owner.marks == 0 && owner.closings == 0));
-  SECTION("eight queued marks are answered when the client reads") {
+  SECTION("eight queued mark requests are answered when the client reads again") {
     std::string all(1 << 20, '\0');
     client.non_blocking(true);
     CHECK(owner.waits_for([&] {
@@ -111,7 +112,7 @@ TEST_CASE("a viewer session queues eight unread marks and ends at the ninth") {
     }));
     CHECK(owner.closings == 0);
   }
-  SECTION("a ninth unread mark ends the session") {
+  SECTION("a ninth queued mark request ends the session") {
     Owner::write(client, frame(R"({"mark": "x"})"));
     CHECK(owner.waits_for([&] { return owner.closings == 1; }));
     CHECK(owner.marks == 0);

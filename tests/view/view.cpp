@@ -31,7 +31,7 @@ TEST_CASE("the server refuses Host names that could be used for DNS rebinding") 
     CHECK_FALSE(all.accepts_host(host));
 }
 
-TEST_CASE("a web page of another origin cannot open a WebSocket") {
+TEST_CASE("a web page from another origin cannot open a WebSocket") {
   const Access access;
   CHECK(access.accepts_origin("", "127.0.0.1:8410"));
   CHECK(access.accepts_origin("http://127.0.0.1:8410", "127.0.0.1:8410"));

@@ -101,13 +101,13 @@ Outcome run_of(const Stream& stream, const std::vector<std::string>& settings = 
 
 }  // namespace
 
-TEST_CASE("a tag stream without faults causes no event") {
+TEST_CASE("a tag stream that has no faults causes no event") {
   const Outcome run = run_of({.pulse = ordinary});
   CHECK(run.events == Strings{});
   for (const auto& r : run.records) CHECK(r.sync[Sensor::spd].verdict == "ok");
 }
 
-TEST_CASE("tag times that wrap are continued and cause an event") {
+TEST_CASE("tag times that wrap are unwrapped and cause an event") {
   const int bits = GENERATE(32, 40);
   const Outcome run = run_of(
       {.pulse = ordinary, .time = [=](std::int64_t t) { return t % (std::int64_t{1} << bits); }});
@@ -154,7 +154,7 @@ TEST_CASE("a tagger overflow that never ends causes a verdict and an event") {
   }));
 }
 
-TEST_CASE("a tagger overflow that ends, or reports missed events, is not reported as endless") {
+TEST_CASE("a tagger overflow is not reported as endless if it ends or reports missed events") {
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     if (i == 16'000) out.push_back(tag(0, at, TagType::overflow_begin));
     if (i == 18'000) out.push_back(tag(0, at, TagType::overflow_end));
@@ -164,7 +164,7 @@ TEST_CASE("a tagger overflow that ends, or reports missed events, is not reporte
   CHECK(run.verdict(9) == "ok");
 }
 
-TEST_CASE("missing, doubled and faster start pulses each cause an event") {
+TEST_CASE("missing, doubled or too frequent start pulses each cause an event") {
   std::mt19937 random(1);
   const Outcome missing = run_of({.pulse = [&](auto& out, std::int64_t i, std::int64_t at) {
     if (random() % 10 >= 3) out.push_back(tag(1, at));
@@ -236,7 +236,7 @@ TEST_CASE("afterpulses cause an event that reports the second peak") {
                              "which causes a second peak 2.25 m behind the first"));
 }
 
-TEST_CASE("tags out of order by up to 1 us are sorted and counted") {
+TEST_CASE("tags that are out of order by up to 1 us are sorted and counted") {
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     if (i % 25 == 0 && i % 50 == 0) out.push_back(tag(2, at + click_after(i)));
     out.push_back(tag(1, at));
@@ -247,7 +247,7 @@ TEST_CASE("tags out of order by up to 1 us are sorted and counted") {
   for (const auto& r : run.records) CHECK(r.spd_counts.out_of_range == 0);
 }
 
-TEST_CASE("tags out of order across two blocks are sorted without loss") {
+TEST_CASE("tags that are out of order across two blocks are sorted without loss") {
   // The start of each block's last click arrives in the next block.
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     if (out.empty() && i > 0) out.push_back(tag(1, at - period));

@@ -20,7 +20,8 @@ using test::has;
 using test::Strings;
 using namespace std::chrono_literals;
 
-TEST_CASE("a run without faults has a complete record for each slot and no lost or late data") {
+TEST_CASE(
+    "a run without device faults has a complete record for each slot and no lost or late data") {
   Bench b;
   CHECK(b.lab->record(b.run(40)) == ExitCode::ok);
   const auto all = b.records();
@@ -41,7 +42,8 @@ TEST_CASE("a run without faults has a complete record for each slot and no lost 
   CHECK(b.reader().info().status == "complete");
 }
 
-TEST_CASE("a run continues without devices, and records are complete when the devices return") {
+TEST_CASE(
+    "a run continues if all devices are unplugged, and records are complete once they return") {
   Bench b({.faults = {fault("tdc", FaultKind::unplug, 30, 30),
                       fault("radar", FaultKind::unplug, 30, 30),
                       fault("depth", FaultKind::unplug, 30, 30)}});
@@ -81,7 +83,7 @@ TEST_CASE("missing and unconfigured devices have different verdicts") {
   CHECK(has(b.events("radar"), "no data at the start"));
 }
 
-TEST_CASE("a run needs its required devices, and records without them are incomplete") {
+TEST_CASE("a run needs its required devices, and records that lack their data are incomplete") {
   SECTION("a run is refused if a required device is missing at the start") {
     Bench b({.radar_required = true});
     b.unplug_radar();
@@ -140,7 +142,7 @@ TEST_CASE("a raw capture with faults and reconnections reproduces the live run b
         std::vector(live[0].spd.begin(), live[0].spd.begin() + 10));
 }
 
-TEST_CASE("a raw capture without a slot, with missing bytes or with a damaged time is refused") {
+TEST_CASE("a raw capture that has no slot, has missing bytes or has damaged times is refused") {
   Bench b;
   auto run = b.run(2);
   run.keep_raw = b.folder / "raw";
@@ -156,21 +158,21 @@ TEST_CASE("a raw capture without a slot, with missing bytes or with a damaged ti
     return std::string("none");
   };
   std::string name = "tags.times", text = "1000000000 open 0\n1000000000 bytes 99999999999\n", why;
-  SECTION("a raw capture with a list of more bytes than were captured is refused") {
+  SECTION("a raw capture that lists more bytes than were captured is refused") {
     why = "tags.times: lists more bytes than 1 files contain";
   }
-  SECTION("a raw capture with an incomplete line in a file of times is refused") {
+  SECTION("a raw capture with an incomplete line in a time file is refused") {
     text = "1000000000 open\n";
     why = "tags.times: expected TIME WHAT VALUE, found \"1000000000 open\"";
   }
-  SECTION("a raw capture without a complete slot is refused") {
+  SECTION("a raw capture that has no complete slot is refused") {
     name = "run.times", why = "run.times: the raw capture has no complete slot";
   }
   SECTION("a raw capture with a time beyond 36 years is refused") {
     name = "run.times", text = "0 start 1\n9223372036854775807 slots 1000000000\n";
     why = "expected TIME WHAT VALUE, found \"9223372036854775807 slots 1000000000\"";
   }
-  SECTION("a raw capture with its first slot years after its start is refused") {
+  SECTION("a raw capture is refused if its first slot begins years after the start of the run") {
     name = "run.times",
     why = "run.times: the first slot begins 1000000000.000000 s after the start of the run";
     text = "0 start 0\n1000000000000000000 slots 1000000000\n1000000001000000000 closed 0\n";
@@ -282,7 +284,7 @@ TEST_CASE("simulated scenes change at slot boundaries") {
   }
 }
 
-TEST_CASE("slots keep their length when the system clock is set") {
+TEST_CASE("slots keep their length when the system clock is changed") {
   constexpr auto day = 24h;
   Bench b;
   port::Timer forward(b.lab->loop), back(b.lab->loop);

@@ -236,7 +236,7 @@ TEST_CASE("a radar cfg for another SDK is reported with the cfg to use") {
                Catch::StartsWith("mmWave SDK 03.0" + std::to_string(sdk)));
 }
 
-TEST_CASE("buffered tags are assigned to the slot of their time stamps, or counted there as late") {
+TEST_CASE("buffered tags are assigned to slots by their time stamps, or counted as late") {
   Bench b({.window_s = 0.5});
   Keeper keeper(b.lab->loop, b.lab->loop.ports.at(b.lab->config().tdc.address));
   port::Timer away(b.lab->loop), back(b.lab->loop);
@@ -287,7 +287,8 @@ TEST_CASE("the calibrate command measures and stores offsets, and a run uses the
   CHECK(calibrate(*slipped.lab, true) == ExitCode::failed);
 }
 
-TEST_CASE("both reflector mountings give equal offsets, and the wrong mounting gives an error") {
+TEST_CASE(
+    "both reflector mountings give equal range offsets, and a wrong mounting causes an error") {
   const auto stated = GENERATE(acquire::Mounting::detector, acquire::Mounting::each);
   const std::string placed = GENERATE("detector", "each");
   CAPTURE(acquire::name_of(stated), placed);
@@ -313,7 +314,7 @@ TEST_CASE("both reflector mountings give equal offsets, and the wrong mounting g
   CHECK(c.baseline_m == 0.5);
 }
 
-TEST_CASE("both reflector mountings give the gains and phases of the antennas") {
+TEST_CASE("antenna calibration recovers gains and phases for both reflector mountings") {
   const std::string placed = GENERATE("detector", "each");
   LaboratoryOptions options = reflector(0, placed);
   options.radar_cfg = "xwr68xx_azimuth_44mm.cfg";
@@ -367,7 +368,7 @@ TEST_CASE("a radar behind a bridge is calibrated with its range profile") {
 }
 
 TEST_CASE("a failed calibration is not stored") {
-  SECTION("a calibration without spread, from one frame per repeat, is not stored") {
+  SECTION("a calibration is not stored if each repeat has one frame, because it has no spread") {
     LaboratoryOptions slow = reflector();
     slow.radar_cfg = "xwr68xx_azimuth_44mm.cfg";
     Bench b(slow);
@@ -377,7 +378,7 @@ TEST_CASE("a failed calibration is not stored") {
     CHECK(calibrate(*b.lab, false, options, 0.12, 12) == ExitCode::device);
     CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
   }
-  SECTION("a calibration without a reflector is not stored") {
+  SECTION("a calibration is not stored if there is no reflector") {
     LaboratoryOptions empty = reflector();
     empty.scene = "empty";
     Bench b(empty);
@@ -413,7 +414,7 @@ TEST_CASE("a failed calibration is not stored") {
     CHECK(calibrate(*b.lab) == ExitCode::device);
     CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
   }
-  SECTION("a verification without a calibration is refused") {
+  SECTION("a verification is refused if there is no calibration to verify") {
     Bench b(reflector());
     CHECK_THROWS_WITH(calibrate(*b.lab, true),
                       Catch::Contains("run.calibration contains nothing to compare with"));
@@ -437,7 +438,7 @@ TEST_CASE("the doctor command warns of a blocked laser with the verdict of a run
              Catch::Contains("\nwarning  spd  ") && Catch::Contains("-> no peak: no bins"));
 }
 
-TEST_CASE("doctor exits with the code of its first problem, and device problems come first") {
+TEST_CASE("doctor exits with the code of its first problem, and lists device problems first") {
   Bench b;
   const auto examine = [&](std::optional<std::int64_t> count) {
     acquire::DoctorOptions options;
@@ -445,14 +446,14 @@ TEST_CASE("doctor exits with the code of its first problem, and device problems 
     return acquire::examine(b.lab->config(), options, b.lab->loop);
   };
   b.lab->set({"run.folder=" + b.folder / ""});
-  SECTION("the exit code is that of a detector fault before that of a full disk") {
+  SECTION("a detector fault determines the exit code of doctor even if the disk is also full") {
     b.lab->set({"radar.cli=", "radar.data="});
     CHECK(examine(40) == ExitCode::ok);
     CHECK(examine(1'000'000'000'000) == ExitCode::disk);
     b.lab->set({"tdc.start_channel=7"});
     CHECK(examine(1'000'000'000'000) == ExitCode::device);
   }
-  SECTION("the exit code is that of a missing radar before that of a full disk") {
+  SECTION("a missing radar determines the exit code of doctor even if the disk is also full") {
     b.unplug_radar();
     CHECK(examine(1'000'000'000'000) == ExitCode::device);
   }
