@@ -91,7 +91,7 @@ TEST_CASE("the annotate command leaves the run file unchanged if the disk is ful
   CHECK(names_in(folder.path) == names);
 }
 
-TEST_CASE("killing the annotate command leaves either the old or the new file, and no side files") {
+TEST_CASE("killing the annotate command leaves the old or the new file, but no SQLite side files") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 200);

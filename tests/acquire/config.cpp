@@ -49,7 +49,7 @@ TEST_CASE(
   CHECK(load_config(path, {"alert.on_doubt=[\"sh\"]"}).unfinished.empty());
 }
 
-TEST_CASE("a configuration that is printed with all values can be loaded again and is unchanged") {
+TEST_CASE("a configuration that is printed with all values is unchanged when it is loaded again") {
   const Folder folder;
   write_file(folder / "a.toml",
              "[depth]\naddress = \"openni:\"\nmap_size = 256\nmap_half_tangent = "
@@ -112,7 +112,7 @@ TEST_CASE("the configuration loader checks that the keys are consistent") {
     CHECK(has(refusal(path).second, "one of radar.cli and radar.data is empty"));
     CHECK(has(refusal(path).second, "radar.cfg is empty"));
   }
-  SECTION("a radar behind a bridge needs neither a cfg nor serial ports") {
+  SECTION("a radar that is connected through a bridge needs neither a cfg nor serial ports") {
     write_file(path, "[radar]\naddress = \"bridge:tcp://h:1\"\n");
     CHECK(load_config(path).configured() == SensorSet::from_bits(2));
     CHECK(has(refusal(path, {"radar.cli=serial:/a", "radar.data=serial:/b"}).second,

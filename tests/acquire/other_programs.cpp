@@ -380,7 +380,7 @@ int open_without_memory(sqlite3_vfs* self, const char* name, sqlite3_file* file,
 
 }  // namespace
 
-TEST_CASE("a run file is refused if its file system does not support shared memory") {
+TEST_CASE("a run file is refused on a file system that does not support shared memory") {
   const Folder folder;
   sqlite3_vfs* const whole = sqlite3_vfs_find(nullptr);
   sqlite3_vfs network = *whole;

@@ -142,7 +142,7 @@ TEST_CASE(
 }
 
 TEST_CASE(
-    "if all frames are equal, the standard error of a radar peak follows from the code step") {
+    "if all frames are identical, the standard error of a radar peak comes from quantisation") {
   Rng rng = make_rng(4, 0);
   // Peaks midway between two bins are avoided. There, two bins that are equal in every frame would
   // count as a clipped lobe.

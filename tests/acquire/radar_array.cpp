@@ -134,7 +134,7 @@ TEST_CASE("a packed antenna array is accurate to 4e-5 of the power in its bin") 
   CHECK(unpack_array(bad, 3, 8, back) == "array bin 0: the power is negative or not finite");
 }
 
-TEST_CASE("a run file stores the antenna positions, and the antenna array of each record") {
+TEST_CASE("a run file stores the antenna positions and, for each record, the antenna array") {
   const Folder dir;
   const FusedRecord wrote = write_run(dir / "run");
   const RunReader run(dir / "run");

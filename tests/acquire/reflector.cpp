@@ -52,7 +52,8 @@ TEST_CASE(
   CHECK(r.other().error_m(Sensor::radar) == 0);
 }
 
-TEST_CASE("a range is refused if it matches the reflector mounting that was not selected") {
+TEST_CASE(
+    "a measured range is refused if it matches the reflector mounting that was not selected") {
   const auto refusal = [](Mounting stated, double distance_m, double measured_m) {
     return other_mounting({.mounting = stated, .distance_m = distance_m}, measured_m, 0.2);
   };

@@ -142,8 +142,7 @@ std::vector<std::vector<std::uint16_t>> frames(const NamedWindow& window, const 
 
 }  // namespace
 
-TEST_CASE(
-    "the response fit recovers the width and tail of the detector response within their errors") {
+TEST_CASE("the fit of the detector response recovers width and tail within their standard errors") {
   Rng rng = make_rng(1, 1);
   const Search search{1, 0.3};
   for (const double fwhm_ps : {120., 200., 280.}) {

@@ -134,7 +134,7 @@ TEST_CASE("the scheduler ends a run after its slot count or after finish()") {
     CHECK(ticking.run(grid.end(3) + grace) == Indices{3});
     CHECK(scheduler.done());
   }
-  SECTION("the run ends at once if finish() is called before the first slot") {
+  SECTION("the run ends immediately if finish() is called before the first slot") {
     scheduler.finish(99s);
     CHECK(scheduler.done());
   }

@@ -175,8 +175,7 @@ TEST_CASE("the doctor command reports each device warning once and ignores infor
   CHECK(capture.complaints[Sensor::spd].empty());
 }
 
-TEST_CASE(
-    "the record size is estimated from frames, or from the configuration if there are no frames") {
+TEST_CASE("the record size is estimated from received frames, or else from the configuration") {
   const Config config = lab();
   Capture capture(config.histogram);
   const double unseen = estimate_record_bytes(capture, config);

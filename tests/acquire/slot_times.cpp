@@ -107,7 +107,7 @@ TEST_CASE("all run readers refuse slot times that overflow, with a one-line erro
   CHECK(bad == std::vector<std::int64_t>{3});
 }
 
-TEST_CASE("a run still ends with its last slot after the system clock was set back") {
+TEST_CASE("a run still ends with its last slot if the system clock is set back") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 4);

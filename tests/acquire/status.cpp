@@ -89,7 +89,8 @@ TEST_CASE("a sensor that becomes doubtful is reported once and counted in each r
   CHECK(totals.not_ok == 3);
 }
 
-TEST_CASE("a doubtful sensor is shown in red on a colour terminal, and the line keeps its width") {
+TEST_CASE(
+    "a doubtful sensor is shown in red on a colour terminal, and the status line keeps its width") {
   Moment m;
   CHECK(m.line(26, true) == "record 7/20  \033[31ms-D\033[0m  \033[31mspd weak\033[0m");
   m.now.doubtful = {}, m.now.valid = SensorSet::from_bits(7), m.now.trouble.clear();

@@ -82,7 +82,7 @@ TEST_CASE(
   CHECK(has(text, "axis      depth_x: 3 x 0.2 from -0.2, tangent"));
 }
 
-TEST_CASE("the signal values of records are stored, and their verdicts are counted by kind") {
+TEST_CASE("the signal values of records are stored, and the verdicts are counted by kind") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write(path);

@@ -341,7 +341,7 @@ HistogramFrame histogram(HostTime received, std::vector<std::uint32_t> counts,
 
 }  // namespace
 
-TEST_CASE("a record contains the sum of all histograms that have their mid-exposure in its slot") {
+TEST_CASE("a record contains the sum of all histograms that have a mid-exposure time in its slot") {
   Windows windows = make_windows();
   REQUIRE(windows.announce(board_info()));
   CHECK(same_axis(windows.axes().front(), board_info().axes[0]));
@@ -385,7 +385,8 @@ TEST_CASE("histograms are not used after a detector reconnects with different zo
   CHECK(windows.announce(info));
 }
 
-TEST_CASE("range profiles of a radar behind a bridge are averaged in linear power") {
+TEST_CASE(
+    "range profiles of a radar that is connected through a bridge are averaged in linear power") {
   Windows windows(grid, tdc_settings, no_clocks, {Sensor::radar});
   DeviceInfo info;
   info.sensor = Sensor::radar;

@@ -50,7 +50,7 @@ class Calls(CameraCase):
         self.assertEqual(self.open().hello(), {"model": "Orbbec Gemini 2", "serial": "STAND-IN-2", "firmware": "1.4.98"})
         self.assertIn(("get_device_by_serial_number", "STAND-IN-2"), recorder.calls)
 
-    def test_depth_mode_preset_and_projector_state_are_sent_before_the_camera_starts(self):
+    def test_depth_mode_and_preset_and_projector_state_are_set_before_the_camera_starts(self):
         self.open().close()
         self.assertFalse({"load_preset", "set_depth_work_mode", "set_int_property"} & {call[0] for call in recorder.calls})
         self.assertNotIn("projector", self.said)

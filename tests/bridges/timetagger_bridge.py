@@ -185,7 +185,7 @@ class Tags(unittest.TestCase):
         self.assertNotIn("--conditional-filter", self.poll(self.pattern(150_000), "--conditional-filter", "48000")[2])
         self.assertEqual(self.poll([column[:700] for column in self.pattern(700)])[2], "")  # ends before the overflow
 
-    def test_tag_loss_at_20_mhz_is_reported_only_twice_in_100_s(self):
+    def test_tag_loss_at_20_mhz_is_reported_only_twice_within_100_s(self):
         with mock.patch.object(time, "monotonic", lambda: self.now), contextlib.redirect_stderr(io.StringIO()) as said:
             self.now = 0.0
             losses = timetagger.Losses(options())

@@ -60,7 +60,7 @@ TEST_CASE("the -wal file of another database is renamed, not deleted") {
   for (const char* suffix : {"-wal", "-journal"}) CHECK_FALSE(fs::exists(path + suffix));
 }
 
-TEST_CASE("a new file does not follow a symbolic link at its path") {
+TEST_CASE("writing a file replaces a symbolic link at its path and does not follow the link") {
   const Folder folder;
   const std::string path = folder.path / "a.txt", victim = folder.path / "victim";
   std::ofstream(victim) << "precious";
@@ -136,7 +136,7 @@ TEST_CASE("a FIFO that replaces a file while it is being opened is detected") {
   CHECK(read <= 20'000);
 }
 
-TEST_CASE("a child process starts in its folder and inherits no file descriptors") {
+TEST_CASE("a child process starts in the given folder and inherits no file descriptors") {
   const Folder folder;
   const int mine = ::open("/dev/null", O_RDONLY);
   const auto program = start_program({"sh", "-c", "pwd > out; ls /proc/self/fd > fds; exit 7"},

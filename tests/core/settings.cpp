@@ -109,7 +109,7 @@ TEST_CASE("an assignment by --set accepts only TOML values and bare words") {
   CHECK_THROWS_WITH(s.set("tdc.address=\xff"), Catch::EndsWith("expected UTF-8"));
 }
 
-TEST_CASE("a settings error is reported in a single line for any file content") {
+TEST_CASE("a settings error is reported in a single line, whatever the file contains") {
   CHECK(faults_of("\"a\\nb\\u001b\" = 1\n") ==
         "lab.toml:1:1: unknown key \"a\\nb\\x1b\"; no similar name");
 }
@@ -126,7 +126,7 @@ TEST_CASE("printed settings are read back with the same values") {
   CHECK(other.bound().resolved() == sample.bound().resolved());
 }
 
-TEST_CASE("lines that are not TOML and repeated keys do not hide later errors") {
+TEST_CASE("invalid TOML lines and repeated keys do not hide later errors") {
   CHECK(faults_of("window_s = 3\nwindow_s = 4\n").find("lab.toml:2:12: not TOML: ") == 0);
   const std::string faults = faults_of(
       "window_s = = 3\n[tdc]\naddress = \"open\nbins = 8\nbins = 9\nfilter = 1\n"
@@ -153,7 +153,7 @@ TEST_CASE("lines that are not TOML and repeated keys do not hide later errors") 
   CHECK(std::count(many.begin(), many.end(), '\n') == 19);
 }
 
-TEST_CASE("an assignment by --set overrides the file, and errors of both are reported") {
+TEST_CASE("an assignment by --set overrides the file, and errors in both are reported") {
   Sample sample;
   Settings s = sample.bound();
   const auto faults =

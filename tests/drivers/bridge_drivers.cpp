@@ -193,7 +193,7 @@ TEST_CASE("the camera driver receives depth frames and axes from a bridge") {
   CHECK(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
 }
 
-TEST_CASE("lost camera frames are counted by the frame index, also across a reconnection") {
+TEST_CASE("lost camera frames are counted by the frame index, even across a reconnection") {
   Bench b;
   Server server(b.loop);
   const auto driver = make_depth(b.loop, {server.address()});

@@ -313,7 +313,7 @@ TEST_CASE("the cfg dialogue ignores endless output without line ends and uses bo
   CHECK(s.d.take_output() == "  flushCfg\n");
 }
 
-TEST_CASE("sensorStop is sent after the prompt of the running command, and its answer is awaited") {
+TEST_CASE("sensorStop is sent after the prompt of the running command, and the answer is awaited") {
   const bool busy = GENERATE(false, true);
   StopDialogue d(busy);
   if (busy) {

@@ -133,7 +133,7 @@ TEST_CASE("the last start is kept across slots but not across a gap in the tags"
   CHECK(h.counts() == std::vector<std::uint32_t>(10));
 }
 
-TEST_CASE("histograms of random tags match the reference, also across a clock wrap") {
+TEST_CASE("histograms of random tags match a reference implementation, even across a clock wrap") {
   for (std::uint64_t seed = 0; seed < 120; ++seed) {
     Rng rng = make_rng(seed, 2);
     const std::int64_t widths[] = {1, 3, 7, 100, 1000, 4096, 999'983};

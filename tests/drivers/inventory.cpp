@@ -94,7 +94,7 @@ TEST_CASE("an XDS110 debug probe is listed with two ports, their roles and stabl
   CHECK(list[0].nodes[0].missing.empty());
 }
 
-TEST_CASE("a CP2105 is found one level deeper in sysfs, and a missing kernel driver is reported") {
+TEST_CASE("the ports of a CP2105 are found in sysfs, and a missing kernel driver is reported") {
   Tree tree;
   tree.device("1-2", "10c4", "ea70", "00E2");
   tree.interface("1-2", "00", "ttyUSB0/tty/ttyUSB0");

@@ -283,7 +283,8 @@ TEST_CASE("an OpenNI camera is reopened after each of 100 disconnections") {
   CHECK(counter(b.driver, "connections") == 101);
 }
 
-TEST_CASE("a camera that fails after each first frame is retried at growing intervals") {
+TEST_CASE(
+    "a camera that fails after the first frame of each attempt is retried at growing intervals") {
   Bench b;
   b.start();
   for (int i = 0; i < 5; ++i) {

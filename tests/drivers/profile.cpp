@@ -36,7 +36,7 @@ TEST_CASE("TI's stock radar profile gives 256 bins of 4.4 cm and 12 antennas") {
 }
 
 TEST_CASE(
-    "the antennas are counted from the chirps, and the bin count is rounded to a power of two") {
+    "antennas are counted from the chirps, and the bin count is rounded up to a power of two") {
   CHECK(parse_profile(with("frameCfg 0 2", "frameCfg 0 1"), "").antennas == 8);
   CHECK(parse_profile(with("channelCfg 15 7", "channelCfg 5 5"), "").antennas == 4);
   const RadarProfile odd = parse_profile(with("1 256 12500", "1 240 12500"), "");
@@ -172,7 +172,7 @@ std::vector<int> columns(const RadarProfile& p) {
 
 }  // namespace
 
-TEST_CASE("the antenna order of a heat map follows the board and the order of the chirps") {
+TEST_CASE("the antenna order of a heat map depends on the board and the order of the chirps") {
   const std::string gui = "guiMonitor -1 1 1 0 0 0 1", on = "guiMonitor -1 0 1 0 1 0 1";
   const auto profile = [&](const std::string& text, Board board = Board::isk) {
     std::string with_map = text;
@@ -205,7 +205,7 @@ TEST_CASE("the antenna order of a heat map follows the board and the order of th
 }
 
 TEST_CASE(
-    "an unusable heat map causes a warning, and one that exceeds the frame period is refused") {
+    "an unusable heat map causes a warning, and one too large for the frame period is refused") {
   const std::string gui = "guiMonitor -1 1 1 0 0 0 1", on = "guiMonitor -1 0 1 0 1 0 1";
   std::string text = with(gui, on);
   const auto warnings = [&](const std::string& from, const std::string& to, Board board) {
@@ -312,7 +312,7 @@ TEST_CASE(
   CHECK(refusal(changed("advFrameCfg 4", "% advFrameCfg 4")) == "x.cfg: has no advFrameCfg");
 }
 
-TEST_CASE("radar codes are converted to power and back, and a doubled magnitude equals 6.02 dB") {
+TEST_CASE("radar codes are converted to power and back, and doubling the magnitude adds 6.02 dB") {
   for (const double antennas : {1.0, 4.0, 8.0, 12.0})
     for (double code = 1; code < 12'000; code += 37)
       CHECK(code_from_power(power_from_code(code, antennas), antennas) ==

@@ -36,7 +36,8 @@ const char* const automated_doors = "ti-radar/xwr68xx_oob_automated_doors.dat";
 
 }  // namespace
 
-TEST_CASE("101 frames are parsed from a recording of another TI demo, however it is split") {
+TEST_CASE(
+    "101 frames are parsed from a recording of another TI demo, however the bytes are split") {
   const Bytes bytes = read(data_folder() / automated_doors);
   REQUIRE(bytes.size() == 79'360);
   for (const std::size_t piece :
@@ -70,7 +71,8 @@ TEST_CASE("101 frames are parsed from a recording of another TI demo, however it
   }
 }
 
-TEST_CASE("each frame of an imported radar recording is assigned to the record of its time") {
+TEST_CASE(
+    "each frame of an imported radar recording is assigned to the record that covers its time") {
   const test::Folder folder;
   const std::string config = folder / "lab.toml";
   std::ofstream(config) << "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n[run]\nwindow_s = 1.0\n";

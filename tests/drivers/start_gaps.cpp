@@ -35,7 +35,7 @@ double share_of(const std::vector<Tag>& tags) {
 }  // namespace
 
 TEST_CASE(
-    "if a conditional filter is used, click probabilities are computed from gaps in the starts") {
+    "if a conditional filter is used, click probability is computed from gaps between starts") {
   Rng rng = make_rng(7, 0);
   for (const double chance : {0.03, 0.1, 0.5, 0.95}) {
     const double n = 1e6 * chance, gaps = std::min(n, 1e5);

@@ -188,7 +188,7 @@ TEST_CASE("a baud rate above the USB throughput causes a warning") {
   CHECK(host.warnings.empty());
 }
 
-TEST_CASE("an unplugged HID port reports one failure, and reopening it fails with no such device") {
+TEST_CASE("an unplugged HID port reports one failure, and reopening it reports a missing device") {
   Bridge bridge;
   Host host;
   host.opens("A");

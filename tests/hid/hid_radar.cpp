@@ -49,7 +49,7 @@ struct Bench {
 
 }  // namespace
 
-TEST_CASE("the cfg dialogue and radar frames work over two HID ports, also after a reconnection") {
+TEST_CASE("the cfg dialogue and radar frames work over two HID ports, even after a reconnection") {
   Bench b;
   b.driver->start(b.sink);
   REQUIRE(run_until(

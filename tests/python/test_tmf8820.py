@@ -108,7 +108,7 @@ def test_first_return_method_ignores_the_echo_of_the_table():
     assert found[0] == pytest.approx(0.2, abs=0.003) and np.isnan(found[1:]).all()
 
 
-def test_bench_compares_photon_methods_on_simulated_captures_from_a_recipe(data, tmp_path, capfd):
+def test_bench_compares_photon_methods_on_rendered_captures_according_to_a_recipe(data, tmp_path, capfd):
     recipe = tmp_path / "recipe.toml"
     recipe.write_text("""
 name = "small"

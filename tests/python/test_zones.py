@@ -34,7 +34,7 @@ def test_detector_zones_are_read_back_as_written(tmp_path):
     assert np.allclose(zones.directions(run)[:, 0], [-0.17, 0.17])
 
 
-def test_zone_width_must_be_positive_and_at_most_200(tmp_path):
+def test_tangent_of_a_zone_width_must_be_positive_and_at_most_200(tmp_path):
     wide = [TWO[0], TWO[1]._replace(width=200.0)]
     assert write(tmp_path / "own", spd=counts(), zones=wide).zones == wide
     assert not wide[1]._replace(width=200.1).plausible() and not wide[1]._replace(width=0.0).plausible()

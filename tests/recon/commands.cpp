@@ -196,7 +196,8 @@ TEST_CASE("models with different sensors are compared only on records that all o
   CHECK(twice["paired"][0]["metrics"]["iou"]["high"] == 0);
 }
 
-TEST_CASE("compare averages the lines of a record and refuses lines that have no record number") {
+TEST_CASE(
+    "compare averages the lines of each record and refuses lines that have no record number") {
   const Folder dir;
   const std::string path = dir / "table.csv";
   std::ofstream(path) << "record,name,iou,lateral_m\n7,a,0.2,\n7,a,0.4,0.1\n8,a,0.5,\n";

@@ -234,7 +234,7 @@ TEST_CASE("summing radar power into wider bins preserves the total power") {
     data.radar.add_row(power);
     return data;
   };
-  SECTION("the sum is exact if the bin widths have an integer ratio") {
+  SECTION("the power in wider bins is exact if the bin widths have an integer ratio") {
     std::vector<float> power(256);
     for (std::size_t i = 0; i < power.size(); ++i) power[i] = static_cast<float>(8 + i * i % 64);
     Dataset data = profile({"radar", "power", "m", 256, 0, 0.0625, 1}, power);
@@ -252,7 +252,7 @@ TEST_CASE("summing radar power into wider bins preserves the total power") {
     for (std::size_t i = 25; i < 32; ++i) fourth += power[i];
     CHECK(data.radar.row(0)[3] == fourth);
   }
-  SECTION("the sum is exact to float precision for the bin widths of real chirps") {
+  SECTION("the power in wider bins is exact to float precision for the bin widths of real chirps") {
     for (const double step : {0.0440950, 0.2502210, 0.25, 0.5}) {
       for (std::uint32_t at = 0; (at + 0.5) * step <= 7; ++at) {
         std::vector<float> power(256, 0.0f);
@@ -269,7 +269,7 @@ TEST_CASE("summing radar power into wider bins preserves the total power") {
       }
     }
   }
-  SECTION("a profile that is coarser or shorter than the bins is refused") {
+  SECTION("a range profile that is coarser or shorter than the wider bins is refused") {
     Dataset coarse = profile({"radar", "power", "m", 24, 0, 0.6, 1}, std::vector<float>(24));
     CHECK_THAT(error_of([&] { rebin_radar(coarse, paper); }), Catch::Contains("cannot be summed"));
     Dataset near = profile({"radar", "power", "m", 24, 0, 0.25, 1}, std::vector<float>(24));

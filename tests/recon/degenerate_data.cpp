@@ -88,7 +88,8 @@ const std::vector<Peculiar> peculiar_sets = {
 
 }  // namespace
 
-TEST_CASE("every model trained on degenerate data predicts finite maps or is refused in one line") {
+TEST_CASE(
+    "every model trained on degenerate data predicts finite maps or causes a one-line error") {
   std::vector<std::string> names = model_names();
   names.insert(names.end(), {"nearest-16", "auto"});
   for (const auto& set : peculiar_sets) {
@@ -137,7 +138,8 @@ TEST_CASE("every model trained on degenerate data predicts finite maps or is ref
   }
 }
 
-TEST_CASE("train, evaluate and reconstruct handle runs of one or two records and half-empty runs") {
+TEST_CASE(
+    "train, evaluate and reconstruct accept tiny or half-empty runs or give a one-line error") {
   const auto& half = peculiar_sets.back();
   const Folder dir;
   write_run(dir / "1", 1);

@@ -136,8 +136,7 @@ TEST_CASE("the domain-shift test reports a 1 % wider radar profile in a run of 4
   CHECK_THAT(slight.text(), Catch::Contains("radar profile width 1.01 +- 0.00 times"));
 }
 
-TEST_CASE(
-    "the domain-shift test measures radar power in front of a body up to half the body range") {
+TEST_CASE("the domain-shift test measures radar power out to half the range of the body") {
   const TrainedModel& model = trained("ridge", "radar");
   // The echoes of the plates begin in bin 12.
   const auto said = [&](std::size_t from, std::size_t to) {
@@ -232,7 +231,7 @@ TEST_CASE("the domain-shift test reports a radar range bias and the option that 
   CHECK(shift_of(model, plates(200, 31)).advice.empty());
 }
 
-TEST_CASE("the domain-shift test has few false alarms for small and large reference sets") {
+TEST_CASE("the domain-shift test raises few false alarms for small and large reference sets") {
   const Dataset all = plates(3000, 40);
   const Rows rows = all_rows(3000);
   for (const std::size_t known : {60, 1500}) {

@@ -28,7 +28,7 @@ TEST_CASE("gradients of the mask loss equal central differences") {
   for (const std::size_t i : {6u, 9u, 10u}) CHECK(slopes[i] == 0);
 }
 
-TEST_CASE("the mask loss in single precision matches double precision") {
+TEST_CASE("the mask loss in single precision matches that in double precision") {
   const std::vector<float> truth = {0, 3, 2}, background(3);
   std::vector<float> a = {80, -80, 0.1f, 9, 3.5f, 2};
   std::vector<double> b(a.begin(), a.end());

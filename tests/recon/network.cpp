@@ -97,7 +97,7 @@ TEST_CASE("products of a row vector and a matrix equal plain sums for any matrix
   }
 }
 
-TEST_CASE("the forward pass of a network in single precision matches double precision") {
+TEST_CASE("the forward pass of a network in single precision matches that in double precision") {
   const Problem q(5);
   Activations<double> a;
   forward(q.network, q.parameters, q.inputs.data(), q.batch, a);

@@ -100,7 +100,8 @@ TEST_CASE("conversion to a narrower radar response limits the amplification of n
     CHECK(widening[i] == Approx(widening[widening.size() - 1 - i]).margin(1e-9));
 }
 
-TEST_CASE("a model that imitates wider responses does not convert runs with much narrower ones") {
+TEST_CASE(
+    "a model trained for many radar responses does not convert runs with much narrower ones") {
   for (const auto& [own, stays] : {std::pair{sinc, true}, {hann, false}, {blackman, true}}) {
     Dataset data = run_of(own, profile(own));
     bring_to_response(data, blackman, true);
@@ -165,7 +166,8 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("responses imitated in training are wider than the measured one and sorted by width") {
+TEST_CASE(
+    "radar responses imitated in training are wider than the measured one and sorted by width") {
   for (const auto& own : {sinc, hann, blackman}) {
     double last_m = own.width_m();
     const auto wider = wider_responses(own);

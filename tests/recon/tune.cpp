@@ -104,7 +104,7 @@ TEST_CASE(
   CHECK(tuned.model.knows(fresh) == false);
 }
 
-TEST_CASE("tuning chooses the better of two start models for either order of the two") {
+TEST_CASE("tuning chooses the better of two start models, whatever their order") {
   const TrainedModel& old = old_model("factorised");
   TrainOptions options;
   options.model = "factorised", options.inputs = "fused", options.uncertainty = false;

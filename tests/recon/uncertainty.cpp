@@ -268,7 +268,7 @@ TEST_CASE(
 }
 
 TEST_CASE(
-    "the lateral interval includes the calibration error, or a note reports an unknown error") {
+    "the lateral interval includes the calibration error, or a note reports what is missing") {
   const Dataset plain = fresh_plates(40);
   const Records records = prepare_records(trained(), plain);
   CHECK_THAT(records.ranges, Catch::Contains("does not contain a calibration of both sensors"));
@@ -357,7 +357,8 @@ TEST_CASE("the expected depth in an empty room is the depth of the wall") {
   for (const float z : a.mean.values) REQUIRE(z == Approx(5.0f).margin(1e-3));
 }
 
-TEST_CASE("a loaded model predicts the same uncertainty as the saved model, or none") {
+TEST_CASE(
+    "a loaded model predicts the same uncertainty as the saved model, or none if it had none") {
   const Folder dir;
   const Dataset data = fresh_plates(20);
   save_model(trained(), dir / "m");
@@ -382,7 +383,8 @@ TEST_CASE("a loaded model predicts the same uncertainty as the saved model, or n
                     Catch::Contains("the model is not calibrated"));
 }
 
-TEST_CASE("a model of 90 records has a cross-fitted uncertainty, and a model of 40 has none") {
+TEST_CASE(
+    "a model of 90 training records has a cross-fitted uncertainty, and a model of 40 has none") {
   const Folder dir;
   write_run(dir / "few", 90);
   write_run(dir / "fewer", 40);

@@ -327,7 +327,8 @@ TEST_CASE("unequal side walls break the left-right symmetry of light and radar e
         0.1 * *std::max_element(seen.begin(), seen.end()));
 }
 
-TEST_CASE("a scene equals the empty room plus its changes, and wall echoes scale with scattering") {
+TEST_CASE(
+    "scene light equals empty-room light plus changes, and wall echoes scale with scattering") {
   Conditions c;
   c.background = "closed", c.multipath_order = 2, c.spd_rays = 64;
   const Scene scene = make_scene(c, {SceneKind::person}, 3, 0);

@@ -312,7 +312,8 @@ TEST_CASE("the Coates pile-up correction recovers the simulated rates within its
   CHECK(before > 1);
 }
 
-TEST_CASE("a dead time longer than the histogram leaves only the first photon of each pulse") {
+TEST_CASE(
+    "if the dead time exceeds the histogram, only the first photon of each pulse is counted") {
   Conditions c;
   // The pulse period is 150 ns, and the histogram covers 34 ns.
   c.pulses_per_window = 20'000'000;

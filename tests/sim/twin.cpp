@@ -100,8 +100,7 @@ TEST_CASE("records of alternating simulated laboratories equal those of each lab
   CHECK(there.spd != Generator(plan).make(1).spd);
 }
 
-TEST_CASE(
-    "settings given by the user are not sampled, and the laboratory setting requires a twin") {
+TEST_CASE("user settings are not sampled, and the laboratory setting requires a digital twin") {
   Plan plan;
   Settings settings;
   bind(settings, plan);

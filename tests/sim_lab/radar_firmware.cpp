@@ -257,7 +257,7 @@ TEST_CASE("simulated radar firmware refuses a partial cfg between stop and start
   CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
 }
 
-TEST_CASE("changing the antennas after the first start crashes simulated radar firmware") {
+TEST_CASE("changing the antennas after the first start crashes the simulated radar firmware") {
   Console console;
   configure(console);
   console.send("sensorStart\n");
@@ -333,7 +333,8 @@ std::string failure_of(const std::string& name, unsigned sdk, RadarDemo demo) {
 
 }  // namespace
 
-TEST_CASE("each simulated radar board accepts only cfgs for it, and errors name the correct file") {
+TEST_CASE(
+    "each simulated radar board accepts only cfgs for that board, and errors name the right file") {
   std::size_t files = 0;
   for (const auto& entry :
        std::filesystem::directory_iterator(echofuse::test::source_dir + "/config/radar")) {

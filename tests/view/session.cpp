@@ -92,7 +92,7 @@ TEST_CASE("an exception in a request handler ends only the session of that reque
 }
 
 TEST_CASE(
-    "a viewer session queues eight mark requests if answers are not read, and ends at a ninth") {
+    "a viewer session queues eight mark requests if answers are not read, and ends at the ninth") {
   Owner owner;
   // The greeting exceeds the socket buffers, so answers to the marks must wait.
   owner.greeting = std::make_shared<Bytes>(64 << 20);

@@ -86,7 +86,7 @@ TEST_CASE("a live message has a header, and its arrays begin at multiples of 8 b
   CHECK(arrays.get<float>() == 0.5F);
 }
 
-TEST_CASE("the viewer parses each kind of request and refuses values beyond its limits") {
+TEST_CASE("the viewer parses each kind of request and refuses values beyond the limits") {
   const auto refusal = [](const std::string& text) {
     const Request request = parse_request(text);
     const auto* bad = std::get_if<BadRequest>(&request);

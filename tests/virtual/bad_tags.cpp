@@ -205,7 +205,7 @@ TEST_CASE("records with lost start pulses are lossy if the laser rate is known")
                  Catch::EndsWith(" % of the 4000 expected start pulses received"));
 }
 
-TEST_CASE("a conditional filter that passes only starts with a click causes no event") {
+TEST_CASE("a conditional filter that passes only starts followed by a click causes no event") {
   std::mt19937 random(1);
   const Outcome run = run_of({.pulse = [&](auto& out, std::int64_t i, std::int64_t at) {
     if (random() % 5 > 0) return;

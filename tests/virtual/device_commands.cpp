@@ -190,7 +190,7 @@ ExitCode calibrate(Laboratory& lab, bool check = false, acquire::CalibrateOption
 
 }  // namespace
 
-TEST_CASE("the radar is stopped after a run or a failed start, unless it is kept running") {
+TEST_CASE("the radar is stopped after a run or a failed start unless radar.keep_running is set") {
   Bench b;
   SECTION("the radar is stopped after a run") {
     CHECK(b.lab->record(b.run(2)) == ExitCode::ok);
@@ -340,7 +340,7 @@ TEST_CASE("antenna calibration recovers gains and phases for both reflector moun
   }
 }
 
-TEST_CASE("a radar behind a bridge is calibrated with its range profile") {
+TEST_CASE("a radar that is connected through a bridge is calibrated with its range profile") {
   Bench b(reflector());
   const std::string stored = b.folder / "c.toml";
   BridgedDevice device(b.lab->loop, 5, R"({"model":"R","serial":"R1","firmware":"1"})",
@@ -368,7 +368,8 @@ TEST_CASE("a radar behind a bridge is calibrated with its range profile") {
 }
 
 TEST_CASE("a failed calibration is not stored") {
-  SECTION("a calibration is not stored if each repeat has one frame, because it has no spread") {
+  SECTION(
+      "a calibration from one frame per repeat is not stored, because the values do not scatter") {
     LaboratoryOptions slow = reflector();
     slow.radar_cfg = "xwr68xx_azimuth_44mm.cfg";
     Bench b(slow);
