@@ -67,7 +67,8 @@ TEST_CASE("the line and column of each error in a calibration file are reported"
   CHECK(error_of([&] { write_calibration(folder / "no/c.toml", {}); }).first == ExitCode::disk);
 }
 
-TEST_CASE("the firmware's calibration line is parsed into range bias and complex channel factors") {
+TEST_CASE(
+    "the firmware's calibration line is parsed into a range bias and complex channel factors") {
   const auto bias =
       radar::parse_firmware_bias("compRangeBiasAndRxChanPhase 0.0512345 1.0 0.0 -0.5 0.25");
   REQUIRE(bias);

@@ -247,7 +247,7 @@ TEST_CASE("the devices command lists attached devices if no configuration file e
   refuses("devices --config " + folder / "none.toml", 3, "none.toml: cannot read");
 }
 
-TEST_CASE("the info command prints status, counts, labels and axes of a run") {
+TEST_CASE("the info command prints the status, the counts, the labels and the axes of a run") {
   const Folder folder;
   const std::string run = folder / "a.sqlite";
   write_run(run, 6);

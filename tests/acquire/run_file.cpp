@@ -219,7 +219,7 @@ TEST_CASE("invalid run files and output files are refused, and the reason is rep
     CHECK(has(text, "exists already"));
     CHECK(fs::file_size(path) == 8);
   }
-  SECTION("a file created at the same time is not overwritten") {
+  SECTION("a file that another program creates at the same time is not overwritten") {
     write_run(folder / "b.sqlite", 3);
     const auto [code, text] = error_of([&] {
       RunWriter run(path, {}, system_clock,

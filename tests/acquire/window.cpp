@@ -75,7 +75,7 @@ std::uint64_t parts(const TagCounts& c) {
 
 }  // namespace
 
-TEST_CASE("a record with data of all three sensors is complete") {
+TEST_CASE("a record with data from all three sensors is complete") {
   Windows windows = make_windows();
   feed(windows, 10s, {start_at(0), click_at(150), click_at(250)});
   feed(windows, 10s + 900ms, {start_at(10'000), click_at(10'199), click_at(99'999)});

@@ -51,7 +51,8 @@ TEST_CASE("settings are stored in the bound fields, and an integer is accepted a
   CHECK_FALSE(s.given("radar.psf"));
 }
 
-TEST_CASE("all settings errors are reported at once, with position and expected value") {
+TEST_CASE(
+    "all settings errors are reported together, each with its position and the expected value") {
   const std::string faults = faults_of(
       "windw_s = 3\nwindow_s = \"long\"\n[tdc]\nbins = 0\nfilter = 1\n[radar]\npsf = \"gauss\"\n");
   CHECK(faults.find(

@@ -280,7 +280,7 @@ TEST_CASE("the bridge parser reports the kind of damage") {
   CHECK(damaged(2, 1).junk_bytes == 3);
 }
 
-TEST_CASE("a wrong magic word of a block is detected however the byte stream is split") {
+TEST_CASE("a wrong magic word in a block is detected however the byte stream is split") {
   for (const std::string end : {"X", "EX", "EFX", "EFBX", "EFB", "EFBR", "EFBRXX"}) {
     Bytes bytes = tag_block(0, 1);
     bytes.insert(bytes.end(), end.begin(), end.end());

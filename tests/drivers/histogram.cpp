@@ -104,7 +104,7 @@ TEST_CASE("each click is counted once, in the bin of its delay after the last st
         TagCounts{.tags = 9, .starts = 2, .in_range = 5, .out_of_range = 2, .backwards = 2});
 }
 
-TEST_CASE("clicks without a start, tags of other channels and markers are counted separately") {
+TEST_CASE("clicks without a start, markers and tags of other channels are counted separately") {
   Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
   h.add(std::vector{tag(2, 5), tag(3, 6), tag(1, 10), marker(TagType::missed_events, 2, 40),
                     marker(TagType::missed_events, 9, 1000), marker(TagType::missed_events, 1, 2),

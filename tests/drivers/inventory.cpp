@@ -108,7 +108,7 @@ TEST_CASE("the ports of a CP2105 are found in sysfs, and a missing kernel driver
   CHECK_THAT(list[0].nodes[1].missing, Catch::Contains("cdc_acm or cp210x"));
 }
 
-TEST_CASE("CP2110, Orbbec and Time Tagger devices are listed with an address by serial number") {
+TEST_CASE("CP2110, Orbbec and Time Tagger devices are listed by addresses with serial numbers") {
   Tree tree;
   tree.device("1-1", "10c4", "ea80", "00A1");
   tree.interface("1-1", "00", "0003:10C4:EA80.0001/hidraw/hidraw3");

@@ -129,7 +129,8 @@ TEST_CASE("the OpenNI driver delivers frames, axes and the name of a camera") {
   CHECK(y.at(5.5) == Approx(-std::tan(0.4)));
 }
 
-TEST_CASE("two OpenNI cameras without a configured URI are listed, and neither is opened") {
+TEST_CASE(
+    "if no URI is configured, two attached OpenNI cameras are listed, and neither is opened") {
   initialize_openni();
   camera("plug second");
   Bench b;
@@ -185,7 +186,7 @@ TEST_CASE("an OpenNI camera that sends no frames is reopened") {
   CHECK(b.reaches(DeviceState::streaming));
 }
 
-TEST_CASE("a camera mode can be selected, and an unsupported mode is refused with a list") {
+TEST_CASE("a camera mode can be selected, and the error for an unsupported mode lists all modes") {
   SECTION("a camera mode is selected by its image size") {
     Bench b("", {.width = 16, .height = 12});
     b.start();
@@ -222,7 +223,7 @@ TEST_CASE("a camera mode can be selected, and an unsupported mode is refused wit
   }
 }
 
-TEST_CASE("a camera that reconnects at another USB bus address is found") {
+TEST_CASE("a camera that reconnects at another USB bus address is found again") {
   Bench b("test/camera@1/4");
   b.start();
   REQUIRE(b.frames(3));

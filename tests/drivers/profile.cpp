@@ -91,7 +91,7 @@ TEST_CASE("errors in a radar cfg are reported with the line number") {
              Catch::StartsWith("x.cfg:1: calib line has 306 characters"));
 }
 
-TEST_CASE("all faults of a radar cfg are reported at once") {
+TEST_CASE("all faults in a radar cfg are reported together") {
   const std::string bad = refusal(
       "channelCfg 15 9 0\nprofileCfg 0 60 7 3 24 0 0 fast 1 1 0 0 0 30\nchirpCfg 0 0 0 0 0 0 0 1\n"
       "frameCfg 0 0 16 0 -1 1 0\nguiMonitor -1 0\nsensorStart\n");

@@ -257,7 +257,7 @@ TEST_CASE("TLVs of other TI demos are counted and skipped") {
   }
 }
 
-TEST_CASE("frames of other demos with the same magic word are refused one by one") {
+TEST_CASE("radar frames of other TI demos with the same magic word are refused one by one") {
   SECTION("a radar frame with a 48-byte header is refused") {
     for (const std::uint32_t track_us : {0u, 1u, 16u, 400u, 100'000u}) {
       const Parsed s = parse(stream(60, [&](std::uint32_t i) { return frame_48(i, track_us); }));
@@ -329,7 +329,7 @@ TEST_CASE("frames lost at the end of a connection are counted with the next fram
   CHECK(parser.counts().lost_frames == 491 + 2);
 }
 
-TEST_CASE("the radar parser delivers exactly the complete frames under random faults") {
+TEST_CASE("the radar parser delivers all complete frames and no others under random faults") {
   for (std::uint32_t seed = 1; seed <= 150; ++seed) {
     Rng rng = make_rng(seed, 6);
     Bytes bytes;

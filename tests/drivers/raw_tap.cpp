@@ -47,7 +47,7 @@ struct Speaker final : BytePort {
 
 }  // namespace
 
-TEST_CASE("raw capture writes one file per connection, created at the first byte") {
+TEST_CASE("raw capture writes one file per connection and creates the file at the first byte") {
   const Folder folder;
   RawKeeper keeper(folder.path, thread());
   std::string heard;

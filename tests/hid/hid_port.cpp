@@ -225,7 +225,7 @@ TEST_CASE("a CP2110 is reopened after each of 100 disconnections") {
        << std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() << " s");
 }
 
-TEST_CASE("a wrong serial number is refused with a list of attached CP2110 devices") {
+TEST_CASE("the error for a wrong serial number lists the attached CP2110 devices") {
   Bridge bridge("A");
   Host host;
   host.open("Z");

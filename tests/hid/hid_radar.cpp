@@ -79,7 +79,7 @@ TEST_CASE("the cfg dialogue and radar frames work over two HID ports, even after
   b.board->stop();
 }
 
-TEST_CASE("a radar stream over HID reports and counts a receive overrun") {
+TEST_CASE("a receive overrun in a radar stream over HID is reported and counted") {
   Bench b;
   b.driver->start(b.sink);
   REQUIRE(run_until(

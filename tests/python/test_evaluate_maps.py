@@ -62,7 +62,7 @@ def test_evaluate_refuses_maps_if_none_of_them_belongs_to_a_scored_record(run, t
     assert "has 1 maps, but none for the 60 scored records" in judged(tmp_path / "none", run, ok=False)
 
 
-def test_map_folder_of_one_run_refuses_maps_of_another_run(run, tmp_path):
+def test_save_maps_and_evaluate_refuse_a_folder_that_contains_maps_of_another_run(run, tmp_path):
     folder = save(tmp_path / "mine", run, np.arange(60), run=run)
     with echofuse.open(derive.copy(run.path, tmp_path / "other.sqlite")) as other:
         with pytest.raises(FileExistsError, match="contains maps of another run"):

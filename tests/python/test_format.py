@@ -32,7 +32,7 @@ def test_python_reads_arrays_of_random_runs_written_by_cpp(tmp_path):
         assert len(run) == 12
 
 
-def test_open_refuses_another_run_format_version_with_advice(tmp_path):
+def test_open_refuses_another_run_format_version_and_gives_advice(tmp_path):
     path = tmp_path / "run.sqlite"
     subprocess.run([BIN / "echofuse-sim", "dataset", "-q", "--records", "2", "--out", path], check=True)
     for version, advice in ((2, "expected 3; use the echofuse that recorded it"), (4, "expected 3; use a newer echofuse")):

@@ -106,7 +106,8 @@ TEST_CASE("the nearest-neighbour model returns the stored map of a training reco
   CHECK(nearest->cost().multiply_adds == looked_up + 5 * y.cols);
 }
 
-TEST_CASE("training with the same seed gives the same model, and another seed another model") {
+TEST_CASE(
+    "training with the same seed gives the same model, and another seed gives another model") {
   const auto predict = [](std::uint64_t seed) {
     TrainOptions options = quick("mlp");
     options.fit.epochs = 3;

@@ -45,8 +45,8 @@ TEST_CASE("a simulated UART sends at its baud rate and drops bytes that are not 
   const Bytes all = pattern(40'000);
   Bytes heard;
   bool listens = true;
-  SECTION("all bytes arrive if the port is read") {}
-  SECTION("bytes are dropped if the port is not read") { listens = false; }
+  SECTION("all bytes of a simulated UART arrive if the port is read") {}
+  SECTION("bytes of a simulated UART are dropped if the port is not read") { listens = false; }
   const auto start = std::chrono::steady_clock::now();
   uart.send(all);
   while (!uart.idle()) {

@@ -122,7 +122,7 @@ TEST_CASE("a radar board reset during configuration restarts the command dialogu
   CHECK(b.count("configured") == 1);
 }
 
-TEST_CASE("the command dialogue ignores garbage before the first prompt and calibration lines") {
+TEST_CASE("the command dialogue ignores calibration lines and garbage before the first prompt") {
   Bench b;
   const std::string garbage = "\xff~\x80?`\r\nsens'?\xff' is not recognized as a CLI command\n\r";
   b.board.cli.send(garbage);
@@ -323,7 +323,7 @@ TEST_CASE("the radar driver waits longer each time a board fails after its first
   for (std::size_t i = 0; i < pauses.size(); ++i) CHECK(pauses[i] > 0.1 * (1 << i));
 }
 
-TEST_CASE("the radar driver reports a missing first frame with cause and remedy") {
+TEST_CASE("the radar driver reports a missing first frame with the cause and a remedy") {
   const auto reported = [](const std::function<void(RadarBoard&)>& fault) {
     Bench b;
     b.driver->start(b.sink);

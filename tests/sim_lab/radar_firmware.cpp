@@ -63,7 +63,7 @@ void configure(Console& console, const std::string& without = "none",
 
 }  // namespace
 
-TEST_CASE("simulated radar firmware sends banner and prompt at power-up") {
+TEST_CASE("simulated radar firmware sends a banner and a prompt at power-up") {
   Console console;
   console.firmware().boot();
   CHECK(console.said() ==
@@ -73,7 +73,7 @@ TEST_CASE("simulated radar firmware sends banner and prompt at power-up") {
         "mmwDemo:/>");
 }
 
-TEST_CASE("simulated radar firmware answers a command with echo, reply and prompt") {
+TEST_CASE("simulated radar firmware answers a command with an echo, a reply and a prompt") {
   Console console;
   CHECK(console.send("\n") == "\nmmwDemo:/>");
   CHECK(console.send("flushCfg\n") == "flushCfg\nDone\n\rmmwDemo:/>");

@@ -175,7 +175,7 @@ class Slurm(unittest.TestCase):
         self.assertEqual(self.records(*(self.dir / f"work/base/part-{k}.sqlite" for k in range(1, 7))),
                          self.records(self.dir / "whole.sqlite"))
 
-    def test_study_on_a_cluster_equals_a_local_study(self):
+    def test_study_on_a_cluster_gives_the_same_results_as_a_local_study(self):
         bench = ["echofuse-bench", "stability", "-q", "--quick", "--seeds", "1", "--records", "120",
                  "--test-records", "20", "--axes", "matched-side", "shifted-radar_offset", "--methods", "mean-shape", "nearest",
                  "--out"]

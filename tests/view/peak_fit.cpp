@@ -41,7 +41,7 @@ constexpr double whole = 1e6;
 
 }  // namespace
 
-TEST_CASE("the peak fit recovers centre and width within the error that it reports") {
+TEST_CASE("the peak fit recovers the centre and the width within the error that it reports") {
   int outside = 0;
   for (unsigned seed = 1; seed <= 50; ++seed) {
     const auto fit =
@@ -65,7 +65,7 @@ TEST_CASE("the peak fit uses only the given range and finds no peak in pure back
   CHECK_FALSE(fit_peak({}, axis, -whole, whole, true));
 }
 
-TEST_CASE("the peak fit recovers centre and width of an echo in radar power") {
+TEST_CASE("the peak fit recovers the centre and the width of an echo in radar power") {
   std::vector<double> power = counts_of({{4, 0.08, 1}}, 1e-3, 0);
   const auto fit = fit_peak(power, axis, -whole, whole, false);
   REQUIRE(fit);

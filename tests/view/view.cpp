@@ -186,7 +186,7 @@ TEST_CASE("the viewer state contains the time until the disk is full") {
   CHECK(disk["lasts_s"].get<double>() == Approx(free_bytes / (bytes / 4) * 3));
 }
 
-TEST_CASE("the run summary lists doubtful verdicts by sensor, most frequent first") {
+TEST_CASE("the run summary lists doubtful verdicts by sensor, with the most frequent first") {
   record::RunSummary sum;
   CHECK(record::doubts_of(sum).empty());
   sum.records = 75, sum.doubtful = 28;

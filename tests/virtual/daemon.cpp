@@ -102,7 +102,7 @@ TEST_CASE("a run needs its required devices, and records that lack their data ar
   }
 }
 
-TEST_CASE("a raw capture with faults and reconnections reproduces the live run bit by bit") {
+TEST_CASE("a raw capture with faults and reconnections reproduces the live run bit for bit") {
   const double window_s =
       GENERATE(3.0, 12.0);  // slots above 10 s are not aligned to multiples of their length
   Bench b({.window_s = window_s,

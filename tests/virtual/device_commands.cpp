@@ -196,7 +196,7 @@ TEST_CASE("the radar is stopped after a run or a failed start unless radar.keep_
     CHECK(b.lab->record(b.run(2)) == ExitCode::ok);
     CHECK_FALSE(b.lab->radar_radiates());
   }
-  SECTION("the radar remains on after a run with radar.keep_running") {
+  SECTION("the radar remains on after a run if radar.keep_running is set") {
     b.lab->set({"radar.keep_running=true"});
     CHECK(b.lab->record(b.run(2)) == ExitCode::ok);
     CHECK(b.lab->radar_radiates());
@@ -422,7 +422,7 @@ TEST_CASE("a failed calibration is not stored") {
   }
 }
 
-TEST_CASE("the doctor command warns of a blocked laser with the verdict of a run") {
+TEST_CASE("the doctor command reports a blocked laser with the same verdict as a run") {
   const auto said = [](double photons) {
     Bench b({.signal_photons = photons,
              .change = [](sim::Conditions& c) { c.background_counts = 1000; }});
