@@ -35,7 +35,7 @@ def models():
     """Returns regular expressions for the models in `echofuse-recon train --help`; "mlp[-N]" becomes mlp(-\\d+)*."""
     help_text = subprocess.run([pathlib.Path(sys.argv[2]) / "echofuse-recon", "train", "--help"], capture_output=True,
                                text=True, check=True, env={"COLUMNS": "1000"}).stdout
-    listed = re.search(r"--model TEXT +(.*), or auto", help_text)[1]
+    listed = re.search(r"--model TEXT +kind of model, one of: (.*), or auto", help_text)[1]
     return {re.escape(re.match("[a-z-]+", name)[0]) + (r"(-\d+)*" if "[" in name else "") for name in listed.split(", ")}
 
 

@@ -285,8 +285,9 @@ ExitCode dispatch(const std::string& command, Options& o) {
 
 int main(int argc, char** argv) {
   Options options;
-  CLI::App app("record a single-photon detector, a radar and a depth camera to one run file",
-               program);
+  CLI::App app(
+      "record data of a single-photon detector, a radar and a depth camera in one run file",
+      program);
   app.set_version_flag("--version", version_line(program));
   add_commands(app, options);
   try {

@@ -13,19 +13,20 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr const char* out_help =
-    "run file to create; .sqlite is appended if missing; %Y%m%d-%H%M%S is replaced by the time in "
-    "UTC, and %% by a percent sign; default: DATE-NNN in run.folder";
+    "run file to create; the extension .sqlite is appended if it is missing; time fields such as "
+    "%Y%m%d-%H%M%S are replaced by the UTC time, and %% by a percent sign; default: DATE-NNN in "
+    "the folder run.folder";
 
 void add_config_options(CLI::App& command, Options& o) {
   command
       .add_option(
           "--config", o.config,
-          "configuration file (TOML); default: the first existing file of $ECHOFUSE_CONFIG, "
-          "./lab.toml, ~/.config/echofuse/lab.toml and /etc/echofuse/lab.toml")
+          "configuration file (TOML); default: the first of these files that exists: "
+          "$ECHOFUSE_CONFIG, ./lab.toml, ~/.config/echofuse/lab.toml, /etc/echofuse/lab.toml")
       ->type_name("FILE");
   command
       .add_option("--set", o.assignments,
-                  "override a key of the configuration file; may be repeated")
+                  "override this key of the configuration file; may be repeated")
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
 }
@@ -65,33 +66,36 @@ CLI::Option* add_time(CLI::App& command, const char* name, double& into_s, const
 }
 
 void add_run(CLI::App& app, Options& o) {
-  auto* c = app.add_subcommand("run", "record a run: one fused record per slot, until Ctrl-C");
+  auto* c = app.add_subcommand(
+      "run", "record a run, with one fused record per time slot, until Ctrl-C is pressed");
   c->add_flag("-v,--verbose", o.verbose, "print one line per record on stderr");
   c->add_flag("--json", o.json, "print events on stdout as one JSON object per line");
   auto* out = c->add_option("--out", o.run.out, out_help)->type_name("RUN");
   c->add_flag("--align", o.align,
-              "alignment mode: 0.1 s slots with live view; nothing is "
-              "saved")
+              "start the alignment mode: a live view with slots of 0.1 s; no data are saved")
       ->excludes(out);
-  auto* count = c->add_option("--count", o.run.count, "stop after this many slots")
+  auto* count = c->add_option("--count", o.run.count, "stop after this number of slots")
                     ->check(CLI::PositiveNumber);
-  add_time(*c, "--duration", o.duration_s, "stop after this time: 2h, 30m, 10s, 2h30m")
+  add_time(*c, "--duration", o.duration_s, "stop after this time, e.g. 2h, 30m, 10s or 2h30m")
       ->excludes(count);
   add_time(*c, "--every", o.every_s,
-           "start a new run file at this interval; its name contains the time if --out has time "
-           "fields, otherwise a number: NAME-001, NAME-002 ...");
+           "start a new run file at this interval, e.g. 1h; the file name contains the time if "
+           "--out has time fields, otherwise a number (NAME-001, NAME-002, ...)");
   c->add_option("--countdown", o.run.countdown_s,
-                "wait N seconds before the first slot, with a countdown")
+                "show a countdown of this number of seconds before the first slot")
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{3600}));
   c->add_option("--keep-raw", o.run.keep_raw,
-                "store the devices' raw bytes in this new folder, for `import`")
+                "also store the raw bytes of the devices in this new folder, which `import` can "
+                "convert into a run")
       ->type_name("FOLDER");
   c->add_flag("--view", o.view, "start the live page (echofuse-view) and print its address");
-  c->add_option("--model", o.model, "model for the depth maps of --view")->type_name("MODEL");
+  c->add_option("--model", o.model, "model file with which --view reconstructs depth maps")
+      ->type_name("MODEL");
   add_config_options(*c, o);
   c->add_flag("--strict", o.run.strict,
-              "return exit code 5 if any record has a sensor that is not ok");
-  c->add_option("--meta", o.meta, "store this text in the run's metadata; may be repeated")
+              "return exit code 5 if the verdict on a sensor in any record is not ok");
+  c->add_option("--meta", o.meta,
+                "store this key and value in the metadata of the run; may be repeated")
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
   more_options(
@@ -106,29 +110,30 @@ void add_run(CLI::App& app, Options& o) {
 }
 
 void add_calibrate(CLI::App& app, Options& o) {
-  auto* c = app.add_subcommand("calibrate",
-                               "measure the range offsets with a reflector at a known distance");
+  auto* c = app.add_subcommand(
+      "calibrate", "measure the range offsets of the sensors with a reflector at a known distance");
   add_config_options(*c, o);
   auto& k = o.calibrate;
   c->add_option("--reflector", o.reflector,
-                "reflector position: in front of the detector (the radar distance follows from "
-                "radar.baseline_m), or in front of each sensor in turn (with --only)")
+                "position of the reflector: in front of the detector (detector; the distance from "
+                "the radar is computed with radar.baseline_m), or in front of each calibrated "
+                "sensor (each; use --only for one sensor after the other)")
       ->check(CLI::IsMember({"detector", "each"}))
       ->capture_default_str();
   c->add_option("--only", o.only,
-                "calibrate only this sensor, and keep the values of the other one")
+                "calibrate only this sensor, and keep the stored values of the other sensor")
       ->check(CLI::IsMember({"spd", "radar"}));
-  auto* side =
-      c->add_option(
-           "--side", o.side,
-           "check the antenna order, with the reflector moved to this side by radar.baseline_m")
-          ->check(CLI::IsMember({"left", "right"}));
-  c->add_option("--distance", k.search.distance_m, "reflector distance in front of the sensor, m")
+  auto* side = c->add_option("--side", o.side,
+                             "check that the antenna order is correct, after you have moved the "
+                             "reflector to this side by radar.baseline_m")
+                   ->check(CLI::IsMember({"left", "right"}));
+  c->add_option("--distance", k.search.distance_m,
+                "distance between the reflector and the sensor that it faces, m")
       ->check(CLI::Range(0.1, 100.0))
       ->capture_default_str();
   c->add_option("--window", k.search.window_m,
-                "width of the search window around the reflector's range, m; the largest "
-                "measurable offset is half of this width")
+                "width of the search window around the expected range of the reflector, m; the "
+                "largest measurable offset is half of this width")
       ->check(CLI::Range(0.01, 30.0))
       ->capture_default_str();
   c->add_option("--repeat", k.repeats, "number of measurements")
@@ -139,14 +144,16 @@ void add_calibrate(CLI::App& app, Options& o) {
       ->capture_default_str();
   const CLI::Range error(0.0, 1.0);
   c->add_option("--distance-error", k.distance_error_m,
-                "standard error of the reflector's position in each direction, m")
+                "standard error of the reflector position in x, y and z, m")
       ->check(error)
       ->capture_default_str();
-  c->add_option("--baseline-error", k.baseline_error_m, "standard error of radar.baseline_m, m")
+  c->add_option("--baseline-error", k.baseline_error_m,
+                "standard error of radar.baseline_m (distance between detector and radar), m")
       ->check(error)
       ->capture_default_str();
-  auto* check =
-      c->add_flag("--check", k.check, "measure and compare with run.calibration; write nothing");
+  auto* check = c->add_flag("--check", k.check,
+                            "measure the offsets and compare them with the calibration file "
+                            "run.calibration, without writing a file");
   c->add_flag("--json", o.json, "print JSON instead of text");
   side->excludes(check);
   more_options(*c, {"--config", "--set", "--window", "--time", "--distance-error",
@@ -156,7 +163,7 @@ void add_calibrate(CLI::App& app, Options& o) {
                 "echofuse-acquire calibrate --reflector each --only radar",
                 "echofuse-acquire calibrate --side right",
                 "echofuse-acquire calibrate --distance 1.0 --check"},
-               "3 config, 4 device or reflector, 6 disk, 130 interrupted");
+               "3 config, 4 device failed or reflector not found, 6 disk, 130 interrupted");
 }
 
 void add_file(CLI::App& command, Options& o) {
@@ -169,19 +176,24 @@ void add_file_commands(CLI::App& app, Options& o) {
   info->add_flag("--json", o.json, "print JSON instead of text");
   add_examples(*info, {"echofuse-acquire info monday.sqlite"}, "6 disk");
 
-  auto* annotate = app.add_subcommand("annotate", "add a note to a run, or relabel a running one");
+  auto* annotate = app.add_subcommand(
+      "annotate", "add a note to a run, or change the label of a run in progress");
   add_file(*annotate, o);
-  annotate->add_option("TEXT", o.text, "note to store, with time and author");
-  annotate->add_option("--label", o.label, "label for all records from the current slot on");
+  annotate->add_option("TEXT", o.text,
+                       "note to add to the run; its time and author are stored with it");
+  annotate->add_option("--label", o.label,
+                       "new label of a run in progress, for all records from the current slot on");
   add_examples(*annotate,
                {"echofuse-acquire annotate monday.sqlite \"the lamp is on\"",
                 "echofuse-acquire annotate monday.sqlite --label person"},
                "6 disk");
 
-  auto* list = app.add_subcommand("list", "list the runs of a folder and the state of live runs");
+  auto* list = app.add_subcommand(
+      "list", "list the runs in a folder, and the state of each run in progress");
   list->add_option("FOLDER", o.folder,
-                   "folder; default: run.folder of the configuration, or the working directory");
-  list->add_flag("--json", o.json, "print JSON instead of text, without shortening any entry");
+                   "folder of run files; default: run.folder of the configuration if it is set, "
+                   "otherwise the working directory");
+  list->add_flag("--json", o.json, "print JSON instead of text; no entry is shortened");
   add_examples(*list, {"echofuse-acquire list"}, "3 config");
 }
 
@@ -190,16 +202,19 @@ void add_import(CLI::App& app, Options& o) {
       app.add_subcommand("import", "convert third-party recordings or raw captures into a run");
   add_config_options(*c, o);
   auto& i = o.import;
-  c->add_option(
-       "FILE", i.files,
-       "one file per sensor (NAME.dat: radar data port, NAME.ptu: PicoQuant), a folder of NumPy "
-       "arrays (spd.npy, radar.npy, depth.npy, run.toml), or a folder of run --keep-raw")
+  c->add_option("FILE", i.files,
+                "one recording per sensor (NAME.dat: bytes of the radar's data port; NAME.ptu: "
+                "PicoQuant time tags), or a folder with run.toml and NumPy arrays (spd.npy, "
+                "radar.npy, depth.npy), or a folder written by `run --keep-raw`")
       ->required();
-  c->add_option("--cfg", i.cfg, "radar .cfg file; default: NAME.cfg next to NAME.dat")
+  c->add_option("--cfg", i.cfg,
+                "configuration file (.cfg) of the radar that was recorded; default: NAME.cfg in "
+                "the folder of NAME.dat")
       ->type_name("FILE");
   c->add_option("--out", o.run.out, out_help)->type_name("RUN");
   c->add_option("--began", i.began,
-                "start time in UTC, e.g. 2024-02-07T12:34:56Z; default: from the files")
+                "start time of the recording in UTC, e.g. 2024-02-07T12:34:56Z; default: taken "
+                "from the imported files")
       ->type_name("TIME");
   c->add_option("--start", i.start,
                 "channel of the laser pulses in a .ptu file; 0 is the sync channel")
@@ -216,13 +231,14 @@ void add_import(CLI::App& app, Options& o) {
 }
 
 void add_doctor(CLI::App& app, Options& o) {
-  auto* c = app.add_subcommand("doctor", "check machine, disk and devices before a run");
+  auto* c =
+      app.add_subcommand("doctor", "check the machine, the disk and the devices before a run");
   add_config_options(*c, o);
-  add_time(*c, "--duration", o.duration_s, "duration of the planned run: 2h, 30m, 10s");
+  add_time(*c, "--duration", o.duration_s, "duration of the planned run, e.g. 2h, 30m or 10s");
   c->add_flag("--json", o.json, "print JSON instead of text");
   add_examples(*c, {"echofuse-acquire doctor --duration 2h"},
-               "3 config, 4 a configured device fails, 6 disk too slow or too full (4 if both "
-               "fail), 130 interrupted; 0 with warnings only");
+               "3 config, 4 a configured device fails, 6 the disk is too slow or too full (4 if a "
+               "device fails as well), 130 interrupted; warnings do not change the exit code");
 }
 
 void add_config_commands(CLI::App& app, Options& o) {
@@ -232,12 +248,13 @@ void add_config_commands(CLI::App& app, Options& o) {
   auto* check = config->add_subcommand("check", "report all errors in the configuration");
   add_examples(*check, {"echofuse-acquire config check"}, "3 config");
   auto* show = config->add_subcommand(
-      "show", "check the configuration and print every key with value and origin");
+      "show", "check the configuration, and print every key with its value and origin");
   add_examples(*show, {"echofuse-acquire config show --set run.window_s=1"}, "3 config");
 }
 
 void add_devices(CLI::App& app, Options& o) {
-  auto* c = app.add_subcommand("devices", "list attached devices and check the configured ones");
+  auto* c =
+      app.add_subcommand("devices", "list the attached devices, and check the configured devices");
   add_config_options(*c, o);
   c->add_flag("--json", o.json, "print JSON instead of text");
   add_examples(*c, {"echofuse-acquire devices"},

@@ -41,92 +41,103 @@ Keys defaults_of(const Config& c) {
 
 void bind_policy(Settings& s, Config& c, const std::string& section, Sensor sensor) {
   s.add(section + ".policy", c.policy[sensor],
-        "required: a run starts only with this device, and records without its data are marked "
-        "incomplete",
+        "optional, or required: a run starts only if this device answers, and records without its "
+        "data are marked incomplete",
         {"optional", "required"});
 }
 
 void bind_run(Settings& s, Config& c, Keys& k) {
-  s.add("run.window_s", c.window_s, 0.05, 3600, "length of a slot; every slot gives one record");
+  s.add("run.window_s", c.window_s, 0.05, 3600,
+        "length of a time slot, s; one record is stored for each slot");
   s.add("run.connect_timeout_s", c.connect_timeout_s, 0.1, 3600,
-        "maximum time to wait for all devices; the run then starts with those that answered");
+        "maximum time to wait for the devices, s; after this time, the run starts with the devices "
+        "that have answered");
   s.add("run.label", c.label, "label of every record, e.g. the scene in front of the sensors");
-  s.add("run.operator", c.operator_name, "name of the operator; empty: the login name");
+  s.add("run.operator", c.operator_name,
+        "name of the operator, stored in the run; empty: the login name");
   s.add("run.folder", k.folder,
-        "folder of runs without --out, named DATE-NNN; relative to this file's folder; empty: the "
-        "working directory");
+        "folder for runs that are recorded without --out (named DATE-NNN); relative to the folder "
+        "of this configuration file; empty: the working directory");
   s.add("run.calibration", k.calibration,
-        "calibration file written by `calibrate`; programs that read a run apply it; relative to "
-        "this file's folder");
+        "calibration file that `calibrate` writes; its values are stored in each run and applied "
+        "by the readers of the run; relative to the folder of this configuration file");
 }
 
 void bind_tdc(Settings& s, Config& c, Keys& k) {
   constexpr std::int64_t channel_max = std::numeric_limits<std::int32_t>::max();
-  s.add(
-      "tdc.address", c.tdc.address,
-      "address of the detector: bridge:tcp://HOST:PORT or usb:VVVV:PPPP[:serial]; empty: not used");
+  s.add("tdc.address", c.tdc.address,
+        "address of the detector, one of: bridge:tcp://HOST:PORT, usb:VVVV:PPPP[:serial]; empty: "
+        "no detector");
   bind_policy(s, c, "tdc", Sensor::spd);
   s.add("tdc.start_channel", k.start_channel, -channel_max, channel_max,
         "channel of the laser sync; negative for falling edges");
   s.add("tdc.click_channel", k.click_channel, -channel_max, channel_max,
         "channel of the detector; negative for falling edges");
   s.add("tdc.laser_rate_hz", c.laser_rate_hz, 0, 1e10,
-        "laser pulses per second; a record with too few starts is flagged \"lossy\"; 0: unknown");
-  s.add("tdc.bin_width_ps", c.histogram.bin_width_ps, 1, 1'000'000'000, "bin width, two-way time");
+        "number of laser pulses per second; a record with too few laser pulses is flagged "
+        "\"lossy\"; 0: unknown");
+  s.add("tdc.bin_width_ps", c.histogram.bin_width_ps, 1, 1'000'000'000,
+        "width of a histogram bin in two-way time, ps");
   s.add("tdc.first_bin_ps", c.histogram.first_bin_ps, -1'000'000'000'000, 1'000'000'000'000,
-        "start of bin 0 after the laser sync, two-way time");
-  s.add("tdc.bins", k.bins, 1, 1 << 24, "number of bins");
+        "two-way time from the laser sync to the start of bin 0, ps");
+  s.add("tdc.bins", k.bins, 1, 1 << 24, "number of bins of the histogram");
   constexpr std::int64_t delay_max = 1'000'000'000;
-  s.add("tdc.click_delay_ps", c.histogram.click_delay_ps, -delay_max, delay_max,
-        "delay added to the times of clicks, for time taggers that cannot add it themselves");
+  s.add(
+      "tdc.click_delay_ps", c.histogram.click_delay_ps, -delay_max, delay_max,
+      "delay added to the click times, ps; for time taggers that cannot add this delay themselves");
   s.add("tdc.dead_time_ps", c.histogram.dead_time_ps, 0, delay_max,
-        "dead time per channel: a tag within this time after another one is removed; 0 disables");
+        "dead time of each channel, ps: a tag that follows another tag of its channel within this "
+        "time is removed; 0: no tag is removed");
   s.add("tdc.detector_dead_time_ps", c.detector.dead_time_ps, 0, 1e9,
-        "dead time of the detector after a click, from its data sheet; 0: unknown, so that pile-up "
-        "is not corrected");
+        "dead time of the detector after a click, from its data sheet, ps; 0: unknown; pile-up is "
+        "then not corrected");
   s.add("tdc.first_photon_only", k.first_photon_only,
-        "the detector is armed once per laser pulse, and detects only the first photon");
+        "true: the detector is armed once per laser pulse, and detects only the first photon of "
+        "the pulse");
 }
 
 void bind_radar(Settings& s, Config& c, Keys& k) {
   s.add("radar.address", c.radar.address,
-        "address of a radar behind a bridge (bridge:tcp://HOST:PORT), instead of radar.cli, "
-        "radar.data and radar.cfg; empty: not used");
+        "address of a radar with a bridge, bridge:tcp://HOST:PORT, used instead of radar.cli, "
+        "radar.data and radar.cfg; empty: no bridge");
   s.add("radar.cli", c.radar.cli,
-        "command port: serial:/dev/... or hid:VVVV:PPPP[:serial]; empty: not used");
+        "command port of the radar, one of: serial:/dev/..., hid:VVVV:PPPP[:serial]; empty: no "
+        "radar on these ports");
   bind_policy(s, c, "radar", Sensor::radar);
-  s.add("radar.data", c.radar.data, "data port: serial:/dev/... or hid:VVVV:PPPP[:serial]");
+  s.add("radar.data", c.radar.data,
+        "data port of the radar, one of: serial:/dev/..., hid:VVVV:PPPP[:serial]");
   s.add("radar.cfg", k.cfg,
-        "TI mmWave .cfg file, sent verbatim: path relative to this file's folder, or name of an "
-        "installed .cfg file");
+        "TI mmWave .cfg file that is sent to the radar unchanged: name of an installed .cfg file, "
+        "or path relative to the folder of this configuration file");
   s.add("radar.board", c.radar.board,
-        "type of radar board; it determines the antenna positions of the heat map",
+        "type of the radar board, which determines the antenna positions for the heat map",
         radar::board_names());
   s.add("radar.baseline_m", c.baseline_m, 0, most_baseline_m,
-        "distance from the detector's axis to the centre of the radar's antennas, which are to "
-        "the left of the detector");
-  s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "baud rate of the data port");
+        "distance from the axis of the detector to the centre of the radar antennas, m; the radar "
+        "is to the left of the detector");
+  s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "baud rate of the radar's data port");
   s.add("radar.keep_running", c.radar.keep_running,
-        "do not send sensorStop at the end, so that the sensor keeps transmitting");
+        "true: do not send sensorStop at the end of a run, so that the radar keeps transmitting");
 }
 
 void bind_depth(Settings& s, Config& c, Keys& k) {
-  s.add(
-      "depth.address", c.depth.address,
-      "address of the camera: openni:[URI or file.oni] or bridge:tcp://HOST:PORT; empty: not used");
+  s.add("depth.address", c.depth.address,
+        "address of the depth camera, one of: openni:[URI or file.oni], bridge:tcp://HOST:PORT; "
+        "empty: no camera");
   bind_policy(s, c, "depth", Sensor::depth);
   s.add("depth.width", k.width, 0, 1 << 14,
-        "image width of an OpenNI2 camera; 0: default of the camera");
+        "image width of an OpenNI2 camera, pixels; 0: default of the camera");
   s.add("depth.height", k.height, 0, 1 << 14,
-        "image height of an OpenNI2 camera; 0: default of the camera");
+        "image height of an OpenNI2 camera, pixels; 0: default of the camera");
   s.add("depth.fps", k.fps, 0, 1000,
-        "frames per second of an OpenNI2 camera; 0: default of the camera");
+        "number of frames per second of an OpenNI2 camera; 0: default of the camera");
   s.add("depth.map_size", k.map_size, record::least_map_size, record::most_map_size,
-        "pixels per side of the depth map, to which camera images are resampled");
+        "number of pixels per side of the depth map; camera images are resampled to this size");
   s.add("depth.map_half_tangent", c.map.half_tangent, record::least_map_half_tangent,
-        record::most_map_half_tangent, "field of view of the map: x/z and y/z at its edges");
+        record::most_map_half_tangent,
+        "field of view of the depth map, given as x/z and y/z at its edges");
   s.add("depth.map_z_max_m", c.map.far_m, record::least_map_far_m, record::most_map_far_m,
-        "largest depth of the map; farther points are marked \"no return\"");
+        "largest depth in the depth map, m; points that are farther away are marked \"no return\"");
 }
 
 void bind(Settings& s, Config& c, Keys& k) {
@@ -136,13 +147,14 @@ void bind(Settings& s, Config& c, Keys& k) {
   bind_depth(s, c, k);
   bind_limits(s, c.signal);
   s.add("alert.no_data_s", c.alert.no_data_s, 0, 86'400,
-        "alert if a sensor has no valid record for this time, s; 0: alert at the first missing "
-        "record");
+        "alert if a sensor has had no valid data for this time, s; 0: alert at the first record "
+        "without valid data");
   s.add("alert.disk_free_gb", c.alert.disk_free_gb, 0, 1e6,
-        "alert if the run's disk has less free space than this, GB; 0 disables");
+        "alert if the disk of the run has less free space than this, GB; 0 disables this alert");
   s.add("alert.on_doubt", c.on_doubt,
         "program and its arguments, started by `run` when the state of a sensor or of the disk "
-        "changes; a path with / is relative to this file's folder; empty: no program");
+        "changes; a path with / is relative to the folder of this configuration file; empty: no "
+        "program");
 }
 
 void take_numbers(Config& c, const Keys& k) {
@@ -302,21 +314,24 @@ bool named_by_environment() { return !variable("ECHOFUSE_CONFIG").empty(); }
 }  // namespace
 
 void bind_limits(Settings& s, SignalLimits& l) {
-  s.add(
-      "signal.weak_share", l.weak_share, 0, 1,
-      "flag \"weak\" if the signal is below this fraction of its median in the run's first minute; "
-      "0 disables");
+  s.add("signal.weak_share", l.weak_share, 0, 1,
+        "flag a record \"weak\" if its signal is below this fraction of the median signal in the "
+        "first minute of the run; 0 disables this flag");
   s.add("signal.spd_clicks", l.spd_clicks, 0, 1e12,
-        "flag \"weak\" if a record has fewer clicks than this above the background; 0 disables");
+        "flag a record \"weak\" if it has fewer clicks above the background than this number; 0 "
+        "disables this flag");
   s.add("signal.clicks_a_pulse", l.clicks_a_pulse, 0, 1e3,
-        "flag \"saturated\" if there are more clicks per laser pulse than this; 0 disables");
+        "flag a record \"saturated\" if it has more clicks per laser pulse than this number; 0 "
+        "disables this flag");
   s.add("signal.radar_snr_db", l.radar_snr_db, 0, 200,
-        "flag \"no peak\" if peak/median is below this, dB; 0 disables");
+        "flag a record \"no peak\" if the ratio of peak to median of its range profile is below "
+        "this, dB; 0 disables this flag");
   s.add("signal.depth_share", l.depth_share, 0, 1,
-        "flag \"weak\" if the fraction of pixels with a return is below this; 0 disables");
+        "flag a record \"weak\" if the fraction of its pixels with a return is below this; 0 "
+        "disables this flag");
   s.add("signal.lossy_share", l.lossy_share, 0, 1,
-        "flag \"lossy\" if less than this fraction of the expected radar frames, camera frames or "
-        "starts arrives; 0 disables");
+        "flag a record \"lossy\" if less than this fraction of the expected radar frames, camera "
+        "frames or laser pulses arrives; 0 disables this flag");
 }
 
 radar::RadarProfile parse_profile(const RadarConfig& radar) {

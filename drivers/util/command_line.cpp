@@ -123,7 +123,7 @@ class Readable final : public CLI::Formatter {
   std::string make_option_desc(const CLI::Option* option) const override {
     std::string others;
     for (const CLI::Option* other : option->get_excludes())
-      others += (others.empty() ? "; not with " : " or ") + other->get_name();
+      others += (others.empty() ? "; cannot be combined with " : " or ") + other->get_name();
     for (const CLI::Option* other : option->get_needs())
       others += "; requires " + other->get_name();
     return option->get_description() + others;
@@ -135,7 +135,8 @@ void set_up(CLI::App& app, const std::shared_ptr<CLI::FormatterBase>& formatter,
             const std::string& above = {}, const std::string& path = {}) {
   app.formatter(formatter);
   if (app.get_help_ptr()) app.get_help_ptr()->description("print this help");
-  if (app.get_version_ptr()) app.get_version_ptr()->description("print version and commit");
+  if (app.get_version_ptr())
+    app.get_version_ptr()->description("print the version and the git commit");
   const auto below = app.get_subcommands({});
   if (!below.empty()) app.footer("exit codes:  COMMAND --help lists them");
   if (below.empty() && !above.empty())

@@ -27,6 +27,7 @@ class JobPart {
 };
 
 inline constexpr const char* part_help =
-    "process only part K of N, given as K/N; in a Slurm array: $SLURM_ARRAY_TASK_ID/N";
+    "process only part K of N parts, given as K/N, e.g. 3/8; in a Slurm array, use "
+    "$SLURM_ARRAY_TASK_ID/N";
 
 }  // namespace echofuse

@@ -18,16 +18,17 @@
 namespace echofuse::recon {
 
 void add_range_offset_option(CLI::App& app, double& offset_m) {
-  app.add_option(
-         "--range-offset", offset_m,
-         "radar range bias to subtract from this run and from --empty, m, in addition to the "
-         "calibration")
+  app.add_option("--range-offset", offset_m,
+                 "radar range bias, m; it is subtracted from the ranges of this run and of the "
+                 "--empty run, in addition to the offset in the calibration")
       ->check(CLI::Range(-10.0, 10.0))
       ->capture_default_str();
 }
 
 void add_empty_option(CLI::App& app, std::string& path) {
-  app.add_option("--empty", path, "run of the empty room, if it differs from the training room")
+  app.add_option(
+         "--empty", path,
+         "run recorded in the empty room; only needed if the room differs from the training room")
       ->type_name("RUN");
 }
 
@@ -138,19 +139,19 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
   add_model_and_run(app, a->model, a->run);
   app.add_option("--out", a->out, "folder for the maps")->type_name("FOLDER")->required();
-  app.add_option("--format", a->formats, "map formats, one or more of " + map_format_help())
+  app.add_option("--format", a->formats, "map formats; one or more of: " + map_format_help())
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::IsMember(map_format_names()))
       ->capture_default_str();
   add_empty_option(app, a->empty);
   add_range_offset_option(app, a->range_offset_m);
-  CLI::Option* const rows = app.add_option(
-      "--rows", a->rows,
-      "records to reconstruct: indices, e.g. 3,7, or test for the records held out when MODEL was "
-      "trained");
+  CLI::Option* const rows =
+      app.add_option("--rows", a->rows,
+                     "records to reconstruct: a list of indices, e.g. 3,7, or the word test for "
+                     "the records that were held out when MODEL was trained");
   app.add_flag("--follow", a->follow,
-               "follow a run in progress: reconstruct new records until it is closed")
+               "follow a run in progress: reconstruct new records until the run is closed")
       ->excludes(rows);
   app.add_flag("--force", a->force, "write into a folder that contains maps of another run");
   more_options(app, {"--rows", "--empty", "--range-offset", "--force"});

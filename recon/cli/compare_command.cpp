@@ -84,8 +84,8 @@ Command add_compare(CLI::App& app, const Common&) {
   };
   const auto a = std::make_shared<Arguments>();
   app.add_option("table", a->table,
-                 "CSV table written by evaluate --per-record; each model is compared with the "
-                 "first one")
+                 "CSV table written by `evaluate --per-record`; every further model is compared "
+                 "with the first model")
       ->type_name("TABLE")
       ->required();
   app.add_flag("--json", a->json, "print JSON instead of text");

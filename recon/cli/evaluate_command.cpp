@@ -358,30 +358,31 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
 
 Command add_evaluate(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
-  app.add_option("files", a->files,
-                 "model files, then the run file; each model is compared with the first one")
+  app.add_option(
+         "files", a->files,
+         "model files, then the run file; every further model is compared with the first model")
       ->type_name("MODEL ... RUN")
       ->required();
   app.add_option("--maps", a->maps,
-                 "score maps of any program: folder with maps.npy [n, N, N] in metres and "
-                 "records.csv, or with 16-bit PNGs and camera.json; may be repeated")
+                 "score the maps that any program wrote into this folder: maps.npy ([n, N, N], m) "
+                 "with records.csv, or 16-bit PNG files with camera.json; may be repeated")
       ->type_name("FOLDER")
       ->allow_extra_args(false);
-  app.add_flag("--all", a->all, "also score records that the model was trained on");
-  app.add_option(
-         "--train", a->train,
-         "training runs; define foreground and background, and provide the neighbours of the "
-         "nearest-neighbour baseline")
+  app.add_flag("--all", a->all, "also score the records on which the model was trained");
+  app.add_option("--train", a->train,
+                 "training runs, which define the foreground and the background and provide the "
+                 "neighbours of the nearest-neighbour baseline")
       ->type_name("RUN")
       ->allow_extra_args(false);
   app.add_option("--rows", a->rows,
-                 "score only the test part of the default split (test), or the records listed in "
-                 "records.csv (listed)")
+                 "records to score, one of: test (the test part of the default split), listed (the "
+                 "records in records.csv)")
       ->type_name("ROWS")
       ->check(CLI::IsMember({"test", "listed"}))
       ->needs("--maps");
   app.add_option("--per-record", a->per_record,
-                 "write scores, true position and estimated error of each record to this CSV file")
+                 "write the scores, the true position and the estimated error of each record to "
+                 "this CSV file")
       ->type_name("FILE");
   add_empty_option(app, a->empty);
   add_range_offset_option(app, a->range_offset_m);

@@ -13,13 +13,14 @@ using namespace echofuse;
 using namespace echofuse::recon;
 
 int run(int argc, char** argv) {
-  CLI::App app("train models, reconstruct depth maps and evaluate them", "echofuse-recon");
+  CLI::App app("train models, reconstruct depth maps, and evaluate models or maps",
+               "echofuse-recon");
   app.set_version_flag("--version", version_line("echofuse-recon") + ", matrix kernels " +
                                         blas_kernels() + " (" + blas_instructions() + ")");
   app.require_subcommand(1);
   Common common;
   Command chosen;
-  app.add_option("--threads", common.threads, "number of threads; 0 = one per core")
+  app.add_option("--threads", common.threads, "number of threads; 0: one thread per CPU core")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   app.add_flag("-q,--quiet", common.quiet, "print errors and warnings only");
@@ -28,12 +29,15 @@ int run(int argc, char** argv) {
     const Command command = make(*sub, common);
     sub->callback([&chosen, command] { chosen = command; });
   };
-  add("train", "fit a model to runs", add_train);
+  add("train", "train a model on one or more runs", add_train);
   add("rows",
-      "list the training, validation and test records, and the reasons for excluding others",
+      "list the training, validation and test records, and the reasons why other records are "
+      "excluded",
       add_rows);
-  add("evaluate", "score a model on a run", add_evaluate);
-  add("compare", "print confidence intervals and paired differences of scores", add_compare);
+  add("evaluate", "score one or more models on a run", add_evaluate);
+  add("compare",
+      "print confidence intervals of the scores, and paired differences between the models",
+      add_compare);
   add("reconstruct", "reconstruct the depth maps of a run", add_reconstruct);
   try {
     parse_command_line(app, argc, argv);

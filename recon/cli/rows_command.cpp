@@ -107,12 +107,12 @@ void list_json(const std::vector<ListedRow>& rows) {
 
 Command add_rows(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
-  app.add_option("run", a->runs, "run files, in the same order as for train")
+  app.add_option("run", a->runs, "run files, in the order in which they are given to `train`")
       ->type_name("RUN")
       ->required();
-  app.add_option(
-         "--model", a->model_file,
-         "list the records that this model was trained on, and those on which evaluate scores it")
+  app.add_option("--model", a->model_file,
+                 "list the records on which this model was trained, and the records on which "
+                 "`evaluate` scores this model")
       ->type_name("MODEL");
   add_split_options(app, *a, a->assignments);
   app.add_flag("--json", a->json, "print JSON instead of text");

@@ -157,28 +157,32 @@ ExitCode train_and_save(Arguments& a, const CLI::App& app, const Common& common)
 Command add_train(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
   a->model.clear();
-  app.add_option("run", a->runs, "run files with equal axes")->type_name("RUN")->required();
+  app.add_option("run", a->runs, "run files for the training; all runs must have the same axes")
+      ->type_name("RUN")
+      ->required();
   app.add_option("--out", a->out, "model file to write")->type_name("MODEL")->required();
-  app.add_option("--model", a->model,
-                 model_help() +
-                     ", or auto (cheapest model within one standard error of the best); default: " +
-                     usual_model(Inputs::fused) +
-                     " if the run has both sensors or a detector with zones, otherwise " +
-                     usual_model(Inputs::spd) + " for one sensor")
-      ->check([](const std::string& text) { return text == "auto" ? "" : is_candidate(text); });
   app.add_option(
-         "--from", a->from,
-         "fine-tune this model with at least 10 records from another room; cross-validation "
-         "chooses how much the weights may change; if several models are given, the best result is "
-         "kept")
+         "--model", a->model,
+         "kind of model, one of: " + model_help() +
+             ", or auto (the cheapest model within one standard error of the best model); N is the "
+             "number of components, of units in a hidden layer, or of neighbours; default: " +
+             usual_model(Inputs::fused) +
+             " if the runs have both sensors or a detector with zones, otherwise " +
+             usual_model(Inputs::spd) + " for one sensor")
+      ->check([](const std::string& text) { return text == "auto" ? "" : is_candidate(text); });
+  app.add_option("--from", a->from,
+                 "fine-tune this model on the given runs, e.g. for a new room; at least 10 records "
+                 "are needed; cross-validation chooses how much the weights may change; may be "
+                 "repeated: the model with the best result is kept")
       ->type_name("MODEL")
       ->allow_extra_args(false);
   app.add_option("--empty", a->empty,
-                 "run of the empty training room; the model can then be used in other rooms "
-                 "(reconstruct --empty)")
+                 "run recorded in the empty training room; with this option, the trained model can "
+                 "be adapted to other rooms (reconstruct --empty)")
       ->type_name("RUN");
   app.add_option("--epochs", a->fit.epochs,
-                 "maximum number of epochs; default: 60 (mlp), 100 (factorised)")
+                 "maximum number of training epochs; default: 60 for mlp and pca-mlp, 30 for "
+                 "mlp-mask, 100 for factorised")
       ->check(CLI::Range(1, 100000));
   add_split_options(app, *a, a->assignments);
   app.add_flag_callback(
@@ -187,7 +191,7 @@ Command add_train(CLI::App& app, const Common& common) {
         std::fputs(train_settings_help().c_str(), stdout);
         throw CLI::Success();
       },
-      "print every setting with its meaning, range and default");
+      "print every setting with its meaning, range and default value, then exit");
   more_options(app, {"--empty", "--inputs", "--epochs", "--seed", "--set", "--settings"});
   add_examples(app,
                {"echofuse-recon train scenes.sqlite --out fused.safetensors",

@@ -10,54 +10,54 @@ namespace echofuse::recon {
 
 void add_split_options(CLI::App& app, TrainOptions& options,
                        std::vector<std::string>& assignments) {
-  app.add_option(
-         "--inputs", options.inputs,
-         "sensors to use; fused-profile: SPD and radar range profile, without antenna samples")
+  app.add_option("--inputs", options.inputs,
+                 "inputs of the model: both sensors (fused), one sensor (spd or radar), or SPD "
+                 "histogram and radar range profile without antenna samples (fused-profile)")
       ->check(CLI::IsMember(inputs_names))
       ->capture_default_str();
   app.add_option("--seed", options.fit.seed,
                  "random seed for the initial weights, the training order and the random split")
       ->capture_default_str();
-  app.add_option(
-         "--split", options.split.kind,
-         "how to split the records: random, or blocked (contiguous parts) for recorded sequences")
+  app.add_option("--split", options.split.kind,
+                 "how the records are split into training, validation and test parts: random, or "
+                 "blocked (each part is contiguous; for recorded sequences)")
       ->check(CLI::IsMember({"random", "blocked"}))
       ->capture_default_str();
-  app.add_option(
-         "--set", assignments,
-         "override a setting (KEY=VALUE), or several in a TOML file; `train --settings` lists them")
+  app.add_option("--set", assignments,
+                 "override a setting with KEY=VALUE, or several settings with a TOML file; `train "
+                 "--settings` lists all settings")
       ->allow_extra_args(false);
 }
 
 void bind(Settings& settings, TrainSettings& s) {
   TrainOptions& o = s.options;
   settings.add("test_share", o.split.test_share, 0, 0.95,
-               "fraction of the records to hold out for evaluation");
+               "fraction of the records that are held out for evaluation");
   settings.add("validation_share", o.split.validation_share, 0, 0.95,
-               "fraction of the remaining records to use for early stopping and model selection");
+               "fraction of the records outside the test part that are used for early stopping and "
+               "model selection");
   settings.add("gap", s.gap, 0, 1'000'000,
-               "number of records to leave out between the parts of a blocked split");
-  settings.add(
-      "radar_bin_m", s.radar_bin_m, 0, 3.5,
-      "sum the radar power in bins of this width, m, from 0 to 7 m (paper: 0.5), and ignore the "
-      "antenna samples; 0: keep the recorded bins");
+               "number of records that are excluded between neighbouring parts of a blocked split");
+  settings.add("radar_bin_m", s.radar_bin_m, 0, 3.5,
+               "bin width, m, to which the radar power from 0 to 7 m is summed (paper: 0.5); "
+               "antenna samples are then ignored; 0: keep the recorded bins");
   settings.add(
       "fallback", o.fallback,
       "also train fallback models for records without antenna samples or without radar data");
   settings.add("any_response", o.any_response,
-               "accept training runs that do not state their radar response, even if the responses "
-               "differ (e.g. digital twins); much narrower responses are then not converted");
-  settings.add(
-      "doubtful", o.doubtful,
-      "records with a weak, saturated or frozen sensor or a doubtful camera: take (use them) "
-      "or leave (exclude them)",
-      {"leave", "take"});
+               "accept training runs (e.g. of digital twins) with unknown radar responses that may "
+               "differ; a run with a much narrower response is then not converted");
+  settings.add("doubtful", o.doubtful,
+               "whether records with a weak, saturated or frozen sensor or a doubtful camera are "
+               "used (take) or excluded (leave)",
+               {"leave", "take"});
   settings.add("lossy", o.lossy,
-               "records that lost more frames or pulses than signal.lossy_share allows: take (use "
-               "them) or leave (exclude them)",
+               "whether records that lost more frames or pulses than signal.lossy_share allows are "
+               "used (take) or excluded (leave)",
                {"take", "leave"});
   settings.add("candidates", s.candidates,
-               "models that auto compares, e.g. mean,ridge; \"\": the default list");
+               "comma-separated models that `--model auto` compares, e.g. mean,ridge; \"\": the "
+               "default list");
 }
 
 std::string train_settings_help() {

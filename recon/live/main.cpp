@@ -62,12 +62,13 @@ int run(int argc, char** argv) {
                "echofuse-view");
   app.set_version_flag("--version", version_line("echofuse-view"));
   app.add_option("RUN", o.server.run, "run file, or folder of runs")->type_name("RUN")->required();
-  app.add_option("--model", o.model, "model for live reconstructions")->type_name("MODEL");
+  app.add_option("--model", o.model, "model file with which the page reconstructs depth maps")
+      ->type_name("MODEL");
   app.add_option("--listen", o.server.listen,
-                 "ADDRESS:PORT to listen on (default 127.0.0.1:8410, or a free port if 8410 is in "
+                 "ADDRESS:PORT to listen on (default: 127.0.0.1:8410, or a free port if 8410 is in "
                  "use); browsers on other machines need the printed token");
   app.add_option("--planned", o.server.planned,
-                 "planned number of records; the page shows how many remain")
+                 "planned number of records; the page shows the number of remaining records")
       ->check(CLI::PositiveNumber);
   app.add_flag("--until-closed", o.server.until_closed,
                "exit when the run has ended and no browser is connected");

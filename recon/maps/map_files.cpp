@@ -116,11 +116,13 @@ struct MapFormat {
 };
 constexpr std::array<MapFormat, 6> map_formats = {
     {{"colour", "PNG picture"},
-     {"mm", "PNG of 16-bit millimetres"},
+     {"mm", "16-bit PNG with depths in mm"},
      {"ply", "point clouds"},
-     {"npy", "all maps in one array"},
-     {"foreground", "arrays: thresholded maps, and the foreground fraction of each pixel"},
-     {"uncertainty", "standard deviations in the format of mm or npy"}}};
+     {"npy", "all maps in one NumPy array"},
+     {"foreground",
+      "NumPy arrays of the thresholded maps and of the foreground fraction of each pixel"},
+     {"uncertainty",
+      "16-bit PNG with standard deviations in mm, and also a NumPy array if npy is selected"}}};
 
 }  // namespace
 

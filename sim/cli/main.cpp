@@ -72,8 +72,10 @@ struct PlanArguments {
 };
 
 void add_plan_options(CLI::App& app, PlanArguments& a) {
-  app.add_option("--config", a.config, "TOML file of settings")->type_name("FILE");
-  app.add_option("--set", a.settings, "override a setting; may be repeated")
+  app.add_option("--config", a.config, "TOML file of simulator settings")->type_name("FILE");
+  app.add_option(
+         "--set", a.settings,
+         "override a simulator setting; `echofuse-sim config` lists all settings; may be repeated")
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
 }
@@ -166,12 +168,14 @@ void add_dataset(CLI::App& app, Command& command) {
   auto a = std::make_shared<DatasetArguments>();
   a->options.threads = static_cast<int>(usable_cores());
   const auto count = CLI::Range(std::int64_t{0}, std::int64_t{10'000'000});
-  sub->add_option("--out", a->options.out, "run file to create (never overwritten)")
+  sub->add_option("--out", a->options.out,
+                  "run file to create; an existing file is not overwritten")
       ->type_name("RUN")
       ->required();
   const sim::Plan plan;
   sub->add_option("--records", a->records,
-                  "number of records (1/4 of people, 3/4 of letters); default: " +
+                  "number of records; a quarter of them show one person, the others a person "
+                  "holding a letter; default: " +
                       std::to_string(plan.people + plan.letters))
       ->check(count);
   sub->add_option("--people", a->people, "number of records that show one person")->check(count);
@@ -179,17 +183,18 @@ void add_dataset(CLI::App& app, Command& command) {
       ->check(count);
   sub->add_option("--two-people", a->two_people, "number of records that show two people")
       ->check(count);
-  sub->add_option(
-         "--empty", a->empty,
-         "number of records that show the empty room (for training, also set background_counts)")
+  sub->add_option("--empty", a->empty,
+                  "number of records that show the empty room; for training data, also set "
+                  "background_counts")
       ->check(count);
   sub->add_option("--objects", a->objects,
-                  "number of records that show the object (--set object=FILE)")
+                  "number of records that show the object; --set object=FILE names its OBJ file")
       ->check(count);
   sub->add_option("--seed", a->seed, "random seed; default: " + std::to_string(plan.seed))
       ->check(CLI::NonNegativeNumber);
   add_plan_options(*sub, *a);
-  sub->add_option("--like", a->like, "simulate the response and axes of this calibration file")
+  sub->add_option("--like", a->like,
+                  "simulate the instrument response and the axes in this calibration file")
       ->type_name("FILE");
   sub->add_option("--part", a->part, part_help);
   more_options(*sub, {"--config", "--like", "--part"});
@@ -252,50 +257,54 @@ void add_lab(CLI::App& app, Command& command) {
   auto* sub = app.add_subcommand("lab", "start a laboratory of simulated devices");
   auto a = std::make_shared<LabArguments>();
   auto& o = a->options;
-  sub->add_option("--dir", o.dir, "folder for lab.toml and the device links")
+  sub->add_option("--dir", o.dir, "folder for lab.toml and for the links to the simulated devices")
       ->type_name("FOLDER")
       ->capture_default_str();
   sub->add_option("--scene", o.schedule.kind, "kind of scene in front of the devices")
       ->check(CLI::IsMember(
           {"person", "letter", "mixed", "two_people", "empty", "reflector", "object"}))
       ->capture_default_str();
-  sub->add_option("--hold", o.schedule.hold_s,
-                  "seconds per scene, aligned to slot starts; "
-                  "0 = one scene")
+  sub->add_option(
+         "--hold", o.schedule.hold_s,
+         "duration of each scene, s; scenes change at the start of a slot; 0: show one scene only")
       ->check(CLI::Range(0.0, 0.0) | CLI::Range(0.01, 86'400.0))
       ->capture_default_str();
   sub->add_option("--window", o.window_s,
-                  "record length, s; photon counts in the settings are per record")
+                  "length of a record, s; the photon counts in the settings are counts per record")
       ->check(CLI::Range(0.05, 3600.0))
       ->capture_default_str();
   sub->add_option("--laser-rate-hz", o.tagging.laser_rate_hz, "laser pulses per second")
       ->check(CLI::Range(1.0, 1e9))
       ->capture_default_str();
-  sub->add_option(
-      "--radar-cfg", o.radar_cfg,
-      "TI .cfg file, or the name of an installed one (default: the paper's 50 cm profile); "
-      "a name ending in _sdk3.4.cfg simulates SDK 3.4, any other name SDK 3.5");
-  sub->add_option("--radar-board", o.radar_board, "TI board to simulate")
+  sub->add_option("--radar-cfg", o.radar_cfg,
+                  "TI .cfg file of the radar, or the name of an installed .cfg file (default: the "
+                  "paper's profile with a resolution of 50 cm); SDK 3.4 is simulated if the name "
+                  "ends with _sdk3.4.cfg, otherwise SDK 3.5");
+  sub->add_option("--radar-board", o.radar_board, "TI radar board to simulate")
       ->check(CLI::IsMember({"isk", "aop", "ods"}))
       ->capture_default_str();
-  sub->add_option("--faults", o.faults, "TOML file of faults with their times")->type_name("FILE");
-  sub->add_option("--log", o.log, "log all sent data to this file, one JSON object per line")
+  sub->add_option("--faults", o.faults,
+                  "TOML file of the device faults to simulate, each with its time")
+      ->type_name("FILE");
+  sub->add_option("--log", o.log,
+                  "file to which a log of all sent data is written, with one JSON object per line")
       ->type_name("FILE");
   add_plan_options(*sub, *a);
   sub->add_option("command", a->command,
-                  "run this command in the laboratory, then stop the laboratory")
+                  "run this command while the laboratory is running, then stop the laboratory")
       ->option_text("-- COMMAND ...");
   more_options(
       *sub, {"--config", "--laser-rate-hz", "--radar-cfg", "--radar-board", "--faults", "--log"});
   add_examples(*sub,
                {"echofuse-sim lab --scene mixed --hold 3",
                 "echofuse-sim lab --dir . --scene reflector -- bash"},
-               "3 config; if COMMAND is given, its exit code");
+               "3 config; if COMMAND is given, the exit code of COMMAND");
   sub->callback([&command, a] { command = [a](bool quiet) { return run_lab(*a, quiet); }; });
 }
 
 void add_config(CLI::App& app, Command& command) {
-  auto* sub = app.add_subcommand("config", "print all settings with meaning, range and value");
+  auto* sub = app.add_subcommand(
+      "config", "print all simulator settings, each with its meaning, range and value");
   struct Arguments : PlanArguments {
     std::string ranges;
     bool json = false;
@@ -303,9 +312,10 @@ void add_config(CLI::App& app, Command& command) {
   auto a = std::make_shared<Arguments>();
   add_plan_options(*sub, *a);
   sub->add_option("--twin", a->ranges,
-                  "print the parameter ranges of this twin (a file name or `default`)")
+                  "print the parameter ranges of this digital twin, a TOML file or `default`")
       ->type_name("FILE");
-  sub->add_flag("--json", a->json, "print JSON: value, range and meaning of every key");
+  sub->add_flag("--json", a->json,
+                "print the value, the range and the meaning of every setting as JSON");
   add_examples(*sub,
                {"echofuse-sim config", "echofuse-sim config --set twin=default --set laboratory=3"},
                "3 config");
@@ -326,7 +336,7 @@ void add_config(CLI::App& app, Command& command) {
 }
 
 ExitCode run(int argc, char** argv) {
-  CLI::App app("simulate data sets, and laboratories of devices", "echofuse-sim");
+  CLI::App app("simulate data sets, or a laboratory of devices", "echofuse-sim");
   app.set_version_flag("--version", version_line("echofuse-sim"));
   app.require_subcommand(1);
   bool quiet = false;

@@ -8,7 +8,8 @@
 namespace echofuse::sim {
 
 void bind(Settings& settings, Plan& plan) {
-  settings.add("seed", plan.seed, 0, INT64_MAX, "random seed; equal seeds give equal records");
+  settings.add("seed", plan.seed, 0, INT64_MAX,
+               "random seed; the same seed and settings give the same records");
   settings.add("people", plan.people, 0, 10'000'000, "number of records that show one person");
   settings.add("letters", plan.letters, 0, 10'000'000,
                "number of records that show a person holding a letter");
@@ -17,13 +18,16 @@ void bind(Settings& settings, Plan& plan) {
   settings.add("empty", plan.empty, 0, 10'000'000, "number of records that show the empty room");
   settings.add("objects", plan.objects, 0, 10'000'000, "number of records that show the object");
   settings.add("scenes", plan.scenes,
-               "TOML file with [[scene]] tables; replaces the record counts");
+               "TOML file with [[scene]] tables, which replace the numbers of records");
   settings.add("twin", plan.twin,
-               "parameter ranges of simulated laboratories: `default`, a file name, or TOML text");
-  settings.add("laboratory", plan.laboratory, 0, INT64_MAX, "number of the simulated laboratory");
+               "parameter ranges of the simulated laboratories (digital twin), one of: `default`, "
+               "the name of a TOML file, TOML text");
+  settings.add("laboratory", plan.laboratory, 0, INT64_MAX,
+               "number that identifies the simulated laboratory; its parameters are sampled from "
+               "the ranges of twin");
   settings.add("laboratories", plan.laboratories, 0, 1'000'000,
-               "number of laboratories; record i comes from laboratory i modulo this number; 0: "
-               "one laboratory");
+               "number of simulated laboratories; record i comes from laboratory (i modulo this "
+               "number); 0: one laboratory");
   bind(settings, plan.conditions);
 }
 

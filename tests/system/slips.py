@@ -15,7 +15,7 @@ bin_dir = pathlib.Path(sys.argv[1]).resolve()
 # Each line has a command, its exit code, and a text that the output contains.
 TABLE = """
 recon trian | 2 | trian: no such command; the most similar name is train
-recon help train | 0 | fit a model to runs
+recon help train | 0 | train a model on one or more runs
 recon --help | 0 | evaluate
 recon train x --otu y | 2 | --otu: no such option; the most similar name is --out
 recon train nofile --out m | 1 | nofile.sqlite: No such file or directory; expected a run file
@@ -96,7 +96,7 @@ bench run --version | 0 | echofuse-bench 0
 view seen.sqlite --model seen.sqlite | 1 | seen.sqlite: is a run; expected a model file
 export --version | 0 | echofuse-export 
 bench --version | 0 | echofuse-bench 
-sim dataset --help | 0 | default: 4000
+sim dataset --help | 0 | 4000
 bench stability --help | 0 | default: nearest mean-shape
 bench run --help | 0 | bench-runs)
 acquire info --version | 0 | echofuse-acquire 
