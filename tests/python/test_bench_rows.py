@@ -179,7 +179,7 @@ def test_bench_row_contains_the_number_of_records_with_a_map(runs, tmp_path, cap
     mine, mean = table.rows.values()
     assert (mine["answered"], mine["records"], mine["depth_maps"]) == (2, 20, 2) and mine["iou"] == pytest.approx(0.1)
     assert (mean["answered"], mean["records"]) == (20, 20)
-    assert "2 of 20 records have a map; the others count as an empty map" in capsys.readouterr().err
+    assert "2 of 20 records have a map; the other records are scored as empty maps" in capsys.readouterr().err
     row, = (line.split(" | ") for line in bench.markdown(bench.means(bench.Table(table.path))).splitlines() if str(command) in line)
     assert row[2:4] == ["2 of 20", "0.100"] and "0.0 cm (2)" in row
 

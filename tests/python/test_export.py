@@ -57,7 +57,7 @@ def runs(tmp_path_factory):
 def test_hdf5_export_contains_the_arrays_and_marks_unreadable_records(runs, tmp_path):
     run, done = echofuse.open(runs / "own"), tool(runs / "own", "--to", tmp_path / "a.h5")
     assert (done.returncode, done.stderr) == (
-        5, f"echofuse-export: 2 records are unreadable and marked in {tmp_path / 'a.h5'}\n")
+        5, f"echofuse-export: 2 records are unreadable; {tmp_path / 'a.h5'} marks them as unreadable\n")
     with h5py.File(tmp_path / "a.h5") as file:
         data, good = file["entry/data"], ~np.isin(np.arange(20), (7, 9))
         assert data["spd"].dtype == np.uint32 and data["radar"].dtype == data["depth"].dtype == np.float32
@@ -283,7 +283,7 @@ def test_export_marks_a_record_as_unreadable_if_a_number_replaces_its_array(runs
     shutil.copy(runs / "far.sqlite", tmp_path / "bad.sqlite")
     change(tmp_path / "bad.sqlite", *((f"UPDATE record SET {sensor} = 7 WHERE idx = {row}",) for row, sensor in enumerate(echofuse.runs.SENSORS)))
     done = tool(tmp_path / "bad", "--to", tmp_path / "a.h5")
-    assert (done.returncode, done.stderr) == (5, f"echofuse-export: 3 records are unreadable and marked in {tmp_path / 'a.h5'}\n")
+    assert (done.returncode, done.stderr) == (5, f"echofuse-export: 3 records are unreadable; {tmp_path / 'a.h5'} marks them as unreadable\n")
 
 
 def test_export_holds_its_lock_even_if_the_lock_file_is_replaced(tmp_path, monkeypatch):

@@ -265,14 +265,14 @@ def test_report_on_a_full_disk_or_after_sigterm_leaves_no_files(here, tmp_path):
 
 
 @pytest.mark.parametrize(("words", "code", "text"), [
-    (["--run", "fresh.sqlite"], 2, "--run needs --model, --compare or --maps"),
-    (["--model", "body"], 2, "--model needs --run or --live"),
-    (["--live", "fresh.sqlite", "--compare", "body", "spd"], 2, "--compare needs --run"),
-    (["--live", "fresh.sqlite", "--maps", "m"], 2, "--maps needs --run"),
+    (["--run", "fresh.sqlite"], 2, "--run requires --model, --compare or --maps"),
+    (["--model", "body"], 2, "--model requires --run or --live"),
+    (["--live", "fresh.sqlite", "--compare", "body", "spd"], 2, "--compare requires --run"),
+    (["--live", "fresh.sqlite", "--maps", "m"], 2, "--maps requires --run"),
     (["--run", "fresh.sqlite", "--maps", "m", "other/m"], 2, "duplicate name m; give NAME=FOLDER"),
-    ([], 2, "nothing to report on: give --run with models, or --live"),
-    (["--run", "fresh.sqlite", "--model", "body", "--compare", "body", "spd"], 2, "--compare and --model cannot be combined"),
-    (["--live", "fresh.sqlite", "--empty", "run.sqlite"], 2, "--empty needs --run"),
+    ([], 2, "nothing to report: give --run with models, or --live"),
+    (["--run", "fresh.sqlite", "--model", "body", "--compare", "body", "spd"], 2, "--compare cannot be combined with --model"),
+    (["--live", "fresh.sqlite", "--empty", "run.sqlite"], 2, "--empty requires --run"),
     (["--lvie", "fresh.sqlite"], 2, "--lvie"),
     (["--live", "nofile"], 1, "nofile.sqlite: No such file or directory; expected a run file"),
     (["--run", "fresh.sqlite", "--model", "nomodel"], 1, "nomodel: No such file or directory; expected a model file"),
@@ -338,12 +338,12 @@ def test_report_lists_domain_shift_and_missed_intervals_as_problems():
     fused.result["notes"] = "3 records: radar lost: SPD alone\n"
     assert tables.problems_of_run(fused, "Recorded run: ") == [
         "Recorded run: this run differs from the training data: range +30.0 +- 2.0 cm.",
-        "Recorded run: 20 of 20 bodies are outside the stated 90 % interval, 2 expected; worst: record 2, lateral error 3 cm, "
-        "stated ±1 cm.",
+        "Recorded run: 20 of 20 bodies are outside their stated 90 % interval (expected: 2); the worst is record 2 with a "
+        "lateral error of 3 cm and a stated interval of ±1 cm.",
         "Recorded run: 3 records: radar lost: SPD alone."]
     one = mode_of("fused", "factorised", 0.6, 0.46, lateral_interval_90_m=np.where(np.arange(20) == 7, 0.02, 0.1)).first
-    assert tables.problems_of_run(one) == [] and one.outside.startswith("1 of 20 bodies are outside the stated 90 % interval, 2 expected; "
-                                                                        "worst: record 7")
+    assert tables.problems_of_run(one) == [] and one.outside.startswith(
+        "1 of 20 bodies are outside their stated 90 % interval (expected: 2); the worst is record 7")
 
 
 def test_report_tables_mark_the_best_score_of_each_metric():

@@ -137,7 +137,7 @@ sum = ["nearest:spd"]
     with pytest.raises(subprocess.CalledProcessError):
         program("echofuse-bench", "run", "-q", "--recipe", recipe, "--data", data, "--runs", tmp_path / "runs", "--out",
                 tmp_path / "other.csv")
-    assert "records differ from the recipe" in capfd.readouterr().err
+    assert "the records differ from those of the recipe" in capfd.readouterr().err
     test = tmp_path / "runs/photons-zones-block.sqlite"
     program("echofuse-recon", "-q", "train", tmp_path / "runs/photons-zones-train.sqlite", "--model", "mlp-mask-16", "--inputs",
             "spd", "--epochs", 3, "--out", tmp_path / "model")

@@ -49,8 +49,8 @@ recon train seen.sqlite --out m --set lossy=log | 3 | expected
 recon reconstruct seen.sqlite seen.sqlite --out maps | 1 | seen.sqlite: is a run; expected a model file
 recon reconstruct nomodel seen.sqlite --out maps --format gif | 2 | --format: gif not in {colour,mm,ply,npy,foreground,uncertainty}
 recon evaluate nomodel seen.sqlite --rows test | 2 | --rows requires --maps
-report page | 2 | nothing to report on: give --run with models, or --live
-report page --model x | 2 | --model needs --run
+report page | 2 | nothing to report: give --run with models, or --live
+report page --model x | 2 | --model requires --run
 recon --threads many train x --out m | 2 | --threads
 sim dataset --out seen.sqlite --records 4 | 1 | seen.sqlite: exists
 sim dataset --out x --records 4 --people 1 | 2 | --records 4 differs from 1, the sum of the other record counts

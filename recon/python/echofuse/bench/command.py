@@ -47,17 +47,19 @@ def wide_formatter(prog: str) -> argparse.HelpFormatter:
 def add_table_options(command: argparse.ArgumentParser) -> None:
     """Adds the options that all commands with a result table have."""
     command.add_argument("--out", required=True, metavar="CSV",
-                         help="table to write; existing rows are not measured again")
+                         help="CSV table to write; rows that it already contains are not measured "
+                              "again")
     command.add_argument("--seeds", type=int,
-                         help="number of trainings per method (default: 3, or the number in "
-                              "the recipe)")
+                         help="number of trainings per method, each with its own seed (default: 3, "
+                              "or the number in the recipe)")
     command.add_argument("--jobs", type=int, default=1,
-                         help="number of rows measured in parallel (default 1)")
+                         help="number of table rows that are measured in parallel (default: 1)")
     command.add_argument("--part", type=parse_part, default=(1, 1), metavar="K/N",
-                         help="measure only part K of N of the table, e.g. in a Slurm array")
+                         help="measure only part K of N parts of the table, e.g. 3/8 in a Slurm "
+                              "array")
     command.add_argument("--markdown", action="store_true", help="print the table as Markdown")
     command.add_argument("--figure", metavar="FILE",
-                         help="draw the table as NAME.svg, NAME.pdf or NAME.png (needs "
+                         help="draw a chart of the table as NAME.svg, NAME.pdf or NAME.png (needs "
                               "python3-matplotlib)")
     command.add_argument("-q", "--quiet", action="store_true", help="do not print the progress")
 
@@ -78,19 +80,23 @@ def make_parser() -> argparse.ArgumentParser:
         command.set_defaults(run=run)
         return command
 
-    command = add_command("pareto", "measure accuracy against cost, photons and records", _pareto)
-    command.add_argument("train", help="training run")
-    command.add_argument("test", help="test run")
+    command = add_command("pareto", "measure how the accuracy of methods depends on cost, photons "
+                                    "and training records", _pareto)
+    command.add_argument("train", help="run on which the methods are trained")
+    command.add_argument("test", help="run on which the methods are tested")
     default = ["empty", "mean", "nearest", "ridge", "mean-shape", "factorised-16", "mlp-512-256"]
     command.add_argument("--methods", nargs="+", metavar="METHOD", default=default,
-                         help=f"methods to compare (default: {' '.join(default)})")
+                         help="methods to compare, separated by blanks (default: "
+                              f"{' '.join(default)})")
     command.add_argument("--sweep", nargs="*", metavar="METHOD", default=[],
-                         help="methods that are also measured with fewer photons and records")
-    stability.add_command(add_command("stability", "find the conditions in which methods fail",
+                         help="methods that are also measured with fewer photons and with fewer "
+                              "training records")
+    stability.add_command(add_command("stability", "find the conditions under which methods fail",
                                       stability.run))
-    recipe.add_command(add_command("run", "run the benchmark that a recipe describes", recipe.run))
+    recipe.add_command(add_command("run", "run the benchmark that a recipe file "
+                                          "describes", recipe.run))
     command = commands.add_parser("letters",
-                                  help="measure the fraction of readable letters in maps",
+                                  help="measure the fraction of readable letters in depth maps",
                                   description=letters.__doc__, formatter_class=wide_formatter,
                                   epilog=f"{EXIT_CODES}130 interrupted")
     command.add_argument("maps", metavar="MAPS",
@@ -115,7 +121,7 @@ def main() -> None:
             require_matplotlib()
         table = args.run(args)
         if table and table.failed:
-            raise BenchError(f"{table.failed} rows failed; see the tracebacks in {table.log}")
+            raise BenchError(f"{table.failed} table rows failed; the tracebacks are in {table.log}")
     except (RuntimeError, ValueError, OSError, sqlite3.Error) as error:
         print(f"echofuse-bench: {error}", file=sys.stderr)
         full = getattr(error, "errno", 0) in (errno.ENOSPC, errno.EDQUOT,
@@ -149,14 +155,15 @@ def _letters(args: argparse.Namespace) -> None:
     with runs.open(args.truth) as run:
         row_of = {number: row for row, number in enumerate(run.index.tolist())}
         if missing := [number for number in index.tolist() if number not in row_of]:
-            raise BenchError(f"{args.maps}: record {missing[0]} is missing in {run.path}")
+            raise BenchError(f"{args.maps}: record {missing[0]} has a map, but it is not in "
+                             f"{run.path}")
         rows = [row_of[number] for number in index.tolist()]
         truth = run.maps()[rows]
         if truth.shape != maps.shape:
             raise BenchError(
-                f"{args.maps}: maps have {maps.shape[1]} x {maps.shape[2]} pixels; expected "
-                f"{truth.shape[1]} x {truth.shape[2]} as in the run")
+                f"{args.maps}: the maps have {maps.shape[1]} x {maps.shape[2]} pixels; expected "
+                f"{truth.shape[1]} x {truth.shape[2]} pixels as in the run")
         found = letters.read(maps, truth, [run.labels[row] for row in rows], run.half_tangent)
     if not np.isfinite(found[0]).any():
-        raise BenchError(f"{args.truth}: no record with depth has a label such as letter:A")
+        raise BenchError(f"{args.truth}: no record with a depth map has a label such as letter:A")
     print(letters.text(*found))

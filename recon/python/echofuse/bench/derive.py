@@ -130,8 +130,7 @@ def require_linear(records: Records) -> None:
     if axis is None or axis.quantity not in ("power",
                                              "binned_power") or "array" in records.run.axes:
         raise ValueError(
-            f"{records.run.path}: expected a radar profile of linear power without antenna "
-            "samples")
+            f"{records.run.path}: expected radar profiles in linear power, and no antenna samples")
 
 
 def read(path: str | pathlib.Path) -> Records:

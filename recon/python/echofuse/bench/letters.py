@@ -133,4 +133,4 @@ def text(share: Floats, sizes: NDArray[np.int64]) -> str:
         error = part.std(ddof=1) / np.sqrt(len(part)) if len(part) > 1 else float("nan")
         if len(part):
             lines.append(f"{len(part)} {name}: {part.mean():.3f} +- {error:.3f} recognised")
-    return "\n".join(lines) + "; chance level 0.1"
+    return "\n".join(lines) + "; 0.1 is expected by chance"

@@ -48,7 +48,8 @@ def make_runs(track: dict[str, Any], folder: pathlib.Path,
     if not path.exists():
         mesh = mesh_of(data, fit["shape"])
         if mesh is None:
-            raise ValueError(f"{data}: mesh of {fit['shape']} is missing (expected .stl or .obj)")
+            raise ValueError(f"{data}: the mesh of {fit['shape']} is missing (expected a .stl or "
+                             ".obj file)")
         tmf8820.fit_to_poses(source, mesh, fit["poses"]).save(path)
     zones = zone_fit.load(path)
 

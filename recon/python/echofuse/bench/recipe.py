@@ -34,8 +34,8 @@ def require_checksum(path: pathlib.Path, expected: str | None) -> None:
     """Raises BenchError if the checksum of the sensor data differs from `expected`."""
     if expected and checksum(path) != expected:
         raise BenchError(
-            f"{path}: records differ from the recipe: sha256 {checksum(path)} (expected "
-            f"{expected})")
+            f"{path}: the records differ from those of the recipe: their SHA-256 is "
+            f"{checksum(path)} (expected {expected})")
 
 
 def run_pairs(track: dict[str, Any], folder: pathlib.Path,
@@ -69,24 +69,27 @@ def available_methods(*names: str) -> list[Method]:
         except UsageError as error:
             if not isinstance(error.__cause__, ModuleNotFoundError):
                 raise
-            print(f"echofuse-bench: skipped: {error}", file=sys.stderr)
+            print(f"echofuse-bench: skipped a method of the recipe: {error}", file=sys.stderr)
     return out
 
 
 def add_command(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--recipe", type=pathlib.Path,
                         default=pathlib.Path(__file__).with_name("echofuse-bench-2.toml"),
-                        help="recipe of the benchmark, a TOML file (default: echofuse-bench-2)")
+                        help="TOML file with the recipe of the benchmark (default: "
+                             "echofuse-bench-2)")
     parser.add_argument("--runs", type=pathlib.Path, default=pathlib.Path("bench-runs"),
-                        help="folder of the runs; missing runs are generated (default: bench-runs)")
+                        help="folder of the benchmark runs; missing runs are simulated (default: "
+                             "bench-runs)")
     parser.add_argument("--data", type=pathlib.Path, default=os.environ.get("ECHOFUSE_DATA"),
                         help="folder with the public real-photon data (default: $ECHOFUSE_DATA); "
-                             "if it is missing, the track \"photons\" is skipped")
+                             "if the folder is missing, the track \"photons\" is skipped")
     parser.add_argument("--methods", nargs="*", default=[], metavar="METHOD",
-                        help="methods to measure in addition to those of the recipe")
-    parser.add_argument("--tracks", nargs="+", help="tracks to run (default: all)")
+                        help="methods that are measured in addition to the methods in the recipe")
+    parser.add_argument("--tracks", nargs="+", help="tracks of the recipe to run (default: all "
+                                                    "tracks)")
     parser.add_argument("--checksums", action="store_true",
-                        help="print the checksums of the runs and exit")
+                        help="print the checksums of the benchmark runs and exit")
 
 
 def run(args: argparse.Namespace) -> tables.Table:
@@ -104,8 +107,8 @@ def run(args: argparse.Namespace) -> tables.Table:
             continue
         pairs = run_pairs(track, args.runs, data)
         if not pairs:
-            print(f"echofuse-bench: track {track['name']} skipped: no "
-                  f"{track['fit']['shape']}.json.gz in the folder given by --data", file=sys.stderr)
+            print(f"echofuse-bench: skipped track {track['name']}: the folder given by --data does "
+                  f"not contain {track['fit']['shape']}.json.gz", file=sys.stderr)
         for pair in pairs:
             if args.checksums:
                 for path in (pair.train, pair.test):

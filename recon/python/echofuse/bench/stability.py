@@ -70,9 +70,9 @@ class Simulated:
     def _in_fog(self, world: World, records: int, seed: int, out: pathlib.Path) -> derive.Change:
         """Returns a change that replaces the counts with counts of the same scenes in fog."""
         if self.base["spd_dead_time_ps"] > 0:
-            raise BenchError("fog: not supported with a detector dead time")
+            raise BenchError("fog cannot be combined with a detector dead time")
         if self.base["spd_zones"] > 1:
-            raise BenchError("fog: not supported with detector zones")
+            raise BenchError("fog cannot be combined with detector zones")
         clear = out.with_name("clear-" + out.name)
         call("echofuse-sim", "dataset", "-q", "--out", clear, "--seed", seed, f"--{world.scenes}",
              records, *self.settings, "--set", "background_counts=0",
@@ -101,7 +101,7 @@ class Simulated:
         path: photon counts are added, and radar power is averaged. The true map shows the person
         at the midpoint of the path."""
         if self.base["radar_antennas"] > 1:
-            raise BenchError("walking people: not supported with several antennas")
+            raise BenchError("walking people cannot be combined with several antennas")
         steps, rng = 5, np.random.default_rng(seed)
         x = rng.uniform(-self.base["target_x_m"], self.base["target_x_m"], records)
         z = rng.uniform(self.base["target_z_min_m"], self.base["target_z_max_m"], records)
@@ -217,17 +217,19 @@ def add_command(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--methods", nargs="+", metavar="METHOD", default=default,
                         help=f"methods to test (default: {' '.join(default)})")
     parser.add_argument("--axes", nargs="+",
-                        help="axes to measure, e.g. shifted-snr; an unknown name prints the list "
-                             "(default: all)")
+                        help="axes (varied conditions) to measure, e.g. shifted-snr (default: "
+                             "all); an unknown name prints a list of all axes")
     parser.add_argument("--quick", action="store_true",
-                        help="measure fewer values per axis, with 1000 training and 300 test "
-                             "records")
-    parser.add_argument("--records", type=int, help="number of training records (default 3600)")
-    parser.add_argument("--test-records", type=int, help="number of test records (default 1000)")
+                        help="measure fewer values per axis, with only 1000 training records and "
+                             "300 test records")
+    parser.add_argument("--records", type=int, help="number of simulated training records "
+                                                    "(default: 3600)")
+    parser.add_argument("--test-records", type=int, help="number of simulated test records "
+                                                         "(default: 1000)")
     parser.add_argument("--set", nargs="*", default=[], metavar="KEY=VALUE",
-                        help="simulator settings of the base condition")
+                        help="simulator settings of the base condition, e.g. background=room")
     parser.add_argument("--runs", nargs=2, metavar=("TRAIN", "TEST"),
-                        help="use these recorded runs instead of simulated ones")
+                        help="use this training run and this test run instead of simulated runs")
 
 
 def run(args: argparse.Namespace) -> tables.Table:
@@ -237,7 +239,7 @@ def run(args: argparse.Namespace) -> tables.Table:
     known = {axis.id: axis for axis in source.axes()}
     unknown = [name for name in args.axes or [] if name not in known]
     if unknown:
-        raise UsageError(f"unknown axis {unknown[0]} (expected: {', '.join(known)})")
+        raise UsageError(f"unknown axis {unknown[0]} (expected one of: {', '.join(known)})")
     axes = [known[name] for name in args.axes or known]
     names = dict.fromkeys((*CONSTANT, "nearest", *args.methods))  # always includes the baselines
     methods = [method(name) for name in names]

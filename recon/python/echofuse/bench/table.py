@@ -123,8 +123,8 @@ class Table:
             try:
                 descriptor = locked(lock)
             except BlockingIOError:
-                raise BenchError(f"{self.path}: table is in use by another process; wait until it "
-                                 "ends, or split the work with --part K/N") from None
+                raise BenchError(f"{self.path}: the table is in use by another process; wait until "
+                                 "that process ends, or split the work with --part K/N") from None
         try:
             self.rows |= self._read(self.path)
             yield
@@ -348,8 +348,9 @@ def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int,
             table.add(row, records)
             if not fault and row["answered"] < row["records"]:
                 print(f"echofuse-bench: {row['model']}: {row['answered']} of {row['records']} "
-                      "records have a map; the others "
-                      + ("count as an empty map" if cell.method.is_user_method else "are excluded"),
+                      "records have a map; the other records "
+                      + ("are scored as empty "
+                         "maps" if cell.method.is_user_method else "are excluded"),
                       file=sys.stderr)
             if fault:
                 table.failed += cell.method.is_user_method
@@ -359,7 +360,7 @@ def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int,
                     print(f"echofuse-bench: {row['model']}: {reason}", file=sys.stderr)
             if not quiet:
                 left_s = (time.monotonic() - started) / done * (len(mine) - done)
-                print(f"\rbench {done} of {len(mine)}, {left_s:.0f} s left   ",
+                print(f"\rbench: {done} of {len(mine)} rows, {left_s:.0f} s left   ",
                       end="" if sys.stderr.isatty() else "\n",
                       file=sys.stderr, flush=True)
 

@@ -48,7 +48,8 @@ def read_measured(path: str | pathlib.Path) -> tuple[Array, Array, Array]:
                                   for key in ("hists", "reference_hist", "pose"))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ValueError(
-            f"{path}: expected records with hists, reference_hist and pose: {error}") from None
+            f"{path}: expected the keys hists, reference_hist and pose in each record: "
+            f"{error}") from None
     if hists.ndim != 3 or hists.shape[2] != BINS or pose.shape[1:] != (4, 4):
         raise ValueError(
             f"{path}: hists has shape {hists.shape} (expected [n, zones, {BINS}]), pose has "
@@ -233,7 +234,7 @@ def fit_to_poses(data: str | pathlib.Path, mesh: str | pathlib.Path,
     counts, references, places = read_measured(data)
     rows = list(poses)
     if not rows or not all(0 <= row < len(counts) for row in rows):
-        raise ValueError(f"poses {rows} (expected numbers from 0 to {len(counts) - 1})")
+        raise ValueError(f"--poses: {rows} (expected pose numbers from 0 to {len(counts) - 1})")
     return zone_fit.fit_zones(counts[rows], references.mean(0), hits_from(places[rows], mesh))
 
 
@@ -270,17 +271,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python3 -m echofuse.bench.tmf8820",
                                      description=__doc__.split("\n\n")[0])
     parser.add_argument("what", choices=("measured", "fit", "rendered"),
-                        help="convert measured records, fit the zones, or render records")
-    parser.add_argument("data", help="NAME.json.gz of a shape; `rendered` uses only the reference")
+                        help="one of: measured (convert measured records into a run), fit (fit the "
+                             "zones to measured records), rendered (render records with fitted "
+                             "zones)")
+    parser.add_argument("data", help="NAME.json.gz with the measurements of a shape; `rendered` "
+                                     "uses only their reference histograms")
     parser.add_argument("mesh", nargs="?",
-                        help="NAME.stl or NAME.obj of the shape; not used by `rendered`")
-    parser.add_argument("--poses", help="pose numbers to fit, e.g. 0,8,16 (default: all)")
-    parser.add_argument("--fit", help="file that `fit` wrote (default: sum the measured zones)")
+                        help="mesh of the shape, NAME.stl or NAME.obj; not used by `rendered`")
+    parser.add_argument("--poses", help="numbers of the poses that are fitted, e.g. 0,8,16 "
+                                        "(default: all)")
+    parser.add_argument("--fit", help="file that `fit` wrote; without it, `measured` sums the "
+                                      "counts of all zones")
     parser.add_argument("--records", type=int, default=3000,
-                        help="number of records to render (default 3000)")
+                        help="number of records to render (default: 3000)")
     parser.add_argument("--seed", type=int, default=1,
-                        help="seed of the rendered records (default 1)")
-    parser.add_argument("--out", required=True, help="run to write; with `fit`, JSON file to write")
+                        help="random seed of the rendered records (default: 1)")
+    parser.add_argument("--out", required=True, help="run file to write, or with `fit`, JSON file "
+                                                     "to write")
     args = parser.parse_args()
     try:
         _make(args)
@@ -291,7 +298,7 @@ def main() -> None:
 def _make(args: argparse.Namespace) -> None:
     fit = zone_fit.load(args.fit) if args.fit else None
     if args.what != "rendered" and args.mesh is None:
-        raise ValueError("`measured` and `fit` need a mesh file, NAME.stl or NAME.obj")
+        raise ValueError("`measured` and `fit` require a mesh file, NAME.stl or NAME.obj")
     if args.what == "fit":
         poses = ([int(word) for word in args.poses.split(",")] if args.poses
                  else range(len(read_measured(args.data)[0])))
@@ -302,7 +309,7 @@ def _make(args: argparse.Namespace) -> None:
         label = pathlib.Path(args.data).name.split(".")[0]
         write(args.out, *measured_records(args.data, args.mesh), fit, label, "measured")
     elif fit is None:
-        raise ValueError("`rendered` needs --fit FILE")
+        raise ValueError("`rendered` requires --fit FILE")
     else:
         reference = read_measured(args.data)[1].mean(0)
         records = render_records(fit, reference, args.records, args.seed)

@@ -295,4 +295,4 @@ def main() -> None:
         end(1, f"{args.run}: {error}"
             if isinstance(error, (sqlite3.Error, TypeError, OverflowError)) else str(error))
     if bad:
-        end(5, f"{bad} records are unreadable and marked in {args.to}")
+        end(5, f"{bad} records are unreadable; {args.to} marks them as unreadable")

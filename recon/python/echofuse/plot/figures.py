@@ -45,7 +45,7 @@ def figure(columns: int = 1, rows: int = 1, wide: float = 4.6, high: float = 3.4
     if ax is not None:
         axes = np.atleast_1d(np.array(ax, object)).ravel()
         if len(axes) < columns * rows:
-            raise ValueError(f"ax: {len(axes)} panels (expected {columns * rows})")
+            raise ValueError(f"ax has {len(axes)} panels (expected {columns * rows})")
         return axes[0].figure, axes[:columns * rows]
     fig = Picture(figsize=(wide * columns, high * rows), layout="constrained")
     FigureCanvasAgg(fig)
@@ -450,7 +450,7 @@ def learning_curve(path: Path, *, ax: Panels = None) -> Figure:
             panel.plot(np.arange(1, 1 + len(tensors[found[0]])), tensors[found[0]],
                        color=COLOURS[colour], label=label)
     if not panel.lines:
-        raise ValueError(f"{path}: model has no training epochs")
+        raise ValueError(f"{path}: the model file contains no training epochs")
     plain_log(panel, "y")
     panel.set(xlabel="epoch", ylabel="loss (rms, unit of the model)")
     panel.legend(frameon=False)

@@ -51,11 +51,12 @@ TERMS = (
     ("on the true side",
      "fraction of the bodies more than 0.3 m off the axis that are on the correct side."),
     ("thresholded map",
-     "map in which pixels closer to the background than to the mean body show the background."),
+     "map in which pixels with a depth closer to the background than to the mean body are set to "
+     "the background."),
     ("p",
      "probability that a run under the training conditions differs from the training data by at "
-     "least as much; below 0.001, the run is reported as different."),
-    ("flagged", "reported as different from the training records."),
+     "least as much as this run; if p is below 0.001, the run is reported as different."),
+    ("flagged", "(of a record) reported as different from the training records."),
     ("SSIM, RMSE", "structural similarity and root mean square depth error of the whole map."))
 
 
@@ -137,8 +138,9 @@ class Report:
             caption = "The record with the median IoU in the recorded run."
         else:
             found = record_blocks(self.args.live, self.story.typical())
-            caption = "One of the records with the most sensors, from the middle of the run."
-        # index None: the record is not from the scored run
+            caption = ("A record from the middle of the run, among the records with data from the "
+                       "most sensors.")
+        # the record is from another run
         index = {} if self.args.live == self.run else {"index": None}
         self.main += [block | {"caption": caption} | index for block in found.values()]
         self.span = self.span if self.models or self.others or not self.main else span_of(
@@ -248,8 +250,8 @@ class Report:
         blur = ("Relative depth of each pixel, from 0 (background) to 1 (mean body); a pixel above "
                 "0.5 belongs to the body.")
         if any(model.sensors.endswith("alone") for model in self.models):
-            blur += (" A single sensor does not determine the side of the body, so its maps are "
-                     "blurred.")
+            blur += (" A single sensor does not determine whether the body is on the left or the "
+                     "right, so its maps are blurred.")
         out = []
         for i, record in enumerate(self.main):
             show, maps = measured(record), record["maps"]
@@ -320,7 +322,7 @@ class Report:
         sections = (("failures", "Failures", self.failures),
                     ("difference", "Difference",
                      lambda: tables.comparison(*models) if compared else []),
-                    ("gallery", "Worst, median, best",
+                    ("gallery", "Worst, median and best record",
                      lambda: [{"kind": "columns", "blocks": columns}]),
                     ("errors", "Error distributions",
                      lambda: [tables.errors(models, self.colours)]),
@@ -351,19 +353,18 @@ def measured(record: Block) -> list[str]:
 
 
 def require(args: argparse.Namespace) -> None:
-    """Raises ReportError with exit code 2 if options cannot be combined, or if a required option is
-    missing."""
-    for wrong, text in ((args.empty and not args.run, "--empty needs --run"),
+    """Raises ReportError with exit code 2 if options exclude each other or are missing."""
+    for wrong, text in ((args.empty and not args.run, "--empty requires --run"),
                         (args.model and args.compare,
-                         "--compare and --model cannot be combined"),
-                        (not args.run and args.compare, "--compare needs --run"),
-                        (not args.run and args.maps, "--maps needs --run"),
+                         "--compare cannot be combined with --model"),
+                        (not args.run and args.compare, "--compare requires --run"),
+                        (not args.run and args.maps, "--maps requires --run"),
                         (not args.run and args.model and not args.live,
-                         "--model needs --run or --live"),
+                         "--model requires --run or --live"),
                         (args.run and not args.model and not args.compare and not args.maps,
-                         "--run needs --model, --compare or --maps"),
+                         "--run requires --model, --compare or --maps"),
                         (not args.run and not args.live,
-                         "nothing to report on: give --run with models, or --live")):
+                         "nothing to report: give --run with models, or --live")):
         if wrong:
             raise ReportError(text, 2)
 
@@ -389,23 +390,27 @@ def main() -> None:
     parser.add_argument("--version", action="version",
                         version=f"echofuse-report {__version__}",
                         help="print the version and exit")
-    parser.add_argument("dir", metavar="FOLDER", help="folder for report.html")
+    parser.add_argument("dir", metavar="FOLDER", help="folder in which report.html is written")
     parser.add_argument("--run", metavar="RUN",
-                        help="run on which the models are scored (only held-out records)")
+                        help="run on which the models are scored; only its held-out records are "
+                             "used")
     parser.add_argument("--model", metavar="MODEL", nargs="+", action="extend", default=[],
-                        help="model files, FILE or NAME=FILE; the report describes the first "
-                             "model; files with the same NAME are repeated trainings of one model")
+                        help="model files, given as FILE or NAME=FILE; the report describes the "
+                             "first model; files with the same NAME are repeated trainings of one "
+                             "model")
     parser.add_argument("--compare", metavar="MODEL", nargs=2,
                         help="compare two model files record by record")
     parser.add_argument("--maps", metavar="FOLDER", nargs="+", action="extend", default=[],
-                        help="maps from other programs, FOLDER or NAME=FOLDER; format: see "
-                             "`echofuse-recon evaluate --maps`")
+                        help="folders with maps from other programs, given as FOLDER or "
+                             "NAME=FOLDER; for the format, see `echofuse-recon evaluate --maps`")
     parser.add_argument("--live", metavar="RUN",
                         help="report missing data and events of this recorded run; with --model, "
-                             "also show its maps")
+                             "also show depth maps of this run")
     parser.add_argument("--empty", metavar="RUN",
-                        help="run of the empty room, if it differs from the training room")
-    parser.add_argument("--force", action="store_true", help="overwrite a report of another run")
+                        help="run recorded in the empty room; only needed if the room differs from "
+                             "the training room")
+    parser.add_argument("--force", action="store_true", help="overwrite a report of another run in "
+                                                             "FOLDER")
     stopped = stop_by_signal()
     try:
         args = parser.parse_args()

@@ -25,7 +25,8 @@ def named_folders(arguments: Sequence[str]) -> dict[str, str]:
         if not equals or "/" in name:
             name, folder = pathlib.Path(argument).resolve().name, argument
         if name in out:
-            raise ReportError(f"--maps {argument}: duplicate name {name}; give NAME=FOLDER", 2)
+            raise ReportError(f"--maps {argument}: the name {name} is already in use; give "
+                              "NAME=FOLDER", 2)
         out[name] = folder
     return out
 

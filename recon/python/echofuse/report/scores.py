@@ -124,10 +124,10 @@ class Scores:
         if not inside.total:
             return ""
         worst = int(np.nanargmax(error / stated))
-        return (f"{inside.total - inside.count} of {inside.total} bodies are outside the stated "
-                f"90 % interval, {0.1 * inside.total:.0f} expected; worst: record "
-                f"{self.index[worst]}, lateral error {100 * error[worst]:.0f} cm, stated "
-                f"±{100 * stated[worst]:.0f} cm")
+        return (f"{inside.total - inside.count} of {inside.total} bodies are outside their stated "
+                f"90 % interval (expected: {0.1 * inside.total:.0f}); the worst is record "
+                f"{self.index[worst]} with a lateral error of {100 * error[worst]:.0f} cm and a "
+                f"stated interval of ±{100 * stated[worst]:.0f} cm")
 
     @property
     def order(self) -> list[int]:
@@ -248,8 +248,8 @@ def read_models(arguments: Sequence[str], compared: bool) -> list[ReportModel]:
                          ReportModel(name, [path], [facts], tensors, sensors))
         elif known.sensors != sensors:
             raise ReportError(
-                f"{path}: inputs {sensors}, but {known.files[0]} with the same name has "
-                f"{known.sensors}; give --model NAME={path}")
+                f"{path}: the model has the inputs {sensors}, but {known.files[0]} with the same "
+                f"name has the inputs {known.sensors}; give --model NAME={path}")
         else:
             known.files.append(path)
             known.facts.append(facts)

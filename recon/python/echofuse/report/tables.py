@@ -196,8 +196,8 @@ def first_table(models: Sequence[ReportModel], result: dict[str, Any]) -> Block:
     return metrics_table(
         rows, f"{len(models[0].first.index)} records; mean ± standard error over "
               f"{'trainings' if seeds else 'maps'}. In brackets: number of maps in which the "
-              "predicted and the true body overlap. Marked: the best value, and values that do not "
-              "differ from it significantly.")
+              "predicted and the true body overlap. The best value, and values that do not differ "
+              "from it significantly, are marked.")
 
 
 def differences_table(first: str, gains: Sequence[tuple[str, dict[str, Any]]]) -> list[Block]:
@@ -210,7 +210,8 @@ def differences_table(first: str, gains: Sequence[tuple[str, dict[str, Any]]]) -
 
     rows = [[name, *(gain(differences.get(m), METRICS[m]) for m in FIRST)]
             for name, differences in gains if differences]
-    return [table(f"Differences to {first}, paired by record; positive = better; 95 % interval",
+    return [table(f"Differences from {first}, paired by record, with 95 % intervals; positive "
+                  "means better",
                   ["", *(METRICS[m].title for m in FIRST)], rows)] if rows else []
 
 
@@ -223,7 +224,7 @@ def all_table(models: Sequence[ReportModel], result: dict[str, Any]) -> list[Blo
                         means_of(result["trivial"]["empty"])["ssim"].mean)
     scores = f"{raw:.3f}" + (f" raw and {hard:.3f} as a thresholded map" if abs(raw - hard) >= 5e-4
                              else "")
-    out = [table("Marked: the best value, and values that do not differ from it significantly",
+    out = [table("The best value, and values that do not differ from it significantly, are marked",
                  ["metric", *(row.name for row in rows)], lines),
            *differences_table(models[0].title, [(model.title, model.differences)
                                                for model in models[1:]]),
@@ -415,12 +416,13 @@ def comparison(a: ReportModel, b: ReportModel) -> list[Block]:
         gain = gain[~np.isnan(gain)]
         charts.append(chart(f"{len(gain)} records", name, "records below (%)",
                             span=[0, 100], rules=[{"at": 0, "name": "equal"}],
-                            note=f"The second model is better for records right of the line: "
-                                 f"{Count(int((gain > 0).sum()), len(gain))}."))
+                            note="The second model is better for the records to the right of the "
+                                 f"line: {Count(int((gain > 0).sum()), len(gain))}."))
         add_series(charts[-1], "all records", "both", "steps", *shares_below(gain))
-    return [paragraph(f"First: {a.title}. Second: {b.title}."),
-            table("Paired by record; 95 % intervals from resampling blocks of up to ten neighbours",
+    return [paragraph(f"First model: {a.title}. Second model: {b.title}."),
+            table("Paired by record; 95 % intervals from resampling blocks of up to ten "
+                  "neighbouring records",
                   ["metric", "records", "first", "second",
-                   cell("difference", "positive: second is better"), "95 % interval",
+                   cell("difference", "positive: the second model is better"), "95 % interval",
                    "better"], rows),
             {"kind": "charts", "blocks": charts}]

@@ -81,7 +81,7 @@ def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (intended name)
     if not found.is_file():
         if pathlib.Path(path).is_dir():
             raise IsADirectoryError(f"{path}: is a folder; expected a run file")
-        raise FileNotFoundError(f"{path}: no such run")
+        raise FileNotFoundError(f"{path}: no such run file")
     for file in leftovers(found):
         warnings.warn(f"{file}: not read, because the run is closed; move it away", stacklevel=2)
     return Run(found)
@@ -158,8 +158,8 @@ class Run:
                 if (not 0 <= axis.count <= most or not abs(axis.start) < 1e15
                     or not 1e-15 < abs(axis.step) < 1e15):
                     raise ValueError(f"{self.path}: axis {name}: {axis.count} points from "
-                                     f"{axis.start:g} by {axis.step:g}; expected at most {most} "
-                                     "points and plausible positions")
+                                     f"{axis.start:g} in steps of {axis.step:g}; expected at most "
+                                     f"{most} points and plausible positions")
             cursor = db.execute("SELECT * FROM run")
             self.info: dict[str, Any] = dict(zip((column[0] for column in cursor.description),
                                                  cursor.fetchone()))
@@ -350,7 +350,7 @@ class Run:
         x, y = (self.axes.get(name) for name in ("depth_x", "depth_y"))
         to_x, to_y = (self.axes.get(name) for name in ("map_x", "map_y"))
         if x is None or y is None:
-            raise ValueError(f"{self.path}: no depth camera")
+            raise ValueError(f"{self.path}: the run has no depth camera")
         half, size = self.half_tangent, to_x.count if to_x else 64
         return (grid.cells(x, to_x or tangents("map_x", size, half)),
                 grid.cells(y, to_y or tangents("map_y", size, half)))

@@ -59,6 +59,7 @@ def directions(run: Any) -> NDArray[np.float64]:
     unknown."""
     table = np.array([zone[:3] for zone in run.zones], float).reshape(-1, 3)
     if not len(table) or not np.isfinite(table).all():
-        raise ValueError(f"{run.path}: directions of the detector zones are unknown; set "
-                         "spd.zones in run.toml, or send them in the hello of the bridge")
+        raise ValueError(f"{run.path}: the directions of the detector zones are unknown; set "
+                         "spd.zones in run.toml, or send the zones in the hello message of the "
+                         "bridge")
     return table
