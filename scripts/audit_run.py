@@ -166,7 +166,8 @@ def audit_tags_within(run, entries, latency_ns):
     sums = [0, *itertools.accumulate(n for *_, n, _ in tags.delivered)]
     if received not in set(sums):
         near = sums[bisect.bisect_left(sums, received) - 1]
-        account.fault(f"the driver received {received} tags; expected a sum of complete blocks (the previous block ends at {near})")
+        account.fault(f"the driver received {received} tags, but these do not end with a complete block; "
+                      f"the last complete block ends at tag {near}")
     before = received - in_records - late - outside
     if before != run.counters["spd", "early"]:
         account.fault(f"{before} received tags are neither in a record nor counted as late or outside; "
@@ -286,7 +287,7 @@ def audit_frames(run, sensor, entries):
         left += audit_range(account, frames, each, near, left, counts)
     # Frames missing in the last range may be in the records after it.
     if abs(left) > (ranges[-1].movable(frames) if rest else 0):
-        account.fault(f"the sum of frames in records, late and lost differs by {abs(left)} from the number sent")
+        account.fault(f"the total of frames in records, late frames and lost frames differs by {abs(left)} from the number of sent frames")
     got = sum(r[f"{sensor}_frames"] for r in rest)
     previous = ranges[-1].last if ranges else None
     may = sum(1 for n in frames.by_number if frames.plausible(n, previous, run.records[-1]))
@@ -295,7 +296,7 @@ def audit_frames(run, sensor, entries):
     counts["in records"] += got
     late, outside, early = (run.counters[sensor, what] for what in ("late", "outside", "early"))
     if (of_records := sum(r[f"{sensor}_late"] for r in run.records)) != late:
-        account.fault(f"{late} frames are counted as late in total, but {of_records} in the records")
+        account.fault(f"the run counts {late} late frames, but its records count {of_records}")
     nowhere = (run.counters[sensor, "frames"] - run.counters[sensor, "early_frames"] - late - outside - early -
                run.counters[sensor, "duplicate"] - sum(r[f"{sensor}_frames"] for r in run.records))
     if nowhere:
@@ -353,7 +354,7 @@ def audit_range(account, frames, part, near, before, counts):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("run", help="run file")
-    parser.add_argument("log", help="log of echofuse-sim lab --log")
+    parser.add_argument("log", help="log file written by `echofuse-sim lab --log`")
     parser.add_argument("--json", action="store_true", help="print the result of the audit as one JSON object")
     args = parser.parse_args()
     run, log = Run(args.run), read_log(args.log)

@@ -48,8 +48,8 @@ def fail(text, code=NO_DEVICE):
 
 def require_packages():
     if pack.MISSING:  # --help works without the packages
-        fail(f"{pack.MISSING}; the bridges need numpy and, without {pack.NAME}, crc32c "
-             "(Debian: python3-numpy python3-crc32c)" + (f"; {pack.why_not}" if pack.why_not else ""))
+        fail(f"{pack.MISSING}; the bridges require numpy, and also crc32c if {pack.NAME} is missing (Debian packages: "
+             "python3-numpy python3-crc32c)" + (f"; {pack.why_not}" if pack.why_not else ""))
 
 
 def block(kind, sequence, payload, dropped=0):
@@ -87,7 +87,7 @@ def listen_address(text):
     """Parses HOST:PORT or [IPV6]:PORT for argparse; returns (host, port)."""
     host, colon, port = text.rpartition(":")
     if not colon or not host or not port.isdigit() or int(port) > 65535:
-        raise argparse.ArgumentTypeError(f"{text!r} is not HOST:PORT")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected HOST:PORT")
     return host.strip("[]"), int(port)
 
 
@@ -99,7 +99,7 @@ def number(kind, low, high):
         except ValueError:
             value = None
         if value is None or not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{text!r} is not a number from {low} to {high}")
+            raise argparse.ArgumentTypeError(f"{text!r}: expected a number from {low} to {high}")
         return value
     return parse
 
@@ -254,7 +254,7 @@ class Server:
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, DEAD_CLIENT_MS)
         if not self._welcome(client):
-            say(f"{peer[0]}:{peer[1]} was refused: " + ("another client is connected" if self._client else "no device"))
+            say(f"refused a client at {peer[0]}:{peer[1]}: " + ("another client is connected" if self._client else "no device"))
             return send_away(client)
         self._selector.register(client, selectors.EVENT_READ)
         self._events = selectors.EVENT_READ
@@ -396,7 +396,7 @@ def run(address, open_device, items):
         close_quietly(device)
         device = reopen(open_device, stop)
     server.close()
-    say(f"sent {server.sent} {items} to {server.clients} clients, dropped {server.dropped}")
+    say(f"sent {server.sent} {items} to {server.clients} clients, and dropped {server.dropped} {items}")
     return 0
 
 

@@ -24,17 +24,18 @@ def parse_arguments(arguments, text, epilog, height, depth_modes=False):
     parser = bridge.parser(text, epilog)
     add, number = parser.add_argument, bridge.number
     add("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41111),
-        help="address for echofuse (127.0.0.1:41111), without a password: use trusted networks only")
+        help="address to which echofuse connects (default: 127.0.0.1:41111); use only trusted networks, because no password is needed")
     add("--serial", default="", help="serial number of the camera, if several are attached")
-    add("--width", type=number(int, 1, 4096), default=640, help="width of the depth image, pixels (640)")
-    add("--height", type=number(int, 1, 2048), default=height, help=f"height of the depth image, pixels ({height})")
-    add("--fps", type=number(int, 1, 120), default=15, help="frames per second (15)")
+    add("--width", type=number(int, 1, 4096), default=640, help="width of the depth image, pixels (default: 640)")
+    add("--height", type=number(int, 1, 2048), default=height,
+        help=f"height of the depth image, pixels (default: {height})")
+    add("--fps", type=number(int, 1, 120), default=15, help="number of frames per second (default: 15)")
     add("--no-projector", action="store_true",
-        help="switch off the infrared projector (850 nm), which silicon detectors detect")
-    add("--preset", metavar="NAME", help="preset of the SDK, e.g. \"High Accuracy\"; an unknown name prints the list")
+        help="switch off the infrared projector, because silicon detectors detect its light (850 nm)")
+    add("--preset", metavar="NAME", help="preset of the SDK, e.g. \"High Accuracy\"; an unknown name prints a list of all presets")
     if depth_modes:
         add("--depth-mode", metavar="NAME",
-            help="depth mode, e.g. \"Unbinned Dense Default\"; an unknown name prints the list")
+            help="depth mode, e.g. \"Unbinned Dense Default\"; an unknown name prints a list of all depth modes")
     return parser.parse_args(arguments)
 
 
@@ -63,9 +64,9 @@ class Camera:
         size, asked = (lens.width, lens.height), (self._options.width, self._options.height)
         mode = f"{asked[0]} x {asked[1]} pixels"
         if not (lens.fx > 0 and lens.fy > 0 and np.isfinite([lens.fx, lens.fy, lens.cx, lens.cy]).all()):
-            raise RuntimeError(f"the SDK has no intrinsics for the depth mode of {mode}: fx {lens.fx:g}, fy {lens.fy:g}; "
-                               "without them the directions of the pixels are unknown; choose another --width and --height, or update "
-                               "the SDK and the camera's firmware")
+            raise RuntimeError(f"the SDK has no valid intrinsics for the depth mode of {mode}: fx {lens.fx:g}, fy "
+                               f"{lens.fy:g}; without intrinsics, the directions of the pixels are unknown; choose "
+                               "another --width and --height, or update the SDK and the camera's firmware")
         if size != asked:
             raise RuntimeError(f"the intrinsics are for {size[0]} x {size[1]} pixels; expected {mode}")
         self._axes = -lens.cx / lens.fx, 1 / lens.fx, lens.cy / lens.fy, -1 / lens.fy
@@ -120,8 +121,8 @@ class Camera:
         if time.monotonic() - self._last_frame_s < SILENCE_S:
             return
         if self._restarted:
-            raise RuntimeError("no frames after a restart")
-        bridge.say(f"no frame for {SILENCE_S:g} s: restarting the stream")
+            raise RuntimeError("no frames arrived after a restart of the stream")
+        bridge.say(f"no frame has arrived for {SILENCE_S:g} s; restarting the stream")
         self.stop()
         self.start()
         server.lose(1)  # a restart loses at least one frame; the true number is unknown because frame numbers restart

@@ -46,7 +46,7 @@ class Board:
 def main():
     parser = bridge.parser(__doc__)
     parser.add_argument("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41112),
-                        help="address for echofuse (127.0.0.1:41112)")
+                        help="address to which echofuse connects (default: 127.0.0.1:41112)")
     parser.add_argument("--serial", default="", help="serial number of the board")
     options = parser.parse_args()
     bridge.require_packages()

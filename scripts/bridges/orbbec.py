@@ -94,20 +94,20 @@ class Camera(camera.Camera):
         try:
             return profiles.get_video_stream_profile(o.width, o.height, self._sdk.OBFormat.Y16, o.fps)
         except Exception as error:
-            raise RuntimeError(f"no depth mode {o.width} x {o.height} at {o.fps} frames/s: {error}") from None
+            raise RuntimeError(f"the camera has no depth mode with {o.width} x {o.height} pixels at {o.fps} frames/s: {error}") from None
 
     def _read_lens(self, profile):
         """Reads the intrinsics from the profile, because Pipeline.get_camera_param() returns zeros in version 2
         without a colour stream (orbbec/pyorbbecsdk, issues 56 and 103)."""
         if not hasattr(profile, "get_intrinsic"):
-            raise RuntimeError("this version of pyorbbecsdk has no intrinsics of a stream; install version 2: "
-                               "package pyorbbecsdk2")
+            raise RuntimeError("this version of pyorbbecsdk does not provide the intrinsics of a stream; install "
+                               "version 2 (package pyorbbecsdk2)")
         try:
             lens, distortion = profile.get_intrinsic(), profile.get_distortion()
         except Exception as error:
             raise RuntimeError(f"cannot read the intrinsics of the depth mode: {error}") from None
         self.began(lens)
-        bridge.say(f"lens distortion, not corrected: up to {distortion_px(lens, distortion):.2f} pixel")
+        bridge.say(f"the lens distortion of up to {distortion_px(lens, distortion):.2f} pixels is not corrected")
 
     def hello(self):
         return self._hello

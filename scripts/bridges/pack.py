@@ -37,7 +37,7 @@ def open_library():
     try:
         found = ctypes.CDLL(str(path))
         if found.echofuse_bridge_pack_version() != VERSION:
-            return None, f"{path} has another version"
+            return None, f"{path} was built for another version of the bridges"
         found.echofuse_pack_tags.argtypes = [pointer, pointer, u32, i32, i32, pointer]
         found.echofuse_crc32c.argtypes = [pointer, ctypes.c_size_t, u32]
         found.echofuse_pack_tags.restype, found.echofuse_crc32c.restype = None, u32

@@ -36,7 +36,7 @@ class Camera(camera.Camera):
         try:
             profile = self._pipeline.start(self._config)
         except Exception as error:
-            raise RuntimeError(f"no depth mode {o.width} x {o.height} at {o.fps} frames/s: {error}") from None
+            raise RuntimeError(f"the camera has no depth mode with {o.width} x {o.height} pixels at {o.fps} frames/s: {error}") from None
         try:
             device = profile.get_device()
             self._hello = {"model": device.get_info(sdk.camera_info.name),

@@ -50,7 +50,7 @@ def setting(kind, low, high):
         try:
             return int(channel), parse_value(value)
         except ValueError:
-            raise argparse.ArgumentTypeError(f"{text!r} is not CH=VALUE") from None
+            raise argparse.ArgumentTypeError(f"{text!r}: expected CH=VALUE") from None
     return parse
 
 
@@ -59,31 +59,33 @@ def parse_arguments(arguments):
     number = bridge.number
     add = parser.add_argument
     add("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41110),
-        help="address for echofuse (127.0.0.1:41110), without a password: use trusted networks only")
+        help="address to which echofuse connects (default: 127.0.0.1:41110); use only trusted networks, because no password is needed")
     add("--serial", default="", help="serial number of the device, if several are attached")
-    add("--network", metavar="HOST[:PORT]", help="use a Time Tagger server instead of a local device (port 41101)")
-    add("--file", metavar="X.ttbin", type=pathlib.Path, help="replay a recording in real time; starts when the first client connects")
+    add("--network", metavar="HOST[:PORT]", help="use a Time Tagger server instead of a local device (default port: 41101)")
+    add("--file", metavar="X.ttbin", type=pathlib.Path, help="replay this recording in real time, starting when the first client connects")
     add("--resolution", choices=RESOLUTIONS, help="resolution mode of the device; finer modes have fewer channels")
     add("--scan", metavar="CH", type=number(int, -99, 99),
-        help="measure and print the rate at each trigger level, then exit")
+        help="measure the pulse rate of this channel at each trigger level, print the rates, and exit")
     add("--start-channel", metavar="CH", type=number(int, -99, 99), default=1,
-        help="channel of the laser sync (1); negative: falling edge; on old devices with inputs 0 to 7, add 8")
-    add("--click-channel", metavar="CH", type=number(int, -99, 99), default=2, help="channel of the detector (2)")
+        help="channel of the laser sync (default: 1); for the falling edge, use the negative channel number, or add 8 "
+             "on old devices with inputs 0 to 7")
+    add("--click-channel", metavar="CH", type=number(int, -99, 99), default=2, help="channel of the detector (default: 2)")
     per_channel = dict(action="append", default=[])
     add("--trigger-level", metavar="CH=V", type=setting(float, -5, 5), **per_channel,
-        help="trigger level, V (repeatable, like the next three options); negative channel: --trigger-level=-2=0.5")
+        help="trigger level of a channel, V; may be repeated; for a negative channel, write e.g. --trigger-level=-2=0.5")
     add("--input-delay", metavar="CH=PS", type=setting(int, -10**12, 10**12), **per_channel,
-        help="delay of a channel, ps")
+        help="delay of a channel, ps; may be repeated")
     add("--dead-time", metavar="CH=PS", type=setting(int, 0, 10**12), **per_channel,
-        help="dead time of a channel, ps; the device rounds it, and the bridge prints the result")
+        help="dead time of a channel, ps; the device rounds this value, and the bridge prints the rounded value; may be repeated")
     add("--event-divider", metavar="CH=N", type=setting(int, 1, 65535), **per_channel,
-        help="keep every N-th event of a channel")
+        help="keep only every N-th event of a channel; may be repeated")
     add("--conditional-filter", metavar="PS", type=number(int, 0, 2_000_000),
-        help="send only laser pulses that follow a photon, with a sync delay of PS ps (explained below)")
-    add("--test-signal", action="store_true", help="switch on the built-in test signal on both channels")
+        help="send only the laser pulses that follow a photon, and delay the sync by PS picoseconds (explained below)")
+    add("--test-signal", action="store_true", help="switch on the built-in test signal on the start channel and the click channel")
     add("--max-events", metavar="N", type=number(int, 1000, MOST_EVENTS), default=1 << 24,
-        help="buffer size of the library, tags (16777216); if it overflows, tags are lost and counted as one per block")
-    add("--block-ms", metavar="MS", type=number(float, 1, 500), default=20.0, help="time between blocks of tags, ms (20)")
+        help="number of tags that fit in the buffer of the library (default: 16777216); if the buffer overflows, tags "
+             "are lost, and one lost tag is counted for each block")
+    add("--block-ms", metavar="MS", type=number(float, 1, 500), default=20.0, help="time between blocks of tags, ms (default: 20)")
     options = parser.parse_args(arguments)
     given = ["--" + name.replace("_", "-") for name in ("serial", "network", "file", "resolution", "scan", *HARDWARE)
              if getattr(options, name) not in (None, "", [], False)]
@@ -98,7 +100,7 @@ def parse_arguments(arguments):
     for name in ("trigger_level", "input_delay", "dead_time", "event_divider"):
         for channel, _ in getattr(options, name):
             if abs(channel) not in used:
-                parser.error(f"--{name.replace('_', '-')}: channel {channel} is neither start nor click")
+                parser.error(f"--{name.replace('_', '-')}: channel {channel} is neither the start channel nor the click channel")
     if options.conditional_filter is not None and any(abs(c) == abs(options.start_channel)
                                                       for c, _ in options.event_divider):
         parser.error("--event-divider on the start channel cannot be combined with --conditional-filter: it would drop the "
@@ -137,8 +139,7 @@ class Tagger:
                 tagger.setTriggerLevel(channel, volts)
             self._set_delays()
             for channel, asked_ps in options.dead_time:
-                bridge.say(f"dead time of channel {channel}: {tagger.setDeadtime(channel, asked_ps)} ps "
-                           f"(requested: {asked_ps})")
+                bridge.say(f"dead time of channel {channel}: {tagger.setDeadtime(channel, asked_ps)} ps (requested: {asked_ps} ps)")
             filtered = options.conditional_filter is not None
             if filtered or not shared:
                 tagger.setConditionalFilter([options.click_channel] if filtered else [],
@@ -187,7 +188,7 @@ class Tagger:
             server.lose(lost)
         self._losses.look(blocks, lost, server.dropped)
         if ended and not blocks:
-            raise bridge.Finished(f"{self._options.file} has ended")
+            raise bridge.Finished(f"the recording {self._options.file} has ended")
         if not self._replay:
             self._watch(bool(blocks))
         return 0 if lost else self._options.block_ms * 1e-3
@@ -199,14 +200,14 @@ class Tagger:
         if tags_came:
             self._last_tags_s, self._dark_reported = now, False
         if self._options.network and not self._tagger.isConnected():
-            raise RuntimeError(f"connection to the server {self._options.network} lost")
+            raise RuntimeError(f"the connection to the server {self._options.network} was lost")
         if now - self._last_tags_s < SILENCE_S:
             return
         if not self._tagger.sync(ANSWER_MS):
-            raise RuntimeError(f"no tags for {SILENCE_S:g} s, and the device does not answer: it is disconnected")
+            raise RuntimeError(f"no tags have arrived for {SILENCE_S:g} s, and the device does not answer; it is disconnected")
         if not self._dark_reported:
-            bridge.say(f"no tags for {SILENCE_S:g} s, but the device answers: is the laser on, are the trigger levels "
-                       "right?")
+            bridge.say(f"no tags have arrived for {SILENCE_S:g} s, but the device answers; check that the laser is on "
+                       "and that the trigger levels are correct")
         self._dark_reported = True
         self._last_tags_s = time.monotonic()
 
@@ -334,11 +335,11 @@ class Losses:
 
     def _tell(self, seconds):
         rate = self._tags / max(seconds, 1e-9)
-        text = f"tags are lost at {rate * 1e-6:.2f} million tags/s ({16e-6 * rate:.0f} MB/s): " \
+        text = f"tags are lost at a tag rate of {rate * 1e-6:.2f} million/s ({16e-6 * rate:.0f} MB/s): " \
             f"{' and '.join(self._places)}"
         if self._options.conditional_filter is None and 2 * self._starts > self._tags:
-            text += f"; {100 * self._starts / self._tags:.0f} % of them are laser pulses: --conditional-filter sends " \
-                "only the pulses that follow a photon"
+            text += f"; {100 * self._starts / self._tags:.0f} % of the tags are laser pulses; --conditional-filter sends " \
+                "only the laser pulses that follow a photon"
         bridge.say(text)
 
 
@@ -388,8 +389,8 @@ def main():
     options = parse_arguments(sys.argv[1:])
     bridge.require_packages()
     if pack.why_not:
-        bridge.fail(f"{pack.why_not}; it is part of the build: copy it next to the bridge, or name it in "
-                    "ECHOFUSE_BRIDGE_LIBRARY; it needs Debian's libisal2")
+        bridge.fail(f"{pack.why_not}; the library is part of the build: copy it into the folder of the bridge, or set "
+                    "ECHOFUSE_BRIDGE_LIBRARY to its path; it requires Debian's libisal2")
     pack.keep_freed_memory()
     # module names of newer and older libraries
     library = vendor.library(["Swabian.TimeTagger", "TimeTagger"], "Swabian-TimeTagger")

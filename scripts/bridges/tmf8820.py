@@ -141,13 +141,14 @@ class Chip:
 def main():
     parser = bridge.parser(__doc__)
     parser.add_argument("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41112),
-                        help="address for echofuse (127.0.0.1:41112)")
-    parser.add_argument("--port", metavar="FILE", default="/dev/ttyACM0", help="serial port of the board (/dev/ttyACM0)")
+                        help="address to which echofuse connects (default: 127.0.0.1:41112)")
+    parser.add_argument("--port", metavar="FILE", default="/dev/ttyACM0", help="serial port of the board (default: /dev/ttyACM0)")
     parser.add_argument("--baud", type=int, default=115200, choices=(115200, 230400, 460800, 921600, 1000000),
-                        help="baud rate of the serial port (115200)")
+                        help="baud rate of the serial port (default: 115200)")
     parser.add_argument("--exposure", metavar="S", type=bridge.number(float, 0.001, 60), default=EXPOSURE_S,
-                        help=f"duration of a measurement, s ({EXPOSURE_S:g})")
-    parser.add_argument("--replay", metavar="FILE", help="replay a log or the public captures (.json.gz) in a loop, without a board")
+                        help=f"duration of a measurement, s (default: {EXPOSURE_S:g})")
+    parser.add_argument("--replay", metavar="FILE",
+                        help="replay this log or public capture (.json.gz) in a loop, instead of reading from a board")
     options = parser.parse_args()
     bridge.require_packages()
     return bridge.run(options.listen, lambda: Chip(options), "histograms")

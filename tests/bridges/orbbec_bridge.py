@@ -78,7 +78,7 @@ class Calls(CameraCase):
             self.open("--preset", "Default")
 
     def test_image_size_that_the_camera_does_not_support_is_refused(self):
-        with self.assertRaisesRegex(RuntimeError, "^no depth mode 64 x 48 at 30 frames/s: Invalid input"):
+        with self.assertRaisesRegex(RuntimeError, "^the camera has no depth mode with 64 x 48 pixels at 30 frames/s: Invalid input"):
             self.open("--height", "48")
 
     def test_intrinsics_for_another_image_size_are_refused(self):
@@ -88,8 +88,8 @@ class Calls(CameraCase):
         self.assertEqual(recorder.calls[-1], ("stop",))
 
     def test_missing_camera_intrinsics_are_refused(self):
-        for fault, words in (("zero", "no intrinsics for the depth mode of 64 x 64 pixels: fx 0, fy 0"),
-                             ("nan", "no intrinsics for the depth mode"), ("none", "install version 2")):
+        for fault, words in (("zero", "no valid intrinsics for the depth mode of 64 x 64 pixels: fx 0, fy 0"),
+                             ("nan", "no valid intrinsics for the depth mode"), ("none", "install version 2")):
             with mock.patch.object(sdk, "intrinsics", fault):
                 self.assertRaisesRegex(RuntimeError, words, self.open)
             self.assertEqual(recorder.calls[-1], ("stop",))
@@ -199,7 +199,7 @@ class Process(unittest.TestCase):
     def test_bridge_program_refuses_intrinsics_that_are_zero(self):
         with Program("orbbec.py", *SIZE, STAND_IN_INTRINSICS="zero") as program:
             self.assertEqual(program.process.wait(10), 4)
-            self.assertRegex(program.said(), r"\Aorbbec: the SDK has no intrinsics for [^\n]*\n\Z")
+            self.assertRegex(program.said(), r"\Aorbbec: the SDK has no valid intrinsics for [^\n]*\n\Z")
 
     def test_missing_vendor_library_is_reported_with_a_remedy(self):
         with tempfile.TemporaryDirectory() as folder:

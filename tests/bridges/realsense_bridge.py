@@ -58,7 +58,7 @@ class Process(unittest.TestCase):
             for index, z in seen.items():
                 z_mm = sdk.values(index, 64 * 48) * (0.1 if index >= 156 else 1)
                 np.testing.assert_array_equal(z, np.rint(z_mm))
-            self.assertEqual(program.said().count("dropping"), 1)
+            self.assertEqual(program.said().count("dropping frames"), 1)
             self.assertEqual(program.stop(), 0)
             self.assertEqual(program.calls().count(("start",)), 1)
 
@@ -66,11 +66,11 @@ class Process(unittest.TestCase):
         for words, env, why in (([], {"STAND_IN_CAMERAS": "0"}, "no RealSense camera is connected"),
                                 (["--serial", "1"], {}, "no RealSense camera with the serial number 1; attached: STAND-IN-3"),
                                 ([], {"STAND_IN_CAMERAS": "2"}, "choose one with --serial: STAND-IN-3, STAND-IN-3"),
-                                (["--width", "65"], {}, "no depth mode 65 x 48 at 30 frames/s: Couldn't resolve"),
+                                (["--width", "65"], {}, "the camera has no depth mode with 65 x 48 pixels at 30 frames/s: Couldn't resolve"),
                                 (["--preset", "x"], {}, 'no preset "x"; this camera has "Custom", "Default"'),
                                 (["--preset", "x"], {"STAND_IN_LACKS": "preset"}, "this camera has none"),
                                 (["--no-projector"], {"STAND_IN_LACKS": "emitter"}, "cannot switch off its projector"),
-                                ([], {"STAND_IN_INTRINSICS": "zero"}, "the SDK has no intrinsics")):
+                                ([], {"STAND_IN_INTRINSICS": "zero"}, "the SDK has no valid intrinsics")):
             with self.subTest(why), Program("realsense.py", *SIZE, *words, **env) as program:
                 self.assertEqual(program.process.wait(10), 4)
                 self.assertIn(why, program.said())
@@ -79,7 +79,7 @@ class Process(unittest.TestCase):
         with Program("realsense.py", *SIZE, STAND_IN_SILENT="5", STAND_IN_FAULTS="try_wait_for_frames:180,query_devices:2") as program:
             with Client(program.address) as client:
                 blocks = client.until(bridge.BYE)
-            self.assertIn("no frame for 3 s: restarting the stream", program.said())
+            self.assertIn("no frame has arrived for 3 s; restarting the stream", program.said())
             self.assertEqual(sum(b.dropped for b in blocks), 1)
             testing.wait_for("camera", lambda: program.calls().count(("start",)) == 3)
             self.assertEqual(program.stop(), 0)

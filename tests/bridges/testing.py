@@ -136,7 +136,7 @@ class Program:
 
     def sent(self):
         """Returns the totals that the bridge prints at its end: sent items, clients and dropped items."""
-        return tuple(map(int, re.search(r"sent (\d+) \w+ to (\d+) clients, dropped (\d+)", self.said()).groups()))
+        return tuple(map(int, re.search(r"sent (\d+) \w+ to (\d+) clients, and dropped (\d+)", self.said()).groups()))
 
 
 def main():

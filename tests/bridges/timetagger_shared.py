@@ -51,7 +51,7 @@ class Shared(unittest.TestCase):
                 client.until(bridge.BYE)
             with connect(program.address) as client:
                 client.until(bridge.TAGS)
-            self.assertIn("connection to the server lab:41101 lost; trying again", program.said())
+            self.assertIn("the connection to the server lab:41101 was lost; trying again", program.said())
 
     def test_replay_of_a_recording_starts_when_the_first_client_connects(self):
         with tempfile.NamedTemporaryFile(suffix=".ttbin") as file:

@@ -127,10 +127,11 @@ def text(share: Floats, sizes: NDArray[np.int64]) -> str:
     """Returns a summary with one line for all letters, and one line per size."""
     lines = []
     for name, rows in [("letters", sizes >= 0),
-                       *((f"{100 * high:.0f} x {100 * wide:.0f} cm", sizes == k)
+                       *((f"letters of {100 * high:.0f} x {100 * wide:.0f} cm", sizes == k)
                          for k, (wide, high, _) in enumerate(SIZES))]:
         part = share[rows & np.isfinite(share)]
         error = part.std(ddof=1) / np.sqrt(len(part)) if len(part) > 1 else float("nan")
         if len(part):
-            lines.append(f"{len(part)} {name}: {part.mean():.3f} +- {error:.3f} recognised")
+            lines.append(f"{len(part)} {name}: fraction recognised {part.mean():.3f} +- "
+                         f"{error:.3f}")
     return "\n".join(lines) + "; 0.1 is expected by chance"

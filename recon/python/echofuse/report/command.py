@@ -140,7 +140,7 @@ class Report:
             found = record_blocks(self.args.live, self.story.typical())
             caption = ("A record from the middle of the run, among the records with data from the "
                        "most sensors.")
-        # the record is from another run
+        # index None: the record is not from the scored run
         index = {} if self.args.live == self.run else {"index": None}
         self.main += [block | {"caption": caption} | index for block in found.values()]
         self.span = self.span if self.models or self.others or not self.main else span_of(
@@ -353,7 +353,7 @@ def measured(record: Block) -> list[str]:
 
 
 def require(args: argparse.Namespace) -> None:
-    """Raises ReportError with exit code 2 if options exclude each other or are missing."""
+    """Raises ReportError with exit code 2 if options are missing or cannot be combined."""
     for wrong, text in ((args.empty and not args.run, "--empty requires --run"),
                         (args.model and args.compare,
                          "--compare cannot be combined with --model"),
