@@ -10,7 +10,8 @@
 
 namespace {
 
-// Aborts a test case that hangs. Catch then prints the case, its section and the last check before.
+// Aborts a test case that hangs. Catch then prints the test case, the section and the last
+// completed check.
 struct Deadline : Catch::TestEventListenerBase {
   using TestEventListenerBase::TestEventListenerBase;
   void testCaseStarting(const Catch::TestCaseInfo&) override {

@@ -28,7 +28,7 @@ def tracked():
 
 sources = []
 cases = []  # names of the Catch test cases
-types = {}  # files that define a type, by its full name
+types = {}  # files that define a type, by the full name of the type
 # Comments that begin with a vague word, by top folder. Comments begin with a verb or a noun (.github/CONTRIBUTING.md).
 # The limits may be lowered but not raised.
 vague = re.compile(r"(It|They|This|These|Of|What|Where|Whoever|Whose)\b", re.I)
@@ -182,8 +182,8 @@ for path in texts:
 
 # Checks that programs, subcommands and options in manuals (fenced blocks and `code`) exist.
 if len(sys.argv) > 1:  # the argument is the folder of the built programs
-    typed = []  # (manual or help text, command line in it)
-    options = {}  # options in the help of a program or command, including inherited ones, by its words
+    typed = []  # pairs of a manual or help text and a command line in it
+    options = {}  # options that a program or command accepts, by the words of the command
 
     def read_help(words, inherited=frozenset()):
         help_text = subprocess.run([pathlib.Path(sys.argv[1]) / words[0], *words[1:], "--help"], capture_output=True,

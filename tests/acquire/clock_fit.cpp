@@ -38,8 +38,9 @@ struct Outcome {
   double worst_s, residual_s, drift_error_ppm, offset_error_s;
 };
 
-// Feeds 90 s of samples, each read 0 to 50 ms late and one in twenty up to 550 ms late. A late
-// sample also delays the samples after it. Returns the largest errors after the first 30 s.
+// Feeds the fit 90 s of samples, each read 0 to 50 ms late and one in twenty up to 550 ms late. A
+// late sample also delays the samples after it. Returns the largest errors of the fit after the
+// first 30 s.
 Outcome watch(ClockFit fit, const Device& device, double rate_hz, std::uint64_t seed) {
   Rng rng = make_rng(seed, 7);
   std::uniform_real_distribution<double> uniform(0, 1);
@@ -146,7 +147,7 @@ TEST_CASE("the clock fit unwraps device counters that overflow") {
     CHECK(std::abs(fit.state(host(t))->drift_ppm + 150) < 2);
   }
   SECTION("a 64-bit tagger counter is unwrapped after 2^63 ps") {
-    const Device device{1e-12, 9'223'371.0, 0};  // 1 s before the wrap
+    const Device device{1e-12, 9'223'371.0, 0};  // the counter wraps after about 1 s
     ClockFit fit(1e-12);
     const double t = feed(fit, device, 0, 100);
     CHECK(static_cast<std::int64_t>(device.ticks(t)) < 0);
@@ -162,7 +163,8 @@ TEST_CASE("damaged time stamps do not affect the clock fit") {
   for (int i = 0; i < 200; ++i) {
     const std::uint64_t wrong = rng();
     fit.add(wrong, host(t));
-    CHECK(fit.taken(wrong, host(t)) == host(t));  // the receive time is used instead
+    CHECK(fit.taken(wrong, host(t)) ==
+          host(t));  // the receive time replaces the damaged time stamp
     t = feed(fit, device, t, 2);
     REQUIRE(error_s(fit, device, t - 0.1, host(t)) < 0.0011);
   }

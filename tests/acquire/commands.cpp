@@ -16,7 +16,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-// Loopback address without a server. Each process has its own because devices are locked.
+// Loopback address without a server. Each test process has its own address, because programs lock
+// devices by address.
 const std::string host = [] {
   const auto pid = static_cast<unsigned>(::getpid());
   return "127." + std::to_string(pid >> 16 & 255u) + '.' + std::to_string(pid >> 8 & 255u) + '.' +
@@ -63,7 +64,7 @@ TEST_CASE("commands accept --help and --version, and durations such as 1h 30m 10
   CHECK(has(acquire("--version").text, "echofuse-acquire "));
   for (const char* no_time : {"10", "2h30", "30m2h", "2h2h", "h", "''", "2h-30m", "2x", "nans"})
     refuses(std::string("run --out a --duration ") + no_time, 2, "numbers with units");
-  // The durations are valid, so that only the missing file is reported.
+  // All these durations are valid, so only the missing file is reported.
   for (const char* time : {"2h30m", "'1h 30m 10s'", "90min", "1.5h"})
     refuses(std::string("doctor --config no.toml --duration ") + time, 3, "no.toml");
 }
@@ -127,7 +128,7 @@ TEST_CASE("commands refuse a FIFO in place of a regular file, and do not block")
   for (const char* beside : {"-wal", "-shm", "-journal"}) {
     const std::string name = folder / "a.sqlite" + beside;
     REQUIRE(::mkfifo(name.c_str(), 0666) == 0);
-    // Readers of a closed run do not open the FIFO.
+    // A reader of a closed run does not open the FIFO that has the name of a side file.
     CHECK(acquire("info " + folder / "a.sqlite").code == 0);
     fs::remove(name);
   }

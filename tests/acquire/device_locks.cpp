@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// Folder with device locks that only this test uses.
+// Folder for device locks that only this test uses.
 struct Locks : test::Folder {
   Locks() : before(lock_folder()) { ::setenv("ECHOFUSE_LOCKS", path.c_str(), 1); }
   ~Locks() { ::setenv("ECHOFUSE_LOCKS", before.c_str(), 1); }

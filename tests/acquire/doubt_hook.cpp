@@ -28,7 +28,7 @@ record::FusedRecord record_of(std::int64_t index, const std::string& radar_verdi
 
 constexpr SensorSet both{Sensor::spd, Sensor::radar};
 
-// Alert hook with a program that appends a line to a file at each call.
+// Alert hook with a program that appends a line to a file on each call.
 struct Calls {
   explicit Calls(const record::AlertLimits& limits = {}, const std::string& program = {})
       : hook({"sh", "-c",

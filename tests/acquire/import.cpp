@@ -89,21 +89,22 @@ acquire::Config config_of(const Folder& folder, double window_s = 0.5) {
 
 TEST_CASE("import decodes the .ptu records of all supported PicoQuant devices") {
   using Tags = std::vector<std::pair<std::int32_t, std::int64_t>>;
-  // HydraHarp format 2: a sync, input 1, three overflows, a marker, input 3
+  // HydraHarp format 2: a sync event, a click at input 1, three overflows, a marker and a click at
+  // input 3
   CHECK(tags_of({0x01010204, 1e-12, 0}, {special | t2(0, 7), t2(0, 9), special | t2(63, 3),
                                          special | t2(1, 5), t2(2, 1)}) ==
         Tags{{0, 7}, {1, 9}, {3, 3 * 33'554'432 + 1}});
-  // HydraHarp format 1: each overflow record counts once and has another length
+  // HydraHarp format 1: an overflow record means one overflow of 33 552 000 time units
   CHECK(tags_of({0x00010204, 1e-12, 0}, {special | t2(63, 3), t2(0, 1)}) == Tags{{1, 33'552'001}});
   // MultiHarp T3: two clicks after one pulse, then a click after a later pulse
   CHECK(
       tags_of({0x00010307, 1e-7, 5e-12},
               {t3(0, 20, 4), t3(1, 30, 4), special | t3(63, 0, 2), t3(0, 1, 0)}) ==
       Tags{{0, 400'000}, {1, 400'100}, {2, 400'150}, {0, 2048 * 100'000}, {1, 2048 * 100'000 + 5}});
-  // PicoHarp T2 with 4 ps resolution: a sync, an overflow, a marker, input 1
+  // PicoHarp T2 with 4 ps resolution: a sync event, an overflow, a marker and a click at input 1
   CHECK(tags_of({0x00010203, 4e-12, 0}, {5, 15u << 28, 15u << 28 | 1, 1u << 28 | 6}) ==
         Tags{{0, 20}, {1, 4 * (210'698'240 + 6)}});
-  // PicoHarp T3: input 1, an overflow, input 2
+  // PicoHarp T3: a click at input 1, an overflow and a click at input 2
   CHECK(tags_of({0x00010303, 1e-7, 4e-12},
                 {1u << 28 | 10u << 16 | 3, 15u << 28, 2u << 28 | 1u << 16}) ==
         Tags{{0, 300'000}, {1, 300'040}, {0, 65536LL * 100'000}, {2, 65536LL * 100'000 + 4}});

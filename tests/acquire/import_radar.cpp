@@ -83,7 +83,7 @@ TEST_CASE(
     CHECK(i.used == used);
     CHECK(has(i.said, saying));
     if (saying.empty())
-      CHECK(std::ranges::count(i.said, '\n') == 1);  // the only line states the start time
+      CHECK(std::ranges::count(i.said, '\n') == 1);  // the only message reports the start time
   };
   constexpr double wrap_s = 0x1p32 * 5e-9;
   const Used even{21, 20, 19};
@@ -112,7 +112,7 @@ TEST_CASE(
   points.frames(1, 59);
   points.tlv = 2;
   check(points.frames(60, 60), {0, 0, 1}, "59 of 60 frames have no range profile");
-  // Frame 20 has a wrong number.
+  // Frame 20 has a wrong frame number.
   for (const std::uint32_t number : {36u, 1044u, 0x80000014u})
     check(RadarFile().frames(1, 19).frame(number, 20 * 0.0499).frames(21, 60), even,
           number == 36 ? "16 frames are missing" : "");

@@ -232,7 +232,7 @@ TEST_CASE("a run keeps all its records if the next file of the rotation cannot b
   }
   SECTION("the run stops with a disk error if the disk is full") {
     {
-      const echofuse::test::FullDisk disk(40'000);  // an empty run needs more: 12 pages of 4 KiB
+      const echofuse::test::FullDisk disk(40'000);  // an empty run needs 12 pages of 4 KiB
       rotate(journal, next);
       while (!journal.failed()) std::this_thread::yield();
     }

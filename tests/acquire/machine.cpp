@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Tests the checks of the machine by doctor, on folders with the layout of the kernel and of udev.
+// Tests the checks of the machine by doctor, on test folders laid out like those of the kernel and
+// udev.
 #include <unistd.h>
 
 #include "acquire/doctor/doctor.hpp"
@@ -108,7 +109,7 @@ TEST_CASE("the doctor command checks a configured radar port of an unknown vendo
 }
 
 TEST_CASE("doctor names the missing udev rule or group for an inaccessible device node") {
-  if (::geteuid() == 0) return;  // root may open everything
+  if (::geteuid() == 0) return;  // root may open any file
   Machine machine;
   machine.plug_in_radar();
   fs::permissions(machine / "dev/ttyACM0", fs::perms::none);

@@ -58,8 +58,8 @@ constexpr unsigned antennas = 12;
 const EchoAxis fine{
     .step_m = 0.044, .resolution_m = 0.0469, .log2_power_step = log2_power_step(antennas)};
 
-// Returns range profiles in the firmware's integer codes of the sum over antennas of log2
-// magnitudes.
+// Returns range profiles as firmware codes: integers proportional to the sum over antennas of the
+// log2 magnitudes.
 std::vector<std::vector<std::uint16_t>> frames(
     const std::vector<std::pair<double, std::complex<double>>>& reflectors, double noise_db,
     std::size_t count, Rng& rng) {
@@ -82,8 +82,9 @@ std::vector<std::vector<std::uint16_t>> frames(
 
 int trials() { return std::getenv("ECHOFUSE_LONG") ? 1000 : 200; }
 
-// Collects errors divided by their standard errors. Their mean and mean square must match Student's
-// distribution within 4.5 standard errors. At most 1 % may exceed 3.
+// Collects the ratios of errors to their standard errors. The mean and the mean square of the
+// ratios must match Student's distribution within 4.5 standard errors. At most 1 % of the ratios
+// may exceed 3.
 struct Pulls {
   std::vector<double> all;
   double worst_m = 0;
@@ -126,7 +127,7 @@ TEST_CASE("the scatter of fitted SPD peak positions matches their standard error
 
 TEST_CASE(
     "the scatter of fitted radar peak positions in 4.4 cm bins matches their standard errors") {
-  // At the weakest echo, averaging of logarithms would cause a bias above the standard error.
+  // For the weakest echo, averaging the logarithms would cause a bias above the standard error.
   const auto [noise_db, count] =
       GENERATE(table<double, std::size_t>({{-40, 20}, {-25, 40}, {-15, 100}}));
   Rng rng = make_rng(2, 0);
@@ -144,7 +145,7 @@ TEST_CASE(
 TEST_CASE(
     "if all frames are identical, the standard error of a radar peak comes from quantisation") {
   Rng rng = make_rng(4, 0);
-  // Peaks midway between two bins are avoided. There, two bins that are equal in every frame would
+  // Peaks midway between two bins are avoided, because two bins that are equal in every frame would
   // count as a clipped lobe.
   std::uniform_real_distribution<double> place(22.6 * fine.step_m, 23.4 * fine.step_m);
   constexpr int count = 100;

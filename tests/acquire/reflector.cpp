@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Tests the position of the calibration reflector, its errors and the antenna phases.
+// Tests the position of the calibration reflector, the position errors and the antenna phases.
 #include "acquire/calibrate/reflector.hpp"
 
 #include <catch2/catch.hpp>
@@ -72,7 +72,7 @@ TEST_CASE(
   CHECK_THAT(refusal(each, 3, 3.041), Contains("fits --reflector detector"));
   CHECK(refusal(detector, 3, 3.041 + 0.037) == "");
   CHECK(refusal(detector, 1, 1.5) == "");  // the range matches neither mounting
-  // The mountings differ by only 0.2 mm.
+  // With a baseline of 2 cm, the ranges of the two mountings differ by only 0.2 mm.
   CHECK(other_mounting({.baseline_m = 0.02}, 1.03, 0.2) == "");
 }
 
@@ -97,7 +97,7 @@ TEST_CASE("the wave from the reflector is plane in the far field and curved near
   CHECK(aside.sine == Approx(sine));
   CHECK(aside.error_rad[0] == 0);
   // Position errors of 2 mm in distance and 2.8 mm sideways, each multiplied by the derivative of
-  // the sine.
+  // the direction sine.
   const double slope = std::hypot(2.83e-3 / 1.398, 2e-3 * 0.5 / 1.398);
   CHECK(aside.error_rad[7] == Approx(7 * per_place / sine * slope).epsilon(0.05));
 }

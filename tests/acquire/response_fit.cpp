@@ -109,11 +109,11 @@ Amplitude response(const NamedWindow& window, double cells) {
 }
 
 struct Echo {
-  double beyond_m = 0;  // distance behind the reflector
+  double beyond_m = 0;  // distance of the object behind the reflector
   Amplitude amplitude = 1;
 };
-// Returns frames of a reflector and of objects behind it. The noise is added to the amplitudes, or
-// its power to the power.
+// Returns frames of a reflector and of objects behind it. Either the noise is added to the
+// amplitudes, or the noise power is added to the signal power.
 std::vector<std::vector<std::uint16_t>> frames(const NamedWindow& window, const Place& place,
                                                double noise_db, Rng& rng, bool adds = false,
                                                const std::vector<Echo>& echoes = {{}}) {
@@ -205,7 +205,7 @@ TEST_CASE("radar echoes are fitted with the measured window function") {
 TEST_CASE("the asymmetry of a radar response is reported, and its symmetric part is fitted") {
   Rng rng = make_rng(6, 1);
   constexpr double step = 0.01;
-  constexpr int reach = 400;  // half of the range that is compared, in steps
+  constexpr int reach = 400;  // half width of the compared interval, in steps
   for (const std::size_t name : {1u, 2u})
     for (const double cubic_rad : {4., 6., -6., 8.}) {
       const NamedWindow window{windows[name].name, windows[name].at, cubic_rad};

@@ -22,7 +22,7 @@ void put_axes(RunWriter& run) {
   for (const auto& axis : small_axes()) run.put_axis(axis);
 }
 
-// Runs `body` in a child process and returns its pid. The child exits with 0, or 1 if `body`
+// Runs `body` in a child process and returns its pid. The child exits with 0, or with 1 if `body`
 // throws.
 template <class Body>
 pid_t in_child(Body body) {
@@ -82,7 +82,7 @@ TEST_CASE("records can be read while a run is being written and after it is clos
   CHECK(same_axis(*read.axis("radar"), small_axes()[1]));
   CHECK(read.devices().at(0).firmware == "3.5");
   CHECK(read.events().at(0).text == "no frames");
-  second.radar.clear();  // radar data that are not valid are not stored
+  second.radar.clear();  // invalid radar data are not stored
   check_same(read.read(1), second);
   check_same(read.read(2), small_record(2));
   CHECK(read.check().empty());

@@ -101,7 +101,7 @@ FusedRecord record_of(std::int64_t index, const std::vector<Axis>& axes, Random&
   if (r.has(Sensor::radar)) r.radar = random.values<float>(axes[1].count);
   if (r.has(Sensor::radar) && random.coin()) {
     r.array.assign(axes[2].count * values_of_bin(antennas), 0);
-    for (std::size_t bin = 0; bin < axes[2].count; ++bin)  // values that packing stores exactly
+    for (std::size_t bin = 0; bin < axes[2].count; ++bin)  // packing stores these values exactly
       std::fill_n(r.array.begin() +
                       static_cast<std::ptrdiff_t>(bin * values_of_bin(antennas) + 2 * antennas),
                   antennas, static_cast<float>(random.whole<int>(100)));
@@ -111,7 +111,8 @@ FusedRecord record_of(std::int64_t index, const std::vector<Axis>& axes, Random&
   return r;
 }
 
-// Returns the columns by name with their SQLite values, so that new columns are compared, too.
+// Returns the name and the SQLite value of every column, so that columns added later are also
+// compared.
 std::vector<std::string> values_of(const FusedRecord& r) {
   const std::string name = ":memory:";
   const DatabaseHandle db = open_database(name, "cannot open", SQLITE_OPEN_MEMORY);

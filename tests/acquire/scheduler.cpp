@@ -14,7 +14,8 @@ namespace {
 
 constexpr SlotGrid grid{.first = 100s, .length = 200ms};
 
-// Calls tick() every 50 ms from the last call until `until`, and returns the slots that became due.
+// Calls tick() every 50 ms from the previous call until the time `until`, and returns the slots
+// that became due.
 class Ticking {
  public:
   explicit Ticking(Scheduler& scheduler) : scheduler_(scheduler) {}
@@ -163,7 +164,7 @@ TEST_CASE("slots missed during a pause wait while the disk is busy, but current 
     backlog.put({{k, false}});
     CHECK(next(true) == -1);
   }
-  // With this number of waiting slots, a busy disk no longer delays them.
+  // When this number of later slots is due, a busy disk no longer delays the slots of the pause.
   backlog.put({{k, false}});
   for (std::int64_t i = 2; i <= k; ++i) REQUIRE(next(true) == i);
   CHECK(backlog.empty());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Tests the ratings of devices and disks by doctor, on artificial samples and figures.
+// Tests the ratings of devices and disks by doctor, with artificial samples and figures.
 #include "../paths.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/run/disk.hpp"
@@ -199,7 +199,7 @@ TEST_CASE("the doctor command rates the disk's write speed as ok, warning or pro
   CHECK(grade(0.5e6, 0.01, 0.02) == Grade::problem);
   CHECK(grade(100e6, 2.5, 2.5) == Grade::problem);
   CHECK(speed_finding({1, 10, 10, 1000}, {.folder = "/d"}).grade ==
-        Grade::ok);  // no run is planned
+        Grade::ok);  // without a planned run, no write speed is required
 }
 
 TEST_CASE("the doctor command rates the free disk space as ok, warning or problem") {

@@ -149,7 +149,7 @@ TEST_CASE("the list command shows notes that were added during and after a run")
   CHECK(all[1]["valid"]["spd"] == 3);
   CHECK(has(acquire("info " + folder / "monday").text, "  note      20"));
   CHECK(acquire("list " + folder / "none").code == 1);
-  // A note leaves a single file, like the end of a run.
+  // After a note is added, only the run file remains, as after the end of a run.
   CHECK_FALSE(fs::exists(folder / "monday.sqlite-wal"));
 }
 

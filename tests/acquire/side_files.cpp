@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Tests SQLite side files next to a run file: a -wal of this run, of another run, or none.
+// Tests SQLite side files next to a run file: a -wal file of this run, a -wal file of another run,
+// or no -wal file.
 #include "acquire/record/side_files.hpp"
 
 #include <sys/stat.h>
@@ -131,8 +132,8 @@ TEST_CASE("a run killed after its end was stored keeps its status and has no sid
   CHECK(RunReader(path).count() == 3);
 }
 
-// Leaves a run file as if the program was killed. `records` is large enough for SQLite to restart
-// the -wal file several times.
+// Leaves a run file as if the program had been killed. A checkpoint after every 10 records makes
+// SQLite restart the -wal file.
 static void killed_run(const std::string& path, int records) {
   RunWriter run(path, {});
   for (const auto& axis : small_axes()) run.put_axis(axis);

@@ -178,7 +178,7 @@ TEST_CASE("more than one click in 20 pulses or a clipped radar lobe gives the ve
   ++r.spd[0];
   CHECK_THAT(verdicts(check, r)[0],
              EndsWith("(limit 0.05): are the start and click channels swapped?"));
-  r.sync[Sensor::radar].used = 1;  // in a single frame two bins may have equal codes
+  r.sync[Sensor::radar].used = 1;  // with a single frame, two bins may have equal codes
   for (float& p : r.radar) p = p == 5500.F ? p : p - 1;
   CHECK(verdicts(check, r)[1] == "ok");
   SignalLimits off;
@@ -192,11 +192,12 @@ TEST_CASE("sensor data that repeat bit for bit are reported as frozen (verdict: 
   SignalCheck check({}, 3);
   auto r = lab.record();
   CHECK(verdicts(check, r) == all_ok);
-  // Simulates the rounding error of an average over another number of frames.
+  // Simulates a rounding error, as in an average over a different number of frames.
   for (float& v : r.radar) v += 0.001F;
   for (const auto& v : verdicts(check, r)) CHECK_THAT(v, StartsWith("stands still: "));
   CHECK(verdicts(check, lab.record()) == all_ok);
-  // A sensor that was missing or had no signal in between is not reported as frozen.
+  // Data that repeat after a missing record are reported as frozen, but sensors without a signal
+  // are not.
   auto gone = lab.record();
   const auto kept = gone;
   CHECK(verdicts(check, gone) == all_ok);
@@ -340,7 +341,7 @@ TEST_CASE("the signal of each detector zone is checked separately") {
   check.assess(r, spd);
   CHECK(r.sync[Sensor::spd].verdict == "ok");
   CHECK(*r.signal.spd_clicks == 5000);
-  r.spd[40 + 12] = 30'000;  // bin with 30/70 of all clicks; the first zone has 4/7
+  r.spd[40 + 12] = 30'000;  // bin 12 of the second zone has 30/70 of all clicks
   r.signal.clicks_a_pulse = 0.1;
   check.assess(r, spd);
   CHECK(r.sync[Sensor::spd].verdict ==

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Tests antenna arrays from radar heat maps to records, and in the commands info and doctor.
+// Tests how antenna arrays are converted from radar heat maps to records, and how the commands info
+// and doctor report them.
 #include <cmath>
 
 #include "acquire/commands/commands.hpp"
@@ -18,7 +19,7 @@ namespace {
 
 constexpr SlotGrid grid{.first = 10s, .length = 1s};
 const SensorClocks no_clocks;
-// 32 bins of 0.25 m reach to 8 m.
+// The 32 kept bins of 0.25 m extend to 8 m.
 constexpr std::size_t sent_bins = 40, kept_bins = 32, antennas = 8;
 
 DeviceInfo radar_info() {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Tests policies, incomplete records and clock fits in the run file and in the command info.
+// Tests policies, incomplete records and clock fits in the run file and in the output of the
+// command info.
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/sqlite.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Tests the assignment of samples to records, by tables of {read, device, event} -> {record} and
-// {record} -> {verdict}.
+// Tests the assignment of samples to records, by a table of arriving data with their expected
+// records, and a table of expected verdicts.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <map>
@@ -18,15 +18,16 @@ constexpr SlotGrid grid{.first = 100s, .length = 1s};
 
 HostTime host(double t) { return HostTime(std::llround(t * 1e9)); }
 
-// Data that arrive at time `read`, in s. The device took them at the times `taken`. `places` lists
-// the expected record of each item, or early, late, outside or twice.
+// Data that arrive at the time `read`, s. The device took the items at the times `taken`, s.
+// `places` lists the index of the expected record of each item, or the word early, late, outside or
+// twice.
 struct Event {
   double read;
   const char* device;
   std::vector<double> taken;
   const char* places;
   std::uint32_t number = 0;  // frame number
-  std::uint64_t lost = 0;    // number lost before this arrival
+  std::uint64_t lost = 0;    // number of items lost before this arrival
 };
 
 // clang-format off
@@ -34,8 +35,8 @@ const std::vector<Event> events = {
   // read     device   taken                                places           number lost
   { 99.992,  "spd",   {99.980, 99.990},                    "early early"              },
   { 99.993,  "radar", {99.985},                            "early",          1        },
-  {100.004,  "spd",   {99.995, 99.999, 100.001, 100.003},  "early early 0 0"          },  // divided at the start of slot 0
-  {100.031,  "radar", {99.9985},                           "early",          2        },  // read in slot 0, taken before it
+  {100.004,  "spd",   {99.995, 99.999, 100.001, 100.003},  "early early 0 0"          },  // block divided at the start of slot 0
+  {100.031,  "radar", {99.9985},                           "early",          2        },  // read in slot 0, but taken before slot 0
   {100.300,  "radar", {100.280},                           "0",              3        },
   {100.310,  "depth", {100.290},                           "0",              1        },
   {100.610,  "depth", {100.490},                           "0",              2        },  // frame nearest to the centre of the slot
@@ -43,7 +44,7 @@ const std::vector<Event> events = {
   {100.641,  "depth", {100.620},                           "twice",          3        },
   {100.700,  "radar", {100.680},                           "0",              4        },
   {100.701,  "radar", {100.680},                           "twice",          4        },
-  {100.720,  "spd",   {100.600, 100.700, 100.650, 100.719},"0 0 0 0"                  },  // tags of a block out of order
+  {100.720,  "spd",   {100.600, 100.700, 100.650, 100.719},"0 0 0 0"                  },  // block with tags out of order
   {100.998,  "spd",   {100.990, 100.997},                  "0 0"                      },
   {101.120,  "spd",   {100.950, 100.999, 101.001, 101.110},"0 0 1 1"                  },  // block of 100 ms, divided at a boundary
   {101.300,  "radar", {100.900},                           "0",              5        },  // 0.4 s late, but slot 0 is open
@@ -51,12 +52,12 @@ const std::vector<Event> events = {
   {101.320,  "radar", {101.200},                           "1",              6        },  // frames out of order
   {101.449,  "spd",   {100.994},                           "0"                        },  // arrives in the grace time of slot 0
   {101.560,  "spd",   {100.995, 101.500},                  "late 1"                   },
-  {101.570,  "radar", {100.999},                           "late",           8,  2    },  // slot 0 is closed: its loss counts in slot 1
+  {101.570,  "radar", {100.999},                           "late",           8,  2    },  // slot 0 is closed, so the loss counts in slot 1
   {101.580,  "depth", {100.500},                           "late",           4        },
   {101.900,  "spd",   {101.850, 101.899},                  "1 1"                      },
   {102.100,  "depth", {101.999},                           "1",              5        },
   {102.110,  "depth", {102.000},                           "2",              6        },
-  {102.200,  "spd",   {},                                  "",               0,  3    },  // no tags, only a loss
+  {102.200,  "spd",   {},                                  "",               0,  3    },  // no tags, only the number of lost tags
   // The program stalls from 102.2 to 105.7 s, and all data after that wait to be read.
   {105.700,  "spd",   {102.200, 102.900, 103.100, 105.690},"2 2 3 5"                  },
   {105.700,  "radar", {102.500},                           "2",              9        },
@@ -80,7 +81,7 @@ const std::vector<Verdicts> verdicts = {
   {2, "ok",                          "ok",                      "ok",                      0, 6},
   {3, "the program stood still",     "the program stood still", "the program stood still", 2, 0},
   {4, "the program stood still",     "the program stood still", "the program stood still", 2, 0},
-  {5, "the program stood still",     "ok",                      "the program stood still", 0, 0},  // the radar frame is placed by its time stamp
+  {5, "the program stood still",     "ok",                      "the program stood still", 0, 0},  // the time stamp assigns the radar frame to this record
   {6, "ok",                          "ok",                      "no frames",               0, 0},
 };
 // clang-format on
@@ -152,7 +153,8 @@ class Bench {
       grid, {.first_bin_ps = 0, .bins = 1}, clocks, SensorSet::from_bits(7), {Sensor::radar}};
   Scheduler scheduler{grid};
   std::vector<record::FusedRecord> records;
-  // Expected number of items of each sensor, by place.
+  // Expected number of items of each sensor, by record index or by the word early, late, outside or
+  // twice.
   std::map<std::string, std::array<std::uint64_t, 3>> expected;
 
  private:
@@ -207,7 +209,7 @@ TEST_CASE("samples and losses of all devices are assigned to the expected record
   CHECK(bench.windows.take_late() == record::LateCounts{{0, unassigned.late}});
   CHECK(bench.windows.take_late().empty());
   CHECK(unassigned.duplicate == bench.expected["twice"]);
-  // Radar frame 6 arrives after 7, and frame 1 after 10.
+  // Radar frame 6 arrives after frame 7, and frame 1 after frame 10.
   CHECK(unassigned.out_of_order == std::array<std::uint64_t, 3>{0, 2, 0});
   // A loss counts in the slot of the sample that reveals it, or in the next slot if that one is
   // closed.

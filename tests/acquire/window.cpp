@@ -164,7 +164,7 @@ TEST_CASE("a record contains the sum of the counts of two tag blocks") {
   };
   part(10s, 20);
   part(11s, 500);
-  part(10s + 900ms, 3);  // the device sends buffered data again
+  part(10s + 900ms, 3);  // data of slot 0 follow data of slot 1
   const record::FusedRecord r = windows.close({0, false});
   const TagCounts& c = r.spd_counts;
   CHECK(c.tags == 22);
@@ -188,8 +188,8 @@ TEST_CASE("radar frames are averaged in linear power, not in decibels") {
   for (std::uint32_t i = 0; i < 3; ++i) windows.add(radar_frame(10s + i * 100ms, 7 + i, frames[i]));
   const auto r = windows.close({0, false});
   REQUIRE(r.valid == SensorSet::from_bits(2));
-  // Power is 2^(2 * code / 256 * 16 / 12), because TI's code is a sum over 12 antennas, divided by
-  // 16.
+  // The power is 2^(2 * code / 256 * 16 / 12), because TI's code is the sum of 256 log2 |x| over 12
+  // antennas, divided by 16.
   constexpr double doubling = 256.0 * 12 / 16 / 2;
   for (std::size_t bin = 0; bin < 4; ++bin) {
     double power = 0;
@@ -280,7 +280,7 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
   CHECK(sync(r, Sensor::radar).verdict == radar);
   CHECK(sync(r, Sensor::depth).verdict == depth);
   CHECK(windows.close({1, false}).has(Sensor::spd) ==
-        spd.starts_with("tags cover"));  // tags over half of the slot suffice
+        spd.starts_with("tags cover"));  // tags that cover half of the slot are sufficient
 }
 
 TEST_CASE("a click is not paired with a start if tags outside open slots came between them") {
@@ -345,7 +345,7 @@ TEST_CASE("a record contains the sum of all histograms that have a mid-exposure 
   Windows windows = make_windows();
   REQUIRE(windows.announce(board_info()));
   CHECK(same_axis(windows.axes().front(), board_info().axes[0]));
-  windows.add(histogram(10s + 50ms, {100, 0, 0}));  // mid-exposure at 9.95 s: early
+  windows.add(histogram(10s + 50ms, {100, 0, 0}));  // mid-exposure at 9.95 s, before slot 0
   windows.add(histogram(10s + 150ms, {1, 2, 3}));
   windows.add(histogram(10s + 700ms, {10, 20, 4'000'000'000}, 2));
   windows.add(histogram(11s + 50ms, {5, 5, 4'000'000'000}));  // mid-exposure at 10.95 s

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Histogram by libtcspc, for comparison. libtcspc counts each click with every earlier start within
-// the axis. The result is equal if there is only one such start.
+// Histogram computed by libtcspc, for comparison. libtcspc counts each click once for every earlier
+// start within the axis. Its result equals the histogram of the product if each click has only one
+// such start.
 #pragma once
 #include <cstdint>
 #include <span>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Limits of this machine on one thread, and rows of the table of scripts/bench (table.py). Times
-// are processor times and the best of several rounds, because other processes may be running.
+// are processor times, each the best of several rounds, because other processes may be running.
 #pragma once
 #include <algorithm>
 #include <cstddef>
@@ -31,8 +31,8 @@ double multiply_adds_per_s();             // single precision, with all data in 
 double bytes_read_per_s(std::size_t of);  // rate of repeated reads from a block of `of` bytes
 double bytes_copied_per_s(std::size_t of);
 
-// Prints our value and the machine's limit for one benchmark. A unit with "/s" is a rate, otherwise
-// a time. The limit 0 means "no limit".
+// Prints our value and the machine's limit for one benchmark. A unit with "/s" means a rate, any
+// other unit a time. The limit 0 means "no limit".
 void print_row(const char* path, const char* unit, double ours, double limit, const char* of_what);
 // Prints the value of a peer program in the unit of the benchmark.
 void print_peer(const char* path, const char* peer, double value);

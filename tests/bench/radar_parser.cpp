@@ -18,7 +18,7 @@ constexpr std::size_t bins = 256, frames = 100'000, piece = 4096;
 void put_tlv(Bytes& out, std::uint32_t type, std::size_t bytes, Rng& rng) {
   put(out, type);
   put(out, static_cast<std::uint32_t>(bytes));
-  // Range profile codes lie near 3000, so that their bytes are not uniformly distributed.
+  // Range profile codes are near 3000, so their bytes are not uniformly distributed.
   for (std::size_t i = 0; i < bytes / 2; ++i)
     put(out, static_cast<std::uint16_t>(type == 2 ? 2000 + rng() % 2500 : rng() % 100));
 }

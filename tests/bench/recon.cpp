@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // bench_recon RUN: benchmark of the reconstruction of a run on one thread. Each part is compared
-// with its limit. The limits are the multiply-adds of the processor for training, reading the
-// weights for a map, and reading the file for loading.
+// with its limit. The limit of training is the processor's rate of multiply-adds, that of a map is
+// the time to read the weights, and that of loading is the time to read the file.
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -27,8 +27,8 @@ Estimator fitted(const Dataset& data, const std::string& model, std::size_t epoc
   return fit_model(data, split, preprocessing, model, Inputs::fused, "record", fit);
 }
 
-// Measures the time of one epoch with validation: an eighth of the difference between trainings of
-// nine epochs and of one.
+// Measures the time of one epoch with validation, as an eighth of the difference between the times
+// of nine epochs and of one epoch.
 void training(const Dataset& data, double most_per_s) {
   const Split split = make_split(data.usable(Inputs::fused), {});
   std::size_t a_record = 0, a_judgement = 0;
@@ -49,7 +49,7 @@ void training(const Dataset& data, double most_per_s) {
             2e-9 * std::max(most_per_s, multiply_adds_per_s()), "multiply-adds");
 }
 
-// Measures one map as `evaluate` does: alignment or scaling, and prediction.
+// Measures the time of one map in `evaluate`: alignment or scaling, and prediction.
 void one_map(const Dataset& data, const std::string& name) {
   const Estimator m = fitted(data, name, 1);
   std::size_t row = 0;

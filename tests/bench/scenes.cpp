@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Benchmark of complete simulated records and their parts, on one core. Prints the best of 5
-// rounds. The option --people prints scenes as numbers.
+// rounds. The option --people prints people and depth maps as numbers instead.
 #include <cstdio>
 #include <functional>
 #include <string>

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: MIT
 """table.py BUILD_DIR SCRATCH: runs the benchmarks of BUILD_DIR and prints their results as one table.
 
-The columns are the path, our value, the limit of the machine, our fraction of the limit, the peer program, and the
-ratio to the peer. Other output of the benchmark programs (limits.hpp) is printed unchanged. Peers that are not
+The columns are the path, our value, the limit of the machine, the ratio of our value to the limit, the peer program,
+and the ratio to the peer. Other output of the benchmark programs (limits.hpp) is printed unchanged. Peers that are not
 installed are omitted."""
 import argparse
 import pathlib
@@ -15,7 +15,8 @@ import zlib
 
 import numpy
 
-# rows[path]: unit, our value, limit, name of the limit. peers[path]: name, value.
+# rows[path] contains the unit, our value, the limit and the name of the limit. peers[path] contains the name and the
+# value of the peer.
 rows, peers = {}, {}
 
 
@@ -47,7 +48,7 @@ def decode(depth):
 
 
 def load(path):
-    """Returns histogram, range profile and depth map of each record, read with NumPy."""
+    """Returns the histogram, the range profile and the depth map of each record, read with NumPy."""
     with sqlite3.connect(f"file:{path}?mode=ro", uri=True) as run_file:
         found = run_file.execute("SELECT spd, radar, depth FROM record").fetchall()
     return [(numpy.frombuffer(spd, "<u4"), numpy.frombuffer(radar, "<f4"), decode(depth)) for spd, radar, depth in found]

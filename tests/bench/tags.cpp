@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Benchmark of the tagger's data path in memory, in processor time, as the best of 7 rounds. Every
 // round runs all parts, so that other processes affect all parts equally. The histogram is measured
-// with every instruction set and without groups of tags. It is compared with a plain loop, and with
-// reading the tags, which is the limit. Lines that begin with "row" or "peer" are for
+// with every instruction set, and without groups of tags. Its rate is compared with that of a plain
+// loop. The limit is the rate of reading the tags. Lines that begin with "row" or "peer" are for
 // scripts/bench: path, unit, our value, limit, kind of limit.
 #include <hwy/highway.h>
 
@@ -115,7 +115,7 @@ bool takes_groups(std::int64_t target, const std::vector<Tag>& tags) {
   return tdc::count_groups(tags.data(), tdc::max_group, {}, run, cells) > 0;
 }
 
-// Returns false if two methods count differently.
+// Returns false if two methods give different counts.
 bool histograms(const char* stream, bool random) {
   const auto tags = make_tags(random);
   std::vector<Row> rows;
@@ -189,8 +189,8 @@ bool checked() {
     const auto add = [&](const TagBlock& block) { histogram.add(block.tags); };
     acquire::TagCheck checks({}, true, [](const std::string&) {});
     for (std::size_t i = 0; i < count; i += tags_a_block) {
-      // The check starts after 1 s of the stream, before which it stores events. Therefore the
-      // first second contains only one block.
+      // In the first second of the stream the check only stores events. Therefore this second
+      // contains only one block.
       const HostTime received{i == 0 ? 0 : 1'000'000'000 + tags[i].time_ps / 1000};
       const TagBlock block{.received = received, .tags = std::span(tags).subspan(i, tags_a_block)};
       check ? checks.take(block, add) : add(block);

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: MIT
 """bench.py BIN_DIR [SECONDS=8]: measures the tag rate of scripts/bridges/timetagger.py and the cost of live runs.
 
-The first benchmark has a client that only reads, and a stand-in library with an always full buffer. In the live runs,
-every tag that the bridge sends must be in a record of the daemon. Costs are processor times, because these hardly
+The first benchmark has a client that only reads, and a stand-in library with a buffer that is always full. In the live
+runs, every tag that the bridge sends must be in a record of the daemon. Costs are processor times, because these hardly
 depend on the load. The cost of generating tags in the stand-in is listed separately."""
 import os
 import pathlib
@@ -69,7 +69,7 @@ def live(offered):
         arrived = int(re.search(r"received: (\d+) tags", log).group(1))
         with sqlite3.connect(run) as db:
             rows = db.execute("SELECT tags, spd_lost FROM record WHERE tags > 0").fetchall()
-            missed = db.execute("SELECT sum(spd_missed) FROM record").fetchone()[0]  # missed by the tagger itself
+            missed = db.execute("SELECT sum(spd_missed) FROM record").fetchone()[0]  # tags missed by the tagger itself
             strays = db.execute("SELECT sum(value) FROM counter WHERE source = 'spd' AND name IN"
                                 " ('early', 'late', 'outside')").fetchone()[0]
         making = float(made.read_text(encoding="utf-8"))

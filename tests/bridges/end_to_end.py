@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""end_to_end.py BIN_DIR: tests that the daemon records every tag and every pixel of bridges.
+"""end_to_end.py BIN_DIR: tests that the daemon records every tag and every pixel that bridges send.
 
 The bridges use stand-ins for the vendors' libraries."""
 import csv
@@ -30,7 +30,7 @@ class Recording(unittest.TestCase):
         self.dir = pathlib.Path(folder.name)
 
     def record(self, bridge, key, enough):
-        """Records a run with slots of 0.2 s. Returns its rows and the daemon's log.
+        """Records a run with slots of 0.2 s. Returns the rows of the run and the daemon's log.
 
         Stops the bridge after `enough` rows, so that the bridge prints the number of items sent."""
         config = self.dir / "lab.toml"
@@ -74,7 +74,7 @@ class Recording(unittest.TestCase):
         full = rows[1:4]
         for row in full:
             self.assertEqual(row["valid"], 1, row["spd_verdict"])
-            # Slots may end within a pattern of the stand-in, so that counts may differ by one.
+            # Slots may end within a pattern of the stand-in, so counts may differ by one.
             patterns = row["starts"] / library.PULSES
             self.assertGreater(patterns, 1)
             self.assertEqual(row["tags"], row["starts"] + row["in_range"] + row["other"])

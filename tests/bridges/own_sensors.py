@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 """own_sensors.py BIN_DIR: tests recording, training and viewing with custom sensors.
 
-The sensors are scripts/bridges/example.py and own_radar.py, which is written like it."""
+The sensors are the bridges scripts/bridges/example.py and own_radar.py."""
 import pathlib
 import sqlite3
 import subprocess

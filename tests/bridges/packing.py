@@ -27,7 +27,7 @@ def some_tags(size):
 
 class Packing(unittest.TestCase):
     def check(self, tags):
-        """Checks that packing keeps only the channels 2 (start) and 3 and all markers."""
+        """Checks that packing keeps only the tags of channels 2 (start) and 3, and all markers."""
         blocks = pack.pack(tags, (2, 3))
         tags = tags[np.isin(tags["channel"], (2, 3)) | np.isin(tags["type"], (1, 2, 3))]
         self.assertEqual(sum(b.items for b in blocks), len(tags))

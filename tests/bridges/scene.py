@@ -5,5 +5,5 @@ import math
 
 
 def body(time_s):
-    """Returns the tangent of the angle to the person and the distance in m."""
+    """Returns the tangent of the angle to the person, and the distance to the person, m."""
     return 0.3 * math.sin(time_s / 0.7), 4.25 + 0.6 * math.sin(time_s)

@@ -10,9 +10,9 @@ available"). Its headers TimeTagger.h and Iterators.h declare the classes that t
 stop; CustomMeasurementBase: register_channel, finalize_init; TimeTagStream(tagger, n_max_events, channels)). The network and
 virtual taggers are those of TimeTagger.h 2.16.2; run() exists in later versions only.
 
-Orbbec, orbbec/pyorbbecsdk: stubs/pyorbbecsdk.pyi at commit 9fcf324. Its arguments have no names (arg0, arg1, ...), so only their
-number is compared. VideoStreamProfile.get_intrinsic() and get_distortion() are in the bindings of version 2
-(src/pyorbbecsdk/stream_profile.cpp).
+Orbbec, orbbec/pyorbbecsdk: stubs/pyorbbecsdk.pyi at commit 9fcf324. The arguments in this file have no names (arg0,
+arg1, ...), so only the numbers of arguments are compared. VideoStreamProfile.get_intrinsic() and get_distortion() are
+in the bindings of version 2 (src/pyorbbecsdk/stream_profile.cpp).
 
 RealSense, IntelRealSense/librealsense: wrappers/python/pyrs_pipeline.cpp at commit 09696f9 and pyrs_frame.cpp at 005e21b,
 pyrs_device.cpp, pyrs_options.cpp."""

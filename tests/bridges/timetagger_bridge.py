@@ -172,7 +172,8 @@ class Tags(unittest.TestCase):
             self.assertEqual(self.poll(self.pattern(0), which=which)[0].blocks, [])
 
     def test_tags_refused_by_a_full_buffer_are_counted_as_lost(self):
-        # The old stream returns a full buffer but no number of lost tags. CustomMeasurement counts the refused tags.
+        # The old stream returns a full buffer without the number of lost tags. CustomMeasurement refuses the tags and
+        # counts them.
         for which, size, sent, lost in ((old_library, 5000, 5000, 1), (library, 5001, 0, 5001)):
             outlet, pause, said = self.poll(self.pattern(size), "--max-events", "5000", which=which)
             self.assertEqual((sum(items for _, _, items in outlet.blocks), outlet.lost, pause), (sent, lost, 0))
@@ -193,7 +194,7 @@ class Tags(unittest.TestCase):
             for _ in range(20):
                 self.now += 0.05
                 losses.look(tags, 0, 0)
-            self.assertEqual(said.getvalue(), "")  # no message without a loss
+            self.assertEqual(said.getvalue(), "")  # a message appears only after a loss
             for _ in range(2000):
                 self.now += 0.05
                 losses.look(tags, 0, dropped=round(20 * self.now))
@@ -210,7 +211,8 @@ class Silence(unittest.TestCase):
             self.addCleanup(each.stop)
 
     def poll(self, which):
-        """Polls until three connection checks after the last tags. Returns the messages since these tags."""
+        """Polls until the connection has been checked three times after the last tags. Returns the messages printed
+        since the last tags."""
         tagger, _ = open_tagger(which=which)
         self.addCleanup(tagger.close)
         checks = lambda: recorder.calls.count(("sync",))
@@ -271,7 +273,7 @@ class Process(unittest.TestCase):
                 self.assertEqual(second.calls()[-1], ("freeTimeTagger",))
 
     def test_tagger_that_fails_is_reopened_with_all_settings(self):
-        """Uses a device that fails at the 20th call and cannot be opened at the next two attempts."""
+        """Uses a device that fails on the 20th call and cannot be opened in the next two attempts."""
         with Program("timetagger.py", *SETTINGS[:7],
                      STAND_IN_FAULTS="isRunning:20,createTimeTagger:2,createTimeTagger:3") as program:
             with Client(program.address) as client:

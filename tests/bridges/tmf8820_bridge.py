@@ -28,7 +28,8 @@ SLOTS = 60
 
 
 def measurement(counts, number=1):
-    """Returns the log lines that the manufacturer's program prints for counts [9, 128], after a reference channel."""
+    """Returns the log lines that the manufacturer's program prints for counts [9, 128], preceded by a reference
+    channel."""
     channels = np.vstack([np.full(128, 7), counts]).astype(np.int64)
     lines = [f"#Raw,65,{10 * byte + channel}," + ",".join(str(n >> 8 * byte & 255) for n in row)
              for byte in range(3) for channel, row in enumerate(channels)]

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Makes blocks of the bridge protocol like those in the golden file, for longer streams. The time
-// of the only tag, or the index of the only frame, is the block number.
+// Makes blocks of the bridge protocol like those in the golden file, for longer streams. Each block
+// has one tag or one frame. The block number is the time of the tag or the index of the frame.
 #pragma once
 #include "drivers/bridge/bridge_protocol.hpp"
 #include "drivers/core/crc32c.hpp"

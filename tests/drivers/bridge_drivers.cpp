@@ -160,7 +160,7 @@ TEST_CASE("a bridge driver can be destroyed at any time") {
   for (int steps = 0; steps < 12; ++steps) {
     auto driver = make_tdc(b.loop, {server.address()});
     driver->start(b.sink);
-    int left = steps;  // each step ends after a millisecond
+    int left = steps;  // number of condition checks before the loop stops
     b.loop.run_until([&] { return left-- == 0; }, b.loop.now() + std::chrono::milliseconds(steps));
     driver.reset();
     b.loop.run_for(std::chrono::milliseconds(5));
@@ -175,7 +175,8 @@ TEST_CASE("the camera driver receives depth frames and axes from a bridge") {
   REQUIRE(server.accept());
   server.send(b.golden[0]);
   b.loop.run_for(std::chrono::milliseconds(30));
-  CHECK(b.sink.state() == DeviceState::connecting);  // connecting until the first frame arrives
+  CHECK(b.sink.state() ==
+        DeviceState::connecting);  // the state is connecting until the first frame arrives
   const Bytes depth = b.golden[2];
   const Bytes next =
       test::make_block(bridge::BlockKind::depth, 3, ByteView(depth).subspan(bridge::header_bytes));
@@ -230,7 +231,8 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
   REQUIRE(server.accept());
   server.send(pieces[0]);
   b.loop.run_for(std::chrono::milliseconds(30));
-  CHECK(b.sink.state() == DeviceState::connecting);  // connecting until the first histogram arrives
+  CHECK(b.sink.state() ==
+        DeviceState::connecting);  // the state is connecting until the first histogram arrives
 
   SECTION("lost histograms are counted by block number") {
     server.send(
@@ -259,7 +261,7 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
         R"({"sends": "histograms", "zones": [{"x": -0.1, "y": 0, "width": 0.2, "zero_ps": 7.5}]})";
     server.client.reset();
     REQUIRE(server.accept());
-    b.sink.events.clear();  // removes the warning of the lost connection
+    b.sink.events.clear();  // removes the warning about the lost connection
     server.send(test::make_block(bridge::BlockKind::hello, 0, test::view_of(hello)));
     for (std::uint32_t i = 1; i < 3; ++i)
       server.send(test::make_block(bridge::BlockKind::histogram, i, zones));

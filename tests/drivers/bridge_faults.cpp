@@ -84,7 +84,7 @@ TEST_CASE("a bridge block truncated at any byte is detected") {
     CAPTURE(size);
     auto stream = sound_stream();
     stream[hit].resize(size);
-    stream.emplace_back(70'000);  // a block cut after 8 bytes gets a length of 64 KiB
+    stream.emplace_back(70'000);  // a block cut after 8 bytes appears to be 64 KiB long
     check_broken(stream);
   }
 }

@@ -64,7 +64,8 @@ TEST_CASE("CRC-32C matches the test vectors of RFC 3720 B.4") {
   CHECK(crc32c(down) == 0x113fdb5c);
   CHECK(crc32c(test::view_of("123456789")) == 0xe3069283);
   CHECK(crc32c(ByteView(up).subspan(7), crc32c(ByteView(up).first(7))) == 0x46dd794e);
-  // Long inputs are computed in three parallel streams, and inputs below 8 bytes by table.
+  // The CRC of long inputs is computed in three parallel streams, and that of inputs below 8 bytes
+  // by table.
   Bytes many(100'003);
   for (std::size_t i = 0; i < many.size(); ++i) many[i] = static_cast<std::uint8_t>(i * i >> 3);
   std::uint32_t crc = 0;

@@ -21,7 +21,7 @@ using test::run_until;
 
 namespace {
 
-constexpr auto limit = std::chrono::seconds(10);  // time limit of a reconnection
+constexpr auto limit = std::chrono::seconds(10);  // time limit for a reconnection
 
 // Tagger or camera driver with its bridge.
 struct Pair {
@@ -99,11 +99,11 @@ TEST_CASE(
        ++at)
     if (what == "slow") pair.send({drip[at]});
   CHECK(seconds(loop.now() - begin) ==
-        Approx(what == "no hello" ? 4.1 : 5.1));  // time limit of the connection plus a pause, s
+        Approx(what == "no hello" ? 4.1 : 5.1));  // time limit for the connection plus a pause, s
   pair.send(test::join({hello_block(), pair.block(1), pair.block(2)}));
   const std::size_t before = what == "no hello" ? 0 : 1;
   REQUIRE(run_until(loop, [&] { return pair.has(before + 2); }));
-  // If the hello is missing, the hello and its block count as lost, too.
+  // If the hello block is missing, this block and the data block after it also count as lost.
   CHECK(pair.lost() == (what == "no hello" ? 3 : 1));
   CHECK(counter(*pair.driver, "connections") == 2);
   CHECK(pair.sink.events.size() == 1);

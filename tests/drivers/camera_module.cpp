@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Camera module for the stock OpenNI2 library, with faults on demand. Images have 8 x 6 pixels at
+// Camera module for the stock OpenNI2 library, with faults on request. Images have 8 x 6 pixels at
 // 100 frames/s, or 16 x 12 pixels at 50 frames/s. Depths are 1000 + 100 y + 10 x + index % 10 in
 // the camera's unit. The module runs in the process of the test, which controls it through
 // test_camera().

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Tests cfg faults that a board would refuse, and cfg files with artefacts of editors.
+// Tests cfg files with faults that a board would refuse, and cfg files with artefacts of text
+// editors.
 #include "drivers/radar/cfg.hpp"
 
 #include <algorithm>

@@ -19,7 +19,8 @@ const std::string cfg =
     "sensorStart\r\n";
 const std::string prompt = "mmwDemo:/>";
 
-// Returns echo, answer and prompt as the UART of the SDK sends them in text mode.
+// Returns the echo, the answer and the prompt as the UART driver of the SDK sends them in text
+// mode.
 std::string answer(const std::string& command, const std::string& lines) {
   std::string wire = command + "\r\n";
   for (const char c : lines) {

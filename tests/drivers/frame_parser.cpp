@@ -164,7 +164,7 @@ TEST_CASE(
 }
 
 TEST_CASE("junk before, between and after radar frames is skipped and counted") {
-  const Bytes junk(16, 0xff);  // sent by the firmware with configDataPort and ackPing
+  const Bytes junk(16, 0xff);  // the firmware sends these bytes after configDataPort with ackPing
   const auto& g = golden();
   const Parsed p = parse(join({junk, g[0], junk, g[1], junk}));
   CHECK(p.numbers() == Numbers{209, 210});

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Tests the device list on folders with the kernel's layout: /sys/bus/usb/devices links to devices,
-// and interfaces are below these.
+// Tests the device list on folders with the kernel's layout: /sys/bus/usb/devices contains links to
+// the folders of the devices, which contain the folders of their interfaces.
 #include "drivers/inventory/inventory.hpp"
 
 #include <grp.h>
@@ -183,7 +183,7 @@ TEST_CASE("the role of a radar port is derived from its device path") {
   CHECK_FALSE(role(by_id + "XDS110-if"));
   CHECK(role("/dev/ttyACM1") == RadarPort::command);
   CHECK(role("/dev/ttyACM0") == RadarPort::data);
-  CHECK_FALSE(role("/dev/ttyUSB0"));  // port of another vendor
+  CHECK_FALSE(role("/dev/ttyUSB0"));  // port of an unsupported vendor
   CHECK_FALSE(role("/dev/ttyS0"));
 }
 

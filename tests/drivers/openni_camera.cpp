@@ -20,10 +20,11 @@ using namespace std::chrono_literals;
 using test::counter;
 using test::run_until;
 
-// Leak detection is off: the library and its unloaded modules leak once, and no suppression can
-// match them.
+// Leak detection is off, because OpenNI2 and its unloaded modules leak once, and suppressions
+// cannot match these leaks.
 extern "C" const char* __asan_default_options() { return "detect_leaks=0"; }
-// The thread sanitizer does not instrument the library, and reports false faults of its mutexes.
+// The thread sanitizer does not instrument OpenNI2, and therefore reports false errors for the
+// mutexes of OpenNI2.
 extern "C" const char* __tsan_default_suppressions() {
   return "mutex:libOpenNI2.so\ndeadlock:libOpenNI2.so\nmutex:libOniFile.so\ndeadlock:libOniFile."
          "so\n";

@@ -239,7 +239,7 @@ TEST_CASE(
   CHECK_THAT(warnings(usual, other, Board::isk).at(0),
              Catch::StartsWith("x.cfg:8: chirpCfg uses transmitter 2 before 3"));
   CHECK_THAT(refusal("0 100 1 0", Board::ods),
-             Catch::Contains("takes"));  // 12.9 kB take more than 100 ms
+             Catch::Contains("takes"));  // sending 12.9 kB takes more than 100 ms
 }
 
 TEST_CASE("the installed radar cfgs give the expected antennas and frame sizes without warnings") {
@@ -298,9 +298,10 @@ TEST_CASE(
 TEST_CASE(
     "radar subframes that differ in slope, samples or antennas are refused with the line number") {
   for (const auto& [from, to] : std::vector<std::pair<std::string, std::string>>{
-           {"0 0 18.75 1 60 2000 0 0 30\nchirp", "0 0 15 1 60 2000 0 0 30\nchirp"},  // other slope
-           {"1 60 2000 0 0 30\nchirp", "1 64 2000 0 0 30\nchirp"},  // other sample count
-           {"subFrameCfg 3 0 9 3", "subFrameCfg 3 0 9 2"}})         // other antenna count
+           {"0 0 18.75 1 60 2000 0 0 30\nchirp",
+            "0 0 15 1 60 2000 0 0 30\nchirp"},                      // changes the slope
+           {"1 60 2000 0 0 30\nchirp", "1 64 2000 0 0 30\nchirp"},  // changes the sample count
+           {"subFrameCfg 3 0 9 3", "subFrameCfg 3 0 9 2"}})         // changes the antenna count
     CHECK(refusal(changed(from, to)) == "x.cfg:" + std::to_string(33) +
                                             ": subFrameCfg has a different range axis or different "
                                             "antennas than subframe 0; a record "
@@ -318,7 +319,7 @@ TEST_CASE("radar codes are converted to power and back, and doubling the magnitu
       CHECK(code_from_power(power_from_code(code, antennas), antennas) ==
             Approx(code).epsilon(1e-12));
   CHECK(power_from_code(256, 8) == Approx(4.0));
-  // The code is the sum over 12 antennas, divided by 16.
+  // TI's code is the sum of 256 log2 |x| over 12 antennas, divided by 16.
   CHECK(power_from_code(256 * 3 / 4.0, 12) == Approx(4.0));
   CHECK(power_from_code(0, 12) == 1);
   CHECK(code_from_power(0.2, 12) == 0);

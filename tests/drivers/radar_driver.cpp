@@ -63,12 +63,12 @@ class Line {
  private:
   boost::asio::posix::stream_descriptor master_;
   std::string link_;
-  int slave_ = -1;  // kept open, like the board's end of the line
+  int slave_ = -1;  // stays open when the driver closes its end of the line
   std::array<std::uint8_t, 256> buffer_{};
 };
 
-// Simulates the radar's command port: sends echo, answer and prompt. Unknown lines are answered
-// with Done.
+// Simulates the radar's command port, which sends an echo, an answer and a prompt. The answer to
+// unknown lines is Done.
 struct Board {
   Board(port::SystemLoop& loop, const std::string& dir)
       : cli(loop, dir + "/cli"), data(loop, dir + "/data") {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Tests data streams as of other boards and labs. They are built byte by byte without our encoder.
-// They have other headers with the same magic word, other TLVs, partial frames at start and end,
-// and frames shorter than the length in their header.
+// Tests data streams like those of other boards and labs. The streams are built byte by byte,
+// without the encoder of the simulator. They contain different headers with the same magic word,
+// unknown TLVs, partial frames at the start and at the end, and frames shorter than the length in
+// their header.
 #include <catch2/catch.hpp>
 
 #include "drivers/core/random.hpp"
@@ -177,7 +178,7 @@ TEST_CASE("a stream of heat maps loses one frame if it starts, ends or has a gap
     REQUIRE(late.numbers == from_to(2, 3));
     REQUIRE(early.numbers == from_to(1, 2));
     REQUIRE(late.counts.arrays == 2);
-    Bytes hole = all;  // a full buffer dropped bytes
+    Bytes hole = all;  // stream with a gap, as after a buffer overflow
     const auto from = hole.begin() + static_cast<std::ptrdiff_t>(at);
     hole.erase(from, from + 256);
     const Parsed s = parse(hole);

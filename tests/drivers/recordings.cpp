@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Tests recordings of real devices by others, which are not in the repository. If they are missing,
-// this program exits with 77, which ctest shows as skipped.
+// Tests recordings that others made of real devices. The recordings are not in the repository. If
+// they are missing, this program exits with 77, which ctest shows as skipped.
 #include <catch2/catch.hpp>
 #include <cstdlib>
 #include <filesystem>
@@ -49,7 +49,7 @@ TEST_CASE(
       REQUIRE(frame.range_profile.size() == 256);
       REQUIRE(frame.lost_before == 0);
       REQUIRE(frame.stats);
-      // The period is 100 ms at 200 MHz, within 2 ms.
+      // The frame period is 20 million cycles of 200 MHz (100 ms), within 2 ms.
       if (cycles)
         REQUIRE(std::abs(static_cast<int>(frame.time_cpu_cycles - cycles) - 20'000'000) < 400'000);
       cycles = frame.time_cpu_cycles;
@@ -96,7 +96,8 @@ TEST_CASE(
   CHECK(frames == 101);
   CHECK(run.info().started_utc == "2024-02-07T12:00:00.000Z");
   CHECK(run.info().ended_utc == "2024-02-07T12:00:10.000Z");
-  // The cfg has another frame period than the recording, which has ten frames per second.
+  // The frame period in the cfg differs from that of the recording, which has ten frames per
+  // second.
   CHECK(run.events().at(0).text.find("frame period 100.0 ms; expected 50.0 ms") !=
         std::string::npos);
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Compares every instruction set of this processor with counting tag by tag. The target SCALAR
-// never uses groups. histogram.cpp and the fuzz target compare the counts with the reference.
+// Compares the counts of every instruction set of this processor with counts made tag by tag. The
+// target SCALAR never uses groups. histogram.cpp and the fuzz target compare the counts with the
+// reference.
 #include "drivers/tdc/tag_groups.hpp"
 
 #include <hwy/highway.h>

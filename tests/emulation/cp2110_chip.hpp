@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// CP2110 according to application note AN434, between the host's reports and the UART lines. Does
-// not model time or USB. Does not use the product's drivers/port/cp2110.hpp.
+// Model of the CP2110 according to application note AN434, between the host's reports and the UART
+// lines. Does not model time or USB. Does not use the product's drivers/port/cp2110.hpp.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -34,7 +34,7 @@ class Cp2110Chip {
 
   bool on() const { return on_; }
   std::uint32_t baud() const { return baud_; }
-  const Bytes& config() const { return config_; }  // complete last report 0x50
+  const Bytes& config() const { return config_; }  // last complete report 0x50 from the host
   bool waiting() const { return !fifo_.empty(); }
 
  private:

@@ -52,7 +52,8 @@ class Tagger final : public TdcUsb {
   }
 
  private:
-  // Answers vendor requests on umockdev's thread: 1 starts and 2 stops the tagger.
+  // Answers vendor requests on umockdev's thread: request 1 starts the tagger, and request 2 stops
+  // it.
   std::optional<Bytes> control(const UsbDevice::Setup& setup) {
     if (setup.request != 1 && setup.request != 2) return std::nullopt;
     wanted_ = restart_ = setup.request == 1;

@@ -31,8 +31,8 @@ void UsbBed::enter(char** argv) {
   if (now && std::strstr(now, preload)) return;
   const std::string all = now && *now ? std::string(now) + ":" + preload : preload;
   ::setenv("LD_PRELOAD", all.c_str(), 1);
-  // A sanitizer runtime refuses to start unless it is first in LD_PRELOAD. This library does not
-  // need it to be first.
+  // A sanitizer runtime refuses to start unless it is first in LD_PRELOAD. This check is disabled,
+  // because umockdev works in any order.
   const char* options = std::getenv("ASAN_OPTIONS");
   const std::string asan = (options ? std::string(options) + ":" : "") + "verify_asan_link_order=0";
   ::setenv("ASAN_OPTIONS", asan.c_str(), 1);

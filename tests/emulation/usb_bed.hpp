@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Emulated devices below the kernel's interfaces usbfs and hidraw, for unmodified programs.
-// umockdev answers the system calls and provides a separate sysfs. A program uses it if it was
-// started with environment(). The process of the emulation must have called enter().
+// umockdev answers the system calls and provides a separate sysfs. A program uses the emulated
+// devices if it was started with environment(). The process that emulates the devices must have
+// called enter().
 #pragma once
 #include <functional>
 #include <memory>

@@ -139,7 +139,7 @@ void UsbDevice::on_plug(int fifo) {
 void UsbDevice::on_unplug() {
   const std::lock_guard lock(mutex_);
   gone_ = true;
-  // The waiting transfer ends with the data of the unfinished run.
+  // The waiting transfer ends with the data of the unfinished run of packets.
   if (!pending_.empty() && !data_.empty()) {
     Transfer transfer = std::move(pending_.front());
     pending_.pop_front();
@@ -209,7 +209,8 @@ UsbDevice::Answer UsbDevice::on_ioctl(Client client, unsigned long request,
   }
 }
 
-// Reports no scatter-gather, so that libusb splits transfers into pieces of 16 KiB.
+// Does not report the scatter-gather capability, so that libusb splits transfers into pieces of 16
+// KiB.
 UsbDevice::Answer UsbDevice::capabilities(UMockdevIoctlData* argument) {
   const ClientData data = resolve(argument, 0, sizeof(std::uint32_t));
   if (!data) return fail(EFAULT);

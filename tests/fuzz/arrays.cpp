@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Input: a folder of arrays as in files.hpp. It has run.toml (t) and .npy files, given as they are
-// (small letter) or by their recipe (capital letter). run.toml may name the run base.sqlite.
+// Input: a folder of arrays in the format of files.hpp. The folder has run.toml (t) and .npy files.
+// A small letter gives a .npy file as it is, and a capital letter gives its recipe. run.toml may
+// name the run base.sqlite.
 #include "acquire/import/import.hpp"
 #include "acquire/record/run_file.hpp"
 #include "files.hpp"

@@ -1,7 +1,7 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 # clang.sh HEADERS SOURCES FLAGS...: clang-14 compiles the file HEADERS once, then each source listed in the
-# file SOURCES together with HEADERS, or alone if names conflict. Exit code 77 without clang-14.
+# file SOURCES together with HEADERS, or alone if names conflict. Exits with 77 if clang-14 is missing.
 command -v clang++-14 > /dev/null || { echo "skipped: clang-14 is not installed (./scripts/setup)"; exit 77; }
 headers=$1 sources=$2
 shift 2

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Input: the files lab.toml (l), calibration.toml (c) and radar.cfg (r) as in files.hpp.
+// Input: the files lab.toml (l), calibration.toml (c) and radar.cfg (r) in the format of files.hpp.
 #include "acquire/config/config.hpp"
 #include "files.hpp"
 

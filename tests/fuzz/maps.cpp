@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Input: a folder of maps as in files.hpp. It has maps.npy as it is (m) or by its recipe (M),
-// records.csv (c), camera.json (j), run.txt (t), a PNG (p), the filtered rows of another PNG (P),
-// compressed data (z) and a table of scores (s).
+// Input: a folder of maps in the format of files.hpp. The folder has maps.npy as it is (m) or by
+// its recipe (M), records.csv (c), camera.json (j), run.txt (t), a PNG (p), the filtered rows of
+// another PNG (P), compressed data (z) and a table of scores (s).
 #include "acquire/record/deflate.hpp"
 #include "files.hpp"
 #include "recon/maps/png.hpp"

@@ -196,7 +196,7 @@ class Editor {
     model_.head[name][key] = byte() % 4 == 0 ? any_json() : list;
   }
 
-  // Adds up to 8192 tensors that share the bytes of this one.
+  // Adds up to 8192 tensors that share the bytes of the tensor `name`.
   void again(const std::string& name) {
     const nlohmann::json same = model_.head[name];
     for (int n = 1 << byte() % 14; n > 0; --n) model_.head["z" + std::to_string(n)] = same;

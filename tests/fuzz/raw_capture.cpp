@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Input: the files of a raw capture as in files.hpp. They are the times of the run (r) and of the
-// devices (t, x, c, d), and the bytes of the devices (capital letters). A CRC of zero in the blocks
-// is corrected.
+// Input: the files of a raw capture in the format of files.hpp. They are the times of the run (r)
+// and of the devices (t, x, c, d), and the bytes of the devices (capital letters). A CRC of zero in
+// the blocks is corrected.
 #include <spdlog/spdlog.h>
 
 #include "acquire/import/import.hpp"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Input: a run file, then optionally its -wal (w) and -journal (j) as in files.hpp. Reads
-// everything that the commands info and reconstruct read. SQLite is not instrumented. Pages of 512
-// bytes keep the inputs small.
+// Input: a run file, then optionally its -wal (w) and -journal (j) in the format of files.hpp.
+// Reads everything that the commands info and reconstruct read. SQLite is not instrumented. Pages
+// of 512 bytes keep the inputs small.
 #include "acquire/record/run_file.hpp"
 
 #include <cmath>

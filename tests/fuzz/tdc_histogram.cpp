@@ -24,7 +24,7 @@ struct Reference {
   std::uint64_t last_time = 0;
   bool has_start = false, in_overflow = false;
 
-  // Starts from the first valid tag, which cannot be a backward step.
+  // Starts with the time of the first valid tag, because this tag cannot be a backward step.
   explicit Reference(const HistogramSettings& settings, std::span<const Tag> tags) : s(settings) {
     for (const Tag& tag : tags) {
       if (tag.type != TagType::time_tag || tag.reserved != 0) continue;

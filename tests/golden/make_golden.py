@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Writes the golden bytes in this folder with its own encoders, from the published layouts, independent
-of parsers and simulator. Run it only when a layout changes, and give the reason in the commit."""
+"""Writes the golden bytes in this folder with its own encoders, from the published layouts, independently of the
+parsers and the simulator. Run it only when a layout changes, and give the reason in the commit."""
 import json
 import pathlib
 import struct
@@ -9,7 +9,7 @@ import struct
 here = pathlib.Path(__file__).resolve().parent
 
 
-def crc32c(data):  # RFC 3720, bit by bit
+def crc32c(data):  # CRC-32C of RFC 3720, computed bit by bit
     crc = 0xFFFFFFFF
     for byte in data:
         crc ^= byte
@@ -95,7 +95,7 @@ write(
 )
 
 
-def sample(bin_, antenna):  # imaginary, real
+def sample(bin_, antenna):  # returns the imaginary part, then the real part
     if (bin_, antenna) == (0, 0):
         return struct.pack("<hh", -32768, 32767)
     return struct.pack("<hh", 100 * bin_ + antenna, -1000 - 100 * bin_ - antenna)

@@ -11,7 +11,7 @@ from skimage.metrics import structural_similarity
 SIZE = 64
 
 
-def stream(seed):  # the generator of Numerical Recipes, 24 upper bits
+def stream(seed):  # the upper 24 bits of the generator of Numerical Recipes
     state = seed
     while True:
         state = (1664525 * state + 1013904223) % 2**32
@@ -19,8 +19,9 @@ def stream(seed):  # the generator of Numerical Recipes, 24 upper bits
 
 
 def maps(pair):
-    """Even pairs: a plate of 3..4 m in an empty room, and the same with noise and a shift. Odd
-    pairs: noise, and a mixture of it with other noise."""
+    """Returns the two maps of a pair. In even pairs both maps show a plate at 3 to 4 m. In the second map the plate is
+    shifted and the background is noise. In odd pairs the first map is noise, and the second is a mixture of the first
+    with other noise."""
     noise = stream(pair + 1)
     a, b = numpy.zeros((SIZE, SIZE)), numpy.zeros((SIZE, SIZE))
     for r in range(SIZE):

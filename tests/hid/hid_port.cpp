@@ -254,7 +254,7 @@ TEST_CASE("a CP2110 in use by another program is refused and can be opened later
 TEST_CASE("a missing permission is reported with a remedy when a CP2110 is opened or listed") {
   Bridge bridge;
   const std::string root = test::bed().root(), node = root + "/dev/hidraw0";
-  // The emulation's files are readable by every user. Only the device node is not.
+  // Every user may access the files of the emulation, except the device node.
   std::filesystem::permissions(root, std::filesystem::perms(0755));
   for (const auto& entry : std::filesystem::recursive_directory_iterator(root + "/ioctl"))
     std::filesystem::permissions(entry, std::filesystem::perms(0777));

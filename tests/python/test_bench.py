@@ -162,7 +162,7 @@ def test_true_maps_have_iou_1_even_for_bodies_nearer_than_any_training_body(run,
 
 
 def test_bench_refuses_an_unknown_method_and_a_table_of_another_study(run, tmp_path):
-    """A mistyped method name ends the bench with an error. The table gets no row of NaN for it."""
+    """A mistyped method name ends the bench with an error. The table does not get a row of NaN for this method."""
     table = bench.Table(tmp_path / "b.csv", "this")
     with pytest.raises(bench.UsageError, match="nearst"):
         bench.fill(table, bench.pareto_cells(run.path, run.path, [bench.method("nearst")], seeds=1), quiet=True)

@@ -71,7 +71,8 @@ def runs(tmp_path_factory):
 @pytest.mark.parametrize("name", ["50cm", "antennas"])
 @pytest.mark.parametrize("change", ["codes", "response", "axes"])
 def test_python_predictions_equal_those_of_echofuse_recon_for_runs_with_other_units_or_axes(runs, tmp_path, name, change):
-    """The run has logarithmic radar codes, another radar response, or axes that are shifted by less than a bin."""
+    """The run has logarithmic radar codes, a radar response that differs from that of the training run, or axes that
+    are shifted by less than a bin."""
     trained, run, model = tmp_path / "trained.sqlite", tmp_path / "run.sqlite", tmp_path / "model"
     for copy in (trained, run):
         copy.write_bytes((runs / f"{name}.sqlite").read_bytes())

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Tests that echofuse-bench compares user networks, random forests and maps of another program with a built-in method."""
+"""Tests that echofuse-bench compares user networks, random forests and maps from an external program with a built-in
+method."""
 import importlib.util
 import pathlib
 import subprocess

@@ -111,7 +111,8 @@ def test_report_is_a_single_page_without_external_resources(here, tmp_path):
     page = page_of(tmp_path)
     assert [section["id"] for section in page["sections"]] == [
         "failures", "gallery", "errors", "labels", "metrics", "cost", "records", "space", "live", "made", "terms"]
-    # The person and the letter have maps of all three models. The live record and the worst, median and best record have one.
+    # The person and the letter have maps of all three models. The live record and the worst, median and best record
+    # have one map each.
     assert [len(record["maps"]) for record in page["records"]][:6] == [3, 3, 1, 1, 1, 1]
     assert of_kind(page["of"]["metrics"], "note")["text"].startswith("Do not use SSIM alone")
     assert ["command", f"echofuse-report {tmp_path}"] == [page["of"]["made"][0]["rows"][3][0], page["of"]["made"][0]["rows"][3][1][:16 + len(str(tmp_path))]]
@@ -168,7 +169,7 @@ def test_report_supports_a_run_without_a_model_and_a_comparison_of_two_models(he
     rows = {row[0]: row for row in page["of"]["difference"][1]["rows"]}
     assert rows["IoU"][1:6] == ["60", *(f"{paired['iou'][key]:.3f}" for key in ("first", "second")),
                                 f"{paired['iou']['mean']:+.3f}", f"{paired['iou']['low']:+.3f} to {paired['iou']['high']:+.3f}"]
-    # Plus means that the second model is better, even for an error metric.
+    # A plus sign means that the second model is better, even for an error metric.
     assert rows["IoU"][6]["text"] == "second" and rows["RMSE (m)"][4][0] == "+"
     assert page["first"][0]["show"] == ["truth", "map 0", "map 1", "error 0", "error 1"]
     code, said = compare("body", "body")
@@ -299,7 +300,7 @@ def test_report_of_another_run_is_overwritten_only_with_force(here, tmp_path):
 
 
 def mode_of(name, kind, iou, rmse_m, **columns):
-    """Returns a model with scores for 20 letter records, which vary slightly around the given values."""
+    """Returns a model with scores for 20 letter records. The scores vary slightly around the given values."""
     wobble = 0.001 * (np.arange(20) % 3)
     values = {"iou": iou + wobble, "rmse_m": rmse_m + wobble, "lateral_m": 0.03 + wobble, "depth_mae_m": 0.1 + wobble,
               "lateral_interval_90_m": np.full(20, 0.1)} | columns

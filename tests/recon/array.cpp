@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Tests the use of radar antenna samples: spatial lags, direction of the body, and models.
+// Tests the use of radar antenna samples: spatial lags, the direction of the body, and models.
 #include "recon/data/lags.hpp"
 #include "recon/method/array_view.hpp"
 #include "recon/method/rotation.hpp"

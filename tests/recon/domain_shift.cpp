@@ -223,7 +223,8 @@ TEST_CASE("the domain-shift test reports a radar range bias and the option that 
                     &advised_error) == 2);
   CHECK(cm == advised_cm);
   CHECK(cm_error == advised_error);
-  // The run is also blurred. The advice must remain if other quantities differ too.
+  // The radar profiles are also blurred, because the advice must be given even if other quantities
+  // differ.
   const DomainShift more =
       shift_of(model, plates(200, 30, [&](record::FusedRecord& r) { farther(r), blur(r.radar); }));
   CHECK(more.differences.size() > 1);

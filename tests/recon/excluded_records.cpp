@@ -34,7 +34,8 @@ TEST_CASE("damaged records are counted, and a run with more than 10 % damaged re
   load_part(record::RunReader(dir / "a"), 0, 20, sensors_of(Inputs::fused),
             [&](std::int64_t index, const std::string&) { bad.push_back(index); });
   CHECK(bad == std::vector<std::int64_t>{4, 19});
-  // 300 million clicks in a slot of 3 s exceed the limit of 100 million clicks per second.
+  // More than 300 million clicks in a slot of 3 s exceed the limit of 100 million clicks per
+  // second.
   write_run(dir / "c", 20, 1, [](record::FusedRecord& r) {
     r.slot_end = r.slot_start + std::chrono::seconds(3);
     if (r.index == 4) r.spd[7] = 300'000'001;
@@ -115,7 +116,7 @@ TEST_CASE("the rows command prints the split part of each record or the reason f
   CHECK(both[67]["run"] == dir / "b");
   REQUIRE(recon_program("train -q --model mean --seed 3 " + (dir / "a") + " --out " + (dir / "m"))
               .code == 0);
-  // The model was trained with the same split seed.
+  // The model was also trained with split seed 3.
   const nlohmann::json split = rows((dir / "a") + " --seed 3");
   const nlohmann::json own = rows((dir / "a") + " --model " + (dir / "m"));
   std::size_t held_out = 0;
@@ -128,7 +129,7 @@ TEST_CASE("the rows command prints the split part of each record or the reason f
         recon_program("-q evaluate --json " + (dir / "m ") + run).text)["records"];
   };
   CHECK(judged(dir / "a") == held_out);
-  // All records of the other run are copies of records of the training run.
+  // All records of run b are copies of records of run a, on which the model was trained.
   const nlohmann::json fresh = rows((dir / "b") + " --model " + (dir / "m"));
   std::size_t test = 0;
   for (const auto& row : fresh) {

@@ -58,7 +58,7 @@ TEST_CASE("a fused model uses the SPD alone for records without radar data") {
     for (std::size_t p = 0; p < maps.cols; ++p)
       REQUIRE(maps.row(i)[p] == Approx(expected[p]).margin(1e-4));
   }
-  // The SPD data of record 2 are missing, and no estimator can do without them.
+  // The SPD data of record 2 are missing, and every estimator requires SPD data.
   lost.valid[2] &= ~1u;
   CHECK(model.estimator_for(lost, 2) == nullptr);
   CHECK_THAT(model.fault_of(lost, 2), Catch::Contains("lacks "));

@@ -65,8 +65,8 @@ TEST_CASE("the ghost score is 1 for the mirror image of a body and 0.5 for the m
   CHECK(wrong[metric_left_right] == 0);
   CHECK(wrong[metric_iou] == 0);
   CHECK(std::isnan(wrong[metric_depth_mae_m]));
-  // The error is the distance between the two sides: twice the tangent of the centroid, times 3.5
-  // m.
+  // The lateral error is the distance between the body and its mirror image: twice the tangent of
+  // the centroid, times 3.5 m.
   const double tangent = record::MapGrid{}.x().at(6 + 4.5);
   CHECK(wrong[metric_lateral_m] == Approx(2 * std::abs(tangent) * 3.5).epsilon(1e-9));
   const MapScores both = score(with_ripple(average(truth, ghost)), truth, room());
@@ -81,7 +81,7 @@ TEST_CASE("body position is the foreground centroid after clipping the map to va
   Map ripple = truth;
   // Negative depths are clipped to 0.
   for (std::size_t p = 40; p < 60; ++p) ripple[p] = -30;
-  // Such small depths are not foreground.
+  // Depths of 0.4 m are not foreground.
   for (std::size_t p = 64 * 60; p < 64 * 64; ++p) ripple[p] = 0.4f;
   const MapScores s = score(ripple, truth, room());
   CHECK(s[metric_lateral_m] == Approx(0).margin(1e-12));
@@ -215,7 +215,7 @@ TEST_CASE("the mean and the standard error of scores exclude undefined scores") 
   const Summaries s = summarise({a, b, c});
   CHECK(s[metric_iou].maps == 2);
   CHECK(s[metric_iou].mean == 2);
-  // se = sqrt(((1 - 2)^2 + (3 - 2)^2) / (2 - 1) / 2)
+  // The standard error of the values 1 and 3 is sqrt(((1 - 2)^2 + (3 - 2)^2) / (2 - 1) / 2).
   CHECK(s[metric_iou].se == Approx(1));
   CHECK(std::isnan(summarise({c})[metric_iou].mean));
   CHECK(std::isnan(summarise({a})[metric_iou].se));

@@ -33,7 +33,7 @@ TrainOptions quick(const std::string& model) {
   return options;
 }
 
-// Returns a run of plates, which is loaded once for all cases.
+// Returns a run of plates, which is loaded once for all test cases.
 const Dataset& plates() {
   static const Dataset data = testing::load_plates(600);
   return data;
@@ -155,8 +155,9 @@ TEST_CASE(
   CHECK(fused[metric_left_right].mean > 0.95);
   CHECK(fused[metric_ghost].mean < spd[metric_ghost].mean / 4);
   CHECK(fused[metric_iou].mean > spd[metric_iou].mean + 0.3);
-  // The SPD alone gives no foreground for most records. Where it does, the side agrees with chance
-  // within 4 standard deviations, and the ghost is nearly as strong as the body.
+  // With SPD data alone, most maps have no foreground. In the other maps the body is on the correct
+  // side in half of the cases, within 4 standard deviations. The ghost is nearly as strong as the
+  // body.
   if (const double n = static_cast<double>(spd[metric_left_right].maps); n > 0)
     CHECK(std::abs(spd[metric_left_right].mean - 0.5) < 4 * 0.5 / std::sqrt(n));
   CHECK(spd[metric_lateral_m].maps < fused[metric_lateral_m].maps / 2);

@@ -69,8 +69,8 @@ TEST_CASE(
   }
   double worst = 0, chi2 = 0, raw_chi2 = 0;
   for (std::size_t i = 0; i < bins; ++i) {
-    // N is binomially distributed with `ready` trials and probability 1 - exp(-q). The delta method
-    // gives the variance of L * q.
+    // The raw count is binomially distributed with `ready` trials and the probability 1 - exp(-q).
+    // The delta method gives the variance of the corrected count.
     const double photons = pulses * q[i] * draws;
     const double ready = raw_sum[i] / -std::expm1(-q[i]);
     const double variance = std::pow(double{pulses} * draws, 2) * std::expm1(q[i]) / ready;

@@ -86,7 +86,7 @@ TEST_CASE("the confidence interval widens with fewer records and is undefined be
   for (const std::size_t records : {5u, 9u, 10u, 11u, 40u}) {
     const PairedDifference d = differences(records);
     CAPTURE(records, d.low, d.high);
-    // The bound is below 4 standard errors, 0.8 / sqrt(records).
+    // A 95 % interval is about 4 standard errors wide, which is 0.8 / sqrt(records).
     CHECK(d.high - d.low > 0.3 / std::sqrt(records));
     CHECK((d.low < d.mean && d.mean < d.high));
   }

@@ -98,9 +98,9 @@ def runs():
     """The domain-shift test must flag at most 1 % of runs that are simulated like the training run, and
     at least 95 % of runs from other laboratories.
 
-    Ten runs share a reference, which is a training run. With --people p is uniformly distributed.
-    With --records exactly a quarter of each run are people, so run means vary less than in random
-    draws, and p is larger."""
+    Ten runs share a reference, which is a training run. With the option --people, p is uniformly distributed. With the
+    option --records, exactly a quarter of the records of each run show people. Therefore run means vary less than in
+    random draws, and p is larger."""
     references = 4 if arguments.quick else 20
     for kind in ("--people", "--records"):
         for reference in (200, 3600):
@@ -152,10 +152,10 @@ def taps_of(window):
 
 
 def windows():
-    """If a run states a wider radar window than the training run, at most 5 % of its records may be
-    flagged, and the lateral intervals must stay valid.
+    """If the radar response of a run belongs to a wider window than that of the training run, at most 5 % of the
+    records of the run may be flagged, and the lateral intervals must stay valid.
 
-    The model learns its limits with cos^2n windows, so Nuttall and Kaiser windows are new to it."""
+    The model learns its limits with cos^2n windows, but not with Nuttall and Kaiser windows."""
     nuttall = taps_of(lambda t: .355768 + .487396 * np.cos(2 * np.pi * t) + .144232 * np.cos(4 * np.pi * t) + .012604 * np.cos(6 * np.pi * t))
     kaiser = taps_of(lambda t: np.i0(12 * np.sqrt(np.maximum(1 - 4 * t * t, 0))))
     model = train(dataset(2000 if arguments.quick else 4000))

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Tests the warnings about depth maps that contradict the sensors, and the scoring of written maps.
+// Tests the warnings about depth maps that contradict the other sensors, and the scoring of written
+// maps.
 #include <nlohmann/json.hpp>
 
 #include "recon/data/late_truth.hpp"
@@ -96,7 +97,7 @@ TEST_CASE("evaluate refuses maps of another run and does not score maps of train
   CHECK(judged(" --all")["records"] == 60);
   CHECK_THAT(recon_program("-q evaluate --maps " + (dir / "maps ") + (dir / "a")).text,
              Catch::Contains("54 of 60 records left out: trained on 54\n"));
-  // Copies of the training records in another run are recognised as trained on.
+  // Copies of the training records in a second run are recognised as training records.
   write_run(dir / "copy", 70, 1);
   REQUIRE(recon_program("-q reconstruct --format npy " + (dir / "m ") + (dir / "copy") + " --out " +
                         (dir / "copied"))

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Tests the tuning of a model to another room, in which the radar reports shorter ranges.
+// Tests the tuning of a model to a room other than the training room, in which the radar reports
+// shorter ranges.
 #include "recon/train/tune.hpp"
 
 #include <map>
@@ -16,7 +17,8 @@ namespace {
 
 constexpr double other_start_m = -0.1;
 
-// Returns plate records. In the other room the radar reports ranges that are 10 cm shorter.
+// Returns plate records. If `other` is true, the radar reports ranges that are 10 cm shorter, as in
+// the new room.
 Dataset plates(std::int64_t count, std::uint64_t seed, bool other) {
   const Folder dir;
   write_run(dir / "run", count, seed);
@@ -189,7 +191,7 @@ TEST_CASE("every tuned model can be saved, loaded and evaluated") {
         TunedModel tuned;
         try {
           tuned = tune(old, data, how);
-          // Models that use only the SPD need more records.
+          // Tuning may be refused for models that use only the SPD, and with fewer than 50 records.
         } catch (const Error&) {
           CHECK((inputs == "spd" || records < 50));
           continue;

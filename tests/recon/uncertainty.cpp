@@ -200,8 +200,8 @@ TEST_CASE("photon thinning keeps the expected fraction of non-integer counts") {
 }
 
 TEST_CASE("an uncertainty fitted to pure noise covers 90 % of the errors of new records") {
-  // The errors are pure noise. A regression of ten terms on 60 records explains part of the noise
-  // of these records.
+  // The errors are pure noise. A regression with ten terms explains part of the noise of the 60
+  // records to which it is fitted.
   std::vector<double> held;
   for (std::uint64_t trial = 0; trial < 200; ++trial) {
     Rng rng = make_rng(trial, 8);
@@ -427,7 +427,7 @@ TEST_CASE("reconstruct and evaluate report the uncertainty of the predictions") 
   const std::string png = contents(dir / "o/000007_sd.png");
   const auto mm = recon::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
   const auto most = *std::max_element(mm.begin(), mm.end());
-  // Deviation in mm at the edge of a plate at 3500 mm, where the depth is uncertain.
+  // At the edge of a plate at 3500 mm the depth is uncertain, so the standard deviation is large.
   CHECK(most > 300);
   CHECK(most < 2500);
   CHECK(std::filesystem::file_size(dir / "o/deviation.npy") > 40 * 64 * 64 * 4);

@@ -104,7 +104,7 @@ TEST_CASE("raw model inputs are all zone histograms, and observations also conta
 
 namespace {
 
-// Returns plates in front of two zones. With `by_side` the lateral position of the body determines
+// Returns plates in front of two zones. If `by_side`, the lateral position of the body determines
 // how the zones share the light; otherwise they share it equally.
 Dataset plates_in_zones(std::size_t records, bool by_side) {
   Dataset data = load_plates(records);

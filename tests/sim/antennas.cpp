@@ -134,8 +134,8 @@ TEST_CASE("simulated antenna noise is complex and white and has the specified po
       for (std::size_t n = 0; n < m; ++n) across += std::norm(bin.covariance(m, n)) / 28 / bins;
     }
   }
-  // The power of one sample is exponentially distributed, so a mean has a relative deviation of 1 /
-  // sqrt(count).
+  // The power of one sample is exponentially distributed, so the mean of n samples has a relative
+  // standard deviation of 1 / sqrt(n).
   CHECK(std::abs(power / noise - 1) < 4.5 / std::sqrt(8 * frames * bins));
   CHECK(std::abs(mean * frames / noise - 1) < 4.5 / std::sqrt(8 * bins));
   CHECK(std::abs(across * frames / (noise * noise) - 1) < 4.5 * 2 / std::sqrt(28 * bins));
@@ -153,7 +153,7 @@ TEST_CASE("the fast Gaussian generator has the moments and tails of a normal dis
     second += v * v / 4;
     fourth += v * v * v * v / 16;
     beyond += std::abs(v) > 2 * 2;
-    // Counts values in the tail, beyond 3.6 standard deviations.
+    // Counts the values in the tail, beyond 3.6 standard deviations.
     last += std::abs(v) > 2 * 3.6;
   }
   const double n = static_cast<double>(x.size());

@@ -98,7 +98,7 @@ TEST_CASE("a simulated data set with antennas does not depend on the number of t
   }
   plan.conditions.radar_sum = "coherent";
   const auto speckle = Generator(plan).make(4);
-  // Antenna samples contain the mean noise power, which is subtracted from range profiles.
+  // The mean noise power is subtracted from range profiles, but not from antenna samples.
   const double noise = radar_noise_power(
       plan.conditions, mean_peak_power(radar_response(plan.conditions), plan.conditions));
   for (std::size_t i = 0; i < speckle.radar.size(); ++i)

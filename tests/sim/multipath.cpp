@@ -127,7 +127,7 @@ TEST_CASE("echo power via one wall equals the analytic value, and open scenes ar
   const double rho = 0.6;
   Conditions direct = with_echoes(0, rho);
   const double d = length(at), mirrored_m = length(at - Vec3{-3, 0, 0});
-  // Ratio of cosine / distance^2 as seen from the mirror image and from the sensor.
+  // Ratio of cosine / distance^2 at the mirror image to that at the sensor.
   const double q = std::pow(d / mirrored_m, 3);
   const double whole = total(radar_returns(scene, direct).weight);
   const Returns once = echoes_by_walls(scene, with_echoes(1, rho));
@@ -135,7 +135,7 @@ TEST_CASE("echo power via one wall equals the analytic value, and open scenes ar
   CHECK(total(once.weight) == Approx(4 * rho * q * whole).epsilon(0.01));
   CHECK(total(twice.weight) == Approx((4 * rho * q + rho * rho * q * q) * whole).epsilon(0.01));
   for (const double range : once.range_m) CHECK(range == Approx((d + mirrored_m) / 2).margin(0.06));
-  // Without a room, the echoes must be bitwise equal to those without multipath.
+  // Without a room, the echoes must be equal bit for bit to those without multipath.
   Scene open = scene;
   open.room = nullptr;
   CHECK(radar_returns(open, with_echoes(2, rho)).weight == radar_returns(open, direct).weight);

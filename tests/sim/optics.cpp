@@ -97,8 +97,9 @@ TEST_CASE("splitting a return linearly between bins stays within the documented 
     Conditions c;
     c.irf_fwhm_ps = fwhm;
     c.signal_photons = 1;
-    // The error is at most step^2 / 8 times the largest second derivative of the share of the bin.
-    // Each of the two bin edges contributes max |x phi(x)| / sigma^2, and step <= sigma / 16.
+    // The error is at most step^2 / 8 times the largest second derivative of the fraction in the
+    // bin. Each of the two bin edges contributes max |x phi(x)| / sigma^2 = 0.242 / sigma^2, where
+    // phi is the normal density, and step <= sigma / 16.
     const double bound = 2 * 0.242 / 8 / 256;
     for (int k = 0; k < 50; ++k) {
       const double t = c.first_bin_ps + 10'000 + 7.3 * k;
@@ -124,13 +125,13 @@ TEST_CASE("a return keeps its energy when binned, and has the mean and the varia
       // The bins are too coarse to compute moments.
       if (fwhm < 200 && tail < 100) continue;
       const double sigma = sigma_ps(c), w = c.bin_width_ps;
-      // The exponential tail starts with a jump of height f(0) = 1/tail, which moves the binned
-      // mean by at most w^2 f(0) / 12 (Euler-Maclaurin).
+      // The exponential tail starts with a jump of height f(0) = 1/tail. With the bin width w, this
+      // jump moves the binned mean by at most w^2 f(0) / 12 (Euler-Maclaurin).
       CHECK(m.mean ==
             Approx(t + tail).margin(tail > 0 && fwhm < 200 ? w * w / 12 / tail : 1e-3 * w));
-      // Sharing a return between points at a distance of sigma/16 adds at most a quarter of this
-      // distance squared to the variance. The start of the tail adds w^2 / 12 times the change of
-      // slope of (t - mean)^2 f, which is 2.
+      // Sharing a return between points sigma/16 apart adds at most a quarter of the square of this
+      // distance to the variance. With the bin width w, the start of the tail adds w^2 / 12 times
+      // the change of slope of (t - mean)^2 f(t), which is 2.
       const double widening = sigma * sigma / 1024 + (fwhm < 200 ? w * w / 6 : 0);
       CHECK(std::abs(m.variance - sigma * sigma - tail * tail - w * w / 12) < widening);
     }
@@ -139,7 +140,7 @@ TEST_CASE("a return keeps its energy when binned, and has the mean and the varia
 TEST_CASE("light from outside the time axis contributes only where the IRF extends into the axis") {
   Conditions c;
   const double end = c.first_bin_ps + static_cast<double>(c.bins) * c.bin_width_ps;
-  // Half of the return is on the time axis.
+  // Half of the return is within the histogram.
   for (const double edge : {c.first_bin_ps, end})
     CHECK(total(spd_rate(one_return(edge), c)) == Approx(c.signal_photons / 2).epsilon(1e-6));
   for (const double t : {1000.0, c.first_bin_ps - 2000, end + 2000, 1e6})
@@ -240,8 +241,8 @@ TEST_CASE("simulated counts without pile-up follow a Poisson distribution") {
   constexpr int draws = 400;
   const Scores s = scores_of(rate, rate, rate, c, draws);
   CHECK(s.worst < 4.5);
-  // The expected value of z^2 is 1. The variance of its mean over n independent terms is (2 + 1/r)
-  // / n.
+  // The expected value of z^2 is 1. The variance of the mean of z^2 over n independent counts with
+  // the expected value r is (2 + 1/r) / n.
   double spread = 0;
   for (const double r : rate) spread += 2 + 1 / r;
   const double bins = static_cast<double>(rate.size());
@@ -269,8 +270,8 @@ TEST_CASE("simulated pile-up counts only the first photon of each pulse") {
   constexpr int draws = 300;
   const Scores s = scores_of(rate, mean, variance, c, draws);
   CHECK(s.worst < 4.5);
-  // The counts are multinomial: bins are correlated by -sqrt(odds_i odds_j), which adds at most 2
-  // odds^2 to the variance of the sum of z^2.
+  // The counts are multinomial. The correlation of bins i and j is -sqrt(o_i o_j) with o = p / (1 -
+  // p). With the sum `odds` of all o, this adds at most 2 odds^2 to the variance of the sum of z^2.
   const double bins = static_cast<double>(rate.size());
   CHECK(std::abs(s.chi2_per_bin - 1) < 4.5 * std::sqrt((spread + 2 * odds * odds) / draws) / bins);
 }
@@ -295,8 +296,8 @@ TEST_CASE("the Coates pile-up correction recovers the simulated rates within its
       waiting -= counts[i];
     }
   }
-  // Each estimate is binomial with the pulses that have no earlier count. The estimates are
-  // uncorrelated.
+  // Each estimate is based on a binomial count, with the pulses that have no earlier count as
+  // trials. The estimates are uncorrelated.
   double before = 0, worst = 0, chi2 = 0;
   for (std::size_t i = 0; i < rate.size(); ++i) {
     const double variance = std::expm1(rate[i] / pulses) * pulses * std::exp(before);
@@ -350,9 +351,10 @@ TEST_CASE("a free-running detector with dead time tau counts at the rate r / (1 
     double sum = 0;
     for (int d = 0; d < draws; ++d)
       for (const auto n : draw_counts(rate, c, rng)) sum += n;
-    // Renewal process that starts ready: intervals have the mean m = tau + 1/r and the variance
-    // 1/r^2, but the first has the mean 1/r. The number of events in t is t/m + (1/r^2 + m^2) / 2
-    // m^2 - 1 / (r m), with variance t / (r^2 m^3).
+    // Renewal process with the rate r and the dead time tau, in which the detector is ready at the
+    // start. The intervals have the mean m = tau + 1/r and the variance 1/r^2, but the first
+    // interval has the mean 1/r. The number of events in the time t has the mean t/m + (1/r^2 +
+    // m^2) / (2 m^2) - 1 / (r m) and the variance t / (r^2 m^3).
     const double m = 1 + blind;  // mean interval in units of 1/r
     const double mean = draws * (c.background_counts / m + (1 + m * m) / (2 * m * m) - 1 / m);
     CAPTURE(tau_us, sum, mean);

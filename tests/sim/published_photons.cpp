@@ -144,7 +144,7 @@ Fit fit(const std::vector<double>& counts, const std::vector<double>& model,
   return out;
 }
 
-// Returns the bin, with a fraction, in which the smoothed counts first exceed a third of their
+// Returns the fractional bin number at which the smoothed counts first exceed a third of their
 // peak. Smoothing averages 2 * width + 1 bins.
 double first_return(const std::vector<double>& counts, std::size_t from, std::size_t width) {
   std::vector<double> smooth(counts.size());
@@ -280,7 +280,7 @@ TEST_CASE("simulated histograms of a block match those measured with a TMF8820")
   const auto records = read_json("spad-tmf8820/tall_block.json.gz");
   const Corners corners = read_stl("spad-tmf8820/tall_block.stl");
   constexpr double m_a_bin = 0.0135, zero_bin = 12.25, step_m = 0.002;
-  // Bins from 21 on are behind the peak of the window.
+  // Bins from 21 on are behind the peak of the cover window.
   constexpr std::size_t from = 21, to = 60;
   std::vector<double> off, times, chi2s, rests;
   for (std::size_t zone = 0; zone < 9; ++zone) {

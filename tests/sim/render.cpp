@@ -159,7 +159,8 @@ TEST_CASE("a flat screen returns the analytic amount of light") {
     double sum = 0;
     for (std::size_t k = 0; k < returns.weight.size(); ++k)
       if (returns.range_m[k] < r) sum += returns.weight[k];
-    // Only pixels on the edge of the circle may be wrong, which are at most 8 tangent / step.
+    // Only pixels on the edge of the circle may be wrong. At most 8 tangent / step pixels are on
+    // this edge.
     const double edge = 8 * tangent * step * albedo / (distance * distance * mean_scene_weight);
     CHECK(std::abs(sum - screen_weight(distance, r, albedo)) < edge);
     CHECK(edge < 0.06 * sum);
@@ -173,9 +174,10 @@ TEST_CASE("a sphere returns the analytic amount of light") {
   Scene scene;
   scene.capsules = {sphere({0, 0, d}, a, albedo)};
   const Returns returns = spd_returns(scene, c);
-  // With the angle alpha from the axis: d^2 = R^2 + a^2 + 2 R a cos(theta) and 2 d R cos(alpha) =
-  // d^2 + R^2 - a^2. The weight within range r is the integral of 2 pi albedo cos(theta) / R^2 over
-  // cos(alpha).
+  // A ray at the angle alpha from the axis hits the sphere at the range R and the angle of
+  // incidence theta. The sphere has the distance d and the radius a, so d^2 = R^2 + a^2 + 2 R a
+  // cos(theta) and 2 d R cos(alpha) = d^2 + R^2 - a^2. The weight within range r is the integral of
+  // 2 pi albedo cos(theta) / R^2 over cos(alpha).
   const auto integral = [&](double r) {
     return std::log(r) + k / (r * r) - k * k / (4 * r * r * r * r);
   };
@@ -186,7 +188,8 @@ TEST_CASE("a sphere returns the analytic amount of light") {
     double sum = 0;
     for (std::size_t i = 0; i < returns.weight.size(); ++i)
       if (returns.range_m[i] < r) sum += returns.weight[i];
-    // Pixels on the edge of the circle of this range may be wrong, as for the screen.
+    // Only pixels on the edge of the circle of this range may be wrong, as in the test of the flat
+    // screen.
     const double tangent = std::tan(std::acos((d * d + r * r - a * a) / (2 * d * r)));
     const double cosine = (d * d - r * r - a * a) / (2 * r * a);
     const double edge = 8 * tangent * step * albedo * cosine / (r * r * mean_scene_weight);

@@ -33,8 +33,8 @@ Chirp chirp_of(std::vector<unsigned> transmitters) {
   return chirp;
 }
 
-// Returns a scene with a point echo of power 1 in bin 12. Its wave is plane with the direction
-// sines x and y.
+// Returns a scene with a point echo of power 1 in bin 12. The echo is a plane wave with the
+// direction sines x and y.
 RenderedScene point_at(double x, double y, std::int64_t index = 0) {
   RenderedScene scene;
   scene.index = index;

@@ -22,7 +22,7 @@
 
 namespace echofuse::test {
 
-// Simulated radar board that stops at once and sends frames only on request.
+// Simulated radar board that stops immediately and sends frames only on request.
 class RadarBoard {
  public:
   explicit RadarBoard(port::Loop& loop)

@@ -129,8 +129,8 @@ TEST_CASE("the command dialogue ignores calibration lines and garbage before the
   b.driver->start(b.sink);
   std::size_t said = 0;
   REQUIRE(b.until([&] {
-    // Sends a calibration line after every answer and before the first, and garbage only before the
-    // first.
+    // Sends a calibration line before the first answer and after every answer, and garbage only
+    // before the first answer.
     if (b.board.lines_heard() >= said) {
       b.board.cli.send(said++ == 0 ? garbage : std::string());
       b.board.say(calibration + "\n");

@@ -288,7 +288,7 @@ TEST_CASE("simulated range profile codes of a strong echo and of noise match the
   power[0] = 0.25;
   const auto codes = range_profile_codes(power, mean_peak, 12, c, rng);
   CHECK(std::abs(codes[0] - 3648) <= 1);
-  // The expected noise is that of the frame, plus a small part of the noise of each antenna.
+  // The expected noise is the noise of the frame, plus a small part of the noise of each antenna.
   double mean = 0;
   for (std::size_t i = 1; i < codes.size(); ++i)
     mean += power_from_code(codes[i], 12) / static_cast<double>(codes.size() - 1);

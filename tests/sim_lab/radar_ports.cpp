@@ -127,7 +127,7 @@ struct BoardInMemory {
     std::string& to_;
   };
 
-  // Sends the cfg with 50 cm resolution, with one line replaced, and starts the sensor.
+  // Sends the cfg for 50 cm resolution after replacing one line, and starts the sensor.
   void start(const std::string& instead_of, const std::string& put) {
     std::ifstream cfg(source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
     REQUIRE(cfg);
@@ -194,13 +194,13 @@ TEST_CASE("after sensorStart the simulated radar sends one frame of the scene pe
     CHECK(frame.types == std::vector<std::uint32_t>{2, 6, 9});
     REQUIRE(frame.profile.size() == 64);
     for (std::size_t bin = 0; bin < 64; ++bin) mean[bin] += frame.profile[bin] / double(frames);
-    // The counter runs at 200 MHz for 50 ms. The tolerance allows for scheduling delays on a busy
-    // machine.
+    // The cycle counter runs at 200 MHz, and the frames are 50 ms apart. The tolerance allows for
+    // scheduling delays on a busy machine.
     if (i > 1) CHECK(std::abs(double(frame.cycles - cycles) / 1e7 - 1) < 0.8);
     cycles = frame.cycles;
   }
 
-  // Far above the noise, the mean code equals the code of the noise-free power.
+  // Far above the noise, the mean code equals the code of the sum of signal and noise power.
   const double step_m = 0.25022102542;  // range step for the slope of 517 frequency steps
   sim::RadarAxis axis{0, step_m, 64, 64 * step_m / 60, sim::Psf::blackman()};
   const auto scene = sim::make_scene(options.conditions, sim::SceneKind::person, 11, 0);
@@ -214,8 +214,8 @@ TEST_CASE("after sensorStart the simulated radar sends one frame of the scene pe
   for (std::size_t bin = 0; bin < 64; ++bin) {
     if (power[bin] < 20 * noise) continue;
     const double code = 256 * 12.0 / 16 * 0.5 * std::log2((power[bin] + noise) * std::pow(2.0, 40));
-    // Variance of ln|x|^2: the noise of the frame, plus 2 * own / power of a single antenna,
-    // averaged over 12 antennas. The codes are averaged over 20 frames.
+    // The variance of ln|x|^2 is (noise / power)^2 for the noise of the frame, plus 2 * own / power
+    // for the noise of each of the 12 averaged antennas. The codes are averaged over 20 frames.
     const double variance = std::pow(noise / power[bin], 2) + 2 * own / power[bin] / 12;
     const double sigma = 256 * 12 / 16.0 * 0.5 / std::log(2.0) * std::sqrt(variance / frames);
     // The codes are rounded to integers.

@@ -61,8 +61,8 @@ def frames_of(raw):
 
 
 def unpacked(blob):
-    """Yields the power of each range bin and its statistics relative to the power. Means are relative to the root of
-    the power."""
+    """Yields the power and the statistics of each range bin. The statistics are relative to the power of the bin,
+    except means, which are relative to the square root of this power."""
     size = 4 + 2 * VALUES
     assert len(blob) == KEPT * size
     for start in range(0, len(blob), size):

@@ -56,7 +56,7 @@ class Calibrate(unittest.TestCase):
         info = json.loads(subprocess.run([bin_dir / "echofuse-acquire", "info", "--json", self.dir / "run.sqlite"],
                                          check=True, stdout=subprocess.PIPE).stdout)
         self.assertEqual([c["sensor"] for c in info["calibrations"]], ["spd", "radar"])
-        # The responses of the laboratory are measured and stored in the run.
+        # The sensor responses of the simulated laboratory are measured and stored in the run.
         response = json.loads(done.stdout.splitlines()[-1])["response"]
         width, _, error = response["irf_fwhm_ps"].partition(" +- ")
         self.assertLess(abs(float(width) - 200), 5 * float(error), response)
@@ -85,8 +85,8 @@ class Calibrate(unittest.TestCase):
             self.assertAlmostEqual(kept["offset_m"], measured["offset_m"], 12)
 
     def test_calibrate_refuses_a_wrong_reflector_position(self):
-        """A wrong --reflector is refused, and the error names the position that fits. Two calibrations, of one
-        sensor each, complete the same file."""
+        """A wrong --reflector is refused, and the error names the position that matches the measurement. Two
+        calibrations, of one sensor each, complete the same file."""
         stored = self.dir / "calibration.toml"
 
         def measure(before, *options, bias_m=.05):

@@ -21,7 +21,7 @@ MADE, TENTH, DAY = 240, 2_880, 28_800
 MEMORY_A_RECORD = 1024
 # Memory, bytes, for buffers and allocator overhead.
 RESERVE = 16 << 20
-# Limits for ten times the records: 15 times the processor time, plus constant costs, s.
+# For ten times the number of records, a program may need 15 times the processor time, plus a constant time, s.
 LONGER, START_S = 15, 0.5
 
 
@@ -56,8 +56,8 @@ class Day(unittest.TestCase):
         cls.folder.cleanup()
 
     def cost(self, command, use=None):
-        """Runs a command and returns its processor time (s) and peak memory (bytes). If given, `use` gets its first
-        output line, and the command is then terminated."""
+        """Runs a command and returns its processor time (s) and peak memory (bytes). If given, `use` gets the first
+        output line of the command, which is then terminated."""
         with subprocess.Popen([bin_dir / command[0], *command[1:]], stdout=subprocess.PIPE, text=True) as process:
             if use:
                 use(process.stdout.readline().strip())

@@ -36,7 +36,7 @@ echo "$ECHOFUSE_TEXT" >>{calls}
 
     def test_alert_program_is_called_within_one_slot_of_a_sensor_loss(self):
         """A sensor that stops is reported once, within one slot of its first missing record. Importing raw data does
-        not start the program."""
+        not start the alert program."""
         file = self.hook()
         config = self.dir / "lab/lab.toml"
         config.write_text(config.read_text() + '\n[alert]\non_doubt = ["./alert", "lab  7; $(id)"]\n')

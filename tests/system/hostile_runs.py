@@ -243,7 +243,8 @@ class HostileRuns(unittest.TestCase):
         for name, change in cases.items():
             with self.subTest(name):
                 codes = self.attack(self.make(change), "export", "csv", "evaluate")
-                # An image with more pixels than the file can hold is refused with the run, other images with the record.
+                # If an image has more pixels than the file can hold, the whole run is refused. Otherwise only the
+                # record is refused.
                 self.assertEqual((codes["export"], codes["csv"]), (1 if name == "2^30" else 5, 1), (codes, self.said))
                 self.assertIn("depth is not a deflated image of", self.said)
         codes = self.attack(self.make(depth(good)), "export", "csv")

@@ -169,7 +169,7 @@ class Live(unittest.TestCase):
         whole = [row for row in within if row["valid"] & 1]
         for row in whole:
             self.assertGreaterEqual(row["spd_span_s"], 0.9 * WINDOW_S, (row["idx"], log))
-        # On a busy machine the laboratory may also have sent too few data for a slot.
+        # On a busy machine the laboratory may also have sent too little data for a slot.
         if late:
             self.skipTest("the machine is too busy: complete slots after the stall are not checked")
         self.assertGreaterEqual(len(whole), 1, log)
@@ -310,8 +310,8 @@ class Live(unittest.TestCase):
         self.assertEqual((late.returncode, "run is not being recorded" in late.stdout), (1, True))
 
     def test_daemon_writes_pending_records_when_a_lock_on_the_run_file_is_released(self):
-        """Another program locks the run file. Records wait for the end of the lock, but SIGTERM does not, and the last
-        log line counts the unwritten records."""
+        """Another program locks the run file. Records are written when the lock ends. SIGTERM ends the run even during
+        the lock, and the last log line counts the unwritten records."""
         daemon = self.record()
         wait_for("records", lambda: self.committed() >= 4)
         reader, writer = (sqlite3.connect(self.run, isolation_level=None) for _ in range(2))

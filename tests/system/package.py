@@ -11,7 +11,7 @@ import unittest
 
 root = pathlib.Path(__file__).resolve().parents[2]
 debian = root / "scripts/debian"
-# dh_compress(1) does not compress these files. Option -X excludes more files.
+# dh_compress(1) does not compress these files. Option -X of dh_compress excludes further files.
 NEVER_COMPRESSED = {".png", ".jpg", ".svg"}
 
 

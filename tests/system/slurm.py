@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """tests/system/slurm.py BIN_DIR: tests scripts/slurm on an emulated Slurm cluster of two nodes on this machine. One
-node fails during an array job, and the result must be bitwise equal to that of a single process. Skipped if it is not
-run as root, or if Debian's slurmctld, slurmd, slurm-client or munge is missing."""
+node fails during an array job, and the result must be equal bit for bit to that of a single process. Skipped if it is
+not run as root, or if Debian's slurmctld, slurmd, slurm-client or munge is missing."""
 import contextlib
 import csv
 import functools

@@ -159,7 +159,7 @@ TEST_CASE("no tags are lost if USB transfers split blocks or if packets are shor
   Bench b;
   b.connect();
   const Bytes all = join({b.tags(50'000), b.tags(0), b.tags(50'000)});
-  // Pieces of 37 KiB end within tags, and the long run fills whole transfers.
+  // Pieces of 37 KiB end within tags, and the long run of packets fills whole transfers.
   const ByteView wire = all;
   for (std::size_t at = 0; at < wire.size(); at += 37'000)
     b.device.send_more(wire.subspan(at, std::min<std::size_t>(37'000, wire.size() - at)));

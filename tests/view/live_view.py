@@ -66,7 +66,7 @@ class LiveView(live.Live):
                                          stdout=subprocess.PIPE).stdout)["runs"]
 
     def test_viewer_follows_a_recording_that_continues_in_new_files(self):
-        """`run --every` reports each new file, and its viewer follows the newest file. If the model is invalid, the
+        """`run --every` reports each new file, and the viewer follows the newest file. If the model is invalid, the
         viewer shows no maps."""
         daemon = self.record("--every", f"{3 * WINDOW_S}s", "--count", "5", "--json", "--view", "--model",
                              self.dir / "lab/lab.toml", stdout=subprocess.PIPE)

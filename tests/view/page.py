@@ -21,7 +21,7 @@ from live import WINDOW_S, bin_dir, wait_for
 PATIENCE_S = 60  # A busy machine renders the page slowly.
 
 
-# Returns how many pixels the elements move when status and label change from their shortest to their longest texts.
+# Returns by how many pixels the elements move when status and label change from their shortest to their longest texts.
 header_jumps = """
   const at = () => ['numbers', 'lamps', 'transport', 'card-histogram', 'card-maps'].map(id => document.getElementById(id).getBoundingClientRect()).flatMap(r => [r.left, r.top]);
   const say = words => {
@@ -252,7 +252,7 @@ class Page(live_view.LiveView):
             self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
             self.assertLessEqual(self.js("return document.documentElement.scrollWidth"), width)
             self.assertEqual(self.contrast_faults(), [], (width, scheme))
-        # A script clicks, because the list may be redrawn at any moment.
+        # A script performs the click, because the list may be redrawn at any moment.
         self.js("document.querySelector('.run').click()")
         self.wait("page of the run", lambda: self.js("return document.getElementById('file')?.textContent") == scenes.name)
         self.wait("its record", lambda: self.js("return window.framesSeen") > 0)

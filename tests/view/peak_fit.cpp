@@ -51,7 +51,7 @@ TEST_CASE("the peak fit recovers the centre and the width within the error that 
     CHECK(fit->fwhm == Approx(2.3548 * 0.06).epsilon(0.1));
     outside += std::abs(fit->centre - 3.217) > 2 * fit->centre_error;
   }
-  // 5 % of 50 fits are expected to be off by more than two standard errors.
+  // 5 % of the 50 fits are expected to have an error of more than two standard errors.
   CHECK(outside <= 8);
 }
 

@@ -55,8 +55,8 @@ struct Owner final : SessionOwner {
   static void write(tcp::socket& client, std::string_view bytes) {
     net::write(client, net::buffer(bytes.data(), bytes.size()));
   }
-  // Waits for at most five seconds. A client that answers no ping is disconnected only after ten
-  // seconds.
+  // Waits for at most five seconds. A client that does not answer a ping is disconnected only after
+  // ten seconds.
   template <class Condition>
   bool waits_for(Condition happened) {
     const auto end = std::chrono::steady_clock::now() + 5s;

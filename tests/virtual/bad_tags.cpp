@@ -94,7 +94,7 @@ Outcome run_of(const Stream& stream, const std::vector<std::string>& settings = 
   loop.ports[b.lab->config().tdc.address] = [&] { return std::make_unique<Tagger>(loop, stream); };
   REQUIRE(b.lab->record(b.run(10)) == ExitCode::ok);
   Strings events = b.events("spd");
-  // Removes the reports of verdicts.
+  // Removes the events that report verdicts.
   std::erase_if(events, [](const auto& e) { return e.starts_with("record "); });
   return {events, b.records()};
 }
@@ -185,7 +185,7 @@ TEST_CASE("missing, doubled or too frequent start pulses each cause an event") {
   }});
   CHECK_THAT(faster.events.at(0),
              Catch::Contains("changes of the start rate, from 4 kHz to 8 kHz"));
-  // The second that contains the change has both rates, but no missing starts.
+  // The second in which the pulse rate changes contains both rates, but no missing starts.
   CHECK(faster.events.size() == 1);
 }
 

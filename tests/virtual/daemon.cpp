@@ -277,7 +277,7 @@ TEST_CASE("simulated scenes change at slot boundaries") {
     near.push_back(sum(r.spd.begin(), r.spd.begin() + static_cast<std::ptrdiff_t>(border)) /
                    sum(r.spd.begin(), r.spd.end()));
   }
-  for (std::size_t i = 5; i + 1 < near.size(); ++i) {  // by then the clock fit is valid
+  for (std::size_t i = 5; i + 1 < near.size(); ++i) {  // the clock fit is valid from record 5 on
     // The background pixels contribute less than 15 % of the counts.
     CHECK(std::min(near[i], 1 - near[i]) < 0.15);
     CHECK((near[i] > 0.5) != (near[i + 1] > 0.5));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Simulated laboratory and daemon in one process, in virtual time. Simulated devices and drivers
-// are connected in memory. Equal options give runs that are equal bit by bit.
+// are connected in memory. Equal options give runs that are equal bit for bit.
 #pragma once
 #include <cstdint>
 #include <functional>

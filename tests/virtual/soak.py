@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: MIT
 """tests/virtual/soak.py VIRTUAL_RUN [--hours H] [--seed N] [--keep DIR]: records in virtual time with random faults.
 
-Several devices may fail at the same time. Every slot must have a record, and scripts/audit_run.py must account for every
-loss. No slot may be late. A second run of the first hour must be equal bit by bit. Otherwise the exit code is 1."""
+Several devices may fail at the same time. Every slot must have a record, and scripts/audit_run.py must account for
+every loss. No slot may be late. A second run of the first hour must be equal bit for bit to the first one. Otherwise
+the exit code is 1."""
 import argparse
 import hashlib
 import importlib.machinery

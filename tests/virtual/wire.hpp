@@ -13,7 +13,7 @@
 
 namespace echofuse::test {
 
-// Board side of the ports of one address. It can be unplugged and plugged again.
+// Board side of the ports of one address. It can be unplugged and plugged in again.
 class Wire {
  public:
   Wire(port::Loop& loop, std::function<void(ByteView)> to_board)

@@ -2,7 +2,8 @@
 """Stand-in for Swabian's Python library with the functions that the bridge calls. It sends a known stream of tags.
 
 The stream repeats a pattern of 1000 laser pulses with 1503 tags. Each pulse has a start tag. Every second pulse has a
-click 20000 + 100 * (k % 200) ps later. An overflow with 7 missed clicks precedes pulse 500.
+click 20000 + 100 * (k % 200) ps later, where k is the pulse number. An overflow with 7 missed clicks precedes pulse
+500.
 
 Names and arguments are those in the vendor's documentation of version 2.22 (TimeTagger classes,
 Time-tag streaming, Helper classes, Raw Time-Tag-Stream access) and in its headers TimeTagger.h and
@@ -28,7 +29,7 @@ from recorder import called
 
 PULSES, CLICKS, MISSED = 1000, 500, 7
 PATTERN_TAGS = PULSES + CLICKS + 3
-RATE = float(os.environ.get("STAND_IN_PULSES_PER_S", "50000"))  # with inf the buffer is always full
+RATE = float(os.environ.get("STAND_IN_PULSES_PER_S", "50000"))  # with inf, the buffer is always full
 DEAD_TIME_STEP_PS = 2000
 BLOCK_S, BLOCK_TAGS = 0.02, 131072  # default values of setStreamBlockSize()
 TAG = np.dtype([("type", "u1"), ("missed_events", "u2"), ("channel", "i4"), ("time", "i8")], align=True)
@@ -227,7 +228,7 @@ def pattern(start_channel, click_channel, period_ps):
 
 
 class Source:
-    """Generates the tags that are due, as whole patterns in four columns or in records."""
+    """Generates the tags that are due, as whole patterns, either in four columns or as records."""
 
     def __init__(self, tagger, channels, most):
         self._tagger = tagger
@@ -235,7 +236,7 @@ class Source:
         longest = -(-min(most, 1 << 20) // PATTERN_TAGS)
         self._columns = [np.tile(column, longest) for column in pattern(*channels, self._period_ps)]
         self._columns[3] += np.repeat(np.arange(longest), PATTERN_TAGS) * PULSES * self._period_ps
-        self._records = np.zeros(len(self._columns[0]), TAG)  # zeros also in the padding
+        self._records = np.zeros(len(self._columns[0]), TAG)  # the padding bytes are also zero
         for name, column in zip(TAG.names, self._columns):
             self._records[name] = column
         self._most = min(most, len(self._columns[0]))
@@ -294,7 +295,7 @@ class TimeTagStream:
 class CustomMeasurement:
     """Calls process() on its own thread, like the vendor's class.
 
-    The thread holds the mutex during the call and overwrites the array after it."""
+    The thread holds the mutex during the call, and overwrites the array after the call."""
 
     def __init__(self, tagger):
         called("CustomMeasurement")

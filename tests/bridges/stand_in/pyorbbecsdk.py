@@ -4,10 +4,10 @@
 Pixel i of frame n has the value 500 + (7 n + 3 i) % 5000, in units of `scale` mm.
 
 Names and numbers of arguments are those in the vendor's stub (orbbec/pyorbbecsdk, stubs/pyorbbecsdk.pyi at 9fcf324).
-Functions that version 2 added are those in its bindings (src/pyorbbecsdk/stream_profile.cpp). signatures.py compares
-them. As in releases of version 2, get_camera_param() returns zeros while the colour stream is off (issues 56 and 103 of
-the SDK). STAND_IN_INTRINSICS=zero or nan sets the intrinsics of the depth profile. STAND_IN_INTRINSICS=none removes
-them, as in version 1."""
+Functions that were added in version 2 are those in the bindings of version 2 (src/pyorbbecsdk/stream_profile.cpp).
+signatures.py compares them. As in releases of version 2, get_camera_param() returns zeros while the colour stream is
+off (issues 56 and 103 of the SDK). STAND_IN_INTRINSICS=zero or nan sets the intrinsics of the depth profile.
+STAND_IN_INTRINSICS=none removes them, as in version 1."""
 import os
 import time
 import types

@@ -7,7 +7,7 @@ import json
 import os
 
 calls = []
-faults = {}  # text of the RuntimeError by (name, n), for the n-th call
+faults = {}  # text of the RuntimeError for the n-th call of a function, by (name, n)
 _counts = {}
 
 
@@ -26,7 +26,7 @@ def called(name, *values):
 
 
 def happen(name):
-    """Counts a call and raises the selected error, but does not record the call, which may be frequent."""
+    """Counts a call and raises the selected error. Does not record the call, because such calls may be frequent."""
     _counts[name] = _counts.get(name, 0) + 1
     at = (name, _counts[name])
     if at in faults or f"{name}:{at[1]}" in os.environ.get("STAND_IN_FAULTS", "").split(","):
