@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Paths of the source folder and the programs. They are not macros, so that only paths.cpp depends
-// on the folders.
+// Paths of the source folder and the programs. The paths are not macros, so that only paths.cpp
+// depends on the folders.
 #pragma once
 #include <string>
 

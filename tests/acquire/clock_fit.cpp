@@ -60,7 +60,7 @@ Outcome watch(ClockFit fit, const Device& device, double rate_hz, std::uint64_t 
           std::abs(state.offset_s - offset_s)};
 }
 
-// Feeds `count` samples at 10 per second from time t on, each read 1 ms late.
+// Feeds the fit `count` samples at 10 per second from the time t on, each read 1 ms late.
 double feed(ClockFit& fit, const Device& device, double t, int count) {
   for (int i = 0; i < count; ++i, t += 0.1) fit.add(device.ticks(t), host(t + 0.001));
   return t;
@@ -163,8 +163,8 @@ TEST_CASE("damaged time stamps do not affect the clock fit") {
   for (int i = 0; i < 200; ++i) {
     const std::uint64_t wrong = rng();
     fit.add(wrong, host(t));
-    CHECK(fit.taken(wrong, host(t)) ==
-          host(t));  // the receive time replaces the damaged time stamp
+    // The receive time replaces the damaged time stamp.
+    CHECK(fit.taken(wrong, host(t)) == host(t));
     t = feed(fit, device, t, 2);
     REQUIRE(error_s(fit, device, t - 0.1, host(t)) < 0.0011);
   }

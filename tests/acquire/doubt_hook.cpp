@@ -38,7 +38,7 @@ struct Calls {
                               : program,
               "sh", "two  words; $(id)"},
              limits, [this](const std::string& text) { warnings.push_back(text); }) {}
-  // Runs all waiting programs to their end, at the virtual time `now`.
+  // Runs all waiting programs to completion at the virtual time `now`.
   void finish(HostTime now = 0s) {
     for (int i = 0; i < 100; ++i) {
       hook.update(now);

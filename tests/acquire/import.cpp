@@ -61,7 +61,7 @@ Tagged ptu(std::uint32_t type, double global_s, double dtime_s, std::size_t reco
   return file.whole("TTResult_NumberOfRecords", static_cast<std::int64_t>(records)).end();
 }
 
-// Returns a record of a HydraHarp with format version 2.
+// Returns a T2 record in version 2 of the HydraHarp format.
 std::uint32_t t2(std::uint32_t channel, std::uint32_t time) { return channel << 25 | time; }
 std::uint32_t t3(std::uint32_t channel, std::uint32_t dtime, std::uint32_t nsync) {
   return channel << 25 | dtime << 10 | nsync;
@@ -119,7 +119,7 @@ TEST_CASE("import decodes the .ptu records of all supported PicoQuant devices") 
 
 TEST_CASE("import gives equal records for T2 and T3 recordings of the same photons") {
   const Folder folder;
-  // Both recordings contain 1 s of laser pulses at 10 kHz with a click 5 ns after each 50th pulse.
+  // Both recordings contain 1 s of laser pulses at 10 kHz with a click 5 ns after every 50th pulse.
   std::vector<std::uint32_t> as_t2, as_t3;
   std::uint64_t wraps = 0, sync_wraps = 0;
   const auto at = [&](std::uint64_t ps, std::uint32_t word) {
@@ -278,7 +278,7 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
   says(header(is_t2, 1e-12, 0).end().data(swapped), ExitCode::ok,
        "spd: 1000 events out of order by up to 1 us; the events were sorted");
 
-  // If one of two recordings is invalid, the run is written but the exit code differs.
+  // If one of two recordings is invalid, the run is written and the exit code is `partial`.
   write_file(folder / "a.dat", "nothing");
   const auto both = import(header(is_t2, 1e-12, 0).end().data(light), folder / "a.dat");
   CAPTURE(both.second);

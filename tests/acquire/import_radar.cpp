@@ -19,8 +19,8 @@ acquire::Config config_of(const Folder& folder) {
   return acquire::load_config(folder / "lab.toml");
 }
 
-// Recording of a radar's data port: frames of 64 bins, a 200 MHz clock and a period that keeps
-// frames away from slot boundaries.
+// Recording of a radar's data port: frames of 64 bins, a 200 MHz clock and a frame period that
+// keeps frames away from slot boundaries.
 struct RadarFile {
   std::uint32_t header = 40, bins = 64, tlv = 2, length_error = 0;
   double period_s = 0.0499;
@@ -88,7 +88,7 @@ TEST_CASE(
   constexpr double wrap_s = 0x1p32 * 5e-9;
   const Used even{21, 20, 19};
   check(RadarFile().frames(1, 60), even, "");
-  check(RadarFile().frames(1, 60, 20.5), even, "");  // the clock counter wraps
+  check(RadarFile().frames(1, 60, 20.5), even, "");  // the CPU cycle counter wraps
   check(RadarFile().frames(0xffffffe0, 0xffffffff, -0x1p32 * 0.0499).frames(0, 27), even, "");
   check(RadarFile().frames(1, 20).frames(31, 60), {20, 11, 19}, "10 frames are missing");
   Used with_gap(37);

@@ -117,7 +117,7 @@ TEST_CASE("doctor names the missing udev rule or group for an inaccessible devic
     return of(check_permissions(std::nullopt, machine.roots()), "permissions").advice;
   };
   CHECK(has(advice(), "install config/70-echofuse.rules"));
-  // The finding "permissions" already reports the missing rules.
+  // The finding "permissions" already reports the missing udev rules.
   for (const auto& finding : check_permissions(std::nullopt, machine.roots()))
     CHECK(finding.check != "udev rules");
   machine.write("etc/udev/rules.d/70-echofuse.rules", "");
@@ -148,8 +148,8 @@ TEST_CASE("doctor compares the kernel's USB memory limit with the buffer of the 
     machine.write("sys/module/usbcore/parameters/usbfs_memory_mb", limit + "\n");
     return check_usb_memory(config, machine.roots()).grade;
   };
-  CHECK(check_usb_memory(config, machine.roots()).grade ==
-        Grade::warning);  // the kernel's limit cannot be read
+  // The kernel's limit cannot be read.
+  CHECK(check_usb_memory(config, machine.roots()).grade == Grade::warning);
   CHECK(grade_at("16") == Grade::ok);
   CHECK(grade_at("0") == Grade::ok);  // the value 0 means no limit
   CHECK(grade_at("2") == Grade::ok);

@@ -217,8 +217,8 @@ TEST_CASE("a run of 100 000 slots has no drift, no missing record and no sample 
   CHECK(lab.worst_error < 5ms);
   CHECK(misplaced == 0);
   CHECK(depth > slots * 8 / 10);
-  CHECK(unassigned.late[Sensor::spd] <
-        lab.sent[Sensor::spd] / 50);  // fewer than 2 % of the tags are late
+  // At most 2 % of the tags may be late.
+  CHECK(unassigned.late[Sensor::spd] < lab.sent[Sensor::spd] / 50);
 }
 
 TEST_CASE("each tag is counted exactly once despite damaged time stamps and stalls") {

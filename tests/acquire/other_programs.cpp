@@ -308,8 +308,8 @@ TEST_CASE("a label that is waiting for access to the run file is refused if the 
   const Database closer = open(path);
   sql(closer, "BEGIN IMMEDIATE; UPDATE run SET status = 'complete'");
   auto label = std::async(std::launch::async, [&] { put_label(path, "door", "me"); });
-  std::this_thread::sleep_for(
-      std::chrono::milliseconds(300));  // waits until put_label() has found that the run is open
+  // Waits until put_label() has found that the run is open.
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
   sql(closer, "COMMIT");
   CHECK(has(error_of([&] { label.get(); }).second, "run is not being recorded"));
   CHECK(RunReader(path).events().empty());

@@ -21,8 +21,8 @@ constexpr double pi = std::numbers::pi;
 constexpr double step_ps = 10;
 constexpr std::size_t bins = 2000;  // the bins cover ranges of 0 to 3 m
 
-// Returns a histogram of photons from `reflectors` {range, mean number} over a uniform background.
-// The IRF is Gaussian.
+// Returns a histogram of photons from `reflectors` {range in m, mean number of photons} over a
+// uniform background. The IRF is Gaussian.
 std::vector<std::uint32_t> photons(const std::vector<std::pair<double, double>>& reflectors,
                                    double background, Rng& rng, double fwhm_ps = 200) {
   std::vector<std::uint32_t> counts(bins);

@@ -109,7 +109,7 @@ TEST_CASE("a slot stays open for another grace time if the program is paused whe
   Scheduler scheduler(grid);
   Ticking ticking(scheduler);
   CHECK(ticking.run(grid.end(0) + 400ms).empty());
-  const HostTime woken = grid.end(0) + 650ms;  // 50 ms after the end of the grace time
+  const HostTime woken = grid.end(0) + 650ms;  // 50 ms after the end of the grace time of slot 0
   CHECK(scheduler.tick(woken).empty());
   CHECK(scheduler.tick(woken + 40ms).empty());
   CHECK(scheduler.next_deadline() == woken + grace);

@@ -31,7 +31,7 @@ std::vector<Tag> pairs(std::int32_t start, std::int32_t click, std::int64_t dela
 Finding spd_verdict(const std::vector<Tag>& tags, std::uint64_t lost_tags = 0) {
   const Config config = lab();
   Capture capture(config.histogram);
-  capture.on_tags({.tags = tags});  // arrives before the capture and is not counted
+  capture.on_tags({.tags = tags});  // tags before the capture are not counted
   capture.begin();
   if (!tags.empty()) capture.on_tags({.tags = tags, .lost_items = lost_tags});
   capture.end();
@@ -198,8 +198,8 @@ TEST_CASE("the doctor command rates the disk's write speed as ok, warning or pro
   CHECK(grade(100e6, 0.01, 2.5) == Grade::warning);
   CHECK(grade(0.5e6, 0.01, 0.02) == Grade::problem);
   CHECK(grade(100e6, 2.5, 2.5) == Grade::problem);
-  CHECK(speed_finding({1, 10, 10, 1000}, {.folder = "/d"}).grade ==
-        Grade::ok);  // without a planned run, no write speed is required
+  // Without a planned run, no write speed is required.
+  CHECK(speed_finding({1, 10, 10, 1000}, {.folder = "/d"}).grade == Grade::ok);
 }
 
 TEST_CASE("the doctor command rates the free disk space as ok, warning or problem") {

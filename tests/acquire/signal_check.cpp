@@ -270,7 +270,7 @@ TEST_CASE("missing start pulses are not reported if the tagger uses a conditiona
   r.spd_counts = {.tags = 20'000, .starts = 10'000, .in_range = 10'000};
   r.signal.clicks_a_pulse = 0.01;
   CHECK(verdicts(check, r)[0] == "ok");
-  // All clicks are dark counts, so that starts and clicks are equal in number. One laser pulse in
+  // All clicks are dark counts, so the numbers of starts and clicks are equal. One laser pulse in
   // 100 passed the filter.
   r.spd[0] += 1, r.radar[0] += 1, r.depth_mm[0] += 1;
   r.signal.clicks_a_pulse = 1;

@@ -150,7 +150,7 @@ TEST_CASE("the info command describes the antenna array") {
   CHECK(has(describe_run(path, false),
             "array     8 antennas, 32 bins to 7.75 m, in 2 records of 2 frames and 5376 bytes"));
   CHECK(has(describe_run(path, true), "\"phase_rad\": -0.25"));
-  const auto want = record::RunReader(path).read(0).array;  // values as rounded in the file
+  const auto want = record::RunReader(path).read(0).array;  // the values are rounded in the file
   CHECK(want[0] == Approx(records[0].array[0]).margin(0.1));
 }
 

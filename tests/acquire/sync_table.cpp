@@ -36,7 +36,7 @@ const std::vector<Event> events = {
   { 99.992,  "spd",   {99.980, 99.990},                    "early early"              },
   { 99.993,  "radar", {99.985},                            "early",          1        },
   {100.004,  "spd",   {99.995, 99.999, 100.001, 100.003},  "early early 0 0"          },  // block divided at the start of slot 0
-  {100.031,  "radar", {99.9985},                           "early",          2        },  // read in slot 0, but taken before slot 0
+  {100.031,  "radar", {99.9985},                           "early",          2        },  // frame read in slot 0, but taken before slot 0
   {100.300,  "radar", {100.280},                           "0",              3        },
   {100.310,  "depth", {100.290},                           "0",              1        },
   {100.610,  "depth", {100.490},                           "0",              2        },  // frame nearest to the centre of the slot
@@ -46,11 +46,11 @@ const std::vector<Event> events = {
   {100.701,  "radar", {100.680},                           "twice",          4        },
   {100.720,  "spd",   {100.600, 100.700, 100.650, 100.719},"0 0 0 0"                  },  // block with tags out of order
   {100.998,  "spd",   {100.990, 100.997},                  "0 0"                      },
-  {101.120,  "spd",   {100.950, 100.999, 101.001, 101.110},"0 0 1 1"                  },  // block of 100 ms, divided at a boundary
-  {101.300,  "radar", {100.900},                           "0",              5        },  // 0.4 s late, but slot 0 is open
+  {101.120,  "spd",   {100.950, 100.999, 101.001, 101.110},"0 0 1 1"                  },  // block of 100 ms, divided at a slot boundary
+  {101.300,  "radar", {100.900},                           "0",              5        },  // frame 0.4 s late, but slot 0 is still open
   {101.310,  "radar", {101.250},                           "1",              7,  1    },
   {101.320,  "radar", {101.200},                           "1",              6        },  // frames out of order
-  {101.449,  "spd",   {100.994},                           "0"                        },  // arrives in the grace time of slot 0
+  {101.449,  "spd",   {100.994},                           "0"                        },  // tag that arrives in the grace time of slot 0
   {101.560,  "spd",   {100.995, 101.500},                  "late 1"                   },
   {101.570,  "radar", {100.999},                           "late",           8,  2    },  // slot 0 is closed, so the loss counts in slot 1
   {101.580,  "depth", {100.500},                           "late",           4        },
@@ -62,10 +62,11 @@ const std::vector<Event> events = {
   {105.700,  "spd",   {102.200, 102.900, 103.100, 105.690},"2 2 3 5"                  },
   {105.700,  "radar", {102.500},                           "2",              9        },
   {105.700,  "radar", {105.600},                           "5",             10        },
-  // The radar reconnects with another clock. Until its fit is valid, the receive times are used.
+  // The radar reconnects with a different clock. Until the fit of this clock is valid, the receive
+  // times are used.
   {106.600,  "radar+",{106.100},                           "6",              1        },
   {106.700,  "spd",   {106.100, 106.650},                  "6 6"                      },
-  {107.300,  "spd",   {107.001, 107.299},                  "outside outside"          },  // after the last slot
+  {107.300,  "spd",   {107.001, 107.299},                  "outside outside"          },  // tags after the last slot
   {107.300,  "depth", {107.200},                           "outside",        7        },
 };
 

@@ -41,7 +41,8 @@ inline Outcome acquire(const std::string& arguments) {
   return shell(echofuse::test::bin_dir + "/echofuse-acquire " + arguments);
 }
 
-// Returns code and text of the Error that `body` throws, or ok if it does not throw an Error.
+// Returns the code and the text of the Error that `body` throws, or ok if it does not throw an
+// Error.
 template <class Body>
 std::pair<echofuse::ExitCode, std::string> error_of(Body body) {
   try {

@@ -16,7 +16,7 @@ namespace {
 constexpr SlotGrid grid{.first = 10s, .length = 1s};
 constexpr tdc::HistogramSettings tdc_settings{.bin_width_ps = 100, .first_bin_ps = 0, .bins = 50};
 constexpr SensorSet everything = SensorSet::from_bits(7);
-const SensorClocks no_clocks;  // without fits, the receive times are used
+const SensorClocks no_clocks;  // without clock fits, the receive times are used
 
 DeviceInfo radar_info(std::uint32_t bins = 4, double antennas = 12) {
   DeviceInfo info;
@@ -279,8 +279,8 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
   CHECK(sync(r, Sensor::spd).verdict == spd);
   CHECK(sync(r, Sensor::radar).verdict == radar);
   CHECK(sync(r, Sensor::depth).verdict == depth);
-  CHECK(windows.close({1, false}).has(Sensor::spd) ==
-        spd.starts_with("tags cover"));  // tags that cover half of the slot are sufficient
+  // Tags that cover half of the slot are sufficient.
+  CHECK(windows.close({1, false}).has(Sensor::spd) == spd.starts_with("tags cover"));
 }
 
 TEST_CASE("a click is not paired with a start if tags outside open slots came between them") {

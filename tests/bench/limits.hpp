@@ -27,7 +27,7 @@ double best_s(int rounds, const Work& work) {
 }
 
 const char* instructions();               // name of the vector instruction set
-double multiply_adds_per_s();             // single precision, with all data in registers
+double multiply_adds_per_s();             // rate in single precision, with all data in registers
 double bytes_read_per_s(std::size_t of);  // rate of repeated reads from a block of `of` bytes
 double bytes_copied_per_s(std::size_t of);
 

@@ -179,7 +179,7 @@ bool transport() {
   return seen == 7 * count * sizeof(Tag) && sum > 0;
 }
 
-// Measures the rate from blocks to the histogram, with and without the checks of a run
+// Measures the tag rate from bridge blocks to the histogram, with and without the checks of a run
 // (acquire/stream/tag_check.hpp).
 bool checked() {
   const auto tags = make_tags(true);

@@ -151,7 +151,7 @@ class Frames(CameraCase):
                 camera.poll(self.outlet)
             self.assertEqual(self.outlet.lost, 1)
             sdk.silent = False
-            camera.poll(self.outlet)  # frame numbers restart at 1, without a loss
+            camera.poll(self.outlet)  # the frame numbers restart at 1, but no frame is lost
             self.assertEqual((self.outlet.lost, len(self.outlet.blocks)), (1, 2))
             sdk.silent = True
             with self.assertRaisesRegex(RuntimeError, "after a restart"):

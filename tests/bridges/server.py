@@ -82,7 +82,7 @@ class OneClient(unittest.TestCase):
             client.block()
             server.send(bridge.TAGS, bytes(16), 1)
             server.offline()
-            server.send(bridge.TAGS, bytes(16), 1)  # dropped, because the device is offline
+            server.send(bridge.TAGS, bytes(16), 1)  # this block is dropped, because the device is offline
             self.assertEqual([b.kind for b in client.until(bridge.BYE)], [bridge.TAGS, bridge.BYE])
             self.assertRaises(EOFError, client.block)
         self.assertEqual(server.sent, 1)
@@ -101,7 +101,7 @@ class OneClient(unittest.TestCase):
 
     def test_next_block_contains_the_number_of_lost_items(self):
         server = make_server(self)
-        server.lose(5)  # not reported, because no client is connected
+        server.lose(5)  # the loss is not reported, because no client is connected
         server.online({})
         with Client(server.address) as client:
             client.block()
@@ -120,7 +120,7 @@ class SlowClient(unittest.TestCase):
             client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
             client.block()
             given = 0
-            while server.dropped < 100_000:  # until the queue is full, because the client does not read
+            while server.dropped < 100_000:  # the queue fills up, because the client does not read
                 server.send(bridge.TAGS, bytes(16 * 4096), 4096)
                 given += 4096
                 self.assertLessEqual(server._queued_bytes, 1 << 20)

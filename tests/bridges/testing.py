@@ -48,7 +48,8 @@ Block = types.SimpleNamespace
 
 
 class Client:
-    """Reads blocks from a bridge. Checks magic, version and CRC of each block, and that no block is missing."""
+    """Reads blocks from a bridge. Checks the magic, the version and the CRC of each block, and that no block is
+    missing."""
 
     def __init__(self, address):
         self.socket = socket.create_connection(address, timeout=10)
@@ -135,7 +136,7 @@ class Program:
         return self.process.wait(10)
 
     def sent(self):
-        """Returns the totals that the bridge prints at its end: sent items, clients and dropped items."""
+        """Returns the totals that the bridge prints on exit: sent items, clients and dropped items."""
         return tuple(map(int, re.search(r"sent (\d+) \w+ to (\d+) clients, and dropped (\d+)", self.said()).groups()))
 
 

@@ -184,7 +184,7 @@ class Tags(unittest.TestCase):
         self.assertRegex(said, r"tags are lost at a tag rate of [\d.]+ million/s \(\d+ MB/s\): the device's buffer overflows; "
                                r"67 % of the tags are laser pulses; --conditional-filter")
         self.assertNotIn("--conditional-filter", self.poll(self.pattern(150_000), "--conditional-filter", "48000")[2])
-        self.assertEqual(self.poll([column[:700] for column in self.pattern(700)])[2], "")  # ends before the overflow
+        self.assertEqual(self.poll([column[:700] for column in self.pattern(700)])[2], "")  # 700 tags end before the overflow
 
     def test_tag_loss_at_20_mhz_is_reported_only_twice_within_100_s(self):
         with mock.patch.object(time, "monotonic", lambda: self.now), contextlib.redirect_stderr(io.StringIO()) as said:
@@ -290,7 +290,7 @@ class Process(unittest.TestCase):
             self.assertEqual(program.stop(), 0)
 
     def test_unplugged_tagger_is_reopened(self):
-        """Uses a device for which isRunning() remains true. The client must get a bye block as usual."""
+        """Uses a device for which isRunning() remains true. The client must still get a bye block."""
         with Program("timetagger.py", STAND_IN_UNPLUGGED="20") as program:
             with Client(program.address) as client:
                 self.assertIn(bridge.TAGS, [b.kind for b in client.until(bridge.BYE)])

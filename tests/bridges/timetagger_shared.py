@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: MIT
 """Tests scripts/bridges/timetagger.py with a Time Tagger server or a recording instead of a device.
 
-Also tests the scan of trigger levels and the required versions of interpreter and library. All tests use a stand-in for
-the vendor's library."""
+Also tests the scan of trigger levels and the required versions of the Python interpreter and the library. All tests use
+a stand-in for the vendor's library."""
 import contextlib
 import io
 import os

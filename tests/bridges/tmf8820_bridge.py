@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: MIT
 """tmf8820_bridge.py BIN_DIR: tests scripts/bridges/tmf8820.py.
 
-The bridge reads the log of the chip from a serial port or a file. A recorded run is viewed, used for training and
-reported."""
+The bridge reads the log of the chip from a serial port or a file. A recorded run is viewed, used for training and shown
+in a report."""
 import gzip
 import json
 import os

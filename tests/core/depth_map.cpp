@@ -47,8 +47,8 @@ TEST_CASE("each source pixel is used in exactly one target pixel, and invalid pi
   Image image(256 * 256, 3000);
   for (std::size_t j = 0; j < 256; ++j)
     for (std::size_t i = 0; i < 256; ++i) {
-      if (i % 4 == 3)
-        image[j * 256 + i] = 0;  // missing values in a quarter of the pixels have no effect
+      // Missing values in a quarter of the pixels have no effect.
+      if (i % 4 == 3) image[j * 256 + i] = 0;
       // A target pixel has no depth if three quarters of its source pixels are missing.
       if (j < 4) image[j * 256 + i] = i % 4 < 3 ? 0 : 2500;
       if (j >= 252) image[j * 256 + i] = 6001;  // beyond the depth range

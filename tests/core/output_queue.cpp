@@ -79,9 +79,8 @@ TEST_CASE("the output queue keeps the newest texts if the reader stops reading")
   reader.join();
   CHECK(text.find("first") == std::string::npos);
   CHECK(text.find("state 1") == std::string::npos);
-  CHECK(text.ends_with(
-      "<4>" + half +
-      "state 3"));  // the four dropped texts are "first", one `half`, "state 1" and "state 2"
+  // The four dropped texts are "first", one `half`, "state 1" and "state 2".
+  CHECK(text.ends_with("<4>" + half + "state 3"));
   CHECK(queue.close() == 0);
 }
 

@@ -175,8 +175,8 @@ TEST_CASE("the camera driver receives depth frames and axes from a bridge") {
   REQUIRE(server.accept());
   server.send(b.golden[0]);
   b.loop.run_for(std::chrono::milliseconds(30));
-  CHECK(b.sink.state() ==
-        DeviceState::connecting);  // the state is connecting until the first frame arrives
+  // The state is `connecting` until the first frame arrives.
+  CHECK(b.sink.state() == DeviceState::connecting);
   const Bytes depth = b.golden[2];
   const Bytes next =
       test::make_block(bridge::BlockKind::depth, 3, ByteView(depth).subspan(bridge::header_bytes));
@@ -231,8 +231,8 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
   REQUIRE(server.accept());
   server.send(pieces[0]);
   b.loop.run_for(std::chrono::milliseconds(30));
-  CHECK(b.sink.state() ==
-        DeviceState::connecting);  // the state is connecting until the first histogram arrives
+  // The state is `connecting` until the first histogram arrives.
+  CHECK(b.sink.state() == DeviceState::connecting);
 
   SECTION("lost histograms are counted by block number") {
     server.send(

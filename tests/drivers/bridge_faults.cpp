@@ -84,7 +84,8 @@ TEST_CASE("a bridge block truncated at any byte is detected") {
     CAPTURE(size);
     auto stream = sound_stream();
     stream[hit].resize(size);
-    stream.emplace_back(70'000);  // a block cut after 8 bytes appears to be 64 KiB long
+    // More than 64 KiB must follow, because a block cut after 8 bytes appears to be 64 KiB long.
+    stream.emplace_back(70'000);
     check_broken(stream);
   }
 }

@@ -22,7 +22,7 @@ struct ParsedBlock {
   bool operator==(const ParsedBlock&) const = default;
 };
 
-// Feeds the bytes in pieces of the sizes that `piece` returns.
+// Feeds the parser the bytes in pieces of the sizes that `piece` returns.
 template <class Piece>
 std::vector<ParsedBlock> feed(BlockParser& parser, ByteView bytes, Piece piece) {
   std::vector<ParsedBlock> parsed;
@@ -310,7 +310,7 @@ TEST_CASE("the buffer of a large bridge block is reused for the next block") {
   CHECK((places[1] == places[0] && places[2] == places[0]));
   CHECK(parser.kept_bytes() >= large.size());
   parser.feed(ByteView(large).first(100), [](const Block&) {});
-  parser.give_back();  // has no effect within a block
+  parser.give_back();  // a call within a block has no effect
   CHECK(parser.kept_bytes() >= large.size());
   parser.reset();
   CHECK(parser.kept_bytes() == 0);

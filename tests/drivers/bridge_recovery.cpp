@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Tests tagger and camera drivers in virtual time with bridges that stop sending, send wrong
-// lengths, close and return.
+// lengths, close the connection and accept a new one.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <deque>
@@ -98,8 +98,8 @@ TEST_CASE(
   for (std::size_t at = 0; at < drip.size() && !run_until(loop, back, std::chrono::seconds(1));
        ++at)
     if (what == "slow") pair.send({drip[at]});
-  CHECK(seconds(loop.now() - begin) ==
-        Approx(what == "no hello" ? 4.1 : 5.1));  // time limit for the connection plus a pause, s
+  // The driver reconnects after the time limit for the connection and a pause.
+  CHECK(seconds(loop.now() - begin) == Approx(what == "no hello" ? 4.1 : 5.1));
   pair.send(test::join({hello_block(), pair.block(1), pair.block(2)}));
   const std::size_t before = what == "no hello" ? 0 : 1;
   REQUIRE(run_until(loop, [&] { return pair.has(before + 2); }));

@@ -12,7 +12,7 @@
 #include <string_view>
 #include <thread>
 
-// ONI_EXPORT_DRIVER needs these macros of XnLib, which is not installed.
+// ONI_EXPORT_DRIVER needs these macros. XnLib, which defines them, is not installed.
 #define XN_NEW(type, arg) new (std::nothrow) type(arg)
 #define XN_DELETE(p) delete (p)
 
@@ -26,7 +26,7 @@ std::atomic<bool> present{true}, stalled{false}, mirrored{false}, tenths{false};
 std::atomic<bool> shifts{false};  // sends raw shifts until a mode is set
 std::atomic<int> scale{1}, place{0};
 enum class Fault { none, cut, wide, twice, skipped };
-std::atomic<Fault> fault{Fault::none};  // affects every fourth frame
+std::atomic<Fault> fault{Fault::none};  // fault of every fourth frame
 
 OniVideoMode mode_of(int s) {
   const OniPixelFormat format =

@@ -96,7 +96,7 @@ TEST_CASE("garbage and prompts that the radar sends before the first command are
   s.d.take_output();
   s.say("\x01\xff~?garb\r\n'garb' is not recognized as a CLI command\n\r" + prompt);
   s.wait(40ms);
-  s.say("\n\r" + prompt);  // another answer restarts the quiet time
+  s.say("\n\r" + prompt);  // a second answer restarts the quiet time
   s.wait(40ms);
   CHECK(s.d.take_output().empty());
   s.wait(40ms);

@@ -10,13 +10,13 @@ using namespace echofuse;
 TEST_CASE("the example tagger driver delivers tags, counts losses and reconnects") {
   int opened = 0, reads = 0;
   const examples::VendorBoard board{
-      .open = [&] { return ++opened > 1; },  // attached at the second attempt
+      .open = [&] { return ++opened > 1; },  // the device is attached on the second attempt
       .read =
           [&](std::vector<Tag>& tags, std::uint64_t& lost) {
             ++reads;
             tags.push_back({.channel = 1, .time_ps = 1000 * reads});
             lost = reads == 2 ? 7 : 0;
-            return reads != 3;  // unplugged at the third read
+            return reads != 3;  // the device is unplugged on the third read
           }};
   port::SystemLoop loop;
   test::KeepingSink sink;

@@ -23,7 +23,7 @@ struct Parsed {
   }
 };
 
-// Feeds pieces of the sizes that `piece` returns. Piece i arrives at i seconds.
+// Feeds the parser pieces of the sizes that `piece` returns. Piece i arrives at i seconds.
 template <class Piece>
 Parsed parse(ByteView bytes, Piece piece) {
   FrameParser parser;

@@ -158,7 +158,7 @@ TEST_CASE("histograms of random tags match a reference implementation, even acro
 }
 
 TEST_CASE("histogram bin edges are exact over the longest time axis") {
-  const std::int64_t width = 67'108'863;  // 2^26 - 1 is not a power of two
+  const std::int64_t width = 67'108'863;  // bin width 2^26 - 1, which is not a power of two
   const std::uint32_t bins = 1u << 24;
   Histogram h({.bin_width_ps = width, .first_bin_ps = 0, .bins = bins});
   std::vector<std::uint32_t> expected(bins);

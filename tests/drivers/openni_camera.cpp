@@ -49,7 +49,7 @@ struct Bench {
   bool reaches(DeviceState state) {
     return run_until(loop, [&] { return sink.state() == state; });
   }
-  // Expects pixels of 1000 + 100 y + 10 x + index % 10, in the camera's unit.
+  // Checks that the pixels have the values 1000 + 100 y + 10 x + index % 10, in the camera's unit.
   void check_pixels(std::uint32_t per_mm = 1) const {
     for (const DepthFrame& f : sink.depth) {
       REQUIRE(f.depth_mm.size() == 48);

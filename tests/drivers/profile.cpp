@@ -156,9 +156,9 @@ TEST_CASE("the computed radar frame size matches the firmware's tables") {
   CHECK(bytes(gui, "guiMonitor -1 0 1 0 0 0 0") == 576);
   CHECK(bytes(gui, "guiMonitor -1 0 1 0 0 0 1") == 640);
   CHECK(bytes(gui, "guiMonitor -1 0 1 1 0 0 1") == 1152);
-  // 40 + 8 + 256 * 8 * 4 bytes, padded to a multiple of 32.
+  // The frame has 40 + 8 + 256 * 8 * 4 bytes, padded to a multiple of 32.
   CHECK(bytes(gui, "guiMonitor -1 0 0 0 1 0 0") == 8256);
-  // 40 + 8 + 256 * 32 * 2 bytes, padded to a multiple of 32.
+  // The frame has 40 + 8 + 256 * 32 * 2 bytes, padded to a multiple of 32.
   CHECK(bytes(gui, "guiMonitor -1 0 0 0 0 1 0") == 16448);
 }
 
@@ -185,7 +185,7 @@ TEST_CASE("the antenna order of a heat map depends on the board and the order of
   CHECK(columns(isk) == std::vector<int>{0, 1, 2, 3, 4, 5, 6, 7});
   CHECK_FALSE(isk.planar);
   CHECK(isk.warnings.empty());
-  // 40 + 8 + 512 + 8 + 8192 + 8 + 24 + 8 + 28 bytes, padded to a multiple of 32.
+  // The frame has 40 + 8 + 512 + 8 + 8192 + 8 + 24 + 8 + 28 bytes, padded to a multiple of 32.
   CHECK(isk.frame_bytes == 8832);
   CHECK(same_axis(array_axis(isk), Axis{"array", "covariance", "m", 256, 0, isk.range_step_m, 8}));
   CHECK(columns(profile(with("channelCfg 15 7", "channelCfg 5 1"))) == std::vector<int>{0, 2});
@@ -234,7 +234,7 @@ TEST_CASE(
   CHECK_THAT(warnings("channelCfg 15 7", "channelCfg 7 5", Board::isk).at(0),
              Catch::StartsWith("x.cfg:4: channelCfg has fewer than 4 receivers"));
   const std::string other =
-      "chirpCfg 1 1 0 0 0 0 0 2\r\nchirpCfg 2 2 0 0 0 0 0 4\r\n";  // transmitter 2 is second
+      "chirpCfg 1 1 0 0 0 0 0 2\r\nchirpCfg 2 2 0 0 0 0 0 4\r\n";  // transmitter 2 is used second
   const std::string usual = "chirpCfg 1 1 0 0 0 0 0 4\r\nchirpCfg 2 2 0 0 0 0 0 2\r\n";
   CHECK_THAT(warnings(usual, other, Board::isk).at(0),
              Catch::StartsWith("x.cfg:8: chirpCfg uses transmitter 2 before 3"));

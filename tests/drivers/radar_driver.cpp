@@ -28,7 +28,8 @@ const std::string cfg =
     "guiMonitor -1 0 1 0 0 0 1\n"
     "sensorStart\n";
 
-// Pseudo-terminal in place of a serial line. The driver opens its other end by the name `link`.
+// Pseudo-terminal in place of a serial line. The driver opens the other end of the pseudo-terminal
+// by the name `link`.
 class Line {
  public:
   Line(port::SystemLoop& loop, const std::string& link) : master_(loop.io()), link_(link) {

@@ -72,8 +72,8 @@ Bytes frame_48(std::uint32_t number, std::uint32_t track_us) {
   return out;
 }
 
-// Returns a frame of older people counting demos. The header has 52 bytes, with platform and time
-// before the length.
+// Returns a frame of older people counting demos. The header has 52 bytes, and contains the
+// platform and the time before the length.
 Bytes frame_52(std::uint32_t number) {
   Bytes out;
   put_magic(out);

@@ -56,7 +56,7 @@ TEST_CASE("raw capture writes one file per connection and creates the file at th
   VirtualLoop loop;
   const ByteOpener opener = tap(
       loop, [] { return std::make_unique<Speaker>(); }, &keeper, "tags", ".blocks");
-  const auto silent = opener();  // a port that is never opened
+  const auto silent = opener();  // opener of a port that is never opened
   for (int i = 0; i < 20; ++i) opener()->open(handlers);
   const RawKeeper::Counts counts = keeper.finish();
   std::string times;

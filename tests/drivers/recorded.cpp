@@ -18,7 +18,8 @@ using namespace echofuse;
 
 namespace {
 
-// Returns the file without its first byte, which selects the split of the stream in the fuzzer.
+// Returns the file without the first byte, because this byte selects the split of the stream in the
+// fuzzer.
 Bytes stream_of(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
   in.get();

@@ -44,8 +44,9 @@ void compare(const HistogramSettings& settings, std::span<const Tag> tags, std::
   hwy::GetChosenTarget().DeInit();  // selects the best target again
 }
 
-// Returns random starts, clicks and other tags, some of them backwards in time. Options: times near
-// the wrap of the clock, and one marker or bad tag in 4 or 40 tags.
+// Returns random starts, clicks and other tags, some of them backwards in time. With `near_wrap`
+// the times are near the wrap of the clock. On average, one in `marker_among` tags is a marker or a
+// bad tag; 0 means none.
 std::vector<Tag> stream(Rng& rng, std::size_t size, bool near_wrap, std::uint64_t marker_among) {
   std::vector<Tag> tags(size);
   std::uint64_t time = near_wrap ? (std::uint64_t{1} << 63) - 5'000'000 : rng() >> 20;
@@ -90,7 +91,7 @@ TEST_CASE("counting a long tag block in SIMD groups gives the same result as cou
 }
 
 TEST_CASE("histogram bin edges are exact for tags counted in SIMD groups") {
-  const std::int64_t width = 67'108'863;  // 2^26 - 1 is not a power of two
+  const std::int64_t width = 67'108'863;  // bin width 2^26 - 1, which is not a power of two
   const std::uint32_t bins = 1u << 24;
   std::vector<Tag> tags{{.channel = 1, .time_ps = 5}};
   Rng rng = make_rng(3, 4);

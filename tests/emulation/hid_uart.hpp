@@ -19,7 +19,7 @@ class HidUart final : public Uart {
  private:
   std::size_t deliver(Bytes chunk) override { return bridge_->receive(chunk); }
 
-  std::shared_ptr<Receive> receive_;  // empty after destruction, because bytes may arrive later
+  std::shared_ptr<Receive> receive_;  // emptied by the destructor, because bytes may arrive later
   std::unique_ptr<HidCp2110> bridge_;
 };
 

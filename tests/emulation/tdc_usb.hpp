@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Time tagger on an emulated USB bus: the device side of "Over USB" in drivers/README.md.
+// Time tagger on an emulated USB bus: the device side of the section "Over USB" in
+// drivers/README.md.
 #pragma once
 #include <memory>
 
@@ -16,7 +17,7 @@ class TdcUsb : public Device {
   // Product ID that pid.codes reserves for private tests.
   static constexpr std::uint16_t vendor = 0x1209, product = 0x0001;
 
-  virtual std::string address() const = 0;  // "usb:1209:0001:SERIAL"
+  virtual std::string address() const = 0;  // address of the form "usb:1209:0001:SERIAL"
   virtual UsbDevice& usb() = 0;             // for unplugging and halting the device
 };
 std::unique_ptr<TdcUsb> make_tdc_usb(port::SystemLoop& loop, ScenePlayer& player, UsbBed& bed,

@@ -303,7 +303,7 @@ void UsbDevice::control(Transfer transfer) {
 std::optional<Bytes> UsbDevice::string_descriptor(const Setup& setup) const {
   if (setup.type != 0x80 || setup.request != 6 || setup.value >> 8 != 3) return std::nullopt;
   const unsigned index = setup.value & 0xffu;
-  if (index == 0) return Bytes{4, 3, 9, 4};  // language US English
+  if (index == 0) return Bytes{4, 3, 9, 4};  // the only language is US English
   const std::string* const texts[] = {&identity_.manufacturer, &identity_.name, &identity_.serial};
   if (index > 3) return std::nullopt;
   const std::string& text = *texts[index - 1];
@@ -323,7 +323,8 @@ void UsbDevice::fill() {
     const auto room = static_cast<std::size_t>(urb.buffer_length);
     const bool ends = !ends_.empty() && ends_.front() < room;
     const std::size_t bytes = ends ? ends_.front() : std::min(room, data_.size());
-    if (!ends && bytes < room) return;  // neither full nor at the end of a run
+    // A transfer waits if it is neither full nor at the end of a run of packets.
+    if (!ends && bytes < room) return;
     std::copy_n(data_.begin(), bytes, static_cast<std::uint8_t*>(urb.buffer));
     data_.erase(data_.begin(), data_.begin() + static_cast<std::ptrdiff_t>(bytes));
     if (ends) ends_.pop_front();

@@ -27,7 +27,7 @@ struct UsbIdentity {
 class UsbDevice final : public BedNode {
  public:
   static constexpr std::uint8_t bulk_in = 0x81;
-  static constexpr std::size_t packet_bytes = 512;  // high-speed bulk packet
+  static constexpr std::size_t packet_bytes = 512;  // size of a high-speed bulk packet
 
   struct Setup {
     std::uint8_t type, request;

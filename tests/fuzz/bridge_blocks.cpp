@@ -9,7 +9,7 @@ using fuzz::require;
 
 namespace {
 
-// Encodes the block in the only possible way.
+// Returns the only valid encoding of the block.
 Bytes bytes_of(const Block& block) {
   Bytes bytes;
   for (const char c : {'E', 'F', 'B', 'R'}) put(bytes, c);

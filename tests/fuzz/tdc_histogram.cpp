@@ -14,7 +14,7 @@ using fuzz::require;
 
 namespace {
 
-constexpr std::uint32_t most_bins = 1u << 14;  // a larger number of bins only takes more time
+constexpr std::uint32_t most_bins = 1u << 14;  // a larger number of bins would only take more time
 
 struct Reference {
   HistogramSettings s;

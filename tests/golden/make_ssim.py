@@ -11,7 +11,7 @@ from skimage.metrics import structural_similarity
 SIZE = 64
 
 
-def stream(seed):  # the upper 24 bits of the generator of Numerical Recipes
+def stream(seed):  # yields the upper 24 bits of the random generator of Numerical Recipes
     state = seed
     while True:
         state = (1664525 * state + 1013904223) % 2**32

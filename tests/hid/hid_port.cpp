@@ -153,7 +153,8 @@ TEST_CASE("HID reports with a wrong byte count are limited to the received bytes
   Bridge bridge;
   Host host;
   host.opens();
-  bridge.device.raw_input(Bytes{63, 1, 2, 3});  // the count exceeds the bytes of the report
+  bridge.device.raw_input(
+      Bytes{63, 1, 2, 3});  // the count exceeds the number of bytes in the report
   bridge.device.raw_input(Bytes(64, 0));
   bridge.device.raw_input(Bytes(64, 200));
   bridge.device.raw_input(Bytes{1, 9, 9, 9});
@@ -284,7 +285,8 @@ TEST_CASE("bytes lost by a slow reader of a HID port are counted") {
   constexpr std::uint64_t reports = 6000, kept = 256 << 10;
   const Bytes report(64, 63);
   for (std::uint64_t i = 0; i < reports; ++i) {
-    // Waits until the port has emptied the kernel's buffer, which must not overflow here.
+    // Waits until the port has emptied the kernel's buffer, because this buffer must not overflow
+    // here.
     while (bridge.device.host_waiting() > 1000) std::this_thread::sleep_for(1ms);
     bridge.device.raw_input(report);
   }

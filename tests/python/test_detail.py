@@ -12,7 +12,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 def table(fine, *coarse):
-    """Runs the example with 12 records. Returns {coarse setting: {error column: error against the fine setting}}."""
+    """Runs the example with 12 records. Returns {coarse setting: {error column: error relative to the fine
+    setting}}."""
     words = ["--fine", fine, "--coarse", *coarse, "--records", "12"]
     done = subprocess.run([sys.executable, ROOT / "recon/python/examples/detail.py", *words],
                           env=os.environ | {"ECHOFUSE_BIN": str(BIN)}, check=True,

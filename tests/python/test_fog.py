@@ -62,7 +62,7 @@ def test_bench_simulates_the_same_scenes_with_and_without_fog(tmp_path):
     thick = derive.read(source.test(axis.values["20"], 1, tmp_path / "fog"))
     assert np.array_equal(clear.radar, thick.radar)
     assert np.array_equal(clear.run.depth, thick.run.depth, equal_nan=True)
-    near = slice(0, 20)  # Range bins in front of all bodies: the only counts are backscatter from fog.
+    near = slice(0, 20)  # In range bins in front of all bodies, all counts are backscatter from fog.
     assert clear.spd[:, near].sum() == 0 and thick.spd[:, near].sum() > 12 * 2000
     assert thick.spd.sum(axis=1).max() < 200_000 < thick.spd.sum()
 

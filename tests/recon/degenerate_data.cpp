@@ -98,7 +98,7 @@ TEST_CASE(
     write_run(dir / "others", 6, 2);
     const Dataset data = load({dir / "run"}), others = load({dir / "others"});
     for (const auto& name : names) {
-      // Model selection trains each candidate five times, which is slow.
+      // Model selection is slow, because it trains each candidate five times.
       if (name == "auto" && set.count > 3) continue;
       CAPTURE(set.name, name);
       TrainOptions o;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Tests a model that was trained in one room with a wall and is adapted to another room.
+// Tests a model that was trained in one room with a wall and is adapted to a second room.
 #include "recon/predict/empty_room.hpp"
 
 #include <nlohmann/json.hpp>
@@ -18,7 +18,7 @@ namespace {
 
 const Axis longer{"spd", "counts", "ps", 60, 16000, 400, 1};
 
-// Wall that is added to histogram, range profile and depth map.
+// Wall that is added to the histogram, the range profile and the depth map.
 struct Wall {
   std::size_t spd_bin, radar_bin;
   std::uint16_t mm;

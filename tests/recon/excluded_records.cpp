@@ -256,7 +256,7 @@ TEST_CASE(
     }
     if (r.index == 2 || r.index == 3)
       r.sync[Sensor::spd].verdict = r.index == 2 ? "weak: 40 clicks" : "stands still: the same";
-    // Record 4 has a peak of only three bins, which may recur by chance.
+    // Record 4 has a peak of only three bins. Such a peak may recur by chance.
     if (r.index == 4) {
       std::ranges::fill(r.spd, 0u);
       r.spd[7] = r.spd[9] = 4, r.spd[8] = 300;

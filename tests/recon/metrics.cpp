@@ -35,7 +35,7 @@ Map average(const Map& a, const Map& b) {
   for (std::size_t p = 0; p < out.size(); ++p) out[p] = (a[p] + b[p]) / 2;
   return out;
 }
-// Adds noise of a regression model to the rows above the plate.
+// Adds noise like that of a regression model to the rows above the plate.
 Map with_ripple(Map map) {
   for (std::size_t p = 0; p < size * 20; ++p) map[p] = 0.05f;
   return map;
@@ -71,8 +71,8 @@ TEST_CASE("the ghost score is 1 for the mirror image of a body and 0.5 for the m
   CHECK(wrong[metric_lateral_m] == Approx(2 * std::abs(tangent) * 3.5).epsilon(1e-9));
   const MapScores both = score(with_ripple(average(truth, ghost)), truth, room());
   CHECK(both[metric_ghost] == Approx(0.5).epsilon(1e-12));
-  // The mean of body and mirror image has half the depth of the body, which is below the foreground
-  // threshold.
+  // The mean of the body and its mirror image has half the depth of the body. This depth is below
+  // the foreground threshold.
   CHECK(std::isnan(both[metric_lateral_m]));
 }
 

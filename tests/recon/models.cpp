@@ -219,8 +219,8 @@ TEST_CASE("evaluation scores the model and three baseline methods on the held-ou
   CHECK(baselines[0].metrics[metric_iou].mean == 0);
   CHECK(baselines[2].metrics[metric_iou].mean > 0.3);
   const Folder dir;
-  // Each pair of records has a plate and its mirror image. So the ghost of one body is at the
-  // position of the other.
+  // Each pair of records has a plate and its mirror image. Therefore the ghost of one body is at
+  // the position of the other body.
   write_run(dir / "pairs", 60, 5, [](record::FusedRecord& r) {
     Rng rng = make_rng(5, static_cast<std::uint64_t>(r.index / 2));
     std::uniform_real_distribution<double> any_x(-1, 1), any_z(3, 4);

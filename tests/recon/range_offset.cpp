@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Tests that the calibration of a run and the option --range-offset are subtracted from radar
-// ranges.
+// Tests that the range bias in the calibration of a run and the value of the option --range-offset
+// are subtracted from radar ranges.
 #include <nlohmann/json.hpp>
 
 #include "recon/data/shift.hpp"

@@ -336,7 +336,7 @@ TEST_CASE("reconstruct --follow processes a live run until it is closed") {
   int status = 0;
   REQUIRE(waitpid(child, &status, 0) == child);
   REQUIRE(WIFEXITED(status));
-  // Code 5 means that a record was excluded, which is record 0.
+  // Exit code 5 means that a record was excluded, in this test record 0.
   CHECK(WEXITSTATUS(status) == 5);
   const std::string text = contents(log);
   CHECK_THAT(text, Catch::Contains("record 0: lacks radar, which the model needs") &&

@@ -128,7 +128,7 @@ TEST_CASE(
   CHECK(share_flagged(uncertainties_of(noise)) > 0.98);
 
   const Dataset far = fresh_plates(50, [](record::FusedRecord& r) {
-    // The histogram is shifted by 9 bins, which are 54 cm.
+    // The histogram is shifted by 9 bins (54 cm).
     std::rotate(r.spd.begin(), r.spd.end() - 9, r.spd.end());
     std::rotate(r.radar.begin(), r.radar.end() - 2, r.radar.end());
   });
@@ -374,7 +374,7 @@ TEST_CASE(
   }
   TrainOptions options;
   options.model = "ridge", options.fit.quiet = true;
-  // Only 45 of 50 records are used for training, which is too few for an uncertainty.
+  // Only 45 of the 50 records are used for training. This number is too small for an uncertainty.
   save_model(train(testing::load_plates(50), options), dir / "few");
   const TrainedModel loaded = load_model(dir / "few");
   CHECK_FALSE(loaded->uncertainty);

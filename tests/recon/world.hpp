@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A small scene for tests: a plate at (x, z), an SPD at the origin, and a radar to its left. Bins
-// are few and plates are coarse, so that training takes a fraction of a second.
+// A small scene for tests: a plate at (x, z), an SPD at the origin, and a radar to the left of the
+// SPD. There are few bins and the plates are coarse, so that training takes a fraction of a second.
 #pragma once
 #include <sqlite3.h>
 #include <sys/wait.h>
@@ -175,7 +175,7 @@ inline void refuses(const std::string& arguments, int code, const std::string& s
   CHECK(std::count(o.text.begin(), o.text.end(), '\n') <= (code == 2 ? 3 : 1));
 }
 
-// Starts echofuse-recon without waiting for its end.
+// Starts echofuse-recon without waiting for it to exit.
 inline pid_t start_recon(std::vector<std::string> words) {
   words.insert(words.begin(), "echofuse-recon");
   std::vector<char*> arguments;

@@ -34,7 +34,8 @@ TEST_CASE("simulated body sway has a constant variance and the specified correla
 }
 
 TEST_CASE("sway, twist and breathing of a body change the range by the computed amounts") {
-  // The patch is 0.2 m to the right of the vertical body axis, which is at a distance of 3 m.
+  // The body axis is vertical and at a distance of 3 m. The patch is 0.2 m to the right of this
+  // axis.
   const double x = 0.2, z = 3, range = std::hypot(x, z);
   const auto modes = BodyMotion::range_per_mode(x / range, 0, 1.65, 0, z, 1);
   CHECK(modes[0] == Approx(x / range));

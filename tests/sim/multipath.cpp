@@ -106,7 +106,7 @@ TEST_CASE("an echo via one wall has the path length from the mirror image of the
   const Room room = room_of({side_wall(-1.25, 0)});
   const Vec3 sensor{-0.5, 0, 0}, place{0.3, 0.2, 3};
   const auto images = image_sources(room, sensor, 2);
-  // Two reflections at the same wall give the sensor itself, which is not listed.
+  // Two reflections at the same wall map the sensor to itself, so this image is not listed.
   REQUIRE(images.size() == 2);
   CHECK(length(images[1].at - Vec3{-2, 0, 0}) < 1e-12);
   const auto way = way_to(images[1], sensor, place);

@@ -68,7 +68,7 @@ TEST_CASE("after a power cycle the radar board refuses the restart, and the driv
   CHECK(b.count("configured") == 2);
   CHECK(b.reported("restart refused, sending the cfg again: Error: Full"));
   REQUIRE(b.until([&] { return b.frames() > 20; }));
-  // Frame numbers that restart after a power cycle do not cause another connection.
+  // Frame numbers that restart after a power cycle do not cause a reconnection.
   CHECK(b.count("connections") == 2);
 }
 
@@ -428,7 +428,7 @@ TEST_CASE("the radar driver warns once if the frame period differs from the cfg"
   const bool odd = GENERATE(false, true);
   REQUIRE(b.until([&] { return b.board.running(); }));
   for (int i = 0; i < 10; ++i) {
-    // The frames are 10^7 cycles apart, which are 50 ms.
+    // The frames are 10^7 cycles (50 ms) apart.
     Bytes frame = b.board.frame();
     const auto cycles =
         static_cast<std::uint32_t>(b.board.number * (odd ? 100'000'000 : 10'000'000));

@@ -46,7 +46,7 @@ class Calibrate(unittest.TestCase):
             self.assertLess(abs(sensor["offset_m"] - true_m), 5 * sensor["measurement_error_m"] + 2e-5, sensor)
             self.assertLess(sensor["measurement_error_m"], 3e-4)
             self.assertGreater(sensor["snr_db"], 10)
-        # The errors of distance and baseline are 2 mm each. The SPD depends only on the distance.
+        # The errors of distance and baseline are 2 mm each. The SPD range depends only on the distance.
         self.assertAlmostEqual(spd["reflector_error_m"], 2e-3, 6)
         self.assertAlmostEqual(radar["reflector_error_m"], math.sqrt(1 + .5 * .5 * 2) / math.sqrt(1.25) * 2e-3, 5)
         self.assertAlmostEqual(radar["true_range_m"], math.sqrt(1.25), 6)

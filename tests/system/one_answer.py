@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """tests/system/one_answer.py BIN_DIR [TEST]: tests that info, list, the live page, Python, HDF5, report and evaluate
-give the same facts about unusual runs: failing sensors, a full disk, a killed daemon, copies, one record, or none."""
+give the same facts about unusual runs: runs with failing sensors, a full disk, a killed daemon, copied records, a
+single record or no record."""
 import json
 import os
 import pathlib

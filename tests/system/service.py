@@ -71,7 +71,7 @@ class Service(live.Live):
         super().tearDown()
 
     def serve(self, *options, env=None, **how):
-        """Starts the command line of the unit with other folders and another configuration."""
+        """Starts the command line of the unit with the folders and the configuration of the test."""
         line = Unit()["Service"]["ExecStart"].replace("%%", "%").replace("/etc/echofuse", str(self.dir / "lab"))
         command = line.replace("/var/lib/echofuse", str(self.dir)).replace("/usr/local/bin", str(live.bin_dir)).split()
         base = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni"), "NOTIFY_SOCKET": self.notify.path}

@@ -95,7 +95,7 @@ class Slurm(unittest.TestCase):
         return subprocess.run(words, text=True, capture_output=True).stdout.strip()
 
     def processes_of(self, *names):
-        """Yields the ids of the processes of this cluster, which have its configuration in their environment."""
+        """Yields the ids of the processes that have the configuration of this cluster in their environment."""
         mark = f"SLURM_CONF={self.dir}/slurm.conf".encode()
         for process in pathlib.Path("/proc").glob("[0-9]*"):
             try:

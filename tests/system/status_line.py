@@ -47,7 +47,7 @@ class Terminal:
         os.close(self.master)
 
     def status_lines(self):
-        """Returns the status lines that were drawn, which are texts between carriage returns."""
+        """Returns the printed status lines, which are the texts between carriage returns."""
         parts = re.split(r"[\r\n]+", SEQUENCES.sub("", self.text))
         return [part for part in parts if part.startswith("record ")]
 
@@ -77,7 +77,7 @@ class StatusLine(live.Live):
             self.terminal.resize(columns)
             before = len(self.terminal.status_lines())
             wait_for("status", lambda: len(self.terminal.status_lines()) >= before + 3, 40)
-            # The first line may have been drawn before the resize.
+            # The first status line may have been printed before the terminal was resized.
             drawn[columns] = self.terminal.status_lines()[before + 1:]
         self.assertEqual(self.end(daemon), 0)
         text = self.terminal.text

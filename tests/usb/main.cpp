@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Runs device and host in one process, which must run under umockdev.
+// Runs the device and the host in one process, which must run under umockdev.
 #include <catch2/catch.hpp>
 
 #include "../catch.hpp"

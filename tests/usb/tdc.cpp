@@ -149,7 +149,7 @@ TEST_CASE("all tags of a simulated USB tagger are received") {
 }
 
 TEST_CASE("a USB tagger with a full FIFO reports its lost tags") {
-  Simulated s(22'000);  // about the amount of data between two transfers
+  Simulated s(22'000);  // FIFO size, bytes: about the data between two transfers
   CHECK(run_until(s.loop, [&] { return s.sent(1) > 0 && counter(*s.driver, "lost_items") > 0; }));
   CHECK(counter(*s.driver, "lost_items") <= s.sent(1));
   CHECK(s.sink.state() == DeviceState::streaming);
@@ -209,7 +209,7 @@ TEST_CASE("a USB tagger is reopened after an unplug during a transfer") {
   for (std::size_t i = 1; i <= cycles; ++i) {
     Bytes cut = join({b.tags(1000), b.tags(1000)});
     cut.resize(cut.size() - 5);
-    b.device.send_more(cut);  // the end waits in an incomplete transfer
+    b.device.send_more(cut);  // the end of the data waits in an incomplete transfer
     b.device.unplug();
     REQUIRE(b.faulted());
     CHECK(b.sink.tags.size() == i * 1000 + (i - 1) * 4);
@@ -228,7 +228,7 @@ TEST_CASE("data that a slow consumer does not read stay in the USB tagger") {
   b.connect();
   constexpr std::size_t runs = 90, per_run = 65'536;  // 90 MiB exceed the limit of queued bytes
   for (std::size_t i = 0; i < runs; ++i) b.device.send(b.tags(per_run));
-  std::uint64_t fetched = 1, before = 0;  // the event loop is not running
+  std::uint64_t fetched = 1, before = 0;
   for (; fetched != before; fetched = b.device.fetched()) {
     before = fetched;
     std::this_thread::sleep_for(500ms);

@@ -105,6 +105,7 @@ TEST_CASE("a run needs its required devices, and records that lack their data ar
 TEST_CASE("a raw capture with faults and reconnections reproduces the live run bit for bit") {
   const double window_s =
       GENERATE(3.0, 12.0);  // slots above 10 s are not aligned to multiples of their length
+  // Slots longer than 10 s are not aligned to multiples of their length.
   Bench b({.window_s = window_s,
            .faults = {fault("tdc", FaultKind::unplug, 30, 5),
                       fault("tdc", FaultKind::corrupt, 40, 10, 0.05),
@@ -117,7 +118,8 @@ TEST_CASE("a raw capture with faults and reconnections reproduces the live run b
   run.countdown_s = 2;
   CHECK(b.lab->record(run) == ExitCode::ok);
   REQUIRE(acquire::is_kept(run.keep_raw));
-  // The copied configuration has no run folder, so that it can be imported on another machine.
+  // The configuration in a raw capture has no run folder, so that the capture can be imported on
+  // any machine.
   CHECK(acquire::kept_config(run.keep_raw, {}).run_folder.empty());
   acquire::import_kept(acquire::kept_config(run.keep_raw, {}), run.keep_raw,
                        b.folder / "again.sqlite");
@@ -135,7 +137,7 @@ TEST_CASE("a raw capture with faults and reconnections reproduces the live run b
     CHECK(r.valid.bits() == a.valid.bits());
     for (const Sensor s : all_sensors) CHECK(r.sync[s].verdict == a.sync[s].verdict);
   }
-  // Imports the same photons again, with another histogram.
+  // Imports the same photons again, with different histogram settings.
   acquire::import_kept(acquire::kept_config(run.keep_raw, {"tdc.bins=10", "depth.address="}),
                        run.keep_raw, b.folder / "short.sqlite");
   CHECK(record::RunReader(b.folder / "short.sqlite").read(0).spd ==

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Tests commands that use devices, in virtual time: stop, firmware check, late data, calibrate,
-// doctor.
+// Tests commands that use devices, in virtual time: stopping a run, the firmware check, late data,
+// calibrate and doctor.
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -163,7 +163,7 @@ LaboratoryOptions reflector(double more_ps = 0, const std::string& before = "det
           }};
 }
 
-// Returns what the action prints to stdout. The text is stored in a new file `path`.
+// Returns the text that the action prints to stdout. The text is stored in a new file `path`.
 std::string printed_by(const std::string& path, const std::function<void()>& action) {
   std::fflush(stdout);
   const int before = ::dup(STDOUT_FILENO);
@@ -251,7 +251,7 @@ TEST_CASE("buffered tags are assigned to slots by their time stamps, or counted 
   const double usual = static_cast<double>(tags[tags.size() / 2]);
   for (const auto& r : all) CHECK(static_cast<double>(r.spd_counts.tags) < 1.5 * usual);
   const auto late = static_cast<double>(b.reader().late()[Sensor::spd]);
-  CHECK(late > 2 * usual);  // tags of the 2 s for which no slot is open
+  CHECK(late > 2 * usual);  // tags of 2 s arrive after their slots are closed
   CHECK(late < 6 * usual);
   CHECK(std::count_if(all.begin(), all.end(), [](auto& r) { return !r.has(Sensor::spd); }) >= 2);
 }
@@ -333,7 +333,7 @@ TEST_CASE("antenna calibration recovers gains and phases for both reflector moun
   const acquire::AntennaGains& gains = acquire::read_calibration(stored).antennas;
   REQUIRE(gains.gain.size() == 8);
   CHECK(gains.sine == Approx(placed == "each" ? 0 : 0.447214));
-  for (std::size_t m = 1; m < gains.gain.size(); ++m) {  // the simulated channels are equal
+  for (std::size_t m = 1; m < gains.gain.size(); ++m) {  // all simulated antenna channels are equal
     CHECK(std::abs(gains.phase_rad[m]) < 5 * gains.standard_error[m] + 4e-3);
     CHECK(std::abs(gains.gain[m] - 1) < 5 * gains.standard_error[m]);
     CHECK(gains.standard_error[m] < 0.003);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Tests run --every: consecutive run files without a lost slot.
+// Tests that run --every writes consecutive run files without losing a slot.
 #include <map>
 #include <set>
 

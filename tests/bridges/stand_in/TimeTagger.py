@@ -11,7 +11,7 @@ Iterators.h; signatures.py compares them. Environment variables select faults:
   STAND_IN_OLD=1        the library has no CustomMeasurement
   STAND_IN_UNPLUGGED=n  tags end with the n-th batch of 20 ms and sync() times out, while
                         isRunning() remains true; the device works again after it is opened again
-  STAND_IN_DARK=n       tags end with the n-th batch but sync() succeeds, as if the laser is off
+  STAND_IN_DARK=n       tags end with the n-th batch but sync() succeeds, as if the laser were off
   STAND_IN_VERSION=x    getVersion() returns x
   STAND_IN_FOREIGN=1    the stream has tags of channels that other clients requested
   STAND_IN_LISTEN=1     the server refuses all settings
