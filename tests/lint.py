@@ -75,7 +75,7 @@ for path in tracked():
                 vague_counts.setdefault(folder, []).append(f"{name}:{number + 1}")
     cases += ["".join(re.findall(r'"(.*?)"', name))
               for name in re.findall(r'TEST_CASE\(\s*((?:"[^"]*"\s*)+)', "\n".join(lines))]
-    # CMake would split the name at ";", and Catch would read "-" as an option.
+    # CMake would split a test name at ";", and Catch would read a leading "-" as an option.
     for case in re.findall(r'TEST_CASE\(\s*"(-|[^"]*;)', "\n".join(lines)):
         faults.append(f"{name}: a test case's name has a ; or begins with -, and CTest cannot call it")
 
@@ -84,7 +84,7 @@ for folder, places in vague_counts.items():
         faults.append(f"{folder}: {len(places)} comments begin with It, This, Of, What or the like, at most "
                       f"{vague_limits[folder]} may: {', '.join(places)}")
 
-# Optional parts (.github/ARCHITECTURE.md). Few product files outside a part may use its identifiers; the aim is five files.
+# Optional parts (.github/ARCHITECTURE.md). At most five product files outside a part should use its identifiers.
 # Each entry has the pattern of the identifiers, the pattern of the part's own files, and the limit for other files.
 # The limits may be lowered but not raised.
 wings = {
@@ -113,7 +113,7 @@ for name, code in product.items():
 
 # Source folders ("rooms") have no circular includes, and do not include folders of later parts.
 # Modules of the Python package have no circular imports, except for imports within functions.
-# Subpackages have no circular imports without exception.
+# Subpackages have no circular imports, even within functions.
 parts = ("drivers", "acquire", "recon", "sim")
 uses = {}
 for name, code in product.items():

@@ -23,8 +23,8 @@ with tempfile.TemporaryDirectory(prefix="readme-") as folder:
     for name in ("scripts", "config"):
         (pathlib.Path(folder) / name).symlink_to(root / name)
     # The input is a pipe, because bash reads ahead in a file.
-    # Thus a shell started by a command (`echofuse-sim lab -- bash`) reads the next lines, as from a terminal.
-    # BASH_ENV makes that shell stop at failures, too.
+    # A shell started by a command (`echofuse-sim lab -- bash`) reads the next lines of this pipe, as from a terminal.
+    # BASH_ENV makes shells that a command starts stop at failures.
     # Exit code 5 (some bad records) is accepted, because the simulated laboratory may miss slots on a busy machine.
     # Exit code 4 (no answer from a device) is accepted if the laboratory lacked processor time (waiting.py).
     stop = pathlib.Path(folder) / ".stop"

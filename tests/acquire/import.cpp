@@ -296,7 +296,7 @@ TEST_CASE("import reports an ambiguous local time at the end of summer time") {
   const std::string before = zone ? zone : "";
   ::setenv("TZ", "CET-1CEST,M3.5.0,M10.5.0/3", 1);
   ::tzset();
-  // Local times 02:30 and 05:30 on 29 October 2023; only the first is ambiguous.
+  // Local times 02:30 and 05:30 on 29 October 2023; only the first time is ambiguous.
   for (const double utc_s : {1698546600.0, 1698557400.0}) {
     std::vector<std::uint32_t> words;
     for (std::uint32_t k = 0; k < 1000; ++k) words.push_back(t3(0, 200, k));

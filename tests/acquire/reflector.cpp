@@ -64,7 +64,7 @@ TEST_CASE(
   CHECK(refusal(each, 1, 1.0) == "");
   CHECK(refusal(each, 1, 1.08) == "");
   CHECK_THAT(refusal(detector, 1, 1.0), Contains("fits --reflector each (true range 1.000 m"));
-  // A difference of 5 cm is within the search range.
+  // A range error of 5 cm is within the search range.
   CHECK_THAT(refusal(detector, 1, 1.05), Contains("in front of the radar?"));
   CHECK_THAT(refusal(each, 1, 1.168), Contains("fits --reflector detector (true range 1.118 m") &&
                                           Contains("in front of the detector?"));

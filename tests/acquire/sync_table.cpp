@@ -212,7 +212,7 @@ TEST_CASE("samples and losses of all devices are assigned to the expected record
   CHECK(unassigned.duplicate == bench.expected["twice"]);
   // Radar frame 6 arrives after frame 7, and frame 1 after frame 10.
   CHECK(unassigned.out_of_order == std::array<std::uint64_t, 3>{0, 2, 0});
-  // A loss counts in the slot of the sample that reveals it, or in the next slot if that one is
+  // A loss counts in the slot of the sample that reveals it, or in the next slot if that slot is
   // closed.
   CHECK(bench.records[1].sync[Sensor::radar].lost == 1 + 2);
   CHECK(bench.records[2].sync[Sensor::spd].lost == 3);

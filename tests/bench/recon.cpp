@@ -35,7 +35,8 @@ void training(const Dataset& data, double most_per_s) {
   const auto run = [&](std::size_t epochs) {
     return best_s(4, [&] {
       const Estimator m = fitted(data, "mlp-512-256", epochs);
-      // Counts the forward and the backward pass, without the gradient for the inputs.
+      // Counts the multiply-adds of the forward and the backward pass, without the gradient for the
+      // inputs.
       a_judgement = m.model->cost().multiply_adds;
       a_record = 3 * a_judgement - m.features.count() * m.fit.hidden.value().front();
     });
@@ -43,8 +44,8 @@ void training(const Dataset& data, double most_per_s) {
   const double once = run(1), epoch = (run(9) - once) / 8;
   const auto done =
       static_cast<double>(a_record * split.train.size() + a_judgement * split.validation.size());
-  // Compares with the faster of two measurements of the machine, made before and after, because the
-  // speed of a shared machine varies.
+  // Compares with the faster of two measurements of the machine, made before and after the
+  // training, because the speed of a shared machine varies.
   print_row("training of the plain network", "GFLOP/s", 2e-9 * done / epoch,
             2e-9 * std::max(most_per_s, multiply_adds_per_s()), "multiply-adds");
 }

@@ -15,8 +15,8 @@ import zlib
 
 import numpy
 
-# rows[path] contains the unit, our value, the limit and the name of the limit. peers[path] contains the name and the
-# value of the peer.
+# rows[path] contains the unit, our value, the limit and the name of the limit.
+# peers[path] contains the name and the value of the peer.
 rows, peers = {}, {}
 
 

@@ -110,7 +110,7 @@ class Calls(unittest.TestCase):
         self.assertEqual(delays, [("setDelayHardware", 1, 48000), ("setDelaySoftware", 1, 100 - 48000),
                                   ("setDelaySoftware", 2, 7)])
         self.assertIn(("setConditionalFilter", [2], [1]), recorder.calls)
-        # With a filter delay of 0, a cable replaces the hardware delay.
+        # A filter delay of 0 means that a cable delays the signal, instead of the hardware of the tagger.
         open_tagger("--conditional-filter", "0", "--input-delay", "1=-48000")
         delays = [call for call in recorder.calls if "Delay" in call[0]]
         self.assertEqual(delays, [("setDelaySoftware", 1, -48000)])
@@ -172,8 +172,8 @@ class Tags(unittest.TestCase):
             self.assertEqual(self.poll(self.pattern(0), which=which)[0].blocks, [])
 
     def test_tags_refused_by_a_full_buffer_are_counted_as_lost(self):
-        # The old stream returns a full buffer without the number of lost tags. CustomMeasurement refuses the tags and
-        # counts them.
+        # The old stream returns a full buffer without the number of lost tags.
+        # CustomMeasurement refuses the tags and counts them.
         for which, size, sent, lost in ((old_library, 5000, 5000, 1), (library, 5001, 0, 5001)):
             outlet, pause, said = self.poll(self.pattern(size), "--max-events", "5000", which=which)
             self.assertEqual((sum(items for _, _, items in outlet.blocks), outlet.lost, pause), (sent, lost, 0))

@@ -69,7 +69,7 @@ class Stream final : public StreamBase {
     });
     return status;
   }
-  // OpenNI plays no frames of a recording that lacks STRIDE and CROPPING.
+  // OpenNI does not play frames of a recording that lacks STRIDE and CROPPING.
   void notifyAllProperties() override {
     for (const int id :
          {ONI_STREAM_PROPERTY_VIDEO_MODE, ONI_STREAM_PROPERTY_HORIZONTAL_FOV,

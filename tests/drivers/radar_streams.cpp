@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Tests data streams like those of other boards and labs. The streams are built byte by byte,
 // without the encoder of the simulator. They contain different headers with the same magic word,
-// unknown TLVs, partial frames at the start and at the end, and frames shorter than the length in
+// different TLVs, partial frames at the start and at the end, and frames shorter than the length in
 // their header.
 #include <catch2/catch.hpp>
 

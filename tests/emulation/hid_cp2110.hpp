@@ -33,7 +33,7 @@ class HidCp2110 {
   void unplug();
   void plug();
   // Delivers bytes from the UART line. Returns the number of bytes that fit into the buffer of 480
-  // bytes. Reports to the host drain 63 bytes per ms.
+  // bytes. Reports to the host empty the buffer at 63 bytes per ms.
   std::size_t receive(ByteView bytes);
   // Sends the host a raw report that does not come from the UART, to simulate faults.
   void raw_input(ByteView report);

@@ -316,7 +316,7 @@ std::optional<Bytes> UsbDevice::string_descriptor(const Setup& setup) const {
 }
 
 // Moves waiting data into waiting transfers. A transfer ends when it is full, or with the packet
-// that ends a run. Full packets are sent at once, and partial packets wait.
+// that ends a run of packets. Full packets are sent immediately, and partial packets wait.
 void UsbDevice::fill() {
   while (!pending_.empty() && !halted_ && (!data_.empty() || !ends_.empty())) {
     const usbdevfs_urb& urb = urb_of(pending_.front().urb.get());

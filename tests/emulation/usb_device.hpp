@@ -43,7 +43,8 @@ class UsbDevice final : public BedNode {
 
   // Sends a run of packets. A short or empty packet ends the run.
   void send(ByteView run);
-  // Sends bytes of a run that continues. A partial packet waits for the bytes that follow.
+  // Sends bytes of a run of packets that continues. A partial packet waits for the bytes that
+  // follow.
   void send_more(ByteView bytes);
   std::size_t waiting() const;  // sent bytes that the host has not read
   void clear();                 // drops the waiting bytes

@@ -1,7 +1,8 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
-# clang.sh HEADERS SOURCES FLAGS...: clang-14 compiles the file HEADERS once, then each source listed in the
-# file SOURCES together with HEADERS, or alone if names conflict. Exits with 77 if clang-14 is missing.
+# clang.sh HEADERS SOURCES FLAGS...: compiles the file HEADERS and the sources listed in the file SOURCES with clang-14.
+# The sources are compiled together with HEADERS, or alone if names conflict.
+# Exits with 77 if clang-14 is missing.
 command -v clang++-14 > /dev/null || { echo "skipped: clang-14 is not installed (./scripts/setup)"; exit 77; }
 headers=$1 sources=$2
 shift 2

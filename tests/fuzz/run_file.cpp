@@ -64,7 +64,7 @@ void read_records(const RunReader& run) {
       last, [](std::int64_t, const std::string&) {});
 }
 
-// Reads records like the command `reconstruct`.
+// Reads records in the same way as the command `reconstruct`.
 void read_parts(const RunReader& run) {
   std::int64_t next = 0;
   for (int parts = 0; parts < 4; ++parts) {

@@ -21,7 +21,7 @@ def folder(tmp_path_factory):
 
 
 def mutated(data, rng):
-    """Returns a copy of `data` with flipped bits, overwritten or repeated bytes, or without its end."""
+    """Returns a copy of `data` with flipped bits, with overwritten or repeated bytes, or with a truncated end."""
     data = bytearray(data)
     first, length = rng.integers(len(data)), int(rng.integers(1, 200))
     kind = rng.integers(4)

@@ -31,7 +31,7 @@ def chip():
 
 
 def captures(count, seed):
-    """Simulates `count` measurements of the block. Returns counts [n, zones, 128] and sensor poses [n, 4, 4]."""
+    """Simulates `count` measurements of a block. Returns counts [n, zones, 128] and sensor poses [n, 4, 4]."""
     rng, zones, counts, poses = np.random.default_rng(seed), chip(), [], []
     for _ in range(count):
         pose = tmf8820.random_pose(rng, 0.1)

@@ -104,8 +104,8 @@ TEST_CASE("evaluate --json prints all metrics and costs") {
        {"multiply_adds", "parameters", "infer_us_median", "infer_us_p99", "train_s", "model_bytes"})
     CHECK(json["cost"][name].get<double>() > 0);
   CHECK(json["cost"]["multiply_adds"] == 54 * 32 + 32 * 16 + 16 * 4096);
-  // A new run has no training records in which to search the nearest neighbour. Option --train
-  // supplies them.
+  // A new run has no training records in which to search for the nearest neighbour. Option --train
+  // supplies training records.
   write_run(dir / "fresh", 20, 3);
   const std::string fresh = "evaluate --json " + (dir / "m") + " " + (dir / "fresh");
   CHECK(nlohmann::json::parse(recon_program(fresh).text)["trivial"].size() == 2);
@@ -177,7 +177,8 @@ TEST_CASE("models with different sensors are compared only on records that all o
   CHECK(all["paired"][0]["metrics"]["iou"]["records"] == 45);
   const std::string table = contents(dir / "table.csv");
   CHECK(std::count(table.begin(), table.end(), '\n') == 1 + 3 * 45);
-  // The command compare computes the same differences from the table of scores per record.
+  // The command compare computes the same differences as `evaluate`, from the table of scores per
+  // record.
   const nlohmann::json methods =
       nlohmann::json::parse(recon_program("compare --json " + (dir / "table.csv")).text)["methods"];
   REQUIRE(methods.size() == 3);

@@ -294,7 +294,7 @@ TEST_CASE("a model trained on binned radar power accepts runs with unbinned powe
        " --out " + model);
   done("evaluate " + model + " " + (dir / "run"));
   done("reconstruct -q " + model + " " + (dir / "run") + " --out " + (dir / "maps"));
-  // The run ends at 5.9 m, before the last bin of the model.
+  // The range axis of the run ends at 5.9 m, before the last bin of the model.
   write_run(dir / "near", 4);
   CHECK(echofuse::testing::recon_program("evaluate " + model + " " + (dir / "near")).code == 1);
 }

@@ -103,10 +103,12 @@ TEST_CASE(
       CAPTURE(set.name, name);
       TrainOptions o;
       o.model = name, o.scaling = set.scaling;
-      // Two models are enough, because the uncertainty is fitted by the same code for all models.
+      // Two models are enough to test the uncertainty, because the uncertainty is fitted by the
+      // same code for all models.
       o.uncertainty = name == "ridge" || name == "factorised";
       o.fit.quiet = true, o.fit.epochs = 3;
-      // One model is enough, because the fallback is fitted by the same code for all models.
+      // One model is enough to test the fallback, because the fallback is fitted by the same code
+      // for all models.
       o.fallback = name == "ridge";
       if (name.ends_with("mlp")) o.fit.hidden = {24};
       if (name == "auto") o.candidates = {"empty", "mean", "factorised-4", "ridge", "nearest"};
@@ -117,7 +119,8 @@ TEST_CASE(
           CHECK(all_finite(model.predict(*judged, rows).values));
           const Records records = prepare_records(model, *judged);
           const Evaluation e = evaluate(model, records, rows);
-          // One model is enough, because the baselines do not depend on the model.
+          // One model is enough to test the baselines, because the baselines do not depend on the
+          // model.
           if (name == "ridge") {
             const Rows seen = model.rows_of(data, Subset::train);
             // The nearest-neighbour baseline is missing if all evaluated records are copies of

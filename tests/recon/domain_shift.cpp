@@ -170,7 +170,7 @@ TEST_CASE("the domain-shift test derives standard errors from the variance betwe
   // The reference consists of six blocks of ten records, and the new run of two blocks.
   const std::size_t known = 60, count = 20;
   const Dataset all = plates(known + count, 50, [&](record::FusedRecord& r) {
-    // The bodies of the new run are 48 cm nearer.
+    // The bodies of the new run are 48 cm nearer than those of the reference.
     if (r.index >= std::int64_t(known)) std::rotate(r.spd.begin(), r.spd.begin() + 8, r.spd.end());
   });
   const Rows rows = all_rows(all.size()), before(rows.begin(), rows.begin() + known),

@@ -144,7 +144,7 @@ TEST_CASE("a complete cfg starts the simulated radar and defines its range axis"
     CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
     const RadarAxis axis = console.firmware().running().value().axis({});
     CHECK(axis.count == 256);
-    // The slope is rounded to 4584 steps.
+    // The slope is rounded to 4584 register steps.
     CHECK(axis.step_m == Approx(0.0440950).epsilon(1e-6));
   }
 }

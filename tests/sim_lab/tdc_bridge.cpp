@@ -206,7 +206,7 @@ TEST_CASE(
 TEST_CASE("the simulated bridge reports tags lost by a slow client in the next block header") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
-  // 4e6 tags (64 MB) per second exceed the capacity of queue and socket.
+  // 4e6 tags (64 MB) per second exceed the capacity of the queue and the socket.
   options.window_s = 0.05;
   LabThread lab(options);
   Client client(options.dir + "/lab.toml");

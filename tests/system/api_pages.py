@@ -57,7 +57,7 @@ class ApiPages(unittest.TestCase):
         tree = self.copy()
         module = tree / "recon/python/echofuse/runs/axis.py"
         module.write_text(module.read_text().replace("    @property\n    def values", "    hidden: int = 0\n\n    def secret(self) -> None:\n        pass\n\n    @property\n    def values"))
-        # A manual with only one class is built faster.
+        # A manual with only one class is built faster than the complete manual.
         (tree / "recon/python/api/index.rst").write_text("echofuse\n========\n\n.. autoclass:: echofuse.Axis\n")
         done = self.manual(tree)
         self.assertEqual(done.returncode, 1)

@@ -73,7 +73,7 @@ echo "$ECHOFUSE_TEXT" >>{calls}
         self.assertTrue(all(a != b for s in missing() for a, b in zip(*[[c for c in changes if c[0] == s][k:] for k in (0, 1)])),
                         changes)
 
-        # An import starts no program, even if the stored configuration names one.
+        # An import does not start the alert program, even if the stored configuration names one.
         kept = self.dir / "raw/lab.toml"
         self.assertNotIn("lab/alert", kept.read_text())
         kept.write_text(kept.read_text().replace("on_doubt = []", f'on_doubt = ["{self.dir}/lab/alert"]'))

@@ -164,7 +164,7 @@ class HostileRuns(unittest.TestCase):
         for name, (change, why) in cases.items():
             with self.subTest(name):
                 codes = self.attack(self.make(change), "info", "export", "reconstruct", *commands)
-                # The export in Python reads less of the file, so it may succeed.
+                # The Python export reads a smaller part of the file than the other commands, so it may succeed.
                 self.assertIn(codes.pop("export"), (0, 1, 5))
                 self.assertTrue(all(c == 1 for c in codes.values()), (codes, self.said))
                 self.assertIn(why, self.said)
@@ -243,8 +243,7 @@ class HostileRuns(unittest.TestCase):
         for name, change in cases.items():
             with self.subTest(name):
                 codes = self.attack(self.make(change), "export", "csv", "evaluate")
-                # If an image has more pixels than the file can hold, the whole run is refused. Otherwise only the
-                # record is refused.
+                # The whole run is refused if an image has more pixels than the file can hold, otherwise only the record.
                 self.assertEqual((codes["export"], codes["csv"]), (1 if name == "2^30" else 5, 1), (codes, self.said))
                 self.assertIn("depth is not a deflated image of", self.said)
         codes = self.attack(self.make(depth(good)), "export", "csv")

@@ -147,8 +147,8 @@ class Live(unittest.TestCase):
         self.assertLess(max(offsets) - min(offsets), 0.01, info["clocks"])
 
     def test_daemon_writes_a_record_for_each_slot_of_a_stall(self):
-        """After the daemon is stopped for 20 slots, there is a row for each slot. Slots with all tags buffered are
-        valid, and the others have a verdict."""
+        """After the daemon is stopped for 20 slots, there is a row for each slot. Slots for which all tags were
+        buffered are valid, and the other slots have a verdict."""
         daemon = self.record()
         # The clock fits are valid after eight records.
         wait_for("complete records", lambda: self.committed() >= 8 and self.enough(self.rows(), daemon, complete=3), timeout_s=100)

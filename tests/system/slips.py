@@ -110,7 +110,7 @@ acquire devices --config closed.toml | 4 | Connection refused; is its bridge run
 
 @functools.cache
 def stated_codes(program, *command):
-    """Returns the exit codes that the help of a command lists, or all codes if the help has no such list."""
+    """Returns the exit codes that the help of a command lists, or all codes if the help does not list exit codes."""
     text = subprocess.run([bin_dir / f"echofuse-{program}", *command, "--help"], capture_output=True, text=True).stdout
     found = re.search(r"^exit codes:(.*(?:\n .*)*)", text, re.M)
     return set(re.findall(r"(?:^|[ ,])(\d+) [a-z]", found[1])) if found and "COMMAND" not in found[1] else set("0123456")

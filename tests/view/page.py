@@ -143,7 +143,7 @@ class Page(live_view.LiveView):
         daemon.wait()
         self.wait("crash on the page", lambda: self.text("status") == "crashed")
 
-        # The viewer stops. The page must show that it has no connection.
+        # The viewer stops. The page must show that the connection is lost.
         viewer = self.processes[2]
         self.assertIn("echofuse-view", viewer.args[0])
         viewer.terminate()
@@ -315,7 +315,7 @@ class Page(live_view.LiveView):
         self.wait("live record", lambda: "held" not in self.text("shown"))
 
     def contrast_faults(self):
-        """Returns texts with less contrast than WCAG 2.1 AA requires: 4.5, or 3 for large text."""
+        """Returns texts with less contrast than WCAG 2.1 AA requires: a ratio of 4.5, or 3 for large text."""
         return self.js(r"""
             const part = v => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
             const luminance = ([r, g, b]) => 0.2126 * part(r) + 0.7152 * part(g) + 0.0722 * part(b);

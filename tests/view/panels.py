@@ -91,7 +91,7 @@ class Panels(page.Page):
         self.wait("sum since the mark", lambda: re.fullmatch(r"of [2-9] records from record \d+", self.text("rates-of")))
         self.choose(1)
 
-        # The viewer is stopped. The page must report this instead of missing sensor data.
+        # The viewer is stopped. The page must report the stopped viewer instead of missing sensor data.
         heard = self.js("return window.alarms")
         self.js("document.getElementById('status').seen = []; new MutationObserver(() => document.getElementById('status').seen.push("
                 "document.getElementById('status').textContent)).observe(document.getElementById('status'), {childList: true})")

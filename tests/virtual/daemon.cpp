@@ -103,9 +103,8 @@ TEST_CASE("a run needs its required devices, and records that lack their data ar
 }
 
 TEST_CASE("a raw capture with faults and reconnections reproduces the live run bit for bit") {
-  const double window_s =
-      GENERATE(3.0, 12.0);  // slots above 10 s are not aligned to multiples of their length
   // Slots longer than 10 s are not aligned to multiples of their length.
+  const double window_s = GENERATE(3.0, 12.0);
   Bench b({.window_s = window_s,
            .faults = {fault("tdc", FaultKind::unplug, 30, 5),
                       fault("tdc", FaultKind::corrupt, 40, 10, 0.05),

@@ -51,7 +51,8 @@ class Laboratory {
   void choke_radar(bool choked);
   // Turns the camera's field of view for all later frames.
   void turn_camera();
-  // Records the number of slots in `run`, or until interrupted. Throws like record_run().
+  // Records the number of slots that `run` specifies, or records until it is interrupted. Throws
+  // like record_run().
   ExitCode record(acquire::RunOptions run);
   // Stops the devices and completes their log.
   void close();

@@ -26,7 +26,7 @@ class Wire {
   void send(ByteView bytes) {
     if (!cut) deliver(bytes);
   }
-  // Sends bytes even if the wire is cut, like another board on this wire.
+  // Sends bytes even if the wire is cut, like a second board on the same wire.
   void noise(const std::string& text) {
     deliver(ByteView{reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
   }

@@ -149,7 +149,7 @@ if os.environ.get("STAND_IN_LISTEN"):
 
 
 class TimeTaggerVirtual:
-    """Lacks model, serial number and hardware settings, like the vendor's class."""
+    """Virtual tagger without a model, a serial number and hardware settings, like the vendor's class."""
 
     def __init__(self):
         self.batches, self.silent, self.most = 0, False, 0
