@@ -89,11 +89,11 @@ void add_run(CLI::App& app, Options& o) {
                 "convert into a run")
       ->type_name("FOLDER");
   c->add_flag("--view", o.view, "start the live page (echofuse-view) and print its address");
-  c->add_option("--model", o.model, "model file with which --view reconstructs depth maps")
+  c->add_option("--model", o.model, "model file for the depth maps that --view shows")
       ->type_name("MODEL");
   add_config_options(*c, o);
   c->add_flag("--strict", o.run.strict,
-              "return exit code 5 if the verdict on a sensor in any record is not ok");
+              "exit with code 5 if any record has a sensor with a verdict other than ok");
   c->add_option("--meta", o.meta,
                 "store this key and value in the metadata of the run; may be repeated")
       ->type_name("KEY=VALUE")

@@ -332,8 +332,8 @@ void RunReader::check_axis(const Axis& axis) const {
   s.step();
   const auto first = static_cast<double>(s.integer()), last = static_cast<double>(s.integer());
   if (too_many(last - first + 1) && too_many(static_cast<double>(count())))
-    refuse(std::to_string(points) +
-           " points per record exceed the file size: " + std::to_string(bytes_) + " bytes");
+    refuse(std::to_string(points) + " points per record do not fit into a file of " +
+           std::to_string(bytes_) + " bytes");
 }
 
 std::optional<Axis> RunReader::axis(const std::string& name) const {

@@ -364,7 +364,8 @@ Command add_evaluate(CLI::App& app, const Common& common) {
       ->type_name("MODEL ... RUN")
       ->required();
   app.add_option("--maps", a->maps,
-                 "score the maps that any program wrote into this folder: maps.npy ([n, N, N], m) "
+                 "score the depth maps in this folder, which any program may have written: "
+                 "maps.npy ([n, N, N], m) "
                  "with records.csv, or 16-bit PNG files with camera.json; may be repeated")
       ->type_name("FOLDER")
       ->allow_extra_args(false);

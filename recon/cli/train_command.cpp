@@ -168,7 +168,7 @@ Command add_train(CLI::App& app, const Common& common) {
              "number of components, of units in a hidden layer, or of neighbours; default: " +
              usual_model(Inputs::fused) +
              " if the runs have both sensors or a detector with zones, otherwise " +
-             usual_model(Inputs::spd) + " for one sensor")
+             usual_model(Inputs::spd))
       ->check([](const std::string& text) { return text == "auto" ? "" : is_candidate(text); });
   app.add_option("--from", a->from,
                  "fine-tune this model on the given runs, e.g. for a new room; at least 10 records "

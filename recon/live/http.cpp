@@ -88,7 +88,7 @@ Caller caller_of(const HttpRequest& request, const Access& access, bool socket) 
   const bool open = part && out.path != "/";  // scripts and styles can be read without a token
   if (!open && !access.accepts_origin(field(request, http::field::origin), host_of(request)))
     return refuse(http::status::forbidden,
-                  "cross-origin request: expected a page that this server delivered");
+                  "cross-origin request: only pages from this server may send requests");
   if (!open && !access.may_read(wanted.token))
     return refuse(http::status::unauthorized,
                   "token missing or wrong: open the full address printed by the program");

@@ -62,7 +62,7 @@ int run(int argc, char** argv) {
                "echofuse-view");
   app.set_version_flag("--version", version_line("echofuse-view"));
   app.add_option("RUN", o.server.run, "run file, or folder of runs")->type_name("RUN")->required();
-  app.add_option("--model", o.model, "model file with which the page reconstructs depth maps")
+  app.add_option("--model", o.model, "model file for the depth maps that the page shows")
       ->type_name("MODEL");
   app.add_option("--listen", o.server.listen,
                  "ADDRESS:PORT to listen on (default: 127.0.0.1:8410, or a free port if 8410 is in "

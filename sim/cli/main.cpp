@@ -277,17 +277,17 @@ void add_lab(CLI::App& app, Command& command) {
       ->check(CLI::Range(1.0, 1e9))
       ->capture_default_str();
   sub->add_option("--radar-cfg", o.radar_cfg,
-                  "TI .cfg file of the radar, or the name of an installed .cfg file (default: the "
-                  "paper's profile with a resolution of 50 cm); SDK 3.4 is simulated if the name "
-                  "ends with _sdk3.4.cfg, otherwise SDK 3.5");
+                  "TI .cfg file of the radar, or the name of an installed .cfg file; default: the "
+                  "installed file of the board with a range resolution of 50 cm; SDK 3.4 is "
+                  "simulated if the name ends with _sdk3.4.cfg, otherwise SDK 3.5");
   sub->add_option("--radar-board", o.radar_board, "TI radar board to simulate")
       ->check(CLI::IsMember({"isk", "aop", "ods"}))
       ->capture_default_str();
   sub->add_option("--faults", o.faults,
-                  "TOML file of the device faults to simulate, each with its time")
+                  "TOML file that lists the device faults to simulate and their times")
       ->type_name("FILE");
   sub->add_option("--log", o.log,
-                  "file to which a log of all sent data is written, with one JSON object per line")
+                  "write a log of all sent data to this file, with one JSON object per line")
       ->type_name("FILE");
   add_plan_options(*sub, *a);
   sub->add_option("command", a->command,

@@ -217,8 +217,8 @@ class HostileRuns(unittest.TestCase):
             "words": (axis("step = 'many'"), "expected finite numbers"),
             "1e7": (axis("count = 16000000", "name = 'spd'") + ";" + """
                 WITH RECURSIVE c(x) AS (SELECT 1000 UNION ALL SELECT x + 1 FROM c LIMIT 5000)
-                INSERT INTO record (idx, valid) SELECT x, 0 FROM c""", "exceed the file size"),
-            "8192 x 8192 pixels": (axis("count = 8192", "name = 'map_x'"), "8192 points per record exceed the file size"),
+                INSERT INTO record (idx, valid) SELECT x, 0 FROM c""", "do not fit into a file of"),
+            "8192 x 8192 pixels": (axis("count = 8192", "name = 'map_x'"), "8192 points per record do not fit into a file of"),
             "infinite": (axis("start = 9e999, step = -9e999"), "expected finite numbers"),
             "no step": (axis("step = 0"), "expected finite numbers"), "tiny": (axis("step = 1e-300"), "expected finite numbers"),
             "huge": (axis("start = 1e300, step = 1e300"), "expected finite numbers"),

@@ -257,7 +257,7 @@ class Model:
             for name, axis in axes_of.items():
                 if name in estimator.axes and not (axis and axis.is_near(estimator.axes[name])):
                     raise ValueError(
-                        f"{run.path}: {name} axis has {axis or 'no points'} (expected by "
+                        f"{run.path}: {name} axis: {axis or 'no points'} (expected by "
                         f"{self.path}: {Axis(name, **estimator.axes[name])})")
             by[rows] = k
             inputs = {name: estimator.matched(name, axes_of[name], table[rows])

@@ -404,8 +404,8 @@ def main() -> None:
                         help="folders with maps from other programs, given as FOLDER or "
                              "NAME=FOLDER; for the format, see `echofuse-recon evaluate --maps`")
     parser.add_argument("--live", metavar="RUN",
-                        help="report missing data and events of this recorded run; with --model, "
-                             "also show depth maps of this run")
+                        help="report the events and the missing data of this recorded run; with "
+                             "--model, also show its depth maps")
     parser.add_argument("--empty", metavar="RUN",
                         help="run recorded in the empty room; only needed if the room differs from "
                              "the training room")
