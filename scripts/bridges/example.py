@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""Template of a bridge for your own sensor: a simulated counting board that sends histograms.
-echofuse connects with tdc.address = "bridge:tcp://HOST:PORT". For a radar send RANGE_PROFILE blocks
+"""Template of a bridge for your own sensor; it simulates a counting board that sends histograms.
+echofuse connects with tdc.address = "bridge:tcp://HOST:PORT". For a radar, send RANGE_PROFILE blocks
 (bridge.range_profile) and connect with radar.address."""
 import sys
 import time

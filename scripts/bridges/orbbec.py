@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""Serves the depth frames of an Orbbec Gemini 2 (or another camera of its SDK) over the echofuse
+"""Serves the depth frames of an Orbbec Gemini 2 (or another camera that the Orbbec SDK supports) over the echofuse
 bridge protocol, through the vendor's pyorbbecsdk. echofuse connects with
 depth.address = "bridge:tcp://HOST:PORT"."""
 import sys
@@ -11,9 +11,10 @@ import vendor
 from pack import np
 
 EPILOG = """\
-The SDK can stop delivering frames after about a day until its pipeline is restarted; the bridge does
-this after 3 s without a frame. Pixel positions are those of a pinhole camera with the
-SDK's intrinsics; lens distortion is not corrected; its size in the corners is printed at the start."""
+The SDK can stop delivering frames after about a day. The bridge therefore restarts the pipeline of the
+SDK after 3 s without a frame. Pixel positions are those of a pinhole camera with the intrinsics that
+the SDK reports. Lens distortion is not corrected; on start, the bridge prints the distortion in the
+image corners."""
 
 
 def parse_arguments(arguments):

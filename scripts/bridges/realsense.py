@@ -10,9 +10,9 @@ import vendor
 from pack import np
 
 EPILOG = """\
-The stream is restarted after 3 s without a frame. Pixel positions are those of a pinhole camera with the
-SDK's intrinsics; the depth image of a D400 camera is rectified, without lens distortion. On USB 2
-a camera has fewer modes: try --fps 6."""
+The bridge restarts the stream after 3 s without a frame. Pixel positions are those of a pinhole camera
+with the intrinsics that the SDK reports. The depth image of a D400 camera is rectified, so that it has
+no lens distortion. On USB 2, a camera has fewer depth modes; try --fps 6."""
 
 
 def parse_arguments(arguments):

@@ -21,21 +21,23 @@ WARNING_S = 60.0                # minimum time between two identical warnings
 
 FILTER_HELP = """\
 The conditional filter passes only the first laser pulse after each photon, so that the USB load
-depends on the photon rate and not on the laser rate. But the histogram needs the last pulse BEFORE
-the photon. With
+depends on the photon rate and not on the laser rate. But the histogram needs the last laser pulse
+before the photon. Therefore, with
   --conditional-filter PS
-the sync is therefore delayed by PS in hardware, before the filter, and by -PS in software, after it:
-the pulse that caused the photon passes, and the tags keep their true times. PS must be longer than
-the longest time of flight of interest and shorter than the laser period, e.g. 48000 for 7 m and
-20 MHz. A device without hardware delays (Time Tagger 20) needs a cable with that delay in the sync
-line instead: --conditional-filter 0 --input-delay START=-PS. With the filter, each --input-delay is
-applied in software, after the filter. Do not combine it with --event-divider on the sync.
+the device delays the sync by PS picoseconds before the filter, and the bridge subtracts PS after the
+filter. The pulse that caused the photon then passes the filter, and the tags keep their true times.
+PS must be longer than the longest time of flight of interest and shorter than the laser period, e.g.
+48000 for 7 m and 20 MHz. A device without hardware delays (Time Tagger 20) needs a cable with this
+delay in the sync line instead; use --conditional-filter 0 --input-delay START=-PS. With the filter,
+the bridge applies each --input-delay in software, after the filter. The filter cannot be combined
+with --event-divider on the sync channel.
 
 If another program shares the Time Tagger (startServer in Python, or Time Tagger Lab), --network HOST
-receives its tags. Without an option, a setting keeps its value on the server; --input-delay is
-applied by the bridge. Other settings require a server with AccessMode.Control.
---scan CH prints the rate by trigger level and the plateau. The middle of the plateau is a good
-level."""
+receives the tags from that program. Settings without an option keep their values on the server. The
+bridge applies --input-delay itself. All other settings require a server with AccessMode.Control.
+
+--scan CH prints the pulse rate at each trigger level, and the plateau of the rate. The middle of the
+plateau is a good trigger level."""
 RESOLUTIONS = ("Standard", "HighResA", "HighResB", "HighResC")
 # Options that change settings of the hardware.
 HARDWARE = ("trigger_level", "dead_time", "event_divider", "conditional_filter", "test_signal")

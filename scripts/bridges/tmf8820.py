@@ -1,11 +1,12 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""Bridge for a TMF8820 (ams OSRAM): nine zones of 128 bins, read from the log of the manufacturer's
-Arduino program with histograms enabled. echofuse connects with
-tdc.address = "bridge:tcp://HOST:PORT".
+"""Serves the histograms of a TMF8820 (ams OSRAM, nine zones of 128 bins) over the echofuse bridge
+protocol. Reads them from the log of the manufacturer's Arduino program, in which histograms must be
+enabled. echofuse connects with tdc.address = "bridge:tcp://HOST:PORT".
 
-A measurement is 30 lines "#Raw,ADDRESS,K,128 bytes" (K = 10 * byte + channel, low byte first;
-channel 0 is the reference, 1 to 9 are the zones) and a line "#Obj,..."."""
+A measurement consists of 30 lines "#Raw,ADDRESS,K,128 bytes" and a line "#Obj,...". K is
+10 * byte + channel. Byte 0 is the low byte. Channel 0 is the reference, and channels 1 to 9 are the
+zones."""
 import gzip
 import json
 import os

@@ -42,11 +42,17 @@ def errors(coarse: echofuse.Run, fine: echofuse.Run, photons: float, snr_db: flo
 
 def main() -> None:
     parser = argparse.ArgumentParser(usage=__doc__)
-    parser.add_argument("--fine", nargs="+", required=True)
-    parser.add_argument("--coarse", nargs="+", required=True)
-    parser.add_argument("--set", nargs="*", default=["spd_rays=1024"])
-    for name, value in (("photons", 1e5), ("snr-db", 20.0), ("records", 40), ("seed", 1)):
-        parser.add_argument(f"--{name}", type=type(value), default=value)
+    parser.add_argument("--fine", nargs="+", required=True,
+                        help="simulator settings KEY=VALUE of the fine data set")
+    parser.add_argument("--coarse", nargs="+", required=True,
+                        help="simulator settings KEY=VALUE; each is used for one coarse data set")
+    parser.add_argument("--set", nargs="*", default=["spd_rays=1024"],
+                        help="simulator settings KEY=VALUE of all data sets")
+    for name, value, text in (
+            ("photons", 1e5, "number of photons per record, for the noise variance"),
+            ("snr-db", 20.0, "radar signal-to-noise ratio, dB, for the noise variance"),
+            ("records", 40, "number of records per data set"), ("seed", 1, "random seed")):
+        parser.add_argument(f"--{name}", type=type(value), default=value, help=text)
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         fine = dataset(f"{folder}/fine", args, args.fine)

@@ -49,13 +49,14 @@ def main() -> None:
     parser.add_argument("--photons", type=float, nargs="+", default=[1e5],
                         help="mean number of photons per record")
     parser.add_argument("--methods", nargs="+",
-                        default=["mean", "nearest:spd", "factorised:spd", "factorised"])
-    parser.add_argument("--data-sets", type=int, nargs="+", default=[1], help="random seeds of the "
-                                                                              "data sets")
+                        default=["mean", "nearest:spd", "factorised:spd", "factorised"],
+                        help="methods to compare, as for echofuse-bench")
+    parser.add_argument("--data-sets", type=int, nargs="+", default=[1],
+                        help="random seeds of the data sets")
     parser.add_argument("--train", type=int, default=1000, help="number of training records")
     parser.add_argument("--test", type=int, default=300, help="number of test records")
-    parser.add_argument("--set", nargs="*", default=[], help="simulator settings, each as "
-                                                             "KEY=VALUE")
+    parser.add_argument("--set", nargs="*", default=[],
+                        help="simulator settings, each as KEY=VALUE")
     args = parser.parse_args()
     print("zones", "photons", "set", "data_set", "method", *COLUMNS, *LETTERS, sep=",")
     for photons in args.photons:

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: MIT
-"""Compares methods that predict depth maps. `pareto` measures accuracy against cost, `stability`
-finds the conditions in which each method fails, and `run` runs the benchmark of three tracks.
+"""Compares methods that predict depth maps. `pareto` measures how their accuracy depends on cost,
+`stability` finds the conditions under which each method fails, and `run` runs the benchmark of
+three tracks.
 
 A METHOD is one of::
 
-    factorised-16, mlp-512-256:spd   a model of `echofuse-recon train`, optionally with its inputs
+    factorised-16, mlp-512-256:spd   a kind of model that `echofuse-recon train --model` accepts,
+                                     optionally followed by a colon and its inputs
     package.module:Class             a Python class with fit(run, rows) and predict(run); predict
-                                     returns maps [n, N, N] in metres, NaN = no return
-    ./mine                           a command; it is called as ./mine TRAIN TEST OUT and writes
-                                     OUT/maps.npy and OUT/records.csv"""
+                                     returns maps [n, N, N] in metres, with NaN for no return
+    ./mine                           a program; it is started as ./mine TRAIN TEST OUT and must
+                                     write OUT/maps.npy and OUT/records.csv"""
 from __future__ import annotations
 
 import argparse
