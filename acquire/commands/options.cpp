@@ -115,9 +115,9 @@ void add_calibrate(CLI::App& app, Options& o) {
   add_config_options(*c, o);
   auto& k = o.calibrate;
   c->add_option("--reflector", o.reflector,
-                "position of the reflector: in front of the detector (detector; the distance from "
-                "the radar is computed with radar.baseline_m), or in front of each calibrated "
-                "sensor (each; use --only for one sensor after the other)")
+                "position of the reflector, one of: detector (in front of the detector; its "
+                "distance from the radar is computed with radar.baseline_m), each (in front of "
+                "each sensor in turn; calibrate one sensor at a time with --only)")
       ->check(CLI::IsMember({"detector", "each"}))
       ->capture_default_str();
   c->add_option("--only", o.only,

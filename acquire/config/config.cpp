@@ -41,8 +41,8 @@ Keys defaults_of(const Config& c) {
 
 void bind_policy(Settings& s, Config& c, const std::string& section, Sensor sensor) {
   s.add(section + ".policy", c.policy[sensor],
-        "optional, or required: a run starts only if this device answers, and records without its "
-        "data are marked incomplete",
+        "whether the device is optional or required; required: a run starts only if the device "
+        "answers, and records without its data are marked incomplete",
         {"optional", "required"});
 }
 

@@ -24,7 +24,8 @@ def parse_arguments(arguments, text, epilog, height, depth_modes=False):
     parser = bridge.parser(text, epilog)
     add, number = parser.add_argument, bridge.number
     add("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41111),
-        help="address to which echofuse connects (default: 127.0.0.1:41111); use only trusted networks, because no password is needed")
+        help="address to which echofuse connects (default: 127.0.0.1:41111); use only trusted networks, because a "
+             "client needs no password")
     add("--serial", default="", help="serial number of the camera, if several are attached")
     add("--width", type=number(int, 1, 4096), default=640, help="width of the depth image, pixels (default: 640)")
     add("--height", type=number(int, 1, 2048), default=height,

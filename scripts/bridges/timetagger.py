@@ -61,7 +61,8 @@ def parse_arguments(arguments):
     number = bridge.number
     add = parser.add_argument
     add("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41110),
-        help="address to which echofuse connects (default: 127.0.0.1:41110); use only trusted networks, because no password is needed")
+        help="address to which echofuse connects (default: 127.0.0.1:41110); use only trusted networks, because a "
+             "client needs no password")
     add("--serial", default="", help="serial number of the device, if several are attached")
     add("--network", metavar="HOST[:PORT]", help="use a Time Tagger server instead of a local device (default port: 41101)")
     add("--file", metavar="X.ttbin", type=pathlib.Path, help="replay this recording in real time, starting when the first client connects")
@@ -105,8 +106,8 @@ def parse_arguments(arguments):
                 parser.error(f"--{name.replace('_', '-')}: channel {channel} is neither the start channel nor the click channel")
     if options.conditional_filter is not None and any(abs(c) == abs(options.start_channel)
                                                       for c, _ in options.event_divider):
-        parser.error("--event-divider on the start channel cannot be combined with --conditional-filter: it would drop the "
-                     "pulses that the filter lets through")
+        parser.error("--event-divider on the start channel cannot be combined with --conditional-filter, because the "
+                     "divider would drop pulses that the filter lets through")
     return options
 
 
@@ -151,8 +152,8 @@ class Tagger:
         except Exception as error:
             if not options.network:
                 raise
-            raise RuntimeError(f"{bridge.text_of(error)}; a server with AccessMode.Listen refuses settings: "
-                               "start it with AccessMode.Control, or omit the options") from None
+            raise RuntimeError(f"{bridge.text_of(error)}; a server with AccessMode.Listen refuses settings; start the "
+                               "server with AccessMode.Control, or omit the options") from None
         if not options.file:
             tagger.sync()  # after sync() all tags are measured with the new settings
 
@@ -368,7 +369,7 @@ def scan(library, options):
         print(f"{volts:7.3f} V {rate:12.0f} /s  {'#' * round(40 * rate / most)}")
     best = plateau(found)
     if len(best) < 3:
-        bridge.say(f"channel {channel} has no plateau: check the pulses and the edge (sign of the channel)")
+        bridge.say(f"channel {channel} has no plateau; check the pulses and the edge (the sign of the channel number)")
         return 5
     middle = round((best[0][0] + best[-1][0]) / 2, 3)
     print(f"plateau from {best[0][0]} to {best[-1][0]} V, {statistics.median(rate for _, rate in best):.0f} /s: "

@@ -115,7 +115,7 @@ void bind_spd(Settings& s, Conditions& c) {
         "two-way time at the start of bin 0 of the detector histogram, ps");
   s.add("bins", c.bins, 1, 65'536, "number of bins of the detector histogram");
   s.add("signal_photons", c.signal_photons, 0, 1e9,
-        "number of signal detections per record for the mean scene");
+        "number of signal detections per record for an average scene");
   s.add("background_counts", c.background_counts, 0, 1e9,
         "number of ambient and dark counts per record");
   s.add("spd_delay_ps", c.spd_delay_ps, -1e6, 1e6,
@@ -145,7 +145,7 @@ void bind_radar(Settings& s, Conditions& c) {
         "distance between neighbouring points of the range profile, m");
   s.add("radar_bins", c.radar_bins, 1, 65'536, "number of points of the range profile");
   s.add("radar_snr_db", c.radar_snr_db, -40, 200,
-        "peak of the mean scene divided by the rms noise of a profile that is averaged over 60 "
+        "peak of an average scene divided by the rms noise of a profile that is averaged over 60 "
         "frames, dB");
   s.add("radar_bias_m", c.radar_bias_m, -10, 10,
         "bias added to the ranges of the radar, m; not stored in the run file");
@@ -166,7 +166,7 @@ void bind_radar(Settings& s, Conditions& c) {
         "how radar echoes are added: as powers (incoherent) or as amplitudes (coherent)",
         {"incoherent", "coherent"});
   s.add("radar_leakage", c.radar_leakage, 0, 1e6,
-        "power of the transmitter leakage at range 0, relative to the peak of the mean scene");
+        "power of the transmitter leakage at range 0, relative to the peak of an average scene");
   s.add("radar_wall_reflectivity", c.radar_wall_reflectivity, 0, 1,
         "specular power reflectivity of walls for the radar; only used if multipath_order > 0");
   s.add("radar_wall_scatter", c.radar_wall_scatter, 0, 1,

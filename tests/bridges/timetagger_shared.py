@@ -39,7 +39,7 @@ class Shared(unittest.TestCase):
     def test_refused_setting_is_reported_with_a_remedy(self):
         with Program("timetagger.py", "--network", "lab:4444", "--trigger-level", "2=0.5", STAND_IN_LISTEN="1") as program:
             self.assertEqual(program.process.wait(10), 4)
-            self.assertIn("start it with AccessMode.Control", program.said())
+            self.assertIn("start the server with AccessMode.Control", program.said())
         with Program("timetagger.py", "--network", "lab:4444", STAND_IN_LISTEN="1") as program:
             with Client(program.address) as client:
                 client.until(bridge.TAGS)

@@ -138,7 +138,7 @@ def test_bench_scores_user_methods_and_does_not_repeat_finished_rows(run, tmp_pa
     bench.fill(again, cells, quiet=True)
     assert (tmp_path / "b.csv").read_text() == before and again.rows.keys() == table.rows.keys()
     text = bench.markdown(bench.means(again))
-    assert "`constant`" in text and "| IoU | 95 % over records | IoU against the best | depth error on the overlap (maps) |" in text
+    assert "`constant`" in text and "| IoU | 95 % interval over the records | IoU difference from the best | depth error in the overlap (number of maps) |" in text
 
 
 class Truth:

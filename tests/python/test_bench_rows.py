@@ -194,10 +194,10 @@ def test_bench_table_has_confidence_intervals_and_paired_differences_over_record
     iou = {name: np.array([float(line["iou"]) for line in lines if line["model"] == name]) for name in shown}
     best, other = sorted(("nearest", "mine:Mine"), key=lambda name: -iou[name].mean())
     for name in shown:
-        low, high = map(float, shown[name]["95 % over records"].split(" to "))
+        low, high = map(float, shown[name]["95 % interval over the records"].split(" to "))
         assert len(iou[name]) == 20 and low <= iou[name].mean() <= high
-    assert shown[best]["IoU against the best"] == ""
-    assert float(shown[other]["IoU against the best"].split()[0]) == pytest.approx((iou[other] - iou[best]).mean(), abs=1e-3)
+    assert shown[best]["IoU difference from the best"] == ""
+    assert float(shown[other]["IoU difference from the best"].split()[0]) == pytest.approx((iou[other] - iou[best]).mean(), abs=1e-3)
 
 
 def test_bench_ignores_stale_and_incomplete_lines_of_the_score_file(runs, tmp_path):
@@ -232,4 +232,4 @@ class Several(Slow):
     assert several["infer_us_median"] == "nan" and float(several["iou"]) >= 0
     assert 0 < float(ridge["infer_us_batch"]) and float(ridge["infer_us_median"]) > 0
     assert {row["threads"] for row in rows.values()} == {"1"}
-    assert "| time per map, single | in a batch | threads |" in done.stdout
+    assert "| time per single map | time per map in a batch | threads |" in done.stdout

@@ -116,13 +116,13 @@ def test_open_and_load_model_refuse_files_of_another_kind(folder, tmp_path):
     with pytest.raises(FileNotFoundError, match="no such run"):
         echofuse.open(tmp_path / "nothing")
     (tmp_path / "text.sqlite").write_text("no database, but long enough to be read as one " * 20)
-    with pytest.raises(ValueError, match="not a run of echofuse"):
+    with pytest.raises(ValueError, match="not an echofuse run file"):
         echofuse.open(tmp_path / "text")
     with pytest.raises(FileNotFoundError):
         echofuse.load_model(tmp_path / "m")
     for text in ("", "no model, but long enough to be read as one"):
         (tmp_path / "m").write_text(text)
-        with pytest.raises(ValueError, match="not a model of echofuse"):
+        with pytest.raises(ValueError, match="not an echofuse model file"):
             echofuse.load_model(tmp_path / "m")
     with pytest.raises(ValueError, match="monday.sqlite: is a run; expected a model file"):
         echofuse.load_model(folder / "monday.sqlite")

@@ -102,7 +102,7 @@ def test_hdf5_export_contains_every_table_of_the_run_with_units(runs, tmp_path, 
         tables = file["entry/tables"]
         units = {place: tables[place].attrs["units"] for place in ("record/slot_utc_ns", "record/slot_start_ns", "axis/start", "record/spd_offset_s")}
         assert units == {"record/slot_utc_ns": "nanoseconds since 1970-01-01T00:00:00Z", "record/slot_start_ns": "ns",
-                         "axis/start": "as the row's unit says", "record/spd_offset_s": "s"}
+                         "axis/start": "given in the column unit of the same row", "record/spd_offset_s": "s"}
         if name == "far":
             assert tables["event/text"].asstr()[-1] == "door open, µ"
             assert (tables["antenna/x"].attrs["units"], tables["antenna/phase_rad"].attrs["units"]) == ("half wavelengths", "rad")
@@ -254,7 +254,7 @@ def test_export_refuses_invalid_arguments_and_files(runs, tmp_path):
                               ((runs / "own", "--to", tmp_path / "b.csv", "--record", 20), 1, "record 20 is missing (the run has 20 records)"),
                               ((tmp_path / "none", "--to", tmp_path / "b.h5"), 1, "none: no such run"),
                               ((tmp_path / "f.sqlite", "--to", tmp_path / "b.h5"), 1, "f.sqlite: no such run"),
-                              ((tmp_path / "text", "--to", tmp_path / "b.h5"), 1, "text.sqlite: not a run of echofuse"),
+                              ((tmp_path / "text", "--to", tmp_path / "b.h5"), 1, "text.sqlite: not an echofuse run file"),
                               ((runs / "own", "--to", tmp_path / "no/b.h5"), 6, "b.h5: cannot write (No such file or directory)")]:
         done = tool(*words)
         assert done.returncode == code and said in done.stderr and (code == 2 or done.stderr.count("\n") == 1), done.stderr

@@ -125,7 +125,7 @@ def test_loaded_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
     assert set(model.predict(spd=run.photons()).inputs) == {"spd"}
     with pytest.raises(ValueError, match=r"spd: shape \[60, 3\] \(expected \[n, "):
         model.predict(spd=run.photons()[:, :3], radar=run.power())
-    with pytest.raises(ValueError, match="equal numbers of records"):
+    with pytest.raises(ValueError, match="the same number of records in both"):
         model.predict(spd=run.photons()[:7], radar=run.power())
     spd = run.photons()
     spd[7, 3] = np.nan

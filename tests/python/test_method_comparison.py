@@ -51,9 +51,9 @@ def test_bench_compares_user_methods_and_maps_of_another_program_in_one_table(tm
     first = walk(tmp_path, *methods)
     assert list(first) and set(methods) == set(first)
     for name, row in first.items():
-        assert row["answered"] == "20 of 20" and " to " in row["95 % over records"], name
+        assert row["answered"] == "20 of 20" and " to " in row["95 % interval over the records"], name
         assert row["threads"] == "1"
-    assert sum(row["IoU against the best"] == "" for row in first.values()) == 1
+    assert sum(row["IoU difference from the best"] == "" for row in first.values()) == 1
     (tmp_path / "own.py").write_text(OWN.format(row=5))
     again = walk(tmp_path, *methods)
     assert {name: row["IoU"] == first[name]["IoU"] for name, row in again.items()} == {name: name != "own:First" for name in methods}

@@ -49,8 +49,10 @@ def main() -> None:
     parser.add_argument("--set", nargs="*", default=["spd_rays=1024"],
                         help="simulator settings KEY=VALUE of all data sets")
     for name, value, text in (
-            ("photons", 1e5, "number of photons per record, for the noise variance"),
-            ("snr-db", 20.0, "radar signal-to-noise ratio, dB, for the noise variance"),
+            ("photons", 1e5, "number of photons per record for which the noise variance is "
+                             "computed"),
+            ("snr-db", 20.0, "radar signal-to-noise ratio for which the noise variance is "
+                             "computed, dB"),
             ("records", 40, "number of records per data set"), ("seed", 1, "random seed")):
         parser.add_argument(f"--{name}", type=type(value), default=value, help=text)
     args = parser.parse_args()

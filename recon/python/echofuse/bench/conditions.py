@@ -144,8 +144,8 @@ def _matched_scenes(axes: _Axes) -> None:
                  (0.28,), lambda v: World(records=v), 1)
     axes.setting("matched", "size", "size of the body (factor)", "target_scale",
                  (1.5, 1, 0.7, 0.5, 0.3), (0.5,))
-    axes.setting("matched", "side", "bodies within |x| (m)", "target_x_m", (1, 0.5, 0.25, 0.1),
-                 (0.1,))
+    axes.setting("matched", "side", "largest |x| of the bodies (m)", "target_x_m",
+                 (1, 0.5, 0.25, 0.1), (0.1,))
     axes.labelled("matched", "scenes", "scenes", SCENES, ("people", "two people"))
     slot_s, frames = base["window_s"], base["radar_frames"]
     slots = sorted({slot_s} | {s for s in (3, 2, 1, 0.5, 0.25, 0.1, 0.05)
@@ -206,7 +206,7 @@ def _shifted_instrument(axes: _Axes) -> None:
 def _fog(axes: _Axes) -> None:
     """Adds one axis with fog in both training and test, and one with fog only in the test."""
     for kind in ("matched", "shifted"):
-        axes.numeric(kind, "fog", "visibility in fog (m), 0 = clear",
+        axes.numeric(kind, "fog", "visibility in fog (m), 0 = no fog",
                      (0, 1000, 300, 100, 50, 20, 10, 5), (100, 20), lambda m: World(fog_m=m), 0)
 
 
@@ -220,12 +220,12 @@ def _surprises(axes: _Axes) -> None:
                | {"nobody": World(("background_counts=10000",), scenes="empty")},
                ("two people", "nobody"))
     aside = {f"{x:g}": World(at_x_m=x) for x in (1.1, 1.25, 1.5)}
-    axes.labelled("shifted", "side", "bodies at |x| (m)",
+    axes.labelled("shifted", "side", "|x| of the bodies (m)",
                {f"within {base['target_x_m']:g}": BASE} | aside, ("1.25", "1.5"))
     near, far = base["target_z_min_m"], base["target_z_max_m"]
     distances = {"2.5 to 3": (2.5, 3), f"{near:g} to {far:g}": None, "4 to 4.5": (4, 4.5),
                 "4.5 to 5": (4.5, 5), "5 to 6": (5, 6)}
-    axes.labelled("shifted", "distance", "bodies at z (m)",
+    axes.labelled("shifted", "distance", "z of the bodies (m)",
                {label: World((f"target_z_min_m={z[0]:g}", f"target_z_max_m={z[1]:g}"))
               if z else BASE for label, z in distances.items()}, ("4 to 4.5", "5 to 6"))
 
@@ -273,7 +273,7 @@ def recorded_axes() -> list[Axis]:
     for sensor in ("radar", "spd"):
         shifted.append(Axis("shifted", f"lost_{sensor}", sensor,
                             {"there": BASE, "missing": World(changes=(derive.lost(sensor),))}))
-    return [*both("photons", "share of the photons", "1",
+    return [*both("photons", "fraction of the photons", "1",
                   {f"{s:g}": derive.thinned(s, 1) for s in (0.5, 0.1, 0.01, 0.001)}),
             *both("background", "room light (counts per record)", "0",
                   {f"{n:g}": derive.background(n, 1) for n in (1e3, 1e4, 1e5)}),

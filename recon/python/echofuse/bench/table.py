@@ -418,9 +418,10 @@ def means(table: Table, axis: str = "model") -> list[Row]:
 
 def markdown(rows: Sequence[Row]) -> str:
     """Returns a Markdown table; rows with equal inputs are adjacent."""
-    head = ("inputs", "method", "answered", "IoU", "95 % over records", "IoU against the best",
-            "depth error on the overlap (maps)", "SSIM on the foreground", "lateral error",
-            "mirror fraction", "multiply-adds", "time per map, single", "in a batch", "threads")
+    head = ("inputs", "method", "answered", "IoU", "95 % interval over the records",
+            "IoU difference from the best", "depth error in the overlap (number of maps)",
+            "SSIM on the foreground", "lateral error", "mirror fraction", "multiply-adds",
+            "time per single map", "time per map in a batch", "threads")
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     order = {"-": 0, "fused": 1, "fused-profile": 2, "spd": 3, "radar": 4}
 

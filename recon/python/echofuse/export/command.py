@@ -42,7 +42,8 @@ from ..runs.run_files import NULL_INTEGER
 from ..runs.staged import staged, stop_by_signal
 from . import record_csv
 
-OF_THE_MACHINE = {"units": "ns", "long_name": "since the start of the machine (CLOCK_MONOTONIC)"}
+OF_THE_MACHINE = {"units": "ns",
+                  "long_name": "time since the start of the machine (CLOCK_MONOTONIC)"}
 UNITS = {"db": "dB", "ps": "ps", "ns": "ns", "us": "us", "ms": "ms", "s": "s", "m": "m",
          "rad": "rad",
          "ppm": "1e-6", "percent": "%", "c": "degC"}
@@ -59,7 +60,7 @@ SIGNALS: dict[str, tuple[list[str], str, str, Callable[[Run], Any]]] = {
     "radar": (["radar_range"], "1", LINEAR, lambda part: part.radar),
     "radar_codes": (["radar_range"], "log2_q8", CODES, lambda part: part.stored_radar()),
     "array": (["array_range", "array_value"],
-              "firmware integers, squared for powers", ARRAY, antennas.values),
+              "units of the firmware integers, squared for powers", ARRAY, antennas.values),
     "depth": (["depth_y", "depth_x"], "m", "z of each pixel, NaN: no return",
               lambda part: part.depth)}
 # Names in /entry, and the columns of the table `run` that they contain.
@@ -74,7 +75,8 @@ def units_of(table: str, column: str) -> str:
     """Returns the units of a column according to the suffix of its name; "1" for counts, flags and
     ratios."""
     if table in ("antenna", "axis") and column in ("x", "y", "start", "step"):
-        return "half wavelengths" if table == "antenna" else "as the row's unit says"
+        return ("half wavelengths" if table == "antenna"
+                else "given in the column unit of the same row")
     if column.endswith("utc_ns"):
         return SINCE_1970
     return UNITS.get(column.rpartition("_")[2],

@@ -28,7 +28,7 @@ def write(run: Run, index: int, path: pathlib.Path) -> int:
     lines = [f"# record {index} of {escaped(str(part.path))}, label {escaped(part.labels[0])}",
              "# spd: x = two-way time in ps, value = counts" + ", y = zone" * bool(part.zones),
              "# radar: x = range in m, value = quantity of the radar axis",
-             "# depth: x, y = tangents, value = mm, 0 = no return"]
+             "# depth: x, y = tangents, value = depth in mm (0 = no return)"]
     sines = (2 * np.arange(32) + 1) / 32 - 1
     beams = (antennas.beams(part, sines) if "array" in part.axes and part.antennas
              else np.full((1, 1, 1), np.nan))

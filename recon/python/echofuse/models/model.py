@@ -45,7 +45,7 @@ def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, NDArray[Any]],
                                     kinds[t["dtype"]]).reshape(t["shape"])
                 for name, t in head.items()}, facts
     except (ValueError, KeyError, TypeError, AttributeError, struct.error):
-        raise ValueError(f"{path}: not a model of echofuse, or damaged") from None
+        raise ValueError(f"{path}: not an echofuse model file, or damaged") from None
 
 
 class Estimator:
@@ -97,14 +97,15 @@ class Arrays:
             if name not in axes or table.ndim != (3 if name == "array"
                                                   else 2) or table.shape[1] != axes[name].count:
                 expected = (f"[n, {axes[name].count}]" if name in axes
-                            else "none, because it has no axis")
+                            else "none, because the model has no such axis")
                 raise ValueError(f"{name}: shape {list(table.shape)} (expected {expected})")
             if bad := np.flatnonzero(~np.isfinite(table).reshape(len(table), -1).all(1)).tolist():
                 raise ValueError(f"{name}: row {bad[0]} contains a non-finite value; remove "
                                  f"{len(bad)} of {len(table)} rows")
         if len({len(table) for table in given.values()}) != 1:
             raise ValueError(
-                "spd and radar: expected at least one array, and equal numbers of records")
+                "spd, radar: expected at least one of the two arrays, and the same number of "
+                "records in both")
         self.path, self.meta, self.axes = "arrays", dict[str, str](), {
             name: axes[name] for name in given}
         self.index = np.arange(len(next(iter(given.values()))))
@@ -299,7 +300,8 @@ def zones_of(estimator: Estimator, run: runs.Run | Arrays, photons: NDArray[Any]
         return np.zeros((len(rows), 0, 0), np.float32)
     if photons.ndim != 3 or photons.shape[1] != zones:
         found = photons.shape[1] if photons.ndim == 3 else 1
-        raise ValueError(f"{run.path}: detector has {found} zones (expected by the model: {zones})")
+        raise ValueError(f"{run.path}: the detector has {found} zones (expected by the model: "
+                         f"{zones})")
     return np.stack([estimator.matched("spd", run.axes["spd"], photons[rows, k])
                      for k in range(zones)], 1)
 

@@ -377,8 +377,8 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
             taken.append(colour_of(name, taken))
             panel.errorbar(*zip(*line), fmt="o-", ms=4, capsize=3, color=taken[-1], label=name)
         plain_log(panel, "x")
-        panel.set(xlabel="share of the photons" if sweep == "photons"
-                  else "share of the training records", ylabel="IoU")
+        panel.set(xlabel="fraction of the photons" if sweep == "photons"
+                  else "fraction of the training records", ylabel="IoU")
         panel.legend(fontsize=8, frameon=False)
     for panel in axes[2 + len(sweeps):]:
         panel.remove()

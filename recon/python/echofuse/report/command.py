@@ -49,7 +49,7 @@ TERMS = (
      "fraction of the predicted body at the left-right mirrored position: 0 = none, 0.5 = side "
      "unknown; can be slightly negative by chance."),
     ("on the true side",
-     "fraction of the bodies more than 0.3 m off the axis that are on the correct side."),
+     "fraction of the bodies more than 0.3 m off the axis that are predicted on the correct side."),
     ("thresholded map",
      "map in which pixels with a depth closer to the background than to the mean body are set to "
      "the background."),
@@ -310,7 +310,7 @@ class Report:
                        "span": list(self.span), "records": records, "first": [],
                        "sections": []}
         if models:
-            page["more"] = (f"{len(problems) - most} more problems, and details"
+            page["more"] = (f"Details, and {len(problems) - most} more problems"
                             if len(problems) > most else "Details") * bool(problems)
             page["first"] = [self.first_pictures()] * bool(self.main) + [
                 tables.first_table(models, self.evaluation.result)]

@@ -20,7 +20,8 @@ from .blocks import Block, packed, short
 from .scores import ReportModel, Scores
 
 UNCALIBRATED = (
-    "no uncertainty (requires sensor inputs and an uninterrupted training with 50 records or more)")
+    "no uncertainty (requires a model with sensor inputs and an uninterrupted training on at least "
+    "50 records)")
 # maps [N, N] by name: "thresholded" (m, 0: no return), "share" (relative depth), "deviation" (m)
 Map = dict[str, NDArray[np.float32]]
 

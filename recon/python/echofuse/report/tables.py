@@ -234,7 +234,8 @@ def all_table(models: Sequence[ReportModel], result: dict[str, Any]) -> list[Blo
     papers = [[model.title, summary(model.means, "ssim", 1),
                f"{PAPER_SSIM.get(model.inputs, 0.6576):.4f}"] for model in models if model.papers]
     if papers:
-        gap = (" The difference between both sensors and one sensor is comparable."
+        gap = (" The difference between the results with both sensors and with one sensor is "
+               "comparable."
                if len(papers) > 1 else "")
         out += [table(
             "Networks of the paper (Lai et al., Chin. Opt. Lett. 22, 022701, 2024)",
@@ -283,7 +284,7 @@ def failing(s: Scores) -> list[tuple[str, Count, list[int]]]:
                                                      "lateral_interval_90_m"))
     known = error + stated
     kinds = [("body missed (IoU below 0.2)", iou < 0.2, iou, iou),
-             ("body on the wrong side (of bodies off the axis)", side < 0.5, side, -error),
+             ("body on the wrong side (only bodies off the axis)", side < 0.5, side, -error),
              ("lateral error above 30 cm", error > 0.3, error, -error),
              ("body outside its stated interval (10 % expected)", error > stated, known,
               -error / stated)]

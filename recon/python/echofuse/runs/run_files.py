@@ -230,7 +230,7 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
             if error.sqlite_errorcode & 255 not in (sqlite3.SQLITE_READONLY,
                                                     sqlite3.SQLITE_CANTOPEN):
                 raise ValueError(f"{path}: is a model; expected a run file" if is_model(path)
-                                 else f"{path}: not a run of echofuse: {error}") from None
+                                 else f"{path}: not an echofuse run file: {error}") from None
             for suffix in ("-wal", "-journal"):
                 rest = side_file(path, suffix)
                 if rest.is_file() and rest.stat().st_size:
@@ -249,7 +249,7 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
                 raise
             return db
         db.close()
-        raise ValueError(f"{path}: not a run of echofuse" if identity != APPLICATION_ID else
+        raise ValueError(f"{path}: not an echofuse run file" if identity != APPLICATION_ID else
                          f"{path}: run format {version}, expected {FORMAT_VERSION}; " + (
                              "use a newer echofuse" if version > FORMAT_VERSION else
                              "use the echofuse that recorded it"))
