@@ -132,7 +132,7 @@ def test_report_groups_models_by_their_inputs(here, tmp_path):
         "paper (the paper's network, SPD alone)", "mean (no sensor)"]
     assert page["of"]["metrics"][3]["rows"][0][2] == "0.6389"  # The paper published this SSIM for its SPD network.
     code, said = report(tmp_path / "no", "--run", here / "run.sqlite", "--model", f"a={here / 'spd'}", f"a={here / 'radar'}")
-    assert code == 1 and f"inputs radar alone, but {here / 'spd'} with the same name has SPD alone; give --model NAME=" in said
+    assert code == 1 and f"inputs radar alone, but {here / 'spd'} with the same name has the inputs SPD alone; give --model NAME=" in said
 
 
 def test_report_scores_all_models_on_records_that_have_every_sensor(here, tmp_path):
