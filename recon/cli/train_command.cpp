@@ -181,8 +181,7 @@ Command add_train(CLI::App& app, const Common& common) {
                  "be adapted to other rooms (reconstruct --empty)")
       ->type_name("RUN");
   app.add_option("--epochs", a->fit.epochs,
-                 "maximum number of training epochs; default: 60 for mlp and pca-mlp, 30 for "
-                 "mlp-mask, 100 for factorised")
+                 "maximum number of epochs; default: 30 to 100, depending on --model")
       ->check(CLI::Range(1, 100000));
   add_split_options(app, *a, a->assignments);
   app.add_flag_callback(

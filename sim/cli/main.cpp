@@ -184,8 +184,7 @@ void add_dataset(CLI::App& app, Command& command) {
   sub->add_option("--two-people", a->two_people, "number of records that show two people")
       ->check(count);
   sub->add_option("--empty", a->empty,
-                  "number of records that show the empty room; for training data, also set "
-                  "background_counts")
+                  "number of empty-room records; set background_counts for training")
       ->check(count);
   sub->add_option("--objects", a->objects,
                   "number of records that show the object; --set object=FILE names its OBJ file")
@@ -273,7 +272,7 @@ void add_lab(CLI::App& app, Command& command) {
                   "length of a record, s; the photon counts in the settings are counts per record")
       ->check(CLI::Range(0.05, 3600.0))
       ->capture_default_str();
-  sub->add_option("--laser-rate-hz", o.tagging.laser_rate_hz, "laser pulses per second")
+  sub->add_option("--laser-rate-hz", o.tagging.laser_rate_hz, "number of laser pulses per second")
       ->check(CLI::Range(1.0, 1e9))
       ->capture_default_str();
   sub->add_option("--radar-cfg", o.radar_cfg,
