@@ -5,7 +5,7 @@
 # fresh_mirror: sets $mirror; prints a message and fails if there is no mirror or the user is not root.
 fresh_mirror() {
   if [ "$(id -u)" != 0 ]; then
-    echo "$(basename "$0"): needs root (debootstrap, chroot)" >&2
+    echo "$(basename "$0"): requires root privileges for debootstrap and chroot" >&2
     return 1
   fi
   command -v debootstrap >/dev/null || apt-get install -q -y debootstrap >&2 || return 1

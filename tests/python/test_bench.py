@@ -264,7 +264,7 @@ def test_letters_are_recognised_in_true_maps_but_not_in_empty_or_mirrored_maps(t
         share, sizes = letters.read(truth, truth, run.labels, half)
         assert share.mean() > 0.85 and set(sizes) == {0, 1}
         text = letters.text(share, sizes).splitlines()
-        assert text[0].startswith("24 letters: ") and text[1].startswith(f"{(sizes == 0).sum()} 40 x 30 cm: ")
+        assert text[0].startswith("24 letters: ") and text[1].startswith(f"{(sizes == 0).sum()} letters of 40 x 30 cm: ")
         assert letters.read(np.full_like(truth, np.nan), truth, run.labels, half)[0] == pytest.approx(0.1)
         share, sizes = letters.read(truth[:1], truth[:1], ["person"], half)
         assert np.isnan(share[0]) and sizes[0] == -1

@@ -93,7 +93,7 @@ def test_bench_table_accepts_regenerated_data_and_refuses_different_data(runs, t
                                             ("Unmade", "TypeError: object of type 'int' has no len()")])
 def test_failed_method_causes_a_nan_row_and_a_logged_traceback_and_exit_code_1(runs, tmp_path, name, said):
     done, rows = pareto(tmp_path, runs, f"mine:{name}", "mean", more=["--markdown"])
-    assert done.returncode == 1 and "see the tracebacks in b.log" in done.stderr and "| `mean` |" in done.stdout
+    assert done.returncode == 1 and "the tracebacks are in b.log" in done.stderr and "| `mean` |" in done.stdout
     assert rows[f"mine:{name}"]["iou"] == "nan" and float(rows["mean"]["iou"]) >= 0
     log = (tmp_path / "b.log").read_text()
     assert said in log and "mine.py\", line" in log

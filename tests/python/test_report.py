@@ -270,7 +270,7 @@ def test_report_on_a_full_disk_or_after_sigterm_leaves_no_files(here, tmp_path):
     (["--model", "body"], 2, "--model requires --run or --live"),
     (["--live", "fresh.sqlite", "--compare", "body", "spd"], 2, "--compare requires --run"),
     (["--live", "fresh.sqlite", "--maps", "m"], 2, "--maps requires --run"),
-    (["--run", "fresh.sqlite", "--maps", "m", "other/m"], 2, "duplicate name m; give NAME=FOLDER"),
+    (["--run", "fresh.sqlite", "--maps", "m", "other/m"], 2, "the name m is already in use; give NAME=FOLDER"),
     ([], 2, "nothing to report: give --run with models, or --live"),
     (["--run", "fresh.sqlite", "--model", "body", "--compare", "body", "spd"], 2, "--compare cannot be combined with --model"),
     (["--live", "fresh.sqlite", "--empty", "run.sqlite"], 2, "--empty requires --run"),
@@ -437,5 +437,5 @@ def test_report_compares_the_first_of_five_models_with_the_others(here, tmp_path
     assert code == 0, said
     page = page_of(tmp_path)
     assert "Worse than" not in page["verdict"] and len(page["verdict"]) < 300
-    against = next(block for block in page["of"]["metrics"] if block.get("caption", "").startswith("Differences to body"))
+    against = next(block for block in page["of"]["metrics"] if block.get("caption", "").startswith("Differences from body"))
     assert len(against["rows"]) == 4 and against["rows"][0][1]["text"][0] in "+-"

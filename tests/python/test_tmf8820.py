@@ -83,7 +83,7 @@ def test_zone_fit_recovers_fields_of_view_time_zero_offsets_and_response(data, t
     (tmp_path / "fit.json").write_text("{}")
     with pytest.raises(ValueError, match="invalid zone fit"):
         zone_fit.load(tmp_path / "fit.json")
-    with pytest.raises(ValueError, match="expected numbers from 0 to 23"):
+    with pytest.raises(ValueError, match="expected pose numbers from 0 to 23"):
         tmf8820.fit_to_poses(data / "block.json.gz", data / "block.stl", [24])
 
 
@@ -124,7 +124,7 @@ sum = ["nearest:spd"]
 """)
     program("echofuse-bench", "run", "-q", "--recipe", recipe, "--data", data, "--runs", tmp_path / "runs", "--out",
             tmp_path / "photons.csv", "--markdown")
-    said = "skipped: method not_installed:Network: No module named 'not_installed'"
+    said = "skipped a method of the recipe: method not_installed:Network: No module named 'not_installed'"
     assert capfd.readouterr().err.count(said) == 1
     lines = (tmp_path / "photons.csv").read_text().splitlines()
     rows = {(row["axis"], row["value"], row["model"]): row for row in csv.DictReader(lines[1:])}
