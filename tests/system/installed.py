@@ -102,7 +102,7 @@ class Installed(unittest.TestCase):
                      "bridge-timetagger"):
             self.assertIn(f"echofuse-{name}.1", pages)
         run_page = (self.prefix / "share/man/man1/echofuse-acquire-run.1").read_text()
-        self.assertIn(".SH NAME\nechofuse\\-acquire\\-run \\- record a run: one fused record per slot", run_page)
+        self.assertIn(".SH NAME\nechofuse\\-acquire\\-run \\- record a run, with one fused record per time slot", run_page)
         self.assertIn(".TP\n\\fB\\-\\-out\\fR \\fIRUN\\fR\nrun file to create", run_page)
         self.assertIn(".SH EXAMPLES\n.nf\nechofuse\\-acquire run \\-\\-out monday", run_page)
         self.assertIn(".SH EXIT STATUS\n0 ok, 1 failed, 2 usage", run_page)
