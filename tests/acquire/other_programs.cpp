@@ -287,7 +287,7 @@ TEST_CASE(
     } else {
       const auto [code, text] = error_of([&] { run->close_as_one_file("complete"); });
       CHECK(code == ExitCode::failed);
-      CHECK(has(text, "its last records are not in this file but in " + path + "-wal"));
+      CHECK(has(text, "the last records are not in this file but in " + path + "-wal"));
     }
     CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(3));
     check_whole(path, 6, "complete");

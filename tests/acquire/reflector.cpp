@@ -65,9 +65,9 @@ TEST_CASE(
   CHECK(refusal(each, 1, 1.08) == "");
   CHECK_THAT(refusal(detector, 1, 1.0), Contains("fits --reflector each (true range 1.000 m"));
   // A range error of 5 cm is within the search range.
-  CHECK_THAT(refusal(detector, 1, 1.05), Contains("in front of the radar?"));
+  CHECK_THAT(refusal(detector, 1, 1.05), Contains("the reflector is in front of the radar"));
   CHECK_THAT(refusal(each, 1, 1.168), Contains("fits --reflector detector (true range 1.118 m") &&
-                                          Contains("in front of the detector?"));
+                                          Contains("the reflector is in front of the detector"));
   CHECK_THAT(refusal(detector, 3, 3.0), Contains("fits --reflector each"));
   CHECK_THAT(refusal(each, 3, 3.041), Contains("fits --reflector detector"));
   CHECK(refusal(detector, 3, 3.041 + 0.037) == "");

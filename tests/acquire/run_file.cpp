@@ -331,6 +331,6 @@ TEST_CASE("network file systems are recognised, and only closed runs are read fr
   CHECK(RunReader(open).count() == 0);
   CHECK_THROWS_WITH(RunReader(open, "NFS"),
                     Catch::Contains("is on a network file system (NFS) and is being written, or "
-                                    "was not closed: its last records are in ") &&
+                                    "was not closed; its last records are in ") &&
                         Catch::Contains("copy both files to a local disk"));
 }

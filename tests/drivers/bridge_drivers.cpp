@@ -140,8 +140,9 @@ TEST_CASE("a server that does not use the bridge protocol is refused and reporte
   const auto driver = make_tdc(b.loop, {server.address()});
   driver->start(b.sink);
   const auto [bytes, text] = GENERATE_COPY(
-      std::pair(Bytes{'S', 'S', 'H', '-', '2', '.', '0', '\r', '\n'},
-                std::string("received bytes are not a bridge block; expected an echofuse bridge")),
+      std::pair(
+          Bytes{'S', 'S', 'H', '-', '2', '.', '0', '\r', '\n'},
+          std::string("the received bytes are not a bridge block; expected an echofuse bridge")),
       std::pair(test::make_block(bridge::BlockKind::hello, 0, test::view_of("[1]")),
                 std::string("the hello block is not valid; expected a JSON object with model, "
                             "serial and firmware")));

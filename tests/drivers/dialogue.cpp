@@ -185,15 +185,15 @@ TEST_CASE("a refused cfg line is reported with its number and the firmware's mes
     CHECK(s.d.state() == State::commanding);
     s.wait(100ms);
     CHECK(s.d.failure() ==
-          "x.cfg:4:   flushCfg: no answer: the firmware has stopped, reset the board");
+          "x.cfg:4:   flushCfg: no answer; the firmware has stopped: reset the board");
   }
   SECTION("a firmware that stops within an answer is reported") {
     s.say("flushCfg\r\nDebug: Init Calibration Status = 0xffe\n\rErro");
     s.wait(2s);
     CHECK(
         s.d.failure() ==
-        "x.cfg:4:   flushCfg: no answer after 'Debug: Init Calibration Status = 0xffe; Erro': the "
-        "firmware has stopped, reset the board");
+        "x.cfg:4:   flushCfg: no answer after 'Debug: Init Calibration Status = 0xffe; Erro'; the "
+        "firmware has stopped: reset the board");
   }
   SECTION("an exception in the firmware of another demo is reported") {
     s.say("flushCfg\r\nMSS Exception: ../mss/mss_main.c, line 635.\n\r");

@@ -60,7 +60,7 @@ def test_row_of_nan_marks_the_sensor_as_invalid_in_that_record(tmp_path):
     ("nothing to import: 3 records; no record contains valid data", {"spd": np.full((3, 5), np.nan)}),
     ("expected a shape that matches radar.npy and radar.antennas",
      {"radar": np.ones((3, 5)), "array": np.ones((3, 5, 7)), "antennas": [(0, 0)]}),
-    ("\"1.0\"; expected at most 12 texts", {"radar": np.ones((3, 5)), "antennas": [(1,)]}),
+    ("\"1.0\"; expected at most 12 strings", {"radar": np.ones((3, 5)), "antennas": [(1,)]}),
     ("exceeds 32 bits", {"spd": np.full((3, 5), 2.0 ** 33)}),
     ("expected finite power", {"radar": np.array([[1, np.inf, 1]])}),
     ("expected little-endian numbers", {"spd": np.ones((3, 5), complex)}),
@@ -247,7 +247,7 @@ def test_sensor_without_an_imported_array_has_the_verdict_not_configured(tmp_pat
 
 @pytest.mark.parametrize("said, arrays", [
     ("spd: its shape is [15]; expected 2 dimensions", {"spd": np.ones(15)}),
-    ("radar: has 4 rows; spd has 3", {"spd": np.ones((3, 5)), "radar": np.ones((4, 4))}),
+    ("radar: has 4 rows, but spd has 3", {"spd": np.ones((3, 5)), "radar": np.ones((4, 4))}),
     ("depth_m: row 0: a depth of 2900", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 2900.0)}),
     ("spd: row 1 has nan", {"spd": np.array([[1.0, 1], [np.nan, 1]])}),
     ("2 labels, but there are 3 records", {"spd": np.ones((3, 5)), "labels": ["a", "b"]}),

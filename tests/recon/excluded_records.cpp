@@ -25,7 +25,7 @@ TEST_CASE("damaged records are counted, and a run with more than 10 % damaged re
   CHECK(data.size() == 18);
   REQUIRE(data.damaged.size() == 2);
   CHECK_THAT(to_text(data.damaged.front()),
-             Catch::Contains("record 4: spd bin 7 holds 4294967295 clicks, more than"));
+             Catch::Contains("record 4: spd bin 7 contains 4294967295 clicks, more than"));
   spoil("b", 18);
   CHECK_THAT(
       error_of([&] { load({dir / "b"}); }),
@@ -163,7 +163,7 @@ TEST_CASE("train and evaluate print the number of excluded records and the reaso
   CHECK(left.code == 0);
   CHECK_THAT(left.text, Catch::Contains("12 of 60 records left out: SPD weak 1, camera frozen 8, "
                                         "damaged 1, radar missing 1, the same in every bin 1 (") &&
-                            Catch::Contains("record 10: spd bin 5 holds 4294967295 clicks"));
+                            Catch::Contains("record 10: spd bin 5 contains 4294967295 clicks"));
   const Outcome taken = recon_program(train + (dir / "all") + " --set doubtful=take");
   CHECK_THAT(taken.text, Catch::Contains("3 of 60 records left out: damaged 1, radar missing 1, "));
   write_run(dir / "fresh", 30, 2, [&](record::FusedRecord& r) {
@@ -183,8 +183,8 @@ TEST_CASE("train and evaluate print the number of excluded records and the reaso
     if (r.index % 8 == 3) std::ranges::fill(r.radar, 1.f);
   });
   refuses("train -q " + (dir / "dead") + " --out " + (dir / "no"), 1,
-          "record 3: radar is the same in every bin: dead sensor, or an empty room without light; "
-          "8 of 60 records");
+          "record 3: radar is the same in every bin; the sensor is dead, or the room is empty and "
+          "dark; 8 of 60 records");
 }
 
 TEST_CASE("copies of a record are used once in training and are excluded from evaluation") {

@@ -120,7 +120,7 @@ const std::vector<Hostile> hostile_files = {
     {"an overlap", "ridge", "data_offsets: tensors overlap or leave a gap",
      [](auto& m) { m.add("zz", "U8", {4}, 0, 4); }},
     {"a gap", "ridge", "data_offsets: tensors overlap or leave a gap", beside("U8", 4, 8, 8)},
-    {"unassigned bytes", "ridge", "data_offsets: the file has bytes that belong to no tensor",
+    {"unassigned bytes", "ridge", "data_offsets: the file contains bytes that belong to no tensor",
      beside("U8", 0, 4, 8)},
     {"a shape that is too small", "ridge", "the data size does not match the shape 4095",
      shape_of(map_name, {4095})},

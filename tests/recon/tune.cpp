@@ -124,7 +124,7 @@ TEST_CASE("tuning chooses the better of two start models, whatever their order")
     CAPTURE(to_text(far_first));
     CHECK_THAT(row(far_first), Catch::StartsWith("there: "));
     CHECK_THAT(to_text(far_first),
-               Catch::Contains("gain of start there over far on the same folds: "));
+               Catch::Contains("gain of start model there over far on the same folds: "));
     CHECK(iou(far_first.model, fresh) > iou(tune(old, data, all_records()).model, fresh));
     CHECK_THAT(row(tuned({{there, data, data, "there"}, {old, data, data, "far"}})),
                Catch::StartsWith("there: "));

@@ -81,7 +81,7 @@ TEST_CASE("loading refuses two runs with different detector zones") {
   write_zones(folder / "b", Zones(3), 12);
   write_zones(folder / "c", {{-0.1, 0, 0.2, 0}, {0.1, 0.05, 0.2, 0}}, 12);
   write_zones(folder / "d", {{-0.1, 0, 0.2, 0}, {0.1, 0.005, 0.2, 0}}, 12);
-  CHECK_THROWS_WITH(load({folder / "a", folder / "b"}), Contains("has 3 zones"));
+  CHECK_THROWS_WITH(load({folder / "a", folder / "b"}), Contains("here 3 zones"));
   CHECK_THROWS_WITH(load({folder / "a", folder / "c"}),
                     Contains("the detector zones differ in number or direction"));
   CHECK(load({folder / "a", folder / "d"}).size() == 2);

@@ -100,7 +100,7 @@ class Calibrate(unittest.TestCase):
             code, said = measure(before, "--reflector", command, "--only", "radar")
             self.assertEqual(code, 4)
             self.assertIn(f"fits --reflector {before}", said["refusal"])
-            self.assertIn(f"in front of the {place}?", said["refusal"])
+            self.assertIn(f"the reflector is in front of the {place}", said["refusal"])
             self.assertNotIn("--window", said["refusal"])
         self.assertFalse(stored.exists())
         far = measure("detector", "--only", "radar", bias_m=.3)[1]["refusal"]

@@ -215,7 +215,7 @@ TEST_CASE("a radar that does not answer sensorStop causes a warning and a short 
   port::Timer choke(b.lab->loop);
   choke.after(10s, [&] { b.lab->choke_radar(true); });
   CHECK(b.lab->record(b.run(6)) == ExitCode::ok);
-  CHECK(has(b.events("radar"), "device did not confirm the stop and may still be sending"));
+  CHECK(has(b.events("radar"), "the device did not confirm the stop and may still be sending"));
 }
 
 TEST_CASE("a radar cfg for another SDK is reported with the cfg to use") {
