@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Measures gain and phase of each virtual antenna of the radar with a reflector in a known
-// direction. Pure.
+// Measures the gain and the phase of each virtual antenna of the radar with a reflector in a known
+// direction. Pure functions.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -21,12 +21,12 @@ struct AntennaFit {
 // Antenna samples of several frames, in the layout of RadarFrame::array: bins x antennas.
 using ArrayFrames = std::vector<std::vector<std::int16_t>>;
 
-// Fits gain and phase of each antenna to the echo of a reflector in `bin` or a neighbouring bin.
-// The result is the principal eigenvector of the covariance matrix of at least 8 frames, so the
-// phase of the echo may differ between frames. The standard error of an antenna is s / sqrt(2 N P)
-// for N frames of power P, combined with the standard error of antenna 0. The noise power s^2 of an
-// antenna is estimated from the residual of the fit. The rounding error of the samples is added to
-// the standard errors, because it does not average out.
+// Fits the gain and the phase of each antenna to the echo of a reflector in `bin` or a neighbouring
+// bin. The result is the principal eigenvector of the covariance matrix of at least 8 frames, so
+// the phase of the echo may differ between frames. The standard error of an antenna is s / sqrt(2 N
+// P) for N frames of power P, combined with the standard error of antenna 0. The noise power s^2 of
+// an antenna is estimated from the residual of the fit. The rounding error of the samples is added
+// to the standard errors, because it does not average out.
 AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::size_t bin);
 // Subtracts the phases that are due to the direction of the reflector, so that only the phases of
 // the antenna channels remain. Adds the errors of the reflector position to the standard errors.

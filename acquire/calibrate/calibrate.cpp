@@ -127,8 +127,8 @@ class Measurement {
     if (config_.configured().contains(Sensor::radar)) out.push_back(radar());
     return out;
   }
-  // Returns gains and phases of the antennas, without the phases that are due to the direction of
-  // the reflector. Returns no value if the radar cfg has no heat map.
+  // Returns the gains and phases of the antennas without the phases that are due to the direction
+  // of the reflector. Returns no value if the radar cfg has no heat map.
   std::optional<AntennaFit> antennas() const {
     if (config_.antennas.empty()) return std::nullopt;
     AntennaFit fit = wave();
@@ -137,7 +137,8 @@ class Measurement {
         fit.gains, steering_of(reflector_, profile.pairs, speed_of_light_m_s / profile.carrier_hz));
     return fit;
   }
-  // Fits gain and phase of the reflector's echo at each antenna, in the range bin of the peak.
+  // Fits the gain and the phase of the reflector's echo at each antenna, in the range bin of the
+  // peak.
   AntennaFit wave() const {
     const Peak peak = options_.side ? echo(frames_) : radar().peak;
     AntennaFit all{.gains = {}, .snr_db = 0, .refusal = "no peak in the range profile"};
@@ -156,8 +157,8 @@ class Measurement {
     widen(all.gains, repeats);
     return all;
   }
-  // Fits the responses of the sensors, measured with the reflector. If a value cannot be measured,
-  // adds the reason to `unstated`.
+  // Fits the response of each sensor to the reflector. If a value cannot be measured, adds the
+  // reason to `unstated`.
   record::Response response(const std::vector<CalibrationResult>& results,
                             Unstated& unstated) const {
     record::Response out;
@@ -263,7 +264,7 @@ class Measurement {
     repeats_.push_back(std::exchange(gatherer_.frames, {}));
   }
   // Rejects the peak if it was found in fewer than three repeats or in fewer than half of the
-  // repeats. The spread of so few ranges is unreliable.
+  // repeats, because the spread of so few ranges is unreliable.
   void refuse_few(Peak& peak, std::size_t measured) const {
     const auto wanted = static_cast<std::size_t>(std::max<std::int64_t>(3, options_.repeats / 2));
     if (!peak.refusal.empty() || measured >= wanted) return;

@@ -20,12 +20,13 @@ struct CalibrateOptions {
   Mounting mounting = Mounting::detector;
   double distance_error_m = Reflector().distance_error_m;
   double baseline_error_m = Reflector().baseline_error_m;
-  std::optional<Sensor> only;  // only sensor to be measured; no value: both
-  // If set, only checks for a swapped antenna row, with the reflector on this side.
+  std::optional<Sensor> only;  // the only sensor to measure; no value: both sensors
+  // If set, only checks whether the antenna row is swapped. The reflector has been moved to this
+  // side.
   std::optional<Side> side;
   std::int64_t repeats = 20;
   double time_s = 1;   // duration of a repeat
-  bool check = false;  // true: run.calibration is compared, but not written
+  bool check = false;  // true: compares the results with run.calibration, but does not write it
   bool json = false;
 };
 

@@ -20,13 +20,13 @@ struct CalibrationResult {
   double spread_m = 0;  // standard deviation of the ranges of the repeats
   std::string method;
   double true_range_m = 0;
-  double reflector_error_m = 0;  // standard error of the true range
+  double reflector_error_m = 0;  // standard error of the reflector's true range
 
   double offset_m() const { return peak.range_m - true_range_m; }
   double standard_error_m() const { return std::hypot(peak.standard_error_m, reflector_error_m); }
 };
 
-// Reason for each value that could not be measured, by the name of the value.
+// Maps the name of each value that could not be measured to the reason.
 using Unstated = std::map<std::string, std::string>;
 
 nlohmann::ordered_json json_of(const CalibrationResult& result);

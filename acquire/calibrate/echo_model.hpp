@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Model of the radar echo of one reflector, used by peak.cpp and response_fit.cpp. Pure.
+// Model of the radar echo of one reflector, used by peak.cpp and response_fit.cpp. Pure functions.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -21,7 +21,7 @@ struct Window {
   std::vector<double> terms{blackman.begin(), blackman.end()};
   double adding = 0;  // 0: amplitudes of noise and echo add (interference); 1: powers add
   double skew_rad = 0;
-  double zero_cells = 0;  // offset of range zero from the transform's origin
+  double zero_cells = 0;  // offset of range zero from the transform's origin, cells
 };
 
 // Fourier transform of a window: the response to an echo at distance u, in cells of c / 2B.
@@ -54,7 +54,7 @@ class Lobe {
   std::array<double, samples> weights_, phases_;
 };
 
-// Returns the power ratio signal / noise. The arguments are log2 of the two powers.
+// Returns the signal-to-noise power ratio. The arguments are log2 of the two powers.
 inline double power_over_noise(double log2_signal, double log2_noise) {
   return std::max(std::exp2(log2_signal - log2_noise), 1e-9);
 }

@@ -19,8 +19,8 @@ constexpr double pi = std::numbers::pi;
 constexpr double least_photon_snr = 10;  // minimum ratio of the amplitude to its standard error
 constexpr double least_echo_db = 10;
 constexpr std::size_t least_bins = 8;
-// Error, in bins, of the vertex of a parabola through log powers. Valid for one bin per cell and
-// the lobe of a Hann window or a narrower lobe.
+// Error, in bins, of the vertex of a parabola through log powers. It applies to one bin per
+// resolution cell and a lobe at most as wide as that of a Hann window.
 constexpr double parabola_error = 0.02;
 
 std::string at(const char* text, double range_m) {
@@ -33,7 +33,8 @@ bool inside(const Search& search, double range_m) {
   return std::abs(range_m - search.distance_m) <= search.window_m / 2;
 }
 
-// Rejects a peak at range_m, which is outside the window. `advice` names the likely cause.
+// Rejects a peak because its range, range_m, is outside the window. `advice` names the likely
+// cause.
 void refuse_outside(Peak& peak, double range_m, const std::string& advice) {
   peak.range_m = range_m;
   peak.outside = true;
@@ -59,8 +60,8 @@ struct PhotonPeak {
 double normal(double u) { return 0.5 * std::erfc(-u / std::numbers::sqrt2); }
 double density(double u) { return std::exp(-u * u / 2) / std::sqrt(2 * pi); }
 
-// Returns the expected counts of bin i. `slope`: derivatives with respect to centre, ln sigma,
-// photons and floor.
+// Returns the expected counts of bin i. Sets `slope` to the derivatives with respect to centre, ln
+// sigma, photons and floor.
 double expected(const PhotonPeak& g, double i, Eigen::Vector4d& slope) {
   const double a = (i - g.centre) / g.sigma, b = (i + 1 - g.centre) / g.sigma;
   const double share = normal(b) - normal(a);
@@ -180,7 +181,7 @@ using Near = Eigen::Matrix<double, near, 1>;
 
 struct EchoPlace {
   double top = 0;     // position of the peak, in bins from the middle bin
-  Near model, power;  // in each bin: expected log2 of the power; power ratio signal / noise
+  Near model, power;  // expected log2 of the power, and signal-to-noise ratio, of each bin
   Near share;         // derivative of `top` with respect to the value of each bin
 };
 
@@ -189,8 +190,8 @@ double vertex(const Near& mean) {
   return (mean[1] - mean[3]) / 2 / (mean[1] - 2 * mean[2] + mean[3] - 1e-9);
 }
 
-// Fits amplitude and position of the lobe by the Gauss-Newton method. The weight of each bin is its
-// power.
+// Fits the amplitude and the position of the lobe by the Gauss-Newton method. Each bin is weighted
+// with its power.
 EchoPlace fit_lobe(const Near& mean, double log2_noise, double cells_per_bin,
                    const Window& window) {
   const Lobe lobe(window);
@@ -232,8 +233,8 @@ EchoPlace fit_parabola(const Near& mean) {
   return fit;
 }
 
-// Returns the standard error of the position in bins. It is the scatter of the frames, plus the
-// quantisation error of the codes unless noise averages it out.
+// Returns the standard error of the position in bins. It combines the scatter of the frames with
+// the quantisation error of the codes, which noise reduces (dither).
 double place_error(const std::vector<std::vector<std::uint16_t>>& frames, const Profile& profile,
                    const EchoPlace& fit, std::size_t first, double log2_power_step) {
   const auto n = static_cast<double>(frames.size());
@@ -259,7 +260,7 @@ std::string unlike_one_echo(const Profile& profile, const EchoPlace& fit, std::s
   constexpr double allowed = 0.66;  // tolerated deviation: 2 dB as log2 of the power
   // Bins more than 25 dB below the peak, where side lobes begin, are not tested.
   constexpr double weakest = 1 / 316.0;
-  // Below this power ratio signal / noise, the mean depends on whether amplitudes or powers add.
+  // Below this signal-to-noise power ratio, the mean depends on whether amplitudes or powers add.
   constexpr double least_over_noise = 4;
   for (std::size_t i = 0; i < near; ++i) {
     const auto k = static_cast<Eigen::Index>(i);
@@ -273,7 +274,7 @@ std::string unlike_one_echo(const Profile& profile, const EchoPlace& fit, std::s
   return {};
 }
 
-// Returns the bin of a second peak in [low, high]; 0 if it does not exist. A second peak is outside
+// Returns the bin of a second peak in [low, high], or 0 if there is none. A second peak is outside
 // the main lobe (first null at 3 cells) and at most 6 dB weaker.
 std::size_t other_top(const std::vector<double>& mean, std::size_t low, std::size_t high,
                       std::size_t top, double cells_per_bin) {
@@ -399,7 +400,8 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
   const std::size_t low = bin(search.distance_m - search.window_m / 2),
                     high = bin(search.distance_m + search.window_m / 2);
   std::size_t top = highest(mean, low, high);
-  // The border of the window may truncate the lobe, so the peak may be outside.
+  // The lobe may cross the border of the window. Climbs to its top, which may be outside the
+  // window.
   while (top > 2 && mean[top - 1] > mean[top]) --top;
   while (top < last && mean[top + 1] > mean[top]) ++top;
   peak.snr_db = db_over_floor(top);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Measures the range of one reflector in the data of the SPD and of the radar. Pure.
+// Measures the range of one reflector in the data of the SPD and of the radar. Pure functions.
 #pragma once
 #include <cmath>
 #include <cstdint>

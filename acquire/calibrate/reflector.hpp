@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Computes range and direction of the calibration reflector from each sensor, with errors. Pure.
+// Computes the range and the direction of the calibration reflector from each sensor, and their
+// errors. Pure functions.
 //
 // Seen from behind the sensors, x points right, y up and z away. The detector is at the origin, the
 // middle of the radar antennas at (-b, 0, 0). A reflector at (0, 0, d) in front of the detector is
@@ -39,8 +40,9 @@ struct Reflector {
 
 // Returns a question to the user if the radar peak fits the other mounting better; otherwise an
 // empty text. The mounting with the smaller offset is likelier, if the peak is inside its search
-// window (full width). A negative offset is weighted by three, because cables and electronics make
-// ranges longer. The text is also empty if the mountings differ by less than three standard errors.
+// window (full width). A negative offset is weighted by three, because cables and electronics
+// increase the measured range. The text is also empty if the mountings differ by less than three
+// standard errors.
 std::string other_mounting(const Reflector& reflector, double measured_m, double window_m);
 
 // Returns the phase of the reflector's spherical wave at each antenna relative to antenna 0, rad:
@@ -54,8 +56,8 @@ struct Steering {
   double sine = 0;  // sine of the direction, positive to the right
   std::vector<double> phase_rad, error_rad;
 };
-// Returns the direction of the reflector, its phase at each antenna, and the phase errors that are
-// due to errors of its position.
+// Returns the direction of the reflector, the phase of its wave at each antenna, and the phase
+// errors that are due to errors of the reflector position.
 Steering steering_of(const Reflector& reflector, std::span<const radar::AntennaPair> antennas,
                      double wavelength_m);
 

@@ -198,9 +198,9 @@ double fault_of(std::span<const double> terms) {
   return fault;
 }
 
-// Returns the number of bins of a flank that contain no other echo. The response is assumed to be
-// symmetric and decreasing. `side`: flank below (-1) or above (1) `top`. Powers are relative to the
-// peak.
+// Returns the number of bins of a flank that are free of a second echo. The response is assumed to
+// be symmetric and decreasing. `side`: flank below (-1) or above (1) `top`. Powers are relative to
+// the peak.
 Index free_bins(const VectorXd& power, Index top, Index side, Index reach, double noise) {
   const auto at = [&](Index i) { return i >= 0 && i < power.size() ? power[i] : -1; };
   for (Index k = 1; k <= reach; ++k) {
@@ -263,7 +263,7 @@ class EchoFit {
   EchoFit(const EchoFit&) = delete;
   EchoFit& operator=(const EchoFit&) = delete;
 
-  // Returns false if a flank has too few bins without another echo.
+  // Returns false if a flank has too few bins that are free of a second echo.
   bool enough() const {
     constexpr Index least_bins = 2;
     return std::min(top_ - first_, first_ + count_ - 1 - top_) >= least_bins;
@@ -372,7 +372,7 @@ VectorXd shape_of(const Window& window) {
   return out;
 }
 
-// Returns the standard errors of the shape, not yet increased for a bad fit.
+// Returns the standard errors of the shape, before they are increased because of a bad fit.
 VectorXd shape_errors(const Fitted& fit, const VectorXd& shape) {
   constexpr double d = 1e-3;
   MatrixXd slope = MatrixXd::Zero(shape.size(), fit.parameters.size());

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Fits the responses of SPD and radar to the reflector, which is a point target for both. Pure.
+// Fits the responses of the SPD and the radar to the reflector, which is a point target for both
+// sensors. Pure functions.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -25,7 +26,7 @@ struct WindowFit {
   std::string refusal{};
   // Largest difference between the far and the near flank, relative to the peak.
   record::Measured lopsided{};
-  double peak_m = 0;  // distance of the peak from the range zero
+  double peak_m = 0;  // distance of the peak from range zero
   double zero_error_m = 0;
 };
 
@@ -37,7 +38,7 @@ struct WindowFit {
 // frames and the precision of the firmware's arithmetic, and increased if the fit is bad. Bins in
 // which one flank has more than three times the power of the other flank are excluded, because they
 // contain another echo. Sets cell, taps and taps_standard_error of the radar, unless the fit
-// differs from a bin by more than 5 % of the peak.
+// deviates from the measured power of any bin by more than 5 % of the peak.
 WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& frames,
                              const EchoAxis& axis, double range_m, record::Response& out);
 

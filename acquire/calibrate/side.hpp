@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Detects a swapped antenna row from an echo on a known side. Pure.
+// Detects a swapped antenna row from an echo on a known side. Pure functions.
 //
 // If the board is mounted upside down, or radar.board is wrong, a calibration at sin(direction) =
-// u0 adds the phases of 2 u0 to the antennas: an object at u is then found at 2 u0 - u. An echo at
-// u0 cannot reveal this. So the reflector is moved by one baseline to the left or right of its
-// calibration position.
+// u0 adds the phases of 2 u0 to the antennas: an object at u is then found at 2 u0 - u. At u0
+// this error cannot be detected, because 2 u0 - u0 = u0. So the reflector is moved by one baseline
+// to the left or right of its calibration position.
 #pragma once
 #include <span>
 #include <string>
@@ -29,10 +29,12 @@ SidePlace place_at(Side side, const Reflector& reflector, double sine);
 struct SideFinding {
   double sine = 0, expected = 0, if_swapped = 0;
   bool swapped = false;
-  // Reason if the echo has neither the expected nor the swapped direction; otherwise empty.
+  // Reason for the rejection if the echo has neither the expected nor the swapped direction;
+  // otherwise empty.
   std::string refusal;
 };
-// Finds the direction of the wave `seen`, measured by fit_antennas(), with the calibrated phases.
+// Uses the calibrated phases to find the direction of the wave `seen`, which fit_antennas() has
+// measured.
 SideFinding find_side(Side side, const Reflector& reflector, const AntennaGains& seen,
                       const AntennaGains& calibrated, std::span<const radar::AntennaPair> antennas,
                       double wavelength_m);

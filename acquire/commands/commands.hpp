@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Commands that print or change run files, and the format of the log.
+// Commands that print or change run files, and the log format.
 #pragma once
 #include <memory>
 #include <optional>
@@ -32,7 +32,7 @@ std::unique_ptr<spdlog::formatter> log_format();
 // Output of `list`.
 struct Catalogue {
   std::string text;
-  std::string left_out;  // one line with the reason for each file that is not a readable run
+  std::string left_out;  // one line per file that is not a readable run, with the reason
 };
 
 // Lists all runs (*.sqlite) of the folder, oldest first. The text has one line per run, and the

@@ -227,8 +227,8 @@ ExitCode annotate(const Options& o) {
   return ExitCode::ok;
 }
 
-// Lists the runs in FOLDER. Its default is run.folder of the configuration, or the working
-// directory.
+// Lists the runs in FOLDER. If FOLDER is not given, uses run.folder of the configuration, or the
+// working directory if run.folder is not set.
 ExitCode list(const Options& o) {
   std::string folder = o.folder;
   if (folder.empty()) {
@@ -241,10 +241,9 @@ ExitCode list(const Options& o) {
   return ExitCode::ok;
 }
 
-// Returns the configuration of `import`. A raw capture contains its own configuration, which
-// --config overrides. NumPy arrays need a configuration only if --out is missing, because
-// run.folder is then used. Otherwise the default is the first configuration file found, or the
-// installed one.
+// Returns the configuration of `import`. NumPy arrays with --out need no configuration. Otherwise
+// --config is used if it is given. Without --config, a raw capture uses its own configuration, and
+// any other import uses the first configuration file found, or the installed one.
 Config config_of_import(const Options& o) {
   const std::string& first = o.import.files[0];
   if (o.config.empty() && is_kept(first)) return kept_config(first, o.assignments);

@@ -14,7 +14,7 @@
 namespace echofuse::acquire {
 
 struct Options {
-  std::string config;  // path; empty: the first configuration file found
+  std::string config;  // path of the configuration file; empty: the first file found
   std::vector<std::string> assignments;
   RunOptions run;
   CalibrateOptions calibrate;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Calibration file (TOML), written by `calibrate` and named in run.calibration. It has one section
-// per ranging sensor, with the range offset (measured minus true). Section antennas contains the
-// gain and phase errors of the radar's antennas. Section response contains the response of the
-// sensors to a point target (acquire/measurement/response.hpp). Section axes contains the axes of
+// per ranging sensor, with the range offset (measured minus true). Section [antennas] contains the
+// gain and phase errors of the radar's antennas. Section [response] contains the response of the
+// sensors to a point target (acquire/measurement/response.hpp). Section [axes] contains the axes of
 // the recordings, with the keys of echofuse-sim. Older files lack the last three sections.
 #pragma once
 #include <optional>

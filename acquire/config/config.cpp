@@ -16,7 +16,8 @@
 namespace echofuse::acquire {
 namespace {
 
-// Values that `Config` stores as another type. Integers are read from the file as 64-bit numbers.
+// Values that `Config` stores with a different type. Integers are read from the file as 64-bit
+// numbers.
 struct Keys {
   std::int64_t start_channel, click_channel, bins;
   std::int64_t data_baud, width, height, fps, map_size;
@@ -169,7 +170,7 @@ void take_numbers(Config& c, const Keys& k) {
   if (k.first_photon_only) c.detector.dead_time_ps = std::numeric_limits<double>::infinity();
 }
 
-// Collects the errors that a check of each key's type and range does not find.
+// Collects the errors that the type and range checks of single keys cannot find.
 class ConfigChecker {
  public:
   ConfigChecker(const Settings& settings, std::string name, std::vector<std::string>& faults)
@@ -178,7 +179,7 @@ class ConfigChecker {
   // Reports an error with the origin of the first of `keys` that has been set.
   void complain(std::initializer_list<const char*> keys, const std::string& what) {
     for (const char* key : keys)
-      if (settings_.refused(key)) return;  // already reported
+      if (settings_.refused(key)) return;  // the error of this key has already been reported
     for (const char* key : keys) {
       const std::string origin = settings_.origin(key);
       if (origin.empty()) continue;

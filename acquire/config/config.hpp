@@ -44,8 +44,8 @@ struct Config {
   record::AlertLimits alert;
   // Program and arguments of alert.on_doubt. `resolved` omits them, because it is stored in runs.
   std::vector<std::string> on_doubt;
-  Calibration calibration;       // contents of the file named by run.calibration
-  record::Antennas antennas;     // calibrated antennas of the heat map; empty without a heat map
+  Calibration calibration;    // contents of the file named by run.calibration
+  record::Antennas antennas;  // calibrated antennas of the heat map; empty if there is no heat map
   std::string calibration_path;  // path of the calibration file, which may not exist yet
   PerSensor<std::string> policy{"optional", "optional", "optional"};
 
@@ -58,7 +58,7 @@ struct Config {
 
   SensorSet configured() const;  // sensors with an address
   SensorSet required() const;    // sensors that must answer before a run starts
-  // Returns the configured rates of starts, radar frames and camera frames, per second; 0 if
+  // Returns the configured rates of start pulses, radar frames and camera frames, per second; 0 if
   // unknown.
   PerSensor<double> nominal_hz() const;
 };

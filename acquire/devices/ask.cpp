@@ -100,7 +100,7 @@ Json find_attached(std::string& camera_fault) {
 std::string text_of(const Json& attached, const std::string& camera_fault) {
   std::string text;
   const auto setting = [&](const std::string& key, const Json& node) {
-    // An ASCII JSON string is also a TOML string.
+    // An ASCII JSON string is also a valid TOML string.
     text += "  " + key + " = " +
             node["address"].dump(-1, ' ', true, Json::error_handler_t::replace) + '\n';
   };

@@ -38,7 +38,7 @@ class DeviceLocks {
   // Writes the command and the run file of this process into its locks.
   void write(const std::string& command, const std::string& run) const;
 
-  // Returns the other process that holds the device; otherwise nullopt.
+  // Returns the process that holds the device, if it is not this process; otherwise nullopt.
   const std::optional<Holder>& other(Sensor sensor) const { return others_[sensor]; }
 
  private:

@@ -24,7 +24,7 @@ class Devices final : private SampleSink {
     bool configured = false;
     DeviceState state = DeviceState::connecting;
     DeviceInfo info;
-    std::uint64_t samples = 0;       // tags or frames received
+    std::uint64_t samples = 0;       // number of tags or frames received
     std::string last_event;          // last warning or error of the driver
     std::optional<Holder> holder{};  // set if another program uses the device
 
@@ -71,7 +71,8 @@ class Devices final : private SampleSink {
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
   void on_firmware_bias(const FirmwareBias& bias) override { next_->on_firmware_bias(bias); }
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
-  // Warns if the device that streams is not the calibrated one, or not the previous one.
+  // Warns if the streaming device differs from the calibrated device, or from the device that
+  // streamed before.
   void warn_of_another(Sensor sensor, const DeviceInfo& info);
   std::vector<Sensor> halt();
   Status& status(Sensor s) { return status_[s]; }

@@ -34,8 +34,8 @@ std::uint32_t factor_of(const std::vector<double>& counts) {
   return 0;
 }
 
-// Returns true if the values may be in dB: some are negative, or they span a ratio below 6. Linear
-// power spans more, and is negative only if noise was subtracted.
+// Returns true if the values may be in dB: some are negative, or the largest is less than 6 times
+// the smallest. Linear power spans a larger ratio, and is negative only if noise was subtracted.
 bool looks_like_db(const std::vector<float>& power) {
   constexpr float least_ratio = 6;
   const auto [low, high] = std::ranges::minmax(power);
@@ -191,7 +191,7 @@ void ArrayFolder::refuse(const NpyFile& file, const std::string& what) const {
 
 std::vector<Axis> ArrayFolder::axes() const {
   std::vector<Axis> out;
-  // Fits in 32 bits, because open() limits the size.
+  // The numbers fit in 32 bits, because open() limits the size of an array.
   const auto count = [](const NpyFile& f, std::size_t k) {
     return static_cast<std::uint32_t>(f.shape()[k]);
   };

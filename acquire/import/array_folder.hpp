@@ -2,7 +2,7 @@
 // A folder of NumPy arrays with one row per record, described by its run.toml.
 //   spd.npy     [n, bins] or [n, zones, bins] whole counts; a row of NaN: no SPD in that record
 //   radar.npy   [n, points] linear power; a row of NaN: no radar
-//   array.npy   [n, bins, values] of the antennas, as ArrayBin (measurement/radar_array.hpp)
+//   array.npy   [n, bins, values] antenna statistics, see ArrayBin (measurement/radar_array.hpp)
 //   depth.npy   [n, rows, columns] z, whole millimetres or float metres; 0, NaN, 65535: no return
 //   index.npy   [n], only with the key `run`: record number of each row; default: all records
 //   valid.npy   [n], only with the key `run`: bits of the sensors that remain valid

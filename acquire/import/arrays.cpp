@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Formats a number with the fewest digits that restore the same value when they are read.
+// Formats a number with the fewest digits from which exactly the same value can be read back.
 std::string shortest_text(double value) {
   char text[32];
   return {text, std::to_chars(text, text + sizeof text, value).ptr};

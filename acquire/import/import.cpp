@@ -41,7 +41,7 @@ class Slots final : public SampleSink {
   void on_tags(const TagBlock& block) override {
     tag_check_.take(block, [this](const TagBlock& repaired) { take_tags(repaired); });
   }
-  // RadarRecording has already dated the frame by the board's clock.
+  // RadarRecording has already derived the time of the frame from the board's clock.
   void on_radar(RadarFrame frame) override { windows_.add(frame); }
   Windows& windows() { return windows_; }
   void flush() {
@@ -128,8 +128,8 @@ std::string conclude(ImportedRun& import, const std::vector<std::unique_ptr<Reco
   return made;
 }
 
-// Imports recordings, which may differ in length. Records after the end of a recording lack its
-// sensor.
+// Imports recordings, which may differ in length. Records after the end of a recording contain no
+// data of its sensor.
 std::string import_streams(const Config& config, const ImportOptions& options,
                            const RunStart& began,
                            const std::vector<std::unique_ptr<Recording>>& recordings) {
@@ -298,8 +298,8 @@ std::string import_recordings(Config config, const ImportOptions& options) {
   }
   begins(config.radar.data.empty() ? std::optional(modified(config.tdc.address)) : std::nullopt,
          "start time unknown: the file's modification time is used; set it with --began UTC");
-  // The file was last modified at the end of the recording, so the length of the recording is
-  // subtracted.
+  // The file was last modified at the end of the recording. Subtracts the length of the recording
+  // to get its start time.
   if (options.began.empty() && began.doubt.empty()) {
     RadarRecording whole(config.radar.data, parse_profile(config.radar));
     SampleSink nobody;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Writes imported runs. Imports of all kinds use it, so that their records get the same verdicts as
-// those of a live run (signal_check.hpp). Raw captures are replayed as live runs instead.
+// Writes runs imported from recordings or arrays. Their records get the same verdicts as those of a
+// live run (signal_check.hpp). Raw captures do not use this file; they are replayed as live runs.
 #pragma once
 #include <functional>
 #include <memory>

@@ -201,7 +201,8 @@ bool PicoquantTags::next(SampleSink& sink) {
   if (!more) known = tags_.size();
   if (known == 0) {
     if (beyond_) return false;
-    // A recording without light may end with overflow records only, which then define its end time.
+    // A recording without light may end with overflow records. The last one then defines the end
+    // time.
     const auto end_s = static_cast<double>(end_ps() / ps_per_s);
     at_ = std::max(at_, from_seconds(header_s_ > 0 ? std::min(end_s, header_s_) : end_s) -
                             std::chrono::nanoseconds(1));
@@ -249,7 +250,7 @@ std::vector<std::string> PicoquantTags::rate_doubts() const {
   if (rate_hz <= 0) return {};
   const auto unit_s = static_cast<double>(records_.unit_ps() / ps_per_s);
   const double divider = std::max(1.0, file_->number("HWSync_Divider").value_or(1));
-  const double share = rate_hz * unit_s;  // time step / pulse period; 1 in T3
+  const double share = rate_hz * unit_s;  // time step / pulse period; 1 in T3 mode
   const auto alike = [&](double value, double wanted) {
     return std::abs(value / wanted - 1) <= rate_share;
   };

@@ -12,8 +12,8 @@
 //                                                 if its last four bits are 0
 //     T3  31:28 channel, 27:16 dtime, 15:0 nsync  channel 15: marker, or overflow of 65536 if dtime
 //                                                 is 0
-// In T2 mode, times are in units of MeasDesc_GlobalResolution. In T3 mode, that is the period of
-// the sync, and dtime is in units of MeasDesc_Resolution.
+// In T2 mode, times are in units of MeasDesc_GlobalResolution. In T3 mode,
+// MeasDesc_GlobalResolution is the sync period, and dtime is in units of MeasDesc_Resolution.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -77,7 +77,7 @@ class PicoquantTags final : public Recording {
   HostTime at() const override { return at_; }
   std::vector<Counter> counters() const override;
   std::vector<std::string> doubts() const override;
-  std::optional<UtcTime> began() const;  // start time; local time in the file
+  std::optional<UtcTime> began() const;  // start time, which the file contains as local time
   // Returns true if the local start time occurred twice because summer time ended.
   bool began_twice() const;
 

@@ -80,7 +80,8 @@ void RadarRecording::step(FrameTime now, const FrameTime* next) {
   if (next && !damaged && to_now >= most && to_next <= usual) {
     step_s = period_s * profile_.subframes;
     restarts_.add("between " + between + " at " + at);
-  } else if (goes_on && !goes_on_without && !confirmed_) {  // time of the first frame is damaged
+    // The time of the first frame is corrupted.
+  } else if (goes_on && !goes_on_without && !confirmed_) {
     impossible_.add("frame " + std::to_string(last_->frame_number) + " at the start");
     step_s = n * period_s;
   } else if (goes_on_without ? right && goes_on : right || even) {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Reads the bytes of a radar's data port, recorded by TI's Visualizer (.dat) or `run --keep-raw`.
 // Times are derived from the cycle counter of the board, which wraps every 21.47 s. A step of the
-// counter is accepted if frame number and cfg, or the counter of the next frame, confirm it.
-// Otherwise the step is computed from frame number and cfg.
+// counter is accepted if the frame number and the cfg, or the counter of the next frame, confirm
+// it. Otherwise the step is computed from the frame number and the cfg.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -32,7 +32,7 @@ class RadarRecording final : public Recording {
   };
   struct Irregularity {
     std::uint64_t count = 0;
-    std::string places;  // first five occurrences, as text
+    std::string places;  // first five occurrences of the irregularity, as text
     void add(const std::string& place);
   };
   FrameTime read(const RadarFrame& frame) const;
@@ -55,7 +55,8 @@ class RadarRecording final : public Recording {
   std::uint64_t others_ = 0;              // number of frames with a wrong number of bins
   std::size_t other_bins_ = 0;            // last wrong number of bins
   std::uint32_t number_ = 0, epoch_ = 0;  // last frame number; number of restarts
-  // Sums over the accepted steps: frame periods by frame number; duration by the board's clock, s.
+  // Sums over the accepted steps: frame periods according to the frame numbers, and duration in s
+  // according to the board's clock.
   double steps_ = 0, stepped_s_ = 0;
 };
 

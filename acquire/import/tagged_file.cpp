@@ -116,7 +116,7 @@ std::optional<UtcTime> TaggedFile::time(const std::string& name) const {
   constexpr double day_of_1970 = 25569, day_of_2250 = 127'839, day_s = 86400;
   const auto days = number(name);
   if (!days || *days < day_of_1970 || *days > day_of_2250) return std::nullopt;
-  // Rounds to 1 ms, because a number of days stored as a double is exact to better than 10 us.
+  // Rounds to 1 ms, which removes the rounding error (below 10 us) of a double that stores days.
   const double since_s = std::round((*days - day_of_1970) * day_s * 1e3) / 1e3;
   const auto whole_s = static_cast<std::time_t>(since_s);
   std::tm local{};
