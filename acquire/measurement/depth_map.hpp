@@ -36,7 +36,7 @@ struct MapGrid {
 };
 inline constexpr std::uint32_t least_map_size = 3, most_map_size = 256;
 inline constexpr double least_map_half_tangent = 0.02, most_map_half_tangent = 3;
-// Depth images store u16 millimetres, which end at 65.5 m.
+// Depth images store depths as u16 millimetres, so the maximum is 65.5 m.
 inline constexpr double least_map_far_m = 0.1, most_map_far_m = 65;
 
 // Reads the grid from a run's axes. Throws Error(failed) if map_x, map_y and map_z are not a valid

@@ -15,7 +15,8 @@ struct Detector {
   double dead_time_ps = 0;
 
   bool known() const { return dead_time_ps > 0; }
-  std::pair<std::string, std::string> meta() const;  // metadata entry of a known detector
+  // Returns the metadata entry with the dead time. Call only if known() is true.
+  std::pair<std::string, std::string> meta() const;
 };
 
 // Reads the dead time from the metadata; nullopt if it is missing or invalid.

@@ -18,7 +18,7 @@ struct LetterSize {
   LetterSize scaled(double by) const { return {by * width_m, by * height_m, by * stroke_m}; }
 };
 inline constexpr std::array<LetterSize, 2> letter_sizes{
-    {{0.30, 0.40, 0.07}, {0.20, 0.30, 0.05}}};  // large and small letters
+    {{0.30, 0.40, 0.07}, {0.20, 0.30, 0.05}}};  // sizes of the large and the small letters
 
 // Straight stroke from (u0, v0) to (u1, v1) with square ends, metres; u points to the right and v
 // up.

@@ -51,7 +51,7 @@ ECHOFUSE_CLONES void add_products(const float* re, const float* im, std::size_t 
   }
 }
 
-// Adds sum_m x_m(t) conj(x_m(t-1)) to `lag`.
+// Adds sum_m x_m(t) conj(x_m(t-1)) to `lag`, where x_m(t) is the sample of antenna m in frame t.
 ECHOFUSE_CLONES void add_lag(const float* re, const float* im, const float* before_re,
                              const float* before_im, std::size_t antennas, float* lag) {
   Eight a_re, a_im, b_re, b_im, sum_re, sum_im;

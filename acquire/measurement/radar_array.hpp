@@ -100,7 +100,8 @@ std::string unpack_array(ByteView bytes, std::size_t bins, std::size_t antennas,
 // outside the depth maps (depth_map.hpp).
 inline constexpr double array_end_m = 8;
 Axis array_axis(const Axis& radar, std::size_t antennas);
-std::size_t antennas_of(const Axis& array);  // 0 if axis.scale is not 1 to 12
-double array_bytes(const Axis& array);       // stored bytes per record
+// Number of antennas; 0 if axis.scale is not from 1 to 12.
+std::size_t antennas_of(const Axis& array);
+double array_bytes(const Axis& array);  // stored bytes per record
 
 }  // namespace echofuse::record

@@ -61,7 +61,7 @@ double catmull_rom(const std::array<double, 4>& values, double t) {
   return b + t / 2 * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)));
 }
 
-// Takes the absolute value of `cells`, because the taps are those of a symmetric response.
+// Takes the absolute value of `cells`, because the taps describe one side of a symmetric response.
 double RadarResponse::amplitude(double cells) const {
   const double place = std::abs(cells) * taps_a_cell, whole = std::floor(place), t = place - whole;
   if (!(place < static_cast<double>(taps.size()))) return 0;

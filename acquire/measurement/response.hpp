@@ -8,7 +8,8 @@
 //   radar_taps           power of the radar's range response at 0, 1/4, 2/4 ... cells, relative to
 //                        the power at 0; for an asymmetric response its even part (symmetry_of)
 //   radar_noise_exponent exponent n: the noise of a mean over N frames is proportional to N^n
-// A value may include a standard error: "203 +- 2". After the taps it applies to every tap.
+// A value may include a standard error: "203 +- 2". A standard error after the taps applies to
+// every tap.
 #pragma once
 #include <array>
 #include <cmath>
@@ -38,7 +39,8 @@ double catmull_rom(const std::array<double, 4>& values, double t);
 struct RadarResponse {
   static constexpr std::size_t taps_a_cell = 4, most_taps = 64;
   double cell_m = 0;
-  std::vector<double> taps;  // relative powers, the first is 1; empty if unknown
+  // Powers at steps of 1/4 cell, relative to the first tap at distance 0; empty if unknown.
+  std::vector<double> taps;
 
   bool known() const { return cell_m > 0 && !taps.empty(); }
   // Returns the amplitude at a distance in cells, relative to the peak. The amplitude is the square
@@ -59,7 +61,7 @@ struct Symmetry {
   // zero.
   double lopsided = 0;
 };
-// Finds zero and peak between `first` and `last`, cells.
+// Finds `zero` and `peak` between `first` and `last`, in cells.
 Symmetry symmetry_of(const std::function<double(double)>& power, double first, double last);
 
 // Full width at half maximum of a Gaussian with sigma 1.
@@ -76,7 +78,7 @@ struct Response {
   bool operator==(const Response&) const = default;
 };
 
-// Reads the response from the metadata of a run. Missing or impossible parts remain unknown.
+// Reads the response from the metadata of a run. Missing or invalid parts remain unknown.
 Response response_of(const std::vector<std::pair<std::string, std::string>>& meta);
 
 // Returns the distance between detector and radar from the metadata of a run (radar_baseline_m); 0

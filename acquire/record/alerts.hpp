@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Conditions under which a run needs its operator. The daemon's hook and the live page use the same
-// conditions.
+// Conditions under which a run needs the operator's attention. The daemon's hook and the live page
+// use the same conditions.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -12,9 +12,9 @@ struct AlertLimits {
   double no_data_s = 0;     // 0: alert at the first missing record of a sensor
   double disk_free_gb = 1;  // 0: no alert
 };
-// Returns the reason for an alert. For a valid sensor it is the kind of its verdict, or "ok". For a
-// missing sensor it is "no data" if `silent_s`, the time since its last valid slot, has reached the
-// limit; otherwise it is empty.
+// Returns the kind of problem for the alert. For a valid sensor, this is the kind of its verdict,
+// which is "ok" if there is no problem. For a missing sensor, it is "no data" if `silent_s`, the
+// time since its last valid slot, has reached the limit; otherwise it is empty.
 std::string doubt_kind(bool valid, const std::string& verdict, double silent_s,
                        const AlertLimits& limits);
 bool is_disk_low(std::uint64_t free_bytes, const AlertLimits& limits);

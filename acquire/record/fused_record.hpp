@@ -15,13 +15,13 @@
 namespace echofuse::record {
 
 // Samples of one sensor in a slot. Times are device times converted to host time by the clock fit,
-// or times of receipt without a fit.
+// or times of receipt if there is no fit.
 struct SensorSync {
   double offset_s = 0;              // mean time of the used samples minus the centre of the slot
-  double span_s = 0;                // last minus first time of the used samples
+  double span_s = 0;                // time from the first to the last used sample
   std::uint64_t used = 0;           // SPD: clicks in the histogram; radar, depth: frames
   std::uint64_t lost = 0;           // tags or frames that are known to be lost
-  std::string verdict = "missing";  // "ok", or the fault of the data
+  std::string verdict = "missing";  // "ok", or what is wrong with the data
 };
 
 // Fit of the device clock to the host clock, based on the times of receipt of the samples.
@@ -76,10 +76,11 @@ struct FusedRecord {
   PerSensor<SensorSync> sync;
   Signal signal;
   SensorSet missing;  // required sensors that are missing in this record
-  // Clock fits. Without a fit, samples were assigned to slots by their time of receipt.
+  // Fits of the device clocks. If a sensor has no fit, its samples were assigned to slots by their
+  // time of receipt.
   PerSensor<std::optional<ClockState>> clocks;
   SlotStatistics statistics;
-  // Values from the last radar frame in the slot that contains them. Temperatures that the chip
+  // Values from the slot's last radar frame that contains them. Temperatures that the chip
   // marks as invalid are omitted.
   std::optional<RadarStats> radar_stats;
   std::optional<RadarTemperature> radar_temperature;

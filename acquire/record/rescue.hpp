@@ -12,8 +12,9 @@
 namespace echofuse::record {
 
 struct Rescue {
-  bool whole = false;  // true if the copy has all committed records
-  std::string text;    // message with path and state of the copy, or the reason why it is missing
+  bool whole = false;  // true if the copy contains all committed records
+  // Message with the path and the state of the copy, or with the reason why there is no copy.
+  std::string text;
 };
 
 // Copies the run to NAME.rescued.sqlite (-2, -3 ... if it exists) next to `path`. If the folder of

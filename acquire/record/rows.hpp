@@ -89,7 +89,8 @@ class Row {
   Statement* statement_ = nullptr;
   Purpose does_ = Purpose::list;
   const char* key_ = "";
-  // absent_: the group to be written is empty. seen_: a column that was read is not NULL.
+  // absent_: the group to be written is empty. seen_: at least one column that was read is not
+  // NULL.
   bool absent_ = false, seen_ = false;
   std::string fault_, table_, names_, declared_, values_;
 };
@@ -125,7 +126,7 @@ void columns(Row& row, Anchor& anchor);
 void columns(Row& row, CounterRow& counted);
 void columns(Row& row, Event& event);
 void columns(Row& row, LateRow& late);
-void columns(Row& row, FusedRecord& record);  // all columns except Blobs
+void columns(Row& row, FusedRecord& record);  // visits all columns except those of Blobs
 void columns(Row& row, Blobs& blobs);
 void columns(Row& row, StoredRecord& stored);
 

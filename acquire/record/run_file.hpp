@@ -46,11 +46,11 @@ struct Patience {
   bool tried() const;                       // true if a writer was waiting within the last 100 ms
 };
 
-// Writes a run file. Threading: one thread at a time. Every member throws Error: disk for a full
-// disk or a failed write, otherwise failed. A failed append leaves the file unchanged. Every member
-// first checks that the file still exists and is undamaged; close() checks all of it. If the check
-// fails, the member throws Error(disk). close() then also copies the committed records to another
-// file, which its Error names.
+// Writes a run file. Threading: one thread at a time. Every member throws Error, with the code disk
+// if the disk is full or a write fails, otherwise with the code failed. A failed append leaves the
+// file unchanged. Every member first checks that the file still exists and is undamaged; close()
+// checks the whole file. If the check fails, the member throws Error(disk). close() then also
+// copies the committed records to another file, which its Error names.
 class RunWriter {
  public:
   // Throws if the path exists. Creates a uuid if `info` has none. `clock` supplies the start and
@@ -158,8 +158,8 @@ struct RunSummary {
   PerSensor<std::int64_t> lost{};   // lost tags, radar frames and depth frames
   std::int64_t tags = 0;
   std::int64_t arrays = 0, array_frames = 0;  // records with antenna data; frames in these records
-  std::int64_t last_index = -1;               // largest index of a record; -1 without records
-  UtcTime first_utc{}, last_utc{};            // start of the first slot; end of the last slot
+  std::int64_t last_index = -1;     // largest index of a record; -1 if there are no records
+  UtcTime first_utc{}, last_utc{};  // start of the first slot; end of the last slot
   // Number of records by label; number of events by level.
   std::map<std::string, std::int64_t> labels, events;
   std::map<std::string, std::string> policies;  // "required" or "optional", by sensor
@@ -238,11 +238,12 @@ class RunReader {
  private:
   void open(const std::string& network);
   void check_axis(const Axis& axis) const;
-  // Prepares a statement and resets its resource budget.
+  // Prepares a statement and resets its budget of instructions and bytes.
   Statement ask(const std::string& sql) const;
   std::vector<FusedRecord> records(const std::string& which) const;
   template <class T>
-  std::vector<T> rows(const std::string& tail = {}) const;  // `tail`: end of the SELECT
+  // `tail`: end of the SELECT statement, e.g. its WHERE clause.
+  std::vector<T> rows(const std::string& tail = {}) const;
   std::string path_, file_, shown_;  // path as given, path with links resolved, path for messages
   sqlite3* db_ = nullptr;
   bool closed_ = false;      // result of is_closed()

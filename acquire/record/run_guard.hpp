@@ -12,13 +12,14 @@ namespace echofuse::record {
 // Limits for each SQL statement, because a crafted file may contain endless loops of pages and
 // values of any length.
 struct Budget {
-  std::int64_t all = 0, left = 0;  // total and remaining budget, in steps of 10,000 instructions
-  std::int64_t bytes = 0;          // maximum total size of the texts and blobs that are read
-  int longest_value = 0;           // maximum size of a row or value, bytes
+  // Total and remaining budget, in units of 10,000 SQLite instructions.
+  std::int64_t all = 0, left = 0;
+  std::int64_t bytes = 0;  // maximum total size of the texts and blobs that are read
+  int longest_value = 0;   // maximum size of a row or value, bytes
 
   static constexpr int instructions_a_step = 10'000;
-  // Returns the budget for a run file of `bytes`. SQLite needs less than one instruction per byte
-  // to read a whole run.
+  // Returns the budget for a run file with a size of `bytes`. SQLite needs less than one
+  // instruction per byte to read a whole run.
   static Budget of_file(std::uint64_t bytes);
 };
 

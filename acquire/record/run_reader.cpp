@@ -65,7 +65,7 @@ struct DataSizes {
     }
   }
   std::uint64_t pixels() const { return std::uint64_t{width} * height; }
-  // Returns how many records to decode at once: at most 64, and at most 16 M pixels.
+  // Returns how many records to decode together: at most 64, and at most 16 M pixels.
   std::size_t records_at_once() const {
     constexpr std::uint64_t most = 64, most_pixels = std::uint64_t{1} << 24;
     return static_cast<std::size_t>(
@@ -178,7 +178,8 @@ void RunReader::open(const std::string& network) {
   // Even a read-only connection needs a shared-memory file next to a WAL. Without a WAL, or on a
   // read-only medium, no process is writing, and an immutable connection needs no such file.
   int code = try_to_open(file_, SQLITE_OPEN_READONLY);
-  // A writer was killed while starting or closing. Only a writable connection can roll it back.
+  // A writer was killed while starting or closing the run. Only a writable connection can roll back
+  // its transaction.
   if (code == SQLITE_READONLY) code = try_to_open(file_, SQLITE_OPEN_READWRITE);
   closed_ = journal_version(db_) == 1;  // the writer may have closed the run after is_closed()
   if (closed_) return unchanging();
@@ -356,8 +357,8 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
   std::optional<DataSizes> known;
   std::optional<std::int64_t> before;
   std::vector<RecordDecoder> some;
-  // Decodes the collected records and passes them on. Returns false if `visit` wants no more
-  // records.
+  // Decodes the collected records and passes them to `visit`. Returns false if `visit` returned
+  // false.
   const auto hand_over = [&] {
     const auto decode_one = [&](std::size_t i) { some[i].decode_depth(*known); };
     if (in_parallel && some.size() > 1)
@@ -435,7 +436,8 @@ RunSummary RunReader::summary() const {
     for (auto* n : {&sum.tags, &sum.incomplete, &sum.arrays, &sum.array_frames, &sum.last_index})
       *n = totals.integer();
   }
-  // Uses the index to find the first and last record, because the clock may have been set back.
+  // Finds the first and the last record by index instead of time, because the clock may have been
+  // set back.
   const std::vector<FusedRecord> ends =
       records("idx IN ((SELECT min(idx) FROM record), (SELECT max(idx) FROM record))");
   if (!ends.empty()) {

@@ -270,22 +270,22 @@ std::optional<std::string> RunWriter::new_label(UtcTime before) {
   require_sound();
   Statement s(db_, path_, "SELECT id, level, utc, text FROM event WHERE id > ? ORDER BY id");
   s.bind(last_event_);
-  const std::string end = iso8601(before);  // ISO 8601 times sort as text
+  const std::string end = iso8601(before);  // ISO 8601 times can be compared as text
   std::optional<std::string> label;
   while (s.step()) {
     const std::int64_t id = s.integer();
     const bool is_label = s.text() == "label";
-    if (is_label && s.text() >= end) break;  // a label for a later slot
+    if (is_label && s.text() >= end) break;  // this label applies to a later slot
     last_event_ = id;
     if (is_label) label = s.text();
   }
   return label;
 }
 
-// Throws if a file of the run is missing, replaced or damaged. Other programs may write to the
-// database, e.g. in a checkpoint.
+// Throws if a file of the run is missing, replaced or damaged. Other programs are allowed to write
+// to the database, e.g. in a checkpoint.
 void RunWriter::require_sound() {
-  if (!watch_) return;  // during creation, before other processes can open the file
+  if (!watch_) return;  // the file is being created, and other processes cannot open it yet
   watch_->restore_index();
   if (harm_.empty()) harm_ = watch_->lost();
   const bool touched = std::exchange(touched_, false) || watch_->touched();

@@ -17,7 +17,8 @@ namespace echofuse::record {
 namespace {
 
 using FileHead = std::array<std::uint8_t, 32>;
-constexpr std::size_t most_of_journal = 1 << 18;  // exceeds the size of a sector and a page
+// Maximum number of bytes that are read; more than one sector and one page.
+constexpr std::size_t most_of_journal = 1 << 18;
 
 // Returns the first bytes of a file, padded with zeros.
 FileHead header_of(const RegularFile& file) {

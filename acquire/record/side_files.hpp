@@ -19,8 +19,8 @@ inline constexpr const char* without_wal_key = "meta = json_remove(meta, '$.wal_
 // same connection restarts the -wal. Another connection changes the key by a number of restarts,
 // because SQLite counts restarts per connection.
 std::optional<std::uint32_t> wal_key(const std::string& path);
-// Returns true if the -wal is missing, empty or filled with zeros, although the run was bound to
-// one or has records. Records may then be lost. A run that was killed before bind_wal() wrote its
+// Returns true if the -wal is missing, empty or filled with zeros, although the run was bound to a
+// -wal or has records. Records may then be lost. A run that was killed before bind_wal() wrote its
 // key has lost no records.
 bool lacks_wal(const std::string& path);
 // Creates the -wal of a new run and stores the key of the -wal in the run.

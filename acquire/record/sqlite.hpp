@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Wrappers for the SQLite calls in use. Errors become exceptions.
+// Wrappers for SQLite calls. Errors become exceptions.
 #pragma once
 #include <sqlite3.h>
 #include <unistd.h>

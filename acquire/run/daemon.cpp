@@ -336,7 +336,7 @@ void Daemon::close_due(HostTime now) {
 }
 
 // Makes the current slot the last one, or the previous slot if the current one would take longer
-// than close_limit. Before slot 0, ends the run at once.
+// than close_limit. Before slot 0, ends the run immediately.
 void Daemon::interrupt(HostTime now) {
   Scheduler& scheduler = recording_->scheduler;
   const SlotGrid& grid = scheduler.grid();

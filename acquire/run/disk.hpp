@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Checks speed and free space of the disk for `doctor` and at the start of a run.
+// Checks the speed and the free space of the disk for `doctor` and at the start of a run.
 #pragma once
 #include <cstdint>
 #include <optional>

@@ -18,9 +18,9 @@
 
 namespace echofuse::acquire {
 
-// Passes each change to the program in environment variables (ECHOFUSE_SOURCE and others, see
-// acquire/README.md). Runs one program at a time. After `longest`, kills it and the programs that
-// it started. Threading: one thread; only finish() blocks it.
+// Passes each change of state to the program in environment variables (ECHOFUSE_SOURCE and others,
+// see acquire/README.md). Runs one program at a time. After `longest`, kills it and the programs
+// that it started. Threading: one thread; only finish() blocks it.
 class DoubtHook {
  public:
   static constexpr std::chrono::seconds longest{10};
@@ -41,8 +41,8 @@ class DoubtHook {
   void take_disk(std::optional<std::uint64_t> free_bytes, UtcTime now, const std::string& run);
   // Starts the program for the next change; kills a program that runs too long. Call every 50 ms.
   void update(HostTime now);
-  // Reports waiting changes for at most one second, then kills the running program. Warns about
-  // changes that were not reported.
+  // Spends at most one second on reporting the waiting changes, then kills the running program.
+  // Warns about changes that were not reported.
   void finish(HostTime now);
 
  private:

@@ -18,7 +18,7 @@ constexpr auto anchor_pause = std::chrono::minutes(1);
 // Smallest jump of the system clock that is reported. The process may be paused for a shorter time
 // between reading the two clocks.
 constexpr auto least_step = std::chrono::milliseconds(500);
-// The journal fails if this multiple of its capacity is waiting.
+// The journal fails if the number of waiting jobs reaches this multiple of its capacity.
 constexpr std::size_t hard_limit = 10;
 // Maximum wait for the write transaction of another program when the run ends.
 constexpr std::chrono::seconds last_wait{2};

@@ -116,7 +116,7 @@ class Journal {
   PerSensor<std::map<std::string, std::uint64_t>> counted_;
   std::deque<SlotAnchor> anchors_;  // anchors that open slots still use, then the current anchor
   std::int64_t put_ = 0;            // number of records passed to put()
-  // Why too many jobs are waiting; empty if the queue has not overflowed.
+  // Reason why too many jobs are waiting; empty if the queue has not overflowed.
   std::string overflow_;
 
   mutable std::mutex mutex_;

@@ -89,16 +89,17 @@ class Scheduler {
   HostTime last_tick_;
   HostTime held_until_ = HostTime::min();
   std::int64_t held_ = -1;  // number of the last slot that got an additional grace period
-  // Pauses that were longer than a slot and during which a slot began that is still open.
+  // Pauses longer than a slot. Each is kept until all slots that began during it are closed.
   std::vector<Pause> pauses_;
 };
 
-// Slots that are due but not closed. After a pause of the program many slots are due at the same
-// time; these slots wait while the disk is busy. If too many later slots are due, the disk is too
+// Slots that are due but not closed. After a pause of the program, many slots are due at the same
+// time. They wait while the disk is busy. If too many later slots also become due, the disk is too
 // slow, and all slots are closed without waiting.
 class Backlog {
  public:
-  // Number of later due slots at which the slots of a pause no longer wait for the disk.
+  // If this number of slots became due after a pause, the slots of the pause no longer wait for the
+  // disk.
   static constexpr std::int64_t most_behind = 128;
 
   void put(const std::vector<DueSlot>& fresh) {

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
-// Checks the quality of each sensor's data. Pure. If the quality is poor, replaces the verdict "ok"
-// of a valid sensor with one of these kinds, followed by ": " and figures:
+// Checks the quality of each sensor's data. Does no I/O. If the quality is poor, replaces the
+// verdict "ok" of a valid sensor with one of these kinds, followed by ": " and figures:
 //   stands still  the histogram, profile or frame is identical to that of the previous record
 //   saturated     SPD: too many clicks per laser pulse (pile-up)
 //                 radar: the top of the lobe is clipped
-//   no peak       SPD: no 5 adjacent bins exceed the mean; radar: no bin exceeds the median
+//   no peak       SPD: no group of 5 adjacent bins is well above the mean; radar: no bin is well
+//                 above the median
 //   weak          SPD: too few clicks; depth: too few pixels with a return; all sensors: signal
 //                 much weaker than in the first minute of the run
 //   lossy         too few radar frames, camera frames or start pulses were received

@@ -81,8 +81,8 @@ std::vector<Axis> Windows::axes() const {
   return all;
 }
 
-// Returns the open slot that contains the time `taken`. If this slot is not open, counts `amount`
-// tags or frames as early or late and returns nullptr.
+// Returns the open slot that contains the time `taken`. If the slot at that time is not open,
+// counts `amount` tags or frames as early or late and returns nullptr.
 Windows::Slot* Windows::find(Sensor sensor, HostTime taken, std::uint64_t amount) {
   const std::int64_t k = grid_.slot_of(taken);
   if (k >= next_) return &open_[k];
@@ -324,8 +324,8 @@ record::FusedRecord Windows::close(const DueSlot& due) {
                                       depth_fault(slot)};
   for (const Sensor s : all_sensors) {
     std::string& verdict = record.sync[s].verdict;
-    // A stalled slot with a short span of tags counts as incomplete, because only a later sample
-    // reports the lost tags.
+    // A stalled slot is treated as incomplete if its tags span less than 90 % of it, because only a
+    // later sample would report lost tags.
     const bool cut = s == Sensor::spd && span < grid_.length * 9 / 10;
     if (!configured_.contains(s)) {
       verdict = "not configured";

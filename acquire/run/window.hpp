@@ -23,7 +23,7 @@
 //          start remains valid across slot borders, but not across gaps in the tags. Valid if there
 //          was a start and the tags span half of the slot, because the counts of a shorter stream
 //          are not comparable. For a detector that sends histograms: the sum of all histograms with
-//          mid-exposure in the slot; they must also span half of it.
+//          mid-exposure in the slot; they must also span half of the slot.
 //   radar  Mean linear power of the frames, stored as log2_q8 codes; a single frame is stored
 //          unchanged. Valid if there is a usable frame.
 //   array  Statistics of the same frames, if they have a heat map (measurement/radar_array.hpp).
@@ -60,9 +60,9 @@ class Windows {
   Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc, const SensorClocks& clocks,
           SensorSet configured, SensorSet required = {});
 
-  // Sets axes and zones of a device. Those announced first are valid for the whole run. Returns
-  // false if a device has other axes or zones: its samples are ignored until a device with the
-  // first axes and zones is announced.
+  // Sets axes and zones of a device. The axes and zones that are announced first apply to the whole
+  // run. Returns false if a device has other axes or zones. Its samples are then ignored until a
+  // device with the first axes and zones is announced.
   bool announce(const DeviceInfo& info);
   // Returns the axes that have been announced.
   std::vector<Axis> axes() const;
@@ -80,8 +80,8 @@ class Windows {
   const UnassignedSamples& unassigned() const { return unassigned_; }
   // Returns the numbers of unassigned samples since the last call.
   UnassignedSamples take_unassigned() { return std::exchange(unassigned_, {}); }
-  // Returns the late samples of each slot since the last call, for at most 256 slots. All late
-  // samples are counted in unassigned().
+  // Returns the number of late samples of each slot since the last call, for at most 256 slots. All
+  // late samples are counted in unassigned().
   record::LateCounts take_late() { return std::exchange(late_, {}); }
 
  private:

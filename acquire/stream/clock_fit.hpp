@@ -19,7 +19,7 @@
 //   jump   two consecutive samples agree with each other, but according to the fit they were
 //          received 0.25 s before their measurement, or their times are more than 1 s earlier than
 //          those of previous samples. A single such sample has a damaged time and is not used.
-//   step   all samples of 3 s, at least 10, are late by more than 0.1 s
+//   step   all samples within 3 s (at least 10 samples) are late by more than 0.1 s
 #pragma once
 #include <cstdint>
 #include <deque>

@@ -63,7 +63,8 @@ std::uint64_t count_near(const std::vector<std::uint64_t>& values, double wanted
 }  // namespace
 
 std::string comb_text(long double step_ps, std::int64_t bin_width_ps) {
-  // With fewer steps per bin it matters if some bins contain one step more than their neighbours.
+  // If there are fewer steps per bin, one additional step makes a bin noticeably wider than its
+  // neighbours.
   constexpr long double few = 20;
   const long double steps = static_cast<long double>(bin_width_ps) / step_ps;
   if (steps >= few || std::abs(steps - std::round(steps)) <= 1e-6L * steps) return {};
