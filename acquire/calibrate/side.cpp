@@ -11,8 +11,8 @@ namespace {
 
 double degrees(double sine) { return std::asin(sine) * 180 / std::numbers::pi; }
 
-// Returns the difference of two directions. Sines that differ by 2 are equivalent, because a phase
-// of 2 pi between antennas half a wavelength apart is ambiguous.
+// Returns the difference between the sines of two directions. Sines that differ by 2 are
+// equivalent, because a phase of 2 pi between antennas half a wavelength apart is ambiguous.
 double apart(double sine, double other) { return std::abs(std::remainder(sine - other, 2)); }
 
 }  // namespace
@@ -42,7 +42,7 @@ SideFinding find_side(Side side, const Reflector& reflector, const AntennaGains&
       sum += std::polar(1.0, seen.phase_rad[m] - calibrated.phase_rad[m] - phases[m]);
     if (std::abs(sum) > best) best = std::abs(sum), out.sine = u;
   }
-  constexpr double near = 0.12;  // tolerated difference of the sines
+  constexpr double near = 0.12;  // tolerated difference between the sines
   const double off = apart(out.sine, out.expected), off_swapped = apart(out.sine, out.if_swapped);
   out.swapped = off_swapped < off;
   if (std::min(off, off_swapped) > near) {

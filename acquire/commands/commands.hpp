@@ -25,8 +25,8 @@ std::string describe_run(const std::string& path, bool json);
 std::string annotate_run(const std::string& path, const std::optional<std::string>& note,
                          const std::optional<std::string>& label);
 
-// Returns the formatter of the log on stderr. On a terminal it erases the status line first; under
-// systemd it omits the time. It escapes control characters in messages.
+// Returns the formatter of the log that is printed to stderr. On a terminal, it erases the status
+// line first; under systemd it omits the time. It escapes control characters in messages.
 std::unique_ptr<spdlog::formatter> log_format();
 
 // Output of `list`.

@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Maximum number of values per record: for a histogram or profile, and for a depth image.
+// Maximum number of values per record: of a histogram or profile, and of a depth image.
 constexpr std::size_t most_points = 1u << 24, most_pixels = 1u << 23;
 
 // Returns the smallest factor up to 1000 that makes all counts whole, or 0 if no factor does. If

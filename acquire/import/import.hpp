@@ -31,11 +31,11 @@ struct ImportOptions {
 UtcTime parse_utc(const std::string& text);
 
 // Creates a run from recordings. Returns a line about its contents, then one line for each missing
-// or assumed item; these lines are also written to the run as events. Slots, histogram, board and
-// calibration are those of `config`; its addresses are ignored. Throws Error(usage) for an unknown
-// file type; Error(failed) if a file is unreadable or gives no valid record, or if the run exists;
-// Error(disk) if the run cannot be written. Throws Error(partial) if the run was written but one of
-// the files gives no valid record.
+// or assumed item; these lines are also written to the run as events. The slots, histogram, board
+// and calibration are those of `config`; the addresses in `config` are ignored. Throws Error(usage)
+// for an unknown file type; Error(failed) if a file is unreadable or gives no valid record, or if
+// the run exists; Error(disk) if the run cannot be written. Throws Error(partial) if the run was
+// written but one of the files gives no valid record.
 std::string import_recordings(Config config, const ImportOptions& options);
 
 // Converts a folder of NumPy arrays (array_folder.hpp) into the run file `out`. No other function

@@ -35,7 +35,7 @@ class ImportedRun {
   record::RunWriter& writer() { return *run_; }
   void put_axes(const std::vector<Axis>& axes);
   void put(record::FusedRecord record, const SignalCheck::RecordingEnds& ends = {});
-  // Adds a warning to the run and to the lines of finish().
+  // Adds a warning to the run and to the lines that finish() returns.
   void doubt(const std::string& text);
   void put_counters(Sensor sensor, const std::vector<Counter>& counters);
   const TagCounts& tags() const { return tags_; }

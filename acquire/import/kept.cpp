@@ -163,7 +163,8 @@ LiveRun read_live_run(const std::string& folder) {
   if (!run.started || !run.first_slot || run.slots == 0)
     throw Error(ExitCode::failed,
                 printable(times.path()) + ": the raw capture has no complete slot");
-  // A damaged number must not cause an unlimited number of slots, or a wait of years before slot 0.
+  // A corrupted number must not cause an unlimited number of slots, or a wait of years before slot
+  // 0.
   const double slot_s = seconds(HostTime(run.slot_ns)), lasted_s = seconds(ended - *run.first_slot),
                wait_s = seconds(*run.first_slot - *run.started);
   constexpr double shortest_s = 0.05, longest_s = 3600;  // limits of run.window_s

@@ -31,8 +31,8 @@ class TaggedFile {
   std::int64_t whole(const std::string& name, std::int64_t least, std::int64_t most) const;
   std::string text(const std::string& name) const;  // empty if the tag is missing
   // Returns the time in a tag, which is stored as local days since 1899-12-30 and interpreted in
-  // the time zone of this machine. No value if the tag is missing or its time is not between 1970
-  // and 2250.
+  // the time zone of this machine. Returns no value if the tag is missing or its time is not
+  // between 1970 and 2250.
   std::optional<UtcTime> time(const std::string& name) const;
   // Returns true if the local time in the tag occurred twice because summer time ended.
   bool came_twice(const std::string& name) const;

@@ -55,7 +55,8 @@ Axis depth_y_axis(std::uint32_t size, double half_tangent);
 // grids agree, pixels are copied.
 std::vector<float> to_target(std::span<const std::uint16_t> depth_mm, const Axis& x, const Axis& y,
                              const MapGrid& target);
-// Writes the result into `out`, which must contain target.pixels() zeros.
+// Like to_target() above, but writes the depths into `out`, which must contain target.pixels()
+// zeros.
 void to_target(std::span<const std::uint16_t> depth_mm, const Axis& x, const Axis& y,
                const MapGrid& target, std::span<float> out);
 

@@ -17,9 +17,9 @@
 
 namespace echofuse::record {
 
-// Virtual antenna, stored in table antenna of a run. Its position (x, y) is in half wavelengths, to
-// the right and up as seen from behind the radar. `gain` and `phase_rad` are the errors of its
-// samples.
+// Virtual antenna, stored in the table `antenna` of a run. Its position (x, y) is in half
+// wavelengths, to the right and up as seen from behind the radar. `gain` and `phase_rad` are the
+// errors of its samples.
 struct Antenna {
   double x = 0, y = 0;
   double gain = 1, phase_rad = 0;
@@ -73,8 +73,8 @@ class ArrayStatistics {
   // Marks a lost frame, so that the frames before and after it are not treated as consecutive.
   void skip() { has_before_ = false; }
   std::size_t frames() const { return frames_; }
-  // Returns the statistics of all frames since the last call, or nothing without frames. Resets the
-  // sums.
+  // Returns the statistics of all frames since the last call, or nothing if there were no frames.
+  // Resets the sums.
   std::vector<float> take();
 
  private:

@@ -17,9 +17,9 @@ struct Rescue {
   std::string text;
 };
 
-// Copies the run to NAME.rescued.sqlite (-2, -3 ... if it exists) next to `path`. If the folder of
-// `path` is missing, the copy is in the current folder. `status`: status of the copy; `records`:
-// number of committed records. Never throws.
+// Copies the run to NAME.rescued.sqlite next to `path` (NAME.rescued-2.sqlite if it exists, and so
+// on). If the folder of `path` is missing, the copy is in the current folder. `status`: status of
+// the copy; `records`: number of committed records. Never throws.
 Rescue rescue(sqlite3* db, const std::string& path, const std::string& status, UtcTime ended,
               std::int64_t records);
 

@@ -157,7 +157,8 @@ struct RunSummary {
   PerSensor<std::int64_t> valid{};  // records with valid data of the sensor
   PerSensor<std::int64_t> lost{};   // lost tags, radar frames and depth frames
   std::int64_t tags = 0;
-  std::int64_t arrays = 0, array_frames = 0;  // records with antenna data; frames in these records
+  // Number of records with antenna data; number of frames in these records.
+  std::int64_t arrays = 0, array_frames = 0;
   std::int64_t last_index = -1;     // largest index of a record; -1 if there are no records
   UtcTime first_utc{}, last_utc{};  // start of the first slot; end of the last slot
   // Number of records by label; number of events by level.
@@ -186,10 +187,10 @@ inline constexpr const char* copy_of_open = "copy of an open run";
 // Reads closed, live and crashed runs. Threading: one thread at a time.
 class RunReader {
  public:
-  // Throws Error(failed) if the file is missing, damaged, of another format or not a run file.
-  // Throws it as well if the file contains anything but the tables of a run. The size of the file
-  // limits the time and memory for reading it. A closed run does not change, so side files of
-  // SQLite are ignored. On a network file system only closed runs can be read.
+  // Throws Error(failed) if the file is missing, damaged, of another format or not a run file. Also
+  // throws Error(failed) if the file contains anything other than the tables of a run. The size of
+  // the file limits the time and memory for reading it. A closed run does not change, so side files
+  // of SQLite are ignored. On a network file system only closed runs can be read.
   explicit RunReader(const std::string& path);
   // `network`: result of network_of(path).
   RunReader(const std::string& path, const std::string& network);

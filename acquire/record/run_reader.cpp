@@ -273,7 +273,7 @@ Antennas RunReader::antennas() const {
   return out;
 }
 
-// Compares the definition of the table, because a live run may create it after check_tables().
+// Checks the definition of the table, because a live run may create it after check_tables().
 Zones RunReader::zones() const {
   const Row& table = table_of<Zone>();
   Statement stored = ask("SELECT sql FROM sqlite_schema WHERE name = '" + table.name() + "'");

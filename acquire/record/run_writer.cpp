@@ -320,8 +320,8 @@ bool RunWriter::close(const std::string& status, std::int64_t unwritten) {
   } catch (const Error&) {
     leave(status);
   }
-  // Writing the status needs free space on a full disk. Emptying the WAL frees space unless the
-  // database must grow. Therefore the reserve is freed as well.
+  // Writing the status to a full disk needs some free space. Emptying the WAL frees space unless
+  // the database must grow. Therefore the reserve is freed as well.
   sqlite3_busy_timeout(db_, 0);
   unbind_wal(db_, path_);
   sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);

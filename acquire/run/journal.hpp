@@ -35,8 +35,8 @@ class Journal {
   using WriteJob = std::function<void(record::RunWriter&)>;
   static constexpr std::size_t default_capacity = 64;
 
-  // Writes a clock anchor, i.e. a monotonic time and its UTC. `loop` provides the clock and the
-  // workers; it must outlive the journal.
+  // Writes a clock anchor, i.e. a monotonic time and the corresponding UTC. `loop` provides the
+  // clock and the workers; it must outlive the journal.
   Journal(std::unique_ptr<record::RunWriter> run, port::Loop& loop,
           std::size_t capacity = default_capacity);
   // If finish() was not called, leaves the run as after a crash.

@@ -45,8 +45,8 @@ bool near(double value, double wanted, double share) {
   return std::abs(value - wanted) <= share * wanted;
 }
 
-// Returns the shortest frequent gap. Rare gaps are ignored, because damaged times cause them. The
-// gaps must be sorted.
+// Returns the shortest frequent gap. Rare gaps are ignored, because they may be due to corrupted
+// times. The gaps must be sorted.
 double shortest_often(const std::vector<std::uint64_t>& gaps_ps) {
   for (std::size_t i = 0; i + enough <= gaps_ps.size(); ++i) {
     const auto from = static_cast<double>(gaps_ps[i]);
