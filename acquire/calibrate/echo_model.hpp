@@ -59,9 +59,9 @@ inline double power_over_noise(double log2_signal, double log2_noise) {
   return std::max(std::exp2(log2_signal - log2_noise), 1e-9);
 }
 
-// Returns the mean of log2 of the power of a signal in noise. If they interfere (adding = 0), it is
-// log2(signal) + E1(x) / ln 2 with x = signal / noise. If their powers add (adding = 1), exp(x)
-// E1(x) replaces E1(x).
+// Returns the mean of log2 of the power of a signal in noise. If signal and noise interfere (adding
+// = 0), the mean is log2(signal) + E1(x) / ln 2 with x = signal / noise. If their powers add
+// (adding = 1), exp(x) E1(x) replaces E1(x).
 inline double mean_log2_power(double over_noise, double log2_noise, double adding = 0) {
   const double x = over_noise, e1 = x < 50 ? -std::expint(-x) : 0,
                more = x < 50 ? std::exp(x) * e1 : 1 / x;

@@ -76,7 +76,7 @@ inline double spread_of(const std::vector<double>& values) {
 
 // Returns the standard error of the mean of the repeats. Normally this is `standard_error`. If the
 // spread of the repeats exceeds the value expected from noise by more than four standard errors,
-// something has moved. The error is then derived from the spread.
+// the reflector or a sensor has moved. The standard error is then derived from the spread.
 inline double honest_error(double standard_error, const std::vector<double>& repeats) {
   const auto n = static_cast<double>(repeats.size());
   if (n < 3) return standard_error;

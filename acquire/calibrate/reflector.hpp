@@ -39,10 +39,10 @@ struct Reflector {
 };
 
 // Returns a question to the user if the radar peak fits the other mounting better; otherwise an
-// empty text. The mounting with the smaller offset is likelier, if the peak is inside its search
-// window (full width). A negative offset is weighted by three, because cables and electronics
-// increase the measured range. The text is also empty if the mountings differ by less than three
-// standard errors.
+// empty text. The other mounting fits better if the peak is inside the search window of that
+// mounting (full width) and implies a smaller offset. A negative offset is weighted by three,
+// because cables and electronics increase the measured range. The text is also empty if the
+// mountings differ by less than three standard errors.
 std::string other_mounting(const Reflector& reflector, double measured_m, double window_m);
 
 // Returns the phase of the reflector's spherical wave at each antenna relative to antenna 0, rad:

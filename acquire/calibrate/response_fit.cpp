@@ -95,7 +95,7 @@ double before(double t, double tail) {
   return normal(t) - std::exp(0.5 / (tail * tail) - t / tail) * normal(t - 1 / tail);
 }
 
-// Times are in bins.
+// The time parameters are in units of bins.
 enum Parameter : Index { centre, log_sigma, log_photons, log_floor, share, log_tail };
 
 VectorXd expected_counts(const VectorXd& p, Index bins) {

@@ -19,7 +19,7 @@ Json by_sensor(const PerSensor<std::int64_t>& values) {
           {"depth", values[Sensor::depth]}};
 }
 
-// Returns a description of the antenna data; an empty object for a run without such data.
+// Returns a description of the antenna data; an empty object if the run has no antenna data.
 Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
   const auto axis = run.axis("array");
   if (!axis) return Json::object();

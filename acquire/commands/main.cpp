@@ -70,7 +70,8 @@ void plan_count(Options& o, const Config& config) {
   if (o.every_s > 0) o.run.slots_a_file = slots(o.every_s);
 }
 
-// Returns the path of a new run file. `numbered`: the file is one of several (run --every).
+// Returns the path of a new run file. `numbered`: the file is one of several that `run --every`
+// creates.
 std::string path_of(const std::string& out, bool numbered, const Config& config) {
   if (utf8_text(out) != out)
     throw Error(ExitCode::usage, "--out " + printable(out) + ": expected UTF-8");
@@ -242,8 +243,9 @@ ExitCode list(const Options& o) {
 }
 
 // Returns the configuration of `import`. NumPy arrays with --out need no configuration. Otherwise
-// --config is used if it is given. Without --config, a raw capture uses its own configuration, and
-// any other import uses the first configuration file found, or the installed one.
+// --config is used if it is given. If --config is not given, a raw capture uses its own
+// configuration, and any other import uses the first configuration file found, or the installed
+// one.
 Config config_of_import(const Options& o) {
   const std::string& first = o.import.files[0];
   if (o.config.empty() && is_kept(first)) return kept_config(first, o.assignments);

@@ -52,8 +52,8 @@ struct Calibration {
 };
 
 struct Config;
-// Returns the axes that the calibrated sensors have in this configuration; 0 for other sensors.
-// `radar`: range axis of the radar.
+// Returns the axes that the calibrated sensors have in this configuration; the axes of the other
+// sensors are 0. `radar`: range axis of the radar.
 CalibratedAxes axes_of(const Config& config, const Calibration& calibration, const Axis& radar);
 
 // Throws Error(config) that lists all errors, each with its line number in the file.

@@ -42,7 +42,8 @@ struct Config {
   record::MapGrid map;
   SignalLimits signal;
   record::AlertLimits alert;
-  // Program and arguments of alert.on_doubt. `resolved` omits them, because it is stored in runs.
+  // Program and arguments of alert.on_doubt. They are omitted from `resolved`, which is stored in
+  // runs.
   std::vector<std::string> on_doubt;
   Calibration calibration;    // contents of the file named by run.calibration
   record::Antennas antennas;  // calibrated antennas of the heat map; empty if there is no heat map

@@ -138,7 +138,8 @@ std::vector<Finding> check_permissions(const std::optional<Config>& config,
                    {{"nodes", count}}});
   const bool installed = rules_installed(roots);
   for (const Finding& finding : out)
-    if (finding.advice == install_rules) return out;  // the advice already covers the udev rules
+    // The finding already contains the advice to install the udev rules.
+    if (finding.advice == install_rules) return out;
   const bool fine = installed || inventory::list_attached(roots.devices).empty();
   out.push_back({"udev rules", fine ? Grade::ok : Grade::warning,
                  std::string(rules) + (installed ? " is installed"
@@ -188,7 +189,7 @@ Finding check_usb_memory(const std::optional<Config>& config, const MachineRoots
 
 KernelClock read_clock() {
   timex state{};
-  const int answer = ::adjtimex(&state);  // state.modes is 0: only reads the clock
+  const int answer = ::adjtimex(&state);  // only reads the clock, because state.modes is 0
   return {answer >= 0, answer >= 0 && answer != TIME_ERROR && !(state.status & STA_UNSYNC),
           static_cast<double>(state.maxerror) * 1e-6};
 }

@@ -20,7 +20,7 @@ constexpr std::int64_t block_ps = 10'000'000'000;  // block length: 10 ms
 constexpr std::int64_t all = std::numeric_limits<std::uint32_t>::max();
 constexpr long double longest_ps = 9.1e18L;  // maximum time of a tag, below 2^63
 constexpr long double ps_per_s = 1e12L;
-constexpr double rate_share = 0.05;  // tolerated relative difference of pulse rates
+constexpr double rate_share = 0.05;  // tolerated relative difference between pulse rates
 
 // Returns true if a_s exceeds b_s by more than the tolerated difference of two clocks, 1 % + 0.1 s.
 bool later(long double a_s, long double b_s) { return a_s > 1.01L * b_s + 0.1L; }

@@ -32,7 +32,7 @@ namespace echofuse::acquire {
 // Channel number of the sync; input n has channel number n.
 inline constexpr std::int32_t sync_channel = 0;
 
-// Converts PicoQuant records into tags. Pure.
+// Converts PicoQuant records into tags. Does no I/O.
 class PicoquantRecords {
  public:
   // Throws Error(failed) if the record type is unknown or a resolution is not positive. `offset`:
@@ -65,9 +65,9 @@ class PicoquantRecords {
 };
 
 // Reads a .ptu file in blocks of at most 10 ms. `use` contains the selected inputs and the
-// histogram bins. Tags after the end time in the header are omitted, because a single damaged
-// overflow can shift times by days. Throws Error(failed) if the file is not a .ptu file, its record
-// type is unknown, or its header contradicts the mode (T2 or T3) of the records.
+// histogram bins. Tags after the end time in the header are omitted, because a single corrupted
+// overflow record can shift times by days. Throws Error(failed) if the file is not a .ptu file, its
+// record type is unknown, or its header contradicts the mode (T2 or T3) of the records.
 class PicoquantTags final : public Recording {
  public:
   PicoquantTags(const std::string& path, const tdc::HistogramSettings& use);

@@ -18,7 +18,7 @@ inline constexpr std::uint64_t max_depth_pixels = std::uint64_t{1} << 23;
 
 // Grid of the depth maps of a run: size x size pixels over tangents of +-half_tangent in both
 // directions, and depths from 0 to far_m. A run stores its grid as the axes map_x, map_y and map_z
-// (one bin that starts at 0). The defaults apply to a run without these axes.
+// (one bin that starts at 0). The defaults apply if a run does not have these axes.
 struct MapGrid {
   std::uint32_t size = 64;
   double half_tangent = 0.55;  // tangent of half the field of view

@@ -54,7 +54,9 @@ ArrayBin bin_of(std::span<const float> array, std::size_t antennas, std::size_t 
 
 // Returns the power received from direction cosine u, with v = 0 (Bartlett beamformer):
 //   sum_mn R_mn / (h_m conj(h_n)) exp(-i pi (x_m - x_n) u) / A^2,  h = gain exp(i phase).
-// For a plane wave with power P in each antenna, the result is P in the direction of the wave.
+// R_mn is the covariance of antennas m and n, x_m the position and h_m the error of antenna m, and
+// A the number of antennas. For a plane wave with power P in each antenna, the result is P in the
+// direction of the wave.
 double beam_power(const ArrayBin& bin, const Antennas& antennas, double u);
 // Number of beams of the range-direction image.
 inline constexpr std::size_t beams = 32;

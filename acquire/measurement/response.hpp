@@ -57,8 +57,8 @@ struct RadarResponse {
 // about z.
 struct Symmetry {
   double zero = 0, peak = 0;  // positions, cells
-  // Largest difference power(z + u) - power(z - u) with its sign, relative to power(z), for z =
-  // zero.
+  // Largest difference power(z + u) - power(z - u) over all u, with its sign, relative to power(z);
+  // z is `zero`.
   double lopsided = 0;
 };
 // Finds `zero` and `peak` between `first` and `last`, in cells.

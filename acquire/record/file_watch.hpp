@@ -19,10 +19,10 @@ class FileWatch {
   std::string lost() const;
   // Returns true if the database file has changed since note().
   bool touched() const;
-  // Call after each of our checkpoints. From then on the WAL may become shorter, because the
+  // Call after each of our checkpoints. From then on, the WAL may become shorter, because the
   // database contains its data.
   void note();
-  // Call after each of our commits. From then on WAL and index must not become shorter.
+  // Call after each of our commits. From then on, the WAL and its index must not become shorter.
   void note_commit();
   // Returns true if the WAL has become shorter since note_commit(). A checkpoint of another program
   // may also truncate it, but changes the database first, so that touched() returns true.
@@ -31,10 +31,10 @@ class FileWatch {
   // the mapped file. SQLite reads the restored part as zeros and rebuilds the index from the WAL.
   void restore_index() const;
 
-  // Returns true if the path of the database still leads to the same file.
+  // Returns true if the path of the database still leads to the file that was opened.
   bool same_database() const { return fault_of(files_[0]) == 0; }
-  // Removes WAL and index if they are still our files. SQLite would apply them to another database
-  // at this path.
+  // Removes the WAL and its index, each only if it is still our file. Otherwise SQLite would apply
+  // them to another database at this path.
   void remove_wal() const;
 
  private:

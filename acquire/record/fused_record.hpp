@@ -101,7 +101,7 @@ struct CalibrationEntry {
   bool operator==(const CalibrationEntry&) const = default;
 };
 
-// Content of the table run, which has one row.
+// Content of the table `run`, which has one row.
 struct RunInfo {
   std::string uuid;                    // created by the writer if empty
   std::string started_utc, ended_utc;  // ISO 8601

@@ -23,7 +23,7 @@ struct Rescue {
 Rescue rescue(sqlite3* db, const std::string& path, const std::string& status, UtcTime ended,
               std::int64_t records);
 
-// Sets status and end time of the run. Throws Error.
+// Sets the status and the end time of the run. Throws Error.
 void put_end(sqlite3* db, const std::string& path, const std::string& status, UtcTime ended);
 
 // Runs SQLite's quick check on the database file. Returns the first error; empty if the file is

@@ -142,7 +142,7 @@ const Row& table_of() {
   return table;
 }
 
-// Tables of every run. Runs of a detector with zones also have the table zone.
+// Tables of every run. Runs of a detector with zones also have the table `zone`.
 const std::vector<const Row*>& tables();
 
 // Binds the columns of a row to an INSERT, in order, and runs it.

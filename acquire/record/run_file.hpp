@@ -55,11 +55,11 @@ class RunWriter {
  public:
   // Throws if the path exists. Creates a uuid if `info` has none. `clock` supplies the start and
   // end times and must outlive the writer. The file appears at `path` after `begin` has written its
-  // rows. A process killed before that leaves PATH-new, which the next writer removes.
+  // rows. If the process is killed earlier, PATH-new remains until the next writer removes it.
   using Begin = std::function<void(RunWriter&)>;
   RunWriter(const std::string& path, const RunInfo& info, const Clock& clock = system_clock,
             const Begin& begin = {});
-  // Without close() the status remains "open", and readers report the run as crashed.
+  // If close() was not called, the status remains "open", and readers report the run as crashed.
   ~RunWriter();
   RunWriter(const RunWriter&) = delete;
   RunWriter& operator=(const RunWriter&) = delete;
@@ -177,8 +177,8 @@ std::string verdict_kind(const std::string& verdict);
 // Adds the verdicts of one record to sum.verdicts and sum.doubtful.
 void count_verdicts(RunSummary& sum, const PerSensor<std::string>& verdicts);
 
-// Status of an unclosed run without the -wal that contains its last records, usually an incomplete
-// copy. A run that was killed at its start looks the same.
+// Status of an unclosed run that lacks the -wal with its last records. Usually the file is an
+// incomplete copy. A run that was killed at its start looks the same.
 inline constexpr const char* crashed_without_wal = "crashed, no -wal";
 // Status of a copy that SQLite made of an open run (VACUUM INTO). It is a closed file with the
 // records of that moment.
@@ -201,7 +201,7 @@ class RunReader {
   const std::string& path() const { return path_; }
   // Returns SQLite's side files next to a closed run; they are ignored.
   std::vector<std::string> leftovers() const;
-  // Returns the row of the table run. If the status is "open", but no process is writing the run,
+  // Returns the row of the table `run`. If the status is "open", but no process is writing the run,
   // the status is replaced by "crashed", crashed_without_wal or copy_of_open.
   RunInfo info() const;
   std::vector<DeviceInfo> devices() const;
@@ -249,7 +249,7 @@ class RunReader {
   sqlite3* db_ = nullptr;
   bool closed_ = false;      // result of is_closed()
   bool lacks_wal_ = false;   // no process is writing, and the -wal is missing or empty
-  std::uint64_t bytes_ = 0;  // size of the file and its -wal when opened
+  std::uint64_t bytes_ = 0;  // total size of the file and its -wal when they were opened
   std::unique_ptr<Budget> budget_;
 };
 

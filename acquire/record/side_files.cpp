@@ -73,7 +73,7 @@ struct BoundKey {
   bool records = false;  // true if the run has records
 };
 
-// Reads the key from the database file, without its side files. Returns nothing if the file is
+// Reads the key from the database file, ignoring its side files. Returns nothing if the file is
 // damaged or not a run.
 std::optional<BoundKey> stored_in(const std::string& path) {
   std::error_code none;

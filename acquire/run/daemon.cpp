@@ -218,7 +218,7 @@ void Daemon::begin() {
   notify_ready(config_.window_s);
 }
 
-// Writes configuration, devices and axes to the new run file.
+// Writes the configuration, the devices and the axes to the new run file.
 void Daemon::describe_run() {
   recording_->journal.put_config(config_);
   recording_->journal.put_axes(recording_->windows.axes(), recording_->windows.zones());

@@ -36,8 +36,9 @@ struct PlannedRun {
 
 struct DiskEstimate {
   double record_bytes = 0;  // size of the sensor data, row and events of a record, bytes
-  double needed_bytes = 0;  // size of all planned records, bytes; 0: number of records unlimited
-  double lasts_s = 0;       // recording time until the disk is full
+  // Size of all planned records, bytes; 0 if the number of records is unlimited.
+  double needed_bytes = 0;
+  double lasts_s = 0;  // recording time until the disk is full
 };
 // Requires plan.record_bytes > 0.
 DiskEstimate estimate_disk(const PlannedRun& plan, double free_bytes);

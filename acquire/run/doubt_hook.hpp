@@ -57,7 +57,7 @@ class DoubtHook {
   const std::vector<std::string> words_;
   const record::AlertLimits limits_;
   const Warn warn_;
-  // Last state of each source; a source without an entry is ok.
+  // Last state of each source; a source that has no entry is ok.
   std::map<std::string, std::string> kinds_;
   PerSensor<std::optional<HostTime>> last_valid_;
   std::deque<AlertChange> waiting_;

@@ -15,8 +15,8 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr auto anchor_pause = std::chrono::minutes(1);
-// Smallest jump of the system clock that is reported. The process may be paused for a shorter time
-// between reading the two clocks.
+// Smallest jump of the system clock that is reported. A shorter jump may be due to a pause of the
+// process between reading the two clocks.
 constexpr auto least_step = std::chrono::milliseconds(500);
 // The journal fails if the number of waiting jobs reaches this multiple of its capacity.
 constexpr std::size_t hard_limit = 10;

@@ -20,8 +20,8 @@ std::string size_of(std::uint32_t width, std::uint32_t height) {
   return std::to_string(width) + " x " + std::to_string(height);
 }
 
-// Returns the axis that records use for this axis of a device. For "array" it is the axis of the
-// array statistics.
+// Returns the axis that records use for `axis`, an axis of a device. For "array", this is the axis
+// of the array statistics.
 Axis kept_axis(const Axis& axis) {
   return axis.name == "array" ? record::array_axis(axis, record::antennas_of(axis)) : axis;
 }
@@ -324,8 +324,8 @@ record::FusedRecord Windows::close(const DueSlot& due) {
                                       depth_fault(slot)};
   for (const Sensor s : all_sensors) {
     std::string& verdict = record.sync[s].verdict;
-    // A stalled slot is treated as incomplete if its tags span less than 90 % of it, because only a
-    // later sample would report lost tags.
+    // A stalled slot is treated as incomplete if its tags span less than 90 % of the slot, because
+    // only a later sample would report lost tags.
     const bool cut = s == Sensor::spd && span < grid_.length * 9 / 10;
     if (!configured_.contains(s)) {
       verdict = "not configured";

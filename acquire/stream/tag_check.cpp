@@ -124,7 +124,7 @@ void TagCheck::pass(const TagBlock& block, const Output& out, bool plain) {
   out(block);
 }
 
-// Returns true if the block contains only time tags, and these are in order. The loop has no
+// Returns true if the block contains only time tags and the tags are in order. The loop has no
 // branches, because every tag of a run is tested.
 bool TagCheck::is_plain(const TagBlock& block) const {
   if (block.tags.empty()) return true;

@@ -34,13 +34,13 @@ std::string comb_text(long double step_ps, std::int64_t bin_width_ps);
 class TagCheck {
  public:
   using ReportFault = std::function<void(const std::string&)>;
-  // `live`: reports each fault immediately, and checks the device clock. In a recording, the times
-  // of receipt come from the tags themselves.
+  // If `live` is true, reports each fault immediately and checks the device clock. A recording is
+  // not live, because its times of receipt are derived from its tags.
   TagCheck(const tdc::HistogramSettings& use, bool live, ReportFault report);
 
   using Output = std::function<void(const TagBlock&)>;
-  // Calls `out` with the events that waited for this block, then with the events of the block.
-  // Times are repaired.
+  // Calls `out` with the events that waited for this block, then with the events of the block. The
+  // times of these events are repaired.
   void take(const TagBlock& block, const Output& out);
   // Calls `out` with the events that are still waiting. Call at the end of the stream.
   void flush(const Output& out);
@@ -97,7 +97,7 @@ class TagCheck {
   std::vector<Tag> repaired_, held_;
   HostTime held_received_{};
   bool hold_ = true;
-  std::optional<std::uint64_t> last_ps_;  // last time sent by the device, without repair
+  std::optional<std::uint64_t> last_ps_;  // last time as sent by the device, before it is repaired
   std::uint64_t highest_ps_ = 0, offset_ps_ = 0;
   // Counts of the faults in the current second.
   std::uint64_t wrapped_ = 0, stepped_back_ = 0, sorted_ = 0, farthest_back_ps_ = 0;
