@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Configuration of echofuse-acquire: a TOML file, parsed strictly.
+// Configuration of echofuse-acquire: a TOML file, in which unknown keys and sections are errors.
 #pragma once
 #include <cstdint>
 #include <optional>

@@ -144,8 +144,8 @@ std::string import_streams(const Config& config, const ImportOptions& options,
   for (const Sensor s : all_sensors)
     if (config.configured().contains(s)) import.writer().put_policy(s, "optional");
   Slots slots(config, {HostTime{}, from_seconds(config.window_s)});
-  // Latest plausible time: 1000 slots, plus one slot per byte of the files, because no recorder
-  // writes less than a byte per slot.
+  // Latest plausible time of a sample: 1000 slots, plus one slot per byte of the files, because no
+  // recorder writes less than a byte per slot.
   double longest_s = 1000 * config.window_s;
   for (const auto& file : options.files)
     longest_s += static_cast<double>(fs::file_size(file)) * config.window_s;

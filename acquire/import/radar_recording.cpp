@@ -80,8 +80,7 @@ void RadarRecording::step(FrameTime now, const FrameTime* next) {
   if (next && !damaged && to_now >= most && to_next <= usual) {
     step_s = period_s * profile_.subframes;
     restarts_.add("between " + between + " at " + at);
-    // The time of the first frame is corrupted.
-  } else if (goes_on && !goes_on_without && !confirmed_) {
+  } else if (goes_on && !goes_on_without && !confirmed_) {  // the first frame's time is corrupted
     impossible_.add("frame " + std::to_string(last_->frame_number) + " at the start");
     step_s = n * period_s;
   } else if (goes_on_without ? right && goes_on : right || even) {

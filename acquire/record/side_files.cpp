@@ -17,7 +17,7 @@ namespace echofuse::record {
 namespace {
 
 using FileHead = std::array<std::uint8_t, 32>;
-// Maximum number of bytes that are read; more than one sector and one page.
+// Maximum number of bytes that are read from a journal; exceeds one sector plus one page.
 constexpr std::size_t most_of_journal = 1 << 18;
 
 // Returns the first bytes of a file, padded with zeros.
@@ -88,7 +88,7 @@ std::optional<BoundKey> stored_in(const std::string& path) {
   try {
     Statement records(db, path, "SELECT EXISTS(SELECT 1 FROM record)");
     return BoundKey{.key = key_in(db, path), .records = records.step() && records.integer() != 0};
-  } catch (const Error&) {  // a reader of the run reports the reason
+  } catch (const Error&) {  // ignored, because a reader of the run reports the error
     return std::nullopt;
   }
 }

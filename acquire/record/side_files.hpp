@@ -9,7 +9,7 @@ struct sqlite3;
 
 namespace echofuse::record {
 
-// Key in the metadata of an open run. Its value identifies the -wal: 8 hexadecimal digits.
+// Key in the metadata of an open run. Its value, 8 hexadecimal digits, identifies the -wal.
 inline constexpr const char* wal_key_name = "wal_key";
 // SQL assignment that removes the key when the run is closed.
 inline constexpr const char* without_wal_key = "meta = json_remove(meta, '$.wal_key')";
