@@ -355,7 +355,8 @@ void print(nlohmann::ordered_json json) {
               json.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace).c_str());
 }
 
-// Prints the results, then writes them to the calibration file or compares them with it.
+// Prints the results, then writes them to the calibration file or compares them with the stored
+// calibration.
 ExitCode finish(const Measurement& measurement, const Config& config,
                 const CalibrateOptions& options, const Reflector& reflector,
                 const Calibration& stored, const Clock& clock) {

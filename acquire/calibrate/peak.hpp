@@ -40,8 +40,8 @@ struct EchoAxis {
   double range_m(double bin) const { return start_m + bin * step_m; }
 };
 
-// Encodes linear power as 256 * (log2(power) + 128). Raises powers that are more than 60 dB below
-// the maximum of the frame to that limit.
+// Encodes linear power as 256 * (log2(power) + 128). Powers below -60 dB relative to the maximum of
+// the frame are first raised to -60 dB.
 std::vector<std::uint16_t> power_codes(std::span<const float> power);
 inline constexpr double power_code_step = 1.0 / 256;
 // Mean and standard deviation of each bin over the frames.

@@ -36,7 +36,7 @@ namespace {
 
 constexpr const char* program = "echofuse-acquire";
 
-// `messages` must outlive the default logger.
+// `messages` must outlive the default logger, which writes to it.
 void set_up_log(const Options& o, const OutputQueue& messages) {
   using Sink = spdlog::sinks::ansicolor_sink<spdlog::details::console_mutex>;
   const bool colours = isatty(STDERR_FILENO) && spdlog::details::os::is_color_terminal();

@@ -17,7 +17,7 @@
 namespace echofuse::acquire {
 
 // Receives all samples and events of the drivers, updates the status, and forwards them to `next`.
-// Threading: only the loop's thread.
+// Threading: used only on the loop's thread.
 class Devices final : private SampleSink {
  public:
   struct Status {

@@ -23,8 +23,8 @@ struct MachineRoots {
 };
 
 // Checks whether this user may open the attached devices and the configured serial ports, and
-// whether our udev rules are installed. A fault of a configured device is a problem; a fault of any
-// other device is a warning.
+// whether our udev rules are installed. A fault of a configured device is graded as a problem, a
+// fault of any other device as a warning.
 std::vector<Finding> check_permissions(const std::optional<Config>& config,
                                        const MachineRoots& roots);
 // Warns if ModemManager is running and would probe one of our serial ports.

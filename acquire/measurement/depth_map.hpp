@@ -26,7 +26,7 @@ struct MapGrid {
 
   std::size_t pixels() const { return std::size_t{size} * size; }
   double step() const { return 2 * half_tangent / size; }  // tangent
-  Axis x() const;                                          // depth_x_axis() of this grid
+  Axis x() const;                                          // result of depth_x_axis() for this grid
   Axis y() const;
   std::array<Axis, 3> axes() const;      // {map_x, map_y, map_z}
   std::array<Axis, 5> run_axes() const;  // axes of a run that stores depth images on this grid

@@ -121,7 +121,8 @@ void put(const std::string& name, const std::string& level, const std::string& t
 }  // namespace
 
 void put_note(const std::string& path, const std::string& text, const std::string& who) {
-  if (RunReader(path).info().status == crashed_without_wal)  // throws if `path` is not a run file
+  // RunReader throws if `path` is not a run file.
+  if (RunReader(path).info().status == crashed_without_wal)
     cannot_annotate(
         path, ExitCode::failed,
         "it is a copy without its -wal file; closing it would lose the records in the -wal file");

@@ -17,9 +17,10 @@ namespace echofuse::record {
 // Samples of one sensor in a slot. Times are device times converted to host time by the clock fit,
 // or times of receipt if there is no fit.
 struct SensorSync {
-  double offset_s = 0;              // mean time of the used samples minus the centre of the slot
-  double span_s = 0;                // time from the first to the last used sample
-  std::uint64_t used = 0;           // SPD: clicks in the histogram; radar, depth: frames
+  double offset_s = 0;  // mean time of the used samples minus the centre of the slot
+  double span_s = 0;    // time from the first to the last used sample
+  // SPD: number of clicks in the histogram; radar and depth: number of frames.
+  std::uint64_t used = 0;
   std::uint64_t lost = 0;           // tags or frames that are known to be lost
   std::string verdict = "missing";  // "ok", or what is wrong with the data
 };
@@ -36,7 +37,7 @@ struct ClockState {
 struct Signal {
   // Clicks per laser pulse, even if the time tagger sends only some of the starts.
   std::optional<double> clicks_a_pulse;
-  // Clicks above the background; range of the highest bin.
+  // Number of clicks above the background, and range of the highest bin.
   std::optional<double> spd_clicks, spd_peak_m;
   // Ratio of peak to median of the range profile; range of the peak.
   std::optional<double> radar_snr_db, radar_peak_m;

@@ -184,7 +184,7 @@ void RunReader::open(const std::string& network) {
   closed_ = journal_version(db_) == 1;  // the writer may have closed the run after is_closed()
   if (closed_) return unchanging();
   if (code == SQLITE_CANTOPEN || code == SQLITE_READONLY) {
-    // An immutable connection would ignore the records in a WAL, and a journal to be rolled back.
+    // An immutable connection would ignore records in a WAL and a journal that must be rolled back.
     for (const char* beside : {"-wal", "-journal"})
       if (bytes_of(file_ + beside) > 0 && !lacks_wal_)
         throw Error(ExitCode::failed, shown_ + ": was not closed, and its last records are in " +

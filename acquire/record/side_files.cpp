@@ -102,7 +102,8 @@ std::optional<BoundKey> stored_in(const std::string& path) {
 
 std::optional<std::uint32_t> wal_key(const std::string& path) {
   const FileHead header = wal_header(path);
-  constexpr std::uint32_t magic = 0x377f0682;  // the last bit is set for big-endian checksums
+  // The last bit of the magic number is set if the checksums are big-endian.
+  constexpr std::uint32_t magic = 0x377f0682;
   if ((big_endian(header.data()) & ~1u) != magic) return std::nullopt;
   return big_endian(header.data() + 16) - big_endian(header.data() + 12);
 }
@@ -129,7 +130,7 @@ void bind_wal(sqlite3* db, const std::string& path) {
 void unbind_wal(sqlite3* db, const std::string& path) {
   try {
     put_key(db, path, "none");
-  } catch (const Error&) {  // full disk: the key remains until the run is closed
+  } catch (const Error&) {  // ignored; on a full disk, the key remains until the run is closed
   }
 }
 

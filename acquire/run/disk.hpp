@@ -69,8 +69,8 @@ Finding speed_finding(const DiskSpeed& speed, const PlannedRun& plan);
 // is unlimited, returns a warning if the space lasts less than `short_s`.
 Finding space_finding(double free_bytes, const PlannedRun& plan, double short_s = 3600);
 
-// Checks speed and free space of the disk. If the record size is unknown, only reports the measured
-// values.
+// Checks the speed and the free space of the disk. If the record size is unknown, only reports the
+// measured values.
 std::vector<Finding> check_disk(const PlannedRun& plan);
 
 }  // namespace echofuse::acquire

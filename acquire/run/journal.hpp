@@ -39,7 +39,7 @@ class Journal {
   // clock and the workers; it must outlive the journal.
   Journal(std::unique_ptr<record::RunWriter> run, port::Loop& loop,
           std::size_t capacity = default_capacity);
-  // If finish() was not called, leaves the run as after a crash.
+  // If finish() was not called, the run is left unclosed, as after a crash.
   ~Journal();
   Journal(const Journal&) = delete;
   Journal& operator=(const Journal&) = delete;
@@ -134,8 +134,8 @@ class Journal {
 
 // Log of a run. All events go to the terminal; warnings, errors and recoveries also go to the run
 // file. Each source may log 100 lines in 10 s, so that a device cannot fill the disk or the queue
-// of the journal. The next line after that reports the number of dropped lines. Threading: the
-// loop's thread.
+// of the journal. The next line after that reports the number of dropped lines. Threading: used
+// only on the loop's thread.
 class RunLog {
  public:
   explicit RunLog(const Clock& clock) : clock_(clock) {}

@@ -105,7 +105,8 @@ std::string SignalCheck::beside_reference(Sensor sensor, double strength, const 
 
 std::string SignalCheck::assess_spd(record::FusedRecord& r, const Axis& axis) {
   bool even = true;  // true if no zone has a peak
-  // Clicks above the background, all clicks, and clicks in the brightest zone.
+  // Number of clicks above the background, number of all clicks, and number of clicks in the
+  // brightest zone.
   double clicks = 0, all = 0, most = 0;
   for (auto from = r.spd.begin(); from < r.spd.end(); from += axis.count) {
     const std::vector<std::uint32_t> zone(from, from + axis.count);
@@ -155,8 +156,8 @@ std::string SignalCheck::assess_radar(record::FusedRecord& r, const Axis& axis) 
   const double floor = median(power);
   const auto first = power.begin() + leakage_bins;
   const auto top = static_cast<std::size_t>(std::max_element(first, power.end()) - power.begin());
-  // After noise subtraction the median may be 0 or negative. The ratio is then infinite and is not
-  // stored.
+  // After noise subtraction, the median may be 0 or negative. The peak-to-median ratio is then
+  // infinite and is not stored.
   const double snr_db = power[top] <= 0 ? 0 : 10 * std::log10(power[top] / std::max(floor, 0.0));
   double strength = 0;
   for (auto p = first; p != power.end(); ++p) strength += std::max(0.0, *p - floor);

@@ -90,7 +90,7 @@ class StatusLine {
 };
 
 // Notifications of a run to systemd (sd_notify). They do nothing if NOTIFY_SOCKET is not set.
-// Threading: the loop's thread; a call blocks only if systemd blocks.
+// Threading: used only on the loop's thread; a call blocks only if systemd blocks.
 
 // Reports that the run is ready. Extends the watchdog period if it is shorter than four slots.
 void notify_ready(double window_s);

@@ -60,9 +60,9 @@ class Windows {
   Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc, const SensorClocks& clocks,
           SensorSet configured, SensorSet required = {});
 
-  // Sets axes and zones of a device. The axes and zones that are announced first apply to the whole
-  // run. Returns false if a device has other axes or zones. Its samples are then ignored until a
-  // device with the first axes and zones is announced.
+  // Sets the axes and zones of a device. The axes and zones that are announced first apply to the
+  // whole run. Returns false if a device has other axes or zones. Its samples are then ignored
+  // until a device with the first axes and zones is announced.
   bool announce(const DeviceInfo& info);
   // Returns the axes that have been announced.
   std::vector<Axis> axes() const;
