@@ -274,8 +274,8 @@ std::string unlike_one_echo(const Profile& profile, const EchoPlace& fit, std::s
   return {};
 }
 
-// Returns the bin of a second peak in [low, high], or 0 if there is none. A second peak is outside
-// the main lobe (first null at 3 cells) and at most 6 dB weaker.
+// Returns the bin of a second peak in [low, high], or 0 if only one peak exists. A second peak is
+// outside the main lobe (first null at 3 cells) and at most 6 dB weaker.
 std::size_t other_top(const std::vector<double>& mean, std::size_t low, std::size_t high,
                       std::size_t top, double cells_per_bin) {
   const auto width = static_cast<std::size_t>(std::ceil(3 / cells_per_bin));

@@ -13,8 +13,8 @@ struct AlertLimits {
   double disk_free_gb = 1;  // 0: no alert
 };
 // Returns the kind of problem for the alert. For a valid sensor, this is the kind of its verdict,
-// which is "ok" if there is no problem. For a missing sensor, it is "no data" if `silent_s`, the
-// time since its last valid slot, has reached the limit; otherwise it is empty.
+// which is "ok" if the data are good. For a missing sensor, it is "no data" if `silent_s`, the time
+// since its last valid slot, has reached the limit; otherwise it is empty.
 std::string doubt_kind(bool valid, const std::string& verdict, double silent_s,
                        const AlertLimits& limits);
 bool is_disk_low(std::uint64_t free_bytes, const AlertLimits& limits);

@@ -15,14 +15,14 @@
 namespace echofuse::record {
 
 // Samples of one sensor in a slot. Times are device times converted to host time by the clock fit,
-// or times of receipt if there is no fit.
+// or times of receipt if the fit is missing.
 struct SensorSync {
   double offset_s = 0;  // mean time of the used samples minus the centre of the slot
   double span_s = 0;    // time from the first to the last used sample
   // SPD: number of clicks in the histogram; radar and depth: number of frames.
   std::uint64_t used = 0;
   std::uint64_t lost = 0;           // tags or frames that are known to be lost
-  std::string verdict = "missing";  // "ok", or what is wrong with the data
+  std::string verdict = "missing";  // "ok", or the reason why the data are not ok
 };
 
 // Fit of the device clock to the host clock, based on the times of receipt of the samples.

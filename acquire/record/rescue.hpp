@@ -13,7 +13,7 @@ namespace echofuse::record {
 
 struct Rescue {
   bool whole = false;  // true if the copy contains all committed records
-  // Message with the path and the state of the copy, or with the reason why there is no copy.
+  // Message with the path and the state of the copy, or with the reason why the copy is missing.
   std::string text;
 };
 
