@@ -275,7 +275,7 @@ std::optional<std::string> RunWriter::new_label(UtcTime before) {
   while (s.step()) {
     const std::int64_t id = s.integer();
     const bool is_label = s.text() == "label";
-    if (is_label && s.text() >= end) break;  // this label applies to a later slot
+    if (is_label && s.text() >= end) break;  // the label applies to a later slot
     last_event_ = id;
     if (is_label) label = s.text();
   }
