@@ -29,11 +29,11 @@ struct RadarConfig {
   std::string cli, data;  // addresses of command port and data port
   std::string cfg_text;   // sent unchanged, line by line
   std::string cfg_name;   // name of the cfg in messages, usually its file name
-  // rate of the command port in TI's out-of-box demo
+  // baud rate of the command port in TI's out-of-box demo
   static constexpr std::uint32_t cli_baud = 115200;
   std::uint32_t data_baud = 921600;
-  std::string board = "isk";  // name listed in drivers/radar/board_antennas.hpp
-  bool keep_running = false;  // true: the sensor keeps running at the end
+  std::string board = "isk";  // name of the board, as listed in drivers/radar/board_antennas.hpp
+  bool keep_running = false;  // true: stopping the driver does not stop the radar
   std::string address = {};   // address of a bridge; if it is set, the fields above are not used
 };
 

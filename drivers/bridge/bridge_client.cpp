@@ -66,8 +66,8 @@ void BridgeClient::watch() {
   timer_.after(check_pause, [this] { check_liveness(); });
 }
 
-// Considers the bridge alive if it sent a block since the last check. Blocks before a hello do not
-// count.
+// Considers the bridge alive if it sent a block since the last check. Blocks received before a
+// hello do not count.
 void BridgeClient::check_liveness() {
   const bool alive =
       std::exchange(blocks_seen_, parser_.counts().blocks) != parser_.counts().blocks && greeted_;

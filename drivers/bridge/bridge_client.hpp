@@ -32,9 +32,9 @@ class BridgeClient {
   BridgeClient(port::Loop& loop, port::ByteOpener opener, std::string programs);
   void start(Handlers handlers);
   void stop();
-  // Rejects a delivered block with an unexpected kind or an invalid payload. Counts it as lost
-  // before the next block. `expected`: kind that the driver expects: "tags", "histograms", "depth
-  // frames" or "range profiles".
+  // Rejects a delivered block with an unexpected kind or an invalid payload. The next delivered
+  // block reports it as lost. `expected`: kind that the driver expects, i.e. "tags", "histograms",
+  // "depth frames" or "range profiles".
   void reject(const Block& block, const char* expected);
   std::vector<Counter> counters() const;
 
@@ -58,7 +58,7 @@ class BridgeClient {
   std::uint64_t blocks_seen_ = 0, bytes_seen_ = 0;
   int quiet_checks_ = 0;
   bool running_ = false, faulted_ = false, greeted_ = false;
-  bool connected_ = false, told_kind_ = false;  // reset at each connection
+  bool connected_ = false, told_kind_ = false;  // reset when a new connection is made
   std::uint64_t connections_ = 0, bad_payloads_ = 0;
   std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;  // reported with the next delivered block
   std::unique_ptr<port::BytePort> port_;

@@ -14,8 +14,8 @@ constexpr std::uint32_t longest_gap = 1u << 20;
 
 namespace fs = std::filesystem;
 
-// Returns the path of one of our bridges, installed or in the source tree. Returns its file name if
-// neither exists.
+// Returns the path of one of this project's bridge programs, either installed or in the source
+// tree. Returns only the file name of the program if neither exists.
 std::string path_of(const std::string& bridge) {
   std::error_code none;
   const std::string name = "echofuse-bridge-" + bridge;
@@ -60,7 +60,7 @@ void BridgeDriver::on_state(DeviceState state, const Hello& hello) {
     info_.model = hello.model;
     info_.serial = hello.serial;
     info_.firmware = hello.firmware;
-    info_.axes.clear();  // the first frame of the connection sets them again
+    info_.axes.clear();  // the first frame of the connection sets the axes again
     if (info_.sensor != Sensor::spd || histograms_) return;
   }
   sink_->on_state(info_.sensor, state, info_);

@@ -48,12 +48,14 @@ void echofuse_pack_tags(const std::uint8_t* from, std::uint8_t* to, std::uint32_
   using Words [[gnu::vector_size(sizeof(Tag))]] = std::int32_t;
   const Words click{0, click_channel, 0, 0};
   const Words sought{static_cast<std::int32_t>(TagType::overflow_begin), start_channel};
-  // Counts matching 32-bit words. Word 0 of a tag contains the type, word 1 the channel.
+  // Counts the 32-bit words that match: `found` for overflow markers and starts, `clicks` for
+  // clicks. Word 0 of a tag contains the type, word 1 the channel.
   Words found{}, clicks{};
   for (std::size_t i = 0; i < count; ++i) {
     Words tag;
     std::memcpy(&tag, from + i * sizeof tag, sizeof tag);
-    found -= (tag & Words{0xff, -1, -1, -1}) == sought;  // each matching word becomes -1
+    // comparing vectors gives -1 for each matching word
+    found -= (tag & Words{0xff, -1, -1, -1}) == sought;
     clicks -= tag == click;
     tag &= Words{~0xff00, -1, -1, -1};
     std::memcpy(to + i * sizeof tag, &tag, sizeof tag);

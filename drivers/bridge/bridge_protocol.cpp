@@ -51,7 +51,7 @@ Axis tangent_axis(const char* name, std::uint32_t count, float start, float step
           .step = step};
 }
 
-// Limits tangents to 100, an angle of 89.4 degrees from the optical axis.
+// Returns false if a tangent exceeds 100, which is 89.4 degrees from the optical axis.
 bool usable(const Axis& axis) {
   const double end = axis.start + axis.step * axis.count;
   return axis.count >= 1 && axis.count <= max_depth_side && std::abs(axis.start) <= 100 &&
@@ -78,7 +78,8 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
     return refuse("the received bytes are not a bridge block; expected an echofuse bridge",
                   static_cast<std::size_t>(differs - bytes.begin()) + 1);
   }
-  // Compares even an incomplete magic, so that a foreign protocol is reported at its first bytes.
+  // The magic number is compared even if it is incomplete, so that data of another protocol are
+  // reported at the first wrong byte.
   if (bytes.size() < magic.size()) return {0, bytes.size() + 1};
   if (bytes.size() < header_bytes) return {0, header_bytes};
   const BlockHeader header = read_header(bytes);

@@ -61,7 +61,7 @@ struct Block {
   std::uint32_t sequence = 0;
   std::uint64_t dropped_items = 0;  // number of items that the sender dropped before this block
   std::uint64_t lost_blocks = 0;    // number of missing sequence numbers before this block
-  ByteView payload;                 // valid only during the call
+  ByteView payload;                 // valid only until the callback returns
 };
 
 // Invariant: bytes == bytes of valid blocks + junk_bytes. `bytes` excludes an incomplete block in
@@ -111,8 +111,8 @@ class BlockParser {
 
 struct Hello {
   std::string model, serial, firmware;
-  std::string sends;  // "histograms", or empty for tags
-  Zones zones;        // empty if the hello lists no zones
+  std::string sends;  // "histograms"; empty if the device sends tags
+  Zones zones;        // zones of the detector; empty if the hello lists no zones
 };
 // Returns nullopt if the payload is not a JSON object, a known key has a value of the wrong type,
 // or a zone is implausible. Limits: 64 KiB, 64 zones, 1024 values, 8 levels of nesting.

@@ -12,7 +12,7 @@ namespace {
 constexpr int deepest = 8;
 constexpr int most_values = 1024;
 
-// SAX handler that stores only the known texts and zones, so that other content needs no memory.
+// SAX handler that stores only the known strings and zones, so that other content uses no memory.
 class HelloReader final : public nlohmann::json_sax<nlohmann::json> {
  public:
   Hello hello;

@@ -11,7 +11,7 @@
 namespace echofuse {
 
 // A driver that is `faulted` or `misconfigured` is not connected and keeps retrying.
-// `misconfigured` means that the configuration is wrong. If this occurs at the start, `run` and
+// `misconfigured` means that the configuration is wrong. If this state occurs on start, `run` and
 // `calibrate` exit.
 enum class DeviceState : std::uint8_t { connecting, streaming, faulted, ended, misconfigured };
 inline const char* name_of(DeviceState s) {
@@ -54,7 +54,7 @@ class Driver {
  public:
   virtual ~Driver() = default;
   virtual void start(SampleSink& sink) = 0;
-  // Requests a stop and returns at once. The destructor waits until the driver has stopped.
+  // Requests a stop and returns immediately. The destructor waits until the driver has stopped.
   virtual void stop() = 0;
   // After stop(): returns true once the device has received all commands and the sink has received
   // all data. The caller runs the loop until then, or until its own timeout.

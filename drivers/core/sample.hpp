@@ -75,18 +75,19 @@ struct RadarTemperature {
 
 struct RadarFrame {
   HostTime received{};                // receive time minus the known delay since the first chirp
-  std::uint32_t frame_number = 0;     // number of the frame since power-up
+  std::uint32_t frame_number = 0;     // frame number, counted since power-up
   std::uint32_t time_cpu_cycles = 0;  // device time in cycles of 200 MHz; wraps every 21.47 s
   std::uint32_t lost_before = 0;      // frame numbers missing before this one
   std::uint32_t subframe = 0;         // index of the subframe within its frame
   std::uint32_t subframes = 1;        // number of subframes per frame in the cfg
   std::vector<std::uint16_t> range_profile;  // log2_q8 codes; empty if the frame had no TLV 2
-  std::vector<float> power;  // linear power; only bridges send it, instead of range_profile
+  // linear power; set only by bridges, which send it instead of range_profile
+  std::vector<float> power;
   // Heat map of TLV 4 (azimuth antennas) or TLV 8 (all antennas). Each range bin and virtual
   // antenna has two values, the imaginary part and then the real part. Empty if the frame had
   // neither TLV.
   std::vector<std::int16_t> array;
-  bool planar = false;  // `array` is from TLV 8 (true) or TLV 4 (false)
+  bool planar = false;  // true: `array` is from TLV 8; false: from TLV 4
   std::optional<RadarStats> stats;
   std::optional<RadarTemperature> temperature;
 };
@@ -95,7 +96,8 @@ struct RadarFrame {
 // Belongs in the .cfg. The firmware applies it to its point cloud, not to the range profile.
 struct FirmwareBias {
   double range_bias_m = 0;
-  // real and imaginary part of each virtual antenna, as in compRangeBiasAndRxChanPhase
+  // real and imaginary part of the coefficient of each virtual antenna, as in
+  // compRangeBiasAndRxChanPhase
   std::vector<double> re_im;
   std::int64_t lines = 0;  // number of averaged results
 };

@@ -12,9 +12,10 @@ struct TagCounts {
   std::uint64_t in_range = 0;       // clicks counted in the histogram
   std::uint64_t out_of_range = 0;   // clicks that have a start but lie outside the axis
   std::uint64_t without_start = 0;  // clicks before the first start
-  std::uint64_t other = 0;  // tags of other channels, markers, and tags removed by the dead time
-  // The invariant above does not contain the counters below.
-  std::uint64_t missed = 0;     // events on the two channels that the device reports as lost
+  std::uint64_t other = 0;  // tags on other channels, markers, and tags removed by the dead time
+  // The invariant above does not include the counters below.
+  // events on the start and click channels that the device reported as lost
+  std::uint64_t missed = 0;
   std::uint64_t overflows = 0;  // number of overflow periods
   std::uint64_t errors = 0;     // number of error markers
   // tags of unknown type or with a reserved byte other than 0; included in `other`

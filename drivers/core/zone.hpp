@@ -11,7 +11,7 @@ namespace echofuse {
 inline constexpr std::size_t most_zones = 64;
 
 // A record contains the counts of all bins of the first zone, then of the second, and so on. A
-// detector without zones in its hello is a single pixel.
+// detector that lists no zones in its hello is a single pixel.
 struct Zone {
   // Tangents of the zone's centre (x to the right, y up) and of its full width; NaN if unknown.
   double x = std::numeric_limits<double>::quiet_NaN(), y = x, width = x;

@@ -19,7 +19,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto wait_limit = 100ms;
-// a live camera that sends no complete frame for this time is reopened
+// a live camera is reopened after this time without a complete frame
 constexpr auto silence_limit = 3s;
 // a recording of unknown length ends after this time without a frame
 constexpr auto recording_end = 1s;
@@ -177,8 +177,8 @@ class OpenNiCamera::CaptureThread {
   }
 
   // Returns the number of frames missing before `index`, according to the camera's frame indices.
-  // Many cameras count frames while they are closed. If a reopened camera restarted its count, at
-  // least one frame was lost.
+  // Many cameras continue to count frames while they are closed. If a reopened camera restarted its
+  // count, at least one frame was lost.
   std::uint32_t lost_before(std::uint32_t index) {
     const bool rejoined = std::exchange(rejoined_, false);
     if (last_index_ && index > *last_index_) return index - *last_index_ - 1;
@@ -231,7 +231,7 @@ class OpenNiCamera::CaptureThread {
   DeviceInfo info_;
   port::Backoff backoff_;
   std::optional<std::uint32_t> last_index_;
-  bool rejoined_ = false;  // true until the first frame after a reopening
+  bool rejoined_ = false;  // true from the reopening of the camera until its first frame
   std::uint32_t dropped_since_ = 0;
   std::optional<std::pair<std::chrono::steady_clock::time_point, std::uint64_t>> pace_;
 };

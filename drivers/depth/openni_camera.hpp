@@ -33,8 +33,8 @@ struct OpenNiOptions {
 };
 
 // A camera with a bus address (VENDOR/PRODUCT@BUS/ADDRESS) may reappear at another address. It is
-// then found if it is the only camera of its kind. Threading: as for every driver. The driver's own
-// thread calls OpenNI, copies each frame and posts it to the loop. At most 4 frames are queued;
+// then found if it is the only camera of its kind. Threading: as described for Driver. The driver's
+// own thread calls OpenNI, copies each frame and posts it to the loop. At most 4 frames are queued;
 // further frames of a live camera are dropped and counted. If `raw` is set, every frame is stored
 // as a depth block of the bridge protocol.
 class OpenNiCamera final : public Driver {
@@ -42,7 +42,7 @@ class OpenNiCamera final : public Driver {
   // Loads OpenNI2's modules. Throws Error(device) if no modules are installed.
   OpenNiCamera(port::Loop& loop, std::string address, std::string uri, OpenNiOptions options = {},
                port::RawKeeper* raw = nullptr);
-  ~OpenNiCamera() override;  // waits up to about 0.1 s for the camera's thread
+  ~OpenNiCamera() override;  // waits up to about 0.1 s for the camera's thread to end
   void start(SampleSink& sink) override;
   void stop() override;
   bool finished() const override;

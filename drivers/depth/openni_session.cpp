@@ -40,8 +40,8 @@ std::string describe_mode(const openni::VideoMode& mode) {
          " at " + std::to_string(mode.getFps()) + (is_depth(mode.getPixelFormat()) ? "" : " (raw)");
 }
 
-// Returns the current URI of a camera that was attached at `uri` before. The part before "@" must
-// match exactly one attached camera; otherwise returns an empty text.
+// Returns the current URI of a camera that was previously attached at `uri`. The part before "@"
+// must match exactly one attached camera; otherwise returns an empty text.
 std::string moved(const std::string& uri) {
   const std::size_t at = uri.find('@');
   if (at == uri.npos) return {};

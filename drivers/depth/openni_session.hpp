@@ -19,8 +19,8 @@ void initialize_openni();
 
 // Opens and reads one stream; create another object to reopen it. readFrame() blocks forever if the
 // camera is unplugged, so it is called only when a frame is available. Never seeks, because
-// PlaybackControl::seek() crashes in OpenNI 2.2. Threading: one thread, except for
-// onDeviceDisconnected.
+// PlaybackControl::seek() crashes in OpenNI 2.2. Threading: use it on one thread only; OpenNI may
+// call onDeviceDisconnected on another thread.
 class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
  public:
   OpenNiSession() = default;

@@ -19,8 +19,10 @@ namespace echofuse::examples {
 // Functions of the vendor's library that the driver calls. Their return value is false if the board
 // is not available.
 struct VendorBoard {
-  std::function<bool()> open;                                        // false: not attached
-  std::function<bool(std::vector<Tag>&, std::uint64_t& lost)> read;  // false: unplugged
+  // returns false if the board is not attached
+  std::function<bool()> open;
+  // returns false if the board was unplugged
+  std::function<bool(std::vector<Tag>&, std::uint64_t& lost)> read;
 };
 
 class ExampleTagger final : public Driver {

@@ -160,8 +160,8 @@ constexpr KnownDevice kinds[] = {
      "RealSense"},
 };
 
-// USB devices with block streams. They are identified by their interface, so their vendor and
-// product can be any (drivers/README.md, "Over USB").
+// USB devices that send a block stream. They are identified by their interface, so any vendor and
+// product is accepted (drivers/README.md, "Over USB").
 constexpr KnownDevice tag_stream{0, 0, "USB time tagger", Transport::usb, 0, ""};
 
 bool streams_tags(const UsbDevice& d) {
@@ -191,8 +191,9 @@ std::string firmware_of(unsigned bcd) {
   return text;
 }
 
-// Returns a path that remains valid after replugging, or the node itself if udev made no such path.
-// Uses by-path for devices with the same serial number, because their by-id names are ambiguous.
+// Returns a path that remains valid after replugging, or the node itself if udev has not created
+// such a path. Uses by-path for devices with the same serial number, because their by-id names are
+// ambiguous.
 std::string stable_path(const std::string& node, const Roots& roots, bool shared_serial) {
   std::error_code error;
   const fs::path folder = fs::path(roots.dev) / (shared_serial ? "serial/by-path" : "serial/by-id");

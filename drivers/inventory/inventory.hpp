@@ -39,7 +39,8 @@ enum class RadarPort { command, data };
 
 // Returns whether a path (by-id link or device node) is the command port or the data port of a
 // radar board. Returns nullopt if this is unknown. On the XDS110, interface 0 is the command port
-// and interface 3 the data port; on the CP2105, interfaces 0 and 1.
+// and interface 3 the data port; on the CP2105, the command port is interface 0 and the data port
+// interface 1.
 std::optional<RadarPort> radar_port(const std::string& path, const Roots& roots = {});
 
 // Returns the names of both boards if the two serial ports belong to different radar boards.

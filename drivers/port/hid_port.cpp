@@ -22,7 +22,7 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr auto status_period = std::chrono::seconds(1);
-// timeout of a read; bytes to be sent may wait for this time
+// timeout of a read; queued output may be delayed by this time
 constexpr int read_wait_ms = 2;
 // limit of each queue, bytes; 4 s of data at the maximum rate
 constexpr std::size_t max_waiting = 256 << 10;
@@ -86,7 +86,7 @@ Result<HidDevice> open_device(const HidAddress& address) {
   if (error == 0) {
     if (hid_device* device = hid_open_path(node->c_str()))
       return HidDevice(device, CloseDevice{fd});
-    error = EIO;  // hidapi does not return the reason
+    error = EIO;  // hidapi does not report the cause of the failure
   }
   if (fd >= 0) ::close(fd);
   return Failure{{error, std::generic_category()},

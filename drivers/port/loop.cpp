@@ -18,7 +18,7 @@
 namespace echofuse::port {
 
 // Runs posted actions before due timers, because a timer may wait for the effect of an action.
-// After 32 actions in a row a due timer runs, so that a flood of actions does not delay timers.
+// After 32 consecutive actions, a due timer runs, so that a flood of actions does not delay timers.
 void Loop::run_until(const std::function<bool()>& done, HostTime until) {
   constexpr int most_before_a_timer = 32;
   for (int before = 0; !done();) {

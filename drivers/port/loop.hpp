@@ -29,22 +29,22 @@ class Loop : public Clock {
  public:
   // Queues the action. The loop runs it later, never inside post().
   virtual void post(Action action) = 0;
-  // Runs until `done` returns true or until this time. `done` is checked after each action.
+  // Runs until `done` returns true or until the time `until`. `done` is checked after each action.
   void run_until(const std::function<bool()>& done, HostTime until = HostTime::max());
   void run_for(std::chrono::nanoseconds time);
   // If `hold` is true, now() returns the same time to the calling thread until hold_time(false).
   virtual void hold_time(bool /*hold*/) {}
 
   virtual std::unique_ptr<Worker> make_worker() = 0;
-  // Throws Error(config) if the address has no byte stream, or if its port does not support the
-  // baud rate.
+  // Throws Error(config) if the address does not refer to a byte stream, or if its port does not
+  // support the baud rate.
   virtual ByteOpener opener(const std::string& address, std::uint32_t baud = 115200) = 0;
 
  private:
   friend class Timer;
   using Alarms = std::multimap<HostTime, Action>;
-  // Runs one posted action. If no action is posted, waits for one until this time. May return
-  // early.
+  // Runs one posted action. If no action is posted, waits for one until the time `until`. May
+  // return early.
   virtual void wait(HostTime until) = 0;
   // Runs one posted action. Returns false if no action is posted.
   virtual bool poll() = 0;

@@ -10,8 +10,8 @@
 
 namespace echofuse::port {
 
-// Throws Error(config) if the address has no byte stream, or if a HID bridge does not support the
-// baud rate.
+// Throws Error(config) if the address does not refer to a byte stream, or if a HID bridge does not
+// support the baud rate.
 ByteOpener byte_opener(boost::asio::io_context& io, const std::string& address, std::uint32_t baud);
 
 // Opens a serial port with 8N1 and no flow control. Other programs cannot open it (flock,

@@ -24,7 +24,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::chrono::seconds finish_timeout{2};
-constexpr std::uint64_t look_at_room_every = 16u << 20;  // bytes between two checks of free space
+// number of bytes written between two checks of the free space
+constexpr std::uint64_t look_at_room_every = 16u << 20;
 
 }  // namespace
 

@@ -14,7 +14,7 @@ constexpr std::size_t transfer_count = 8, transfer_bytes = usb_ring_bytes / tran
 constexpr std::size_t most_queued = 64u << 20;
 constexpr unsigned request_limit_ms = 500;
 constexpr auto cancel_limit = std::chrono::seconds(2);
-constexpr int turn_ms = 10;  // longest time for which a closed port still uses the device
+constexpr int turn_ms = 10;  // longest time for which a closed port still uses the device, ms
 
 struct UsbLink : ThreadLink {
   using ThreadLink::ThreadLink;

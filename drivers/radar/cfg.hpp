@@ -36,7 +36,7 @@ class Cfg {
       refuse(e.what());
     }
   }
-  // Throws all stored errors and refusals if there is an error.
+  // If there is an error, throws it together with all stored refusals.
   void stop_if_faulty() const;
   void refuse(const std::string& line) const;
   std::string complaint(const CfgCommand& c, const std::string& what) const;
@@ -55,8 +55,8 @@ class Cfg {
   // Returns the i-th argument, counted from 1. Throws Error(config) if it is missing or not a
   // number.
   double number(const CfgCommand& c, std::size_t i) const;
-  // Returns the i-th argument if it is from 1e-6 to 1e9, otherwise throws. This range exceeds that
-  // of all boards but keeps the range axis finite.
+  // Returns the i-th argument if it is from 1e-6 to 1e9, otherwise throws. These limits are wider
+  // than those of all boards, but ensure that the range axis is finite.
   double positive(const CfgCommand& c, std::size_t i, const char* meaning) const;
   std::uint32_t integer(const CfgCommand& c, std::size_t i, double min, double max) const;
   const std::string& name() const { return name_; }

@@ -9,7 +9,7 @@
 namespace echofuse::radar {
 namespace {
 
-// end of the prompt "mmwDemo:/>"; lab demos have another word in place of mmwDemo
+// end of the prompt "mmwDemo:/>"; TI's lab demos print another word instead of mmwDemo
 constexpr std::string_view prompt_end = ":/>";
 constexpr std::size_t max_line = 512, max_answer_lines = 64;
 constexpr std::size_t longest_answer = 4096;  // maximum length of the answer to sensorStop, bytes

@@ -243,9 +243,9 @@ void FrameParser::deliver(ByteView packet, const Header& header, HostTime receiv
   on_frame(std::move(frame));
 }
 
-// Returns false if the structure is broken: a TLV exceeds the packet, or the rest is longer than
-// padding. An excess TLV that would start within the padding is accepted as a wrong TLV count. Some
-// guiMonitor values make the firmware announce a TLV that it does not send.
+// Returns false if the structure is broken: a TLV exceeds the packet, or more bytes follow the TLVs
+// than padding explains. An excess TLV that would start within the padding is accepted as a wrong
+// TLV count. Some guiMonitor values make the firmware announce a TLV that it does not send.
 bool FrameParser::read_tlvs(ByteView body, std::uint32_t count, RadarFrame& frame) {
   ByteReader in(body);
   for (std::uint32_t i = 0; i < count; ++i) {

@@ -64,9 +64,9 @@ struct FrameCounts {
   std::uint64_t bad_headers = 0;  // magics followed by an implausible header
   std::uint64_t bad_tlvs = 0;     // packets with TLVs that exceed or do not fill the packet
   std::uint64_t other_tlvs = 0;
-  std::uint64_t resyncs = 0;      // frames found again after junk
-  std::uint64_t lost_frames = 0;  // missing frame numbers
-  std::uint64_t restarts = 0;     // restarts of the frame number
+  std::uint64_t resyncs = 0;      // number of times that a frame was found after junk
+  std::uint64_t lost_frames = 0;  // number of missing frame numbers
+  std::uint64_t restarts = 0;     // number of times that the frame number restarted
   std::optional<std::uint32_t> first_frame_number, last_frame_number;
   // Number of well-formed TLVs by type. Only the first 64 distinct types are counted.
   std::map<std::uint32_t, std::uint64_t> tlvs;

@@ -31,18 +31,18 @@ struct RadarProfile {
   // Number of subframes, 1 to 4 (advFrameCfg). Each is sent as a separate packet. They may differ
   // only in their start frequency.
   std::uint32_t subframes = 1;
-  double frame_period_s = 0;  // period of the shortest subframe, s
+  double frame_period_s = 0;  // shortest period of all subframes, s
   double active_s = 0;        // total time of a frame's chirps, s
   double carrier_hz = 0;      // centre frequency of the sampled sweep
   // Size of a frame with the outputs that guiMonitor enables, without detected points, rounded up
   // to 32 bytes.
   std::uint32_t frame_bytes = 0;
-  bool range_profile_on = false;  // guiMonitor enables TLV 2
+  bool range_profile_on = false;  // true if guiMonitor enables TLV 2
   // Antenna positions of the heat map, in the order of its TLV (4, or 8 on planar boards). Empty if
   // the heat map is not enabled.
   std::vector<AntennaPlace> array;
   std::vector<AntennaPair> pairs;  // transmitter and receiver of each antenna
-  bool planar = false;             // the heat map is TLV 8 (true) or TLV 4 (false)
+  bool planar = false;             // the heat map is sent as TLV 8 (true) or TLV 4 (false)
   std::vector<std::string> warnings;
   // Reasons why a board would refuse the cfg, one line "NAME:LINE: ..." each. They are not errors
   // for a recording of another board or SDK, because its range axis is still defined.

@@ -225,8 +225,8 @@ void RadarDriver::check_array(RadarFrame& frame) {
   sink_->on_event(Sensor::radar, Severity::warning, text);
 }
 
-// Warns if three successive frame intervals differ from the frame period, measured by the board's
-// clock.
+// Warns if three successive frame intervals, measured by the board's clock, differ from the frame
+// period of the cfg.
 void RadarDriver::check_period(const RadarFrame& frame) {
   constexpr double clock_hz = 200e6;
   constexpr int enough = 3;

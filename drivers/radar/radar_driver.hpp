@@ -51,11 +51,11 @@ struct RadarSetup {
   port::ByteOpener cli, data;
   std::string cfg_text, cfg_name;
   std::vector<std::string> warnings{};  // reported by start()
-  std::uint32_t data_baud = 921600;     // rate of the data port, for checks of the cfg
+  std::uint32_t data_baud = 921600;     // baud rate of the data port, for checks of the cfg
   Board board = Board::isk;             // selects the antennas of the heat map
   port::Backoff backoff{};
   DialogueTimeouts timeouts{};
-  bool keep_running = false;  // true: the sensor keeps running at the end
+  bool keep_running = false;  // true: stopping the driver does not stop the radar
 };
 
 // Each connection opens both ports and sends the whole cfg. If a port was unplugged for less than
@@ -64,8 +64,8 @@ struct RadarSetup {
 // reason. The state becomes `faulted`, and the driver reconnects, if the data port is silent, a
 // port closes, a command is refused, or the board was reset (banner, or restarted frame numbers).
 // The state becomes `misconfigured` if frames arrive while the sensor is stopped. stop() sends
-// `sensorStop`; finished() returns true once the firmware has confirmed it. If the heat map of a
-// frame contradicts cfg and board, it is removed and counted; the rest of the frame is delivered.
+// `sensorStop`; finished() returns true once the firmware has confirmed it. A heat map that does
+// not match the cfg and the board is removed and counted; the rest of the frame is delivered.
 class RadarDriver final : public Driver {
  public:
   // Throws Error(config) if the cfg is invalid.
@@ -126,7 +126,8 @@ class RadarDriver final : public Driver {
     DeviceState state = DeviceState::faulted;
   };
   std::optional<DriverFault> fault_;
-  std::optional<std::uint32_t> frame_after_stop_;  // number of the first frame after sensorStop
+  // frame number of the first frame after sensorStop
+  std::optional<std::uint32_t> frame_after_stop_;
   int open_ports_ = 0;
   bool running_ = false, faulted_ = false, streaming_ = false, array_told_ = false;
   HostTime alive_{};             // time of the last frame, or of the sensor's start

@@ -52,7 +52,7 @@ bool has_command(const std::vector<CfgLine>& cfg, std::string_view command) {
                      [&](const CfgLine& line) { return first_word(line.text) == command; });
 }
 
-// Returns the file of config/radar that corresponds to the named cfg, for SDK 3.4 or for later
+// Returns the file in config/radar that corresponds to the named cfg, for SDK 3.4 or for later
 // SDKs.
 std::string other_file(std::string_view cfg_name, bool for_old_sdk) {
   const bool fine = cfg_name.find("44mm") != cfg_name.npos;
@@ -63,7 +63,7 @@ std::string other_file(std::string_view cfg_name, bool for_old_sdk) {
   return std::string("config/radar/xwr68xx_") + (fine ? "44mm" : "paper_50cm") + end;
 }
 
-// Returns the files of config/radar for boards with the hardware-accelerator demo.
+// Returns the files in config/radar for boards with the hardware-accelerator demo.
 std::string of_accelerator(std::string_view cfg_name, bool old_sdk) {
   const std::string end = std::string(cfg_name.find("44mm") != cfg_name.npos ? "_44mm" : "_50cm") +
                           (old_sdk ? "_sdk3.4.cfg" : ".cfg");

@@ -22,8 +22,7 @@ std::optional<std::pair<int, int>> sdk_of(std::string_view firmware);
 // Returns the number of arguments that a command has in the demo of SDK 3.4 to 3.6, or nullopt if
 // the demo does not have the command.
 std::optional<std::size_t> numbers_of(std::string_view command);
-// Returns the name of the other demo to which the command belongs. Empty if the command is not
-// specific to another demo.
+// If only another demo has the command, returns the name of that demo, otherwise an empty text.
 std::string_view other_demo_of(std::string_view command);
 
 // Returns advice if the firmware does not have `command`: the SDK or demo of cfg and firmware, and

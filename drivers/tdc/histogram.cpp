@@ -217,7 +217,7 @@ std::optional<double> StartGaps::share() const {
   constexpr std::int64_t enough = 20;
   if (gaps_ps_.empty()) return std::nullopt;
   auto gaps = gaps_ps_;
-  // Estimates the laser period. A low percentile tolerates a few wrong times.
+  // The laser period is estimated by a low percentile of the gaps, because a few gaps may be wrong.
   const auto shortest = gaps.begin() + static_cast<std::ptrdiff_t>(gaps.size() / 200);
   std::nth_element(gaps.begin(), shortest, gaps.end());
   const std::int64_t period_ps = *shortest;

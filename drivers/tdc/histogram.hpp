@@ -74,7 +74,7 @@ class Histogram {
   explicit Histogram(const HistogramSettings& settings);
 
   void add(std::span<const Tag> tags);
-  // Counts the tags that wait because of the delay.
+  // Counts the tags that are still waiting because of the click delay.
   void flush();
   // Must be called if tags were lost (transport gap, new connection). The overflow state is then
   // unknown until the next marker.

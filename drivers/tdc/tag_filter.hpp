@@ -55,7 +55,7 @@ class TagFilter {
   std::int64_t click_delay_ps_;
   std::uint64_t dead_time_ps_;
   bool pass_through_;
-  std::uint64_t newest_ = 0;  // time of the last tag before its delay
+  std::uint64_t newest_ = 0;  // time of the last tag that was fed, without the click delay
   std::vector<Tag> waiting_, ready_;
   std::uint64_t removed_ = 0;
 };

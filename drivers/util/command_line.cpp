@@ -74,7 +74,7 @@ void check_names(CLI::App& app, const std::vector<std::string>& words) {
   }
 }
 
-// Rewrites messages of CLI11, which print the limits of a range with all digits.
+// Rewrites messages of CLI11, because they print the limits of a range with all digits.
 std::string readable(std::string text) {
   const auto at = text.find(" not in range ");
   if (text.find(" 17976931348623157", std::min(at, text.size())) != text.npos)

@@ -20,7 +20,7 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body);
 bool stderr_is_journal();
 
 // Lets SIGINT, SIGTERM and SIGHUP set the flag of interrupted(). A second SIGINT ends the process
-// at once (exit code 130). SIGHUP remains ignored under nohup. SIGPIPE is ignored.
+// immediately (exit code 130). SIGHUP remains ignored under nohup. SIGPIPE is ignored.
 void catch_interrupts();
 bool interrupted();
 

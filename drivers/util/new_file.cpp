@@ -44,7 +44,7 @@ std::string unfinished(const fs::path& place) {
 }
 
 // Renames a file without replacing an existing one. If the file system does not support
-// RENAME_NOREPLACE, this needs two steps and is not atomic.
+// RENAME_NOREPLACE, the file is renamed in two steps, which is not atomic.
 bool rename_to_new(const char* from, const char* to) {
   if (::renameat2(AT_FDCWD, from, AT_FDCWD, to, RENAME_NOREPLACE) == 0) return true;
   if (errno != EINVAL && errno != ENOSYS) return false;

@@ -402,7 +402,8 @@ std::string Settings::json() const {
 
 namespace {
 
-// Returns the edit distance. Edits are insertion, deletion, substitution and swap of neighbours.
+// Returns the edit distance. Edits are insertion, deletion, substitution and transposition of two
+// adjacent letters.
 std::size_t edit_distance(const std::string& a, const std::string& b) {
   std::vector<std::vector<std::size_t>> at(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
   for (std::size_t i = 0; i <= a.size(); ++i)
