@@ -58,7 +58,8 @@ struct Conditions {
   double spd_falloff = 0, spd_field = 1, spd_yaw_deg = 0;
   double slot_sway_m = 0;
 
-  // Radar. In the vertical direction, half of radar_rays cover half of radar_half_tangent.
+  // Radar. In the vertical direction, radar_rays / 2 rays cover the tangents up to
+  // radar_half_tangent / 2.
   std::int64_t radar_rays = 288;
   double radar_resolution_m = 0.5, radar_step_m = 0.25;
   std::int64_t radar_bins = 29;

@@ -8,8 +8,8 @@
 namespace echofuse::sim {
 namespace {
 
-// Below this mean, events are counted one by one, because this is equally fast there. The rejection
-// methods are valid only above this mean.
+// Below this mean, events are counted one by one. This is as fast as the rejection methods, which
+// are valid only above this mean.
 constexpr double few = 10;
 
 double log_factorial(double k) {

@@ -54,7 +54,7 @@ struct Scene {
 // it (Conditions::reflector_before). An object is the mesh Conditions::object on the floor.
 enum class SceneKind : std::uint8_t { person, letter, two_people, empty, reflector, object };
 std::optional<SceneKind> kind_named(std::string_view name);
-std::string kind_names();  // all names, separated by commas
+std::string kind_names();  // Returns the names of all kinds, separated by commas.
 
 // Kind of a scene, and the position and yaw of its person, letter or object. Values that are not
 // given are random.

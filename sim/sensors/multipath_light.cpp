@@ -56,7 +56,7 @@ class ByLength {
   void add(double way_m, double light) {
     if (way_m < longest_m) at(static_cast<std::size_t>(way_m / step_m)) += light;
   }
-  // Adds all light of `from`, multiplied by `share` and delayed by the path way_m.
+  // Adds all light of `from`, multiplied by `share` and delayed by a path of length way_m.
   void add(const ByLength& from, double way_m, double share) {
     const auto later = static_cast<std::size_t>(way_m / step_m + 0.5);
     if (from.first_ >= from.last_ || from.last_ + later > from.light_.size()) return;

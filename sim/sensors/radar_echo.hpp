@@ -16,7 +16,8 @@ struct Returns;
 class RangeResponse {
  public:
   explicit RangeResponse(const RadarAxis& axis);
-  // Writes the response at each point to an echo at the range `cell`, in resolution cells.
+  // For each point of the axis, writes the response to an echo at the range `cell`, in resolution
+  // cells.
   void at(double cell, std::vector<double>& psf) const;
 
  private:

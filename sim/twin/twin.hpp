@@ -23,9 +23,9 @@ struct Twin {
 };
 
 // Parses TOML text with lines `key = [low, high]`, `key = [low, high, "log"]` and `seed = 1`.
-// Throws Error(config) with all mistakes. A key must be a real-valued setting in Conditions, except
-// those in the run file (axes, baseline_m), and may occur once. A range must be inside the limits
-// of the setting.
+// Throws Error(config) with all mistakes. A key must be a real-valued setting in Conditions, but
+// not one that the run file contains (axes, baseline_m), and may occur once. A range must be inside
+// the limits of the setting.
 Twin read_twin(const std::string& text, const std::string& name);
 // Returns the twin as TOML text for read_twin(), without comments.
 std::string to_text(const Twin& twin);
