@@ -11,7 +11,7 @@ import json
 import sqlite3
 import sys
 
-# Longest transport delays to try. The audit reports the shortest delay that explains the run.
+# Candidates for the longest transport delay. The audit reports the shortest candidate that explains the run.
 LATENCIES_NS = [20_000_000 * 2**i for i in range(8)]
 LATENCY_NS = 250_000_000
 GRACE_NS = 500_000_000  # after the end of a slot the daemon still accepts its frames for this time
@@ -101,7 +101,7 @@ class Tags:
     def __init__(self, entries, latency_ns):
         connection_list = connections(entries)
         self.latency_ns = latency_ns
-        self.jumps = clock_jumps(entries)  # tags from these times may be in earlier slots
+        self.jumps = clock_jumps(entries)  # tags sent during these times may be in earlier slots
         self.clock_faults = min((e["t"] for e in entries if e["what"].startswith("begin clock_")), default=float("inf"))
         self.sums = collections.Counter()  # number of tags, by what happened to their block
         self.delivered, self.losses = [], []  # lists of (earliest time, latest time, amount)
@@ -199,7 +199,7 @@ class Frames:
             if "frame" not in entry:
                 continue
             known = self.by_number.get(entry["frame"])
-            # keep the log entry of the client that received the frame
+            # keeps the log entry of the client that received the frame
             if not known or entry["what"] in RECEIVED_WHOLE:
                 self.by_number[entry["frame"]] = entry
 
@@ -324,8 +324,8 @@ def move_jump(before, after):
 
 
 def audit_range(account, frames, part, near, before, counts):
-    """Returns the number of missing frames; negative if the range has too many. Up to `near` frames may be stored in
-    a neighbouring range, but the sum over all ranges must be 0. `before` is the sum over the previous ranges."""
+    """Returns the number of missing frames; negative if the range has excess frames. Up to `near` frames may be stored
+    in a neighbouring range, but the sum over all ranges must be 0. `before` is the sum over the previous ranges."""
     numbers, arrived = part.numbers, part.got + part.late
     certain = sum(map(frames.certain, numbers))
     doubtful = sum(map(frames.doubtful, numbers))
@@ -340,7 +340,7 @@ def audit_range(account, frames, part, near, before, counts):
     left = len(numbers) - arrived - part.lost
     if left == 0:
         return 0
-    # The damaged number of the last frame may equal the number of an earlier frame.
+    # If the number of the last frame is corrupted, it may equal the number of an earlier frame.
     if frames.renumbered(part.previous - 2, max(part.last, part.previous + arrived)):
         settled = -before if left * before < 0 and abs(before) <= abs(left) else 0
         counts["miscounted because of damaged numbers"] += left - settled

@@ -68,8 +68,8 @@ def histogram(counts, first_bin_ps, bin_width_ps, exposure_s, pulses=0, time_us=
 
 
 def range_profile(power, first_m, step_m, number, time_us=None):
-    """Returns the payload of a range profile block: linear power per bin, in any scale; frame
-    number; device time, us (None: this machine's clock)."""
+    """Returns the payload of a range profile block. power: linear power per bin, in any scale. number: frame number.
+    time_us: device time, us; None: time.monotonic() of this machine."""
     power = np.asarray(power, "<f4")
     return struct.pack("<IIQff", len(power), number & 0xFFFFFFFF, microseconds(time_us), first_m,
                        step_m) + power.tobytes()
@@ -366,7 +366,7 @@ class Stop:
 def run(address, open_device, items):
     """Serves a device until a signal arrives; returns the exit code. open_device() returns an object with hello() ->
     dict, poll(server) -> seconds until the next call, and close(). Any exception from these calls means that the
-    device is gone. Such an exception ends the bridge at the start; later the bridge reopens the device."""
+    device is gone. On start such an exception ends the bridge; later the bridge reopens the device."""
     stop = Stop()
     try:
         device = open_device()

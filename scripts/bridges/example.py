@@ -14,7 +14,7 @@ EXPOSURE_S, PULSES = 0.05, 50_000                       # exposure time, and las
 
 
 def list_boards():
-    return ["SIM-1"]  # replace by the serial numbers that your library lists
+    return ["SIM-1"]  # replace with the serial numbers that your library lists
 
 
 class Board:
@@ -30,7 +30,7 @@ class Board:
 
     def poll(self, server):
         """Sends new data of the device; returns the seconds until the next call."""
-        time.sleep(EXPOSURE_S)  # replaces the exposure of a real board
+        time.sleep(EXPOSURE_S)  # simulates the exposure time of a real board
         body = 150 + 40 * np.sin(time.monotonic())
         expected = 2 + 60 * np.exp(-0.5 * ((np.arange(BINS) - body) / 3) ** 2)
         counts = self._random.poisson(expected)

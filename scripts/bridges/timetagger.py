@@ -378,7 +378,7 @@ def scan(library, options):
 
 
 def plateau(found):
-    """Returns the longest run of consecutive levels with rates above 0 and within 10 % of the first rate."""
+    """Returns the longest run of consecutive levels with rates above 0 and within 10 % of the run's first rate."""
     best = row = []
     for each in found:
         same = row and abs(each[1] - row[0][1]) <= 0.1 * row[0][1]
