@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Base class of the drivers that use the bridge protocol. Axes arrive with the frames. So a device
-// is `streaming` from its first frame, and is announced again if its axes change. A tagger has no
-// axes and is `streaming` after its hello.
+// Base class of the drivers that use the bridge protocol. Axes arrive with the frames. So the
+// state of a device is `streaming` from its first frame, and is reported again if its axes change.
+// A tagger has no axes; its state is `streaming` after its hello.
 #pragma once
 #include <optional>
 #include <string>
@@ -29,7 +29,7 @@ class BridgeDriver : public Driver {
 
   BridgeClient client_;
   SampleSink* sink_ = nullptr;
-  bool histograms_ = false;  // the hello announces histograms instead of tags
+  bool histograms_ = false;  // true if the hello announces histograms instead of tags
   Zones stated_zones_;       // zones listed in the hello
   std::uint64_t items_ = 0, lost_ = 0;
 

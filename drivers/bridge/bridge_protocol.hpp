@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Protocol between our drivers and a sender: a small TCP server that uses a vendor's library, or a
-// USB device. The sender sends a stream of blocks; the driver sends nothing. Values are
-// little-endian.
+// Protocol between our drivers and a sender. The sender is either a small TCP server that uses a
+// vendor's library, or a USB device. It sends a stream of blocks; the driver sends nothing. Values
+// are little-endian.
 //
 //   off type   field
 //     0 u8[4]  "EFBR"

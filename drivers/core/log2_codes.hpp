@@ -4,8 +4,8 @@
 // to a power of two. Source: SDK, DPIF_DETMATRIX_DATA_QFORMAT 8 and the dB conversion of the CFAR
 // threshold. The mean of log2(magnitude) over n antennas is code / 256 * 2^ceil(log2 n) / n, so
 //   power = magnitude^2 = 2^(2 * code / 256 * 2^ceil(log2 n) / n).
-// The unit of power is arbitrary: only ratios are physical. Average frames in power, never in
-// codes.
+// The unit of power is arbitrary: only ratios are physical. To average frames, average
+// their powers, not their codes.
 #pragma once
 #include <algorithm>
 #include <bit>

@@ -6,7 +6,8 @@
 
 namespace echofuse {
 
-// Returns the median, or the upper one of two middle values. `values` must not be empty.
+// Returns the median. If the number of values is even, returns the upper of the two middle values.
+// `values` must not be empty.
 template <class T>
 T median(std::vector<T> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);

@@ -8,7 +8,8 @@
 namespace echofuse::depth {
 namespace {
 
-constexpr std::uint16_t invalid_mm = 65535;  // value of pixels without a return in some cameras
+// value that some cameras report for pixels without a return
+constexpr std::uint16_t invalid_mm = 65535;
 
 }  // namespace
 

@@ -20,8 +20,8 @@ ByteOpener byte_opener(boost::asio::io_context& io, const std::string& address, 
 std::unique_ptr<BytePort> make_serial_port(boost::asio::io_context& io, const std::string& path,
                                            std::uint32_t baud);
 
-// Connects as a TCP client. Name resolution and connection run in the background without a timeout;
-// drivers detect silence.
+// Connects as a TCP client. Name resolution and connection run in the background without a timeout,
+// because drivers detect a silent connection.
 std::unique_ptr<BytePort> make_tcp_port(boost::asio::io_context& io, const std::string& host,
                                         std::uint16_t port);
 

@@ -42,7 +42,8 @@ class RawKeeper {
   // Returns the file name for the next connection of the device, for example NAME-001.dat for the
   // ending ".dat".
   std::string next_name(const std::string& name, const std::string& ending);
-  // Returns the reason why the capture stopped, once; otherwise an empty text.
+  // The first call after the capture has stopped returns the reason; all other calls return an
+  // empty text.
   std::string take_trouble();
   struct Counts {
     std::uint64_t kept = 0, dropped = 0;  // numbers of bytes written and dropped

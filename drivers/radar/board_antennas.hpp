@@ -8,10 +8,11 @@
 //   aop  tx (0,0) (2,2) (0,2)  rx (1,1) (1,0) (0,1) (0,0)
 //   ods  tx (0,0) (2,0) (2,2)  rx (0,0) (0,1) (1,1) (1,0)
 // Here the row of transmitters 1 and 3 of the ISK has y = 0. x points right as seen from behind the
-// radar, as in the demo's point cloud: a phase that grows with x is a wave from the right. Several
-// antennas of the AOP and the ODS have a feed delay of half a wavelength (TI's neutral line for the
-// AOP is 1 0 -1 0 ...; antPhaseRot in TI's ODS cfgs inverts virtual antennas 2, 3, 6, 7, 10 and
-// 11). This is a phase, not a position: `echofuse-acquire calibrate` measures it for all antennas.
+// radar, as in the demo's point cloud: if the phase increases with x, the wave comes from the
+// right. Several antennas of the AOP and the ODS have a feed delay of half a wavelength (TI's
+// neutral line for the AOP is 1 0 -1 0 ...; antPhaseRot in TI's ODS cfgs inverts virtual antennas
+// 2, 3, 6, 7, 10 and 11). This is a phase, not a position: `echofuse-acquire calibrate` measures it
+// for all antennas.
 #pragma once
 #include <cstdint>
 #include <optional>

@@ -111,8 +111,8 @@ void CommandDialogue::on_line() {
   const std::string line = trimmed(line_);
   if (line.find_first_not_of('*') == line.npos || state_ == State::failed) return;
   const bool commanding = state_ == State::commanding;
-  // The firmware sends this line once per frame while measureRangeBiasAndRxChanPhase is on. It may
-  // interrupt an echo.
+  // The firmware sends this line once per frame while measureRangeBiasAndRxChanPhase is on. This
+  // line may interrupt the echo of a command.
   const std::size_t calibration = line.find("compRangeBiasAndRxChanPhase ");
   if (line.find("Exception:") != line.npos) {
     fail(shown(line) + " (the firmware has stopped: reset the board" +

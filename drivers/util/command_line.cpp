@@ -17,7 +17,7 @@
 namespace echofuse {
 namespace {
 
-// Returns the option with this name of the command or its parents, or nullptr.
+// Returns the option with this name that the command or one of its parents has, or nullptr.
 const CLI::Option* option_named(const CLI::App* app, const std::string& name) {
   for (; app != nullptr; app = app->get_parent())
     if (const CLI::Option* option = app->get_option_no_throw(name)) return option;

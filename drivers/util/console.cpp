@@ -45,7 +45,7 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
     const bool failed = std::ferror(stdout) != 0;
     errno = 0;
     if (std::fflush(stdout) == 0 && !failed) return static_cast<int>(code);
-    if (errno == 0) {  // after a long text errno is unknown, so write again to get it
+    if (errno == 0) {  // an earlier failed write did not keep errno, so write again to set it
       std::clearerr(stdout);
       std::fputc('\n', stdout);
       std::fflush(stdout);

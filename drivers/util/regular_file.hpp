@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input files, which must be regular: a FIFO would block until a writer opens it, and a device may
-// have no end.
+// Input files, which must be regular: a FIFO would block until a writer opens it, and reading
+// a device may never end.
 #pragma once
 #include <algorithm>
 #include <cstdint>

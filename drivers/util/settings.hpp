@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Strict settings: plain structs bound to TOML keys. Rejects unknown keys, wrong types and values
-// out of range, and reports all faults of a file together. A fault names file:line:column, the
-// expected value and the nearest known key. The struct's initialisers are the defaults.
+// out of range, and reports all faults of a file together. Each report contains
+// file:line:column, the expected value and the nearest known key. The struct's initialisers are the
+// defaults.
 #pragma once
 #include <cstdint>
 #include <string>

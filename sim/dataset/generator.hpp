@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Writes a run file of simulated records. Equal plans give identical files on any number of
-// threads, except for the UUID and the time of day.
+// threads, except for the UUID and the start time.
 #pragma once
 #include <cstdint>
 #include <optional>

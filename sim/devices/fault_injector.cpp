@@ -31,8 +31,8 @@ void FaultInjector::wait() {
     settled_s_ = std::max(settled_s_, now_s + settling_s + amount(FaultKind::late).value_or(0));
   if (std::isinf(next_s) && now_s > settled_s_) return;
   HostTime at = now() + poll_pause;
-  // If no fault is active, polls one microsecond after the next change of a fault, because times
-  // are rounded.
+  // If no fault is active, polls one microsecond after the next fault starts, because times are
+  // rounded.
   if (now_s > settled_s_)
     at = std::max(at, player_.start() + from_seconds(next_s) + std::chrono::microseconds(1));
   timer_.at(at, [this] {

@@ -10,8 +10,8 @@
 namespace echofuse::sim {
 namespace {
 
-// Register units of the front end: 2.7 GHz / one for frequencies, and slope_units * 2.7 GHz / one
-// per microsecond for slopes.
+// Register units of the front end: 2.7 GHz / `one` for frequencies, and `slope_units` * 2.7 GHz /
+// `one` per microsecond for slopes.
 constexpr std::int64_t one = 1 << 26, slope_units = 900;
 
 std::int64_t slope_number(double slope_mhz_us) {

@@ -20,7 +20,7 @@ constexpr char prompt_text[] = "mmwDemo:/>";
 struct CommandRule {
   bool needed;        // the command is required before sensorStart
   bool when_started;  // the command is allowed while the sensor is running
-  // The third word of the command selects one of two settings: 0 range, 1 Doppler.
+  // The third word of the command selects one of two settings: 0 for range, 1 for Doppler.
   bool by_direction;
 };
 const std::map<std::string, CommandRule> configuring = {

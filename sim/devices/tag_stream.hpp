@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Generates the tags of the current scene in real time. The tags are in blocks, which a device
-// sends.
+// Generates the tags of the current scene in real time, in blocks, which a device then sends.
 #pragma once
 #include <functional>
 

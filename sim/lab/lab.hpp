@@ -71,7 +71,7 @@ class Lab {
   // stops all devices, removes links and sockets, and writes sent.json.
   void serve(const std::function<bool()>& done);
   // Returns a JSON object with the number of items that each device sent: {device: {name: count}}.
-  // Its key "play" contains the schedule of scenes and the host time of its start.
+  // The key "play" contains the schedule of scenes and the host time of its start.
   std::string sent() const;
 
  private:

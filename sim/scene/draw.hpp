@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Random numbers for photon counts. Standard library distributions give different numbers in
-// different implementations. They also call lgamma, which is a data race because it writes a global
-// sign.
+// different implementations. They also call lgamma, which causes data races because it writes a
+// global variable.
 #pragma once
 #include <cstdint>
 

@@ -15,9 +15,9 @@
 // wave is spherical. If the transmitter and the receiver of an antenna are at t and r, the echo
 // from P has the phase
 //   -2 pi (|P - t| + |P - r| - 2 |P|) / wavelength.
-// The transmitters send in turn, at intervals of chirp_s, `chirps` times each. An echo that moves
-// at v m/s has at transmitter t of T the factor
-//   exp(-4 pi i v t chirp_s / wavelength) sin(pi f C) / (C sin(pi f)),
+// The transmitters send in turn, at intervals of chirp_s, `chirps` times each. If the range
+// of a target changes at v m/s, transmitter n of T (from 0) multiplies its echo by the factor
+//   exp(-4 pi i v n chirp_s / wavelength) sin(pi f C) / (C sin(pi f)),
 // with C = chirps and f = 2 v T chirp_s / wavelength. The quotient of sines is the fraction of the
 // echo in Doppler bin 0.
 // The psf of people and of the room is computed once per eighth of a resolution cell in range.

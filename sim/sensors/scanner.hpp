@@ -125,7 +125,8 @@ struct Placed<CapsuleShape> {
     }
     double a, by, per;
   };
-  Bound left_{0, 0}, right_{0, 0}, top_{0, 0}, bottom_{0, 0};  // bounds in points; bottom_ negated
+  // bounds in points of the axes; bottom_ has the opposite sign
+  Bound left_{0, 0}, right_{0, 0}, top_{0, 0}, bottom_{0, 0};
   // Minimum width, in points, for which the interpolation saves time.
   static constexpr std::uint32_t worth_it = 16;
   bool bounded_ = true;
