@@ -95,8 +95,8 @@ void BridgeClient::on_block(Block block, HostTime received) {
     ++lost_blocks_;
     return;
   }
-  // Resets the back-off only after a data block, so that a bridge that closes after its hello is
-  // retried at growing intervals.
+  // Resets the back-off only after a data block, so that a bridge that closes the connection after
+  // its hello is retried at growing intervals.
   backoff_.alive(received);
   block.lost_blocks = std::exchange(lost_blocks_, 0);
   block.dropped_items = std::exchange(dropped_items_, 0);

@@ -60,7 +60,8 @@ class BridgeClient {
   bool running_ = false, faulted_ = false, greeted_ = false;
   bool connected_ = false, told_kind_ = false;  // reset when a new connection is made
   std::uint64_t connections_ = 0, bad_payloads_ = 0;
-  std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;  // reported with the next delivered block
+  // losses that the next delivered block reports
+  std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;
   std::unique_ptr<port::BytePort> port_;
 };
 

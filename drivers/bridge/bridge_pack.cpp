@@ -12,8 +12,8 @@ using namespace echofuse;
 
 namespace {
 
-// Moves the tags of the two channels and all markers to the front. Returns the number of moved
-// tags.
+// Moves the tags of the start and click channels and all markers to the front. Returns the number
+// of moved tags.
 std::size_t keep(std::uint8_t* tags, std::size_t count, std::int32_t start, std::int32_t click) {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -39,9 +39,9 @@ struct EchofusePacked {
   std::uint32_t kept, starts, overflows;
 };
 
-// Copies the tags (drivers/core/sample.hpp) of two channels, and the error and overflow markers of
-// all channels. Sets the reserved byte of each copy to 0. `to` must have room for `count` tags and
-// must not overlap `from`.
+// Copies the tags (drivers/core/sample.hpp) of the start and click channels, and the error and
+// overflow markers of all channels. Sets the reserved byte of each copy to 0. `to` must have room
+// for `count` tags and must not overlap `from`.
 void echofuse_pack_tags(const std::uint8_t* from, std::uint8_t* to, std::uint32_t count,
                         std::int32_t start_channel, std::int32_t click_channel,
                         EchofusePacked* packed) {
@@ -54,7 +54,7 @@ void echofuse_pack_tags(const std::uint8_t* from, std::uint8_t* to, std::uint32_
   for (std::size_t i = 0; i < count; ++i) {
     Words tag;
     std::memcpy(&tag, from + i * sizeof tag, sizeof tag);
-    // comparing vectors gives -1 for each matching word
+    // a vector comparison gives -1 for each matching word
     found -= (tag & Words{0xff, -1, -1, -1}) == sought;
     clicks -= tag == click;
     tag &= Words{~0xff00, -1, -1, -1};

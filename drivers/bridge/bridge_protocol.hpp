@@ -69,7 +69,7 @@ struct Block {
 struct BlockCounts {
   std::uint64_t bytes = 0, blocks = 0;
   std::uint64_t junk_bytes = 0;   // bytes that do not belong to a valid block
-  std::uint64_t bad_headers = 0;  // headers with a wrong magic, version or other value
+  std::uint64_t bad_headers = 0;  // headers with a wrong magic number, version or other field
   std::uint64_t bad_crcs = 0;
   std::uint64_t gaps = 0;         // number of gaps in the sequence numbers
   std::uint64_t lost_blocks = 0;  // total number of missing blocks
@@ -139,7 +139,7 @@ struct HistogramPayload {
 std::optional<HistogramPayload> read_histogram(ByteView payload);
 
 struct ProfilePayload {
-  RadarFrame frame;  // `power` is set; `range_profile`, `received`, `lost_before` are not
+  RadarFrame frame;  // `power` is set; `range_profile`, `received`, `lost_before` are not set
   Axis axis;         // name "radar", quantity "power", unit "m"
 };
 // Returns nullopt if the payload has the wrong size, there are fewer than 4 bins, a power is

@@ -8,7 +8,7 @@
 
 namespace echofuse::bridge {
 
-// Returns a block: its header followed by the payload.
+// Returns a complete block: the header and the payload.
 Bytes make_block(BlockKind kind, std::uint32_t sequence, std::uint64_t dropped_items,
                  ByteView payload);
 Bytes hello_payload(const DeviceInfo& info);

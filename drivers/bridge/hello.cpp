@@ -77,15 +77,15 @@ class HelloReader final : public nlohmann::json_sax<nlohmann::json> {
     *std::exchange(number_, nullptr) = value;
     return count();
   }
-  // Handles null, a boolean, or a value of an unknown key. Returns false if a text, a number or a
-  // zone is expected here.
+  // Handles null, a boolean, or a value of an unknown key. Returns false if a string, a number or a
+  // zone is expected.
   bool other() { return !text_ && !number_ && !wants_zones_ && !is_in_list() && count(); }
   bool leave() {
     --depth_;
     return true;
   }
 
-  std::string* text_ = nullptr;  // target of the value that follows the key; null for unknown keys
+  std::string* text_ = nullptr;  // receives the value that follows the key; null for unknown keys
   double* number_ = nullptr;
   bool wants_zones_ = false, in_zones_ = false;
   int depth_ = 0, values_ = 0;

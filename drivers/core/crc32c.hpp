@@ -7,7 +7,7 @@
 
 namespace echofuse {
 
-// Can be continued: crc32c(b, crc32c(a)) is the CRC of a followed by b.
+// The CRC can be computed in parts: crc32c(b, crc32c(a)) is the CRC of a followed by b.
 std::uint32_t crc32c(ByteView bytes, std::uint32_t crc = 0);
 
 }  // namespace echofuse

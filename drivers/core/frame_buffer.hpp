@@ -18,8 +18,8 @@ class FrameBuffer {
  public:
   // An empty buffer keeps up to `most_kept` bytes of memory until clear() or give_back().
   explicit FrameBuffer(std::size_t most_kept = 1 << 20) : most_kept_(most_kept) {}
-  // Calls consume(view) with the unconsumed bytes, in order and contiguous, until it needs more
-  // bytes than are available. For an empty view, consume must return {0, wanted}.
+  // Calls consume(view) with the unconsumed bytes, in order and contiguous, until `consume` needs
+  // more bytes than are available. For an empty view, consume must return {0, wanted}.
   template <class Consume>
   void feed(ByteView bytes, const Consume& consume) {
     while (!held().empty() && !bytes.empty()) {

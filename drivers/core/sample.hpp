@@ -41,8 +41,8 @@ static_assert(sizeof(Tag) == 16);
 struct TagBlock {
   HostTime received{};
   std::span<const Tag> tags;      // valid only during the call that delivers it
-  std::uint64_t lost_blocks = 0;  // transport blocks missing before this block
-  std::uint64_t lost_items = 0;  // tags that were dropped before this block according to the sender
+  std::uint64_t lost_blocks = 0;  // number of transport blocks lost before this block
+  std::uint64_t lost_items = 0;   // number of tags that the sender dropped before this block
 };
 
 // Counts of one exposure of a detector that sends histograms instead of time tags.
@@ -52,8 +52,8 @@ struct HistogramFrame {
   std::uint32_t exposure_us = 0;
   std::uint64_t pulses = 0;           // number of laser pulses; 0 if unknown
   std::uint32_t zones = 1;            // number of zones of the field of view
-  std::vector<std::uint32_t> counts;  // all bins of zone 0, then of zone 1, ...
-  std::uint64_t lost_before = 0;      // histograms missing before this one
+  std::vector<std::uint32_t> counts;  // all bins of zone 0, then all bins of zone 1, and so on
+  std::uint64_t lost_before = 0;      // number of histograms missing before this one
 
   std::uint64_t clicks() const {
     return std::accumulate(counts.begin(), counts.end(), std::uint64_t{0});
@@ -74,12 +74,13 @@ struct RadarTemperature {
 };
 
 struct RadarFrame {
-  HostTime received{};                // receive time minus the known delay since the first chirp
-  std::uint32_t frame_number = 0;     // frame number, counted since power-up
-  std::uint32_t time_cpu_cycles = 0;  // device time in cycles of 200 MHz; wraps every 21.47 s
-  std::uint32_t lost_before = 0;      // frame numbers missing before this one
-  std::uint32_t subframe = 0;         // index of the subframe within its frame
-  std::uint32_t subframes = 1;        // number of subframes per frame in the cfg
+  HostTime received{};             // receive time minus the known delay since the first chirp
+  std::uint32_t frame_number = 0;  // frame number, counted since power-up
+  // device time in cycles of a 200 MHz clock; wraps every 21.47 s
+  std::uint32_t time_cpu_cycles = 0;
+  std::uint32_t lost_before = 0;             // number of frames missing before this one
+  std::uint32_t subframe = 0;                // index of the subframe within its frame
+  std::uint32_t subframes = 1;               // number of subframes per frame in the cfg
   std::vector<std::uint16_t> range_profile;  // log2_q8 codes; empty if the frame had no TLV 2
   // linear power; set only by bridges, which send it instead of range_profile
   std::vector<float> power;
@@ -92,8 +93,8 @@ struct RadarFrame {
   std::optional<RadarTemperature> temperature;
 };
 
-// Result of TI's calibration (measureRangeBiasAndRxChanPhase), or the mean of several results.
-// Belongs in the .cfg. The firmware applies it to its point cloud, not to the range profile.
+// Result of TI's calibration (measureRangeBiasAndRxChanPhase), or the mean of several results. The
+// result belongs in the .cfg. The firmware applies it to its point cloud, not to the range profile.
 struct FirmwareBias {
   double range_bias_m = 0;
   // real and imaginary part of the coefficient of each virtual antenna, as in

@@ -14,8 +14,7 @@ struct TagCounts {
   std::uint64_t without_start = 0;  // clicks before the first start
   std::uint64_t other = 0;  // tags on other channels, markers, and tags removed by the dead time
   // The invariant above does not include the counters below.
-  // events on the start and click channels that the device reported as lost
-  std::uint64_t missed = 0;
+  std::uint64_t missed = 0;     // start and click events that the device reported as lost
   std::uint64_t overflows = 0;  // number of overflow periods
   std::uint64_t errors = 0;     // number of error markers
   // tags of unknown type or with a reserved byte other than 0; included in `other`

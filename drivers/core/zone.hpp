@@ -18,7 +18,7 @@ struct Zone {
   double zero_ps = 0;  // two-way time that corresponds to range 0
 
   bool has_direction() const { return std::isfinite(x); }
-  // Limits tangents to 100, an angle of 89.4 degrees from the optical axis.
+  // Rejects tangents above 100, which is 89.4 degrees from the optical axis.
   bool plausible() const {
     const bool unknown = std::isnan(x) && std::isnan(y) && std::isnan(width);
     return std::abs(zero_ps) <= 1e12 &&

@@ -57,7 +57,8 @@ std::string moved(const std::string& uri) {
   return found;
 }
 
-// Returns an error text if several cameras are attached, so that an empty address is ambiguous.
+// Returns an error text if several cameras are attached, because an empty address is then
+// ambiguous.
 std::string several_cameras() {
   openni::Array<openni::DeviceInfo> all;
   OpenNI::enumerateDevices(&all);

@@ -18,14 +18,14 @@ struct Node {
   std::string path;     // for example "/dev/ttyACM0"; may be empty
   std::string key;      // key in lab.toml, for example "radar.cli"; may be empty
   std::string address;  // value for the key: "serial:/dev/serial/by-id/..."
-  std::string missing;  // missing driver, node or permission; empty if none is missing
+  std::string missing;  // obstacle: a missing driver, node or permission; empty if there is none
 };
 
 struct Attached {
   std::uint16_t vendor = 0, product = 0;
   std::string kind;      // supported kind, for example "TI XDS110 (radar board)"
   std::string model;     // product text reported by the device
-  std::string serial;    // empty if the device has none
+  std::string serial;    // serial number; empty if the device has none
   std::string firmware;  // bcdDevice as text, for example "1.00"
   std::string advice;    // advice on the next step; may be empty
   std::vector<Node> nodes;

@@ -18,8 +18,8 @@ namespace echofuse::port {
 struct PortHandlers {
   std::function<void()> opened;
   std::function<void(ByteView)> bytes;  // the bytes are valid only during the call
-  // Called if the port could not be opened, or if it failed: end of file, unplugged, refused.
-  // Called at most once; no handler is called after it.
+  // Called if the port could not be opened, or if it failed (end of file, device unplugged,
+  // connection refused). Called at most once; no handler is called after it.
   std::function<void(const Failure&)> gone;
   // Reports a fault that does not close the port. The handler may be empty. The text is the same
   // for each fault of a kind. `losses` is the number of lost bytes or events.

@@ -155,7 +155,8 @@ class HidWorker {
   }
 
  private:
-  // Discards reports that arrived between open and purge. The kernel buffers up to 64 reports.
+  // Discards reports that arrived before the buffers were purged. The kernel buffers up to 64
+  // reports.
   void discard() {
     std::array<std::uint8_t, cp2110::report_bytes> report;
     for (int i = 0; i < 64; ++i)

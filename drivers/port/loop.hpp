@@ -32,7 +32,8 @@ class Loop : public Clock {
   // Runs until `done` returns true or until the time `until`. `done` is checked after each action.
   void run_until(const std::function<bool()>& done, HostTime until = HostTime::max());
   void run_for(std::chrono::nanoseconds time);
-  // If `hold` is true, now() returns the same time to the calling thread until hold_time(false).
+  // If `hold` is true, now() returns the same time to the calling thread until hold_time(false) is
+  // called.
   virtual void hold_time(bool /*hold*/) {}
 
   virtual std::unique_ptr<Worker> make_worker() = 0;
@@ -53,8 +54,8 @@ class Loop : public Clock {
 };
 
 // Runs an action once. The loop must outlive the timer. After cancel(), another at(), or
-// destruction, the earlier action does not run, even if it is already due. Threading: the loop's
-// thread only.
+// destruction, the earlier action does not run, even if it is already due. Threading: use it on the
+// loop's thread only.
 class Timer {
  public:
   explicit Timer(Loop& loop) : loop_(loop) {}

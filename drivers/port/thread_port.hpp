@@ -20,7 +20,8 @@
 
 namespace echofuse::port {
 
-// State shared by both threads. Only the loop's thread uses `handlers`, `open` and `closed`.
+// State shared by the loop's thread and the port's thread. Only the loop's thread uses `handlers`,
+// `open` and `closed`.
 struct ThreadLink {
   explicit ThreadLink(boost::asio::io_context& context) : io(&context) {}
 

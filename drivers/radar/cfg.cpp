@@ -15,7 +15,8 @@
 namespace echofuse::radar {
 namespace {
 
-// Firmware limits of the characters and words in a line. Source: SDK, utils/cli and UART text mode.
+// Firmware limits on the number of characters and words in a line. Source: SDK, utils/cli and UART
+// text mode.
 constexpr std::size_t max_line = 255, max_words = 40;
 
 // Size limit. The cfgs of TI's demos have 1 to 4 kB.

@@ -41,7 +41,7 @@
 namespace echofuse::radar {
 
 struct DialogueTimeouts {
-  std::chrono::milliseconds quiet{60};  // required silence between prompt and first command
+  std::chrono::milliseconds quiet{60};  // required silence between the prompt and the first command
   // maximum wait for the answer to an empty line; up to 3 empty lines are sent
   std::chrono::milliseconds prompt{1000};
   // maximum wait for the answer to a command; the answer to sensorStop follows the end of a frame

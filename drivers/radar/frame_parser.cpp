@@ -32,8 +32,8 @@ bool starts_with_part_of_magic(ByteView bytes) {
   return std::equal(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n), magic.begin());
 }
 
-// Returns the position of the first magic at or after `from`, or of a partial magic at the end. If
-// neither exists, returns the number of bytes.
+// Returns the position of the first magic word at or after `from`, or of a partial magic word at
+// the end. If neither exists, returns the number of bytes.
 std::size_t find_magic(ByteView bytes, std::size_t from) {
   while (from < bytes.size()) {
     const void* first = std::memchr(bytes.data() + from, magic[0], bytes.size() - from);

@@ -61,7 +61,7 @@ struct FrameCounts {
   std::uint64_t junk_bytes = 0;        // bytes between frames
   std::uint64_t truncated_frames = 0;  // frames shorter than their header announces; not delivered
   std::uint64_t truncated_bytes = 0;
-  std::uint64_t bad_headers = 0;  // magics followed by an implausible header
+  std::uint64_t bad_headers = 0;  // magic words followed by an implausible header
   std::uint64_t bad_tlvs = 0;     // packets with TLVs that exceed or do not fill the packet
   std::uint64_t other_tlvs = 0;
   std::uint64_t resyncs = 0;      // number of times that a frame was found after junk
@@ -113,7 +113,7 @@ class FrameParser {
   bool in_junk_ = false;
   std::optional<std::uint32_t> number_before_;  // frame number before counts_.last_frame_number
   // Frames missing between the last two frame numbers, if the next number must confirm the gap.
-  // Modulo 2^32, so that a step back is a large value.
+  // Modulo 2^32, so that a backward step is a large value.
   std::optional<std::uint32_t> jump_;
   std::uint32_t owed_ = 0;  // frames lost at the end of a connection; reported with the next frame
   // Search state of the first buffered frame: number of bytes searched for a later frame, and the

@@ -278,7 +278,8 @@ std::string milliseconds(double s) {
 }
 
 void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud) {
-  constexpr std::uint32_t firmware_baud = 921600;  // baud rate before any configDataPort
+  // baud rate of the data port until the first configDataPort command
+  constexpr std::uint32_t firmware_baud = 921600;
   const bool given = cfg.has("configDataPort");
   const std::uint32_t baud =
       given ? cfg.integer(cfg.last("configDataPort"), 1, 1, 1e9) : firmware_baud;

@@ -24,7 +24,7 @@ struct RadarProfile {
   // Number of range bins: adc_samples rounded up to a power of two, but 1022 instead of 1024 with
   // 12 antennas (SDK, mss_main.c).
   std::uint32_t bins = 0;
-  double range_step_m = 0;  // distance between bins (ramp.hpp)
+  double range_step_m = 0;  // range difference between adjacent bins (ramp.hpp)
   double resolution_m = 0;  // range resolution c / 2B of the sampled sweep
   // Number of virtual antennas: enabled receivers times transmitters used by the frame's chirps.
   std::uint32_t antennas = 0;
@@ -42,7 +42,7 @@ struct RadarProfile {
   // the heat map is not enabled.
   std::vector<AntennaPlace> array;
   std::vector<AntennaPair> pairs;  // transmitter and receiver of each antenna
-  bool planar = false;             // the heat map is sent as TLV 8 (true) or TLV 4 (false)
+  bool planar = false;             // true: the heat map is sent as TLV 8; false: as TLV 4
   std::vector<std::string> warnings;
   // Reasons why a board would refuse the cfg, one line "NAME:LINE: ..." each. They are not errors
   // for a recording of another board or SDK, because its range axis is still defined.

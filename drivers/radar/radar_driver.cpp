@@ -12,7 +12,7 @@ namespace {
 constexpr std::chrono::seconds cfg_keeps{10};
 // A frame is complete after this silence. USB bridges delay bytes by up to 16 ms.
 constexpr std::chrono::milliseconds quiet{20};
-// A stopped board still sends the rest of one frame, which USB bridges delay. A second frame,
+// A stopped board still sends the rest of one frame, which USB bridges may delay. A second frame,
 // or any frame after the longest transmission, is from another board.
 constexpr std::chrono::milliseconds held_back{50}, longest_transmission{250}, least_pause{300};
 

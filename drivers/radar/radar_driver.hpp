@@ -50,7 +50,7 @@ struct RadarSetup {
   std::string address;  // addresses of both ports, for DeviceInfo
   port::ByteOpener cli, data;
   std::string cfg_text, cfg_name;
-  std::vector<std::string> warnings{};  // reported by start()
+  std::vector<std::string> warnings{};  // warnings that start() reports
   std::uint32_t data_baud = 921600;     // baud rate of the data port, for checks of the cfg
   Board board = Board::isk;             // selects the antennas of the heat map
   port::Backoff backoff{};
@@ -106,7 +106,7 @@ class RadarDriver final : public Driver {
   port::Backoff backoff_;
   FrameParser parser_;
   std::optional<CommandDialogue> dialogue_;
-  // exists while the reason for a missing first frame is determined
+  // set while the driver determines why the first frame is missing
   std::optional<Silence> silence_;
   std::optional<StopDialogue> last_words_;
   SampleSink* sink_ = nullptr;
@@ -120,7 +120,8 @@ class RadarDriver final : public Driver {
     std::uint32_t number = 0, cycles = 0;
   };
   FrameCount last_frame_;
-  int odd_periods_ = 0;  // successive frames with a wrong interval; not counted after the warning
+  // number of successive frames with a wrong interval; not counted after the warning
+  int odd_periods_ = 0;
   struct DriverFault {
     std::string reason;
     DeviceState state = DeviceState::faulted;

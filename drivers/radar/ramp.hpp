@@ -33,7 +33,8 @@ struct Ramp {
 // Returns one text for each limit that the ramp exceeds, with values rounded to the
 // chip's steps.
 std::vector<std::string> refusals_of(const Ramp& ramp);
-// Returns one text for each limit that the frame exceeds. All chirps together take active_ms.
+// Returns one text for each limit that the frame exceeds. `active_ms`: total duration of all
+// chirps.
 std::vector<std::string> frame_refusals_of(double chirps, double active_ms, double period_ms);
 constexpr const char* front_end_limits =
     "sweeps within 60 to 64 GHz, samples within the ramp, chirps within the frame's period, and "

@@ -16,7 +16,7 @@
 
 namespace echofuse::radar {
 
-// Reads the SDK release: {3, 4} for "mmWave SDK 03.04.00.03" or "MMW Demo 03.04.00.03".
+// Returns the SDK release, e.g. {3, 4} for "mmWave SDK 03.04.00.03" or "MMW Demo 03.04.00.03".
 std::optional<std::pair<int, int>> sdk_of(std::string_view firmware);
 
 // Returns the number of arguments that a command has in the demo of SDK 3.4 to 3.6, or nullopt if

@@ -20,7 +20,7 @@ enum ExtraCell : std::uint32_t { out_of_range, without_start, start, other, cell
 constexpr std::uint32_t max_bins = 1u << 24;
 
 // Largest range for which (distance + 0.5) / width, computed in double, never crosses a bin border
-// by rounding.
+// because of rounding.
 constexpr std::uint64_t max_range_ps = 1ull << 50;
 
 void check(const HistogramSettings& s) {
@@ -80,7 +80,7 @@ void Histogram::count(std::span<const Tag> tags) {
     const std::size_t taken =
         has_start_ ? count_groups(tags.data(), tags.size(), click_bins_, run_, bins_.data()) : 0;
     // The fast path cannot process a group that contains a marker. The doubled step avoids repeated
-    // calls of count_groups() without success.
+    // unsuccessful calls of count_groups().
     step = taken > 0 ? max_group : 2 * step;
     const auto few = tags.subspan(taken, std::min(step, tags.size() - taken));
     count_singly(few);

@@ -34,7 +34,7 @@ class StartGaps {
  public:
   explicit StartGaps(std::int32_t start_channel) : channel_(start_channel) {}
 
-  // Stores the gaps between starts, up to 100,000.
+  // Stores up to 100,000 gaps between starts.
   void add(std::span<const Tag> tags);
   // Must be called if tags are missing, because the next gap would be too long.
   void forget_start() { has_last_ = false; }
@@ -45,7 +45,7 @@ class StartGaps {
   // pulse.
   std::optional<double> share() const;
   // Returns the number of clicks per laser pulse, from the numbers of clicks and transferred
-  // starts. Returns nullopt if share() is not known.
+  // starts. Returns nullopt if share() returns nullopt.
   std::optional<double> clicks_a_pulse(std::uint64_t clicks, std::uint64_t starts) const;
 
  private:
