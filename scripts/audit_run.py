@@ -222,7 +222,7 @@ class Frames:
 
 def clock_jumps(entries):
     """Returns the intervals (from, to) of host time in which the device clock was wrong, so that data are assigned to
-    other slots."""
+    wrong slots."""
     jumps, begun, lasting = [], None, 0  # clock faults may overlap
     for entry in entries:
         if entry["what"] == "begin clock_offset":

@@ -18,7 +18,7 @@ struct Node {
   std::string path;     // for example "/dev/ttyACM0"; may be empty
   std::string key;      // key in lab.toml, for example "radar.cli"; may be empty
   std::string address;  // value for the key: "serial:/dev/serial/by-id/..."
-  std::string missing;  // obstacle: a missing driver, node or permission; empty if there is none
+  std::string missing;  // missing driver, node or permission; empty if nothing is missing
 };
 
 struct Attached {

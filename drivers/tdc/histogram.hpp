@@ -57,7 +57,7 @@ class StartGaps {
 
 // The defaults cover two-way times for ranges from 2.0 to 7.04 m.
 struct HistogramSettings {
-  std::int32_t start_channel = 1;  // channel of the laser
+  std::int32_t start_channel = 1;  // channel of the laser sync signal
   std::int32_t click_channel = 2;  // channel of the detector
   std::int64_t bin_width_ps = 100;
   std::int64_t first_bin_ps = 13343;  // start of bin 0; may be negative because of cable delays
@@ -79,7 +79,7 @@ class Histogram {
   // Must be called if tags were lost (transport gap, new connection). The overflow state is then
   // unknown until the next marker.
   void forget_start();
-  // counts() and tag_counts() return the numbers since the last clear(). counts() has `bins`
+  // counts() and tag_counts() return the counts since the last clear(). counts() has `bins`
   // entries.
   std::vector<std::uint32_t> counts() const;
   TagCounts tag_counts() const { return totals_; }

@@ -45,7 +45,7 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
     const bool failed = std::ferror(stdout) != 0;
     errno = 0;
     if (std::fflush(stdout) == 0 && !failed) return static_cast<int>(code);
-    if (errno == 0) {  // an earlier failed write did not keep errno, so write again to set it
+    if (errno == 0) {  // errno of an earlier failed write is lost, so write again to set it
       std::clearerr(stdout);
       std::fputc('\n', stdout);
       std::fflush(stdout);
@@ -66,7 +66,7 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
 }
 
 // Compares device and inode, as the documentation of sd_journal requires. A child process inherits
-// the variable even if its stderr is another file.
+// JOURNAL_STREAM even if its stderr is another file.
 bool stderr_is_journal() {
   const char* stream = std::getenv("JOURNAL_STREAM");
   struct stat is {};

@@ -8,8 +8,8 @@
 
 namespace echofuse {
 
-// Lock on a file, released by the destructor or at the end of the process. The file remains, empty,
-// unless the holder removes it.
+// Lock on a file, released by the destructor or at the end of the process. An empty file then
+// remains, unless the holder has removed it.
 class Lock {
  public:
   // Takes the lock if it is free. A new file gets `mode`, whatever the umask. If `mode` is 0, the
@@ -30,7 +30,7 @@ class Lock {
   void remove() const;
 
   // Returns the text that the lock's holder has written, or nullopt if the lock is free. Does not
-  // take the lock, so that it does not appear as held to concurrent callers.
+  // take the lock, so that concurrent callers do not find it held.
   static std::optional<std::string> holder(const std::string& path);
 
  private:

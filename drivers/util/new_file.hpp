@@ -34,8 +34,8 @@ class NewFile {
   void append(std::string_view text);  // throws Error(disk)
   void keep() { keep_ = true; }        // the destructor does not remove the file
   // Moves the file to `place` and replaces an existing file. No process may have the file open.
-  // Afterwards contents and name are on the disk: fsync of the file, rename, fsync of the folder.
-  // If another database left a -wal or -journal there, renames it with a warning. Throws
+  // Afterwards the contents and the name are on the disk: fsync of the file, rename, fsync of the
+  // folder. If another database left a -wal or -journal there, renames it with a warning. Throws
   // Error(disk).
   void publish();
   // Like publish(), but returns false if `place` exists. On some file systems this is not atomic.
@@ -57,8 +57,8 @@ void write_atomically(const std::string& path, std::string_view text);
 // Waits until the file's data are on the disk. Throws Error(disk).
 void sync_file(const std::string& path);
 
-// Allows the file's group to read it, whatever the umask, because a measuring PC has several users.
-// Has no effect on files of other users.
+// Allows the file's group to read the file, whatever the umask, because a measuring PC has several
+// users. Has no effect on files of other users.
 void let_group_read(int file);
 
 // Removes SQLite's side files of this database. SQLite would apply the side files of an older

@@ -26,7 +26,7 @@ class NpyFile {
     return row_size_;
   }  // values per row; 1 for a one-dimensional array
   bool is_integer() const { return kind_ != 'f'; }
-  std::string shape_text() const;  // for example "[300, 64, 64]"
+  std::string shape_text() const;  // shape as text, for example "[300, 64, 64]"
   // Returns the values of the next row. Throws Error(failed) after the last row.
   std::vector<double> next_row();
 
@@ -40,8 +40,8 @@ class NpyFile {
   char kind_ = 'f';  // type letter of NumPy: b, i, u or f
 };
 
-// Returns a header of 128 bytes. Its length is constant, so that it can be overwritten when the
-// number of rows is known. `type` is a NumPy type: "<f4", "<i8" or "|u1".
+// Returns a header of 128 bytes. The length of the header is constant, so that the header can be
+// overwritten once the number of rows is known. `type` is a NumPy type: "<f4", "<i8" or "|u1".
 std::string npy_header(const std::string& type, std::uint64_t rows,
                        const std::vector<std::size_t>& row_shape);
 

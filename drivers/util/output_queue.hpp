@@ -26,8 +26,8 @@ class OutputQueue {
   // Returns false if texts were dropped. If `state` is true, the text replaces an unwritten earlier
   // text that was also put with `state`.
   bool put(std::string text, bool state = false);
-  // Returns a stream that puts its text into the queue when it is flushed. It is closed with the
-  // queue.
+  // Returns a stream that puts its text into the queue when it is flushed. The stream is closed
+  // together with the queue.
   std::FILE* stream() const { return stream_; }
   // Waits until all text is written, or until no text was written for 1 s. Text that is not yet
   // written is then dropped. Returns the errno of the last failed write, or 0.

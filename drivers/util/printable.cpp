@@ -14,7 +14,7 @@ struct Character {
   bool valid = false;
 };
 
-// Decodes the first UTF-8 character according to RFC 3629: without overlong forms and surrogates.
+// Decodes the first UTF-8 character. Rejects overlong forms and surrogates (RFC 3629).
 Character first_of(std::string_view text) {
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   const std::uint32_t lead = byte(0);

@@ -37,8 +37,8 @@ unsigned usable_cores();
 std::string permission_hint(const std::string& node);
 // Returns the host name.
 std::string machine_name();
-// Returns the path of a program in the folder of this program. If it does not exist, returns NAME,
-// so that start_program() searches for it in PATH.
+// Returns the path of a program in the folder of this program. If no such program exists, returns
+// NAME, so that start_program() searches for it in PATH.
 std::string program_beside(const std::string& name);
 
 // Returns why start_program() cannot start a program with this name, or an empty text if it can.

@@ -14,7 +14,8 @@
 namespace echofuse {
 namespace {
 
-// Returns the number as text with 15 digits, or 17 if 15 do not read back as the same number.
+// Returns the number as text with 15 digits, or with 17 digits if the text would otherwise be read
+// back as a different number.
 std::string text_of(double v) {
   char text[32];
   std::snprintf(text, sizeof text, "%.15g", v);
@@ -81,7 +82,7 @@ std::string place(const std::string& name, const toml::source_position& where) {
   return name + ":" + std::to_string(where.line) + ":" + std::to_string(where.column);
 }
 
-// Returns line n, counted from 1. Empty after the last line.
+// Returns line n, counted from 1. Returns an empty text after the last line.
 std::string_view line_of(std::string_view text, std::size_t n) {
   while (--n > 0) text.remove_prefix(std::min(text.find('\n'), text.size() - 1) + 1);
   return text.substr(0, text.find('\n'));
@@ -345,8 +346,8 @@ std::string Settings::value_of(const Setting& entry) {
   return in_quotes(*std::get<TextTarget>(entry.target).value);
 }
 
-// Returns the keys without a section first, then the keys of each section. TOML rejects repeated
-// sections. Sections and keys keep the order in which they were added.
+// Returns the keys that have no section, followed by the keys of each section, because TOML rejects
+// repeated sections. Sections and keys keep the order in which they were added.
 std::vector<const Settings::Setting*> Settings::by_section() const {
   std::vector<std::string> sections{""};
   std::vector<const Setting*> out;

@@ -38,7 +38,8 @@ class Settings {
   // If `allowed` is not empty, the text must be one of its elements.
   void add(std::string key, std::string& value, std::string doc,
            std::vector<std::string> allowed = {});
-  void add(std::string key, std::vector<std::string>& value, std::string doc);  // a list of strings
+  // Adds a setting that is a list of strings.
+  void add(std::string key, std::vector<std::string>& value, std::string doc);
 
   // Reads the text, then the assignments, which override it. An assignment is "key=value" from a
   // command line; a bare word is a string. Sets valid values and returns all faults, one per line.

@@ -57,7 +57,7 @@ class Camera:
     def __init__(self, options):
         self._options = options
         self._restarted, self._last_index, self._last_frame_s = False, None, time.monotonic()
-        # kinds of fault already printed, and number of bad frames since the last good one
+        # kinds of fault already printed, and number of bad frames since the last good frame
         self._reported, self._odd = set(), 0
 
     def began(self, lens):

@@ -43,7 +43,7 @@ std::string find_socket() {
   Dl_info info{};
   if (dladdr(&serial, &info) == 0 || !info.dli_fname) return {};
   std::string path = info.dli_fname;
-  // A relative path is relative to the drivers folder, which is the working directory while OpenNI
+  // Relative paths are resolved in the drivers folder, which is the working directory while OpenNI
   // loads drivers.
   if (path[0] != '/') {
     char here[4096];

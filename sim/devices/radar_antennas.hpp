@@ -49,7 +49,8 @@ class RadarAntennas {
   std::vector<AntennaRadar::TxRxPair> used_pairs_;
   double wavelength_m_ = 0;
   record::Antennas used_;  // antennas that the chirp uses, in the order of its transmitters
-  std::size_t sent_ = 0;   // the samples of the first sent_ antennas in used_ are sent
+  // number of antennas at the start of used_ for which samples are sent
+  std::size_t sent_ = 0;
   RadarAxis axis_;
   double chirp_s_ = 0;
   std::int64_t chirps_ = 1;

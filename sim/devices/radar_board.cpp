@@ -90,7 +90,7 @@ class RadarBoard final : public Device {
     framing_ = firmware_.running().has_value();
     if (!framing_) return;
     if (subframe_ > 0 || chirp().frames == 0 || frames_of_start_ < chirp().frames) {
-      // A subframe has the frame number of the frame that contains it.
+      // All subframes of a frame have the same frame number.
       frame_number_ += subframe_ == 0;
       frames_of_start_ += subframe_ == 0;
       sampled_s_ = player_.now_s();

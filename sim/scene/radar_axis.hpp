@@ -22,9 +22,10 @@ struct Psf {
   static Psf blackman() { return {0.5 / 0.42, 0.08 / 0.42}; }
   // Interpolates between no window (t = 0) and the Blackman window (t = 1).
   static Psf tapered(double t) { return {t * 0.5 / 0.42, t * t * 0.08 / 0.42}; }
-  double at(double cells) const;  // amplitude at this distance from the scatterer
+  // amplitude at this distance from the scatterer, in resolution cells
+  double at(double cells) const;
 
-  // The response to this window, at a distance u in resolution cells, is
+  // The response for this window, at a distance u in resolution cells, is
   //   sinc(u) + first [sinc(u-1) + sinc(u+1)]/2 + second [sinc(u-2) + sinc(u+2)]/2
   //     = sinc(u) [4 + (4 first - second - 5) u^2 + (1 - first + second) u^4]
   //       / [(1 - u^2) (4 - u^2)].

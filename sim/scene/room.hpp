@@ -32,7 +32,8 @@ struct Room {
 const std::vector<Room>& rooms();
 const Room& room();
 const Room* room_named(const std::string& background);  // nullptr if the name is "none" or unknown
-std::vector<std::string> room_names();                  // "none", then the names of all rooms
+// Returns "none" and the names of all rooms.
+std::vector<std::string> room_names();
 Scene empty_room(const Room& of = room());
 
 }  // namespace echofuse::sim

@@ -65,7 +65,8 @@ class BodyMotion {
   // w = 2 per second. So the head moves at about 1 cm/s. Breathing is a sine of 0.25 Hz.
   BodyMotion(const Conditions& conditions, std::size_t people, Rng& rng);
   void advance(double time_s, Rng& rng);
-  // Returns the displacement of each person from rest, by mode of motion (m or rad, see `modes`).
+  // Returns the displacement of each person from the rest position, by mode of motion (m or rad,
+  // see `modes`).
   const std::vector<Modes>& places() const { return places_; }
   const std::vector<Modes>& speeds() const {
     return speeds_;
@@ -101,8 +102,9 @@ struct EchoCell {
   std::int32_t person = Returns::still;
 };
 struct EchoCells {
-  std::vector<EchoCell> cells;     // sorted by range slot
-  std::vector<std::size_t> begin;  // index of the first cell of each slot, then the number of cells
+  std::vector<EchoCell> cells;  // sorted by range slot
+  // index of the first cell of each slot, and finally the total number of cells
+  std::vector<std::size_t> begin;
   std::vector<double> slot_range_m;  // weighted mean range of the patches in each slot, m
   std::size_t people = 0;
 };

@@ -80,7 +80,7 @@ class FineSignal {
   }
 
   // Adds to each bin a fraction of every grid point. The fraction depends only on the position of
-  // the point within its bin and on the distance between the two bins.
+  // the point within its bin and on the distance between that bin and the receiving bin.
   void spread(const Irf& irf, double width_ps, std::vector<double>& bins) const {
     const std::int64_t first = -whole_up(-irf.begin() / width_ps) - 1;
     const std::int64_t last = whole_up(irf.end() / width_ps) + 1;

@@ -59,8 +59,8 @@ class FineEcho {
     values_[i] += (1 - rest) * value;
     values_[i + 1] += rest * value;
   }
-  // Calls visit(value, psf) for each grid point with an echo. `psf` is its response at all points
-  // of the axis.
+  // Calls visit(value, psf) for each grid point with an echo. `psf` is the response of this echo at
+  // all points of the axis.
   template <class Visit>
   void for_each(const RadarAxis& axis, Visit visit) const {
     const RangeResponse response(axis);

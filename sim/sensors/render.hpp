@@ -11,7 +11,7 @@ namespace echofuse::sim {
 
 // First surface that a ray meets. If the ray meets nothing, range_m is 0.
 struct Hit {
-  float range_m = 0;  // slant range from the sensor
+  float range_m = 0;  // slant range from the sensor, m
   float z_m = 0;
   float cos_theta = 0;  // cosine of the angle between the surface normal and the ray, >= 0
   float albedo = 0;

@@ -34,8 +34,8 @@ inline PointRange points_within(const Axis& axis, Interval t) {
           static_cast<std::uint32_t>(std::clamp(std::ceil(high) + 1, 0.0, n))};
 }
 
-// Returns offset number k in (-0.5, 0.5), from a multiple of the golden ratio. Successive offsets
-// are evenly distributed.
+// Returns offset number k in (-0.5, 0.5), computed from a multiple of the golden ratio. Successive
+// offsets are evenly distributed.
 inline double golden_offset(std::uint32_t k) {
   const double turns = (k + 0.5) * std::numbers::phi;
   return turns - std::floor(turns) - 0.5;

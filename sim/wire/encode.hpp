@@ -49,13 +49,13 @@ struct RadarTlv {
 inline constexpr std::uint32_t radar_sdk_version = 0x03050004, radar_platform = 0xA6843;
 Bytes radar_frame(const RadarHeader& header, const std::vector<RadarTlv>& tlvs, Rng& junk);
 
-RadarTlv objects_tlv();  // TLV type 1, with an empty list of objects
-RadarTlv range_profile_tlv(const std::vector<std::uint16_t>& codes);  // TLV type 2
+RadarTlv objects_tlv();  // Returns a TLV of type 1 with an empty list of objects.
+RadarTlv range_profile_tlv(const std::vector<std::uint16_t>& codes);  // Returns a TLV of type 2.
 // Returns the heat map as a TLV of type 4 or, if `planar`, type 8. It contains the i16 imaginary
 // and i16 real part of each sample: [range bin][antenna].
 RadarTlv heat_map_tlv(bool planar, std::span<const std::complex<float>> samples);
-RadarTlv stats_tlv(const RadarStats& stats);                    // TLV type 6
-RadarTlv temperature_tlv(const RadarTemperature& temperature);  // TLV type 9
+RadarTlv stats_tlv(const RadarStats& stats);                    // Returns a TLV of type 6.
+RadarTlv temperature_tlv(const RadarTemperature& temperature);  // Returns a TLV of type 9.
 
 // Returns the code of a bin in the range profile: the sum of log2(magnitude) over the virtual
 // antennas, divided by their number rounded up to a power of two, in Q8 format
