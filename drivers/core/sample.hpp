@@ -82,7 +82,7 @@ struct RadarFrame {
   std::uint32_t subframe = 0;                // index of the subframe within its frame
   std::uint32_t subframes = 1;               // number of subframes per frame in the cfg
   std::vector<std::uint16_t> range_profile;  // log2_q8 codes; empty if the frame had no TLV 2
-  // linear power; set only by bridges, which send it instead of range_profile
+  // linear power; set only by bridges, which send it instead of `range_profile`
   std::vector<float> power;
   // Heat map of TLV 4 (azimuth antennas) or TLV 8 (all antennas). Each range bin and virtual
   // antenna has two values, the imaginary part and then the real part. Empty if the frame had

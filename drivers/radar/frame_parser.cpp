@@ -212,7 +212,7 @@ Step FrameParser::skip_truncated(std::size_t bytes) {
 }
 
 // Returns the position of a later frame inside this packet, or the end of the packet if there is
-// none. The position is uncertain if fewer than header_bytes follow it.
+// none. The position is uncertain if fewer than `header_bytes` follow it.
 std::size_t FrameParser::find_successor(ByteView bytes, const Header& header) {
   const std::size_t end = std::min<std::size_t>(bytes.size(), header.packet_bytes);
   searched_ = std::max(searched_, magic.size());

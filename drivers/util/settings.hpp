@@ -19,7 +19,7 @@ std::string read_config_text(const std::string& path);
 // Maximum number of reported faults. A text with more faults is probably not TOML.
 inline constexpr std::size_t max_faults = 20;
 
-// Throws Error(config) with the faults, one per line. Only the first max_faults are included.
+// Throws Error(config) with the faults, one per line. Only the first `max_faults` are included.
 [[noreturn]] void refuse(const std::vector<std::string>& faults);
 
 // Returns the known word that is most similar to `word`. If known words begin with `word` (3

@@ -14,7 +14,7 @@
 namespace echofuse::sim {
 
 // Threading: use only in the thread of the event loop. The listener and the injector must outlive
-// the server. The device must call poll() from the on_poll function of the injector.
+// the server. The device must call poll() from the `on_poll` function of the injector.
 class BlockServer {
  public:
   struct QueuedBlock {

@@ -92,8 +92,8 @@ std::unique_ptr<Device> make_histogram_bridge(port::Loop& loop, ScenePlayer& pla
                                               const TdcOptions& options,
                                               std::unique_ptr<Listener> listener);
 
-// Radar board. Its command and data UARTs are pseudo-terminals; cli_link and data_link are symbolic
-// links to these pseudo-terminals.
+// Radar board. Its command and data UARTs are pseudo-terminals; `cli_link` and `data_link` are
+// symbolic links to these pseudo-terminals.
 struct RadarOptions {
   std::string cli_link, data_link;
   std::uint64_t seed = 1;

@@ -114,7 +114,7 @@ class FaultReader : TableReader {
   }
 };
 
-// Returns the number of earlier repetitions at time_s, and the seconds since the start of the
+// Returns the number of earlier repetitions at `time_s`, and the seconds since the start of the
 // current repetition. Returns nothing before the first start.
 std::optional<std::pair<double, double>> progress(const Fault& f, double time_s) {
   if (time_s < f.at_s) return {};

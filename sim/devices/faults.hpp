@@ -24,7 +24,7 @@ enum class FaultKind : std::uint8_t {
 inline constexpr std::size_t fault_kinds = 10;
 const char* name_of(FaultKind kind);
 
-// Fault that starts at_s seconds after the start of the laboratory and lasts for_s seconds. Its
+// Fault that starts `at_s` seconds after the start of the laboratory and lasts `for_s` seconds. Its
 // repetition period is every_s seconds; 0: no repetition. Units of `amount`:
 //   drop, corrupt  fraction of blocks or frames
 //   late           delay, s
@@ -50,10 +50,10 @@ class Faults {
   Faults(const std::vector<Fault>& all, const std::string& device);
 
   bool empty() const { return faults_.empty(); }
-  // Returns the amount of the fault of this kind that is active at time_s, or nothing.
+  // Returns the amount of the fault of this kind that is active at `time_s`, or nothing.
   std::optional<double> at(FaultKind kind, double time_s) const;
   bool any_at(double time_s) const;
-  // Returns the first time after time_s at which a fault starts or ends; infinity after the last
+  // Returns the first time after `time_s` at which a fault starts or ends; infinity after the last
   // change.
   double next_change_s(double time_s) const;
   // Returns the offset of the device clock from laboratory time, s; positive if the device clock is

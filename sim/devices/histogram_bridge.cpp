@@ -91,7 +91,7 @@ class HistogramBridge final : public Device {
   }
 
   ScenePlayer& player_;
-  // settings in which window_s and pulses_per_window are those of one exposure
+  // settings in which `window_s` and `pulses_per_window` are those of one exposure
   Conditions conditions_;
   double window_share_ = 1;
   std::unique_ptr<Listener> listener_;

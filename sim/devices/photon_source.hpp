@@ -29,7 +29,7 @@ struct Tagging {
 // detection after the dead time of the previous one.
 class PhotonSource {
  public:
-  // Signal and background counts of the conditions are per window_s seconds. Throws Error(config)
+  // Signal and background counts of the conditions are per `window_s` seconds. Throws Error(config)
   // if the laser period is shorter than the histogram, or if the tag rate exceeds the limit of the
   // simulator.
   PhotonSource(const Conditions& conditions, const Tagging& tagging, double window_s,

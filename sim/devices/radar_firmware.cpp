@@ -376,8 +376,9 @@ bool RadarFirmware::ramps_possible() {
          });
 }
 
-// Returns the parameters of a frame with the profile of chirp number of_chirp or, if of_chirp is
-// empty, with the last configured profile. Returns nothing if the front end would refuse the frame.
+// Returns the parameters of a frame with the profile of chirp number `of_chirp` or, if `of_chirp`
+// is empty, with the last configured profile. Returns nothing if the front end would refuse the
+// frame.
 std::optional<Chirp> RadarFirmware::chirp(const FramePart& frame,
                                           std::optional<unsigned> of_chirp) {
   const CommandWords channel = config_["channelCfg"];

@@ -24,7 +24,7 @@ struct RenderedScene {
 struct SceneSchedule {
   std::string kind = "person";  // name of a SceneKind, or mixed
   std::int64_t seed = 1;
-  // Time per scene, s; 0: only the first scene. Scenes change at multiples of hold_s on the host
+  // Time per scene, s; 0: only the first scene. Scenes change at multiples of `hold_s` on the host
   // clock, like the slots of the daemon.
   double hold_s = 0;
   std::vector<SceneSpec> list{};  // scenes to show in this order, repeatedly; replaces `kind`

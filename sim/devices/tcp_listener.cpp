@@ -87,7 +87,7 @@ class TcpListener final : public Listener {
   tcp::socket socket_;
   Handlers handlers_;
   std::array<std::uint8_t, 256> unread_{};
-  // Whether accept() was called for the next client, and whether async_accept is pending.
+  // true if accept() was called for the next client; true if `async_accept` is pending
   bool wanted_ = false, accepting_ = false;
 };
 

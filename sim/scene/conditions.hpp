@@ -16,7 +16,7 @@
 namespace echofuse::sim {
 
 struct Conditions {
-  // Geometry and scenes. The default of window_s is that of Lai et al., COL 22(2) 022701 (2024).
+  // Geometry and scenes. The default of `window_s` is that of Lai et al., COL 22(2) 022701 (2024).
   double window_s = 3, baseline_m = 0.5, half_tangent = 0.55, camera_height_m = 1.1;
   double target_x_m = 1.0, target_z_min_m = 3.0, target_z_max_m = 4.0, target_scale = 1.0;
   double person_yaw_deg = 60, letter_yaw_deg = 30;
@@ -58,8 +58,8 @@ struct Conditions {
   double spd_falloff = 0, spd_field = 1, spd_yaw_deg = 0;
   double slot_sway_m = 0;
 
-  // Radar. In the vertical direction, radar_rays / 2 rays cover the tangents up to
-  // radar_half_tangent / 2.
+  // Radar. In the vertical direction, `radar_rays` / 2 rays cover the tangents up to
+  // `radar_half_tangent` / 2.
   std::int64_t radar_rays = 288;
   double radar_resolution_m = 0.5, radar_step_m = 0.25;
   std::int64_t radar_bins = 29;
@@ -94,11 +94,11 @@ void bind(Settings& settings, Conditions& conditions);
 // Throws Error(config) if values contradict each other, or if the mesh of an object cannot be read.
 void validate(const Conditions& conditions);
 
-// Returns the number of detector rays across the field of view: spd_rays or, if that is 0, a number
-// that depends on signal_photons. This number keeps the variance of the sampling error below a
-// tenth of the shot-noise variance. With 256 rays and 1e5 photons the ratio of these variances is
-// 0.29 per bin (recon/python/examples/detail.py). The ratio is proportional to rays^-3.65 and to
-// the number of photons. With a margin of 25 % this gives
+// Returns the number of detector rays across the field of view: `spd_rays` or, if that is 0, a
+// number that depends on `signal_photons`. This number keeps the variance of the sampling error
+// below a tenth of the shot-noise variance. With 256 rays and 1e5 photons the ratio of these
+// variances is 0.29 per bin (recon/python/examples/detail.py). The ratio is proportional to
+// rays^-3.65 and to the number of photons. With a margin of 25 % this gives
 //   rays = 256 (3.6 signal_photons / 1e5)^(1/3.65), rounded up to an even number, 64 to 2048.
 std::int64_t rays_of(const Conditions& conditions);
 
@@ -109,6 +109,6 @@ RadarAxis radar_response(const Conditions& conditions);
 // Returns the instrument response to store in the run file: nominal values, without
 // radar_psf_width.
 record::Response stated_response(const Conditions& conditions);
-double radar_x_m(const Conditions& conditions);  // x of the radar, m, including baseline_error_m
+double radar_x_m(const Conditions& conditions);  // x of the radar, m, including `baseline_error_m`
 
 }  // namespace echofuse::sim

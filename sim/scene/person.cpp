@@ -20,8 +20,8 @@ constexpr double shoulder_half_width = 0.115, hip_half_width = 0.055;
 
 double radians(double degrees) { return degrees * std::numbers::pi / 180; }
 
-// Returns the direction of a limb that hangs down, is swung forward by swing_deg, and is then
-// spread to its side by spread_deg. `side` is -1 or 1.
+// Returns the direction of a limb that hangs down, is swung forward by `swing_deg`, and is then
+// spread to its side by `spread_deg`. `side` is -1 or 1.
 Vec3 limb(double side, double swing_deg, double spread_deg) {
   const double swing = radians(swing_deg), spread = radians(spread_deg);
   return {side * std::sin(spread), -std::cos(spread) * std::cos(swing),
@@ -32,7 +32,7 @@ Vec3 limb(double side, double swing_deg, double spread_deg) {
 double varied(double by, Rng& rng) { return by > 0 ? 1 + uniform(rng, -by, by) : 1; }
 double varied_log(double by, Rng& rng) { return by > 0 ? std::exp(uniform(rng, -by, by)) : 1; }
 
-// Returns a random joint angle, degrees. pose_spread scales the range from low to high about its
+// Returns a random joint angle, degrees. `pose_spread` scales the range from low to high about its
 // middle.
 double pose(double low, double high, const Conditions& c, Rng& rng) {
   const double middle = (low + high) / 2, half = c.pose_spread * (high - low) / 2;

@@ -22,7 +22,7 @@ void add_person(Scene& scene, const Conditions& conditions, const Stand& stand, 
 
 // Adds a person who holds a flat letter in both hands at arm's length. The letter faces in the same
 // direction as the person. The letter and its size are random (acquire/measurement/letter.hpp);
-// letter_scale and target_scale multiply the size. Returns the letter.
+// `letter_scale` and `target_scale` multiply the size. Returns the letter.
 char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng);
 
 }  // namespace echofuse::sim

@@ -17,7 +17,7 @@ namespace echofuse::sim {
 // Special value: the radar reflectivity equals the albedo.
 inline constexpr double as_albedo = -1;
 
-// Capsule: all points within radius_m of the segment a-b.
+// Capsule: all points within `radius_m` of the segment a-b.
 struct Capsule {
   Vec3 a, b;
   double radius_m = 0, albedo = 0;

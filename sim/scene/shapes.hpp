@@ -21,7 +21,7 @@ inline Interval hull(Interval a, Interval b) {
 }
 
 // SIMD width in rays. The scalar remainder of a loop costs as much as several SIMD steps. So rows
-// are padded by spare_rays, and ray counts are rounded up to whole steps.
+// are padded by `spare_rays`, and ray counts are rounded up to whole steps.
 inline constexpr std::size_t rays_at_once = 4, spare_rays = 2 * rays_at_once;
 constexpr std::size_t whole_steps(std::size_t rays) {
   return (rays + rays_at_once - 1) / rays_at_once * rays_at_once;

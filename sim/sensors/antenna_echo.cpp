@@ -55,7 +55,7 @@ void add_echoes(const MatrixXcf& slots, const MatrixXf& response, EchoSamples& s
 }
 
 // Returns plane waves from directions u, v (columns) at the antennas (rows), with the phase and
-// gain errors of the antennas. ahead_turns is the initial phase of each wave, turns.
+// gain errors of the antennas. `ahead_turns` is the initial phase of each wave, turns.
 MatrixXcf waves(const Antennas& antennas, const ArrayXf& u, const ArrayXf& v,
                 const ArrayXf& amplitude, const ArrayXf& ahead_turns) {
   const auto n = static_cast<Index>(antennas.size());

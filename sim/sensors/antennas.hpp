@@ -41,12 +41,12 @@ namespace echofuse::sim {
 // are the pairs of transmitters at (0,0) (2,2) (0,2) and receivers at (1,1) (1,0) (0,1) (0,0), as
 // on TI's IWR6843AOP.
 record::Antennas antennas_in_layout(std::size_t count);
-// Returns antennas with random phase errors and gain errors. Their number is radar_antennas. The
-// errors depend only on the seed; their rms values are radar_phase_error_rad and
-// radar_gain_error_db.
+// Returns antennas with random phase errors and gain errors. Their number is `radar_antennas`. The
+// errors depend only on the seed; their rms values are `radar_phase_error_rad` and
+// `radar_gain_error_db`.
 record::Antennas simulated_antennas(const Conditions& conditions, std::uint64_t seed);
 // Returns the antennas to store in the run file. They include the simulated errors only if
-// radar_array_calibrated is true.
+// `radar_array_calibrated` is true.
 record::Antennas stated_antennas(const record::Antennas& antennas, const Conditions& conditions);
 
 // Motion of standing people. They sway about their ankles like an inverted pendulum (Morasso et
@@ -73,14 +73,14 @@ class BodyMotion {
   }  // time derivative of places(), per s
 
   // Returns the change of the range of a patch, m, per unit of each mode. x and y are the direction
-  // cosines x/R and y/R of the patch, and height_m is its height above the floor. The vertical axis
-  // of the person is at axis_x_m, axis_z_m relative to the radar.
+  // cosines x/R and y/R of the patch, and `height_m` is its height above the floor. The vertical
+  // axis of the person is at `axis_x_m`, `axis_z_m` relative to the radar.
   static Modes range_per_mode(double x, double y, double height_m, double axis_x_m, double axis_z_m,
                               double body_scale);
 
  private:
   struct Oscillator {
-    // position, and speed divided by sway_rate; both have unit variance
+    // position, and speed divided by `sway_rate`; both have unit variance
     double place = 0, speed = 0;
   };
   void set_modes();
@@ -108,21 +108,21 @@ struct EchoCells {
   std::vector<double> slot_range_m;  // weighted mean range of the patches in each slot, m
   std::size_t people = 0;
 };
-// Combines the patches of people and, if with_room is true, of the room into cells. Range slots
-// have the length slot_m.
+// Combines the patches of people and, if `with_room` is true, of the room into cells. Range slots
+// have the length `slot_m`.
 EchoCells echo_cells(const Returns& returns, double slot_m, bool with_room);
 // Combines all patches of one kind (Returns::reflector or Returns::leakage) into a cell. The weight
 // of the cell is 0 if there are no such patches.
 EchoCell cell_of_kind(const Returns& returns, std::int32_t kind);
 
-// Properties of the radar that are the same for all records of a run. still_seed determines the
+// Properties of the radar that are the same for all records of a run. `still_seed` determines the
 // phases of the echoes of the room and of objects.
 struct AntennaRadar {
   RadarAxis axis;
   record::Antennas antennas;
   std::uint64_t still_seed = 0;
   // The antennas of one transmitter are adjacent; `receivers` is their number. The transmitters
-  // send in turn, at intervals of chirp_s, `chirps` times per frame. If chirp_s is 0, all
+  // send in turn, at intervals of `chirp_s`, `chirps` times per frame. If `chirp_s` is 0, all
   // transmitters send at the same time.
   std::size_t receivers = 4;
   double chirp_s = 0;
@@ -166,12 +166,12 @@ class AntennaEcho {
 // Returns the coherent samples of the empty room: [range point][antenna].
 std::vector<std::complex<float>> room_echo(const AntennaRadar& radar, const Conditions& conditions);
 
-// Antenna data of a record with radar_frames frames in window_s.
+// Antenna data of a record, which has `radar_frames` frames in `window_s`.
 struct AntennaRecord {
-  std::vector<float> array;   // statistics (ArrayStatistics) of the first kept_bins points
+  std::vector<float> array;   // statistics (ArrayStatistics) of the first `kept_bins` points
   std::vector<double> power;  // power at each range point, averaged over frames and antennas
 };
-// Simulates the antenna data of a record. noise_power is the noise power of each sample.
+// Simulates the antenna data of a record. `noise_power` is the noise power of each sample.
 AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
                              std::size_t kept_bins, const Conditions& conditions,
                              double noise_power, Rng& rng);

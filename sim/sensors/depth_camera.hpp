@@ -12,10 +12,10 @@
 namespace echofuse::sim {
 
 // Adds the errors of a triangulating depth camera to a frame of exact depths z (mm, row-major; 0:
-// no return). Each depth gets Gaussian noise of rms depth_noise_m z^2 (z in m) and the constant
-// depth_offset_m. Edge pixels lose their return with the probability depth_dropout. An edge pixel
-// has a neighbour (left, right, above or below) without a return, or with a depth that differs by
-// more than 0.1 m.
+// no return). Each depth gets Gaussian noise of rms `depth_noise_m` z^2 (z in m) and the constant
+// `depth_offset_m`. Edge pixels lose their return with the probability `depth_dropout`. An edge
+// pixel has a neighbour (left, right, above or below) without a return, or with a depth that
+// differs by more than 0.1 m.
 void disturb_depth(std::vector<std::uint16_t>& mm, std::uint32_t width,
                    const Conditions& conditions, Rng& rng);
 

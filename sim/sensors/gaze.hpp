@@ -18,7 +18,7 @@ struct Gaze {
     const std::int32_t* shape;
   };
 
-  double sensor_x_m = 0, extra_m = 0;  // extra_m is added to each range
+  double sensor_x_m = 0, extra_m = 0;  // `extra_m` is added to each range
   double falloff = 0, middle_x = 0, half_tangent = 1;
   double lobe = 1, plate_lobe = 1;  // cosine exponents for capsules and other shapes; 1: Lambert
   double sway_m = 0;
@@ -31,8 +31,8 @@ struct Gaze {
   // replaces the cosine: cos -> (n + 2)/3 cos^n. This factor keeps the integral over the image of a
   // sphere.
   void dim(const Rays& rays, std::int32_t capsules, double* weight, std::size_t count) const;
-  // Returns the range offset of patch k due to sway, m. The offsets have the rms value sway_m, and
-  // those of successive patches are evenly distributed.
+  // Returns the range offset of patch k due to sway, m. The offsets have the rms value `sway_m`,
+  // and those of successive patches are evenly distributed.
   double sway(std::size_t k) const;
 };
 

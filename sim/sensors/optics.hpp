@@ -28,7 +28,7 @@ std::vector<std::uint32_t> draw_counts(const std::vector<double>& rate,
                                        const Conditions& conditions, Rng& rng);
 
 // Returns the detector properties to store in the run file; empty at low flux, or if
-// spd_detector_stated is false.
+// `spd_detector_stated` is false.
 record::Detector stated_detector(const Conditions& conditions);
 
 }  // namespace echofuse::sim

@@ -28,14 +28,14 @@ class RangeResponse {
 };
 
 // Returns the power of the receiver noise in a sample of one antenna and frame. The noise power is
-// radar_snr_db below mean_peak.
+// `radar_snr_db` dB below `mean_peak`.
 double radar_noise_power(const Conditions& c, double mean_peak);
 
 // Returns the rms noise at each point of a profile averaged over `frames` frames. For 60 frames (3
-// s at 20 frames per second) the noise is radar_snr_db below mean_peak. The noise is proportional
-// to 1 / sqrt(frames). In a single frame the noise is the power of complex Gaussian noise: its
-// distribution is exponential, and its mean equals its rms. A mean of 60 or more frames is treated
-// as Gaussian.
+// s at 20 frames per second) the noise is `radar_snr_db` dB below `mean_peak`. The noise is
+// proportional to 1 / sqrt(frames). In a single frame the noise is the power of complex Gaussian
+// noise: its distribution is exponential, and its mean equals its rms. A mean of 60 or more frames
+// is treated as Gaussian.
 double profile_noise(const Conditions& c, double mean_peak, std::int64_t frames);
 // Adds the noise of a profile averaged over `frames` frames, minus its expected value. So powers
 // may be negative.

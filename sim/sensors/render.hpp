@@ -9,7 +9,7 @@
 
 namespace echofuse::sim {
 
-// First surface that a ray meets. If the ray meets nothing, range_m is 0.
+// First surface that a ray meets. If the ray meets nothing, `range_m` is 0.
 struct Hit {
   float range_m = 0;  // slant range from the sensor, m
   float z_m = 0;
@@ -41,7 +41,7 @@ struct Returns {
   std::vector<float> tangent_x{}, tangent_y{};
   // Direction cosines x/R and y/R of a patch, its height above the floor, and its owner: a person
   // (0, 1, ...) or one of the negative constants below. Returns of the radar have these values if
-  // radar_antennas > 0 or radar_sum is coherent.
+  // `radar_antennas` > 0 or `radar_sum` is coherent.
   struct PatchOrigin {
     float x = 0, y = 0, height_m = 0;
     std::int32_t person = still;
@@ -52,8 +52,8 @@ struct Returns {
 };
 
 // Returns the owner of shape `number` (see Scanner) for PatchOrigin::person. Each person consists
-// of capsules_of_person successive capsules. Plates belong to person 0 or, if the scene contains no
-// people, to the reflector.
+// of `capsules_of_person` successive capsules. Plates belong to person 0 or, if the scene contains
+// no people, to the reflector.
 std::int32_t person_of(const Scene& scene, std::int32_t number);
 
 // Sum of albedo cos(theta) dOmega / R^2 over the mean scene (base condition, one person for every
@@ -63,8 +63,8 @@ std::int32_t person_of(const Scene& scene, std::int32_t number);
 inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
 
 // Return the patches visible to the detector or the radar, each with its own occlusion. Ranges
-// include spd_delay_ps or radar_bias_m. The patches are followed by the returns reflected by walls
-// (multipath_order; range: half of the path length) and by the leakage of the radar.
+// include `spd_delay_ps` or `radar_bias_m`. The patches are followed by the returns reflected by
+// walls (multipath_order; range: half of the path length) and by the leakage of the radar.
 // RoomReturns::subtracted leaves out the visible patches of the room. Its hidden patches are
 // included with negative weights. Quantities that are linear in the weights are then changes
 // relative to the empty room.

@@ -16,7 +16,7 @@ namespace echofuse::sim {
 inline constexpr double zone_deviation = 0.75;
 
 // Returns the zones to store in the run file, row by row from the top left; empty for a single
-// pixel. They do not include spd_yaw_deg, because it is unknown in a real laboratory.
+// pixel. They do not include `spd_yaw_deg`, because it is unknown in a real laboratory.
 Zones zones_of(const Conditions& conditions);
 
 // Returns the expected detections in each bin during one window (spd_rate) for each zone:
