@@ -36,7 +36,7 @@ class Cfg {
       refuse(e.what());
     }
   }
-  // If there is an error, throws it together with all stored refusals.
+  // If an error was stored, throws all stored errors and refusals.
   void stop_if_faulty() const;
   void refuse(const std::string& line) const;
   std::string complaint(const CfgCommand& c, const std::string& what) const;

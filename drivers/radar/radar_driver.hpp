@@ -110,7 +110,7 @@ class RadarDriver final : public Driver {
   std::optional<Silence> silence_;
   std::optional<StopDialogue> last_words_;
   SampleSink* sink_ = nullptr;
-  bool answered_ = false;  // true if the firmware has ever answered this driver
+  bool answered_ = false;  // true if the firmware has answered since the driver was created
   std::string said_;       // first failure since the last frame; later failures are appended to it
   std::set<std::string> reported_;  // port warnings that have been reported
   // time at which a port was unplugged while the firmware had our cfg

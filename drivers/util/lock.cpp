@@ -32,7 +32,7 @@ struct flock whole_file() {
 // Tries to open the file without O_CREAT first, because in a shared folder the kernel may refuse
 // O_CREAT for another user's file.
 int open_or_make(const std::string& path, mode_t mode) {
-  // the lock's holder may remove the file between the two calls of open()
+  // repeats the calls, because the lock's holder may remove the file between them
   for (int tries = 0; tries < 10; ++tries) {
     int fd = ::open(path.c_str(), flags | O_RDWR);
     if (fd >= 0 || errno != ENOENT) return fd;
