@@ -15,7 +15,7 @@ class App;
 namespace echofuse::recon {
 
 struct Common {
-  int threads = 0;  // threads of the matrix product; 0 = one per core
+  int threads = 0;  // number of threads for matrix products; 0: one per core
   bool quiet = false;
 };
 

@@ -93,7 +93,7 @@ std::vector<PairedDifference> differences_of(const std::vector<MethodScores>& al
   return paired_differences(all[0].scores, all[k].scores);
 }
 
-// Describes by how much each method is better than the first one, with 95 % intervals.
+// Describes how much better each method is than the first method, with 95 % confidence intervals.
 std::string paired_text(const std::vector<MethodScores>& all) {
   std::string out;
   for (std::size_t k = 1; k < all.size(); ++k)
@@ -124,7 +124,7 @@ std::optional<Inputs> asked_by(const std::vector<TrainedModel>& models) {
   return out;
 }
 
-// Returns the CRC-32C of the tables, computed as in training (Dataset::hash).
+// Returns the CRC-32C of the tables of `data`, computed as in training (Dataset::hash).
 std::uint32_t crc32c_of(const Dataset& data) {
   std::uint32_t out = 0;
   for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array, &data.zone_spd})
@@ -225,7 +225,7 @@ std::vector<std::string> notes_on_truth(const Dataset& data, const std::vector<S
 }
 
 // Marks the records excluded by --rows. `test` keeps only the test part of the default split;
-// `listed` keeps only the records that at least one records.csv lists.
+// `listed` keeps only the records that are listed in the records.csv file of at least one folder.
 void leave_out_unasked(const std::string& asked, const std::vector<WrittenMaps>& folders,
                        const Dataset& data, std::vector<std::string>& left_out) {
   if (asked.empty()) return;

@@ -21,7 +21,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::array parts{"train", "validation", "test"};  // in the order of enum Subset
+constexpr std::array parts{"train", "validation", "test"};  // names in the order of enum Subset
 
 struct Arguments : TrainOptions {
   std::vector<std::string> runs, assignments;

@@ -77,8 +77,8 @@ TrainedModel tune_model(const Arguments& a, bool test_share_given) {
   }
   TuneOptions options;
   options.split = a.split;
-  // No validation part is needed, because cross-validation selects the tuning. All records are then
-  // available for tuning.
+  // No validation part is needed, because cross-validation selects the penalty of fine-tuning. All
+  // records are then available for fine-tuning.
   options.split.validation_share = 0;
   if (!test_share_given) options.split.test_share = 0;
   options.tuning.seed = a.fit.seed, options.quiet = a.fit.quiet;

@@ -30,7 +30,7 @@ void bind(Settings& settings, TrainSettings& s);
 // Returns all settings in TOML format, each with its meaning, range and default.
 std::string train_settings_help();
 // Applies settings given as KEY=VALUE or as the name of a TOML file. Throws Error(config) with a
-// list of all faults. Throws Error(usage) if `candidates` contains an invalid model name.
+// list of all invalid settings. Throws Error(usage) if `candidates` contains an invalid model name.
 void take(const std::vector<std::string>& assignments, TrainSettings& s);
 
 }  // namespace echofuse::recon

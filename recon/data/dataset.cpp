@@ -153,13 +153,13 @@ class Appender {
     return sensors_.contains(Sensor::depth) ? data_.map.pixels() : 0;
   }
   std::size_t zone_columns() const { return zones_.size() * data_.spd_axis.count; }
-  // Returns the photon counts of all zones, at true ranges on the common axis. Sets `a_pulse`
-  // (clicks per laser pulse) to 0 if pile-up was corrected.
+  // Returns the photon counts of all zones on the common axis, with the range offset subtracted.
+  // Sets `a_pulse` (clicks per laser pulse) to 0 if pile-up was corrected.
   std::vector<float> photons(const record::FusedRecord& r, double& a_pulse) const {
     if (!r.has(Sensor::spd)) return {};
     const auto clicks = static_cast<double>(r.spd_counts.in_range + r.spd_counts.out_of_range);
     const double pulses = pile_up_.known() && a_pulse > 0 ? clicks / a_pulse : 0;
-    // Fraction of laser pulses for which the detector is ready, in its least ready zone and bin.
+    // Fraction of laser pulses for which the detector is ready; minimum over all zones and bins.
     double ready = 1;
     std::vector<float> out;
     for (std::size_t z = 0; z < shifts_.size(); ++z) {
@@ -173,15 +173,15 @@ class Appender {
       else
         out.insert(out.end(), zone.begin(), zone.end());
     }
-    // Minimum fraction of pulses for which the detector is ready. Below it, the pile-up correction
-    // mainly amplifies noise.
+    // Minimum fraction of pulses for which the detector is ready. If the fraction is smaller, the
+    // pile-up correction mainly amplifies noise.
     constexpr double hardly_any = 0.03;
     if (pulses > 0 && ready > hardly_any) a_pulse = 0;
     return out;
   }
   static std::string absurd_counts(const record::FusedRecord& r) {
-    // Limit of the detection rate, 1/s. It is higher than the maximum rate of any detector or time
-    // tagger.
+    // Maximum plausible detection rate, 1/s. It is higher than the maximum rate of any detector or
+    // time tagger.
     constexpr double most_a_second = 1e8;
     const double slot_s = seconds(r.slot_end - r.slot_start);
     for (std::size_t i = 0; i < r.spd.size(); ++i)
@@ -204,7 +204,8 @@ class Appender {
   // Returns a hash of the counts, for finding copied records; 0 if another record could have equal
   // counts by chance. Two Poisson counts of mean n are equal with probability 1 / (2 sqrt(pi n)).
   static std::int64_t hash_of(const record::FusedRecord& r) {
-    constexpr double least_clicks = 100;  // minimum number of clicks above the background
+    // Minimum number of clicks above the background for a hash.
+    constexpr double least_clicks = 100;
     constexpr double most_log_chance = -30;
     if (!r.has(Sensor::spd)) return r.radar.empty() ? 0 : hash_of_words(r.radar);
     const std::string kind = record::verdict_kind(r.sync[Sensor::spd].verdict);
@@ -238,7 +239,7 @@ class Appender {
   static bool is_power(float v) { return std::abs(v) < 1e38f; }
   // Returns the recorded clicks per laser pulse. Imported runs do not contain this value, so it is
   // computed from the counts. Returns 0 (unknown) if there are at least 0.95 clicks per start
-  // signal, because a filter has then removed the start signals without a click.
+  // signal, because the time tagger has then filtered out the start signals without a click.
   static double clicks_a_pulse(const record::FusedRecord& r) {
     constexpr double filtered = 0.95;
     if (r.signal.clicks_a_pulse) return *r.signal.clicks_a_pulse;
@@ -259,8 +260,9 @@ class Appender {
       throw axis_error(path_, found, common, data_.sources.front().path);
     }
   }
-  // Adopts the zones of the first run. Throws Error(failed) if the zones of another run differ.
-  // Tangents of the directions may differ by 0.01, as between two boards of the same type.
+  // Adopts the zones of the first run. Throws Error(failed) if the zones of another run differ. The
+  // tangents of the directions may differ by up to 0.01, because two boards of the same type may
+  // differ this much.
   void adopt_zones() {
     if (data_.sources.empty()) data_.zones = zones_;
     const auto near = [](const Zone& a, const Zone& b) {
@@ -327,13 +329,14 @@ class Appender {
   PileUp pile_up_;
   Zones zones_;
   double spd_offset_ps_ = 0;
-  std::vector<std::optional<Shift>> shifts_;  // one shift per zone; empty if no shift is needed
+  // One entry per zone; an entry is empty if its zone needs no shift.
+  std::vector<std::optional<Shift>> shifts_;
 };
 
 void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,
             SensorSet sensors, const OnBadRecord& on_bad,
             const record::RunReader::InParallel& in_parallel = {}, DepthCheck* depths = nullptr) {
-  // Created when the first record is read, because a run in progress may get further axes until
+  // Created when the first record is read, because axes may be added to a run in progress until
   // then.
   std::optional<Appender> appender;
   const auto to = [&]() -> Appender& {

@@ -21,7 +21,8 @@
 namespace echofuse::recon {
 
 // Sensors that a model uses. fused: SPD and radar, including the radar's antennas if the run has
-// them. fused_profile: SPD and only the range profile of the radar, as in the paper.
+// them. fused_profile: SPD and the range profile of the radar, without its antennas, as in Lai et
+// al. (2024).
 enum class Inputs : std::uint8_t { fused, spd, radar, fused_profile };
 inline const std::vector<std::string> inputs_names = {"fused", "spd", "radar", "fused-profile"};
 inline const std::string& name_of(Inputs i) { return inputs_names[static_cast<std::size_t>(i)]; }
@@ -35,14 +36,15 @@ struct Source {
   std::size_t first = 0, count = 0;
   // Calibration offset that is not yet subtracted from the profiles, m (subtract_range_offset).
   double radar_offset_m = 0;
-  // Response stated by the run, or the response to which it was converted
+  // Radar response specified in the run, or the response to which the run was converted
   // (response_conversion.hpp).
   record::RadarResponse radar_response = {};
-  // Effect of the conversion of the radar response: ratio of the old to the new width, and gain of
-  // white noise.
+  // Effect of the conversion of the radar response: old width of the response divided by the new
+  // one, and the factor by which white noise is amplified.
   double times_wider = 1, noise_factor = 1;
   // range_error_m: standard error of the difference between the range offsets of SPD and radar, if
-  // both are calibrated. baseline_m: distance between the sensors; 0 if the run does not state it.
+  // both are calibrated. baseline_m: distance between the sensors; 0 if the run does not contain
+  // it.
   std::optional<double> range_error_m = {};
   double baseline_m = 0;
 };
@@ -74,8 +76,8 @@ inline constexpr const char* twice_in_run = "twice in the run";
 // its row contains zeros (see has()). If a run has no such sensor, or the sensor was not loaded,
 // its axis has count 0.
 struct Dataset {
-  // The quantity of radar_axis is "power" after conversion of codes, "binned_power" after
-  // rebinning.
+  // The quantity of radar_axis is "power" if logarithmic codes were converted to power, and
+  // "binned_power" after rebinning.
   Axis spd_axis, radar_axis;
   // Axis of the spatial lags (lags.hpp); empty if the axes of the runs differ.
   Axis array_axis;
@@ -88,7 +90,8 @@ struct Dataset {
   // Photons of each zone on spd_axis, one zone after another; no columns for a single pixel. `spd`
   // contains the sum over the zones.
   Matrix zone_spd;
-  // Sensors with data: bit 0 SPD, bit 1 radar, bit 2 depth camera.
+  // Bit mask of the sensors that have data in the record: bit 0 SPD, bit 1 radar, bit 2 depth
+  // camera.
   std::vector<std::uint32_t> valid;
   // Kind of the verdict (quality flag) on each valid sensor, e.g. "weak"; "" if it is "ok". The
   // vector is empty if the records have no verdicts.
@@ -113,8 +116,8 @@ struct Dataset {
   // Returns true if the run has antenna samples but this record has none.
   bool lacks_array(std::size_t row) const;
   std::size_t source_of(std::size_t row) const;  // index into `sources`
-  // Returns the width of the row's measured radar response divided by that of the converted
-  // response. Returns 1 if it was not converted.
+  // Returns the width of the row's measured radar response divided by the width of the converted
+  // response. Returns 1 if the response was not converted.
   double times_wider(std::size_t row) const;
   bool has_inputs(std::size_t row, Inputs inputs) const;
   // Returns why a model with these inputs cannot use the record; empty if it can. A sensor is dead
@@ -148,15 +151,15 @@ SensorSet sensors_of(Inputs inputs);
 // 25 kB per record if maps have 64 x 64 pixels.
 void require_memory(const std::vector<std::string>& paths);
 
-// Reads runs into one table, at true ranges, on the axes of the first run (see is_near). All runs
-// must have the same map grid. Dataset::damaged lists records with a wrong size, values that are
-// not finite, or more clicks than a time tagger can send.
-// Throws Error(failed) with the file name if more than most_damaged of all records are damaged.
-// Throws the same if the memory is too small (require_memory), or if depths have a wrong unit
+// Reads runs into one data set on the axes of the first run (see is_near). Subtracts the range
+// offsets of the calibration. All runs must have the same map grid. Dataset::damaged lists records
+// with a wrong size, values that are not finite, or more clicks than a time tagger can send. Throws
+// Error(failed) with the file name if more than most_damaged of all records are damaged. Throws the
+// same error if the memory is too small (require_memory), or if depths have the wrong unit
 // (depth_check.hpp).
 Dataset load(const std::vector<std::string>& paths);
 // Like load(), but keeps the radar profiles as recorded and computes no hash.
-// subtract_range_offset() can then subtract the offsets of calibration and user in one
+// subtract_range_offset() can then subtract the calibration offset and the user's offset in one
 // interpolation.
 Dataset load_recorded(const std::vector<std::string>& paths);
 inline constexpr double most_damaged = 0.1;
@@ -174,8 +177,8 @@ void subtract_range_offset(Dataset& data, double offset_m);
 // Returns these rows as a separate Dataset, which has no sources.
 Dataset part_of(const Dataset& data, const Rows& rows);
 
-// Returns an axis of range bins of this width, from 0 to about 7 m (paper: width 0.5 m). Its
-// quantity is "binned_power".
+// Returns an axis of range bins of this width, from 0 to about 7 m. Its quantity is "binned_power".
+// Lai et al. (2024) use a width of 0.5 m.
 Axis radar_bins(double width_m);
 
 // Sums the radar power into wider bins and removes the spatial lags. Point i of the recorded
@@ -196,14 +199,14 @@ Error axis_error(const std::string& path, const Axis& found, const Axis& wanted,
 // Returns true if the axes are equal or both empty.
 bool agree(const Axis& a, const Axis& b);
 // Returns true if records on axis `found` can be interpolated to axis `wanted`. Quantity, unit and
-// scale must be equal. `found` must have at least the points of `wanted`, and both ends of `wanted`
-// may differ by at most one bin.
+// scale must be equal. `found` must not have fewer points than `wanted`, and the ends of the two
+// axes may differ by at most one bin.
 bool is_near(const Axis& found, const Axis& wanted);
 // Interpolates a row linearly to the wanted axis; each bin has values_a_bin values. Beyond the ends
 // of `found`, the first or last bin is repeated.
 std::vector<float> resampled(std::span<const float> row, const Axis& found, const Axis& wanted,
                              std::size_t values_a_bin);
-// Returns true if `wanted` equals `found` or the first part of `found`.
+// Returns true if `wanted` is equal to `found` or to the first part of `found`.
 bool covers(const Axis& found, const Axis& wanted);
 
 // Throws Error(failed) if the data contain a depth map on a grid other than `grid`; `owner` names

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Features: the inputs of a model, computed from the raw inputs [SPD histogram ++ radar profile].
-// The histograms of all zones are concatenated. Each sensor has its own gain, because otherwise
-// hundreds of SPD bins would outweigh tens of radar bins. Models with aligned inputs scale these in
-// method/method.hpp.
+// The histograms of all zones are concatenated. SPD and radar have separate gains, because
+// otherwise hundreds of SPD bins would outweigh tens of radar bins. Models with aligned inputs
+// scale these in method/method.hpp.
 #pragma once
 #include <algorithm>
 #include <span>
@@ -41,7 +41,8 @@ struct Features {
   std::vector<float> centre;           // value subtracted from each input
   float spd_gain = 1, radar_gain = 1;  // factors for the inputs of SPD and radar
   Axis array_axis = {};                // count 0: spatial lags are not inputs
-  // Number of zones with separate histograms as inputs; 0: one histogram, summed over any zones.
+  // Number of zones with separate histograms as inputs; 0: one histogram, which is the sum over all
+  // zones.
   std::size_t zones = 0;
 
   std::size_t spd_count() const {

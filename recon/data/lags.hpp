@@ -29,8 +29,8 @@ class SpatialLags {
  public:
   SpatialLags() = default;
   explicit SpatialLags(const record::Antennas& antennas);
-  // Returns the number of lags, D: c_1..c_across belong to horizontal antenna pairs, the others to
-  // vertical pairs. D is 0 if horizontal pairs are missing.
+  // Returns the number of lags, D. c_1..c_across belong to horizontal antenna pairs, and the
+  // remaining lags to vertical pairs. D is 0 if there are no horizontal pairs.
   std::size_t longest() const { return across_ + up_; }
   // Returns the quantity of the lag axis: "lags" if all lags are horizontal, "lags, 3 up" (lags_up)
   // if three lags are vertical, or "lags 1 3" if antenna pairs with lag 2 are missing.

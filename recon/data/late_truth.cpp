@@ -14,7 +14,8 @@ namespace {
 
 constexpr std::size_t least_pairs = 30;
 constexpr double least_correlation = 0.3;
-// Minimum difference of two correlations, in standard errors of Fisher's z.
+// Minimum difference between two correlation coefficients, in standard errors of their Fisher
+// z-transforms.
 constexpr double clear = 5;
 
 // Returns the mean bin index, weighted by the counts above the median. NaN if no count exceeds the

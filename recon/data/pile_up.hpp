@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 // Pile-up correction: converts the counts of a histogram to those of a detector without dead time.
-// L pulses are sent. In bin i the detector is dead for B_i of them, because a click occurred within
-// the previous dead time. The other L - B_i pulses give N_i clicks in bin i, so the expected number
-// of photons per pulse is
+// L pulses are sent. In bin i the detector is dead for B_i of these pulses, because a click
+// occurred less than one dead time earlier. The other L - B_i pulses give N_i clicks in bin i, so
+// the expected number of photons per pulse is
 //   q_i = -log(1 - N_i / (L - B_i))
 // If only the first photon of a pulse counts, B_i is the sum of all earlier bins (Coates, J. Phys.
 // E 1, 878, 1968). For a free-running detector B_i is the sum of the bins within the dead time,
 // including those of previous pulses (Isbaner et al., Opt. Express 24, 9429, 2016). Clicks outside
-// the histogram are unknown, so they are not corrected for.
+// the histogram are unknown, so the correction ignores them.
 #pragma once
 #include <span>
 

@@ -17,12 +17,15 @@ namespace {
 
 constexpr double reach_cells = 3;
 constexpr std::ptrdiff_t most_reach = 48;  // maximum half length of the filter, points
-// Maximum ratio of response widths, run to model, at which a model for any response uses the run as
-// recorded. In tests with a digital twin, the IoU was .49 as recorded and .45 converted if the run
-// had .67 of the width of a Blackman window. At .8 of this width, the IoU was .44 and .45.
+// Limit of the width of a run's response divided by the width of the model's. If the ratio is
+// smaller, a model trained for any response uses the run without conversion. In tests with a
+// digital twin, a response with .67 of the width of a Blackman window gave an IoU of .49 without
+// and .45 with conversion. At .8 of this width, the IoU was .44 without and .45 with conversion.
 constexpr double much_narrower = 0.75;
-constexpr int parts = 8;  // points per step at which the responses are compared
-// Noise of the Wiener filter: sum of its squares over eight points, relative to the squared peak.
+// Number of points per range step at which the filtered and the wanted response are compared.
+constexpr int parts = 8;
+// Noise that the Wiener filter assumes: sum of its squares over eight points, relative to the
+// squared peak of the response.
 constexpr double noise_to_signal = 1e-3;
 
 // Convolves each of the `stride` interleaved columns of a row with the weights.

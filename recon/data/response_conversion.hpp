@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Converts the radar profiles of a run to the radar response of a model's training data. A run
-// states the response of its radar to a point target (acquire/measurement/response.hpp). The
+// contains the response of its radar to a point target (acquire/measurement/response.hpp). The
 // conversion is a linear filter. It is exact for incoherent echoes, because their powers add up;
-// for coherent echoes it is right on average.
+// for coherent echoes it is correct on average.
 #pragma once
 #include <vector>
 
@@ -14,19 +14,19 @@ namespace echofuse::recon {
 
 // Returns the 2n + 1 weights of a filter that converts samples of the response `own` to samples of
 // the response `wanted`. Samples are `step_m` apart. The weights apply to the samples from n steps
-// before to n steps after the output sample. Wiener filter: least squares with noise 20 dB below
-// the peak in each sample.
+// before to n steps after the output sample. The filter is a Wiener filter: the least-squares
+// solution for noise 20 dB below the peak in each sample.
 std::vector<double> response_filter(const record::RadarResponse& own,
                                     const record::RadarResponse& wanted, double step_m);
 
-// Returns the widest of the responses that the runs state, because conversion to a wider response
-// adds no noise. The result is unknown if no run states one.
+// Returns the widest radar response of the runs, because conversion to a wider response adds no
+// noise. The result is unknown if no run specifies its response.
 record::RadarResponse widest_response(const Dataset& data);
 
-// Filters the radar profiles and lags of each run with a stated response, and stores the new
-// response in the run's Source. Does not change runs without a stated response, binned power, and
-// rows of a dead sensor. If knows_any is true (model for any response), much narrower responses are
-// not converted either, because widening would reduce the accuracy.
+// Filters the radar profiles and lags of each run that specifies its radar response, and stores the
+// new response in the run's Source. Does not change other runs, binned power, or the rows of a dead
+// sensor. If knows_any is true (the model was trained for any response), responses much narrower
+// than `wanted` are not converted either, because widening them would reduce the accuracy.
 void bring_to_response(Dataset& data, const record::RadarResponse& wanted, bool knows_any = false);
 
 // Returns the responses of the windows cos^2, cos^4, cos^6 and cos^8 over the sweep (Harris, Proc.

@@ -13,9 +13,9 @@ class Shift {
  public:
   // Prepares a shift by this number of steps towards the start of the axis.
   explicit Shift(double steps = 0);
-  // Returns the shifted values. Values from beyond the ends of the axis are 0. A constant row (dead
-  // sensor) is not changed, because zeros at its ends would hide the fault from
-  // Dataset::fault_of().
+  // Returns the shifted values. Values that are shifted in from beyond the ends of the axis are 0.
+  // A constant row (dead sensor) is not changed, because zeros at its ends would hide the fault
+  // from Dataset::fault_of().
   std::vector<float> apply(const std::vector<float>& values) const;
 
  private:

@@ -10,8 +10,9 @@
 namespace echofuse::recon {
 
 struct SplitOptions {
-  // random: for independent scenes (9:1 in the paper). blocked: for sequences in which successive
-  // records are alike; in record order: training, gap, validation, gap, test.
+  // random: for independent scenes (training to test 9:1, as in Lai et al., 2024). blocked: for
+  // sequences in which successive records are alike. The blocks in record order are: training, gap,
+  // validation, gap, test.
   std::string kind = "random";
   double test_share = 0.1;
   double validation_share = 0.05;  // fraction of the non-test records

@@ -15,7 +15,7 @@ namespace echofuse {
 class Model {
  public:
   /// Loads a model file. Throws std::runtime_error with the file name and the fault if the file is
-  /// missing, damaged or of another format.
+  /// missing, damaged or in a different format.
   explicit Model(const std::string& path);
 
   /// Returns the name of the model, e.g. `factorised-16`.

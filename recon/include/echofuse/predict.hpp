@@ -39,7 +39,7 @@ struct DepthMap {
 
 /// Predicts the map of record `index`, like `echofuse-recon reconstruct`. Corrects the ranges by
 /// the run's calibration, and the counts for pile-up. Sets `fault` if the record cannot be used.
-/// Throws std::runtime_error if the axes of run and model differ. Threading: like Run.
+/// Throws std::runtime_error if the axes of the run and the model differ. Threading: like Run.
 DepthMap predict(const Model& model, const Run& run, std::int64_t index);
 
 /// Predicts a map from values that do not come from a run. `counts`: detections as
