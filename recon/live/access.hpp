@@ -7,8 +7,8 @@
 //   Host    must be a name of this machine that a foreign DNS entry cannot have. This prevents DNS
 //           rebinding.
 //   Origin  must be the host of this server's page. If a proxy sets X-Forwarded-Host, that host is
-//           used. A web page cannot set this header for a WebSocket, and for another host only
-//           after a preflight request.
+//           used. A web page cannot set X-Forwarded-Host for a WebSocket. For an HTTP request to
+//           another host it can do so only after a preflight request.
 #pragma once
 #include <string>
 #include <string_view>

@@ -138,7 +138,8 @@ void FollowedRun::take(const record::FusedRecord& o) {
     sensor.missing += sensor.configured && !sensor.valid ? 1 : 0;
     sensor.used = static_cast<double>(o.sync[s].used);
     sensor.lost += o.sync[s].lost;
-    // The residual of a missing sensor is unknown, although its clock fit continues.
+    // The clock residual of a sensor without valid data is unknown, although its clock fit
+    // continues.
     const std::optional<double> residual_s =
         sensor.valid && o.clocks[s] ? std::optional(o.clocks[s]->residual_s) : std::nullopt;
     sensor.residual_s = residual_s;

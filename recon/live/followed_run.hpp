@@ -67,7 +67,7 @@ class FollowedRun {
   int edition() const { return edition_; }
   const record::RunInfo& info() const { return info_; }
   const std::vector<Axis>& axes() const { return axes_; }
-  const std::vector<record::Event>& events() const { return events_; }  // the newest ones
+  const std::vector<record::Event>& events() const { return events_; }  // newest events
   const std::vector<Outline>& outlines() const { return outlines_; }
   const std::string& label() const { return label_; }
   const PerSensor<SensorState>& sensors() const { return sensors_; }
@@ -76,7 +76,7 @@ class FollowedRun {
   const record::RunSummary& verdicts() const { return verdicts_; }
   std::optional<std::int64_t> last() const;  // index of the newest record
   bool live() const { return info_.status == "open"; }
-  std::uint64_t bytes() const { return stamp_.bytes; }  // with the WAL
+  std::uint64_t bytes() const { return stamp_.bytes; }  // size with the WAL
   std::optional<std::uint64_t> free_bytes() const;  // free space on the disk that contains the run
 
   // with_reader() opens the run and passes the reader to `use`. It throws Error if the run cannot
@@ -96,7 +96,7 @@ class FollowedRun {
   void take(const record::FusedRecord& outline);
 
   std::string target_, path_, trouble_, label_;
-  std::map<std::string, FolderEntry> begun_;  // entries by path
+  std::map<std::string, FolderEntry> begun_;  // folder entries by path
   FileStamp stamp_;
   int edition_ = 0;
   record::RunInfo info_;
@@ -109,8 +109,8 @@ class FollowedRun {
 
 // Returns the time since the end of the sensor's last valid slot, s; empty if no slot was valid.
 std::optional<double> age_s(const SensorState& sensor, UtcTime now);
-// Returns true if there were no valid data for two slot lengths plus 0.5 s. The lamp of the sensor
-// is then red.
+// Returns true if the sensor had no valid data for two slot lengths plus 0.5 s. The page then shows
+// a red status lamp for this sensor.
 bool is_stale(const SensorState& sensor, double window_s, UtcTime now);
 
 }  // namespace echofuse::view

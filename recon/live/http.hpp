@@ -19,19 +19,19 @@ using HttpRequest = http::request<http::empty_body>;
 using HttpResponse = http::response<http::string_body>;
 inline constexpr std::uint32_t most_header_bytes = 8192;
 
-// Target and access rights of a request. If `refusal` is not `ok`, it is the status of the
-// response. In a folder, /run/NAME/ is the page of a run, even if the run does not exist; /newest/
-// is the page of the newest run.
+// Target and access rights of a request. If `refusal` is not `ok`, it is the HTTP status of the
+// response. If the server shows a folder, /run/NAME/ is the page of a run, even if the run does not
+// exist, and /newest/ is the page of the newest run.
 struct Caller {
   http::status refusal = http::status::ok;
   std::string why;
   std::string path;   // path relative to the page of the run
-  std::string run;    // run name; empty: the only or newest run
+  std::string run;    // run name; empty: the only run, or the newest one
   bool page = false;  // true: `/` is the page of a run; false: it is the list of runs
   bool may_write = false;
 };
-// Checks a request. `socket`: true if it is a WebSocket upgrade, which /live requires and all other
-// paths refuse.
+// Checks a request. `socket`: true for a WebSocket upgrade. The path /live accepts only WebSocket
+// upgrades; all other paths refuse them.
 Caller caller_of(const HttpRequest& request, const Access& access, bool socket);
 
 // Returns the HTTP response. `runs` returns the JSON of /runs for a folder.

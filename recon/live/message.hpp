@@ -24,7 +24,7 @@
 //              camera (mm), map (camera depth on the grid of the maps, m), holes (fraction of
 //              pixels without a return in camera and map). With a model also reconstruction (m) and
 //              deviation (m) or the reason (fault), body position (x_m, z_m) and its interval, seen
-//              (true for a training record), errors against the camera (iou, lateral_error_m), and
+//              (true for a training record), scores against the camera (iou, lateral_error_m), and
 //              track: positions of the body in the last minute, newest first, [n, 4] of age (s), x,
 //              z and 90 % interval of x (m), NaN if unknown.
 //   sum        Sent after each record if requested: rates and fits (tally.hpp) of the last N
@@ -98,7 +98,7 @@ struct ShowSheet {
   std::int64_t first = 0, last = 0;
 };
 struct ShowSum {
-  std::int64_t records = 1;  // 0: all records since the newest mark
+  std::int64_t records = 1;  // number of records to sum; 0: all since the newest mark
   FitRange range;
 };
 struct Mark {

@@ -31,8 +31,9 @@ class RunMessages {
   FollowedRun& run() { return run_; }
   Message about_run(bool may_write);
   Message state();
-  Message record(std::int64_t index, bool live);            // caches the message of the last call
-  Message sum(std::int64_t index, const ShowSum& request);  // sum of records up to `index`
+  Message record(std::int64_t index, bool live);  // caches the message of the last call
+  // Sum of several records; `index` is the last one.
+  Message sum(std::int64_t index, const ShowSum& request);
   Message strip() const;
   Message sheet(std::int64_t first, std::int64_t last) const;
   // Returns the mean histogram of the first minute. Null until the first minute, or the run, has
@@ -49,7 +50,7 @@ class RunMessages {
   nlohmann::json disk() const;
   nlohmann::json alerts();
   nlohmann::json facts() const;
-  // Returns the trigger levels stated in the firmware text of the time tagger; may be empty.
+  // Returns the trigger levels that the firmware text of the time tagger contains; may be empty.
   std::string trigger_levels() const;
   Message make_record(std::int64_t index, bool live);
   void add_maps(MessageWriter& out, nlohmann::json& head, const record::FusedRecord& record,
@@ -69,7 +70,7 @@ class RunMessages {
     int edition = -1;
   };
   std::map<std::int64_t, Summed> sums_;  // cached sums, by requested number of records
-  struct TrackPoint {  // body position and half-width of its interval, m; NaN if unknown
+  struct TrackPoint {  // body position and half-width of its 90 % interval, m; NaN if unknown
     float x_m, z_m, interval_90_m;
   };
   static TrackPoint place_of(const Reconstruction& made);

@@ -159,8 +159,8 @@ class Server::Impl final : public SessionOwner {
   HostTime begun_{}, last_live_{};
 };
 
-// Listens on the address given by --listen. Otherwise listens on the first free port of ten, or on
-// any free port if all ten are in use.
+// Listens on the address given by --listen. Without --listen, uses the loopback interface and the
+// first free of ten ports, or any free port if all ten are in use.
 void Server::Impl::listen() {
   const bool stated = !options_.listen.empty();
   tcp::endpoint at = stated ? endpoint_of(options_.listen)

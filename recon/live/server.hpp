@@ -21,7 +21,7 @@ struct ServerOptions {
   std::string run;
   // Planned number of records of the run, or of the newest run in a folder.
   std::optional<std::int64_t> planned;
-  std::string listen;  // e.g. "127.0.0.1:8410"; empty: first free port of ten on this machine
+  std::string listen;  // address, e.g. "127.0.0.1:8410"; empty: loopback interface, first free port
   bool until_closed = false;  // exit when the run has ended and no browser is connected
 };
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Handles one connection, from the HTTP request until it is closed.
 #pragma once
-#include <utility>  // before Asio (http.hpp)
+#include <utility>  // must precede Asio (http.hpp)
 // clang-format off: the header above comes first
 #include <boost/beast/core.hpp>
 #include <boost/beast/websocket.hpp>

@@ -20,14 +20,15 @@ class Tally {
  public:
   // Adds the SPD and radar data of a record, or subtracts them if `sign` is -1.
   void add(const record::FusedRecord& record, const std::vector<Axis>& axes, int sign = 1);
-  const std::vector<double>& clicks() const { return clicks_; }  // by bin; empty without SPD
-  // Mean profile in dB; empty if there are no radar data.
+  const std::vector<double>& clicks() const { return clicks_; }  // per bin; empty if no SPD data
+  // Returns the mean range profile in dB; empty if there are no radar data.
   std::vector<float> profile_db(const std::vector<Axis>& axes) const;
   // Returns {"rates": {sync_hz, pulse_hz, click_hz, dark_hz, clicks_a_pulse}, "spd_records": number
   // of records with SPD data, "fits": {spd, radar: {centre_m, error_m, fwhm_m}}}. Unknown values
   // are null. sync_hz: received sync signals per second. The laser emits more pulses if the tagger
-  // has a conditional filter; pulse_hz is `laser_hz`, or an estimate if that is 0. dark_hz: clicks
-  // before the first return, divided by the time for which these bins were open.
+  // has a conditional filter; pulse_hz is `laser_hz`, or an estimate if `laser_hz` is 0. dark_hz:
+  // number of clicks in the bins before the first return, divided by the time for which these bins
+  // were open.
   nlohmann::json numbers(const std::vector<Axis>& axes, double laser_hz = 0,
                          const FitRange& range = {}) const;
 

@@ -101,7 +101,8 @@ Bytes point_cloud(std::span<const float> map, const record::MapGrid& grid, const
   return out;
 }
 
-// Pinhole camera of the maps, in the format of Open3D (intrinsic_matrix, column-major) and ROS.
+// Returns the pinhole camera model of the maps, in the format of Open3D (intrinsic_matrix,
+// column-major) and ROS.
 std::string camera_json(const record::MapGrid& grid) {
   const double f = 1 / grid.step(), c = (grid.size - 1) / 2.0;
   const auto n = static_cast<unsigned>(grid.size);

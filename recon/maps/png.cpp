@@ -51,14 +51,14 @@ std::uint32_t big_endian(ByteView bytes, std::size_t at) {
 }
 
 // Returns the compressed rows of a PNG in the layout of encode_png16: signature, IHDR of this size
-// (16 bits, grey, not interlaced), IDATs, IEND. Returns nothing if there are other chunks, because
-// these could make a decoder allocate too much memory. Does not check the CRC of an IDAT, because
-// the compressed rows have their own checksum.
+// (16 bits, grey, not interlaced), IDAT chunks, and IEND. Returns an empty value if there are other
+// chunks, because these could make a decoder allocate too much memory. Does not check the CRC of an
+// IDAT, because the compressed rows have their own checksum.
 std::optional<Bytes> compressed_rows(ByteView png, std::uint32_t width, std::uint32_t height) {
   constexpr std::uint8_t begin[] = {0, 0, 0, 13, 'I', 'H', 'D', 'R'};
   constexpr std::uint8_t kind[] = {16, 0, 0, 0, 0};
-  // Number of bytes before the first IDAT chunk; number of bytes of a chunk besides its data
-  // (length, type and CRC).
+  // first_chunk: number of bytes before the first IDAT chunk. around_data: number of bytes that a
+  // chunk contains in addition to its data (length, type and CRC).
   constexpr std::size_t first_chunk = 33, around_data = 12;
   if (png.size() < first_chunk ||
       !std::equal(std::begin(signature), std::end(signature), png.begin()) ||

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Reads and writes PNGs: 16-bit grey depth maps; writes colour pictures.
+// Reads and writes depth maps as 16-bit grey PNGs, and writes colour PNGs.
 #pragma once
 #include <cstdint>
 #include <span>

@@ -55,8 +55,8 @@ std::set<std::int64_t> indices_of(const std::string& text) {
   return out;
 }
 
-// Returns the indices of the run's records that were used to train the model, if the model lists
-// them.
+// Returns the indices of the run's records that were used to train the model; empty if the model
+// was not trained on this run.
 std::set<std::int64_t> trained_on(const TrainedModel& model, const std::string& uuid) {
   std::set<std::int64_t> out;
   for (std::size_t i = 0; i < model.training.index.size(); ++i)
@@ -66,7 +66,8 @@ std::set<std::int64_t> trained_on(const TrainedModel& model, const std::string& 
   return out;
 }
 
-// Writes OUT/run.txt: the run of the maps, and its records that were used to train the model.
+// Writes OUT/run.txt, which contains the run from which the maps were made, and the records of this
+// run that were used to train the model.
 void mark(const ReconstructOptions& options, const TrainedModel& model,
           const record::RunReader& run, const std::set<std::int64_t>& trained) {
   std::string numbers;
@@ -159,10 +160,11 @@ class RunReconstructor {
   HostTime started_, read_{};
   std::int64_t next_ = 0;
   std::deque<RecordStatus> bad_;   // unusable records, read but not yet reported
-  std::string antennas_, ranges_;  // notes on antennas and ranges reported last
+  std::string antennas_, ranges_;  // most recently reported notes on antennas and ranges
 };
 
-// Reads the next records without depth images, because maps do not need these.
+// Reads the next records without depth images, because the prediction of maps does not need depth
+// images.
 Dataset RunReconstructor::read(const record::RunReader& run, std::size_t at_most) {
   Dataset out = load_part(run, next_, at_most, sensors_of(model_->features.inputs),
                           [&](std::int64_t index, const std::string& fault) {
@@ -297,8 +299,8 @@ void RunReconstructor::time(RecordStatus& status, HostTime slot_end) const {
   status.after_reading_s = seconds(clock_.now() - read_);
 }
 
-// Throws Error(usage) if the folder contains maps of another run, which would remain among the new
-// ones.
+// Throws Error(usage) if the folder contains maps of a run other than `uuid`, because these maps
+// would remain among the new ones.
 void require_folder(const ReconstructOptions& options, const std::string& uuid) {
   const std::string marker = options.out + "/run.txt";
   const bool known = std::filesystem::exists(marker);

@@ -13,9 +13,9 @@ struct ReconstructOptions {
   std::string out;                                      // output folder, created if missing
   std::vector<std::string> formats = {"colour", "mm"};  // names of formats (map_files.hpp)
   std::string rows;           // record indices ("3,7"), or "test" (held-out records); empty: all
-  bool follow = false;        // reconstruct new records until the run is closed
-  bool force = false;         // accept a folder with maps of another run
-  bool quiet = false;         // no progress bar; print only warnings about the run
+  bool follow = false;        // true: reconstruct new records until the run is closed
+  bool force = false;         // true: accept a folder with maps of another run
+  bool quiet = false;         // true: hide the progress bar and print only warnings
   double range_offset_m = 0;  // radar range bias to subtract, m (prepare_records)
   // Receives notes about the run (Records); for a complete run also the result of the domain test
   // (DomainShift::text).
@@ -24,12 +24,11 @@ struct ReconstructOptions {
 };
 
 // Reconstructs one run: reads records, predicts maps, and writes files and OUT/records.csv
-// progressively. Reports unusable records (unreadable data, missing or dead sensor) and makes no
-// map for them. An interrupt keeps the records finished so far. OUT/run.txt contains uuid and path
-// of the run, and whether the model is calibrated.
-// Throws Error(failed) if the axes do not match those of the model or a requested record is
-// missing; Error(disk) if writing fails; Error(usage) if the folder contains maps of another run,
-// unless options.force is set.
+// progressively. Reports unusable records (unreadable data, missing or dead sensor) and does not
+// make maps for them. After an interrupt, the maps finished so far are kept. OUT/run.txt contains
+// uuid and path of the run, and whether the model is calibrated. Throws Error(failed) if the axes
+// do not match those of the model or a requested record is missing; Error(disk) if writing fails;
+// Error(usage) if the folder contains maps of another run, unless options.force is set.
 void reconstruct(const TrainedModel& model, const std::string& run,
                  const ReconstructOptions& options);
 

@@ -33,7 +33,7 @@ struct WrittenMaps {
   // Indices of listed records that have no map.
   std::vector<std::int64_t> without;
   std::string uuid, path;  // uuid and path from run.txt; may be empty
-  // Training records of the model that made the maps.
+  // Indices of the training records of the model that made the maps.
   std::set<std::int64_t> trained_on;
 };
 // Reads the maps in a folder. Throws Error(failed) if the folder contains neither maps.npy nor
@@ -41,9 +41,10 @@ struct WrittenMaps {
 // depth in metres.
 WrittenMaps read_written_maps(const std::string& folder, const record::MapGrid& grid);
 
-// Returns for each row why it is not scored; empty if it is. Reasons: the depth map is missing or
-// doubtful; the row is a copy of an earlier record of the run; the model that made the maps was
-// trained on it (unless `all` is true). Throws Error(failed) if the maps belong to another run.
+// Returns for each row why it is not scored; empty if it is scored. Reasons: the depth map is
+// missing or doubtful; the row is a copy of an earlier record of the run; the model that made the
+// maps was trained on the record (unless `all` is true). Throws Error(failed) if the maps belong to
+// a run other than that of `data`.
 std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folders,
                                           const Dataset& data, bool all);
 // Returns the number of rows that have a map. Throws Error(failed) if no row has one.

@@ -13,9 +13,9 @@ namespace echofuse::recon {
 namespace {
 
 // Returns the background of each column: twice the low quantile minus the median, but at least 0.
-// If a count varies only by photon noise, it contains no bodies, and its background is the median.
-// `steadiness`: limit of this variation, in Poisson standard deviations; 0 for values that are not
-// counts.
+// If the counts of a column vary only by photon noise, the column contains no bodies, and its
+// background is the median. `steadiness`: maximum variation of such a column, in Poisson standard
+// deviations; 0 for values that are not counts.
 std::vector<float> background_of(std::span<const float> low, std::span<const float> median,
                                  double steadiness) {
   std::vector<float> out(low.size());
@@ -207,7 +207,8 @@ void Alignment::archive(Archive archive, const Layout& layout) {
 
 namespace {
 
-constexpr int parts = 4;  // subdivisions of a histogram bin, because clicks are spread over the bin
+// Number of subdivisions of a histogram bin, because clicks are spread over the bin.
+constexpr int parts = 4;
 
 double power_of(double in_resolutions) {
   const double x = M_PI * in_resolutions;

@@ -16,8 +16,8 @@ namespace echofuse::recon {
 
 // Correlation between the radar profile and the profile expected from the histogram, over shifts in
 // range. The expected profile of a body is its histogram convolved with the radar's point spread
-// function. The correlation contains most of the information on which side the body is. It is a
-// product of both inputs, which a small network would otherwise have to learn.
+// function. The correlation contains most of the information on whether the body is on the left or
+// the right. Without it, a small network would have to learn this product of both inputs.
 class ShiftCorrelation {
  public:
   // Points at first_m + i * step_m for i < count, in metres relative to the range of the body.
@@ -67,7 +67,7 @@ struct ViewColumns {
 };
 using AlignmentColumns = ViewColumns<float>;
 
-// Returns true if a view shows a body. The view may lack its correlation.
+// Returns true if a view shows a body. The view may lack the correlation columns.
 inline bool shows_body(std::span<const float> view) { return view.back() != 0; }
 
 // Aligns records to the range of the body. Threading: several threads may use a const object.
@@ -106,13 +106,13 @@ class Alignment {
   // Returns the counts minus background and median for each zone, one zone per row.
   Matrix zone_counts(std::span<const float> observation) const;
   // Equation (4) of method.cpp, for power above the background: writes all points of a view's
-  // profile. The sum of the points is 1.
+  // profile, scaled to a sum of 1.
   void profile_about(double range_m, std::span<const float> power, std::span<float> points) const;
   // Equation (6) of method.cpp: writes the correlation of a view.
   void correlate(std::span<const float> histogram, std::span<const float> profile,
                  std::span<float> out) const;
-  // Equation (7) of method.cpp: writes the antenna features of a view from lags as recorded. If
-  // there are no lags, writes the features of zero signal.
+  // Equation (7) of method.cpp: computes the antenna features of a view from the recorded lags. If
+  // there are no lags, writes the features of a zero signal.
   void antennas_about(double range_m, std::span<const float> lags, std::span<float> out) const;
 
   // Replaces profile and correlation in the view of a record, as if its body were `farther_m`

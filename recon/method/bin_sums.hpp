@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Sums over histogram bins for a centroid. Uses four accumulators, because each addition to a
-// single accumulator would wait for the previous one.
+// single accumulator would wait for the previous addition.
 #pragma once
 #include <cstddef>
 #include <span>

@@ -15,8 +15,8 @@ namespace {
 
 constexpr std::size_t most_side = record::most_map_size, most_cells = most_side * 3 / 2;
 
-// Positions of the points of one grid in the cells of another, along one side. Point i lies between
-// cells low[i] and low[i] + 1, at the fraction part[i].
+// Positions of the points of one grid relative to the cells of another grid, along one dimension.
+// Point i lies between cells low[i] and low[i] + 1, at the fraction part[i].
 struct CellInterpolation {
   std::array<std::int32_t, most_cells> low;
   std::array<float, most_cells> part;
@@ -130,20 +130,20 @@ Span within(const CellInterpolation& along, std::size_t points, std::size_t cell
 }
 
 struct Drawing {
-  const float *mask, *relief;  // values of each cell
-  std::size_t columns, side;   // number of columns of cells; side of the map, pixels
+  const float *mask, *relief;  // mask and relief of each cell
+  std::size_t columns, side;   // number of cell columns; side length of the map, pixels
   CellInterpolation across, down;
   Span map_columns, map_rows;
   float depth_m, least;
 };
 
 // Writes the depth of the body to each pixel with a mask above `least`. If `share` is not null,
-// writes the mask of each pixel there.
+// also writes the mask of each pixel to `share`.
 ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
   const std::size_t first = d.map_columns.first, count = d.map_columns.last - first;
   const std::int32_t* const low = &d.across.low[first];
   const float* const part = &d.across.part[first];
-  const std::int32_t nearest = low[0];  // first cell that the row needs
+  const std::int32_t nearest = low[0];  // first cell column that the row needs
   const auto cells = static_cast<std::size_t>(low[count - 1] + 2 - nearest);
   // For each cell, the first pixel at or after it.
   std::array<std::size_t, most_cells + 1> from;

@@ -50,8 +50,8 @@ class BodyFrame {
   void archive(Archive archive, const record::MapGrid& grid);
 
  private:
-  // Draws the body on pixels with a mask above `least`. If `share` is not empty, writes the mask of
-  // all pixels there.
+  // Draws the body on pixels with a mask above `least`. If `share` is not empty, also writes the
+  // mask of all pixels to `share`.
   void draw_onto(std::span<const float> mask, std::span<const float> relief, const Place& place,
                  float least, std::span<float> map, std::span<float> share) const;
 

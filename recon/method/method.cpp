@@ -103,8 +103,8 @@ void histograms_about(float range_m, std::span<const float> counts, const Matrix
 
 }  // namespace
 
-// Step 1. Order of the values: H_spd and H_radar of the paper, lags of the antennas, H_spd of each
-// zone.
+// Step 1. Order of the values: H_spd and H_radar of Lai et al., lags of the antennas, and H_spd of
+// each zone.
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors) {
   require_zones(data, sensors.zones);
   const Layout layout = sensors.layout();
@@ -166,7 +166,7 @@ float range_of(std::span<const float> standard_view, const BodyModel& model) {
 // body at its range, and its mean depth minus that range (usually negative). A Place contains x / z
 // and z.
 std::vector<Place> place(const Matrix& standard_views, const BodyModel& model) {
-  // [m x 2] position to the right, depth minus range (m)
+  // [m x 2]: lateral position (positive to the right) and depth minus range, m
   const Matrix found = model.place.predict(standard_views);
   const float nearest_m = model.nearest_m;
   std::vector<Place> out;

@@ -8,9 +8,10 @@
 //   Shapes s = shape(b.views, model);            // [m x cells]   masks and depths
 //   draw(p, s, model, b.rows, maps);             // [n x pixels]  metres, over the background
 //
-// Step six, trust, estimates the error of each map and tests whether its record is like the
-// training data: UncertaintyModel::trust() in trust/uncertainty.hpp, for every kind of model.
-// Rows are records. The networks are trained elsewhere (models/factorised.hpp).
+// Step six, trust, estimates the error of each map and tests whether its record resembles the
+// training data. It works with every kind of model (UncertaintyModel::trust() in
+// trust/uncertainty.hpp). Rows are records. The networks are trained elsewhere
+// (models/factorised.hpp).
 #pragma once
 #include <span>
 #include <vector>
@@ -25,9 +26,10 @@
 namespace echofuse::recon {
 
 // Step 1: returns the values that `sensors` requests, [n x sensors.layout().inputs()], for each of
-// the n rows. These are photons per bin (corrected for pile-up), linear radar power per bin at true
-// ranges, spatial lags of the radar's antennas per bin (data/lags.hpp), and photons of each zone.
-// Throws Error(failed) if the detector has a different number of zones.
+// the n rows. These are photons per bin (corrected for pile-up), linear radar power per bin (with
+// the range offset subtracted), spatial lags of the radar's antennas per bin (data/lags.hpp), and
+// photons of each zone. Throws Error(failed) if the number of detector zones differs from that in
+// `sensors`.
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors);
 
 // Step 2: returns the views, [n x scene.inputs()]: correlation of both sensors over their shift |

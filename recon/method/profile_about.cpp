@@ -46,9 +46,9 @@ std::array<float, 2 * profile_taps> lanczos(double part) {
 }  // namespace
 
 // Interpolates the recorded profile, without summing it into wider bins. The amplitude has
-// resolution c/2B, and the power has twice its bandwidth. Steps of half of c/2B therefore sample
-// the power completely, and a sinc series interpolates it. A Lanczos window truncates the series.
-// All points at the same fraction of a step have the same weights.
+// resolution c/2B, and the power has twice the bandwidth of the amplitude. Steps of half this
+// resolution therefore sample the power completely, and a sinc series interpolates it. A Lanczos
+// window truncates the series. All points at the same fraction of a step have the same weights.
 void Alignment::profile_about(double range_m, std::span<const float> power,
                               std::span<float> points) const {
   std::fill(points.begin(), points.end(), 0.f);
@@ -58,7 +58,7 @@ void Alignment::profile_about(double range_m, std::span<const float> power,
 
 void Alignment::add_profile(double range_m, std::span<const float> power,
                             std::span<float> out) const {
-  std::vector<float> sums;  // interpolated powers at the same fraction of a step
+  std::vector<float> sums;  // interpolated powers of the points at the same fraction of a step
   for (std::ptrdiff_t kind = 0; kind < points_a_step_; ++kind) {
     const double metres =
         range_m + method::profile_from_m + static_cast<double>(kind) * profile_step_m_;

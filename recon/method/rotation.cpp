@@ -40,7 +40,7 @@ RotatedBodies::RotatedBodies(const Alignment& alignment, const Matrix& inputs, c
   if (alignment.profile_points() == 0 || alignment.zone_features() > 0) return;
   double deviation_m = 0;
   const double slope = slope_m(deviation_m), gain = displacement_gain();
-  // False if the slope is 0/0 (equal records), so that nothing is rotated.
+  // False if all records are equal (slope 0/0), so that no body is rotated.
   rotates_ = std::abs(slope) > significance * deviation_m ||
              (has_array_ && deviation_m < least_deviation_m * gain);
   if (rotates_) baseline_m_ = slope / gain;

@@ -30,8 +30,8 @@ class RotatedBodies {
   void rotate_share(double share) { share_ = share; }
 
   // Returns the distance of the radar to the left of the SPD, m (negative: right), fitted to the
-  // displacement of the profiles over azimuth. Returns 0 if its standard error exceeds a tenth of
-  // it; with antennas, only if the error also exceeds 3 cm.
+  // displacement of the profiles over azimuth. Returns 0 if the standard error of this distance
+  // exceeds a tenth of the distance; if there are antennas, the error must also exceed 3 cm.
   double baseline_m() const { return baseline_m_; }
   bool rotates() const { return rotates_; }  // false: no body is rotated
   // Returns true if rotate() changes any record.
@@ -39,8 +39,8 @@ class RotatedBodies {
   // Returns the increase of the radar's range, m, if the body of rows[k] moved to the azimuth of
   // the body of rows[as].
   double farther_m(std::size_t k, std::size_t as) const;
-  // Writes the inputs of record rows[k], rotated to the azimuth of a random record. This leaves the
-  // distribution of azimuths unchanged. Returns the new position of the body.
+  // Writes the inputs of record rows[k], rotated to the azimuth of a random record, which leaves
+  // the distribution of azimuths unchanged. Returns the new position of the body.
   Place rotate(std::size_t k, Rng& rng, std::span<float> inputs) const;
 
  private:

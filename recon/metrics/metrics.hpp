@@ -20,7 +20,8 @@ inline constexpr std::size_t ssim_border = 5;
 
 // Returns the SSIM of two maps of size x size pixels, for each pixel with a complete window:
 // (size-10)^2 values, row-major. `size` must exceed 10. `data_range`: difference between the
-// largest and the smallest possible value (6 m), not between the actual ones.
+// largest and the smallest value that a map can contain (e.g. 6 m), not between those in the two
+// maps.
 std::vector<double> ssim_map(std::span<const float> a, std::span<const float> b, std::size_t size,
                              double data_range);
 
@@ -77,8 +78,8 @@ struct Summary {
 };
 using Summaries = std::array<Summary, metric_count>;
 Summaries summarise(const std::vector<MapScores>& scores);
-// Returns e.g. "0.483 ± 0.005", with `plus_minus` between both numbers. Returns "-" if the mean is
-// NaN.
+// Returns e.g. "0.483 ± 0.005", with `plus_minus` between the two numbers. Returns "-" if the mean
+// is NaN.
 std::string formatted(const Summary& summary, const char* plus_minus);
 
 }  // namespace echofuse::recon
