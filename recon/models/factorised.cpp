@@ -22,18 +22,18 @@ constexpr double least_deviation = 0.05;
 // records is used. If the position is uncertain, a threshold below 50 % is best, because the wider
 // mask overlaps better.
 constexpr int least_threshold = 25, most_threshold = 60, threshold_step = 5;
-// Width of the two hidden layers of each network. From many_records on, the networks are wider, and
-// train for fewer epochs with larger batches.
+// Width of the two hidden layers of each network. If there are at least `many_records` records, the
+// networks are wider, and are trained for fewer epochs with larger batches.
 constexpr std::size_t many_records = 10'000, units = 48, units_of_many = 96;
-constexpr std::size_t place_networks = 3;  // an average over several networks is more accurate
-constexpr std::size_t shape_networks = 2;  // from many_records on, one network is used
+constexpr std::size_t place_networks = 3;  // number of networks; their mean is more accurate
+constexpr std::size_t shape_networks = 2;  // number of networks; 1 from many_records on
 // Weight of the depth error relative to the lateral error. The depth is almost equal to the range;
 // with a larger weight, the network learns less about the lateral position.
 constexpr float depth_weight = 0.1f;
 // From this number of bodies on, only half of them are rotated, because rotation is an
 // approximation.
 constexpr std::size_t many_bodies = 40'000;
-constexpr std::size_t component_bodies = 3000;  // more bodies would hardly change the components
+constexpr std::size_t component_bodies = 3000;  // number of bodies used; more would change little
 
 float intersection_over_union(std::span<const float> map, std::span<const float> truth,
                               std::span<const float> background) {
@@ -204,7 +204,8 @@ Shapes Factorised::cut(const Bodies& seen, const Samples& samples, const Rows& w
 }
 
 // Returns the coefficients of the principal components of each body. Coefficients of masks precede
-// those of depths. Each kind is divided by its largest standard deviation.
+// those of depths. The coefficients of masks and those of depths are each divided by their largest
+// standard deviation.
 Matrix Factorised::amounts(const Bodies& seen, const Samples& samples) const {
   const std::size_t records = seen.rows.size(), masks = model_.masks.basis.rows;
   Matrix out(records, masks + model_.depths.basis.rows);
@@ -245,7 +246,7 @@ void Factorised::choose_threshold(const Bodies& seen, const Samples& samples) {
 }
 
 FitOptions Factorised::sizes() const {
-  // The number of depth components is half that of mask components.
+  // The number of depth components is half the number of mask components.
   const std::size_t amounts = model_.masks.basis.rows + model_.depths.basis.rows;
   FitOptions out;
   if (amounts > 0) out.basis = 2 * amounts / 3;

@@ -7,7 +7,8 @@
 namespace echofuse::recon {
 namespace {
 
-// Factor on the L2 penalty for shapes, which have more degrees of freedom than positions.
+// Factor by which the L2 penalty is multiplied for shapes, because shapes have more degrees of
+// freedom than positions.
 constexpr double shape_penalty = 10;
 
 void move_mean(Components& components, const Matrix& seen, const Matrix& found) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Plain network of the paper: concatenated inputs, two hidden layers, linear output, squared loss.
-// Predicts the difference from the mean map, in units of the standard deviation of the maps.
+// Plain network of Lai et al. (2024): concatenated inputs, two hidden layers, linear output,
+// squared loss. Predicts the difference from the mean map, in units of the standard deviation of
+// the maps.
 #include "drivers/util/console.hpp"
 #include "recon/models/fit_maps.hpp"
 

@@ -16,7 +16,8 @@ namespace {
 // Range and step of the mask threshold, in percent. The threshold with the best IoU on held-out
 // records is used.
 constexpr int least_threshold = 30, most_threshold = 60, threshold_step = 5;
-// Standard deviation of the noise, relative to the rms of the inputs.
+// Standard deviation of the noise added to the inputs in training, relative to the rms of the
+// inputs.
 constexpr float input_noise = 0.1f;
 constexpr float nearest_m = 1e-3f;  // minimum depth of a predicted return, m; must exceed 0
 

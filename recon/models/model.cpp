@@ -39,8 +39,8 @@ const FitOptions masked{.hidden = {{512, 512}},
                         .weight_decay = 0.1,
                         .patience = 30,
                         .batch = 64};
-// From this number of records on, the batch size is doubled. The maps are equally accurate, and
-// training takes three quarters of the time. With fewer records, a smaller batch is needed.
+// From this number of records on, the batch size is doubled. The maps are then equally accurate,
+// and training takes 25 % less time. If there are fewer records, the smaller batch is needed.
 constexpr std::size_t many_records = 3000;
 const FitOptions placed{.basis = 16,
                         .epochs = 100,

@@ -87,10 +87,10 @@ std::string model_help();  // returns "empty, mean, ..., nearest[-N], paper (mlp
 // Factory functions, one per kind of model.
 std::unique_ptr<Model> make_empty_room();  // map of the empty room
 std::unique_ptr<Model> make_mean();        // mean of the training maps
-std::unique_ptr<Model> make_nearest();     // map of the nearest training records
-std::unique_ptr<Model> make_ridge();  // ridge regression, penalty by generalised cross-validation
-std::unique_ptr<Model> make_mlp();    // plain network of the paper
-std::unique_ptr<Model> make_mlp_mask();  // network that predicts a mask and a depth map
+std::unique_ptr<Model> make_nearest();     // mean map of the nearest training records
+std::unique_ptr<Model> make_ridge();       // ridge regression; the penalty is cross-validated
+std::unique_ptr<Model> make_mlp();         // plain network of Lai et al. (2024)
+std::unique_ptr<Model> make_mlp_mask();    // network that predicts a mask and a depth map
 // The inner model predicts the coefficients of principal components of the maps.
 std::unique_ptr<Model> make_pca(std::unique_ptr<Model> inner);
 std::unique_ptr<Model> make_mean_shape();  // mean body at the predicted position
@@ -100,7 +100,7 @@ std::unique_ptr<Model> make_factorised();  // predicted body shape at the predic
 //   "mlp-1024-512-256"  network with hidden layers of these widths
 //   "factorised-8"      factorised model with 8 components
 //   "nearest-16"        mean of 16 nearest neighbours
-//   "paper"             network of the paper
+//   "paper"             network of Lai et al. (2024)
 struct Candidate {
   std::string name, model;
   FitOptions fit;

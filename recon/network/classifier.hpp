@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Small network that separates two classes of examples. It is fitted by logistic loss.
+// Small network that separates two classes of examples. It is trained with a logistic loss.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -24,7 +24,7 @@ class Classifier {
   // early.
   void fit(const Matrix& usual, const Matrix& other, const Options& options);
   bool known() const { return !parameters_.empty(); }
-  // Returns the log odds of the class `other`, for equally frequent classes.
+  // Returns the log odds of the class `other`, assuming that both classes are equally frequent.
   double operator()(std::span<const float> inputs) const;
 
   void archive(Archive archive, std::size_t inputs);

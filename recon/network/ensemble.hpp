@@ -12,8 +12,8 @@ namespace echofuse::recon {
 
 class Ensemble {
  public:
-  // Fits this number of networks by Regression::fit, each with its own random stream. Returns the
-  // training log of the last one.
+  // Fits each of the `networks` networks by Regression::fit, with a separate random stream. Returns
+  // the training log of the last network.
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   Training training, std::size_t networks, const std::string& title);
   // correct() calls Regression::correct for each network, tune() calls Regression::tune.

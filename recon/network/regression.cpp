@@ -120,8 +120,8 @@ TrainingLog Regression::fit(const Examples& train, const Examples& validation, S
                   .log = {},
                   .least = most};
   s.best = s.parameters;
-  // The initial weights predict the mean of the targets. They are kept unless an epoch has a lower
-  // validation loss.
+  // The initial weights predict the mean of the targets. These weights are kept unless an epoch has
+  // a lower validation loss.
   if (!validation.rows.empty()) s.least = rms_error(validation, training.loss, s.parameters);
   while (s.epoch < training.epochs && s.epoch - s.log.best_epoch < training.patience) {
     train_epoch(train, training, s);
@@ -153,9 +153,9 @@ void Regression::tune(const Examples& train, const Training& training, const std
   if (!interrupted()) parameters_ = std::move(s.parameters);
 }
 
-// Estimates the slope of targets over outputs as the median over pairs of records (Theil,
-// Indagationes Math. 12, 85, 1950). Medians are robust against the few bodies that are placed on
-// the wrong side.
+// Estimates the slope of the targets as a function of the outputs: the median over pairs of records
+// (Theil, Indagationes Math. 12, 85, 1950). Medians are robust against the few bodies that are
+// placed on the wrong side.
 void Regression::correct(const Examples& train) {
   constexpr double least_scale = 0.5, most_scale = 2;
   const Matrix found = predict(take_rows(train.inputs, train.rows));

@@ -23,8 +23,8 @@ struct Examples {
   const Rows& rows;
 };
 
-// Unit of errors. common: one for all columns (pixels of a map); each: the standard deviation of
-// the column.
+// Unit of errors. common: one unit for all columns, e.g. the pixels of a map. each: a separate unit
+// for each column, its standard deviation.
 enum class Spread : bool { common, each };
 
 // Data augmentation: replaces a batch of examples by random variants, which differ in each epoch
@@ -45,13 +45,14 @@ struct Loss {
 struct Training {
   std::vector<std::size_t> hidden;  // width of each hidden layer
   std::size_t epochs, patience;
-  double learning_rate, weight_decay;  // initial learning rate, which decreases to zero
+  double learning_rate, weight_decay;  // learning_rate: initial value, decreases to zero
   std::size_t batch;
   std::uint64_t seed;
   bool quiet;
   Redraw redraw = {};               // empty: no augmentation
   std::vector<float> weights = {};  // weight of the squared errors of each column; empty: all 1
-  // Weight of the L2 penalty: half the squared distance from the initial weights.
+  // Weight of the L2 penalty. The penalty is half the squared distance of the network weights from
+  // their initial values.
   double l2_penalty = 0;
   Loss loss = {};  // custom loss; if it has no to_slopes, the squared error is used
 };
@@ -68,7 +69,7 @@ struct TrainingState {
   TrainingLog log;
   double least;                    // lowest validation loss so far
   std::size_t epoch = 0, row = 0;  // completed epochs; records processed in the current epoch
-  double squares = 0;              // sum of the squared errors of the records processed
+  double squares = 0;              // sum of the squared errors in the current epoch
 };
 
 class Regression {
@@ -80,12 +81,13 @@ class Regression {
   using OnEpoch = std::function<void(std::size_t epochs, double validation_loss)>;
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   const Training& training, const std::string& title, const OnEpoch& on_epoch = {});
-  // Adapts offset and scale of the outputs to other records: adds the median error and multiplies
-  // by the median slope of targets over outputs, both reduced by Tuning::shrinkage().
+  // Adapts offset and scale of the outputs to other records: adds the median error, and multiplies
+  // by the median slope of the targets as a function of the outputs. Both corrections are reduced
+  // by Tuning::shrinkage().
   void correct(const Examples& train);
   // Continues training from the current weights, with the current scaling. First adds the mean
-  // error, reduced by Tuning::shrinkage(), to the outputs. Trains all epochs; an interrupt keeps
-  // the previous weights.
+  // error, reduced by Tuning::shrinkage(), to the outputs. Trains all epochs. After an interrupt,
+  // the previous weights are kept.
   void tune(const Examples& train, const Training& training, const std::string& title);
   Matrix predict(const Matrix& inputs) const;
   Cost cost() const { return {network_.weights, network_.parameters}; }

@@ -27,7 +27,7 @@ namespace echofuse::recon {
 namespace {
 
 // Ends the threads of OpenBLAS, because their busy waiting costs 30 ms of CPU time per program
-// start. Parallel parts run on our own threads (parallel.hpp).
+// start. Parallel parts run on the threads of parallel.hpp instead.
 const bool one_thread = [] {
   if (openblas_set_num_threads) openblas_set_num_threads(1);
   if (blas_thread_shutdown_) blas_thread_shutdown_();
@@ -41,8 +41,8 @@ struct Strip {
 };
 
 // Returns the parts of a matrix product: strips across the longer side of C. A small product has
-// one or two strips, a large product at most eight, because each strip packs the other factor
-// again.
+// one or two strips, a large product at most eight, because BLAS packs the other factor again for
+// each strip.
 std::vector<Strip> parts_of(std::size_t m, std::size_t n, std::size_t k) {
   constexpr std::size_t small = 4'000'000, narrowest = 128, few = 2, most = 8;
   const std::size_t work = m * n * k;

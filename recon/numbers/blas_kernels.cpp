@@ -26,8 +26,8 @@ bool is_avx512(const std::string& core) {
 }
 bool is_avx2(const std::string& core) { return is_one_of(core, {"Haswell", "Zen", "Excavator"}); }
 
-// Returns the name of the kernels that OpenBLAS should use instead of `core`, or null if `core` is
-// as good. The names are those in driver/others/dynamic.c of OpenBLAS.
+// Returns the name of the kernels that OpenBLAS should use instead of `core`, or null if there are
+// no faster ones. The names are those in driver/others/dynamic.c of OpenBLAS.
 const char* better_than(const std::string& core) {
   if (is_avx512(core)) return nullptr;
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&

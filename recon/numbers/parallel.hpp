@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Runs the parts of a calculation on several threads. The result is bitwise identical for any
+// Runs the parts of a calculation on several threads. The result is identical bit for bit for any
 // number of threads if the parts depend only on the shape of the calculation.
 //
 // Threading: any thread may call for_each_part(), but not from within a part; set_threads() may be

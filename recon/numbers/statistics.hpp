@@ -28,26 +28,27 @@ void share_out(std::span<float> values);
 
 double mean_of(std::span<const double> values);
 
-// Returns the standard deviation with divisor n, the number of values, which must be at least 1.
+// Returns the standard deviation, with the number of values as divisor. Requires at least one
+// value.
 double standard_deviation(std::span<const double> values);
 
-// Returns the quantile below which this fraction of the values lies (0.5: the median). Reorders the
-// values.
+// Returns the value below which the fraction `share` of the values lies (0.5: the median). Reorders
+// the values.
 float quantile(std::span<float> values, double share);
 
 // Subtracts the median in place; does nothing if there are no values.
 void subtract_median(std::span<float> values);
 
-// Returns the limit that this fraction of all values exceeds. Fits an exponential tail to the
-// largest 5 % of the values, so that a few hundred values are enough.
+// Returns the limit that the fraction `share_above` of all values exceeds. Fits an exponential tail
+// to the largest 5 % of the values, so that a few hundred values are enough.
 double upper_limit(std::vector<float> values, double share_above);
 
-// Returns the rows of a block bootstrap: `count` of `of` consecutive records, drawn in circular
-// blocks of ten (Politis and Romano 1992). If there are fewer than 50 records, the blocks are
-// shorter, because few blocks would make all resamples alike.
+// Returns the rows of a block bootstrap: samples `count` rows from `of` consecutive records, in
+// circular blocks of ten (Politis and Romano, 1992). If there are fewer than 50 records, the blocks
+// are shorter, because resamples of a few blocks would be too similar.
 Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng);
 
-// Returns the quantile of each column over `rows`, which must not be empty.
+// Returns the quantile `share` of each column over `rows`, which must not be empty.
 std::vector<float> column_quantile(const Matrix& table, const Rows& rows, double share);
 
 }  // namespace echofuse::recon

@@ -15,8 +15,8 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::size_t least_records = 5;
-// Limits of the variance of counts divided by their Poisson variance: a constant, plus a part
-// proportional to the mean count.
+// The run shows people if the variance of its counts divided by the Poisson variance exceeds
+// most_scatter + most_scatter_a_count x mean count.
 constexpr double most_scatter = 4, most_scatter_a_count = 0.002;
 
 std::vector<float> mean_of_rows(const Matrix& table, const Rows& rows) {

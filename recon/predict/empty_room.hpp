@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Adapts a model to another room by means of a run of that room without people. In histogram,
-// profile and antenna lags, static echoes and light of the training room are replaced by those of
-// the new room. Predicted maps then show the walls of the new room.
+// Adapts a model to another room by means of a run of that room without people. In the histogram,
+// the range profile and the antenna lags, the static echoes and background light of the training
+// room are replaced by those of the new room. Predicted maps then show the walls of the new room.
 #pragma once
 #include <string>
 
@@ -11,19 +11,19 @@ namespace echofuse::recon {
 
 // Returns the mean over the records of `empty`, a run without people, on the run's own axes.
 // Excludes and counts dead and doubtful records. Throws Error(failed) if fewer than five records
-// have all sensors of the run, or if the counts indicate people in the room.
+// contain valid data of all sensors of the run, or if the counts indicate people in the room.
 EmptyRoom empty_room_of(const Dataset& empty, const std::string& path);
 
 // Adapts the estimators of the model to the empty room recorded at `path`. Returns notes for the
 // user; may be empty. If the run has no depth maps, predicted maps keep the walls of the training
 // room. Subtracts `range_offset_m` from the run's radar ranges, like prepare_records(). Throws
-// Error(failed) if run and model have different axes, no record has all sensors of the model,
-// people are in the run, or the model does not place a body.
+// Error(failed) if the axes of the run and the model differ, no record has all sensors of the
+// model, the run shows people, or the model does not predict a body position.
 std::string adapt_to_room(TrainedModel& model, const std::string& path, double range_offset_m = 0);
 
 // Reads the run of the empty room at `path` and stores its mean in data.empty_room, for training.
 // Returns a text with the number of excluded records; may be empty. Throws Error(failed) if the
-// axes differ, or like empty_room_of().
+// axes differ, and in the cases listed for empty_room_of().
 std::string state_empty_room(Dataset& data, const std::string& path);
 
 // Corrects the radar values of records from the new room, so that static echoes match those of the

@@ -26,7 +26,7 @@ struct Estimator {
   DomainReference domain;                       // statistics of the training records
   TrainingLog log;
   FitOptions fit;
-  bool knows_empty_room = false;  // true if the training data contained a run of the empty room
+  bool knows_empty_room = false;  // true: the training data contained an empty-room run
   double train_s = 0;
 
   // Returns the views of the given records (steps 1 and 2 in method.hpp), one per row. Returns no

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Predicts the depth maps of a run. Processes every record in the same steps: conversion to the
-// model's axes at true ranges, the steps of method.hpp, and comparison with the training data.
+// model's axes with the range offsets subtracted, the steps of method.hpp, and the comparison with
+// the training data.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -18,7 +19,7 @@ namespace echofuse::recon {
 struct Records {
   Dataset data;          // data on the model's axes
   std::string antennas;  // note if the run lacks the antennas that the model uses; may be empty
-  std::string response;  // note if the run does not state its radar response; may be empty
+  std::string response;  // note if the run lacks its radar response; may be empty
   std::string ranges;    // note on what the error intervals assume about ranges; may be empty
 };
 
@@ -50,7 +51,7 @@ struct Prediction {
 };
 
 // Predicts maps from data on the model's axes. If a record lacks sensors of the first estimator, a
-// fallback estimator is used. Throws Error(usage) if `pixels` is requested of a model that is not
+// fallback estimator is used. Throws Error(usage) if `pixels` is requested but the model is not
 // calibrated.
 Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
                    PredictionDetail detail = PredictionDetail::uncertainty);

@@ -38,9 +38,10 @@ struct TrainedModel {
   SplitOptions split;
   TrainingRecords training;
   std::uint32_t data_hash = 0;
-  // Radar response of the training data; unknown if not stated.
+  // Radar response of the training data; unknown if the training runs do not contain it.
   record::RadarResponse radar_response;
-  // TrainOptions::any_response: the training runs may have different, unstated radar responses.
+  // TrainOptions::any_response: the training runs may have different radar responses, which the
+  // runs do not specify.
   bool any_response = false;
   // Correction added to the radar values after adapt_to_room().
   std::optional<EmptyRoom> room_change;
@@ -100,7 +101,7 @@ void check_can_save(const std::string& path);
 void save_model(const TrainedModel& model, const std::string& path,
                 const std::function<void(const TrainedModel&)>& check = {});
 // Loads a model file. Throws Error(failed) with file name, object, fault and expected value if the
-// file is missing, damaged, inconsistent, not a model, or of another format version.
+// file is missing, damaged, inconsistent, not a model, or has a different format version.
 TrainedModel load_model(const std::string& path);
 TrainedModel load_model(const std::string& name, ByteView contents);
 

@@ -20,9 +20,9 @@ struct ScoredRow {
 
 struct RunningCost {
   Cost cost;
-  // Time per map on one thread, including input scaling.
+  // Time per map on one thread, including input scaling, µs: median and 99th percentile.
   double infer_us_median = 0, infer_us_p99 = 0;
-  double infer_us_batch = 0;  // time per map in a batch of up to 1000 records
+  double infer_us_batch = 0;  // time per map in a batch of up to 1000 records, µs
   double train_s = 0;
   std::size_t model_bytes = 0;
 };
@@ -33,7 +33,8 @@ struct UncertaintyCalibration {
   double within_90 = 0;
   double lateral_interval_90_m = 0;  // mean half-width of the 90 % intervals, m
   double flagged = 0;                // fraction of records flagged as out of distribution
-  // Rms over pixels, m: actual and estimated error of the mean map.
+  // Root mean square over all pixels, m: actual error of the mean map, and its estimated standard
+  // deviation.
   double error_m = 0, deviation_m = 0;
 };
 
@@ -43,7 +44,8 @@ struct TwoPeopleCounts {
   std::size_t records = 0, flagged = 0;
 };
 
-// Definition of foreground and background for the scores. All methods in a table use the same one.
+// Definition of foreground and background for the scores. All methods in a table use the same
+// definition.
 struct ScoringScene {
   SceneModel scene;
   std::string note;  // source of foreground and background; empty: training data
@@ -51,9 +53,9 @@ struct ScoringScene {
 // Learns the scene from all valid depth maps of the training runs. Throws Error(failed) if there
 // are none.
 ScoringScene scoring_scene(const Dataset& training);
-// Returns the scene of the model's training data. Returns a scene learnt from the run itself if the
-// model was not trained on the run, the run has enough depth maps, and the backgrounds differ in
-// more than half of the pixels.
+// Normally returns the scene of the model's training data. Returns a scene learnt from the run
+// itself if the model was not trained on the run, the run has enough depth maps, and the two
+// backgrounds differ in more than half of the pixels.
 ScoringScene scoring_scene(const TrainedModel& model, const Dataset& data);
 
 struct Evaluation {
@@ -66,11 +68,12 @@ struct Evaluation {
   std::vector<PredictionUncertainty> uncertainties;
   // Number of records that a fallback model predicted, for each text of TrainedModel::note_of.
   std::map<std::string, std::size_t> fallbacks;
-  // Records of a new run that have no predicted map: total number, and number for each reason.
+  // Records that have no predicted map, in a run not used in training: total number, and number for
+  // each reason.
   std::size_t left_out = 0;
   std::map<std::string, std::size_t> faults = {};
-  // Number of records that are copies of training records, out of all `of` records of a new run.
-  // They are not scored unless requested.
+  // Number of records that are copies of training records, out of all `of` records of a run not
+  // used in training. Copies are not scored unless requested.
   std::size_t trained_on = 0, of = 0;
   std::size_t twice = 0;  // number of records excluded as copies of earlier records of the run
   // Number of records excluded for each verdict (Dataset::doubt_of), and scores that include them.
@@ -112,7 +115,7 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
 // Scores the baselines, which need no model: empty room, mean map, and map of the nearest
 // neighbour. Finds the nearest neighbour with the scaling "record", by the sensors that have
 // matching axes in both data sets. Copies of scored records are not used as neighbours. Omits the
-// nearest-neighbour baseline if `neighbours` is empty. `title`: like in evaluate().
+// nearest-neighbour baseline if `neighbours` is empty. `title`: see evaluate().
 std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows,
                                        const SceneModel& scene, const Dataset& neighbours_data,
                                        Rows neighbours, const std::string& title = {});

@@ -23,12 +23,12 @@ MeanInterval mean_interval(const std::vector<MapScores>& scores, Metric metric);
 // better, also for error metrics.
 struct PairedDifference : MeanInterval {
   Metric metric{};
-  // Means of both methods over the records for which both define the metric.
+  // Means of both methods over the records for which the metric is defined for both.
   double first = 0, second = 0;
 };
 double gain(Metric metric, double first, double second);
-// Returns the gains over the records for which both methods define the metric. Computes the
-// intervals by a bootstrap over blocks of neighbouring records.
+// Returns the gains, averaged over the records for which the metric is defined for both methods.
+// Computes the intervals by a bootstrap over blocks of neighbouring records.
 std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& first,
                                                  const std::vector<MapScores>& second);
 nlohmann::json to_json(const std::vector<PairedDifference>& differences);
