@@ -12,15 +12,16 @@
 
 namespace echofuse::recon {
 
-// Candidates that are compared by cross-validation. Their maps are scored with the scene judged_by.
-// All datasets must contain the same records. Keeps references to the arguments of the constructor.
+// Candidates that are compared by cross-validation. The scene `judged_by` defines the foreground
+// for the scores. All datasets must contain the same records. Keeps references to the arguments of
+// the constructor.
 class Choice {
  public:
   Choice(const SceneModel& judged_by, const Split& split, const SplitOptions& options);
 
   using Fit = std::function<Estimator(const Rows& rows)>;
   // Adds a candidate: fits one model per fold and scores it on the held-out records. Throws
-  // Error(interrupted).
+  // Error(interrupted) after an interrupt.
   void add(const std::string& name, const Dataset& data, Fit fit);
   // Chooses the candidate with the largest gain over the first one, if this gain exceeds `errors`
   // standard errors; otherwise chooses the first.
@@ -39,7 +40,8 @@ class Choice {
   }
   Estimator fit() const { return entries_[chosen_].fit(split_.train); }
   std::vector<CrossvalidatedRow> table() const;
-  // Returns the chosen candidate's model of each fold, and the rows held out from it.
+  // Returns, for each fold, the model of the chosen candidate and the rows held out from its
+  // training.
   std::vector<HeldOut> held_out() const;
 
  private:

@@ -34,7 +34,7 @@ std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth,
 // (imitate_brought).
 void learn_brought(LateralError& lateral, const Estimator& model, const Dataset& data,
                    const Rows& usual, const std::vector<HeldOut>& judged, Rng& rng) {
-  // Maximum number of records per model. With this number, the fraction of errors within the
+  // Maximum number of records per model. If 500 records are used, the fraction of errors within the
   // interval has a standard error of .013.
   constexpr std::size_t most_records = 500;
   const Inputs inputs = model.features.inputs;
@@ -67,7 +67,7 @@ void degrade(Dataset& data, Rng& rng) {
   std::normal_distribution<float> normal;
   for (std::size_t i = 0; i < data.size(); ++i) {
     const double share = std::pow(10, photons(rng));
-    // Counts are rounded, because those of a calibrated run are not integers.
+    // Counts are rounded, because the counts of a calibrated run are not integers.
     for (float& v : data.spd.row(i))
       v = static_cast<float>(
           std::binomial_distribution<long>(std::max(std::lround(v), 0L), share)(rng));

@@ -29,12 +29,13 @@ UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, co
                                  const Rows& usual, const std::vector<HeldOut>& judged,
                                  std::uint64_t seed);
 // Returns the uncertainty, or nothing if interrupted. It is fitted to maps of
-//   - the model itself, if there are at least enough_validation validation records;
-//   - otherwise, below 2000 records, four models, each trained by `fit` on three quarters of them;
-//   - otherwise one model, trained by `fit` on half of the records.
-// If the split is blocked, the quarters and halves are blocks. With 500 validation records, the
-// fraction of errors within the 90 % interval has a standard error of .013. For the SPD alone,
-// which is rarely used, 150 validation records are enough.
+//   - the model itself, if `split` has at least `enough_validation` validation records;
+//   - otherwise four models, if there are fewer than 2000 training and validation records; `fit`
+//     trains each model on three quarters of these records;
+//   - otherwise one model, which `fit` trains on half of these records.
+// If the split is blocked, the quarters and halves are blocks. The fraction of errors within the
+// 90 % interval has a standard error of .013 if it is estimated from 500 validation records.
+// For the SPD alone, 150 are enough, because its estimator is rarely used.
 std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Dataset& data,
                                                 const Matrix& views, const Split& split,
                                                 const SplitOptions& options,

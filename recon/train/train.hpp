@@ -18,8 +18,8 @@ struct TrainOptions {
   // Optional parts of the model. `fallback`: also train estimators for records without antenna
   // samples or without radar data. `uncertainty`: learn the uncertainty of each estimator.
   bool fallback = false, uncertainty = true;
-  // True: training runs that state no radar response may have any response, like those of a digital
-  // twin.
+  // True: training runs that do not specify their radar response may have any response, as in runs
+  // of a digital twin.
   bool any_response = false;
   // Records with a verdict other than ok (doubt_of): "leave" excludes them, "take" uses them.
   std::string doubtful = "leave";
@@ -46,17 +46,17 @@ void apply_doubts(Dataset& data, const TrainOptions& options);
 Inputs inputs_to_train(const TrainOptions& options);
 
 // Returns a warning if a random split would give optimistic scores; otherwise an empty text.
-// Criterion: for many sampled records, a neighbour in time has a nearer depth map than distant
-// records.
+// Criterion: for many sampled records, the depth map of a neighbouring record is more similar than
+// those of distant records.
 std::string alike_neighbours(const Dataset& data, const Rows& rows);
 
 // Returns a warning if scenes recur in training and test records that are not neighbours; otherwise
-// an empty text. Criterion: for most held-out maps with a body, a few training maps are much nearer
-// than all others.
+// an empty text. Criterion: for most held-out maps with a body, a few training maps are much more
+// similar to the held-out map than all others.
 std::string recurring_scenes(const Dataset& data, const Split& split, const SceneModel& scene);
 
-// Splits the usable records, fits the model, and returns it with the list of its records. Throws
-// Error(failed) if there are too few records.
+// Splits the usable records, fits the model, and returns it with the list of its training records.
+// Throws Error(failed) if there are too few records.
 TrainedModel train(const Dataset& data, const TrainOptions& options);
 
 }  // namespace echofuse::recon

@@ -83,8 +83,8 @@ bool are_few(const Estimator& from, const Split& split) {
 }
 
 // Returns by how many standard errors a candidate must be better than the unchanged model. A few
-// records cannot show which candidate is best, and the unchanged model does no harm. With more
-// records the best candidate is used.
+// records cannot show which candidate is best, so the unchanged model is kept in doubtful cases. If
+// there are more records, the best candidate is used.
 double plainly(bool few) { return few ? 2 : 0; }
 
 Tuning without_training(Tuning tuning) {
@@ -158,8 +158,8 @@ TrainingRows rows_of(const std::vector<Start>& starts) {
   return out;
 }
 
-// Adds alignment, domain test and uncertainty to the chosen model; the last two only if there are
-// enough records.
+// Adds the alignment to the chosen model. If there are enough records, also adds the domain test
+// and the uncertainty.
 void finish(Estimator& model, const Dataset& data, const Split& split,
             const std::vector<HeldOut>& judged, std::uint64_t seed) {
   const Rows all = all_rows(data.size());
@@ -185,10 +185,10 @@ void keep_statements(Estimator& model, const Estimator& from) {
   model.uncertainty = from.uncertainty, model.domain = from.domain;
 }
 
-// Tunes an estimator for the range profile or the SPD alone. If by_alone is true, fits it to these
-// records alone, like the first estimator. The penalty is not cross-validated, because these
-// estimators are rarely used. With few records the networks stay unchanged, and positions are
-// corrected only if the first estimator changed.
+// Tunes a fallback estimator (without antennas, or for the SPD alone). If by_alone is true, fits
+// this estimator to these records alone, as was done for the first estimator. The penalty is not
+// cross-validated, because fallback estimators are rarely used. If there are few records, the
+// networks stay unchanged, and positions are corrected only if the first estimator changed.
 Estimator tune_other(const Estimator& from, const Dataset& data, const Split& split,
                      const TuneOptions& options, bool learns, bool by_alone) {
   const bool few = are_few(from, split);
@@ -235,7 +235,8 @@ TrainingRecords both(const TrainingRecords& old, TrainingRecords seen) {
 
 // Returns the index of the best start. A start must be better than the first one by `errors`
 // standard errors (one if there are few records). With this limit, no result became worse in 21
-// draws (seven conditions, three draws each); without the limit, 2 results did.
+// tests (seven conditions with three random samples each). Without the limit, 2 of the 21 results
+// became worse.
 std::size_t best_start(const std::vector<Choice>& choices, double errors) {
   std::size_t best = 0;
   double most = 0;

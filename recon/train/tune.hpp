@@ -14,10 +14,10 @@ namespace echofuse::recon {
 
 struct TuneOptions {
   static constexpr std::size_t least_records = 10;
-  // With fewer records, a model trained on these records alone is not tried.
+  // If there are fewer records, a model trained on these records alone is not tried.
   static constexpr std::size_t least_alone = 50;
   SplitOptions split;     // has no validation records, because tuning does not use them
-  Tuning tuning;          // cross-validation replaces its penalty
+  Tuning tuning;          // its penalty is replaced by the cross-validated one
   bool quiet = true;      // false: print each candidate on stderr
   std::string only = {};  // name of the only candidate to try; empty: all
 };
@@ -41,12 +41,13 @@ struct TunedModel {
 };
 
 // Converts the data to the axes and the radar response of a model. `path`: path of the model, for
-// messages. Throws Error(failed) if the data do not fit the model.
+// messages. Throws Error(failed) if the data lack a sensor of the model, or if their axes or map
+// grid do not match those of the model.
 void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data);
 
-// Tunes each start and returns the best result. All starts must have the same records. If there are
-// few records, the old model is kept unless a candidate is clearly better. Throws Error(failed) if
-// there are fewer than least_records records, or if this kind of model cannot be tuned.
+// Tunes each start and returns the best result. All starts must contain the same records. If there
+// are few records, the old model is kept unless a candidate is clearly better. Throws Error(failed)
+// if there are fewer than least_records records, or if this kind of model cannot be tuned.
 TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options);
 
 // Returns one line per row of the table: accuracy, and a mark at the chosen candidate. The

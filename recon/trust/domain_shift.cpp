@@ -25,13 +25,14 @@ constexpr std::uint64_t permutation_stream = 0x646f6d61;  // ASCII "doma"
 // Minimum significance of a difference, in standard errors.
 constexpr double clearly = 4;
 // Differences below these limits are ignored. least_mean is in units of the standard deviation
-// between records, least_square in units of its square.
+// between records, least_square in units of the variance between records.
 constexpr double least_mean = 0.1, least_square = 0.3;
 // Limit of a squared deviation, so that a single outlier has little weight.
 constexpr double most_square = 16;
 
-// Converts the numbers of m records to deviations from the training means, in standard deviations.
-// Their squares follow: [m x 2 record_number_count]. A missing number gives zeros.
+// Converts the numbers of m records to deviations from the training means, in standard deviations,
+// followed by the squares of these deviations: [m x 2 record_number_count]. Both are zero for a
+// missing number.
 class Standard {
  public:
   explicit Standard(const Matrix& known) {

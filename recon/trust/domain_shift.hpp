@@ -49,7 +49,7 @@ struct DomainShift {
 // Numbers that describe the training records; reference for the test of a run.
 class DomainReference {
  public:
-  static constexpr std::size_t least_records = 20;  // minimum number of records of a run
+  static constexpr std::size_t least_records = 20;  // minimum number of records of a tested run
   static constexpr std::size_t least_known = 50;    // minimum number of training records
 
   DomainReference() = default;

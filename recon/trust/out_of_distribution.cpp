@@ -19,8 +19,8 @@ namespace {
 
 constexpr std::uint64_t held_stream = 0x68656c64;  // ASCII "held"
 constexpr std::size_t most_components = 36, rows_a_component = 60;
-// Number of folds below and above many_records. From few_records on, only one fold is used to set
-// the limits.
+// Number of folds if there are fewer than `many_records` records, and if there are more. From
+// `few_records` records on, only one fold is used to set the limits.
 constexpr std::size_t folds_of_few = 4, folds_of_many = 10;
 constexpr std::size_t few_records = 400, many_records = 3000;
 // Allowed false alarm rate of T^2, of the detection of two bodies, and of the Q statistics of all
@@ -42,14 +42,14 @@ constexpr std::array unusual{"unusual histogram",
                              "unusual range",
                              "unusual radar profile"};
 
-// Returns the rows in random order, because the records of a run or of a kind are contiguous.
+// Returns the rows in random order, because records of the same run or kind are contiguous.
 Rows shuffled(std::size_t rows, Rng& rng) {
   Rows out = all_rows(rows);
   std::shuffle(out.begin(), out.end(), rng);
   return out;
 }
 
-// Returns the rows of `part` that show a body, or all rows if only few do.
+// Returns the rows of `part` that show a body, or all rows of `part` if only a few show a body.
 Rows usual_rows(Rows part, const Rows& with_body) {
   std::sort(part.begin(), part.end());
   Rows out;
@@ -127,7 +127,8 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   };
   Rng rng = make_rng(seed, held_stream);
   const Rows order = shuffled(rows.size(), rng);
-  // If there are few records, all folds set the limits, each tested by a fit to the other folds.
+  // If there are few records, all folds are used to set the limits. Each fold is tested by a fit to
+  // the other folds.
   const bool few = rows.size() < few_records;
   const std::size_t parts = rows.size() < many_records ? folds_of_few : folds_of_many;
   std::vector<StatisticValues> held;

@@ -34,12 +34,12 @@ inline constexpr std::string_view two_people_label = "two_people";
 // Learns to detect whether a record shows two bodies. The given records show at most one body.
 // However, the sum of two records equals a record of two bodies if neither body hides the other
 // (outlier exposure: Hendrycks et al., ICLR 2019). A small network separates views of such sums
-// from views of single records; the views have no correlation.
-// A view is centred on the centroid of all bodies. The two bodies of a sum must have a minimum
-// lateral distance, because real bodies cannot overlap. If there are both sensors and a baseline,
-// all bodies are rotated about the SPD to augment the data (method/rotation.hpp).
-// `rows`: records with at most one body each; the position of the body is computed from the depth
-// map. Learns nothing if fewer than two records show a body.
+// from views of single records. The views do not contain the correlation. A view is centred on the
+// centroid of all bodies. The two bodies of a sum must have a minimum lateral distance, because
+// real bodies cannot overlap. If there are both sensors and a baseline, all bodies are rotated
+// about the SPD to augment the data (method/rotation.hpp). `rows`: records with at most one body
+// each; the position of the body is computed from the depth map. Learns nothing if fewer than two
+// records show a body.
 Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
                             const Dataset& data, const Rows& rows, const SceneModel& scene,
                             std::uint64_t seed);
@@ -85,7 +85,7 @@ class OutOfDistributionDetector {
   void use(const Features& sensors, const Alignment& alignment);
   using Limits = std::array<Limit, statistics>;
   struct LimitsAtWidth {
-    double times_wider;  // width of the measured radar response over that of the model
+    double times_wider;  // measured width of the radar response / width in the model
     Limits limits;
   };
   void learn_components(const Matrix& descriptions, std::uint64_t seed);

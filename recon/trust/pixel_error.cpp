@@ -77,7 +77,7 @@ void PixelError::fit(const SoftMaps& soft, const Matrix& truth, const SceneModel
       squares += std::pow(double{map[p]} - double{depth[p]}, 2), ++count;
     }
   }
-  double below = 0;  // running maximum, because the curve must not fall
+  double below = 0;  // running maximum, because the curve must not decrease
   for (std::size_t k = 0; k < curve_.size(); ++k)
     below = curve_[k] = std::max(below, weight[k] > 0 ? body[k] / weight[k] : 0);
   depth_deviation_m_ = count > 0 ? std::sqrt(squares / count) : 0;

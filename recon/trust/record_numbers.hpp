@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Numbers that describe a record, independent of gains. They serve to compare runs
+// Numbers that describe a record, independent of gains. These numbers are used to compare runs
 // (domain_shift.hpp).
 #pragma once
 #include <array>
@@ -13,11 +13,12 @@ namespace echofuse::recon {
 struct RecordNumber {
   enum class Kind : std::uint8_t { ratio, length, number };
   const char* name;
-  Kind kind;  // ratio: the number is a logarithm; length: it is in metres
+  Kind kind;  // ratio: the number is a logarithm; length: the number is in metres
   // Minimum standard deviation, for a number that is constant in the training data.
   double floor;
 };
-// Four numbers of the SPD, four of the radar, and the difference between their ranges.
+// Four numbers of the SPD, four of the radar, and the difference between the ranges of the two
+// sensors.
 inline constexpr std::size_t record_number_count = 9, radar_range_number = 8;
 extern const std::array<RecordNumber, record_number_count> record_numbers;
 

@@ -14,7 +14,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr double least_apart_m = 0.4;  // minimum lateral distance of two bodies
-constexpr int most_tries = 20;  // limit of attempts to draw two bodies that are far enough apart
+constexpr int most_tries = 20;  // maximum number of attempts to sample two bodies far enough apart
 // ASCII "pair", "turn"
 constexpr std::uint64_t pair_stream = 0x70616972, rotation_stream = 0x7475726e;
 constexpr std::size_t most_pairs = 96'000, pairs_a_record = 32;
@@ -25,7 +25,7 @@ constexpr double learning_rate = 4e-3;
 
 // Records with a body at a known position, one record per row.
 struct KnownBodies {
-  Matrix observations, views, radar;  // the views have no correlation
+  Matrix observations, views, radar;  // the views do not contain the correlation
   std::vector<Place> places;
 };
 

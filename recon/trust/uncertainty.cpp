@@ -39,8 +39,8 @@ double factor_of(std::vector<double> ratios) {
 }
 
 // Returns the lateral error that results from the range calibration: 90 % of calibrations with the
-// stated standard error cause a smaller error. Returns 0 if the run states no error, or if the
-// model does not find the side of a body from the two ranges alone.
+// standard error specified in the run cause a smaller error. Returns 0 if the run does not specify
+// an error, or if the model does not distinguish left and right by the two ranges alone.
 double calibration_error_m(const Dataset& data, std::size_t row, Inputs inputs,
                            std::span<const float> map, const SceneModel& scene) {
   constexpr double deviations_90 = 1.645;

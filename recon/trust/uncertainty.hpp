@@ -15,8 +15,8 @@
 namespace echofuse::recon {
 
 // Weighted linear fit in closed form: returns the w that minimises the mean of (inputs w -
-// targets)^2, with row weights `counts`, plus `penalty` times |w|^2. The penalty refers to columns
-// scaled to a mean square of 1.
+// targets)^2, with row weights `counts`, plus `penalty` times |v|^2. The vector v contains the
+// coefficients for columns of `inputs` that are scaled to a mean square of 1.
 std::vector<double> linear_fit(const Matrix& inputs, std::span<const float> targets,
                                std::span<const float> counts, double penalty);
 
@@ -25,12 +25,12 @@ double product(std::span<const float> row, std::span<const double> weights);
 // Returns 1, each value, and each product of two values.
 std::vector<float> quadratic_terms(std::span<const float> values);
 
-// Returns true if a model with these inputs finds the side of a body only from the difference
-// between both ranges.
+// Returns true if a model with these inputs can distinguish left and right only by the difference
+// between the ranges of the SPD and the radar.
 bool side_by_ranges(const Dataset& data, Inputs inputs);
 
 // Returns predictors of the error of a map, which are known without the true map. Row i belongs to
-// map i and record rows[i]. The columns are |x/z| of the map's foreground (NaN if the map has
+// map i and record rows[i]. The columns are: |x/z| of the map's foreground (NaN if the map has
 // none); for the SPD log(1 + clicks above the background, in standard deviations of all clicks);
 // for the radar log(peak over the standard deviation of the weaker half of the profile). The radar
 // column is corrected if a filter has smoothed the noise.
@@ -47,14 +47,14 @@ class LateralError {
   static constexpr double share_within = 0.9;
 
   // Learns from the errors of maps; row i of `predictors` belongs to error_m[i], and an error of
-  // NaN is skipped. The first `plain` rows are unmodified records; only these set the factor. The
-  // other rows are degraded copies of them, in the same order. Learns nothing if fewer than
-  // least_records errors of unmodified records are known.
+  // NaN is skipped. The first `plain` rows are unmodified records; only these determine the factor
+  // that widens the interval. The other rows are degraded copies of the first rows, in the same
+  // order. Learns nothing if fewer than least_records errors of unmodified records are known.
   static constexpr std::size_t least_records = 30;
   void fit(const Matrix& predictors, const std::vector<double>& error_m, std::size_t plain);
-  // Learns the factor for records of a radar with a `times_wider` times wider response, from
-  // imitated validation records. Must be called in the order of increasing width. The factor is
-  // interpolated between widths.
+  // Learns the factor for a radar response that is `times_wider` times as wide as that of the
+  // training data, from imitated validation records. Must be called in the order of increasing
+  // width. The factor is interpolated between widths.
   void add_brought(double times_wider, const Matrix& predictors,
                    const std::vector<double>& error_m);
   // Returns the lateral error that 90 % of the records do not exceed, m; NaN if nothing was learnt
@@ -76,12 +76,13 @@ class LateralError {
 // Uncertainty of one reconstructed map.
 struct PredictionUncertainty {
   // Half-width of the interval around the predicted lateral position that contains the body for 90
-  // % of the records like the training data, m. Includes the calibration error that the run states.
-  // An error s of the difference between both ranges moves a body at range r sideways by s r / b
-  // (baseline b). NaN if the record is out of distribution or shows no body.
+  // % of the records that resemble the training data, m. Includes the error of the range
+  // calibration that the run contains. An error s of the difference between the SPD range and the
+  // radar range moves a body at range r sideways by s r / b (baseline b). NaN if the record is out
+  // of distribution or shows no body.
   double lateral_interval_90_m = std::numeric_limits<double>::quiet_NaN();
   OutOfDistributionScore out_of_distribution = {};
-  bool stated = false;  // false: the estimator has no uncertainty
+  bool stated = false;  // false: the estimator does not estimate errors
 };
 
 struct UncertaintyModel {
