@@ -50,8 +50,8 @@ void put(nlohmann::json json) {
   std::puts(json.dump(2, ' ', true, nlohmann::json::error_handler_t::replace).c_str());
 }
 
-// Returns the mean depth and the mean x of the foreground in a true depth map, m, as two CSV
-// fields.
+// Returns the mean depth and the mean x of the foreground in a ground-truth depth map, m, as two
+// CSV fields.
 std::string place_of(std::span<const float> truth, const SceneModel& scene) {
   const Axis x = scene.grid.x();
   double range_m = 0, side_m = 0, pixels = 0;
@@ -214,7 +214,7 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
   return ExitCode::ok;
 }
 
-// Returns warnings about true depth maps that contradict the sensor data.
+// Returns warnings about ground-truth depth maps that contradict the sensor data.
 std::vector<std::string> notes_on_truth(const Dataset& data, const std::vector<ScoredRow>& scored) {
   std::vector<std::string> out{late_truth(data)};
   for (const ScoredRow& row : scored)
@@ -262,7 +262,7 @@ std::vector<std::string> reasons_left_out(const Arguments& a,
   return out;
 }
 
-// Scores of folders and models on the same records. Folders come before models.
+// Scores of map folders and models on the same records. Folders come before models.
 struct ScoredMaps {
   std::vector<MethodScores> all;
   std::vector<std::size_t> answered;  // number of records that have a map, per folder

@@ -46,7 +46,7 @@ int run(int argc, char** argv) {
                     [&] { return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage; });
   }
   return run_main("echofuse-recon", [&] {
-    // `evaluate` writes only one file, at its end. The first Ctrl-C therefore stops it immediately.
+    // `evaluate` writes only one file, at the end. The first Ctrl-C therefore stops it immediately.
     if (!app.got_subcommand("evaluate")) catch_interrupts();
     set_threads(common.threads);
     return chosen();

@@ -204,7 +204,7 @@ class Appender {
   // Returns a hash of the counts, for finding copied records; 0 if another record could have equal
   // counts by chance. Two Poisson counts of mean n are equal with probability 1 / (2 sqrt(pi n)).
   static std::int64_t hash_of(const record::FusedRecord& r) {
-    // Minimum number of clicks above the background for a hash.
+    // Minimum number of clicks above the background for computing a hash.
     constexpr double least_clicks = 100;
     constexpr double most_log_chance = -30;
     if (!r.has(Sensor::spd)) return r.radar.empty() ? 0 : hash_of_words(r.radar);

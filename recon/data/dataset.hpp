@@ -101,7 +101,7 @@ struct Dataset {
   // bin, or from the radar values if the SPD is missing. 0: no hash, because the record has too few
   // clicks or is doubtful. The vector may be empty.
   std::vector<std::int64_t> content;
-  std::vector<std::int64_t> index;  // number of the record in its run
+  std::vector<std::int64_t> index;  // index of the record in its run
   std::vector<HostTime> slot_end;
   // Clicks per laser pulse; 0: unknown, or pile-up was corrected.
   std::vector<double> clicks_a_pulse;
@@ -164,9 +164,9 @@ Dataset load(const std::vector<std::string>& paths);
 Dataset load_recorded(const std::vector<std::string>& paths);
 inline constexpr double most_damaged = 0.1;
 
-// Reads part of a run as recorded: at most `at_most` usable records, from record `first` on. Calls
-// on_bad for each unusable record. Tables of sensors that are not requested stay empty, and `hash`
-// stays 0.
+// Reads part of a run as recorded: at most `at_most` usable records, starting at record `first`.
+// Calls on_bad for each unusable record. Tables of sensors that are not requested stay empty, and
+// `hash` stays 0.
 Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t at_most,
                   SensorSet sensors, const OnBadRecord& on_bad);
 

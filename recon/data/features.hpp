@@ -15,7 +15,8 @@
 
 namespace echofuse::recon {
 
-// Scaling of the inputs of each record, before centre and gains learnt from the training set:
+// Scaling of the inputs of each record, before the centre and the gains of the training set are
+// applied:
 //   plain   no scaling
 //   sqrt    square root, after which Poisson counts have the same noise in every bin
 //   raw     no scaling, centre or gains, for models that scale their inputs themselves
@@ -54,7 +55,8 @@ struct Features {
   // Returns unscaled inputs [rows x count()], SPD first. Throws Error(failed) if the number of
   // zones in the data differs from that of the model.
   Matrix raw_inputs(const Dataset& data, const Rows& rows) const;
-  // Returns the inputs after the scaling of each record, before centre and gains are applied.
+  // Returns the inputs after the scaling of each record, before the centre and the gains are
+  // applied.
   Matrix normalised_inputs(const Dataset& data, const Rows& rows) const;
   // Returns the inputs of the model [rows x count()]: scaled per record, centred, multiplied by the
   // gains.
@@ -64,8 +66,8 @@ struct Features {
 // Throws Error(failed) if the detector does not have this number of zones; 0 allows any number.
 void require_zones(const Dataset& data, std::size_t zones);
 
-// Learns centre and gains from `rows`, so that all sensors have the same total variance. If `rows`
-// is empty or the scaling is "raw", the centre is 0 and the gains are 1.
+// Learns the centre and the gains from `rows`, so that all sensors have the same total variance. If
+// `rows` is empty or the scaling is "raw", the centre is 0 and the gains are 1.
 Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
                       const std::string& scaling);
 

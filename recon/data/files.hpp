@@ -8,11 +8,11 @@
 
 namespace echofuse::recon {
 
-Bytes read_file(const std::string& path);        // throws Error(failed) if it cannot be read
-std::string read_text(const std::string& path);  // throws Error(failed) if it cannot be read
+Bytes read_file(const std::string& path);        // throws Error(failed) if the file cannot be read
+std::string read_text(const std::string& path);  // throws Error(failed) if the file cannot be read
 // Replaces the file atomically (write_atomically()).
 void write_file(const std::string& path, ByteView contents);
-void make_folder(const std::string& path);  // throws Error(disk) if it cannot be created
+void make_folder(const std::string& path);  // throws Error(disk) if the folder cannot be created
 
 // Splits a CSV line into fields. A quoted field may contain commas.
 std::vector<std::string> csv_fields(const std::string& line);

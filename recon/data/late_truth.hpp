@@ -9,8 +9,9 @@
 namespace echofuse::recon {
 
 // Correlates the mean range of each histogram with the mean depths of three maps: of the same, the
-// previous and the next record. Returns one warning line for each run in which the maps of a
-// neighbouring record fit clearly better than those of the same record. Ignores doubtful rows.
+// previous and the next record. Returns one warning line for each run in which the maps of the
+// previous or next records correlate clearly better than those of the same records. Ignores
+// doubtful rows.
 std::string late_truth(const Dataset& data);
 
 }  // namespace echofuse::recon

@@ -30,7 +30,7 @@ class PileUp {
   bool known() const { return dead_time_ps_ > 0; }
   // Converts counts per bin to photons per bin in place. `pulses`: number of laser pulses in the
   // slot (0: unknown, no correction). Returns the fraction of pulses for which the detector is
-  // ready, in the least ready bin; if it is near zero, the result is unreliable.
+  // ready, as the minimum over all bins. If this fraction is near zero, the result is unreliable.
   double correct(std::span<float> counts, double pulses) const;
 
  private:

@@ -16,7 +16,7 @@ struct SplitOptions {
   std::string kind = "random";
   double test_share = 0.1;
   double validation_share = 0.05;  // fraction of the non-test records
-  std::size_t gap = 10;            // records dropped between blocks
+  std::size_t gap = 10;            // number of records dropped between two blocks
   std::uint64_t seed = 1;
 };
 
@@ -28,8 +28,8 @@ struct Split {
 // mix(mix(seed ^ mix(stream)) ^ row); mix() is one step of SplitMix64 (drivers/core/random.hpp).
 Rows drawn(Rows rows, std::uint64_t seed, std::uint64_t stream);
 
-// Splits `rows` into training, validation and test. A random split uses the last rows of drawn()
-// for test and validation. Throws Error(failed) if fewer than two rows remain for training.
+// Splits `rows` into training, validation and test rows. A random split uses the last rows of
+// drawn() for test and validation. Throws Error(failed) if fewer than two rows remain for training.
 Split make_split(const Rows& rows, const SplitOptions& options);
 
 // Returns a fold of the cross-validation: block `fold` of `folds` is the test set; training rows

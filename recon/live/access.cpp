@@ -54,7 +54,7 @@ bool Access::accepts_origin(std::string_view origin, std::string_view host) cons
   return false;
 }
 
-// Compares in constant time, to prevent timing attacks.
+// Compares the tokens in constant time, to prevent timing attacks.
 bool Access::is_token(std::string_view given) const {
   if (token.empty() || given.size() != token.size()) return false;
   unsigned differs = 0;

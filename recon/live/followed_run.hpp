@@ -15,7 +15,7 @@
 
 namespace echofuse::view {
 
-// Values of one record that the page draws over time.
+// Values of one record that the page plots over time.
 struct Outline {
   std::int64_t index = 0;
   UtcTime start{}, end{};
@@ -51,8 +51,8 @@ FileStamp stamp_of(const std::string& path);
 
 class FollowedRun {
  public:
-  // `target`: run file or folder. In a folder the newest run is followed. The target may not exist
-  // yet.
+  // `target`: run file or folder. If it is a folder, the newest run is followed. The target may not
+  // exist yet.
   explicit FollowedRun(std::string target) : target_(std::move(target)) {}
 
   // Reads new records. Returns true if anything has changed. Takes little time if the file has not

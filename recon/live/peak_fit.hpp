@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Estimates centre and width of the highest peak of a histogram or range profile.
+// Estimates the centre and the width of the highest peak of a histogram or range profile.
 #pragma once
 #include <optional>
 #include <span>

@@ -145,7 +145,7 @@ class Server::Impl final : public SessionOwner {
   // Number of connections. Declared before io_, because sessions in io_ decrement it when
   // destroyed.
   int open_ = 0;
-  net::io_context io_;  // declared before its users, so that it is destroyed after them
+  net::io_context io_;  // declared before the objects that use it, so that it outlives them
   tcp::acceptor acceptor_{io_};
   net::steady_timer pulse_{io_}, update_timer_{io_}, retry_{io_};
   const ServerOptions options_;
@@ -154,7 +154,7 @@ class Server::Impl final : public SessionOwner {
   Access access_;
   ServedRun home_;  // the only run, or the newest one in the folder
   Chooser chooser_;
-  std::map<std::string, ServedRun> chosen_;  // other runs of the folder, by name
+  std::map<std::string, ServedRun> chosen_;  // runs of the folder other than home_, by name
   bool armed_ = false;
   HostTime begun_{}, last_live_{};
 };

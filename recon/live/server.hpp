@@ -22,7 +22,7 @@ struct ServerOptions {
   // Planned number of records of the run, or of the newest run in a folder.
   std::optional<std::int64_t> planned;
   std::string listen;  // address, e.g. "127.0.0.1:8410"; empty: loopback interface, first free port
-  bool until_closed = false;  // exit when the run has ended and no browser is connected
+  bool until_closed = false;  // true: exit when the run has ended and no browser is connected
 };
 
 // Threading: must be used from one thread only. For a slow client, only the newest message of each

@@ -30,10 +30,10 @@ struct DepthSpan {
 //   foreground   thresholded.npy, in the format of maps.npy, and share.npy with the foreground
 //                fraction of each pixel (foreground_share in scene_model.hpp)
 //   uncertainty  NNNNNN_sd.png: 16-bit grey, standard deviation of z in millimetres, 0: unknown.
-//                With npy also deviation.npy, which has NaN instead of 0.
-// camera.json is always written: pinhole camera of the images, in pixels, and the number of steps
-// per metre in NNNNNN_mm.png. A new format needs a row in map_files.cpp and a branch in
-// MapFiles::prepare().
+//                If npy is also requested, also deviation.npy, with NaN instead of 0.
+// camera.json is always written. It contains the pinhole camera of the images, in pixels, and the
+// number of grey levels per metre in NNNNNN_mm.png. A new format needs a row in map_files.cpp and a
+// branch in MapFiles::prepare().
 std::vector<std::string> map_format_names();
 std::string map_format_help();  // returns "NAME (DESCRIPTION), NAME (DESCRIPTION), ..."
 

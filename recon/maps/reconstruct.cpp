@@ -143,7 +143,7 @@ class RunReconstructor {
   Dataset read(const record::RunReader& run, std::size_t at_most);
   Rows take_rows_asked(const Dataset& data);
   Records prepare_new(Dataset data);
-  // Status of each of several consecutive records, and its files if the record has a map.
+  // Statuses of several consecutive records, each with the files of the map if the record has one.
   using PreparedMaps = std::vector<std::pair<RecordStatus, std::optional<MapFiles::Ready>>>;
   PreparedMaps make(const Records& records, std::span<const std::size_t> rows) const;
   void write(const Records& records, std::span<const std::size_t> rows, PreparedMaps made);
@@ -321,13 +321,13 @@ void require_folder(const ReconstructOptions& options, const std::string& uuid) 
 void reconstruct(const TrainedModel& model, const std::string& path,
                  const ReconstructOptions& options) {
   if (wants_uncertainty(options)) require_uncertainty(model);
-  // Throws before any output if an index is invalid.
+  // Throws an error before any output is written if an index is invalid.
   if (options.rows != "test") indices_of(options.rows);
   const std::string file = record::old_run(path);
   {
     const record::RunReader run(file);
     const std::string uuid = run.info().uuid;
-    require_folder(options, uuid);  // throws before any file is changed
+    require_folder(options, uuid);  // throws an error before any file is changed
     make_folder(options.out);
     mark(options, model, run, trained_on(model, uuid));
   }

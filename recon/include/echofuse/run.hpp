@@ -15,7 +15,7 @@
 
 namespace echofuse {
 
-/// Description of a run that is stored in its file.
+/// Description of a run, as stored in the run file.
 struct RunFacts {
   std::string uuid;         ///< unique identifier of the run, independent of the file name
   std::string started_utc;  ///< start time, ISO 8601
@@ -41,7 +41,7 @@ class Run {
 
   /// Returns the path that was passed to the constructor.
   const std::string& path() const;
-  /// Returns the description of the run that is stored in its file.
+  /// Returns the description of the run that the run file contains.
   RunFacts facts() const;
   /// Returns the number of records, which increases while the run is being recorded.
   std::int64_t count() const;
@@ -55,9 +55,9 @@ class Run {
 
   /// Returns the record with this index. Throws if the record does not exist or is damaged.
   Record read(std::int64_t index) const;
-  /// Calls `visit` for each record in order, from index `first` on, until `visit` returns false.
-  /// Calls `on_damaged` for each damaged record and continues; throws instead if `on_damaged` is
-  /// empty.
+  /// Calls `visit` for each record in order, starting at index `first`, until `visit` returns
+  /// false. Calls `on_damaged` for each damaged record and continues; throws instead if
+  /// `on_damaged` is empty.
   void for_each(const std::function<bool(const Record&)>& visit, std::int64_t first = 0,
                 const OnDamaged& on_damaged = {}) const;
 
@@ -68,11 +68,11 @@ class Run {
   std::shared_ptr<const File> file_;
 };
 
-/// Calls `visit` for each record of a run that is being recorded, from index `first` on, when it
-/// has been written. Returns when the run is closed, or when `visit` or `go_on` returns false.
-/// Calls `go_on` at least every 20 ms while it waits for a record. Opens the run again for each
-/// poll, so that the recorder can close it; do not keep the Run after `visit` returns. Handles
-/// damaged records like Run::for_each. Throws like Run.
+/// Calls `visit` for each record of a run that is being recorded, starting at index `first`, as
+/// soon as the record has been written. Returns when the run is closed, or when `visit` or `go_on`
+/// returns false. Calls `go_on` at least every 20 ms while it waits for a record. Opens the run
+/// again for each poll, so that the recorder can close it; do not keep the Run after `visit`
+/// returns. Handles damaged records like Run::for_each. Throws like Run.
 void follow(const std::string& path, const std::function<bool(const Run&, const Record&)>& visit,
             std::int64_t first = 0, const std::function<bool()>& go_on = {},
             const OnDamaged& on_damaged = {});
