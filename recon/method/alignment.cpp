@@ -74,8 +74,8 @@ Alignment::Alignment(const Layout& layout, const Matrix& observations, const Row
 }
 
 // Learns the lags of the background in each bin: averages the lags of the records with the least
-// power, and scales them to the background power. Static echoes keep their directions; noise
-// averages out.
+// power, and scales the averages to the background power. Static echoes keep their directions;
+// noise averages out.
 void Alignment::learn_array_background(const Matrix& observations, const Rows& rows) {
   const std::size_t first = counts_background_.size() + power_background_.size();
   for (std::size_t at = 0; at < lags_background_.size(); at += lag_values_) {

@@ -32,7 +32,7 @@ class ShiftCorrelation {
                    double shift_from_m, double shift_to_m);
 
   std::size_t shifts() const { return shifts_; }
-  std::size_t cost() const;  // multiply-adds per record
+  std::size_t cost() const;  // number of multiply-adds per record
   // Computes the cosine similarity between the measured profile and the profile expected from the
   // histogram, for each shift from the longest to the shortest.
   void operator()(std::span<const float> histogram, std::span<const float> profile,
@@ -79,7 +79,7 @@ class Alignment {
   Alignment(const Layout& layout, const Matrix& observations, const Rows& rows);
 
   bool known() const { return !counts_background_.empty(); }
-  std::size_t cost() const;  // multiply-adds per record
+  std::size_t cost() const;  // number of multiply-adds per record
   AlignmentRanges spd_ranges() const { return {spd_first_m_, spd_step_m_}; }
   double resolution_m() const;  // range resolution c/2B of the radar
 
@@ -99,11 +99,11 @@ class Alignment {
     return columns_of<const float>(view);
   }
 
-  // Equation (1) of method.cpp: writes the counts minus background and median, and the power minus
-  // background.
+  // Equation (1) of method.cpp: writes the counts minus the background and the median, and the
+  // power minus the background.
   void subtract_background(std::span<const float> observation, std::vector<float>& counts,
                            std::vector<float>& power) const;
-  // Returns the counts minus background and median for each zone, one zone per row.
+  // Returns the counts of each zone minus the background and the median, one zone per row.
   Matrix zone_counts(std::span<const float> observation) const;
   // Equation (4) of method.cpp, for power above the background: writes all points of a view's
   // profile, scaled to a sum of 1.
@@ -115,8 +115,8 @@ class Alignment {
   // there are no lags, writes the features of a zero signal.
   void antennas_about(double range_m, std::span<const float> lags, std::span<float> out) const;
 
-  // Replaces profile and correlation in the view of a record, as if its body were `farther_m`
-  // farther from the radar. recorded_power: power of the same record. Used for rotation
+  // Replaces the profile and the correlation in the view of a record, as if its body were
+  // `farther_m` farther from the radar. recorded_power: power of the same record. Used for rotation
   // augmentation (rotation.hpp).
   void move_profile(std::span<const float> recorded_power, double farther_m,
                     std::span<float> view) const;
@@ -160,7 +160,8 @@ class Alignment {
 
   double spd_first_m_ = 0, spd_step_m_ = 1, radar_first_m_ = 0, radar_step_m_ = 1;
   double profile_step_m_ = 1;
-  // Profile points per radar step, and radar steps per profile point; at least one of them is 1.
+  // Profile points per radar step, and radar steps per profile point; at least one of these ratios
+  // is 1.
   std::ptrdiff_t points_a_step_ = 1, steps_a_point_ = 1;
   ShiftCorrelation correlation_;
   ArrayView array_;

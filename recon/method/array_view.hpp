@@ -24,7 +24,7 @@ class ArrayView {
   std::size_t size() const;
   // Number of direction features, which precede the lags.
   static constexpr std::size_t of_direction = 2;
-  std::size_t cost() const;  // multiply-adds per record
+  std::size_t cost() const;  // number of multiply-adds per record
   // Writes size() features, computed from a record's lags above the background: the direction
   // cosine u; u times the range, m; the lags of the window around the body; the lags of its parts.
   // All lags are divided by the power of the window, and horizontal lags are multiplied by exp(-i

@@ -18,8 +18,8 @@ struct Place {
   float depth_m = 0;  // mean z of the foreground
 };
 
-// Returns the position of the foreground in a true map (metrics/scene_model.hpp), or nothing if the
-// map has no foreground.
+// Returns the position of the foreground in a ground-truth map (metrics/scene_model.hpp), or
+// nothing if the map has no foreground.
 std::optional<Place> place_of(std::span<const float> map, std::span<const float> background,
                               const record::MapGrid& grid);
 
@@ -44,7 +44,7 @@ class BodyFrame {
   // the body to `depth`.
   void draw_soft(std::span<const float> mask, std::span<const float> relief, const Place& place,
                  std::span<float> share, std::span<float> depth) const;
-  // Returns the multiply-adds of one draw().
+  // Returns the number of multiply-adds of one draw().
   std::size_t draw_cost() const;
 
   void archive(Archive archive, const record::MapGrid& grid);

@@ -46,8 +46,9 @@ RotatedBodies::RotatedBodies(const Alignment& alignment, const Matrix& inputs, c
   if (rotates_) baseline_m_ = slope / gain;
 }
 
-// Returns the slope of a least-squares line of displacement_m() over the sine of the azimuth. To
-// first order in b / r, the slope is the baseline b. `deviation_m`: standard error of the slope.
+// Returns the slope of a least-squares line, fitted to displacement_m() as a function of the sine
+// of the azimuth. To first order in b / r, the slope is the baseline b. `deviation_m`: standard
+// error of the slope.
 double RotatedBodies::slope_m(double& deviation_m) const {
   const auto n = static_cast<double>(rows_.size());
   double s = 0, d = 0, ss = 0, sd = 0, dd = 0;

@@ -3,9 +3,9 @@
 // If a body rotates about the SPD's vertical axis, the histogram does not change. The radar is b to
 // the left of the SPD and measures the range R' with R'^2 = r^2 + b^2 + 2 b r sin(azimuth).
 // Approximation: the profile shifts by the change of R' and keeps its form, although the body also
-// turns slightly relative to the radar. The noise of the profile is reused.
-// The lags of the antennas are rotated from the direction cosine (b + r sin(azimuth)) / R' of one
-// azimuth to that of the other. If there are antennas, a random bias is added to the radar's range.
+// turns slightly relative to the radar. The noise of the profile is reused. The lags of the
+// antennas are rotated from the direction cosine (b + r sin(azimuth)) / R' of the recorded azimuth
+// to that of the new azimuth. If there are antennas, a random bias is added to the radar's range.
 // Otherwise the position would be learnt from shifts of centimetres, which differ between runs. If
 // the detector has zones, no body is rotated, because it would appear in other zones.
 #pragma once
@@ -26,18 +26,19 @@ class RotatedBodies {
   // body. `places`: positions of these bodies, in the same order.
   RotatedBodies(const Alignment& alignment, const Matrix& inputs, const Matrix& radar,
                 const Matrix& array, const Rows& rows, const std::vector<Place>& places);
-  // Sets the fraction of the bodies that rotate() rotates; by default it rotates all.
+  // Sets the fraction of the bodies that rotate() rotates; the default is all bodies.
   void rotate_share(double share) { share_ = share; }
 
   // Returns the distance of the radar to the left of the SPD, m (negative: right), fitted to the
-  // displacement of the profiles over azimuth. Returns 0 if the standard error of this distance
-  // exceeds a tenth of the distance; if there are antennas, the error must also exceed 3 cm.
+  // displacement of the profiles as a function of azimuth. Returns 0 if the standard error of this
+  // distance exceeds a tenth of the distance; if there are antennas, the error must also exceed 3
+  // cm.
   double baseline_m() const { return baseline_m_; }
   bool rotates() const { return rotates_; }  // false: no body is rotated
   // Returns true if rotate() changes any record.
   bool changes() const { return rotates_ || has_array_; }
-  // Returns the increase of the radar's range, m, if the body of rows[k] moved to the azimuth of
-  // the body of rows[as].
+  // Returns by how much the radar's range would increase, m, if the body of rows[k] moved to the
+  // azimuth of the body of rows[as].
   double farther_m(std::size_t k, std::size_t as) const;
   // Writes the inputs of record rows[k], rotated to the azimuth of a random record, which leaves
   // the distribution of azimuths unchanged. Returns the new position of the body.

@@ -18,7 +18,7 @@ constexpr float foreground_step_m = 0.1f;
 constexpr double most_behind = 0.25;
 // Minimum depth of a return, relative to the mean foreground depth.
 constexpr float nearest_share = 0.125f;
-// Maximum fraction of values below that depth in a map of returns.
+// Maximum fraction of values below the minimum depth in a map of returns.
 constexpr double most_nearer = 0.1;
 
 std::vector<float> median_map(const Matrix& depth, const Rows& rows) {

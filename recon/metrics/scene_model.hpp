@@ -3,9 +3,9 @@
 // training maps and contains their background b and the mean depth m of their foreground. b is the
 // median of the training maps, or 0 where at least a fifth of them have no return.
 //
-// A pixel of a true map with depth d is foreground if d > 0 and either b = 0 or |d - b| > 0.1 m. A
-// predicted pixel with depth v is foreground if v is nearer to m than to b. If b = 0, the rule
-// depends on the map. In a map of returns, v > 0 is foreground. In a map of expected depths
+// A pixel of a ground-truth map with depth d is foreground if d > 0 and either b = 0 or |d - b| >
+// 0.1 m. A predicted pixel with depth v is foreground if v is nearer to m than to b. If b = 0, the
+// rule depends on the map. In a map of returns, v > 0 is foreground. In a map of expected depths
 // (probability of a return times depth, from a regression), v > m / 2 is foreground.
 //
 // If at least a quarter of the deviation from the background lies behind it, e.g. because a wall
@@ -52,9 +52,9 @@ SceneModel learn_scene(const Matrix& depth, const Rows& rows, const record::MapG
 bool true_foreground(float depth_m, float background_m);
 
 // Returns true if the map contains returns, false if it contains expected depths. Considers pixels
-// that have no background: a map contains returns if at most a tenth of their values are below an
-// eighth of the mean foreground depth. Expected depths have many such values at the edges of a
-// body.
+// that have no background: a map contains returns if at most a tenth of these pixels have values
+// below an eighth of the mean foreground depth. Expected depths have many such values at the edges
+// of a body.
 bool holds_returns(std::span<const float> map, const SceneModel& scene);
 
 // Returns the position of each pixel's depth between the background (0) and the mean foreground

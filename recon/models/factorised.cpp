@@ -19,18 +19,18 @@ constexpr float nearest_m = 0.1f;          // minimum range of a body, m
 // Minimum scale of an input, relative to the median of all scales.
 constexpr double least_deviation = 0.05;
 // Range and step of the mask threshold, in percent. The threshold with the best IoU on held-out
-// records is used. If the position is uncertain, a threshold below 50 % is best, because the wider
-// mask overlaps better.
+// records is used. If the position is uncertain, a threshold below 50 % is best, because a wider
+// mask overlaps the body better.
 constexpr int least_threshold = 25, most_threshold = 60, threshold_step = 5;
 // Width of the two hidden layers of each network. If there are at least `many_records` records, the
 // networks are wider, and are trained for fewer epochs with larger batches.
 constexpr std::size_t many_records = 10'000, units = 48, units_of_many = 96;
 constexpr std::size_t place_networks = 3;  // number of networks; their mean is more accurate
-constexpr std::size_t shape_networks = 2;  // number of networks; 1 from many_records on
+constexpr std::size_t shape_networks = 2;  // number of networks; 1 if there are many records
 // Weight of the depth error relative to the lateral error. The depth is almost equal to the range;
 // with a larger weight, the network learns less about the lateral position.
 constexpr float depth_weight = 0.1f;
-// From this number of bodies on, only half of them are rotated, because rotation is an
+// If there are at least this many bodies, only half of them are rotated, because rotation is an
 // approximation.
 constexpr std::size_t many_bodies = 40'000;
 constexpr std::size_t component_bodies = 3000;  // number of bodies used; more would change little

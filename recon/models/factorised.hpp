@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 // Factorised model: small networks estimate the position and the shape of a body separately. The
-// position is estimated from the shift between radar profile and histogram, or from the zones of
-// the detector. The shape is a sum of a few components of masks and depths, in a frame that moves
-// with the body, and is drawn into the map. The model requires the radar or zones, and one body in
-// front of the background. The mean-shape model has no shape network: it always draws the mean
-// body.
+// position is estimated from the shift between the radar profile and the histogram, or from the
+// zones of the detector. The shape is a sum of a few components of masks and depths, in a frame
+// that moves with the body, and is drawn into the map. The model requires the radar or zones, and
+// one body in front of the background. The mean-shape model has no shape network: it always draws
+// the mean body.
 #pragma once
 #include <functional>
 #include <memory>

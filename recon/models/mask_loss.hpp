@@ -13,8 +13,8 @@
 namespace echofuse::recon {
 
 // Computes the loss of one map. On input, `outputs` contains the log-odds of all pixels, followed
-// by the depths of all pixels (m). They are replaced by the derivatives of the loss. T is float in
-// training, and double in tests of the derivatives.
+// by the depths of all pixels (m). On output, it contains the derivatives of the loss. T is float
+// in training, and double in tests of the derivatives.
 template <class T>
 double mask_loss(std::span<const float> truth, std::span<const float> background, T depth_spread_m,
                  std::span<T> outputs) {

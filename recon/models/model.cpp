@@ -12,7 +12,7 @@ namespace echofuse::recon {
 
 namespace {
 
-// Parses sizes such as "512-256". Returns an empty list if the text has another form.
+// Parses sizes such as "512-256". Returns an empty list if the text has a different form.
 std::vector<std::size_t> numbers_of(const std::string& text) {
   std::vector<std::size_t> out;
   std::istringstream in(text);
@@ -39,8 +39,9 @@ const FitOptions masked{.hidden = {{512, 512}},
                         .weight_decay = 0.1,
                         .patience = 30,
                         .batch = 64};
-// From this number of records on, the batch size is doubled. The maps are then equally accurate,
-// and training takes 25 % less time. If there are fewer records, the smaller batch is needed.
+// If there are at least this many records, the batch size is doubled. The maps are then equally
+// accurate, and training takes 25 % less time. If there are fewer records, the smaller batch is
+// needed.
 constexpr std::size_t many_records = 3000;
 const FitOptions placed{.basis = 16,
                         .epochs = 100,

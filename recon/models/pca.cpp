@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Predicts the coefficients of the strongest principal components of the training maps, instead of
-// every pixel. The components form a fixed last layer, which is the largest one.
+// every pixel. The components form a fixed last layer, which is the largest layer of the model.
 #include "recon/models/model.hpp"
 #include "recon/numbers/components.hpp"
 

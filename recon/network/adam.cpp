@@ -12,8 +12,8 @@ namespace echofuse::recon {
 namespace {
 
 constexpr float b1 = 0.9f, b2 = 0.999f, epsilon = 1e-8f;
-// Gradients and moments below these limits are set to 0. They are far below epsilon and change no
-// weight, but calculations with subnormal numbers are slow. NaN is kept.
+// Gradients and moments below these limits are set to 0. They are far below epsilon and do not
+// change any weight, but calculations with subnormal numbers are slow. NaN is kept.
 constexpr float least_gradient = 1e-16f, least_moment = 1e-30f;
 
 // Updates n parameters p by their gradients g and moments m and v, and clears g. This is a separate
@@ -32,7 +32,8 @@ inline __attribute__((always_inline)) void step_each(std::size_t n, float* p, fl
 }
 
 #if defined(__x86_64__)
-// The results are bit-identical to those of other processors, because this version uses no FMA.
+// The results are bit-identical to those on processors without AVX2, because this version does not
+// use FMA.
 __attribute__((target("avx2"))) void step_avx2(std::size_t n, float* p, float* m, float* v,
                                                float* g, float keep, float rate) {
   step_each(n, p, m, v, g, keep, rate);

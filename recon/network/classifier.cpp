@@ -54,7 +54,7 @@ void Classifier::fit(const Matrix& usual, const Matrix& other, const Options& op
   Activations<float> activations;
   std::vector<float> gradient;
   Matrix batch(options.batch, usual.cols);
-  // Standardises all examples in advance, because each is drawn many times.
+  // Standardises all examples in advance, because each example is sampled many times.
   const auto standardised = [&](Matrix rows) {
     for (std::size_t i = 0; i < rows.rows; ++i) standardise(rows.row(i), rows.row(i));
     return rows;

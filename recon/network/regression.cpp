@@ -14,7 +14,7 @@
 namespace echofuse::recon {
 namespace {
 
-// ASCII "turn"
+// redraw_stream: ASCII "turn"
 constexpr std::uint64_t weight_stream = 1, order_stream = 2, redraw_stream = 0x7475726e;
 
 // Returns the learning rate at a fraction `progress` of the training: cosine annealing from `rate`

@@ -81,9 +81,9 @@ class Regression {
   using OnEpoch = std::function<void(std::size_t epochs, double validation_loss)>;
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   const Training& training, const std::string& title, const OnEpoch& on_epoch = {});
-  // Adapts offset and scale of the outputs to other records: adds the median error, and multiplies
-  // by the median slope of the targets as a function of the outputs. Both corrections are reduced
-  // by Tuning::shrinkage().
+  // Adapts the offset and the scale of the outputs to other records: adds the median error, and
+  // multiplies by the median slope of the targets as a function of the outputs. Both corrections
+  // are reduced by Tuning::shrinkage().
   void correct(const Examples& train);
   // Continues training from the current weights, with the current scaling. First adds the mean
   // error, reduced by Tuning::shrinkage(), to the outputs. Trains all epochs. After an interrupt,

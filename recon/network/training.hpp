@@ -53,7 +53,7 @@ struct Tuning {
 };
 
 struct Cost {
-  std::size_t multiply_adds = 0;  // multiply-adds per map
+  std::size_t multiply_adds = 0;  // number of multiply-adds per map
   std::size_t parameters = 0;
   Cost& operator+=(const Cost& other) {
     multiply_adds += other.multiply_adds, parameters += other.parameters;

@@ -20,7 +20,8 @@ struct Components {
 // columns.
 Components principal_components(Matrix table, std::size_t count, std::uint64_t seed);
 
-// Returns (table - mean) basis', the coordinates of the table: one row of coordinates per row.
+// Returns (table - mean) basis', the coordinates of the table: one row of coordinates per row of
+// the table.
 Matrix coordinates(const Components& components, const Matrix& table);
 // Returns mean + amounts basis. This is the inverse of coordinates() within the span of the basis.
 Matrix from_coordinates(const Components& components, const Matrix& amounts);

@@ -12,8 +12,8 @@
 namespace echofuse::recon {
 namespace {
 
-// Parts of one calculation. A thread that begins late finds no part left in its job, even if the
-// next job is already running.
+// Parts of one calculation. A thread that starts late does not find any remaining part of its job,
+// even if the next job is already running.
 struct ParallelJob {
   ParallelJob(std::size_t part_count, const std::function<void(std::size_t)>& what)
       : parts(part_count), work(what) {}

@@ -34,7 +34,7 @@ struct TrainingRecords {
 };
 
 struct TrainedModel {
-  std::vector<Estimator> estimators;  // at least one; the fallbacks follow the first choice
+  std::vector<Estimator> estimators;  // at least one; fallback estimators follow the first one
   SplitOptions split;
   TrainingRecords training;
   std::uint32_t data_hash = 0;
@@ -100,8 +100,9 @@ void check_can_save(const std::string& path);
 // Error(failed) if PATH exists; both files are then kept.
 void save_model(const TrainedModel& model, const std::string& path,
                 const std::function<void(const TrainedModel&)>& check = {});
-// Loads a model file. Throws Error(failed) with file name, object, fault and expected value if the
-// file is missing, damaged, inconsistent, not a model, or has a different format version.
+// Loads a model file. Throws Error(failed) with the file name, the object, the fault and the
+// expected value if the file is missing, damaged, inconsistent, not a model, or has a different
+// format version.
 TrainedModel load_model(const std::string& path);
 TrainedModel load_model(const std::string& name, ByteView contents);
 

@@ -76,7 +76,8 @@ struct Evaluation {
   // used in training. Copies are not scored unless requested.
   std::size_t trained_on = 0, of = 0;
   std::size_t twice = 0;  // number of records excluded as copies of earlier records of the run
-  // Number of records excluded for each verdict (Dataset::doubt_of), and scores that include them.
+  // Number of records excluded for each verdict (Dataset::doubt_of), and scores that include these
+  // records.
   std::map<std::string, std::size_t> doubtful;
   Summaries with_doubtful = {};
   ScoringScene scoring;
@@ -87,7 +88,7 @@ struct Evaluation {
   DomainShift domain_shift;  // test of the whole run, or of its held-out records
   std::string tested;        // prefix of the text of domain_shift: "RUN: "
   Summaries metrics;
-  std::vector<ScoredRow> baselines;  // scores of empty room, mean map and nearest neighbour
+  std::vector<ScoredRow> baselines;  // scores of the baseline methods
   RunningCost cost;
   TwoPeopleCounts two_people;  // only computed if the model is calibrated
   // Empty if the model is not calibrated. Values are NaN if no record has an estimated error.
@@ -103,7 +104,7 @@ std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const
 // left.
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
 
-// Scores one predicted map per row against the true depth map.
+// Scores one predicted map per row against the ground-truth depth map.
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
                                   const SceneModel& scene);
 
@@ -112,10 +113,10 @@ std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const
 Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
                     const std::string& title = {}, const std::optional<ScoringScene>& scoring = {});
 
-// Scores the baselines, which need no model: empty room, mean map, and map of the nearest
-// neighbour. Finds the nearest neighbour with the scaling "record", by the sensors that have
-// matching axes in both data sets. Copies of scored records are not used as neighbours. Omits the
-// nearest-neighbour baseline if `neighbours` is empty. `title`: see evaluate().
+// Scores the baselines, which do not need a model: the empty room, the mean map, and the map of the
+// nearest neighbour. Finds the nearest neighbour with the scaling "record", by the sensors that
+// have matching axes in both data sets. Copies of scored records are not used as neighbours. Omits
+// the nearest-neighbour baseline if `neighbours` is empty. `title`: see evaluate().
 std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows,
                                        const SceneModel& scene, const Dataset& neighbours_data,
                                        Rows neighbours, const std::string& title = {});

@@ -19,7 +19,7 @@ struct MeanInterval {
 };
 MeanInterval mean_interval(const std::vector<MapScores>& scores, Metric metric);
 
-// Mean gain of a second method over a first one. Positive values mean that the second method is
+// Mean gain of a second method over a first method. Positive values mean that the second method is
 // better, also for error metrics.
 struct PairedDifference : MeanInterval {
   Metric metric{};
@@ -41,7 +41,7 @@ struct NamedScores {
   std::map<std::int64_t, MapScores> of_record;
 };
 // Returns the scores in the order in which the names first occur. Throws Error(failed) if the file
-// is not such a table.
+// is not a table of `evaluate --per-record`.
 std::vector<NamedScores> read_scores(const std::string& path);
 
 }  // namespace echofuse::recon

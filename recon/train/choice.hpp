@@ -29,12 +29,13 @@ class Choice {
 
   std::size_t chosen() const { return chosen_; }  // index in the order of add()
   bool is(const std::string& name) const { return entries_[chosen_].row.name == name; }
-  // Returns the gain of the chosen candidate over that of another choice on the same records.
-  // Returns 0 if the gain is below `errors` standard errors.
+  // Returns the gain of the chosen candidate over the chosen candidate of `other`, on the same
+  // records. Returns 0 if the gain is below `errors` standard errors.
   double gain_over(const Choice& other, double errors) const {
     return gain_of(entries_[chosen_], other.entries_[other.chosen_], errors);
   }
-  // Returns the mean gain in score over another choice, and its standard error.
+  // Returns the mean gain in score over the chosen candidate of `other`, and the standard error of
+  // this gain.
   std::pair<double, double> gain_and_error(const Choice& other) const {
     return gain_and_error_of(entries_[chosen_], other.entries_[other.chosen_]);
   }

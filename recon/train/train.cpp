@@ -114,7 +114,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const SceneMod
   for (const TrainingPlan& wanted : wanted_of(data, name, options)) {
     if (!model.estimators.empty() && interrupted()) break;
     Estimator one = train_one(wanted, data, split, scene, options);
-    // If training was interrupted, `one` is incomplete.
+    // If training was interrupted, the estimator `one` is incomplete.
     if (!model.estimators.empty() && interrupted()) break;
     model.estimators.push_back(std::move(one));
   }

@@ -42,7 +42,7 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs);
 // Applies options.doubtful and options.lossy to the data.
 void apply_doubts(Dataset& data, const TrainOptions& options);
 
-// Returns the inputs that the model with these options uses: only some models use the antennas.
+// Returns the inputs that a model with these options uses. Only some models use the antennas.
 Inputs inputs_to_train(const TrainOptions& options);
 
 // Returns a warning if a random split would give optimistic scores; otherwise an empty text.

@@ -124,7 +124,7 @@ bool shows_body(std::span<const float> map, const SceneModel& scene) {
   return pixels >= least_share * static_cast<double>(map.size());
 }
 
-// Returns the largest ratio of successive values in the nearer half of the sorted distances to
+// Returns the largest ratio of successive values in the smaller half of the sorted distances to
 // other maps. The ratio is below 2 for independent maps. If a map recurs, there is a gap between
 // its repetitions and the other maps.
 double greatest_gap(std::vector<double> distances) {

@@ -107,8 +107,8 @@ BackgroundSource better_room(const Start& start, const SceneModel& judged_by, co
   return choice.chosen() == 0 ? BackgroundSource::kept : BackgroundSource::learnt;
 }
 
-// Tries all candidates for one start. with_alone: also tries a model trained on these records
-// alone. This is needed for one start only, because that model does not depend on the start.
+// Tries all candidates for one start. with_alone: also tries a model trained only on the new
+// records. One start is enough for this, because that model does not depend on the start.
 void try_all(Choice& choice, const Start& start, const Split& split, const TuneOptions& options,
              BackgroundSource room, bool with_alone) {
   const Estimator& from = start.model.first();
@@ -186,7 +186,7 @@ void keep_statements(Estimator& model, const Estimator& from) {
 }
 
 // Tunes a fallback estimator (without antennas, or for the SPD alone). If by_alone is true, fits
-// this estimator to these records alone, as was done for the first estimator. The penalty is not
+// this estimator only to the new records, as was done for the first estimator. The penalty is not
 // cross-validated, because fallback estimators are rarely used. If there are few records, the
 // networks stay unchanged, and positions are corrected only if the first estimator changed.
 Estimator tune_other(const Estimator& from, const Dataset& data, const Split& split,
@@ -274,7 +274,8 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   const SceneModel judged_by =
       scene_for(starts.front().model.first(), starts.front().data, split.train);
   std::vector<Choice> choices;
-  choices.reserve(starts.size());  // the candidates refer to elements of `choices`
+  // Prevents reallocation, because the candidates refer to elements of `choices`.
+  choices.reserve(starts.size());
   for (const Start& start : starts) {
     choices.emplace_back(judged_by, split, options.split);
     try_all(choices.back(), start, split, options, better_room(start, judged_by, split, options),

@@ -14,7 +14,7 @@ namespace echofuse::recon {
 
 struct TuneOptions {
   static constexpr std::size_t least_records = 10;
-  // If there are fewer records, a model trained on these records alone is not tried.
+  // Minimum number of new records for trying a model that is trained only on the new records.
   static constexpr std::size_t least_alone = 50;
   SplitOptions split;     // has no validation records, because tuning does not use them
   Tuning tuning;          // its penalty is replaced by the cross-validated one
@@ -23,8 +23,8 @@ struct TuneOptions {
 };
 
 // A model to start from. `data`: records on the axes of the model (match_for_tuning). `own`: the
-// same records on their own axes with one radar response, for a model trained on these records
-// alone.
+// same records on their own axes with one radar response, for a model trained only on these
+// records.
 struct Start {
   const TrainedModel& model;
   const Dataset& data;

@@ -27,7 +27,7 @@ constexpr double clearly = 4;
 // Differences below these limits are ignored. least_mean is in units of the standard deviation
 // between records, least_square in units of the variance between records.
 constexpr double least_mean = 0.1, least_square = 0.3;
-// Limit of a squared deviation, so that a single outlier has little weight.
+// Squared deviations are clipped to this value, so that a single outlier has little weight.
 constexpr double most_square = 16;
 
 // Converts the numbers of m records to deviations from the training means, in standard deviations,
@@ -73,8 +73,8 @@ MatrixXd block_means(const MatrixXd& rows) {
   return out;
 }
 
-// Draws `drawn` blocks at random, several thousand times. Returns one row per draw: the mean of the
-// drawn blocks minus the mean of the other blocks.
+// Selects `drawn` blocks at random, several thousand times. Returns one row per selection: the mean
+// of the selected blocks minus the mean of the other blocks.
 MatrixXd permuted(const MatrixXd& blocks, Index drawn) {
   const VectorXd all = blocks.colwise().sum();
   const auto others = static_cast<double>(blocks.rows() - drawn);

@@ -6,8 +6,8 @@
 // Resampling-Based Multiple Testing, 1993; Good, Permutation Tests, 2000). It exchanges blocks of
 // ten records, because a pose may last for several records.
 //
-// Limit: the test cannot detect a change that affects none of the numbers, such as another gain.
-// Nor can it detect a range bias of both sensors that is small compared with the span of the
+// Limit: the test cannot detect a change that affects none of the numbers, such as a different
+// gain. Nor can it detect a range bias of both sensors that is small compared with the span of the
 // ranges.
 #pragma once
 #include <cstdint>
@@ -27,7 +27,7 @@ struct DomainShift {
     std::string text;            // e.g. "histogram spread 1.20 +- 0.01 times that in training"
     double standard_errors = 0;  // difference divided by its standard error
   };
-  std::size_t records = 0;  // records that show a body; 0 if they are too few for a test
+  std::size_t records = 0;  // number of records that show a body; 0 if too few for a test
   // P-value: probability that a run like the training data differs by at least this much.
   double p = 1;
   std::vector<Difference> differences;  // significant differences, greatest first
@@ -58,8 +58,8 @@ class DomainReference {
   DomainReference(const Alignment& alignment, const Dataset& data, const Matrix& views,
                   const Rows& rows, Inputs inputs);
   bool known() const { return numbers_.rows > 0; }
-  // Tests a run with all rows that have the required sensors, in record order. The data must be on
-  // the axes of the model.
+  // Tests a run, using all rows that have the required sensors, in record order. The data must be
+  // on the axes of the model.
   DomainShift test(const Alignment& alignment, const Dataset& data, const Matrix& views) const;
 
   void archive(Archive archive, Inputs inputs);

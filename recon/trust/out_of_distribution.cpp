@@ -19,8 +19,8 @@ namespace {
 
 constexpr std::uint64_t held_stream = 0x68656c64;  // ASCII "held"
 constexpr std::size_t most_components = 36, rows_a_component = 60;
-// Number of folds if there are fewer than `many_records` records, and if there are more. From
-// `few_records` records on, only one fold is used to set the limits.
+// Number of folds if there are fewer than `many_records` records, and if there are more. If there
+// are at least `few_records` records, only one fold is used to set the limits.
 constexpr std::size_t folds_of_few = 4, folds_of_many = 10;
 constexpr std::size_t few_records = 400, many_records = 3000;
 // Allowed false alarm rate of T^2, of the detection of two bodies, and of the Q statistics of all

@@ -98,7 +98,7 @@ class OutOfDistributionDetector {
                               std::size_t row) const;
   // Returns true if a record shows a body; always true if the SPD is missing.
   bool shows_body(std::span<const float> description) const;
-  // Returns the rows that show a body, and sets the limits of the range from them.
+  // Returns the rows that show a body, and sets the range limits from these rows.
   Rows learn_ranges(const Matrix& descriptions);
   // Returns the descriptions of all records, one per row.
   Matrix describe_all(const Dataset& data, const Features& sensors,

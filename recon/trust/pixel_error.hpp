@@ -23,8 +23,8 @@ SoftMaps soft_of(SoftMaps own, const Matrix& maps, const SceneModel& scene,
 
 class PixelError {
  public:
-  // Learns the calibration curve and the spread of the body's depths. `truth`: true maps, one per
-  // row.
+  // Learns the calibration curve and the spread of the body's depths. `truth`: ground-truth maps,
+  // one per row.
   void fit(const SoftMaps& soft, const Matrix& truth, const SceneModel& scene);
   // Returns two tables in metres: the mean p z + (1 - p) B, and the standard deviation sqrt(p (1 -
   // p) (z - B)^2 + p s^2). p is the calibrated probability of the body, z its depth, B the

@@ -79,7 +79,8 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
   }
 
   const auto any = [&](Rng& rng) { return any_row(bodies.size(), rng); };
-  // Subtracted from all but one of the records, because a record contains the background only once.
+  // The background is subtracted from all but one of the records that are added up, because a real
+  // record contains it only once.
   const std::vector<float> background = alignment.background();
   const auto add_up = [&](std::span<const BodySource> some, std::span<float> view) {
     const auto first = observations.row(some[0].k);

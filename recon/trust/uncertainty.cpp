@@ -21,7 +21,8 @@ constexpr double smallest_error_m = 3e-3;  // smaller errors are replaced by thi
 constexpr double penalty = 1e-3;
 constexpr std::size_t folds = 5;
 
-// Returns the clicks above the background, divided by the standard deviation of all clicks.
+// Returns the number of clicks above the background, divided by the standard deviation of the
+// number of all clicks.
 float significance(std::span<const float> counts) {
   std::vector<float> sorted(counts.begin(), counts.end());
   const float level = quantile(sorted, 0.5);
@@ -40,7 +41,7 @@ double factor_of(std::vector<double> ratios) {
 
 // Returns the lateral error that results from the range calibration: 90 % of calibrations with the
 // standard error specified in the run cause a smaller error. Returns 0 if the run does not specify
-// an error, or if the model does not distinguish left and right by the two ranges alone.
+// an error, or if the model distinguishes left and right by more than the two ranges.
 double calibration_error_m(const Dataset& data, std::size_t row, Inputs inputs,
                            std::span<const float> map, const SceneModel& scene) {
   constexpr double deviations_90 = 1.645;

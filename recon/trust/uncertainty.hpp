@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Uncertainty of a model's predictions: position error of the body, error of each pixel, and
-// whether the record is in distribution. It is learnt after the training (fit_uncertainty.hpp) and
-// is part of each prediction (predict.hpp). It works with any kind of model.
+// Uncertainty of a model's predictions: the position error of the body, the error of each pixel,
+// and whether the record is in distribution. It is learnt after the training (fit_uncertainty.hpp)
+// and is part of each prediction (predict.hpp). It works with any kind of model.
 #pragma once
 #include <limits>
 #include <span>
@@ -26,14 +26,14 @@ double product(std::span<const float> row, std::span<const double> weights);
 std::vector<float> quadratic_terms(std::span<const float> values);
 
 // Returns true if a model with these inputs can distinguish left and right only by the difference
-// between the ranges of the SPD and the radar.
+// between the SPD range and the radar range.
 bool side_by_ranges(const Dataset& data, Inputs inputs);
 
-// Returns predictors of the error of a map, which are known without the true map. Row i belongs to
-// map i and record rows[i]. The columns are: |x/z| of the map's foreground (NaN if the map has
-// none); for the SPD log(1 + clicks above the background, in standard deviations of all clicks);
-// for the radar log(peak over the standard deviation of the weaker half of the profile). The radar
-// column is corrected if a filter has smoothed the noise.
+// Returns predictors of the error of a map, which are known without the ground-truth map. Row i
+// belongs to map i and record rows[i]. The columns are: |x/z| of the map's foreground (NaN if the
+// map has none); for the SPD log(1 + clicks above the background, in standard deviations of all
+// clicks); for the radar log(peak over the standard deviation of the weaker half of the profile).
+// The radar column is corrected if a filter has smoothed the noise.
 Matrix predictors_of(const Matrix& maps, const SceneModel& scene, const Dataset& data,
                      const Rows& rows, Inputs inputs);
 
