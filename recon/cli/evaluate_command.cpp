@@ -265,7 +265,7 @@ std::vector<std::string> reasons_left_out(const Arguments& a,
 // Scores of map folders and models on the same records. Folders come before models.
 struct ScoredMaps {
   std::vector<MethodScores> all;
-  std::vector<std::size_t> answered;  // number of records that have a map, per folder
+  std::vector<std::size_t> answered;  // per folder: number of records that have a map
   std::string unanswered;             // messages about folders that lack maps
 };
 

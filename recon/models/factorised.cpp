@@ -25,7 +25,8 @@ constexpr int least_threshold = 25, most_threshold = 60, threshold_step = 5;
 // Width of the two hidden layers of each network. If there are at least `many_records` records, the
 // networks are wider, and are trained for fewer epochs with larger batches.
 constexpr std::size_t many_records = 10'000, units = 48, units_of_many = 96;
-constexpr std::size_t place_networks = 3;  // number of networks; their mean is more accurate
+// Number of networks; their mean is more accurate than one network.
+constexpr std::size_t place_networks = 3;
 constexpr std::size_t shape_networks = 2;  // number of networks; 1 if there are many records
 // Weight of the depth error relative to the lateral error. The depth is almost equal to the range;
 // with a larger weight, the network learns less about the lateral position.

@@ -34,7 +34,7 @@ class PixelError {
   void archive(Archive archive);
 
  private:
-  std::array<double, 11> curve_{};  // calibrated probabilities for 0, 0.1 .. 1
+  std::array<double, 11> curve_{};  // calibrated probabilities for inputs 0, 0.1 .. 1
   double depth_deviation_m_ = 0;
 };
 

@@ -41,7 +41,7 @@ double factor_of(std::vector<double> ratios) {
 
 // Returns the lateral error that results from the range calibration: 90 % of calibrations with the
 // standard error specified in the run cause a smaller error. Returns 0 if the run does not specify
-// an error, or if the model distinguishes left and right by more than the two ranges.
+// an error, or if the model does not distinguish left and right only by the two ranges.
 double calibration_error_m(const Dataset& data, std::size_t row, Inputs inputs,
                            std::span<const float> map, const SceneModel& scene) {
   constexpr double deviations_90 = 1.645;
