@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Measures how fine the simulation of a scene must be. Compares data sets with coarse settings to a
-data set with fine settings and the same seed.
+"""Measures how finely a scene must be sampled in the simulator. Compares data sets with coarse
+settings to a data set with fine settings and the same seed.
 
     PYTHONPATH=. python3 examples/detail.py --fine spd_rays=2048 --coarse spd_rays=128 spd_rays=256
 
 Photons and radar power are simulated almost without noise. Their mean squared errors are relative
-to the noise variance at --photons and --snr-db. Errors far below 1 are negligible against the
-noise. """
+to the noise variance at --photons and --snr-db. Errors far below 1 are negligible compared
+with the noise. """
 import argparse
 import tempfile
 
@@ -15,7 +15,7 @@ import numpy as np
 import echofuse
 from echofuse.bench import call
 
-MANY = 1e9  # photons per record, so that the noise is negligible
+MANY = 1e9  # number of photons per record; large enough to make photon noise negligible
 QUIET = [f"signal_photons={MANY:g}", "radar_snr_db=200"]
 
 

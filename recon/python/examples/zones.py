@@ -4,8 +4,8 @@ scores of the maps, and the fraction of readable letters.
 
     PYTHONPATH=. python3 examples/zones.py --train 2000 --test 500 --data-sets 1 2 3
 
-Prints a CSV line for each number of zones, light level, data set and method. All numbers of
-zones have the same test scenes. --set half_tangent=0.275 halves the field of view.
+Prints a CSV line for each number of zones, light level, data set and method. The test
+scenes do not depend on the number of zones. --set half_tangent=0.275 halves the field of view.
 """
 import argparse
 import pathlib

@@ -21,7 +21,7 @@ class World:
     scenes: str = "records"  #: option of `echofuse-sim dataset` that selects the kind of scene
     at_x_m: float | None = None  #: |x| of the bodies, m; None: random x
     walk_m: float = 0  #: distance that a person walks during a record, m
-    fog_m: float = 0  #: visibility, m; 0 = clear air
+    fog_m: float = 0  #: visibility in fog, m; 0: clear air
     records: float = 1  #: number of training records, relative to the base condition
     changes: tuple[derive.Change, ...] = ()  #: changes to the recorded or simulated run
 
@@ -33,8 +33,7 @@ BASE = World()
 class Axis:
     """An axis of conditions. `values` maps labels to conditions in order, and includes BASE."""
 
-    # "matched": training and test have the same condition; "shifted": only the test differs from
-    # BASE
+    # "matched": the training and test conditions are equal; "shifted": the training uses BASE
     kind: str
     name: str
     title: str  # title in tables and figures, including the unit

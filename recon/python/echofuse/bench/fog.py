@@ -19,7 +19,7 @@ from ..runs.run import PS_PER_M
 LASER_UM, VISIBLE_UM = 1.55, 0.55
 REFRACTIVE_INDEX = {LASER_UM: 1.318, VISIBLE_UM: 1.333}
 LIDAR_RATIO_SR = 18.8
-# weight of an average scene, which returns signal_photons counts (sim/sensors/render.hpp)
+# albedo cos(theta) dOmega / R^2, summed over the mean scene (sim/sensors/render.hpp), 1/m^2
 MEAN_SCENE_WEIGHT = 0.24 / 3.5**4
 
 

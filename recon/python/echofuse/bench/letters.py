@@ -60,7 +60,7 @@ def near_layer(depth_m: NDArray[np.float32], half_tangent: float, plate: tuple[f
                shape: tuple[int, int]) -> Floats:
     """Resamples a map to cells around a plate. A cell is 1 if the map is in front of the plate or
     at most NEAR_M behind it, otherwise 0; values between pixels are interpolated. `plate` contains
-    the tangents x and y of its centre, and its depth, m."""
+    the tangents x and y of the plate centre, and the depth of the plate, m."""
     x, y, at_m = plate
     side = len(depth_m)
     near = np.pad(np.nan_to_num(depth_m, nan=np.inf) < at_m + NEAR_M, 1).astype(float)

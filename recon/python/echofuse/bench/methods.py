@@ -181,8 +181,8 @@ def _by_object(make: Callable[..., Fitted], train: pathlib.Path, seed: int) -> P
 
 
 def timed_predict(fitted: Fitted, run: runs.Run) -> tuple[NDArray[np.float32], float]:
-    """Returns maps [n, N, N] and the prediction time, us. The time does not include reading the
-    sensor data."""
+    """Returns maps [n, N, N], and the time of predicting all of them, us. The time does not include
+    reading the sensor data."""
     for sensor, valid in run.valid.items():
         if valid.any():
             getattr(run, sensor)  # loads the sensor data into memory
@@ -213,8 +213,7 @@ def _by_command(text: str, train: pathlib.Path, seed: int) -> Predict:
                 f"{text}: {(done.stderr.strip().splitlines() or ['no error message'])[-1]}")
             error.add_note(done.stderr.strip())
             raise error
-        # Removes run.txt if it names the copy without true maps: `evaluate` requires the original
-        # run.
+        # `evaluate` requires maps of the original run, so run.txt must not identify the copy.
         named = folder / "maps/run.txt"
         if named.exists() and named.read_text().startswith(runs.open(test).info["uuid"]):
             named.unlink()

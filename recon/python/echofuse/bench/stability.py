@@ -178,8 +178,8 @@ def cells(source: Simulated | Recorded, axes: Sequence[Axis], methods: Sequence[
 
 
 def first_failures(rows: Sequence[Row], axis: Axis) -> dict[str, list[str]]:
-    """Returns for each method the axis values closest to the base at which it fails, in both
-    directions. A method fails if its IoU does not exceed that of the best baseline (empty room,
+    """Returns for each method the failing axis values that are closest to the base value, one in
+    each direction. A method fails if its IoU does not exceed that of the best baseline (empty room,
     mean map, nearest record) by more than the standard deviation over the seeds, or is NaN."""
     def iou(model: str, inputs: str | None, label: str) -> dict[str, float]:
         at = ("base", "base") if axis.values[label] == BASE else (axis.id, label)

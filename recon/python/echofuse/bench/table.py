@@ -252,7 +252,7 @@ class Cell:
     seed: int  #: seed of the training
     train: RunSource  #: training run
     test: RunSource  #: test run
-    #: whether a model of both sensors also predicts records with only one sensor
+    #: whether a model that uses both sensors also predicts records with only one sensor
     fallback: bool = False
 
     @property

@@ -144,8 +144,8 @@ def cylinder(radius: float, z: float, sides: int = 16) -> Array:
 
 
 def _hull(corners: Array, n: int) -> Array:
-    """Returns the triangles of the sides and of the top. The first n corners are the lower ring,
-    the next n corners are the upper ring."""
+    """Returns the triangles of the sides and the top of a solid. The first n corners are the lower
+    ring, the next n corners are the upper ring."""
     faces = [(k, (k + 1) % n, n + k)
              for k in range(n)] + [((k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
     return np.asarray(corners[np.array(faces + [(n, n + k, n + k + 1) for k in range(1, n - 1)])])

@@ -19,10 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.floating[Any]]
-# rays per side of a field, and tangent at its edge; 14 % of the weight is outside +-0.3
+# rays per side of a field, and tangent at its edge; 14 % of the weight is beyond +-0.3
 G, FIELD_TANGENT = 30, 0.46
-# A field is a sum of KNOTS x KNOTS hat functions, because a few poses do not determine every ray
-# weight.
+# A field is a sum of KNOTS x KNOTS hat functions, because few poses cannot determine all rays.
 KNOTS = 8
 BIN_M = 0.0138
 FIRST, LAST = 11, 60  # bins FIRST to LAST - 1 are fitted
@@ -85,7 +84,7 @@ class Scenes:
 
 
 def non_negative(a: Array, y: Array, steps: int) -> Array:
-    """Returns the x >= 0 that minimises |a x - y|, approximated by this number of steps."""
+    """Approximates the x >= 0 that minimises |a x - y|. `steps` is the number of iterations."""
     squares, to = a.T @ a, a.T @ y
     # Finds the largest eigenvalue, which limits the step size, by power iteration.
     v = np.ones(len(to), squares.dtype)

@@ -53,8 +53,9 @@ def normalised(x: Array) -> Array:
 
 
 def nearest(inputs: Array, maps: Array, neighbours: int, x: Array) -> Array:
-    """Returns for each record x [n, d] the mean map of the nearest training records, weighted by
-    distance. `inputs` [m, d] and `maps` [m, pixels] belong to the training records."""
+    """Returns for each record x [n, d] a weighted mean map of the nearest training records, where
+    nearer records have higher weights. `inputs` [m, d] and `maps` [m, pixels] belong to the
+    training records."""
     distance = (inputs.astype(float) ** 2).sum(1) - 2 * x.astype(float) @ inputs.T.astype(float)
     order = np.argsort(distance, 1, kind="stable")[:, :neighbours]
     farther = np.take_along_axis(distance, order, 1)

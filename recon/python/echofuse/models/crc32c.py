@@ -42,8 +42,8 @@ def crc32c(data: bytes) -> int:
     states are combined in pairs."""
     values = np.frombuffer(data, np.uint8)
     length = max(1, -(-len(values) // ROWS))
-    # The data are padded with leading zero bytes, which do not change the initial state 0. The
-    # initial state of RFC 3720 is therefore XORed into the first four bytes of the data.
+    # Leading zero bytes, which pad the data, do not change a CRC state of 0.
+    # The initial state of RFC 3720 is therefore XORed into the first four bytes of the data.
     padded = np.zeros(ROWS * length, np.uint8)
     padded[len(padded) - len(values):] = values
     padded[len(padded) - len(values):][:4] ^= 0xFF

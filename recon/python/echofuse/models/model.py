@@ -136,7 +136,7 @@ class Maps:
     index: NDArray[np.int64]  #: record index of each map [n]
     depth_x: NDArray[np.float64]  #: x / z of the pixel centres [N], to the right
     depth_y: NDArray[np.float64]  #: y / z of the pixel centres [N], upwards; top row first
-    #: inputs of the estimator that predicted each map [n]: fused, fused-profile, spd, radar
+    #: inputs of the estimator that predicted each map [n]: fused, fused-profile, spd or radar
     inputs: list[str]
     half_tangent: float  #: tangent at the map edges
     origin: str = ""  #: text of run.txt, which identifies the run

@@ -13,7 +13,7 @@ from ..runs import PS_PER_M, zones
 
 Maps = NDArray[np.float32]
 MIN_PEAK = 0.08  # minimum height of a peak, relative to the highest bin of the zone
-TABLE_M = 0.035  # minimum distance of the object in front of the farthest return, m
+TABLE_M = 0.035  # minimum distance between an object and the farthest return (the table), m
 
 
 def mean_map(maps: Maps) -> Maps:
@@ -49,8 +49,8 @@ class OwnMeanMap:
 
 class FirstReturn:
     """Assigns each pixel to the zone with the nearest centre, without training. The pixel gets the
-    depth of the first return of this zone if most light of the zone comes from in front of the
-    table."""
+    depth of the first return of this zone if most of the light in the zone comes from objects in
+    front of the table."""
 
     def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None:
         self.size = run.maps().shape[1]

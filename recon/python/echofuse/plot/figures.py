@@ -285,8 +285,8 @@ def name_of(row: dict[str, Any]) -> str:
 
 
 def colour_of(name: str, taken: Iterable[str] = ()) -> str:
-    """Returns the default colour of a method, e.g. the colour of its only sensor, or a different
-    colour if the default is in `taken`."""
+    """Returns the default colour of a method. If this colour is in `taken`, returns another colour.
+    A method that uses only one sensor has the colour of the sensor by default."""
     first = ("spd" if "SPD" in name else "radar" if "radar" in name else "papers"
              if name.startswith("mlp") else
              "both" if name.startswith("factorised") else "grey" if name == "nearest" else "depth")

@@ -118,7 +118,7 @@ class Report:
             self.run, self.models, self.room, list(dict.fromkeys(worst))[:MAX_FAILING])
         order = [colour for colour in ("both", "papers", "depth", "grey", "spd", "radar")
                  if colour not in {model.inputs for model in self.models}]
-        #: colours of the models; the first model of a single sensor has the colour of the sensor
+        #: colours of the models; the first model that uses only one sensor has the sensor's colour
         self.colours = ["grey", "both"]
         for at, model in enumerate([] if compared else self.models):
             before = sum(other.inputs == model.inputs or other.both and model.both

@@ -104,7 +104,7 @@ class OtherMaps:
         return metrics.Scene.of_maps(run.maps(run.valid["depth"]))
 
     def blocks(self, at: int, record: Block | None) -> list[Block]:
-        """Returns tables and pictures. `at` is the index of `record` in the list of the page."""
+        """Returns tables, and pictures of `record`, which is record number `at` of the page."""
         if record is None:
             return self.table()
         show = ["truth", *(f"{what} {k}" for k in range(len(record["maps"]))

@@ -124,8 +124,8 @@ def map_remarks(block: Block, named: bool) -> str:
 
 
 def median_record(models: Sequence[ReportModel], indices: set[int]) -> int | None:
-    """Returns the index of the record that is closest to the median IoU of each model with the same
-    inputs as the first model; None if there are no records."""
+    """Returns the index of the most typical record: the record closest to the median rank by IoU
+    for all models with the same inputs as the first model. Returns None if there are no records."""
     distance: dict[int, int] = {}
     for model in models:
         order = [index for index in model.first.order

@@ -92,8 +92,8 @@ class Scores:
 
     @property
     def shift(self) -> dict[str, Any]:
-        """Result of the test whether the run differs from the training data: p, records, found and
-        text. Empty if the run was not tested."""
+        """Result of the test for a difference between the run and the training data: p, records,
+        found and text. Empty if the run was not tested."""
         return self.result.get("domain_shift") or {}
 
     @property

@@ -47,7 +47,7 @@ FIRST = ("iou", "lateral_m", "depth_mae_m")  # metrics at the top of the page
 PAIRED = ("iou", "lateral_m", "depth_mae_m", "ssim_fg", "ssim_hard", "rmse_m", "ghost")
 BASELINES = {"empty": "empty room", "mean": "mean of the training maps",
              "nearest": "nearest training record"}
-# SSIM that Lai et al. state for their network, Chin. Opt. Lett. 22, 022701 (2024).
+# SSIM that Lai et al. reported for their network, Chin. Opt. Lett. 22, 022701 (2024).
 PAPER_SSIM = {"spd": 0.6389, "radar": 0.5266}
 
 
@@ -106,7 +106,7 @@ def models_verdict(models: Sequence[ReportModel], evaluation: Evaluation, simula
            f"IoU {plus_minus(own.means, 'iou')} ({second}{baseline})")
     out += "".join(f", {METRICS[m].name} {plus_minus(own.means, m)}"
                    for m in FIRST[1:] if own.means[m].maps) + "."
-    for model in models[1:] if len(models) == 2 else []:  # differences_table() compares more models
+    for model in models[1:] if len(models) == 2 else []:  # differences_table() handles 3 or more
         found = [(METRICS[m], model.differences[m])
                  for m in PAIRED if m not in ("ssim_fg", "ghost") and m in model.differences]
         worse = [f"{form.name} ({form.text(d['first'])} against "
@@ -170,8 +170,8 @@ def best_of(rows: Sequence[Row], metric: str) -> list[bool]:
 
 
 def value(row: Row, metric: str, best: bool) -> Block:
-    """Returns the table cell of a metric. For `depth_mae_m`, it contains the number of maps in
-    brackets."""
+    """Returns the table cell of a metric. For `depth_mae_m`, the cell also contains the number
+    of maps, in brackets."""
     m, form, mark = row.means[metric], METRICS[metric], "best" if best else ""
     if np.isnan(m.mean):
         return cell("", "no body found" if metric in FIRST[1:] else "not defined")

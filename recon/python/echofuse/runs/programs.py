@@ -8,7 +8,7 @@ import subprocess
 import sys
 
 
-EXIT_CODES = "exit codes:  0 ok, 1 failed, 2 usage, "  # each program appends its further codes
+EXIT_CODES = "exit codes:  0 ok, 1 failed, 2 usage, "  # each program appends its other codes
 
 
 class BenchError(RuntimeError):
@@ -43,8 +43,8 @@ def not_started(path: str, reason: str) -> UsageError:
 def call(program: str, *words: object,
          ok: tuple[int, ...] = (0,)) -> subprocess.CompletedProcess[str]:
     """Runs a program and returns its output. Raises an error with the last line that the program
-    printed: BenchError for exit code 1, and UsageError for all other exit codes, because these are
-    not caused by the method."""
+    printed: BenchError for exit code 1, and UsageError for all other nonzero exit codes, because
+    these are not caused by the method."""
     path = path_of(program)
     try:
         done = subprocess.run([path, *map(str, words)], capture_output=True, text=True, check=False,

@@ -24,7 +24,7 @@ from .run_files import STATISTICS, connect, leftovers, meta_of, status_of, table
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of the column record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # two-way time of flight per metre of range, ps
-MIN_AXIS_LIMIT, MAX_PIXELS = 1 << 16, 1 << 23  # axis points always allowed; maximum image pixels
+MIN_AXIS_LIMIT, MAX_PIXELS = 1 << 16, 1 << 23  # axis points allowed in any run; maximum pixels
 IMAGES = 64  # maximum number of depth images in memory
 
 
@@ -412,8 +412,8 @@ class Run:
 
     @errors_with_path
     def lags(self, range_offset_m: float = 0) -> NDArray[np.float32]:
-        """Returns antenna lags [n, points, 2 D + 1] at true ranges: power, then real and imaginary
-        part of the mean correlation at each antenna spacing."""
+        """Returns antenna lags [n, points, 2 D + 1] at true ranges: power, then the real and the
+        imaginary part of the mean correlation at each antenna spacing."""
         axis = self.lags_axis
         if axis is None:
             return np.zeros((len(self), 0, 1), np.float32)

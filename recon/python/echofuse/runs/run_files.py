@@ -144,7 +144,8 @@ def wal_header(path: pathlib.Path) -> bytes:
 
 
 def wal_key(path: pathlib.Path) -> int | None:
-    """Returns the key of the -wal file (acquire/record/side_files.hpp); None without a header."""
+    """Returns the key of the -wal file (acquire/record/side_files.hpp); None if its
+    header is invalid."""
     magic, *_, number, salt, _ = struct.unpack(">6I8x", wal_header(path))
     return (salt - number) % (1 << 32) if magic & ~1 == 0x377F0682 else None
 

@@ -46,7 +46,7 @@ def locked(lock: pathlib.Path) -> int:
             if os.path.samestat(os.fstat(descriptor), os.lstat(lock)):
                 return descriptor
         except FileNotFoundError:
-            pass  # the previous owner removed the file: try again
+            pass  # the previous owner removed the file, so the loop tries again
         except BaseException:
             os.close(descriptor)
             raise

@@ -148,7 +148,7 @@ class Bench extends Chart {
     for (let i = 0; i < x.length; ++i) if (x[i] >= from * perM && x[i] <= to * perM && y[i] != null && (top == null || y[i] > y[top])) top = i;
     return top;
   }
-  // Shows the value under the pointer. If the pointer is outside or two cursors are set, shows the peak and its fit.
+  // Shows the value under the pointer, or the peak fit if the pointer is outside the chart or two cursors are set.
   readOut(index) {
     if (this.lacks) return void (this.readout.textContent = this.lacks);
     const [x, y] = this.data ?? [[], []], top = this.peak(), {perM, width} = this.unit, words_at = i => this.words(x[i] / perM, y[i]);

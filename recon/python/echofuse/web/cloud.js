@@ -100,7 +100,7 @@ export class Cloud {
       else zoomBy(zoom);
     });
   }
-  // map: square depth map in metres; its x/z and y/z range from -halfTangent to halfTangent.
+  // map: square depth map, m. The tangents x/z and y/z of its pixels range from -halfTangent to halfTangent.
   set(map, halfTangent, span) {
     if (!this.gl) return;
     const places = [], tints = [];

@@ -122,7 +122,7 @@ export class MapView {
         this.readOut();
       });
   }
-  // Shows the value under the pointer or, if the pointer is outside, the note.
+  // Shows the value under the pointer or, if the pointer is outside the image, the note.
   readOut() {
     if (!this.value) return;
     const {pointer, inner, image, values} = this;

@@ -320,7 +320,7 @@ function drawWaterfalls() {
         row.forEach((v, b) => { turned[(bins - 1 - b) * records + r] = sensor === 'spd' ? Math.log1p(v) : Math.max(v - middle, 0); });
     }
     const most = turned.reduce((top, v) => v > top ? v : top, 1), unit = sensor === 'spd' ? metresPerPs : 1;
-    // The axis starts at 0. Ranges below the first bin of the sensor are blank.
+    // The range axis starts at 0. Ranges below the first bin of the sensor are blank.
     const nothing = Math.max(0, Math.round(bins * a.start / (a.count * a.step)));
     const whole = new Float32Array((bins + nothing) * records).fill(NaN);
     whole.set(turned);
