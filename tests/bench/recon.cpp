@@ -44,8 +44,8 @@ void training(const Dataset& data, double most_per_s) {
   const double once = run(1), epoch = (run(9) - once) / 8;
   const auto done =
       static_cast<double>(a_record * split.train.size() + a_judgement * split.validation.size());
-  // Compares with the faster of two measurements of the machine, made before and after the
-  // training, because the speed of a shared machine varies.
+  // The limit is the higher of two rates, measured before and after the training, because the speed
+  // of a shared machine varies.
   print_row("training of the plain network", "GFLOP/s", 2e-9 * done / epoch,
             2e-9 * std::max(most_per_s, multiply_adds_per_s()), "multiply-adds");
 }

@@ -115,7 +115,7 @@ bool takes_groups(std::int64_t target, const std::vector<Tag>& tags) {
   return tdc::count_groups(tags.data(), tdc::max_group, {}, run, cells) > 0;
 }
 
-// Returns false if two methods give different counts.
+// Measures the rates of all methods; returns false if two methods give different counts.
 bool histograms(const char* stream, bool random) {
   const auto tags = make_tags(random);
   std::vector<Row> rows;

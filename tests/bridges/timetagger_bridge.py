@@ -172,8 +172,8 @@ class Tags(unittest.TestCase):
             self.assertEqual(self.poll(self.pattern(0), which=which)[0].blocks, [])
 
     def test_tags_refused_by_a_full_buffer_are_counted_as_lost(self):
-        # The old stream returns a full buffer without the number of lost tags.
-        # CustomMeasurement refuses the tags and counts them.
+        # The stream of the old library returns a full buffer without the number of lost tags.
+        # CustomMeasurement refuses all tags of a call that does not fit into the buffer, and counts them.
         for which, size, sent, lost in ((old_library, 5000, 5000, 1), (library, 5001, 0, 5001)):
             outlet, pause, said = self.poll(self.pattern(size), "--max-events", "5000", which=which)
             self.assertEqual((sum(items for _, _, items in outlet.blocks), outlet.lost, pause), (sent, lost, 0))
@@ -184,7 +184,7 @@ class Tags(unittest.TestCase):
         self.assertRegex(said, r"tags are lost at a tag rate of [\d.]+ million/s \(\d+ MB/s\): the device's buffer overflows; "
                                r"67 % of the tags are laser pulses; --conditional-filter")
         self.assertNotIn("--conditional-filter", self.poll(self.pattern(150_000), "--conditional-filter", "48000")[2])
-        self.assertEqual(self.poll([column[:700] for column in self.pattern(700)])[2], "")  # 700 tags end before the overflow
+        self.assertEqual(self.poll([column[:700] for column in self.pattern(700)])[2], "")  # the first 700 tags contain no overflow
 
     def test_tag_loss_at_20_mhz_is_reported_only_twice_within_100_s(self):
         with mock.patch.object(time, "monotonic", lambda: self.now), contextlib.redirect_stderr(io.StringIO()) as said:
