@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Reads echofuse runs as NumPy arrays, and predicts depth maps in NumPy. The short file
-models/method.py contains the complete method.
+"""Reads echofuse runs as NumPy arrays, and predicts depth maps in NumPy. models/method.py
+is a short implementation of the complete method.
 
 >>> import echofuse
 >>> run = echofuse.open("monday")

@@ -31,7 +31,7 @@ BASE = World()
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis of conditions. `values` maps labels to conditions in order, and includes BASE."""
+    """An axis of the study. `values` contains its conditions in order, by label, and also BASE."""
 
     # "matched": the training and test conditions are equal; "shifted": the training uses BASE
     kind: str

@@ -14,7 +14,7 @@ LETTERS = "ACEHLNOTUX"
 # width, height and stroke width of the letter plates, m (acquire/measurement/letter.hpp)
 SIZES = ((0.30, 0.40, 0.07), (0.20, 0.30, 0.05))
 CELL_M, MAX_SHIFT_M, NEAR_M = 0.02, 0.08, 0.2
-BLUR_DEPTH_M = 3.0  # templates are blurred by one map pixel at this depth, m
+BLUR_DEPTH_M = 3.0  # templates are blurred by the width of a map pixel at this depth, m
 Floats = NDArray[np.float64]
 
 
@@ -39,7 +39,7 @@ def strokes(letter: str, width: float, height: float,
 
 def template(letter: str, size: tuple[float, float, float], step: float) -> Floats:
     """Returns a blurred image of the letter with a margin of one cell [rows, columns]. Each cell is
-    the mean of 4 x 4 samples. `step` is the width of a map pixel, tangent."""
+    the mean of 4 x 4 samples. `step` is the width of a map pixel, as a tangent."""
     fine, (width, height, stroke) = 4, size
     shape = [round(length / CELL_M) + 2 for length in (height, width)]
     v, u = ((np.arange(fine * n) + 0.5 - fine * n / 2) * CELL_M / fine for n in shape)

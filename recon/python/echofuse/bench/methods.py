@@ -240,7 +240,7 @@ def evaluate(predict: Predict, train: pathlib.Path, test: pathlib.Path,
               "depth_maps": report["metrics"]["depth_mae_m"]["maps"],
               "threads": 1 if report.get("cost")  # echofuse-recon uses one thread to measure costs
               else int(os.environ.get("OMP_NUM_THREADS") or os.cpu_count() or 1)}
-    if "answered" not in report:  # the scores of a model exclude records without a map
+    if "answered" not in report:  # `records` excludes records without a predicted map
         counts["records"] += report["left_out"]
     cost = costs | (report.get("cost") or {})
     return row | counts | {name: nan_if_none(cost.get(name)) for name in COSTS}, records

@@ -32,7 +32,7 @@ from . import zone_fit
 Array = NDArray[np.float64]
 # number of bins, range per bin (m), and bin of range 0; fitted to a block at known poses
 BINS, BIN_M, ZERO_BIN = 128, zone_fit.BIN_M, 12.0
-OBJECT_M = 0.003  # minimum height of the object above the table, m
+OBJECT_M = 0.003  # hits that are higher than this above the table are on the object, m
 SIZE, HALF_TANGENT = 32, 0.3  # pixels per map side; tangent of half the field of view of 33 degrees
 # typical record: photons in all zones, and background counts per bin, summed over the zones
 COUNTS, BACKGROUND = 3e6, 600.0

@@ -53,7 +53,8 @@ CODES = ("256 * log2(magnitude), summed over the `scale` virtual antennas of the
 ARRAY = ("for each range bin, over the frames of a record: mean sample of each antenna (real, "
          "imaginary); power of each antenna; mean of x_m conj(x_n) for m < n, row by row; mean of "
          "sum_m x_m(t) conj(x_m(t-1)); antennas as in /entry/tables/antenna")
-# For each array: axes after the record axis, units, meaning, and a function that returns values
+# For each array: the axes after the record axis, the unit, the meaning, and a function that
+# returns the values
 SIGNALS: dict[str, tuple[list[str], str, str, Callable[[Run], Any]]] = {
     "spd": (["spd_time"], "counts", "detections per bin of two-way time of flight",
             lambda part: part.spd),

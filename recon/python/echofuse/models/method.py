@@ -127,7 +127,7 @@ class Method:
 
     def antennas(self, r: np.floating[Any], lags: Array) -> Array:
         """Equation (7): returns the direction cosine u, the product u r, the lags summed over the
-        body, and the shortest lags summed over each range part. All lags are normalised to the
+        body, and the shortest lags summed over each range interval. All lags are normalised to the
         power of the body, and the horizontal lags are rotated to direction u. Returns an empty
         array if there are no antennas. The shape of `lags` is [points, 2 D + 1]."""
         if "alignment/lags" not in self.t or lags.size == 0:

@@ -355,7 +355,7 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
            ax: Panels = None) -> Figure:
     """Draws a table of `echofuse-bench pareto`: IoU against time with the Pareto front, lateral
     error against multiply-adds, and IoU with fewer photons and training records. `bound_m` is a
-    lower bound of the lateral error, m. `axis` is "model", or the name of a benchmark track."""
+    lower bound on the lateral error, m. `axis` is "model", or the name of a benchmark track."""
     rows = table(path)
     by_model: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
     for row in rows:

@@ -19,7 +19,7 @@ class Axis:
     count: int  #: number of points
     start: float  #: position of point 0
     step: float  #: distance between neighbouring points
-    scale: float  #: number of antennas; 1 for axes without antennas
+    scale: float  #: number of antennas or of antenna lags; 1 for axes without antennas
 
     def __str__(self) -> str:
         return (f"{self.count} points of {self.quantity} from {self.start:g} {self.unit} in steps "
