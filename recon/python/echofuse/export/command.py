@@ -53,8 +53,7 @@ CODES = ("256 * log2(magnitude), summed over the `scale` virtual antennas of the
 ARRAY = ("for each range bin, over the frames of a record: mean sample of each antenna (real, "
          "imaginary); power of each antenna; mean of x_m conj(x_n) for m < n, row by row; mean of "
          "sum_m x_m(t) conj(x_m(t-1)); antennas as in /entry/tables/antenna")
-# For each array: the axes after the record axis, the unit, the meaning, and a function that
-# returns the values
+# NAME: (axes after the record axis, unit, meaning, function that returns the values)
 SIGNALS: dict[str, tuple[list[str], str, str, Callable[[Run], Any]]] = {
     "spd": (["spd_time"], "counts", "detections per bin of two-way time of flight",
             lambda part: part.spd),
@@ -119,7 +118,7 @@ def write_head(entry: Any, run: Run, tables: dict[str, dict[str, Any]]) -> None:
     for name, key in TEXTS.items():
         put(entry, name, str(run.info[key] or ""))
     put(entry, "program_name", f"echofuse {run.info['version']}")
-    # If a device was reconnected, only its first row is written.
+    # If a device was reconnected, only the first row of the device is written.
     # The ranges in the file are measured ranges: true range = measured range - offset_m.
     for sensor, (table, group) in ((s, t) for s in SENSORS
                                    for t in (("device", "instrument/"),
