@@ -116,7 +116,7 @@ class Method:
         near, far = int(np.floor(c["shift_from_m"] / apart)), int(np.ceil(c["shift_to_m"] / apart))
         shifts = far - near + 1
         positions = points[0] + apart * (np.arange(len(points) + shifts - 1) - far)
-        within = step * ((np.arange(4) + 0.5) / 4 - 0.5)  # spreads the counts evenly over their bin
+        within = step * ((np.arange(4) + 0.5) / 4 - 0.5)  # spreads counts evenly over their bins
         centres = -c["histogram_m"] + step * (np.arange(len(h)) + 0.5)
         resolution = c["steps_a_resolution"] * self.axis("radar")[2]
         expected = h @ (np.sinc((positions - centres[:, None] - within[:, None, None])

@@ -138,7 +138,8 @@ def median_record(models: Sequence[ReportModel], indices: set[int]) -> int | Non
 def select_records(run: str, models: Sequence[ReportModel], room: Sequence[str],
                    failing: Sequence[int]) -> tuple[list[Block], list[Block], list[Block]]:
     """Returns three lists of records: the median records with and without a letter, with the maps
-    of all models; the worst, median and best record of the first model; and its failing records."""
+    of all models; the worst, median and best record of the first model; and the failing records of
+    the first model."""
     first, main, captions = models[0].first, [], []
     common = set.intersection(*(set(model.first.index.tolist()) for model in models))
     for person in (True, False):

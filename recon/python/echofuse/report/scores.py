@@ -184,7 +184,7 @@ class ReportModel:
     files: list[str]
     facts: list[dict[str, Any]]  # metadata of each model file
     tensors: dict[str, NDArray[Any]]  # tensors of the first model file
-    sensors: str  # e.g. "SPD + 8 antennas", "SPD alone"; "no sensor" for a constant map
+    sensors: str  # names of the sensors, e.g. "SPD + 8 antennas"; "no sensor" for a constant map
     scores: list[Scores] = field(default_factory=list)
     # paired differences from the first model of the report, by metric
     differences: dict[str, dict[str, float]] = field(default_factory=dict)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 class Axis:
     """Axis of bins, range points or pixels. The position of point i is start + i * step."""
 
-    name: str  #: e.g. spd, radar, array, depth_x or depth_y
+    name: str  #: name of the axis, e.g. spd, radar, array, depth_x or depth_y
     quantity: str  #: kind of the data, e.g. counts, power, covariance or tangent
     unit: str  #: unit of the positions: ps, m or 1
     count: int  #: number of points
