@@ -130,7 +130,7 @@ class Frames(CameraCase):
             z = np.frombuffer(self.outlet.blocks[-1][1][36:], "<u2")
             exact = np.rint(sdk.values(index, 64 * 64) * scale)
             np.testing.assert_array_equal(z, np.where(exact > 65535, 0, exact))
-        self.assertTrue((z == 0).any())  # depths that exceed 16 bits become 0
+        self.assertTrue((z == 0).any())  # depths that do not fit into 16 bits become 0
 
     def test_missing_frame_numbers_are_counted_as_lost_frames(self):
         camera = self.open()

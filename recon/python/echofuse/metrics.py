@@ -85,8 +85,8 @@ class Scene:
 
     def share(self, maps: ArrayLike) -> NDArray[np.float32]:
         """Returns the relative depth [n, N, N] between background (0) and mean foreground (1).
-        Pixels above 0.5 are foreground. If a pixel has no background, a return in it has the value
-        1."""
+        Pixels above 0.5 are foreground. If a pixel has no background, returns in this pixel have
+        the value 1."""
         z, b = self.clipped(maps), self.background_m
         if self.foreground_m <= 0:
             return np.zeros_like(z)

@@ -38,7 +38,7 @@ def shapes_in(data: pathlib.Path) -> list[str]:
 def make_runs(track: dict[str, Any], folder: pathlib.Path,
               data: pathlib.Path) -> Iterator[RunPair]:
     """Generates the missing runs of the track, and yields all runs of the track."""
-    # Not imported at the top, because `python3 -m echofuse.bench.tmf8820` would import it twice.
+    # tmf8820 is imported here, because `python3 -m echofuse.bench.tmf8820` would import it twice.
     from . import tmf8820
 
     fit, source = track["fit"], data / f"{track['fit']['shape']}.json.gz"

@@ -154,7 +154,7 @@ def cells(source: Simulated | Recorded, axes: Sequence[Axis], methods: Sequence[
           seeds: int,
           quick: bool) -> list[tables.Cell]:
     """Returns one table cell per method, seed and condition. The conditions are the base condition
-    and the values of the axes (all, or those of the quick study)."""
+    and the values of the axes (all values, or only those of the quick study)."""
     places = [("base", "base", BASE, BASE)]
     for axis in axes:
         for label, world in axis.values.items():

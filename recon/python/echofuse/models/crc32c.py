@@ -42,10 +42,10 @@ def crc32c(data: bytes) -> int:
     states are combined in pairs."""
     values = np.frombuffer(data, np.uint8)
     length = max(1, -(-len(values) // ROWS))
-    # Leading zero bytes, which pad the data, do not change a CRC state of 0.
-    # The initial state of RFC 3720 is therefore XORed into the first four bytes of the data.
+    # Leading zero bytes pad the data, because they do not change a CRC state of 0.
     padded = np.zeros(ROWS * length, np.uint8)
     padded[len(padded) - len(values):] = values
+    # XORs the initial state of RFC 3720, which is not 0, into the first four bytes of the data.
     padded[len(padded) - len(values):][:4] ^= 0xFF
     columns, states = padded.reshape(ROWS, length).T.copy(), np.zeros(ROWS, np.uint32)
     for column in columns:

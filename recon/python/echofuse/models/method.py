@@ -53,9 +53,9 @@ class Method:
         c, (bins, start, step) = self.c, self.axis("spd")
         no_body = np.zeros(self.t["model/centre"].size, np.float32)
         first_m, step_m = (start + 0.5 * step) / PS_PER_M, step / PS_PER_M
-        n = counts - self.t["alignment/counts"]  # equation (1)
+        n = counts - self.t["alignment/counts"]  # equation (1): counts above the background
         n = n - np.sort(n)[bins // 2]
-        begin, end, centre, at = 0, bins, 0.0, np.arange(bins)  # equation (2)
+        begin, end, centre, at = 0, bins, 0.0, np.arange(bins)  # equation (2): range
         for i in range(c["centroid_passes"] + 1):
             weight = (n if i else np.maximum(n, 0))[begin:end].astype(float)
             if weight.sum() <= 0:
@@ -67,7 +67,7 @@ class Method:
         r = np.float32(first_m + centre * step_m)
         if not body > c["significance"] * np.sqrt(all_counts):
             return no_body
-        h = self.aligned_counts(r, n, c["histogram_step_m"])  # equation (3)
+        h = self.aligned_counts(r, n, c["histogram_step_m"])  # equation (3): histogram
         of_zones = [np.zeros(0)]
         if len(zones):
             above = zones - self.t["alignment/zones"].reshape(zones.shape)
@@ -76,7 +76,7 @@ class Method:
         total = h.sum() if h.sum() > 0 else 1
         h, of_radar = h / total, [np.zeros(0)]
         if power.size:
-            g, points = self.profile(r, power)  # equation (4)
+            g, points = self.profile(r, power)  # equation (4): aligned profile
             of_radar = [self.correlation(h, g, points), g]
         features = [*of_radar[:-1], h, np.concatenate(of_zones) / total, of_radar[-1],
                     self.antennas(r, lags), [r]]
@@ -179,10 +179,10 @@ class Method:
         maps = np.repeat(self.t["model/background_m"][None], len(inputs), 0)
         bodies = np.flatnonzero(inputs[:, -1])
         standard = (inputs[bodies] - self.t["model/centre"]) / self.t["model/deviation"]
-        right, behind = self.networks(standard, "model/place").T  # equation (8)
+        right, behind = self.networks(standard, "model/place").T  # equation (8): position
         r, nearest = inputs[bodies, -1], self.f["model/nearest_m"]
         tangent, z = right / np.maximum(r, nearest), np.maximum(r + behind, nearest)
-        # equation (9)
+        # equation (9): mask and depth in the frame of the body
         mask, depth = (self.t[f"model/{name}/mean"][None].repeat(len(bodies), 0)
                        for name in ("masks", "depths"))
         if self.f["model"] == "factorised":
@@ -198,7 +198,7 @@ class Method:
         half = self.f["scene/map_half_tangent"]
         # tangents of the pixel centres
         pixel = half * ((2 * np.arange(self.size) + 1) / self.size - 1)
-        for i, row in enumerate(bodies):  # equation (10), for each body
+        for i, row in enumerate(bodies):  # equation (10): map of each body
             across = interpolation(((pixel - tangent[i]) * z[i] - left) / pitch, columns)
             down = interpolation((-pixel * z[i] - top) / pitch, rows)
             m = down @ mask[i].reshape(rows, columns) @ across.T

@@ -183,7 +183,8 @@ class Maps:
 
 class Model:
     """Model from a file that `echofuse-recon train` wrote. If a sensor is missing in a record, the
-    map is predicted by an estimator for the other sensor, provided that the model contains one."""
+    map is predicted by an estimator for the other sensor if the model contains such an
+    estimator."""
 
     def __init__(self, path: str | pathlib.Path) -> None:
         tensors, facts = read_safetensors(path)
@@ -307,7 +308,7 @@ def zones_of(estimator: Estimator, run: runs.Run | Arrays, photons: NDArray[Any]
 
 
 def is_constant(table: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Returns whether each row has equal values in all bins, as from a dead sensor."""
+    """Returns whether each row has equal values in all bins, as in data from a dead sensor."""
     return np.asarray(
         (table == table[:, :1]).all(1)) if table.shape[1] > 1 else np.zeros(len(table), bool)
 

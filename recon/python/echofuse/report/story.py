@@ -62,8 +62,8 @@ class Story:
 
     @property
     def losses(self) -> list[str]:
-        """One sentence about each sensor that is missing until the end of the run, or in more than
-        5 % of the records. Sensors without any data are omitted."""
+        """One sentence about each sensor without data at the end of the run, or without data in
+        more than 5 % of the records. Sensors without any data are omitted."""
         by_time: dict[str, list[str]] = {}
         out, n = [], self.info["records"]
         for sensor, name in SENSORS.items():
