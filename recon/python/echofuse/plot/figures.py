@@ -62,7 +62,7 @@ def opened(run: runs.Run | Path) -> runs.Run:
 
 def plain_log(ax: Axes, *sides: str) -> None:
     """Makes the axes "x" or "y" logarithmic with plain tick labels such as 0.1, 1 and 10. An axis
-    that spans only a few decades also has labels at 3, or at 2 and 5."""
+    that spans only a few decades also has labels such as 3 and 30, or 2, 5, 20 and 50."""
     for side in sides:
         ax.set(**{f"{side}scale": "log"})
         axis = getattr(ax, f"{side}axis")

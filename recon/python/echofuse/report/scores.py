@@ -46,7 +46,7 @@ class Means(dict[str, Mean]):
 
 
 def means_of(metrics: dict[str, Any]) -> Means:
-    """Converts the object "metrics" in the JSON output of `evaluate`."""
+    """Converts the object "metrics" in the JSON output of `evaluate` to Means."""
     return Means({name: Mean(nan_if_none(m["mean"]), nan_if_none(m["se"]), m["maps"])
                   for name, m in metrics.items()})
 

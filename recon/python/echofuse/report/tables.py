@@ -65,8 +65,8 @@ def baselines_of(result: dict[str, Any]) -> list[tuple[str, Means]]:
 
 
 def better_of(d: dict[str, Any]) -> str:
-    """Returns which model is better: "first", "second", or "" if the interval of the difference
-    contains 0 or is unknown (too few records)."""
+    """Returns which model is better: "first", "second", or "" if the 95 % interval of the
+    difference contains 0 or is unknown (too few records)."""
     return ("" if d["low"] is None or d["low"] <= 0 <= d["high"] else "second" if d["mean"] > 0
             else "first")
 
@@ -305,8 +305,8 @@ def failures_table(model: ReportModel) -> Block:
 
 
 def uncertainty_table(rows: Sequence[tuple[str, Scores]]) -> Block:
-    """Returns a table that compares stated uncertainties with observed errors. `rows` contains
-    (title, scores)."""
+    """Returns a table that compares predicted uncertainties with observed errors. Each row of
+    `rows` is (title, scores)."""
     def row(name: str, s: Scores) -> list[str | Block]:
         whole: str | Block = "not tested"
         if s.shift:
@@ -354,7 +354,8 @@ def distribution(models: Sequence[ReportModel], colours: Sequence[str], metric: 
 def error_chart(models: Sequence[ReportModel], colours: Sequence[str], title: str, x: str,
                 place: str) -> Block:
     """Returns a chart with the lateral errors of the first model as dots. For each model with at
-    least 40 records, the chart also contains the medians of up to 8 equal groups of records."""
+    least 40 records, the chart also contains the medians of up to 8 equally large groups of
+    records."""
     def pairs(model: ReportModel) -> Values:
         points = np.column_stack([model.first[place], 100 * model.first["lateral_m"]])
         points = points[~np.isnan(points).any(1)]

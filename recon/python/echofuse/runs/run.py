@@ -440,8 +440,8 @@ class Run:
         return np.moveaxis(shifted(flat, by_m / axis.step).reshape(len(self), -1, axis.count), 1, 2)
 
     def array_bins(self) -> Iterator[tuple[int, NDArray[Any]]]:
-        """Yields each row with antenna samples and its bins (acquire/measurement/radar_array.hpp):
-        the power, and integers relative to this power. Raises ValueError for invalid samples."""
+        """Yields each row that has antenna samples, and its bins (see radar_array.hpp): the power,
+        and integers relative to this power. Raises ValueError for invalid samples."""
         axis, blobs = self.axes["array"], dict(self.of_records("idx, array"))
         count = int(axis.scale)
         stored = np.dtype([("power", "<f4"), ("values", "<i2", count * (count + 2) + 2)])
