@@ -102,7 +102,8 @@ TEST_CASE("killing the annotate command leaves the old or the new file, but no S
     if (child == 0) {
       for (int n = 0;; ++n) put_note(path, std::to_string(n), "me");
     }
-    // Later rounds wait longer in case a busy machine starts the child late.
+    // The child runs for up to 50 ms. From round 60 on it runs longer, because a busy machine may
+    // start it late.
     const auto longest_us = 50'000 * (1 + static_cast<unsigned>(round) / 60);
     ::usleep(static_cast<useconds_t>(random() % longest_us));
     ::kill(child, SIGKILL);

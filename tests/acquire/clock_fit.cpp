@@ -73,7 +73,7 @@ TEST_CASE(
   std::vector<double> worst, residual, drift;
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     const double offset_s = -0.5 + static_cast<double>(seed) / 299, sign = seed % 2 ? 1 : -1;
-    // The rates given to watch() are those of radar frames, camera frames and the tag blocks of a
+    // Samples per second given to watch(): 10 radar frames, 30 camera frames, or 20 tag blocks of a
     // weak signal.
     const Device radar{5e-9, offset_s, sign * 200e-6, 0xffff'ffff};
     const Device camera{1e-6, 1000 + offset_s, sign * 200e-6};
@@ -111,7 +111,7 @@ TEST_CASE("the clock fit is as accurate as the receive times if the delays are s
   CHECK(std::abs(state.drift_ppm - 200) < 1);
   CHECK(std::abs(state.offset_s - (seconds(host_start) + 0.5 - 200 * 200e-6)) < 50e-6);
   CHECK(state.residual_s < 20e-6);
-  // The fit uses the samples of the last 128 s.
+  // The fit uses the last 128 s. At intervals of 30 ms these are about 4270 samples.
   CHECK((state.samples > 4000 && state.samples < 4400));
 }
 
@@ -147,7 +147,7 @@ TEST_CASE("the clock fit unwraps device counters that overflow") {
     CHECK(std::abs(fit.state(host(t))->drift_ppm + 150) < 2);
   }
   SECTION("a 64-bit tagger counter is unwrapped after 2^63 ps") {
-    const Device device{1e-12, 9'223'371.0, 0};  // the counter wraps after about 1 s
+    const Device device{1e-12, 9'223'371.0, 0};  // the counter exceeds 2^63 ps after 1.04 s
     ClockFit fit(1e-12);
     const double t = feed(fit, device, 0, 100);
     CHECK(static_cast<std::int64_t>(device.ticks(t)) < 0);
@@ -218,6 +218,6 @@ TEST_CASE("the transport delay of a tag block is measured from the last event in
   }
   REQUIRE(clocks[Sensor::spd].sound());
   const auto taken = clocks[Sensor::spd].taken(495'000'000'000, host(1));
-  // Each block is received 0.5 ms after its last event.
+  // Each block is received 0.5 ms after its last event, so 0.5 ms are added to the tag time.
   CHECK(std::abs(seconds(taken - host(0.4955))) < 1e-6);
 }

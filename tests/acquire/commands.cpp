@@ -189,7 +189,8 @@ TEST_CASE("the run command refuses a read-only folder, and metadata that have no
           "--meta a: given twice");
   fs::create_directory(folder / "closed");
   fs::permissions(folder / "closed", fs::perms::owner_read | fs::perms::owner_exec);
-  // The command drops root's privileges, because root may write to a read-only folder.
+  // If the test runs as root, the command runs without privileges, because root may write to a
+  // read-only folder.
   const std::string as_user = geteuid() == 0 ? "setpriv --bounding-set=-all --inh-caps=-all " : "";
   const Outcome o = shell(as_user + echofuse::test::bin_dir + "/echofuse-acquire run --out " +
                           folder / "closed/a" + config);

@@ -26,7 +26,7 @@ TEST_CASE("the shipped configuration and its radar cfg can be loaded") {
   CHECK(has(config.radar.cfg_text, "sensorStart"));
   CHECK(has(config.text, "# Configuration of the daemon"));
   CHECK(has(config.resolved, "window_s = 0.5"));
-  // The template contains placeholders instead of serial numbers.
+  // The template has placeholders instead of serial numbers in radar.cli and radar.data.
   REQUIRE(config.unfinished.size() == 2);
   CHECK(has(config.unfinished[0],
             "config/lab.toml:38:1: radar.cli: still contains the template's XXX"));

@@ -112,7 +112,7 @@ TEST_CASE(
   points.frames(1, 59);
   points.tlv = 2;
   check(points.frames(60, 60), {0, 0, 1}, "59 of 60 frames have no range profile");
-  // Frame 20 has a wrong frame number.
+  // The frame number of frame 20 is corrupted. Only 36 is near enough to look like 16 lost frames.
   for (const std::uint32_t number : {36u, 1044u, 0x80000014u})
     check(RadarFile().frames(1, 19).frame(number, 20 * 0.0499).frames(21, 60), even,
           number == 36 ? "16 frames are missing" : "");

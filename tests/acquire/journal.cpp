@@ -48,8 +48,7 @@ class Holder {
   sqlite3* db_ = nullptr;
 };
 
-// Checks that a run ends after two instead of thirty seconds while another program locks one of its
-// files.
+// Checks that finish() waits only 2 s, not 30 s, for another program that locks a file of the run.
 void ends_in_time(Journal& journal) {
   const auto start = std::chrono::steady_clock::now();
   const auto [code, text] = error_of([&] { journal.finish("complete"); });
@@ -232,7 +231,8 @@ TEST_CASE("a run keeps all its records if the next file of the rotation cannot b
   }
   SECTION("the run stops with a disk error if the disk is full") {
     {
-      const echofuse::test::FullDisk disk(40'000);  // an empty run needs 12 pages of 4 KiB
+      // An empty run needs 12 pages of 4 KiB, which exceed this limit.
+      const echofuse::test::FullDisk disk(40'000);
       rotate(journal, next);
       while (!journal.failed()) std::this_thread::yield();
     }

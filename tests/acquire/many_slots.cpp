@@ -217,7 +217,6 @@ TEST_CASE("a run of 100 000 slots has no drift, no missing record and no sample 
   CHECK(lab.worst_error < 5ms);
   CHECK(misplaced == 0);
   CHECK(depth > slots * 8 / 10);
-  // At most 2 % of the tags may be late.
   CHECK(unassigned.late[Sensor::spd] < lab.sent[Sensor::spd] / 50);
 }
 

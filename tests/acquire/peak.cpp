@@ -19,7 +19,7 @@ namespace {
 
 constexpr double pi = std::numbers::pi;
 constexpr double step_ps = 10;
-constexpr std::size_t bins = 2000;  // the bins cover ranges of 0 to 3 m
+constexpr std::size_t bins = 2000;  // bins of 10 ps that cover ranges of 0 to 3 m
 
 // Returns a histogram of photons from `reflectors` {range in m, mean number of photons} over a
 // uniform background. The IRF is Gaussian.
@@ -127,7 +127,8 @@ TEST_CASE("the scatter of fitted SPD peak positions matches their standard error
 
 TEST_CASE(
     "the scatter of fitted radar peak positions in 4.4 cm bins matches their standard errors") {
-  // For the weakest echo, averaging the logarithms would cause a bias above the standard error.
+  // For the weakest echo, whose noise is at -15 dB, averaging the logarithms would cause a bias
+  // that exceeds the standard error.
   const auto [noise_db, count] =
       GENERATE(table<double, std::size_t>({{-40, 20}, {-25, 40}, {-15, 100}}));
   Rng rng = make_rng(2, 0);

@@ -124,7 +124,7 @@ std::vector<std::vector<std::uint16_t>> frames(const NamedWindow& window, const 
           e.amplitude *
           response(window, (static_cast<double>(i) * place.step_m - place.range_m - e.beyond_m) /
                                place.cell_m);
-  clean[0] += 3;  // transmitter leakage
+  clean[0] += 3;  // adds transmitter leakage to the first bin
   const double power = std::pow(10, noise_db / 10);
   std::normal_distribution<double> noise(0, std::sqrt(power / 2));
   std::exponential_distribution<double> more(1 / power);
@@ -205,7 +205,7 @@ TEST_CASE("radar echoes are fitted with the measured window function") {
 TEST_CASE("the asymmetry of a radar response is reported, and its symmetric part is fitted") {
   Rng rng = make_rng(6, 1);
   constexpr double step = 0.01;
-  constexpr int reach = 400;  // half width of the compared interval, in steps
+  constexpr int reach = 400;  // half width of the compared interval: 4 resolution cells
   for (const std::size_t name : {1u, 2u})
     for (const double cubic_rad : {4., 6., -6., 8.}) {
       const NamedWindow window{windows[name].name, windows[name].at, cubic_rad};

@@ -305,7 +305,7 @@ TEST_CASE("network file systems are recognised, and only closed runs are read fr
   CHECK(network_of_type(0x0bd00bd0) == "Lustre");
   CHECK(network_of_type(0x01021997) == "9p");
   CHECK(network_of_type(0x786f4256) == "vboxsf");
-  CHECK(network_of_type(0xef53).empty());  // ext4 is not a network file system
+  CHECK(network_of_type(0xef53).empty());  // 0xef53 is ext4, which is not a network file system
   const auto mounted = [](const std::string& device) {
     std::istringstream lines(
         "36 27 0:31 / /mnt/host rw,relatime shared:1 - virtiofs data rw\n"

@@ -101,7 +101,8 @@ FusedRecord record_of(std::int64_t index, const std::vector<Axis>& axes, Random&
   if (r.has(Sensor::radar)) r.radar = random.values<float>(axes[1].count);
   if (r.has(Sensor::radar) && random.coin()) {
     r.array.assign(axes[2].count * values_of_bin(antennas), 0);
-    for (std::size_t bin = 0; bin < axes[2].count; ++bin)  // packing stores these values exactly
+    // Uses integers, which packing stores without rounding.
+    for (std::size_t bin = 0; bin < axes[2].count; ++bin)
       std::fill_n(r.array.begin() +
                       static_cast<std::ptrdiff_t>(bin * values_of_bin(antennas) + 2 * antennas),
                   antennas, static_cast<float>(random.whole<int>(100)));

@@ -164,7 +164,8 @@ TEST_CASE("slots missed during a pause wait while the disk is busy, but current 
     backlog.put({{k, false}});
     CHECK(next(true) == -1);
   }
-  // When this number of later slots is due, a busy disk no longer delays the slots of the pause.
+  // When `most_behind` slots are due after the pause, the slots of the pause no longer wait for a
+  // busy disk.
   backlog.put({{k, false}});
   for (std::int64_t i = 2; i <= k; ++i) REQUIRE(next(true) == i);
   CHECK(backlog.empty());

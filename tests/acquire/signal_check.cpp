@@ -62,7 +62,7 @@ class Laboratory {
     }
     r.spd_counts.in_range = std::accumulate(r.spd.begin(), r.spd.end(), std::uint64_t{0});
     std::normal_distribution<float> noise(0, 3);
-    for (int i = 0; i < 64; ++i) {  // 0.0401 dB per code, from -20 dB on
+    for (int i = 0; i < 64; ++i) {  // noise floor at code 5000, 0.0314 dB per code (12 antennas)
       const double off = (i - 14) / 1.5;
       const double db = 10 * std::log10(1 + std::pow(10, radar_snr_db / 10) * std::exp(-off * off));
       r.radar.push_back(static_cast<float>(5000 + db / 0.0313597) + noise(rng_));
@@ -124,7 +124,7 @@ TEST_CASE("a signal weaker than in the first minute has the verdict weak") {
   SignalCheck check({}, 3);
   for (int i = 0; i < 20; ++i) CHECK(verdicts(check, lab.record()) == all_ok);
   lab.photons = 5e3, lab.radar_snr_db = 9, lab.depth_share = 0.004;
-  for (int i = 0; i < 30; ++i) {  // weak records do not become the reference
+  for (int i = 0; i < 30; ++i) {  // weak records do not become the reference, so all are reported
     const auto v = verdicts(check, lab.record());
     CHECK_THAT(v[0], StartsWith("weak: light level is 0.0"));
     CHECK_THAT(v[1], StartsWith("weak: echo power is 0.0"));
@@ -270,8 +270,8 @@ TEST_CASE("missing start pulses are not reported if the tagger uses a conditiona
   r.spd_counts = {.tags = 20'000, .starts = 10'000, .in_range = 10'000};
   r.signal.clicks_a_pulse = 0.01;
   CHECK(verdicts(check, r)[0] == "ok");
-  // All clicks are dark counts, so the numbers of starts and clicks are equal. One laser pulse in
-  // 100 passed the filter.
+  // All clicks are dark counts. The filter passed one start per click, which are 10 000 of 1e6
+  // laser pulses.
   r.spd[0] += 1, r.radar[0] += 1, r.depth_mm[0] += 1;
   r.signal.clicks_a_pulse = 1;
   SignalLimits bright;
@@ -341,7 +341,8 @@ TEST_CASE("the signal of each detector zone is checked separately") {
   check.assess(r, spd);
   CHECK(r.sync[Sensor::spd].verdict == "ok");
   CHECK(*r.signal.spd_clicks == 5000);
-  r.spd[40 + 12] = 30'000;  // bin 12 of the second zone has 30/70 of all clicks
+  // The first zone is the brighter one, with 40/70 of all clicks.
+  r.spd[40 + 12] = 30'000;
   r.signal.clicks_a_pulse = 0.1;
   check.assess(r, spd);
   CHECK(r.sync[Sensor::spd].verdict ==

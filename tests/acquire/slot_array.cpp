@@ -19,7 +19,7 @@ namespace {
 
 constexpr SlotGrid grid{.first = 10s, .length = 1s};
 const SensorClocks no_clocks;
-// The 32 kept bins of 0.25 m extend to 8 m.
+// Of the 40 bins of 0.25 m, the 32 bins below 8 m are kept.
 constexpr std::size_t sent_bins = 40, kept_bins = 32, antennas = 8;
 
 DeviceInfo radar_info() {
@@ -94,7 +94,7 @@ TEST_CASE("array statistics do not pair radar frames across a missing frame or h
     windows.add(without);
   }
   for (const std::uint32_t n : {4u, 5u, 7u, 8u}) windows.add(frame_of(n));
-  windows.add(frame_of(8));  // a repeated frame number
+  windows.add(frame_of(8));  // repeats the frame number 8
   const auto r = windows.close({0, false});
   CHECK(r.array_frames == 4);
   CHECK(r.array == expected({{4, 5}, {7, 8}}));

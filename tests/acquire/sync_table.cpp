@@ -74,7 +74,7 @@ struct Verdicts {
   std::int64_t record;
   const char *spd, *radar, *depth;
   std::uint32_t missing;  // bits of the missing required sensors; only the radar is required
-  std::uint16_t depth_mm;  // contains the number of the frame used
+  std::uint16_t depth_mm;  // frame number of the frame used, which is also its pixel value
 };
 const std::vector<Verdicts> verdicts = {
   {0, "ok",                          "ok",                      "ok",                      0, 2},

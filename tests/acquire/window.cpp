@@ -113,12 +113,12 @@ TEST_CASE("the counts of a record account for click delay, dead time and damaged
   Windows windows(grid, settings, no_clocks, {Sensor::spd});
   Tag unknown = start_at(2);
   unknown.type = static_cast<TagType>(9);
-  // Without the delay the first click would precede its start.
+  // Without the click delay of 500 ps, the first click would precede its start.
   feed(windows, 10s, {click_at(650), start_at(1'000), click_at(1'020), click_at(1'119), unknown});
   feed(windows, 10s + 900ms, {start_at(5'000), start_at(4'000), click_at(5'100)});
   const auto r = windows.close({0, false});
-  CHECK(r.spd.at(1) == 1);           // click at 650 ps + 500 ps delay, start at 1000 ps
-  CHECK(r.spd.at(5) == 1);           // click at 1020 ps + 500 ps delay, start at 1000 ps
+  CHECK(r.spd.at(1) == 1);           // 650 ps + 500 ps delay - 1000 ps start = 150 ps
+  CHECK(r.spd.at(5) == 1);           // 1020 ps + 500 ps delay - 1000 ps start = 520 ps
   CHECK(r.spd_counts.removed == 1);  // click at 1119 ps, within 100 ps of the click at 1020 ps
   CHECK(r.spd_counts.bad_tags == 1);
   CHECK(r.spd_counts.backwards == 0);  // the filter has sorted the tags
@@ -188,8 +188,8 @@ TEST_CASE("radar frames are averaged in linear power, not in decibels") {
   for (std::uint32_t i = 0; i < 3; ++i) windows.add(radar_frame(10s + i * 100ms, 7 + i, frames[i]));
   const auto r = windows.close({0, false});
   REQUIRE(r.valid == SensorSet::from_bits(2));
-  // The power is 2^(2 * code / 256 * 16 / 12), because TI's code is the sum of 256 log2 |x| over 12
-  // antennas, divided by 16.
+  // TI's code is the sum of 256 log2 |x| over 12 antennas, divided by 16. The power |x|^2 doubles
+  // every 96 codes.
   constexpr double doubling = 256.0 * 12 / 16 / 2;
   for (std::size_t bin = 0; bin < 4; ++bin) {
     double power = 0;
@@ -279,7 +279,7 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
   CHECK(sync(r, Sensor::spd).verdict == spd);
   CHECK(sync(r, Sensor::radar).verdict == radar);
   CHECK(sync(r, Sensor::depth).verdict == depth);
-  // Tags that cover half of the slot are sufficient.
+  // Slot 1 is valid if its tags cover half of the slot, which only one section provides.
   CHECK(windows.close({1, false}).has(Sensor::spd) == spd.starts_with("tags cover"));
 }
 

@@ -51,7 +51,7 @@ TEST_CASE("each source pixel is used in exactly one target pixel, and invalid pi
       if (i % 4 == 3) image[j * 256 + i] = 0;
       // A target pixel has no depth if three quarters of its source pixels are missing.
       if (j < 4) image[j * 256 + i] = i % 4 < 3 ? 0 : 2500;
-      if (j >= 252) image[j * 256 + i] = 6001;  // depth beyond the depth range
+      if (j >= 252) image[j * 256 + i] = 6001;  // 6001 mm is beyond the depth range of 6 m
     }
   const auto map = to_target(image, x, y, {});
   CHECK(map[10] == 0.0f);

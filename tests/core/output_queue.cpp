@@ -50,7 +50,7 @@ TEST_CASE("the output queue writes all texts in order before it closes") {
 TEST_CASE("closing the output queue waits as long as the reader continues to read") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
-  // A pipe can hold one of these texts.
+  // Each text fills the 64 KiB of a pipe.
   for (int i = 0; i < 8; ++i) queue.put(std::string(1 << 16, '.'));
   std::size_t taken = 0;
   std::thread reader([&] {

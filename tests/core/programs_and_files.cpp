@@ -97,7 +97,7 @@ TEST_CASE("files that are not regular files are refused") {
     return RegularFile(folder.path / "link", ExitCode::failed).rest<std::string>(most);
   };
   for (const std::size_t most : {5, 6, 100}) CHECK(read(most) == "12345");
-  // Reads one byte more than the limit, to detect that the file is longer.
+  // rest() returns one byte more than the limit, so that the caller can detect a longer file.
   CHECK(read(4) == "12345");
   CHECK(read(1) == "12");
   CHECK(read(0) == "1");

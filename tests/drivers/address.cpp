@@ -57,7 +57,7 @@ TEST_CASE("the delay between connection attempts doubles up to 2 s") {
   std::vector<long> pauses;
   for (int i = 0; i < 7; ++i) pauses.push_back(backoff.next().count());
   CHECK(pauses == std::vector<long>{100, 200, 400, 800, 1600, 2000, 2000});
-  // Only a connection that works for 5 s resets the delay.
+  // The delay between attempts is reset only after a connection has worked for 5 s.
   using std::chrono::seconds;
   backoff.alive(seconds(100));
   CHECK(backoff.next().count() == 2000);

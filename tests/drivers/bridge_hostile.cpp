@@ -36,7 +36,7 @@ TEST_CASE("a hello block with deep nesting, excessive length or wrong types is r
 TEST_CASE("a hello block of more than 64 KiB is refused before its payload is received") {
   Bytes block = test::hello_block();
   block.resize(header_bytes);
-  block[14] = 2;  // payload length of 128 KiB
+  block[14] = 2;  // sets the payload length to 128 KiB
   BlockParser parser;
   parser.feed(block, [](const Block&) { FAIL(); });
   CHECK(parser.broken());

@@ -152,7 +152,7 @@ TEST_CASE("bridge payloads with inconsistent sizes are refused") {
   std::memset(huge.data(), 0xff, 8);  // image of (2^32 - 1)^2 pixels
   CHECK_FALSE(read_depth(huge));
   Bytes flat(good.begin(), good.end());
-  std::memset(flat.data() + 24, 0, 4);  // x_step is 0
+  std::memset(flat.data() + 24, 0, 4);  // sets x_step to 0
   CHECK_FALSE(read_depth(flat));
   Bytes nan(good.begin(), good.end());
   std::memset(nan.data() + 28, 0xff, 4);
@@ -216,11 +216,11 @@ TEST_CASE("histogram and range profile blocks are decoded, and impossible ones a
   CHECK_FALSE(read_histogram(with(counts, 0, std::uint32_t{0})));   // zero zones
   CHECK_FALSE(read_histogram(with(counts, 4, std::uint32_t{6})));   // wrong number of bins
   CHECK_FALSE(read_histogram(with(counts, 40, std::uint32_t{0})));  // zero exposure time
-  CHECK_FALSE(read_histogram(with(counts, 32, std::nan(""))));      // bin width NaN
-  CHECK_FALSE(read_histogram(with(counts, 24, -2e12)));             // first bin too early
+  CHECK_FALSE(read_histogram(with(counts, 32, std::nan(""))));      // bin width is NaN
+  CHECK_FALSE(read_histogram(with(counts, 24, -2e12)));  // first bin at -2 s (limit -1 s)
   CHECK_FALSE(read_profile(power.first(power.size() - 1)));
   CHECK_FALSE(read_profile(with(power, 20, 0.0F)));           // zero range step
-  CHECK_FALSE(read_profile(with(power, 16, std::nanf(""))));  // first range NaN
+  CHECK_FALSE(read_profile(with(power, 16, std::nanf(""))));  // first range is NaN
   CHECK_FALSE(read_profile(with(power, 24, -1.0F)));          // negative power
   CHECK_FALSE(read_profile(with(power, 28, std::nanf(""))));
 }

@@ -88,7 +88,7 @@ TEST_CASE(
   if (what != "no hello") pair.send(hello_block());
   pair.send(pair.block(1));
   Bytes too_long = pair.block(2);
-  too_long[14] = 0xff;  // length of about 16 MiB
+  too_long[14] = 0xff;  // sets the payload length to about 16 MiB
   if (what == "wrong length") pair.send(test::join({too_long, pair.block(3), pair.block(4)}));
   if (what != "no hello") REQUIRE(run_until(loop, [&] { return pair.has(1); }));
   const HostTime begin = loop.now();
@@ -98,7 +98,8 @@ TEST_CASE(
   for (std::size_t at = 0; at < drip.size() && !run_until(loop, back, std::chrono::seconds(1));
        ++at)
     if (what == "slow") pair.send({drip[at]});
-  // The driver reconnects after the time limit for the connection and a pause.
+  // The driver gives up after four checks without a block, 1 s apart, and reconnects 0.1 s later.
+  // After a hello block the first check succeeds.
   CHECK(seconds(loop.now() - begin) == Approx(what == "no hello" ? 4.1 : 5.1));
   pair.send(test::join({hello_block(), pair.block(1), pair.block(2)}));
   const std::size_t before = what == "no hello" ? 0 : 1;
@@ -162,8 +163,8 @@ TEST_CASE("the bridge driver reconnects after each of 100 disconnections") {
     REQUIRE(pair.await_client());
     longest = std::max(longest, loop.now() - begin);
   }
-  CHECK(longest == std::chrono::seconds(2));  // the longest delay between attempts
-  CHECK(pair.lost() == 99);                   // one block lost per connection, except the first
+  CHECK(longest == std::chrono::seconds(2));  // delay limit between connection attempts
+  CHECK(pair.lost() == 99);  // one block lost before each of the last 99 data connections
   CHECK(pair.clients == 101);
   CHECK(counter(*pair.driver, "connections") == 101);
 }

@@ -26,7 +26,7 @@ std::atomic<bool> present{true}, stalled{false}, mirrored{false}, tenths{false};
 std::atomic<bool> shifts{false};  // sends raw shifts until a mode is set
 std::atomic<int> scale{1}, place{0};
 enum class Fault { none, cut, wide, twice, skipped };
-std::atomic<Fault> fault{Fault::none};  // fault of every fourth frame
+std::atomic<Fault> fault{Fault::none};  // fault that affects every fourth frame
 
 OniVideoMode mode_of(int s) {
   const OniPixelFormat format =

@@ -15,8 +15,8 @@ using namespace echofuse::test;
 
 namespace {
 
-// Range step of a slope of 166 MHz/us, which is 4584 register steps of 2.7 GHz * 900 / 2^26 per
-// microsecond.
+// Range step for a chirp slope of 166 MHz/us, which the chip rounds to 4584 register steps.
+// A step is 2.7 GHz * 900 / 2^26 per microsecond.
 constexpr double played_step_m =
     299'792'458.0 * 12.5e6 / (2 * (4584 * 2.7e15 * 900 / (1 << 26)) * 256);
 
@@ -319,11 +319,13 @@ TEST_CASE("radar codes are converted to power and back, and doubling the magnitu
       CHECK(code_from_power(power_from_code(code, antennas), antennas) ==
             Approx(code).epsilon(1e-12));
   CHECK(power_from_code(256, 8) == Approx(4.0));
-  // TI's code is the sum of 256 log2 |x| over 12 antennas, divided by 16.
+  // TI's code is the sum of 256 log2 |x| over 12 antennas, divided by 16. For |x| = 2 the
+  // code is 256 * 12 / 16.
   CHECK(power_from_code(256 * 3 / 4.0, 12) == Approx(4.0));
   CHECK(power_from_code(0, 12) == 1);
   CHECK(code_from_power(0.2, 12) == 0);
   CHECK(code_from_power(0, 12) == 0);
-  // CFAR threshold in the SDK: code = dB * 256/6 * antennas / 2^ceil(log2 antennas).
+  // The SDK converts a CFAR threshold from dB to a code: dB * 256/6 * antennas / 2^ceil(log2
+  // antennas). A power of 1e6 is 60 dB.
   CHECK(code_from_power(1e6, 12) == Approx(60 * 256 / 6.0206 * 12 / 16).epsilon(1e-5));
 }

@@ -64,7 +64,8 @@ class Line {
  private:
   boost::asio::posix::stream_descriptor master_;
   std::string link_;
-  int slave_ = -1;  // stays open when the driver closes its end of the line
+  // Kept open, so that the pseudo-terminal still exists after the driver closes its end.
+  int slave_ = -1;
   std::array<std::uint8_t, 256> buffer_{};
 };
 

@@ -21,8 +21,8 @@ struct Tlv {
   std::size_t bytes;
 };
 
-// Frame with the demo's 40-byte header. The length is a multiple of `unit`. `claimed` is a wrong
-// length for the header, if given.
+// Format of frames with the 40-byte header of the demo. Frames are padded to a multiple of `unit`
+// bytes.
 struct Lab {
   std::uint32_t version = 0x03030002, platform = 0xa6843;
   std::vector<Tlv> tlvs;
@@ -308,15 +308,17 @@ TEST_CASE("a jump in radar frame numbers is accepted if the number of the next f
   using Result = std::pair<std::uint64_t, std::uint64_t>;
   CHECK(lost({7, 8, 11, 12}) == Result{2, 0});
   CHECK(lost({7, 8, 5000, 5001}) == Result{4991, 0});
-  CHECK(lost({7, 8, 5000}) == Result{4991, 0});                 // jump of the last frame number
-  CHECK(lost({7, 8, 9 + (1u << 18), 10, 11}) == Result{0, 0});  // flipped bit in a frame number
+  CHECK(lost({7, 8, 5000}) == Result{4991, 0});  // the last number jumps by 4992
+  // A flipped bit in a frame number does not count as a loss.
+  CHECK(lost({7, 8, 9 + (1u << 18), 10, 11}) == Result{0, 0});
   CHECK(lost({7, 8, 9 + (1u << 30), 10, 11}) == Result{0, 0});
   CHECK(lost({70, 71, 8, 73, 74}) == Result{0, 0});
   CHECK(lost({70, 71, 8, 75, 76}) == Result{2, 0});
-  CHECK(lost({70, 71, 70, 71, 72}) == Result{0, 0});              // repeated frame numbers
-  CHECK(lost({500, 501, 1, 2, 3}) == Result{0, 1});               // reset of the board
-  CHECK(lost({500, 501, 1, 3, 500, 501}) == Result{1 + 496, 1});  // reset with a gap after it
-  CHECK(lost({0xfffffffe, 0xffffffff, 0, 1}) == Result{0, 0});    // wrap of the frame counter
+  CHECK(lost({70, 71, 70, 71, 72}) == Result{0, 0});  // repeated numbers do not count as a loss
+  CHECK(lost({500, 501, 1, 2, 3}) == Result{0, 1});   // the board was reset after 501
+  // The board was reset, and then frame 2 and the frames 4 to 499 were lost.
+  CHECK(lost({500, 501, 1, 3, 500, 501}) == Result{1 + 496, 1});
+  CHECK(lost({0xfffffffe, 0xffffffff, 0, 1}) == Result{0, 0});  // the frame counter wraps
 }
 
 TEST_CASE("frames lost at the end of a connection are counted with the next frame that arrives") {
