@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: MIT
 """Checks the rules of this repository.
 
-Each file has an SPDX line and at most 500 lines. C++ files have the layout of clang-format 14, if that is installed. Comments
-begin with suitable words, and type names are unique. Includes and imports are not circular. Commands, options and files named
-in manuals exist, as well as tests named in CMake. The files of uPlot have the expected hashes."""
+Each file has an SPDX line and at most 500 lines. C++ files have the layout of clang-format 14, if that is installed.
+Comments do not begin with vague words, and type names are unique. Includes and imports are not circular. Commands,
+options and files named in manuals exist, as well as tests named in CMake. The files of uPlot have the expected hashes."""
 import ast
 import base64
 import fnmatch

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Tests policies, incomplete records and clock fits in the run file and in the output of the
-// command info.
+// Tests how a run file and the output of the command info report sensor policies, incomplete
+// records and clock fits.
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/sqlite.hpp"

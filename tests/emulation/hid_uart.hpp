@@ -19,7 +19,8 @@ class HidUart final : public Uart {
  private:
   std::size_t deliver(Bytes chunk) override { return bridge_->receive(chunk); }
 
-  std::shared_ptr<Receive> receive_;  // emptied by the destructor, because bytes may arrive later
+  // Cleared by the destructor, because bytes may arrive after the object is destroyed.
+  std::shared_ptr<Receive> receive_;
   std::unique_ptr<HidCp2110> bridge_;
 };
 

@@ -52,8 +52,8 @@ std::vector<std::pair<std::string, std::string>> UsbBed::environment() const {
   return {{"LD_PRELOAD", preload}, {"UMOCKDEV_DIR", root_}};
 }
 
-// Callbacks shared with umockdev's thread, which may outlive the node. Every signal and every
-// client holds a reference.
+// State of the callbacks on umockdev's thread, which may outlive the node. Every signal handler and
+// every client holds a reference to this state.
 struct BedNode::Callbacks {
   using Share = std::shared_ptr<Callbacks>;
   std::mutex mutex;

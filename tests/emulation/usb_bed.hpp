@@ -42,8 +42,8 @@ class UsbBed {
 };
 
 // Node in /dev for which a simulated device answers the system calls. A FIFO behind the node makes
-// poll() work. Threading: the owner creates, plugs and unplugs it on one thread. umockdev's thread
-// calls the on_ functions.
+// poll() work. Threading: the owner creates, plugs and unplugs the node on one thread. umockdev's
+// thread calls the on_ functions.
 class BedNode {
  public:
   struct Answer {
@@ -92,13 +92,13 @@ class BedNode {
   bool attached_ = false, plugged_ = false;
 };
 
-// Memory of a client behind the argument of a system call: `bytes` from `offset`, or from the
-// pointer stored there. Null if the client has ended. Released at the end of the scope. The client
-// receives written bytes with the answer.
+// Releases the data at the end of the scope.
 struct DataRelease {
   void operator()(UMockdevIoctlData* data) const;
 };
 using ClientData = std::unique_ptr<UMockdevIoctlData, DataRelease>;
+// Returns `bytes` bytes of client memory to which the pointer at `offset` in `data` points. Returns
+// null if the client has ended. The client receives written bytes with the answer.
 ClientData resolve(UMockdevIoctlData* data, std::size_t offset, std::size_t bytes);
 
 }  // namespace echofuse::sim

@@ -48,7 +48,7 @@ class UsbDevice final : public BedNode {
   void send_more(ByteView bytes);
   std::size_t waiting() const;  // sent bytes that the host has not read
   void clear();                 // drops the waiting bytes
-  // Stalls the endpoint until the host clears it.
+  // Stalls the endpoint until the host clears the halt condition.
   void halt();
   std::uint64_t fetched() const;  // bytes in completed transfers
   bool claimed() const;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Input: a folder of arrays in the format of files.hpp. The folder has run.toml (t) and .npy files.
-// A small letter gives a .npy file as it is, and a capital letter gives its recipe. run.toml may
-// name the run base.sqlite.
+// A lower-case letter starts the bytes of a .npy file, and an upper-case letter starts a recipe for
+// a .npy file. run.toml may name the run base.sqlite.
 #include "acquire/import/import.hpp"
 #include "acquire/record/run_file.hpp"
 #include "files.hpp"

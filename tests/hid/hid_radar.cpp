@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Tests the unmodified driver with a simulated radar board behind two CP2110.
+// Tests the unmodified driver with a simulated radar board behind two CP2110 chips.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <fstream>

@@ -41,7 +41,7 @@ Axis lags_of_plates() {
   return lags_axis(record::array_axis(testing::radar_axis(), line.size()), SpatialLags(line));
 }
 
-// Returns the lags of a body that consists of three scatterers at direction sines near u.
+// Returns the spatial lags of a body that consists of three scatterers at direction sines near u.
 std::vector<float> body_lags(double range_m, double u) {
   const Axis axis = lags_of_plates();
   std::vector<float> out;

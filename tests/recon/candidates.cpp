@@ -15,7 +15,7 @@ namespace {
 CrossvalidatedRow row(const std::string& name, double iou, double se, std::size_t multiply_adds) {
   CrossvalidatedRow out{{name, {}}, {multiply_adds, 0}, 0, {}};
   out.metrics[metric_iou] = {iou, se, 100};
-  // The record has no scored map.
+  // If the IoU is NaN, no map has a score.
   if (std::isnan(iou)) out.metrics[metric_rmse_m] = {iou, iou, 0};
   return out;
 }
@@ -125,7 +125,7 @@ TEST_CASE("the standard error for a sequence of similar records is computed betw
   CHECK(sequence.se == Approx(0.1 / std::sqrt(3)));
   CHECK(sequence.maps == 30);
   // The folds have unequal sizes, and one fold has no value. For K = 2 folds and n = 4 values the
-  // mean is 0.4, and the residuals are 0.6 - 3 * 0.4 and 1 - 0.4.
+  // mean is 0.4, and the residuals of the fold sums are 0.6 - 3 * 0.4 and 1 - 0.4.
   const Summary uneven =
       summarise({fold({0.2, 0.2, 0.2}), fold({none}), fold({1.0, none})}, true)[metric_iou];
   CHECK(uneven.mean == Approx(0.4));

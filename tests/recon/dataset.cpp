@@ -351,8 +351,8 @@ TEST_CASE("training, validation and test splits are disjoint, complete and of th
   std::sort(all.begin(), all.end());
   CHECK(all == rows);
   CHECK(make_split(rows, {}).test == s.test);
-  // The expected order can be reproduced by other programs: rows sorted by two steps of SplitMix64,
-  // seeded with seed and row.
+  // The rows are sorted by the result of two steps of SplitMix64, seeded with the seed and the row.
+  // Other programs can reproduce this order.
   CHECK(drawn({0, 1, 2, 3, 4, 5, 6, 7}, 1, 0x73706c6974) == Rows{3, 1, 6, 7, 5, 2, 4, 0});
   SplitOptions other;
   other.seed = 2;

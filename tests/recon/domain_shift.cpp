@@ -62,7 +62,7 @@ TEST_CASE("the domain-shift test detects changed runs and accepts unchanged runs
       alarms += own.found();
       CHECK_THAT(own.text(), Catch::StartsWith("this run matches the training data: p = "));
       CHECK(other.found());
-      // The statistic of the run exceeds all of its 4000 permutations.
+      // The statistic of the run exceeds those of all 4000 permutations, so p = 1 / (4000 + 1).
       CHECK(other.p == Approx(1. / 4001));
       CHECK_THAT(other.text(),
                  Catch::StartsWith("this run differs from the training data: p < 0.001: ") &&
@@ -170,7 +170,7 @@ TEST_CASE("the domain-shift test derives standard errors from the variance betwe
   // The reference consists of six blocks of ten records, and the new run of two blocks.
   const std::size_t known = 60, count = 20;
   const Dataset all = plates(known + count, 50, [&](record::FusedRecord& r) {
-    // The bodies of the new run are 48 cm nearer than those of the reference.
+    // The bodies of the new run are 48 cm (8 bins of 6 cm) nearer than those of the reference.
     if (r.index >= std::int64_t(known)) std::rotate(r.spd.begin(), r.spd.begin() + 8, r.spd.end());
   });
   const Rows rows = all_rows(all.size()), before(rows.begin(), rows.begin() + known),
@@ -251,7 +251,7 @@ TEST_CASE("the domain-shift test raises few false alarms for small and large ref
       CHECK_FALSE(shift.found());
       below_5_percent += shift.p < 0.05;
     }
-    // With 30 runs, more than 5 values of p below 5 % occur by chance once in 300 tests.
+    // Among 30 runs, p is below 5 % in more than 5 runs by chance only once in 300 tests.
     CHECK(below_5_percent <= 5);
   }
 }

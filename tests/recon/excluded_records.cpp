@@ -256,12 +256,13 @@ TEST_CASE(
     }
     if (r.index == 2 || r.index == 3)
       r.sync[Sensor::spd].verdict = r.index == 2 ? "weak: 40 clicks" : "stands still: the same";
-    // Record 4 has a peak of only three bins. Such a peak may recur by chance.
+    // The peak of record 4 covers only three bins. Such a peak may recur by chance, so the record
+    // gets no content hash.
     if (r.index == 4) {
       std::ranges::fill(r.spd, 0u);
       r.spd[7] = r.spd[9] = 4, r.spd[8] = 300;
     }
-    // Record 5 has only 99 clicks above a bright background.
+    // Record 5 has only 99 clicks above a bright background, which are too few for a content hash.
     if (r.index == 5) {
       std::ranges::fill(r.spd, 1000u);
       r.spd[8] += 99;

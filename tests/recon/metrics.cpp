@@ -182,7 +182,7 @@ TEST_CASE("foreground depth and background are learnt from the training maps") {
 
 TEST_CASE("foreground scores are undefined if a moving surface replaces the background") {
   Rng rng = make_rng(3, 3);
-  // The wall moves from `nearest` to 3 m, and is at 2.9 m in a third of the maps.
+  // The distance of the wall is random between `nearest` and 3 m, but 2.9 m in a third of the maps.
   for (const float nearest : {0.5f, 1.8f}) {
     Matrix walls(0, size * size);
     std::uniform_real_distribution<float> z(nearest, 3);
@@ -242,7 +242,8 @@ TEST_CASE("the foreground probability is blurred at body edges by the position u
     CHECK(share(0, middle + static_cast<std::size_t>(k)) ==
           Approx(normal((k + 0.5) / 4)).margin(0.01));
   }
-  // The tolerance covers the sampling of the edge by pixels.
+  // The pixel centre is half a pixel inside the edge, which is one standard deviation. The
+  // tolerance covers the sampling of the edge by pixels.
   CHECK(share(1, middle) == Approx(normal(1)).margin(0.06));
   CHECK(share(2, middle) == 1);
 }

@@ -211,7 +211,7 @@ TEST_CASE("predicted maps in single and double precision agree to 0.1 mm") {
   }
 }
 
-// Compares the networks of the factorised model for position and shape. Drawn maps are not
+// Compares the networks of the factorised model for position and shape. Predicted maps are not
 // compared, because rounding may move a pixel across the mask threshold.
 TEST_CASE("predicted body position and shape agree in single and double precision") {
   const Folder dir;

@@ -224,7 +224,7 @@ TEST_CASE("the written point cloud, array and picture contain the same depth map
   REQUIRE(mm.size() == 4096);
 
   const auto points = points_of(contents(dir / "o/000002.ply"));
-  // The plate covers about 24 rows of 10 pixels.
+  // The plate covers about 240 pixels, each with three coordinates.
   REQUIRE(points.size() > 3 * 50);
   REQUIRE(points.size() < 3 * 800);
   // Projects each point into the depth picture with the pinhole camera model of OpenCV and Open3D.

@@ -194,8 +194,8 @@ TEST_CASE("photon thinning keeps the expected fraction of non-integer counts") {
   degrade(data, rng);
   double left = 0;
   for (const float v : data.spd.values) left += double{v};
-  // The expected value is the mean of 10^u for u uniform between -2.5 and 0, because each bin has
-  // about one photon.
+  // Counts of 0.75 are rounded to one photon. The expected value is the mean of 10^u for u uniform
+  // between -2.5 and 0.
   CHECK(left / static_cast<double>(data.spd.values.size()) == Approx(0.173).epsilon(0.3));
 }
 
@@ -427,7 +427,8 @@ TEST_CASE("reconstruct and evaluate report the uncertainty of the predictions") 
   const std::string png = contents(dir / "o/000007_sd.png");
   const auto mm = recon::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
   const auto most = *std::max_element(mm.begin(), mm.end());
-  // At the edge of a plate at 3500 mm the depth is uncertain, so the standard deviation is large.
+  // A pixel at the edge of a plate at 3500 mm may belong to the plate or to the background, so its
+  // standard deviation is large.
   CHECK(most > 300);
   CHECK(most < 2500);
   CHECK(std::filesystem::file_size(dir / "o/deviation.npy") > 40 * 64 * 64 * 4);

@@ -28,7 +28,7 @@ TEST_CASE("simulated body sway has a constant variance and the specified correla
   }
   CHECK(std::abs(before - 1) < 4.5 * std::sqrt(2.0 / draws));
   CHECK(std::abs(after - 1) < 4.5 * std::sqrt(2.0 / draws));
-  // The correlation after the time t is (1 + w t) exp(-w t), here for w t = 1.
+  // The correlation after the time t is (1 + w t) exp(-w t), which is 2 / e for w t = 1.
   const double expected = 2 * std::exp(-1.0);
   CHECK(std::abs(both - expected) < 4.5 * std::sqrt((1 + expected * expected) / draws));
 }
@@ -44,7 +44,7 @@ TEST_CASE("sway, twist and breathing of a body change the range by the computed 
   CHECK(modes[2] == Approx((turned - range) / 1e-4).epsilon(1e-3));
   CHECK(modes[3] == 0);
   CHECK(BodyMotion::range_per_mode(0, 0, 1.25, 0, 3, 1)[3] == -1);
-  // The feet of a body do not move.
+  // The feet of a body (height 0) do not sway.
   CHECK(BodyMotion::range_per_mode(0, 0, 0, 0, 3, 1)[1] == 0);
 }
 

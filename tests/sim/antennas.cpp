@@ -153,7 +153,7 @@ TEST_CASE("the fast Gaussian generator has the moments and tails of a normal dis
     second += v * v / 4;
     fourth += v * v * v * v / 16;
     beyond += std::abs(v) > 2 * 2;
-    // Counts the values in the tail, beyond 3.6 standard deviations.
+    // Counts the values beyond 3.6 standard deviations of 2.
     last += std::abs(v) > 2 * 3.6;
   }
   const double n = static_cast<double>(x.size());
@@ -253,7 +253,8 @@ TEST_CASE("the radar echo of an empty room is equal in each record except for sh
   const Samples once = frame_of(empty, 7, 1);
   CHECK(once == frame_of(empty, 7, 2));
   CHECK(once != frame_of(empty, 8, 1));
-  // Bin 0 contains the leakage and side lobes of the room.
+  // In bin 0 the leakage has the magnitude sqrt(3). The tolerance covers the side lobes of the
+  // room.
   check_near(once[3], std::sqrt(3), 0.3);
   // A plate that reflects nothing only casts a shadow.
   Scene shadow = empty;

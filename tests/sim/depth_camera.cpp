@@ -19,7 +19,7 @@ TEST_CASE("depth camera noise is Gaussian, and its width grows with the square o
     std::vector<std::uint16_t> frame(n, static_cast<std::uint16_t>(mm));
     disturb_depth(frame, 400, c, rng);
     const double z_m = mm / 1000.0;
-    // The second term is the variance of rounding to millimetres.
+    // Variance, mm^2: noise with a standard deviation of 2 mm * z^2, and rounding to millimetres.
     const double variance = std::pow(2 * z_m * z_m, 2) + 1.0 / 12;
     double sum = 0, squares = 0;
     for (const auto seen : frame) {

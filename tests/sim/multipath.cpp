@@ -127,7 +127,7 @@ TEST_CASE("echo power via one wall equals the analytic value, and open scenes ar
   const double rho = 0.6;
   Conditions direct = with_echoes(0, rho);
   const double d = length(at), mirrored_m = length(at - Vec3{-3, 0, 0});
-  // Ratio of cosine / distance^2 at the mirror image to that at the sensor.
+  // Ratio of z / distance^3 for the mirror image to z / distance^3 for the sensor.
   const double q = std::pow(d / mirrored_m, 3);
   const double whole = total(radar_returns(scene, direct).weight);
   const Returns once = echoes_by_walls(scene, with_echoes(1, rho));
@@ -207,7 +207,7 @@ TEST_CASE("light in a closed box decays by the albedo at each reflection") {
     for (const Patch& p : tiles(plate, 16, {0.3, 0.2, 1})) all.push_back(p);
   const double rho = 0.5;
   std::vector<double> exitance(all.size());
-  // All the power leaves patch 5.
+  // A power of 1 leaves patch 5, and no other patch emits.
   exitance[5] = 1 / all[5].area_m2();
   for (int n = 1; n <= 3; ++n) {
     std::vector<double> next(all.size());
@@ -264,8 +264,10 @@ TEST_CASE("light after two reflections equals the sum over all pairs of wall pat
   };
   const double r2 = dot(at, at), area = 0.01, cosine = at.z / std::sqrt(r2);
   const double direct = 0.6 * area * cosine * cosine / (r2 * r2) / mean_scene_weight;
-  // A flat wall does not illuminate itself, so the second order is only wall - body - wall: w = A
-  // E^2, and the first order is w1 = 2 A E cos / R^2.
+  // A flat wall does not illuminate itself, so second-order light takes only the path wall, body,
+  // wall. Let A be the area times the albedo of the body, and E the light that reaches the body via
+  // the wall. The weights are A cos^2 / R^4 (direct), 2 A E cos / R^2 (first order) and A E^2
+  // (second order).
   const Room one = room_of({side_wall(-1.2, 0.7)});
   const double first = total(light(one, 1).weight);
   CHECK(total(light(one, 2).weight) - first == Approx(first * first / (4 * direct)).epsilon(0.02));

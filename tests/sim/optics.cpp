@@ -210,7 +210,7 @@ TEST_CASE("rotating a scene about the vertical axis of the SPD does not change i
   const double fine = chi2_per_bin(1536);
   CAPTURE(coarse, base, fine);
   CHECK(base < 1);
-  // The difference decreases at least with the square of the number of rays per side.
+  // About four times the number of rays per side reduces the difference by at least a factor of 16.
   CHECK(base < coarse / 16);
   CHECK(fine < base / 16);
 }
@@ -309,14 +309,16 @@ TEST_CASE("the Coates pile-up correction recovers the simulated rates within its
   CHECK(worst < 4.5);
   const double bins = static_cast<double>(rate.size());
   CHECK(std::abs(chi2 - bins) < 4.5 * std::sqrt(2 * bins));
-  // Without the correction the last bins would lose most of their counts.
+  // More than one photon per pulse precedes the last bins, so without the correction the last bins
+  // would lose most of their counts.
   CHECK(before > 1);
 }
 
 TEST_CASE(
     "if the dead time exceeds the histogram, only the first photon of each pulse is counted") {
   Conditions c;
-  // The pulse period is 150 ns, and the histogram covers 34 ns.
+  // The pulse period is 3 s / 2e7 = 150 ns. The dead time of 50 ns exceeds the 34 ns of the
+  // histogram.
   c.pulses_per_window = 20'000'000;
   c.spd_dead_time_ps = 50'000;
   c.signal_photons = 1e5;

@@ -215,8 +215,8 @@ TEST_CASE("simulated histograms of a sphere and a soap dish match those of anoth
             << " mm\n";
 }
 
-// Model of the cover window of a TMF8820. Its strong first peak has the shape of the detector
-// response.
+// Model of the cover window of a TMF8820. The strong first peak that the window causes has the
+// shape of the detector response.
 class Window {
  public:
   static constexpr std::size_t first = 16, last = 20, bins = 128;
@@ -275,7 +275,8 @@ Pose of_zone(Pose pose, std::size_t zone) {
   return pose;
 }
 
-// The bin size of 13.5 mm and the zero bin 12.25 were fitted. The test fits the delay of each zone.
+// The bin size of 13.5 mm and the zero bin 12.25 were fitted in advance. The test fits only the
+// delay of each zone.
 TEST_CASE("simulated histograms of a block match those measured with a TMF8820") {
   const auto records = read_json("spad-tmf8820/tall_block.json.gz");
   const Corners corners = read_stl("spad-tmf8820/tall_block.stl");

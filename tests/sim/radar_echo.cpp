@@ -83,7 +83,7 @@ TEST_CASE("the Blackman radar response is the Fourier transform of the Blackman 
   double half = 0;
   while (decibel(Psf::blackman().at(half)) > 10 * std::log10(0.5)) half += 1e-5;
   CHECK(std::abs(decibel(blackman_by_sum(half)) - 10 * std::log10(0.5)) < 1e-3);
-  // The half-power width is 1.64 bins.
+  // The half-power width, 2 * half, is 1.64 bins.
   CHECK(std::lround(200 * half) == 164);
   double highest = -INFINITY;
   for (double u = 3.0001; u < 50; u += 1e-3)

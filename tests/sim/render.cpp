@@ -159,8 +159,8 @@ TEST_CASE("a flat screen returns the analytic amount of light") {
     double sum = 0;
     for (std::size_t k = 0; k < returns.weight.size(); ++k)
       if (returns.range_m[k] < r) sum += returns.weight[k];
-    // Only pixels on the edge of the circle may be wrong. At most 8 tangent / step pixels are on
-    // this edge.
+    // Pixels may be wrong only on the edge of the circle within the range r. At most 8 tangent /
+    // step pixels are on this edge.
     const double edge = 8 * tangent * step * albedo / (distance * distance * mean_scene_weight);
     CHECK(std::abs(sum - screen_weight(distance, r, albedo)) < edge);
     CHECK(edge < 0.06 * sum);
@@ -188,8 +188,8 @@ TEST_CASE("a sphere returns the analytic amount of light") {
     double sum = 0;
     for (std::size_t i = 0; i < returns.weight.size(); ++i)
       if (returns.range_m[i] < r) sum += returns.weight[i];
-    // Only pixels on the edge of the circle of this range may be wrong, as in the test of the flat
-    // screen.
+    // Pixels may be wrong only on the edge of the circle within the range r, as in the test of the
+    // flat screen.
     const double tangent = std::tan(std::acos((d * d + r * r - a * a) / (2 * d * r)));
     const double cosine = (d * d - r * r - a * a) / (2 * r * a);
     const double edge = 8 * tangent * step * albedo * cosine / (r * r * mean_scene_weight);

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Reads the simulated depth camera with the unmodified OpenNI2 library. Prints one line per event.
-//   depth_reader FILE FRAMES PLUG    reads FRAMES frames and writes the last one to FILE; if PLUG
-//   is
-//                                    1, waits until the camera disappears and returns, and reads
-//                                    one more frame
+// depth_reader FILE FRAMES PLUG: reads FRAMES frames of the simulated depth camera with the
+// unmodified OpenNI2 library, and writes the last frame to FILE. If PLUG is 1, then waits until the
+// camera disappears and returns, and reads one more frame. Prints one line per event.
 #include <OpenNI.h>
 
 #include <atomic>

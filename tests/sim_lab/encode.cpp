@@ -95,9 +95,9 @@ TEST_CASE("the padding of radar frames is random and sometimes contains a magic 
 }
 
 TEST_CASE("logarithmic range profile codes are computed from the echo magnitude") {
-  // For 8 antennas of magnitude 2^10 the sum of logarithms is divided by 8.
+  // For 8 antennas of magnitude 2^10, the code is 256 * 8 * 10 / 8.
   CHECK(log2_q8(8 * 10, 8) == 2560);
-  // For 12 antennas of magnitude 2^10 the sum of logarithms is divided by 16.
+  // For 12 antennas of magnitude 2^10, the code is 256 * 12 * 10 / 16.
   CHECK(log2_q8(12 * 10, 12) == 1920);
   CHECK(log2_q8(0, 12) == 0);
   CHECK(log2_q8(-5, 12) == 0);

@@ -102,7 +102,7 @@ TEST_CASE("a photon stream with dead time gives the same counts as the histogram
   c.signal_photons = 3e4;
   c.background_counts = 1e4;
   c.pulses_per_window = 20'000;
-  // The dead time is shorter than the signal of a person.
+  // The dead time of 2 ns is shorter than the signal of a person.
   c.spd_dead_time_ps = 2'000;
   const Returns returns = person(c);
   const Stream stream = draw(c, {}, returns);
@@ -123,7 +123,7 @@ TEST_CASE("a photon stream with dead time gives the same counts as the histogram
   std::int64_t last_ps = -1'000'000;
   for (const Tag& tag : stream.tags) {
     if (tag.channel != 2) continue;
-    // Each time stamp is rounded down to a picosecond.
+    // Rounding both time stamps down to picoseconds may reduce the dead time of 2000 ps to 1999 ps.
     REQUIRE(tag.time_ps - last_ps >= 1999);
     last_ps = tag.time_ps;
   }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Connects the radar driver to simulated firmware by two wires in memory. Bytes arrive exactly as
-// the test sends them, and only the test removes bytes.
+// the test sends them, and are never lost by the wires.
 #pragma once
 #include <algorithm>
 #include <catch2/catch.hpp>

@@ -244,7 +244,7 @@ TEST_CASE("damaged radar data cause the loss of at most one intact frame, and lo
     CHECK(good.size() <= 100);
     const std::size_t sent = std::string_view(name) == "repeated" ? 701 : 601;
     const std::size_t accounted = delivered + twice + b.count("lost_frames");
-    // A flipped bit in a frame number may look like a small gap.
+    // A flipped bit in a frame number may look like a small gap, which adds to the lost frames.
     CHECK((std::string_view(name) == "bit flip" ? accounted >= sent : accounted == sent));
     CHECK(b.count("connections") == 1);
   }
@@ -319,7 +319,7 @@ TEST_CASE("the radar driver waits longer each time a board fails after its first
     b.plug(true);
     pauses.push_back(b.seconds_to_frame());
   }
-  // The driver waits for 0.1, 0.2, 0.4, 0.8 and 1.6 s.
+  // Before the five reconnections the driver waits for 0.1, 0.2, 0.4, 0.8 and 1.6 s.
   for (std::size_t i = 0; i < pauses.size(); ++i) CHECK(pauses[i] > 0.1 * (1 << i));
 }
 
@@ -352,7 +352,7 @@ TEST_CASE("the time stamp of a radar frame is the time of its first chirp") {
   const HostTime sent = b.loop.now();
   b.board.data.send(b.board.frame());
   REQUIRE(run_until(b.loop, [&, before = b.frames()] { return b.frames() > before; }));
-  // A frame takes 96 chirps of 47 us, and its 256 bytes are sent at 921600 baud.
+  // A frame takes 96 chirps of 47 us. Its 256 bytes are sent as 2560 bits at 921600 baud.
   CHECK(seconds(sent - b.sink.radar.back().received) ==
         Approx(96 * 47e-6 + 2560 / 921600.).margin(1e-4));
 }
@@ -428,7 +428,7 @@ TEST_CASE("the radar driver warns once if the frame period differs from the cfg"
   const bool odd = GENERATE(false, true);
   REQUIRE(b.until([&] { return b.board.running(); }));
   for (int i = 0; i < 10; ++i) {
-    // The frames are 10^7 cycles (50 ms) apart.
+    // The frames are 10^7 cycles (50 ms) apart as in the cfg, or ten times as far apart if `odd`.
     Bytes frame = b.board.frame();
     const auto cycles =
         static_cast<std::uint32_t>(b.board.number * (odd ? 100'000'000 : 10'000'000));

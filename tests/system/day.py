@@ -56,8 +56,8 @@ class Day(unittest.TestCase):
         cls.folder.cleanup()
 
     def cost(self, command, use=None):
-        """Runs a command and returns its processor time (s) and peak memory (bytes). If given, `use` gets the first
-        output line of the command, which is then terminated."""
+        """Runs a command and returns its processor time (s) and peak memory (bytes). If given,
+        `use` gets the first output line of the command, and the command is then terminated."""
         with subprocess.Popen([bin_dir / command[0], *command[1:]], stdout=subprocess.PIPE, text=True) as process:
             if use:
                 use(process.stdout.readline().strip())

@@ -14,7 +14,7 @@ import unittest
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 usb_lab = bin_dir.parent / "tests/usb_lab"
 environment = os.environ | {"PATH": f"{bin_dir}:{os.environ['PATH']}"}
-# Longer slots give fewer tags per second.
+# The number of photons per slot is constant, so longer slots give fewer tags per second.
 WINDOW_S = float(os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.5"))
 
 # Totals of received data are excluded, because a live run counts data until its file is closed.

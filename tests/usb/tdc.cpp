@@ -149,7 +149,7 @@ TEST_CASE("all tags of a simulated USB tagger are received") {
 }
 
 TEST_CASE("a USB tagger with a full FIFO reports its lost tags") {
-  Simulated s(22'000);  // FIFO size, bytes: about the data between two transfers
+  Simulated s(22'000);  // FIFO of 22 kB, about the data between two transfers
   CHECK(run_until(s.loop, [&] { return s.sent(1) > 0 && counter(*s.driver, "lost_items") > 0; }));
   CHECK(counter(*s.driver, "lost_items") <= s.sent(1));
   CHECK(s.sink.state() == DeviceState::streaming);

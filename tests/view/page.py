@@ -18,7 +18,7 @@ import live_view
 import proxy
 from live import WINDOW_S, bin_dir, wait_for
 
-PATIENCE_S = 60  # A busy machine renders the page slowly.
+PATIENCE_S = 60  # time limit, s; long because a busy machine renders slowly
 
 
 # Returns by how many pixels the elements move when status and label change from their shortest to their longest texts.

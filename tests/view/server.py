@@ -141,7 +141,8 @@ class Server(unittest.TestCase):
             for index in range(RECORDS):
                 client.ask({"show": index})
                 seen += client.until("record", lambda record: record["index"] == index)["reconstruction"]["seen"]
-            # The model was trained on at least 80 % of the records. The others are its test records.
+            # The model was trained on at least 80 % of the records. The other records are test
+            # records.
             self.assertTrue(0 < RECORDS - seen <= 0.2 * RECORDS, seen)
         finally:
             process.terminate()

@@ -279,7 +279,8 @@ TEST_CASE("simulated scenes change at slot boundaries") {
                    sum(r.spd.begin(), r.spd.end()));
   }
   for (std::size_t i = 5; i + 1 < near.size(); ++i) {  // the clock fit is valid from record 5 on
-    // The background pixels contribute less than 15 % of the counts.
+    // The person is always on one side of 3.5 m. The background on the other side contributes less
+    // than 15 % of the counts.
     CHECK(std::min(near[i], 1 - near[i]) < 0.15);
     CHECK((near[i] > 0.5) != (near[i + 1] > 0.5));
   }

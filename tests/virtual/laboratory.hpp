@@ -17,7 +17,7 @@ namespace echofuse::test {
 
 struct LaboratoryOptions {
   std::string folder{};             // folder that contains lab.toml
-  std::string name = "laboratory";  // part of the device addresses
+  std::string name = "laboratory";  // name that all device addresses contain
   double window_s = 3;
   double hold_s = 600;           // duration of a scene
   double signal_photons = 1500;  // number of signal photons in 3 s
@@ -28,7 +28,7 @@ struct LaboratoryOptions {
   bool radar_required = false;
   std::string assignments{};  // additional lines of lab.toml
   std::string scene = "mixed";
-  // File in config/radar. If empty, the cfg used in the paper, at four frames per second.
+  // cfg file in config/radar; if empty, xwr68xx_paper_50cm.cfg at four frames per second
   std::string radar_cfg{};
   unsigned radar_sdk = 5;  // minor version of SDK 3
   double laser_rate_hz = 4e6;
