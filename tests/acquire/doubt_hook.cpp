@@ -93,7 +93,7 @@ TEST_CASE(
     calls.hook.take(record_of(0, verdict), both, "/runs/a");
   calls.finish(0s);
   CHECK(calls.warnings.empty());
-  calls.finish(10s + 1ms);  // the first program is killed and the second one starts
+  calls.finish(10s + 1ms);  // after 10 s the first program is killed and the second program starts
   REQUIRE(calls.warnings.size() == 1);
   CHECK(calls.warnings[0].find("was killed after 10 s") != std::string::npos);
   calls.finish(21s);

@@ -164,8 +164,8 @@ TEST_CASE("import gives equal records for T2 and T3 recordings of the same photo
 TEST_CASE("import checks the header of a .ptu file against its records") {
   const Folder folder;
   const acquire::Config config = config_of(folder);
-  // Returns T2 records: 1 s of laser pulses at 1 kHz with a click 5 ns after each, then `dark_ps`
-  // without pulses.
+  // Returns T2 records: 1 s of laser pulses at 1 kHz with a click 5 ns after each pulse, then a
+  // period of `dark_ps` without pulses.
   const auto words = [](std::uint64_t dark_ps, std::uint32_t start, std::uint32_t click) {
     std::vector<std::uint32_t> out;
     std::uint64_t wraps = 0;

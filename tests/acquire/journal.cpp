@@ -24,7 +24,7 @@ std::unique_ptr<record::RunWriter> open_run(const std::string& path,
   return run;
 }
 
-port::SystemLoop loop;  // provides clock and worker threads
+port::SystemLoop loop;  // provides the clock and the worker threads
 
 // Keeps a write transaction open, like another program that writes to the run file.
 class Holder {
@@ -197,7 +197,7 @@ TEST_CASE(
       std::this_thread::yield();
     holder.ask("INSERT INTO event (level, utc, text) VALUES ('label', '2026', 'door')");
     journal.put(small_record(1));
-    // Writing to the new file does not wait for the old one.
+    // Writing to the new file does not wait for the old file.
     while (journal.written() == 0) std::this_thread::yield();
     holder.let_go();
     while (!journal.label()) std::this_thread::yield();

@@ -83,7 +83,7 @@ std::vector<std::vector<std::uint16_t>> frames(
 int trials() { return std::getenv("ECHOFUSE_LONG") ? 1000 : 200; }
 
 // Collects the ratios of errors to their standard errors. The mean and the mean square of the
-// ratios must match Student's distribution within 4.5 standard errors. At most 1 % of the ratios
+// ratios must match Student's t distribution within 4.5 standard errors. At most 1 % of the ratios
 // may exceed 3.
 struct Pulls {
   std::vector<double> all;

@@ -91,7 +91,7 @@ TEST_CASE("the wave from the reflector is plane in the far field and curved near
   CHECK(bent < 0.1);
   const Steering ahead = steering_of({.mounting = Mounting::each}, antennas, wavelength_m);
   CHECK(ahead.sine == 0);
-  // The wave front is symmetric about the array's centre.
+  // The wave front is symmetric about the array's centre, so the outer antennas have equal phases.
   CHECK(std::abs(ahead.phase_rad[7]) < 0.01);
   const Steering aside = steering_of({}, antennas, wavelength_m);
   CHECK(aside.sine == Approx(sine));

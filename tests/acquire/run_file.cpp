@@ -64,7 +64,7 @@ TEST_CASE("records can be read while a run is being written and after it is clos
     CHECK(live.info().status == "open");
     CHECK(live.count() == 2);
     check_same(live.read(0), small_record(0));
-    // The reader does not block the writer, and it finds the new record.
+    // An open reader does not block the writer, and the reader finds the new record.
     run.append(small_record(2));
     CHECK(live.count() == 3);
   }

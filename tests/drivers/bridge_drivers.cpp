@@ -104,7 +104,7 @@ TEST_CASE("the tagger driver reports missing blocks and items with the next data
   const auto driver = make_tdc(b.loop, {server.address()});
   driver->start(b.sink);
   REQUIRE(server.accept());
-  server.send(test::join({b.golden[0], b.golden[2]}));  // the block between these two is missing
+  server.send(test::join({b.golden[0], b.golden[2]}));  // the block golden[1] is missing
   REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
   CHECK(test::counter(*driver, "lost_blocks") == 1);
   CHECK(b.sink.blocks.empty());
@@ -189,7 +189,7 @@ TEST_CASE("the camera driver receives depth frames and axes from a bridge") {
   CHECK(b.sink.info.axes[1].step == -0.5);
   CHECK(b.sink.info.model == "Time Tagger Ultra");
   CHECK(b.sink.depth[0].depth_mm == std::vector<std::uint16_t>{0, 1000, 2000, 3000, 4000, 0});
-  CHECK(b.sink.depth[0].lost_before == 6);  // 5 dropped frames, and block 1 is missing
+  CHECK(b.sink.depth[0].lost_before == 6);  // the bridge dropped 5 frames, and block 1 is missing
   CHECK(test::counter(*driver, "frames") == 2);
   server.send(b.golden[1]);
   CHECK(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));

@@ -213,7 +213,7 @@ TEST_CASE("an excessive length field in a radar header loses only one frame") {
 TEST_CASE("a TLV that exceeds its radar packet invalidates the frame") {
   const auto& g = golden();
   Bytes bad = g[1];
-  set_u32(bad, 44, 5000);  // length of the range profile TLV
+  set_u32(bad, 44, 5000);  // the range profile TLV claims 5000 bytes
   const Parsed p = parse(join({bad, g[2]}));
   CHECK(p.numbers() == Numbers{213});
   CHECK(p.counts.bad_tlvs == 1);

@@ -293,7 +293,8 @@ TEST_CASE(
     const std::size_t before = b.sink.depth.size();
     const HostTime from = b.loop.now();
     REQUIRE(b.frames(before + 1));
-    // The driver notices the failure shortly after it occurs.
+    // Attempt i follows a delay of 0.05 s * 2^i, minus the time until the driver notices the
+    // failure.
     if (i > 0) CHECK(seconds(b.loop.now() - from) > 0.04 * (1 << i));
     camera("unplug");
     REQUIRE(b.reaches(DeviceState::faulted));

@@ -41,12 +41,12 @@ void compare(const HistogramSettings& settings, std::span<const Tag> tags, std::
     INFO(hwy::TargetName(target));
     REQUIRE((with(target) == singly));
   }
-  hwy::GetChosenTarget().DeInit();  // selects the best target again
+  hwy::GetChosenTarget().DeInit();  // makes Highway select the best target again
 }
 
-// Returns random starts, clicks and other tags, some of them backwards in time. With `near_wrap`
-// the times are near the wrap of the clock. On average, one in `marker_among` tags is a marker or a
-// bad tag; 0 means none.
+// Returns random starts, clicks and other tags, some of them backwards in time. If `near_wrap`, the
+// times are near the wrap-around of the clock. On average, one in `marker_among` tags is a marker
+// or a bad tag. If `marker_among` is 0, there are no such tags.
 std::vector<Tag> stream(Rng& rng, std::size_t size, bool near_wrap, std::uint64_t marker_among) {
   std::vector<Tag> tags(size);
   std::uint64_t time = near_wrap ? (std::uint64_t{1} << 63) - 5'000'000 : rng() >> 20;

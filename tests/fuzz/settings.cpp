@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input: '=' for a key=value of the command line or another byte for a file, then the text.
+// Input: a byte, then text. The byte '=' selects a key=value of the command line, and any other
+// byte a settings file.
 #include "drivers/util/settings.hpp"
 
 #include "fuzz.hpp"

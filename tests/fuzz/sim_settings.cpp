@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input: 's' for a list of scenes, 'f' for a schedule of faults, 't' for a twin, or another byte
-// for the simulator's settings. Then the text of the file follows.
+// Input: a byte, then the text of a file. The byte 's' selects a list of scenes, 'f' a schedule of
+// faults, 't' a twin, and any other byte the simulator's settings.
 #include <cmath>
 
 #include "drivers/util/exit_code.hpp"

@@ -116,7 +116,7 @@ TEST_CASE("the rows command prints the split part of each record or the reason f
   CHECK(both[67]["run"] == dir / "b");
   REQUIRE(recon_program("train -q --model mean --seed 3 " + (dir / "a") + " --out " + (dir / "m"))
               .code == 0);
-  // The model was also trained with split seed 3.
+  // The model was trained with the same split seed, 3.
   const nlohmann::json split = rows((dir / "a") + " --seed 3");
   const nlohmann::json own = rows((dir / "a") + " --model " + (dir / "m"));
   std::size_t held_out = 0;
@@ -204,7 +204,7 @@ TEST_CASE("copies of a record are used once in training and are excluded from ev
       Catch::StartsWith("10 records; ") &&
           Catch::Contains("60 of 70 records are copies of training records and are left out\n"));
   // Run d has nearly the same records as run c. The nearest neighbour of an evaluated record must
-  // not be its own copy.
+  // not be the copy of this record.
   write_run(dir / "d", 40, 2, [](record::FusedRecord& r) { r.radar[20] += 0.01f; });
   const auto nearest = [&](const std::string& neighbours) {
     return nlohmann::json::parse(

@@ -120,7 +120,7 @@ TEST_CASE("reconstruct and evaluate report maps that were predicted from the SPD
   CHECK_THAT(recon_program("evaluate " + (dir / "m") + " " + (dir / "live")).text,
              Catch::Contains("4 records") && Catch::Contains("1 records: radar lost: SPD alone"));
 
-  // The radar axis of this run has no bins, as if no radar was configured.
+  // The radar axis of this run has no bins, as if no radar were configured.
   write_run(dir / "dark", 3, 3, lose_radar, Axis{"radar", "power", "m", 0, 0, 1, 1});
   const auto dark = recon_program("evaluate --json " + (dir / "m") + " " + (dir / "dark"));
   REQUIRE(dark.code == 0);

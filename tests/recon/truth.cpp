@@ -15,7 +15,7 @@ using testing::write_run;
 
 namespace {
 
-// Returns a function that gives each record the depth map of the record `lag` positions before.
+// Returns a function that gives each record the depth map of the record `lag` positions earlier.
 testing::Change late_by(int lag) {
   return [lag, last = std::vector<std::vector<std::uint16_t>>()](record::FusedRecord& r) mutable {
     last.push_back(r.depth_mm);

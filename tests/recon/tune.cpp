@@ -18,7 +18,7 @@ namespace {
 constexpr double other_start_m = -0.1;
 
 // Returns plate records. If `other` is true, the radar reports ranges that are 10 cm shorter, as in
-// the new room.
+// a room other than the training room.
 Dataset plates(std::int64_t count, std::uint64_t seed, bool other) {
   const Folder dir;
   write_run(dir / "run", count, seed);

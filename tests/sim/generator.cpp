@@ -230,7 +230,7 @@ std::string rows_of(const std::string& path, const std::string& table) {
 
 namespace {
 
-// Opens a file with the given name ending as soon as it exists, and holds a read transaction.
+// Opens the file that has the given suffix as soon as it exists, and holds a read transaction.
 class Reader {
  public:
   Reader(std::filesystem::path folder, std::string end)

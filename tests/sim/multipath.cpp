@@ -62,7 +62,8 @@ std::vector<Patch> tiles(const Plate& plate, int n, Vec3 inside) {
   return out;
 }
 
-// Returns a scene with a small plate across the line of sight in front of the given room.
+// Returns a scene with the given room and a small plate at the position `at` that faces the
+// sensors.
 Scene plate_before(const Room& room, Vec3 at, double size_m = 0.1) {
   Scene scene;
   scene.plates.push_back(wall(at, {1, 0, 0}, {0, 1, 0}, size_m, size_m, 0.6));

@@ -145,7 +145,7 @@ TEST_CASE("light from outside the time axis contributes only where the IRF exten
     CHECK(total(spd_rate(one_return(edge), c)) == Approx(c.signal_photons / 2).epsilon(1e-6));
   for (const double t : {1000.0, c.first_bin_ps - 2000, end + 2000, 1e6})
     CHECK(total(spd_rate(one_return(t), c)) == 0);
-  // The tail of light before the first bin extends into the histogram.
+  // The IRF tail of light that arrives before the first bin extends into the histogram.
   c.irf_tail_ps = 3000;
   CHECK(
       total(spd_rate(one_return(c.first_bin_ps - 6000), c)) ==

@@ -45,7 +45,7 @@ std::vector<std::string> profile_lines(const std::string& name) {
   return lines;
 }
 
-// Sends all lines of a cfg except the last one (sensorStart) and lines that begin with `without`.
+// Sends a cfg without its last line (sensorStart) and without the lines that begin with `without`.
 void configure(Console& console, const std::string& without = "none",
                const std::string& name = "xwr68xx_paper_50cm.cfg") {
   auto lines = profile_lines(name);

@@ -66,7 +66,7 @@ TEST_CASE("the radar driver detects the data port of another board on pseudo-ter
   {
     Lines lines(b);
     REQUIRE(lines.frames(3));
-    // The setting keep_running keeps the sensor running.
+    // Because of the setting keep_running, the sensor continues to run.
     lines.driver->stop();
   }
   Lines mixed(a, b.dir);
