@@ -22,9 +22,9 @@ assert blocks, f"{sys.argv[2]}: no commands"
 with tempfile.TemporaryDirectory(prefix="readme-") as folder:
     for name in ("scripts", "config"):
         (pathlib.Path(folder) / name).symlink_to(root / name)
-    # The input is a pipe, because bash reads ahead in a file.
+    # The shell reads the blocks from a pipe, because bash would read ahead in a file.
     # A shell started by a command (`echofuse-sim lab -- bash`) reads the next lines of this pipe, as from a terminal.
-    # BASH_ENV makes shells that a command starts stop at failures.
+    # BASH_ENV makes the shells that a command starts exit at the first failure.
     # Exit code 5 (some bad records) is accepted, because the simulated laboratory may miss slots on a busy machine.
     # Exit code 4 (no answer from a device) is accepted if the laboratory lacked processor time (waiting.py).
     stop = pathlib.Path(folder) / ".stop"

@@ -348,8 +348,8 @@ TEST_CASE("a record contains the sum of all histograms that have a mid-exposure 
   windows.add(histogram(10s + 50ms, {100, 0, 0}));  // mid-exposure at 9.95 s, before slot 0
   windows.add(histogram(10s + 150ms, {1, 2, 3}));
   windows.add(histogram(10s + 700ms, {10, 20, 4'000'000'000}, 2));
-  windows.add(histogram(11s + 50ms, {5, 5, 4'000'000'000}));  // mid-exposure at 10.95 s
-  windows.add(histogram(11s + 150ms, {7, 7, 7}));             // mid-exposure in the next slot
+  windows.add(histogram(11s + 50ms, {5, 5, 4'000'000'000}));  // mid-exposure at 10.95 s, in slot 0
+  windows.add(histogram(11s + 150ms, {7, 7, 7}));             // mid-exposure at 11.05 s, in slot 1
   const auto r = windows.close({0, false});
   CHECK(r.has(Sensor::spd));
   CHECK(r.spd == std::vector<std::uint32_t>{16, 27, UINT32_MAX});

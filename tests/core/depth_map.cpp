@@ -63,7 +63,8 @@ TEST_CASE("each source pixel is used in exactly one target pixel, and invalid pi
 TEST_CASE("map pixels outside the camera's field of view are empty") {
   const Axis x = depth_x_axis(64, 0.275), y = depth_y_axis(64, 0.275);
   Image image(64 * 64, 2000);
-  for (std::size_t i = 0; i < 64 * 32; ++i) image[i] = 4000;  // upper half of the image
+  // Sets the upper half of the image to 4 m.
+  for (std::size_t i = 0; i < 64 * 32; ++i) image[i] = 4000;
   const auto map = to_target(image, x, y, {});
   CHECK(map[32 * 64 + 15] == 0.0f);
   CHECK(map[31 * 64 + 16] == 4.0f);

@@ -122,7 +122,8 @@ TEST_CASE("the first cfg command is repeated if garbage precedes it") {
 }
 
 namespace {
-// Runs the cfg `text` on a radar with this SDK that answers the last line with `words`.
+// Runs the cfg `text` on a radar with the SDK version `sdk` that answers the last line with
+// `words`.
 std::string refusal(const std::string& text, const std::string& sdk, const std::string& words) {
   Session s(text);
   s.say("\r\n" + prompt);

@@ -243,8 +243,8 @@ TEST_CASE("a CP2110 in use by another program is refused and can be opened later
   CHECK(second.why ==
         "hid:10c4:ea80: cannot open /dev/hidraw0 (in use by another program): Device or resource "
         "busy");
-  // The emulation notices each open with a delay, and then empties the buffer. Three opens are
-  // expected: for the lock, for hidapi and for the second program.
+  // The emulation notices each open() with a delay, and then empties the buffer. Three open() calls
+  // are expected: for the lock, by hidapi and by the second program.
   REQUIRE(second.until([&] { return bridge.device.opened() == 3; }));
   bridge.device.receive(pattern(100));
   CHECK(first.until([&] { return first.received == pattern(100); }));

@@ -215,7 +215,8 @@ TEST_CASE("the domain-shift test reports a radar range bias and the option that 
                                  "reflect differently; if the radar is the cause, use "
                                  "--range-offset 0.2") &&
                  Catch::Contains("radar range +"));
-  // Range bias and standard error, cm, in the list of differences and in the advice.
+  // Range bias and its standard error, cm, first from the list of differences and then from the
+  // advice.
   double cm = 0, cm_error = 0, advised_cm = 0, advised_error = 0;
   const auto at = [&](const char* name) { return shift.text().substr(shift.text().find(name)); };
   CHECK(std::sscanf(at("radar range +").c_str(), "radar range %lf +- %lf", &cm, &cm_error) == 2);

@@ -42,7 +42,7 @@ class Calibrate(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         spd, radar = json.loads(done.stdout.splitlines()[-1])["sensors"]
         for sensor, true_m in (spd, SPD_M), (radar, RADAR_M):
-            # The edges of the plate are farther away than its centre, by less than 0.02 mm on average.
+            # On average, the reflector plate is less than 0.02 mm farther away than its centre.
             self.assertLess(abs(sensor["offset_m"] - true_m), 5 * sensor["measurement_error_m"] + 2e-5, sensor)
             self.assertLess(sensor["measurement_error_m"], 3e-4)
             self.assertGreater(sensor["snr_db"], 10)
@@ -169,8 +169,8 @@ class Calibrate(unittest.TestCase):
         self.assertGreater(json.loads(done.stdout)["metrics"]["iou"]["mean"], .4, done.stdout)
 
     def test_calibrate_measures_the_radar_response(self):
-        """A radar with 50 cm cells and a Hann window gets a measured response at 3 m. At shorter range the output
-        gives the reason why no response was measured."""
+        """The response of a radar with a resolution of 50 cm and a Hann window is measured at 3 m. At shorter range the
+        output gives the reason why it was not measured."""
         hann = " ".join(str(((1, .25)[int(u)] if u in (0, 1) else (math.sin(math.pi * u) / (math.pi * u * (1 - u * u))) ** 2))
                         for u in (k / 4 for k in range(24)))
         for farther_m in 2, -.4:

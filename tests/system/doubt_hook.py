@@ -65,7 +65,7 @@ echo "$ECHOFUSE_TEXT" >>{calls}
             bit = 1 << ("spd", "radar", "depth").index(sensor)
             self.assertEqual(row["idx"], 1 + max(row["idx"] for row in rows if row["valid"] & bit))
             self.assertEqual(call["TEXT"], row[f"{sensor}_verdict"])
-        # Calls run one at a time, so only the first one is timed.
+        # Calls run one at a time, so only the first call is timed.
         call = min(missing().values(), key=lambda call: float(call["TIME"]))
         end_s = rows[int(call["RECORD"])]["slot_utc_ns"] / 1e9 + SLOT_S
         self.assertLess(float(call["TIME"]) - end_s, GRACE_S + SLOT_S, call)

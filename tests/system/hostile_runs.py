@@ -243,7 +243,7 @@ class HostileRuns(unittest.TestCase):
         for name, change in cases.items():
             with self.subTest(name):
                 codes = self.attack(self.make(change), "export", "csv", "evaluate")
-                # The whole run is refused if an image has more pixels than the file can hold, otherwise only the record.
+                # If an image has more pixels than the file can hold, the whole run is refused, otherwise only the record.
                 self.assertEqual((codes["export"], codes["csv"]), (1 if name == "2^30" else 5, 1), (codes, self.said))
                 self.assertIn("depth is not a deflated image of", self.said)
         codes = self.attack(self.make(depth(good)), "export", "csv")

@@ -169,7 +169,7 @@ class Live(unittest.TestCase):
         whole = [row for row in within if row["valid"] & 1]
         for row in whole:
             self.assertGreaterEqual(row["spd_span_s"], 0.9 * WINDOW_S, (row["idx"], log))
-        # On a busy machine the laboratory may also have sent too little data for a slot.
+        # On a busy machine the laboratory may send too little data for a slot.
         if late:
             self.skipTest("the machine is too busy: complete slots after the stall are not checked")
         self.assertGreaterEqual(len(whole), 1, log)

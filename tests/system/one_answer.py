@@ -36,8 +36,7 @@ except ImportError as error:
     sys.exit(77)
 warnings.simplefilter("ignore")  # Files left by the killed daemon cause warnings.
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}
-# The camera stalls three times, because the first stall may be over when the run starts on a busy
-# machine.
+# The camera stalls three times, because on a busy machine the run may start after the first stall.
 FAULTS = "".join(f'[[fault]]\ndevice = "{device}"\nkind = "{kind}"\nat_s = {at}\nfor_s = {5 * WINDOW_S}\n{amount}\n'
                  for device, kind, at, amount in (*(("depth", "stall", at, "") for at in (3.5, 9, 14)), ("radar", "drop", 5, "amount = 0.5"),
                                                   ("tdc", "gain", 6, "amount = 0.002"), ("depth", "freeze", 7, "")))

@@ -153,7 +153,7 @@ class Service(live.Live):
         self.assertRegex(done.stderr, r"(?m)^<6>recording to ")
         self.assertRegex(done.stderr, r"(?m)^<4>starting without radar")
         self.assertNotRegex(done.stderr, r"(?m)^<?\d*>?20\d\d-")
-        # The address is unique, because devices are locked.
+        # The address is unique, because devices are locked by address.
         pid = os.getpid()
         missing = "--set", "tdc.policy=required", "--set", (
             f"tdc.address=bridge:tcp://127.{pid >> 16}.{pid >> 8 & 255}.{pid & 255}:1")

@@ -135,7 +135,7 @@ class Slurm(unittest.TestCase):
         jobs = list(self.processes_of(f"SLURMD_NODENAME={node}"))
         parents = {int(pathlib.Path(f"/proc/{job}/stat").read_text().rpartition(")")[2].split()[1]) for job in jobs}
         keepers = [pid for pid in parents if pathlib.Path(f"/proc/{pid}/comm").read_text().startswith("slurmstepd")]
-        # The parents are killed first, because they would report the end of the jobs.
+        # The parent processes are killed first, because they would report the end of the jobs.
         self.kill([*keepers, *jobs])
         subprocess.run(["scontrol", "update", f"nodename={node}", "state=down", "reason=test"], check=True)
 

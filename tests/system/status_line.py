@@ -37,7 +37,7 @@ class Terminal:
         while True:
             try:
                 data = os.read(self.master, 4096)
-            except OSError:  # The last program has closed its end.
+            except OSError:  # The last program has closed its end of the pseudo-terminal.
                 return
             self.text += data.decode()
 

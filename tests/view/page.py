@@ -152,7 +152,7 @@ class Page(live_view.LiveView):
         self.view("--listen", address.split("/")[2], "--model", model)
         self.wait("page of the viewer started again", lambda: self.text("status") == "crashed")
 
-        # The page follows a new run with the same name as the first run, in which the laser is 500 times too weak.
+        # The page follows a new run with the name of the first run. In the new run the laser is 500 times too weak.
         for file in self.dir.glob("*.sqlite*"):
             file.unlink()
         self.open_again("--set", "signal_photons=100")

@@ -106,7 +106,7 @@ class Server(unittest.TestCase):
             summed = client.until("sum", lambda m: (m.get("from"), m.get("records")) == (first, shown - first + 1))
             self.assertEqual(summed["arrays"]["spd"], tuple(map(float, map(sum, zip(*spds[first:shown + 1])))))
             self.assertGreater(summed["fits"]["spd"]["fwhm_m"], 0)
-        # The sum of a single record contains no histogram, because the record message contains it.
+        # The sum of a single record contains no histogram, because the record message contains this histogram.
         client.ask({"sum": [1, -1e6, 1e6]})
         fitted = client.until("sum", lambda m: m.get("records") == 1)
         self.assertEqual((fitted["from"], fitted["arrays"]), (5, {}))
@@ -141,8 +141,7 @@ class Server(unittest.TestCase):
             for index in range(RECORDS):
                 client.ask({"show": index})
                 seen += client.until("record", lambda record: record["index"] == index)["reconstruction"]["seen"]
-            # The model was trained on at least 80 % of the records. The other records are test
-            # records.
+            # The model was trained on at least 80 % of the records. The other records are test records.
             self.assertTrue(0 < RECORDS - seen <= 0.2 * RECORDS, seen)
         finally:
             process.terminate()

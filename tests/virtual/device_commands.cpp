@@ -267,7 +267,7 @@ TEST_CASE("the calibrate command measures and stores offsets, and a run uses the
   for (const auto& [sensor, true_m] : {std::pair{Sensor::spd, spd_m}, {Sensor::radar, radar_m}}) {
     const record::CalibrationEntry* entry = measured.find(sensor);
     REQUIRE(entry);
-    // The edges of the plate are farther away than its centre, by less than 0.02 mm on average.
+    // On average, the reflector plate is less than 0.02 mm farther away than its centre.
     CHECK(std::abs(entry->offset_m - true_m) < 5 * entry->standard_error_m + 2e-5);
     CHECK(entry->standard_error_m < 3e-4);
   }

@@ -22,7 +22,7 @@ namespace {
 using namespace std::chrono_literals;
 using sim::FaultKind;
 
-// Device addresses are unique per test, because devices are locked.
+// Device addresses are unique per test, because devices are locked by address.
 struct Addresses {
   explicit Addresses(const LaboratoryOptions& o)
       : tagger("bridge:tcp://tagger-" + o.name + ":1"),
