@@ -127,8 +127,8 @@ TEST_CASE("the scatter of fitted SPD peak positions matches their standard error
 
 TEST_CASE(
     "the scatter of fitted radar peak positions in 4.4 cm bins matches their standard errors") {
-  // For the weakest echo, whose noise is at -15 dB, averaging the logarithms would cause a bias
-  // that exceeds the standard error.
+  // For the weakest echo (noise at -15 dB), averaging the logarithms would cause a bias that
+  // exceeds the standard error.
   const auto [noise_db, count] =
       GENERATE(table<double, std::size_t>({{-40, 20}, {-25, 40}, {-15, 100}}));
   Rng rng = make_rng(2, 0);

@@ -50,8 +50,9 @@ constexpr Place fine{0.044, 0.0469, 1.01};
 
 struct NamedWindow {
   const char* name;
-  std::function<double(double)> at;  // amplitude over the sweep, for arguments from -1/2 to 1/2
-  double cubic_rad = 0;              // phase error at the end of the sweep
+  // Window amplitude. The argument is -1/2 at the start and 1/2 at the end of the sweep.
+  std::function<double(double)> at;
+  double cubic_rad = 0;  // phase error at the end of the sweep
 };
 double cosines(double t, std::initializer_list<double> terms) {
   double sum = 0, k = 0;
@@ -109,7 +110,7 @@ Amplitude response(const NamedWindow& window, double cells) {
 }
 
 struct Echo {
-  double beyond_m = 0;  // distance of the object behind the reflector
+  double beyond_m = 0;  // distance from the reflector to an object behind it
   Amplitude amplitude = 1;
 };
 // Returns frames of a reflector and of objects behind it. Either the noise is added to the

@@ -90,7 +90,7 @@ TEST_CASE("a record with data from all three sensors is complete") {
   CHECK(r.slot_end == 11s);
   CHECK(r.valid == SensorSet::from_bits(7));
   std::vector<std::uint32_t> expected(50, 0);
-  expected[1] = 2;  // clicks at 150 and 199 ps
+  expected[1] = 2;  // clicks 150 and 199 ps after a start, in the bin of 100 to 200 ps
   expected[2] = 1;
   CHECK(r.spd == expected);
   CHECK(r.spd_counts.tags == 6);

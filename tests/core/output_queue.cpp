@@ -64,7 +64,8 @@ TEST_CASE("closing the output queue waits as long as the reader continues to rea
 TEST_CASE("the output queue keeps the newest texts if the reader stops reading") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
-  const std::string filling(1 << 18, '.');  // more bytes than two pipes hold
+  // 256 KiB exceed the 64 KiB of the pipe even after a read.
+  const std::string filling(1 << 18, '.');
   queue.put(filling);
   while (pipe.read().empty()) std::this_thread::yield();  // waits until the write has begun
   const std::string half(OutputQueue::most_bytes / 2, 'a');

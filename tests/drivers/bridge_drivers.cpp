@@ -292,7 +292,7 @@ TEST_CASE("the radar driver receives range profiles from a bridge") {
   Server server(b.loop);
   const auto pieces = test::read_golden("bridge_sensors.hex");
   Bytes later(pieces[2].begin() + bridge::header_bytes, pieces[2].end());
-  later[4] = 45;  // frame number 45
+  later[4] = 45;  // sets the frame number to 45; the first frame has number 42
   RadarConfig config;
   config.address = server.address();
   const auto driver = make_radar(b.loop, config);

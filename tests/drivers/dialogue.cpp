@@ -238,7 +238,7 @@ TEST_CASE("the cfg dialogue accepts the answer Skipped as success and ignores ex
   Session s("sensorStop\nsensorStart\n");
   s.begin();
   s.d.take_output();
-  s.say("\n\r" + prompt);  // an extra prompt
+  s.say("\n\r" + prompt);  // the board sends an extra prompt
   CHECK(s.d.take_output().empty());
   s.say(answer("sensorStop", "Skipped\n"));
   CHECK(s.d.take_output() == "sensorStart\n");
@@ -262,7 +262,7 @@ TEST_CASE("a calibration line within a command echo is reported and otherwise ig
   Session s("sensorStop\nsensorStart\n");
   const std::string line = "compRangeBiasAndRxChanPhase 0.0123456 1.00000 -0.50000";
   s.d.take_output();
-  s.say(line + "\n\r" + prompt + line + "\n\r");  // output before the first command
+  s.say(line + "\n\r" + prompt + line + "\n\r");  // the board sends output before the first command
   s.wait(100ms);
   CHECK(s.reported() == std::vector<std::string>{line, line});
   CHECK(s.d.take_output() == "version\n");
@@ -325,7 +325,7 @@ TEST_CASE("sensorStop is sent after the prompt of the running command, and the a
     d.receive(test::view_of(prompt));
   }
   CHECK(d.take_output() == "sensorStop\n");
-  d.receive(test::view_of("\r\n" + prompt));  // prompt of an earlier command
+  d.receive(test::view_of("\r\n" + prompt));  // the prompt after an earlier command
   CHECK_FALSE(d.done());
   const std::string wire =
       answer("sensorStop", GENERATE("Done\n", "Ignored: Sensor is already stopped\nDone\n"));

@@ -126,9 +126,10 @@ TEST_CASE("radar heat maps with damaged types and lengths are counted, and parsi
       set_u32(frame, 20, 700 + i);
       const auto kind = rng() % 6;
       constexpr std::size_t map_tlv = 40 + 8 + 8;
-      if (kind == 0) set_u32(frame, map_tlv, static_cast<std::uint32_t>(rng() % 12));  // TLV type
+      // Sets a random TLV type.
+      if (kind == 0) set_u32(frame, map_tlv, static_cast<std::uint32_t>(rng() % 12));
       if (kind == 1)
-        set_u32(frame, map_tlv + 4, static_cast<std::uint32_t>(rng() % 160));  // TLV length
+        set_u32(frame, map_tlv + 4, static_cast<std::uint32_t>(rng() % 160));  // random TLV length
       if (kind == 2) frame[map_tlv + 4 + rng() % 4] ^= static_cast<std::uint8_t>(1u << rng() % 8);
       if (kind == 3) frame.erase(frame.begin() + static_cast<std::ptrdiff_t>(rng() % frame.size()));
       bytes.insert(bytes.end(), frame.begin(), frame.end());
@@ -233,7 +234,7 @@ TEST_CASE("a radar frame with a TLV count that is one too high keeps its TLVs") 
 TEST_CASE(
     "radar padding that resembles a magic word is recognised by the next bytes or by silence") {
   Bytes doubtful = golden()[2];
-  doubtful.back() = 2;  // first byte of the magic word
+  doubtful.back() = 2;  // may be the first byte of a magic word
   FrameParser parser;
   std::vector<RadarFrame> frames;
   const auto keep = [&](RadarFrame f) { frames.push_back(std::move(f)); };

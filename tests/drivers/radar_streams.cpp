@@ -315,7 +315,7 @@ TEST_CASE("a jump in radar frame numbers is accepted if the number of the next f
   CHECK(lost({70, 71, 8, 73, 74}) == Result{0, 0});
   CHECK(lost({70, 71, 8, 75, 76}) == Result{2, 0});
   CHECK(lost({70, 71, 70, 71, 72}) == Result{0, 0});  // repeated numbers do not count as a loss
-  CHECK(lost({500, 501, 1, 2, 3}) == Result{0, 1});   // the board was reset after 501
+  CHECK(lost({500, 501, 1, 2, 3}) == Result{0, 1});   // the board was reset after frame 501
   // The board was reset, and then frame 2 and the frames 4 to 499 were lost.
   CHECK(lost({500, 501, 1, 3, 500, 501}) == Result{1 + 496, 1});
   CHECK(lost({0xfffffffe, 0xffffffff, 0, 1}) == Result{0, 0});  // the frame counter wraps

@@ -18,7 +18,7 @@ class TdcUsb : public Device {
   static constexpr std::uint16_t vendor = 0x1209, product = 0x0001;
 
   virtual std::string address() const = 0;  // address of the form "usb:1209:0001:SERIAL"
-  virtual UsbDevice& usb() = 0;             // for unplugging and halting the device
+  virtual UsbDevice& usb() = 0;             // the USB side, e.g. to unplug or halt the device
 };
 std::unique_ptr<TdcUsb> make_tdc_usb(port::SystemLoop& loop, ScenePlayer& player, UsbBed& bed,
                                      const TdcOptions& options);

@@ -146,7 +146,7 @@ namespace {
 
 // Letters made of boxes, without mirror symmetry and with a bump on the front at the top left. x
 // points to the right, y up, and z towards the viewer.
-using Bar = std::array<double, 6>;  // range of x, of y and of z: first and last coordinate
+using Bar = std::array<double, 6>;  // first and last coordinate in x, in y and in z
 const std::vector<Bar> letter_l{{0, .3, 0, 1.5, -.1, .1}, {.3, 1, 0, .4, -.1, .1}},
     letter_f{{0, .3, 0, 1.5, -.1, .1}, {.3, 1, 1.2, 1.5, -.1, .1}, {.3, .8, .6, .8, -.1, .1}};
 constexpr Bar bump{0, .3, 1.1, 1.5, .1, .4};

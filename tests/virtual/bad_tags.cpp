@@ -136,7 +136,7 @@ TEST_CASE("a tagger clock that drifts from the host clock is reported") {
   CHECK(std::ranges::any_of(run.events, [&, t = std::string(text)](const auto& e) {
     return e.find("the tagger's clock runs at " + t) != std::string::npos;
   }));
-  for (const auto& r : run.records) {  // the receive times are used instead of tag times
+  for (const auto& r : run.records) {  // the receive times are used instead of the tag times
     CHECK(r.has(Sensor::spd));
     CHECK_FALSE(r.clocks[Sensor::spd].has_value());
   }
@@ -185,7 +185,7 @@ TEST_CASE("missing, doubled or too frequent start pulses each cause an event") {
   }});
   CHECK_THAT(faster.events.at(0),
              Catch::Contains("changes of the start rate, from 4 kHz to 8 kHz"));
-  // The second in which the pulse rate changes contains both rates, but no missing starts.
+  // The interval of 1 s in which the pulse rate changes contains both rates, but no missing starts.
   CHECK(faster.events.size() == 1);
 }
 
