@@ -95,7 +95,7 @@ TEST_CASE("body position is the foreground centroid after clipping the map to va
 }
 
 TEST_CASE("ghost and left/right scores are undefined for a body near the optical axis") {
-  // The centre of the plate is at column 32.5, which is 3 cm from the axis.
+  // The centre of the plate is at column 32.5, only 3 cm from the optical axis.
   const Map truth = plate(28, 3.5f);
   const MapScores s = score(mirrored(truth), truth, room());
   CHECK(std::isnan(s[metric_ghost]));

@@ -153,7 +153,7 @@ TEST_CASE("the fast Gaussian generator has the moments and tails of a normal dis
     second += v * v / 4;
     fourth += v * v * v * v / 16;
     beyond += std::abs(v) > 2 * 2;
-    // Counts the values beyond 3.6 standard deviations of 2.
+    // Counts the values beyond 3.6 standard deviations. One standard deviation is 2.
     last += std::abs(v) > 2 * 3.6;
   }
   const double n = static_cast<double>(x.size());
