@@ -19,7 +19,7 @@ namespace {
 
 constexpr SlotGrid grid{.first = 10s, .length = 1s};
 const SensorClocks no_clocks;
-// Of the 40 bins of 0.25 m, the 32 bins below 8 m are kept.
+// 32 of the 40 bins of 0.25 m are kept, because only they are below 8 m.
 constexpr std::size_t sent_bins = 40, kept_bins = 32, antennas = 8;
 
 DeviceInfo radar_info() {
