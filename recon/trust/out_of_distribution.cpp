@@ -127,8 +127,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   };
   Rng rng = make_rng(seed, held_stream);
   const Rows order = shuffled(rows.size(), rng);
-  // If there are few records, all folds are used to set the limits. Each fold is tested by a fit to
-  // the other folds.
+  // If there are few records, each fold helps to set the limits, by a fit to the other folds.
   const bool few = rows.size() < few_records;
   const std::size_t parts = rows.size() < many_records ? folds_of_few : folds_of_many;
   std::vector<StatisticValues> held;

@@ -79,8 +79,7 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
   }
 
   const auto any = [&](Rng& rng) { return any_row(bodies.size(), rng); };
-  // The background is subtracted from all but one of the records that are added up, because a real
-  // record contains it only once.
+  // Subtracts the background from all but one body, because a real record contains it only once.
   const std::vector<float> background = alignment.background();
   const auto add_up = [&](std::span<const BodySource> some, std::span<float> view) {
     const auto first = observations.row(some[0].k);
