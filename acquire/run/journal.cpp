@@ -137,8 +137,9 @@ void Journal::begin_next(MakeRun make) {
 // set since, a label written to the previous run during closing applies to the new run.
 void Journal::close_before(record::RunWriter& before, std::uint64_t labels) {
   if (!before.close("complete"))
-    spdlog::warn("{}: in use by another program; the last records stay in its -wal file",
-                 before.path());
+    spdlog::warn(
+        "{}: in use by another program, so the last records of the run remain in its -wal file",
+        before.path());
   if (auto left = before.new_label(UtcTime::max()); labels_ == labels) take_label(std::move(left));
   const std::lock_guard lock(mutex_);
   run_->reserve();  // uses disk space that closing the previous run may have freed

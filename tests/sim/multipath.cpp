@@ -331,7 +331,8 @@ TEST_CASE("unequal side walls break the left-right symmetry of light and radar e
 }
 
 TEST_CASE(
-    "scene light equals empty-room light plus changes, and wall echoes scale with scattering") {
+    "scene light equals empty-room light plus the change due to a person, and radar_wall_scatter "
+    "scales the wall echoes") {
   Conditions c;
   c.background = "closed", c.multipath_order = 2, c.spd_rays = 64;
   const Scene scene = make_scene(c, {SceneKind::person}, 3, 0);

@@ -75,14 +75,14 @@ class Day(unittest.TestCase):
         self.assertLess(long_s, LONGER * short_s + START_S)
         self.assertLess(large - small, MEMORY_A_RECORD * (DAY - TENTH) + RESERVE)
 
-    def test_time_and_memory_of_info_stay_in_proportion_to_the_run_length(self):
+    def test_info_time_and_memory_grow_at_most_linearly_with_run_length(self):
         self.compare(lambda run, _: ["echofuse-acquire", "info", run, "--json"])
 
-    def test_time_and_memory_of_reconstruct_stay_in_proportion_to_the_run_length(self):
+    def test_reconstruct_time_and_memory_grow_at_most_linearly_with_run_length(self):
         self.compare(lambda run, records: ["echofuse-recon", "-q", "reconstruct", self.dir / "model", run, "--follow",
                                            "--format", "npy", "--out", self.dir / f"maps{records}"])
 
-    def test_time_and_memory_of_view_stay_in_proportion_to_the_run_length(self):
+    def test_view_time_and_memory_grow_at_most_linearly_with_run_length(self):
         def look(records):
             def use(address):
                 client = Client(address, timeout_s=300)
