@@ -52,8 +52,8 @@ def add_table_options(command: argparse.ArgumentParser) -> None:
                          help="CSV table to write; rows that it already contains are not measured "
                               "again")
     command.add_argument("--seeds", type=int,
-                         help="number of trainings per method, each with its own seed (default: 3, "
-                              "or the number in the recipe)")
+                         help="number of training runs per method, each with its own seed "
+                              "(default: 3, or the number in the recipe)")
     command.add_argument("--jobs", type=int, default=1,
                          help="number of table rows that are measured in parallel (default: 1)")
     command.add_argument("--part", type=parse_part, default=(1, 1), metavar="K/N",

@@ -396,8 +396,8 @@ def main() -> None:
                              "used")
     parser.add_argument("--model", metavar="MODEL", nargs="+", action="extend", default=[],
                         help="model files, given as FILE or NAME=FILE; the report describes the "
-                             "first model; files with the same NAME are repeated trainings of one "
-                             "model")
+                             "first model; files with the same NAME come from repeated training "
+                             "runs of one model")
     parser.add_argument("--compare", metavar="MODEL", nargs=2,
                         help="compare two model files record by record")
     parser.add_argument("--maps", metavar="FOLDER", nargs="+", action="extend", default=[],
