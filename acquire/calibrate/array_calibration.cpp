@@ -18,7 +18,7 @@ using AntennaSamples = Eigen::MatrixXcd;  // rows: antennas; columns: frames
 
 constexpr std::size_t least_frames = 8;
 constexpr double least_snr_db = 10;
-constexpr double least_share = 0.9;  // minimum power of the strongest wave / total power
+constexpr double least_share = 0.9;  // minimum fraction of the total power in the strongest wave
 constexpr double weakest_gain = 0.03;
 // Mean square of the rounding error of the real or imaginary part of a sample.
 constexpr double rounding_power = 1.0 / 12;

@@ -26,7 +26,7 @@
 namespace echofuse::acquire {
 namespace {
 
-// Length of the histogram axis beyond the reflector; allows for cable delays.
+// Distance by which the histogram axis extends beyond the reflector; allows for cable delays.
 constexpr double spd_reach_m = 15;
 constexpr std::int64_t spd_bin_ps = 10;
 

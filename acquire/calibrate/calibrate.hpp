@@ -20,7 +20,7 @@ struct CalibrateOptions {
   Mounting mounting = Mounting::detector;
   double distance_error_m = Reflector().distance_error_m;
   double baseline_error_m = Reflector().baseline_error_m;
-  std::optional<Sensor> only;  // the only sensor to measure; no value: both sensors
+  std::optional<Sensor> only;  // sensor to measure; no value: both sensors
   // If set, only checks whether the antenna row is swapped. The reflector has been moved to this
   // side.
   std::optional<Side> side;

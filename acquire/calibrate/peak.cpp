@@ -75,8 +75,8 @@ struct BinRange {
   std::size_t from = 0, to = 0;
 };
 
-// Estimates the peak from the moments of the counts above the background. Starts from the `wide`
-// adjacent bins in `where` that have the largest sum.
+// Estimates the peak from the moments of the counts above the background. Starts from the group of
+// `wide` adjacent bins in `where` that has the largest sum.
 PhotonPeak first_guess(std::span<const std::uint32_t> counts, std::size_t wide, BinRange where) {
   std::vector<double> sums(counts.size() + 1);
   for (std::size_t i = 0; i < counts.size(); ++i) sums[i + 1] = sums[i] + counts[i];
@@ -122,7 +122,7 @@ Eigen::Matrix4d score(std::span<const std::uint32_t> counts, std::size_t from, s
 struct PhotonPeakFit {
   PhotonPeak peak;
   double centre_error = 0;  // standard error of the centre, bins
-  double snr = 0;           // number of photons / its standard error; 0: no fit
+  double snr = 0;           // ratio of the number of photons to its standard error; 0: no fit
 };
 
 PhotonPeakFit fit_around(std::span<const std::uint32_t> counts, std::size_t wide, BinRange where) {
@@ -176,11 +176,11 @@ SecondPeak other_bump(std::span<const std::uint32_t> counts, const PhotonPeak& g
 
 // ---- radar: fit of an echo
 
-constexpr std::size_t near = 5;  // number of bins around the peak that are fitted
+constexpr std::size_t near = 5;  // number of fitted bins around the peak
 using Near = Eigen::Matrix<double, near, 1>;
 
 struct EchoPlace {
-  double top = 0;     // position of the peak, in bins from the middle bin
+  double top = 0;     // position of the peak relative to the middle bin, bins
   Near model, power;  // expected log2 of the power, and signal-to-noise ratio, of each bin
   Near share;         // derivative of `top` with respect to the value of each bin
 };
@@ -234,7 +234,8 @@ EchoPlace fit_parabola(const Near& mean) {
 }
 
 // Returns the standard error of the position in bins. It combines the scatter of the frames with
-// the quantisation error of the codes, which noise reduces (dither).
+// the quantisation error of the codes. Noise acts as dither and therefore reduces the quantisation
+// error.
 double place_error(const std::vector<std::vector<std::uint16_t>>& frames, const Profile& profile,
                    const EchoPlace& fit, std::size_t first, double log2_power_step) {
   const auto n = static_cast<double>(frames.size());
@@ -254,13 +255,15 @@ double place_error(const std::vector<std::vector<std::uint16_t>>& frames, const 
   return std::sqrt(squares / (n - 1) / n + steps);
 }
 
-// Returns a reason if the shape of the lobe indicates two reflectors; otherwise an empty text.
+// Returns the reason for a rejection if the shape of the lobe indicates two reflectors; otherwise
+// an empty string.
 std::string unlike_one_echo(const Profile& profile, const EchoPlace& fit, std::size_t top,
                             std::size_t frames) {
   constexpr double allowed = 0.66;  // tolerated deviation: 2 dB as log2 of the power
-  // Bins more than 25 dB below the peak, where side lobes begin, are not tested.
+  // Bins more than 25 dB below the peak are not tested, because side lobes begin there.
   constexpr double weakest = 1 / 316.0;
-  // Below this signal-to-noise power ratio, the mean depends on whether amplitudes or powers add.
+  // Below this signal-to-noise power ratio, the mean log power depends on whether the amplitudes or
+  // the powers of echo and noise add.
   constexpr double least_over_noise = 4;
   for (std::size_t i = 0; i < near; ++i) {
     const auto k = static_cast<Eigen::Index>(i);

@@ -19,7 +19,8 @@ struct Search {
 struct Peak {
   double range_m = 0;
   double standard_error_m = 0;
-  // SPD: amplitude / its standard error; radar: power / median power.
+  // SPD: ratio of the amplitude to its standard error. Radar: ratio of the peak power to the median
+  // power.
   double snr_db = 0;
   bool outside = false;  // true if the strongest peak is outside the window
   std::string refusal;   // reason why the peak was rejected; empty if it was accepted
@@ -28,12 +29,12 @@ struct Peak {
 // SPD: fits a Gaussian on a constant background to the Poisson counts in the window, by maximum
 // likelihood (Fisher scoring). Bin i starts at the two-way time start_ps + i*step_ps; the Gaussian
 // is integrated over each bin. The standard error is the Cramer-Rao bound. If the IRF has a tail,
-// the fitted centre is close to the mean of the IRF, here and in runs.
+// the fitted centre is close to the mean of the IRF, both in a calibration and in a run.
 Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double step_ps,
                  const Search& search);
 
 struct EchoAxis {
-  double step_m = 0, resolution_m = 0;  // bin spacing; range resolution c / 2B, 0: unknown
+  double step_m = 0, resolution_m = 0;  // bin spacing; range resolution c / 2B (0 if unknown)
   double log2_power_step = 0;  // log2 power ratio of adjacent codes (drivers/core/log2_codes.hpp)
   double start_m = 0;          // range of bin 0
 

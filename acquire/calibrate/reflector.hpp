@@ -39,16 +39,17 @@ struct Reflector {
 };
 
 // Returns a question to the user if the radar peak fits the other mounting better; otherwise an
-// empty text. The other mounting fits better if the peak is inside the search window of that
+// empty string. The other mounting fits better if the peak is inside the search window of that
 // mounting (full width) and implies a smaller offset. A negative offset is weighted by three,
-// because cables and electronics increase the measured range. The text is also empty if the
-// mountings differ by less than three standard errors.
+// because cables and electronics increase the measured range. The string is also empty if the
+// ranges for the two mountings differ by less than three standard errors.
 std::string other_mounting(const Reflector& reflector, double measured_m, double window_m);
 
 // Returns the phase of the reflector's spherical wave at each antenna relative to antenna 0, rad:
 //   phase = -2 pi / wavelength (|P - tx| + |P - rx|)
-// P is the position of the reflector relative to the middle of the antennas (Balanis, Antenna
-// Theory, 4th ed., 4.4). The centres of transmitters and receivers are assumed to coincide.
+// P, tx and rx are the positions of the reflector, the transmitter and the receiver, all relative
+// to the middle of the antennas (Balanis, Antenna Theory, 4th ed., 4.4). The centres of
+// transmitters and receivers are assumed to coincide.
 std::vector<double> steering_phases(std::span<const radar::AntennaPair> antennas,
                                     const std::array<double, 3>& place, double wavelength_m);
 

@@ -240,8 +240,8 @@ class EchoFit {
                        least_error + noise);
     };
     first_ = top_ - free_of(-1), count_ = top_ + free_of(1) + 1 - first_;
-    // The three elements after the bins are priors: `adding` is between 0 and 1, and the window is
-    // within its bounds.
+    // The three elements after the bins are priors. They keep `adding` between 0 and 1, and the
+    // window within its bounds.
     problem_.measured = VectorXd(count_ + 3);
     problem_.measured << power.segment(first_, count_), 0.5, 0, 0;
     errors_ = VectorXd(count_ + 3);
@@ -268,9 +268,9 @@ class EchoFit {
     constexpr Index least_bins = 2;
     return std::min(top_ - first_, first_ + count_ - 1 - top_) >= least_bins;
   }
-  // Fits windows with and without a phase error. Each additional parameter must reduce chi2 by
-  // least_gain. A phase error is rejected if the fit is bad, because two echoes rarely fit a single
-  // window well.
+  // Fits windows with and without a phase error. Each additional parameter must reduce chi2 by at
+  // least `least_gain`. A phase error is rejected if the fit is bad, because two echoes rarely fit
+  // a single window well.
   void fit() {
     constexpr std::pair<double, double> shapes[] = {
         {0, 0}, {1, 0}, {blackman[0], blackman[1]}, {0.6, -0.3}, {1.9, 1.3}};
@@ -372,7 +372,7 @@ VectorXd shape_of(const Window& window) {
   return out;
 }
 
-// Returns the standard errors of the shape, before they are increased because of a bad fit.
+// Returns the standard errors of the shape. The caller increases them if the fit is bad.
 VectorXd shape_errors(const Fitted& fit, const VectorXd& shape) {
   constexpr double d = 1e-3;
   MatrixXd slope = MatrixXd::Zero(shape.size(), fit.parameters.size());

@@ -12,7 +12,8 @@
 
 namespace echofuse::acquire {
 
-// Each fit returns an empty text on success. Otherwise it sets nothing and returns the reason.
+// Each fit function returns an empty string on success. If the fit fails, the function sets nothing
+// and returns the reason.
 
 // Fits a Gaussian on a constant background to the Poisson counts of the search window, by maximum
 // likelihood (Levenberg-Marquardt). Adds an exponential tail for a fraction of the photons if that

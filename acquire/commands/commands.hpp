@@ -19,7 +19,7 @@ namespace echofuse::acquire {
 std::string describe_run(const std::string& path, bool json);
 
 // `annotate`: adds a note to a run, or changes the label of a live run. Requires either `note` or
-// `label`. Returns the result as one line:
+// `label`. Returns the result as one line, e.g.
 //   monday.sqlite: label "person" from record 17 on
 // Throws Error(failed) if a label is given, but the run is not being recorded.
 std::string annotate_run(const std::string& path, const std::optional<std::string>& note,

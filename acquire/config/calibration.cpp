@@ -33,7 +33,7 @@ void bind(Settings& s, const std::string& section, record::CalibrationEntry& e) 
   s.add(section + ".serial", e.serial, "serial number of the device");
 }
 
-// Lists of numbers as text, because a setting can hold only a single value.
+// Lists of numbers, each stored as one string, because a setting can hold only a single value.
 struct AntennaTexts {
   std::string gain, phase_rad, standard_error;
 };
@@ -49,7 +49,7 @@ void bind(Settings& s, AntennaGains& a, AntennaTexts& t) {
         "standard error of phase (rad) and relative gain");
 }
 
-// Keys and values of the section [response], in the text format of a run's metadata.
+// Keys and values of the section [response], in the format of a run's metadata.
 using Texts = std::vector<std::pair<std::string, std::string>>;
 
 void bind(Settings& s, Texts& response) {
@@ -80,7 +80,7 @@ std::string text_of(const std::vector<double>& values) {
   return out;
 }
 
-// Parses 1 to 12 numbers from `least` to `most`. Returns an empty list for any other text.
+// Parses 1 to 12 numbers from `least` to `most`. Returns an empty list if the string is invalid.
 std::vector<double> values_of(const std::string& text, double least, double most) {
   std::vector<double> out;
   std::istringstream words(text);

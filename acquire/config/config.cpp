@@ -192,7 +192,7 @@ class ConfigChecker {
   void attempt(std::initializer_list<const char*> keys, Body body) {
     try {
       body();
-    } catch (const Error& e) {  // each line of the text is one error
+    } catch (const Error& e) {  // each line of the message is one error
       std::istringstream lines(e.what());
       for (std::string line; std::getline(lines, line);) complain(keys, line);
     }

@@ -37,7 +37,7 @@ struct Config {
   double laser_rate_hz = 0;  // 0 if unknown
   record::Detector detector;
   RadarConfig radar;
-  double baseline_m = 0.5;  // distance from the detector to the radar's antennas on its left
+  double baseline_m = 0.5;  // distance from the detector to the centre of the radar antennas
   DepthConfig depth;
   record::MapGrid map;
   SignalLimits signal;

@@ -15,8 +15,8 @@ struct Answer {
   Sensor sensor{};
   Devices::Status status;
   bool delivers = false;
-  // State of the device as text. If another program uses the device, e.g. "in use by ...; record 7,
-  // 0.4 s ago: ok, 60 frames used, 0 lost"; otherwise the text of Devices::describe().
+  // State of the device, as returned by Devices::describe(). If another program uses the device,
+  // the state is e.g. "in use by ...; record 7, 0.4 s ago: ok, 60 frames used, 0 lost".
   std::string text;
 };
 

@@ -36,7 +36,7 @@ std::string known_as(const std::string& address) {
     std::error_code none;
     if (!camera->uri.empty())
       return std::filesystem::is_regular_file(camera->uri, none) ? "" : camera->uri;
-    // The driver refuses an address without a URI if several cameras are attached.
+    // The driver rejects an address without a URI if several cameras are attached.
     const auto cameras = depth::list_openni_devices();
     return cameras.size() == 1 ? cameras[0].uri : "";
   }

@@ -61,7 +61,8 @@ std::string channel_list(const Capture& capture, double time_s) {
   return text.empty() ? "no channel has tags" : "channels with tags: " + text;
 }
 
-// Adds the click rate of each detector zone, and a warning for each zone without clicks.
+// Adds the click rate of each detector zone to the finding, and a warning for each zone without
+// clicks.
 void add_zones(Finding& finding, const std::vector<std::uint64_t>& clicks, double time_s) {
   if (clicks.size() < 2) return;
   finding.found += "; zones";

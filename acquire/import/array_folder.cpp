@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Maximum number of values per record: of a histogram or profile, and of a depth image.
+// Maximum sizes per record: values of a histogram or range profile; pixels of a depth image.
 constexpr std::size_t most_points = 1u << 24, most_pixels = 1u << 23;
 
 // Returns the smallest factor up to 1000 that makes all counts whole, or 0 if no factor does. If
@@ -346,7 +346,8 @@ void ArrayFolder::put_depth(record::FusedRecord& r) {
     first_odd_ = printable(depth_->path()) + ": row " + std::to_string(row_) + ": " + odd;
 }
 
-// Fills the depth map of the record. Returns why the map is implausible, or an empty text.
+// Fills the depth map of the record. Returns the reason if the map is implausible; otherwise an
+// empty string.
 std::string ArrayFolder::take_depth(record::FusedRecord& r,
                                     const std::vector<double>& values) const {
   constexpr double most_mm = std::numeric_limits<std::uint16_t>::max(), least_median_mm = 20;

@@ -27,7 +27,8 @@ struct ImportOptions {
 };
 
 // Parses a time such as "2024-02-07T12:34:56Z" or "2024-02-07T12:34:56.5+01:00"; the time of day is
-// optional. Throws Error(usage) for other texts and for a day that does not exist in that month.
+// optional. Throws Error(usage) for any other string and for a day that does not exist in that
+// month.
 UtcTime parse_utc(const std::string& text);
 
 // Creates a run from recordings. Returns a line about its contents, then one line for each missing

@@ -40,7 +40,7 @@ class ImportedRun {
   void put_counters(Sensor sensor, const std::vector<Counter>& counters);
   const TagCounts& tags() const { return tags_; }
   std::int64_t valid(Sensor s) const { return valid_[s]; }
-  // Returns the last verdict of a record in which the sensor is not valid.
+  // Returns the sensor's verdict in the last record in which the sensor was not valid.
   const std::string& verdict(Sensor s) const { return verdict_[s]; }
   UtcTime utc_of(HostTime t) const { return clock_.began + t; }
   // Publishes the run file. Returns a line about its contents, then the warnings, one per line. If

@@ -143,7 +143,7 @@ class KeptPort final : public port::BytePort {
   std::shared_ptr<PortState> link_;
 };
 
-// Times of the captured run: start, first slot, offset from host time to UTC.
+// Times of the captured run: start of the run, start of the first slot, and UTC minus host time.
 struct LiveRun {
   std::optional<HostTime> started, first_slot;
   UtcTime utc_offset{};
@@ -167,7 +167,7 @@ LiveRun read_live_run(const std::string& folder) {
   // 0.
   const double slot_s = seconds(HostTime(run.slot_ns)), lasted_s = seconds(ended - *run.first_slot),
                wait_s = seconds(*run.first_slot - *run.started);
-  constexpr double shortest_s = 0.05, longest_s = 3600;  // limits of run.window_s
+  constexpr double shortest_s = 0.05, longest_s = 3600;  // limits of the setting run.window_s
   constexpr double longest_wait_s =
       // Sum of the limits of run.connect_timeout_s and --countdown, plus a margin.
       3 * 3600;
@@ -209,7 +209,7 @@ std::string import_kept(Config config, const std::string& folder, const std::str
         streams.emplace_back(std::make_unique<CapturedPort>(loop, folder, name, ending)).get();
     loop.ports[address] = [stream] { return std::make_unique<KeptPort>(*stream); };
   };
-  // Frames of an OpenNI2 camera are stored in the format of a bridge.
+  // Frames of an OpenNI2 camera are stored in the format of the bridge protocol.
   if (config.depth.address.starts_with("openni:")) config.depth.address = "bridge:tcp://kept:1";
   attach(config.tdc.address, "tags", ".blocks");
   attach(config.radar.address, "radar", ".blocks");

@@ -22,7 +22,8 @@ constexpr long double longest_ps = 9.1e18L;  // maximum time of a tag, below 2^6
 constexpr long double ps_per_s = 1e12L;
 constexpr double rate_share = 0.05;  // tolerated relative difference between pulse rates
 
-// Returns true if a_s exceeds b_s by more than the tolerated difference of two clocks, 1 % + 0.1 s.
+// Returns true if a_s exceeds b_s by more than the tolerated difference between two clocks, 1 % +
+// 0.1 s.
 bool later(long double a_s, long double b_s) { return a_s > 1.01L * b_s + 0.1L; }
 
 DeviceInfo device_of(const TaggedFile& file) {
@@ -201,8 +202,8 @@ bool PicoquantTags::next(SampleSink& sink) {
   if (!more) known = tags_.size();
   if (known == 0) {
     if (beyond_) return false;
-    // A recording without light may end with overflow records. The last one then defines the end
-    // time.
+    // A recording without light may end with overflow records. The last overflow record then
+    // defines the end time.
     const auto end_s = static_cast<double>(end_ps() / ps_per_s);
     at_ = std::max(at_, from_seconds(header_s_ > 0 ? std::min(end_s, header_s_) : end_s) -
                             std::chrono::nanoseconds(1));
@@ -225,8 +226,8 @@ std::vector<Counter> PicoquantTags::counters() const {
   return {{"records", count_}, {"markers", records_.markers()}};
 }
 
-// Returns a warning that lists the inputs with events if a selected input has none; otherwise an
-// empty text.
+// Returns a warning that lists the inputs with events if a selected input has no events; otherwise
+// an empty string.
 std::string PicoquantTags::missing_input() const {
   const auto has = [&](std::int32_t c) {
     return c >= 0 && c < std::ssize(by_channel_) && by_channel_[static_cast<std::size_t>(c)] > 0;
@@ -250,7 +251,7 @@ std::vector<std::string> PicoquantTags::rate_doubts() const {
   if (rate_hz <= 0) return {};
   const auto unit_s = static_cast<double>(records_.unit_ps() / ps_per_s);
   const double divider = std::max(1.0, file_->number("HWSync_Divider").value_or(1));
-  const double share = rate_hz * unit_s;  // time step / pulse period; 1 in T3 mode
+  const double share = rate_hz * unit_s;  // time step in pulse periods; 1 in T3 mode
   const auto alike = [&](double value, double wanted) {
     return std::abs(value / wanted - 1) <= rate_share;
   };

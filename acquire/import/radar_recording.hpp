@@ -27,12 +27,12 @@ class RadarRecording final : public Recording {
 
  private:
   struct FrameTime {
-    // position: number of the subframe, counted from frame 0.
+    // position: number of the subframe, counted from the start of frame 0.
     std::uint32_t position, frame_number, cycles;
   };
   struct Irregularity {
     std::uint64_t count = 0;
-    std::string places;  // first five occurrences of the irregularity, as text
+    std::string places;  // positions of the first five occurrences in the recording
     void add(const std::string& place);
   };
   FrameTime read(const RadarFrame& frame) const;
@@ -50,7 +50,7 @@ class RadarRecording final : public Recording {
   HostTime last_at_{}, at_{};
   Irregularity restarts_, paused_, impossible_;
   bool confirmed_ = false;  // true if a step of the device counter has been accepted
-  // Number of frames with the same time as the last accepted frame.
+  // Number of later frames that have the same time as the last accepted frame.
   std::uint64_t stood_ = 0;
   std::uint64_t others_ = 0;              // number of frames with a wrong number of bins
   std::size_t other_bins_ = 0;            // last wrong number of bins

@@ -69,7 +69,8 @@ ECHOFUSE_CLONES void add_lag(const float* re, const float* im, const float* befo
   store(lag + lanes, sum_im);
 }
 
-// Divides values by `unit`, limits the results to +-1 and rounds them to steps of 1 / full_scale.
+// Divides values by `unit`, clips the results to +-1 and rounds them to multiples of 1 /
+// `full_scale`.
 ECHOFUSE_CLONES void to_shares(const float* values, std::size_t count, float unit,
                                std::int16_t* __restrict shares) {
   for (std::size_t i = 0; i < count; ++i) {

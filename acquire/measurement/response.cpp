@@ -16,8 +16,8 @@ struct ValidRange {
 constexpr ValidRange widths_ps{0.1, 100'000}, tails_ps{0, 100'000}, shares{0, 1}, cells_m{1e-3, 10},
     exponents{-2, 0}, powers{0, 1.05}, baselines_m{0, 10};
 
-// Parses numbers with an optional "+- ERROR" at the end. Returns an empty list if the text has
-// another form or a number is outside its range.
+// Parses numbers with an optional "+- ERROR" at the end. Returns an empty list if the string does
+// not have this form or a number is outside its range.
 std::vector<double> numbers_of(const std::string& text, const ValidRange& range, double& error) {
   const auto plus = text.find("+-");
   const auto read = [](const std::string& part) {

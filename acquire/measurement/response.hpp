@@ -26,7 +26,7 @@ inline constexpr const char* response_keys[] = {"irf_fwhm_ps",    "irf_tail_ps",
                                                 "radar_taps",     "radar_noise_exponent"};
 
 struct Measured {
-  double value = 0, standard_error = 0;  // standard_error is 0 if unknown
+  double value = 0, standard_error = 0;  // `standard_error` is 0 if unknown
 
   bool operator==(const Measured&) const = default;
 };

@@ -98,7 +98,7 @@ class Row {
 // Row types that only the run file needs.
 struct DeviceRow {
   Sensor sensor{};
-  std::optional<std::string> policy;  // "required" or "optional"
+  std::optional<std::string> policy;  // the value is "required" or "optional"
   std::optional<DeviceInfo> info;     // empty if the device has not answered yet
 };
 struct LateRow {  // samples received after the slot was closed; no record contains them

@@ -46,11 +46,11 @@ struct Patience {
   bool tried() const;                       // true if a writer was waiting within the last 100 ms
 };
 
-// Writes a run file. Threading: one thread at a time. Every member throws Error, with the code disk
-// if the disk is full or a write fails, otherwise with the code failed. A failed append leaves the
-// file unchanged. Every member first checks that the file still exists and is undamaged; close()
-// checks the whole file. If the check fails, the member throws Error(disk). close() then also
-// copies the committed records to another file, which its Error names.
+// Writes a run file. Threading: one thread at a time. Every member throws Error, with the code
+// `disk` if the disk is full or a write fails, otherwise with the code `failed`. A failed append
+// leaves the file unchanged. Every member first checks that the file still exists and is undamaged;
+// close() checks the whole file. If the check fails, the member throws Error(disk). close() then
+// also copies the committed records to another file, which its Error names.
 class RunWriter {
  public:
   // Throws if the path exists. Creates a uuid if `info` has none. `clock` supplies the start and
@@ -70,7 +70,7 @@ class RunWriter {
   void put_antennas(const Antennas& antennas);  // replaces the previously stored antennas
   void put_zones(const Zones& zones);           // call once, before the first record
   void put_calibration(const CalibrationEntry& entry);
-  void put_policy(Sensor sensor, const std::string& policy);  // "required" or "optional"
+  void put_policy(Sensor sensor, const std::string& policy);  // `policy`: "required" or "optional"
   void put_anchor(HostTime mono, UtcTime utc);
   // Writes all counters in one transaction. Call at the end of the run.
   void put_counters(std::span<const CounterRow> counters);
@@ -88,7 +88,7 @@ class RunWriter {
   // Stores the status and merges the WAL into the database, which leaves a single file. Returns
   // false if another program is still reading the run after half a second. The last records then
   // remain in the WAL until recover() or a writer merges them. Throws Error(failed) at the end if
-  // another program added tables, because readers would refuse the file. `unwritten`: number of
+  // another program added tables, because readers would reject the file. `unwritten`: number of
   // records that could not be written; an event and the counter run/unwritten report it.
   bool close(const std::string& status, std::int64_t unwritten = 0);
   // Like close(), but throws Error(failed) instead of returning false.
@@ -163,7 +163,7 @@ struct RunSummary {
   UtcTime first_utc{}, last_utc{};  // start of the first slot; end of the last slot
   // Number of records by label; number of events by level.
   std::map<std::string, std::int64_t> labels, events;
-  std::map<std::string, std::string> policies;  // "required" or "optional", by sensor
+  std::map<std::string, std::string> policies;  // "required" or "optional" for each sensor
   // Number of records by sensor and verdict. Details after the colon of a verdict are omitted.
   PerSensor<std::map<std::string, std::int64_t>> verdicts;
   PerSensor<std::optional<ClockState>> clocks;  // clock fits of the last record that has them
@@ -205,7 +205,7 @@ class RunReader {
   // the status is replaced by "crashed", crashed_without_wal or copy_of_open.
   RunInfo info() const;
   std::vector<DeviceInfo> devices() const;
-  std::map<std::string, std::string> policies() const;  // "required" or "optional"
+  std::map<std::string, std::string> policies() const;  // "required" or "optional" by sensor
   std::vector<Anchor> anchors() const;
   std::vector<CalibrationEntry> calibrations() const;
   Antennas antennas() const;  // empty if the radar sent no antenna samples
@@ -223,10 +223,10 @@ class RunReader {
   PerSensor<std::int64_t> late() const;
   // Calls `visit` for the records from index `first` on, in order, until it returns false. A record
   // with data of a wrong size or non-finite values is skipped after a call of `on_bad`. If `on_bad`
-  // is empty, Error is thrown with the index of the record. Only the sensors in `sensors` are
-  // decoded; the others are marked as not valid. in_parallel(n, work) must call work(0) ... work(n
-  // - 1) in any order, possibly on several threads; work(i) decodes a depth image. `visit` and
-  // `on_bad` are still called in order on this thread.
+  // is empty, Error is thrown with the index of the record. Only the data of the sensors in
+  // `sensors` are decoded; all other sensors are marked as not valid. in_parallel(n, work) must
+  // call work(0) ... work(n - 1) in any order, possibly on several threads; work(i) decodes a depth
+  // image. `visit` and `on_bad` are still called in order on this thread.
   using InParallel = std::function<void(std::size_t, const std::function<void(std::size_t)>&)>;
   void for_each(const std::function<bool(const FusedRecord&)>& visit, std::int64_t first = 0,
                 const std::function<void(std::int64_t, const std::string&)>& on_bad = {},

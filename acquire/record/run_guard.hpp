@@ -14,7 +14,7 @@ namespace echofuse::record {
 struct Budget {
   // Total and remaining budget, in units of 10,000 SQLite instructions.
   std::int64_t all = 0, left = 0;
-  std::int64_t bytes = 0;  // maximum total size of the texts and blobs that are read
+  std::int64_t bytes = 0;  // maximum total size of the strings and blobs that are read
   int longest_value = 0;   // maximum size of a row or value, bytes
 
   static constexpr int instructions_a_step = 10'000;
@@ -35,7 +35,7 @@ int probe(sqlite3* db);
 // Throws Error(failed) unless the file is a run file of format_version.
 void check_identity(sqlite3* db, const std::string& path);
 // Throws Error(failed) unless the file contains exactly the tables of a run, as defined in
-// rows.hpp. Views, triggers, additional indices, virtual tables and computed columns are refused.
+// rows.hpp. Views, triggers, additional indices, virtual tables and computed columns are rejected.
 void check_tables(sqlite3* db, const std::string& path);
 
 }  // namespace echofuse::record

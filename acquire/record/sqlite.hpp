@@ -96,8 +96,8 @@ inline DatabaseHandle open_database(const std::string& path, const char* doing, 
 // Prepared statement. Parameters are bound and columns are read in order, beginning with the first.
 class Statement {
  public:
-  // `most_bytes`: maximum total size of the texts and blobs that are read; a statement that exceeds
-  // it throws Error.
+  // `most_bytes`: maximum total size of the strings and blobs that are read; a statement that
+  // exceeds this size throws Error.
   Statement(sqlite3* db, const std::string& path, const char* sql,
             std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max())
       : db_(db), path_(path), bytes_left_(most_bytes) {

@@ -55,7 +55,7 @@ bool same_profile(const std::vector<float>& a, const std::vector<float>& b, bool
 }
 
 // Returns the verdict "lossy" if the received fraction of the events that the tagger measured is
-// below `limit`; otherwise an empty text.
+// below `limit`; otherwise an empty string.
 std::string missed_verdict(const TagCounts& counts, double limit) {
   const auto arrived = static_cast<double>(counts.tags);
   const double sent = arrived + static_cast<double>(counts.missed);
@@ -197,7 +197,7 @@ std::string SignalCheck::assess_depth(record::FusedRecord& r) {
   return beside;
 }
 
-// Returns the verdict "lossy" if too few start pulses or frames arrived; otherwise an empty text.
+// Returns the verdict "lossy" if too few start pulses or frames arrived; otherwise an empty string.
 // If the nominal frame rate is unknown, expects the median number of received and lost frames per
 // slot in the first minute. Before that median is known, expects the frames received or lost in
 // this slot.

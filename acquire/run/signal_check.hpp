@@ -65,8 +65,8 @@ class SignalCheck {
 };
 
 // Returns a hint that the start and click inputs of the tagger may be swapped; otherwise an empty
-// text. The criterion is that at least 98 % of the clicks are outside the histogram, or that there
-// are more than four clicks per start.
+// string. The criterion is that at least 98 % of the clicks are outside the histogram, or that
+// there are more than four clicks per start.
 std::string swap_question(const TagCounts& counts);
 
 // Returns the kind of a valid sensor's verdict ("ok", "weak", ...), or "missing" if the sensor is

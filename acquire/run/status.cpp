@@ -63,7 +63,8 @@ std::string sensor_letters(const RunTotals& now) {
   return letters;
 }
 
-// Returns the numbers of samples per second in slots of the total length `slots_s`.
+// Returns the number of samples per second for each sensor. `slots_s`: total length of the slots,
+// s.
 PerSensor<double> rates(std::uint64_t tags, std::uint64_t radar, std::uint64_t depth,
                         double slots_s) {
   if (slots_s <= 0) return {};
@@ -71,7 +72,7 @@ PerSensor<double> rates(std::uint64_t tags, std::uint64_t radar, std::uint64_t d
           static_cast<double>(depth) / slots_s};
 }
 
-// Truncates a UTF-8 text to at most `bytes` bytes without splitting a character.
+// Truncates a UTF-8 string to at most `bytes` bytes without splitting a character.
 std::string shortened(std::string text, std::size_t bytes) {
   if (text.size() <= bytes) return text;
   while (bytes > 0 && (static_cast<unsigned char>(text[bytes]) & 0xc0U) == 0x80U) --bytes;

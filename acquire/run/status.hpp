@@ -34,11 +34,11 @@ struct RunTotals {
   // doubtful or recovers.
   void take(const record::FusedRecord& record, SensorSet configured,
             const std::function<void(Sensor, Severity)>& changed);
-  // Returns a text such as "; 3 with a sensor that is not ok"; empty if all records are ok.
+  // Returns a string such as "; 3 with a sensor that is not ok"; empty if all records are ok.
   std::string doubts() const;
 };
 
-// Returns a text such as "7 records", or "3 of 5 records" if `planned` is 5.
+// Returns a string such as "7 records", or "3 of 5 records" if `planned` is 5.
 std::string count_text(std::int64_t written, std::optional<std::int64_t> planned);
 
 // Field of the status line. The order of the fields is fixed. If the terminal is too narrow, fields

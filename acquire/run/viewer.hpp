@@ -20,7 +20,7 @@ class Viewer {
   Viewer(const Viewer&) = delete;
   Viewer& operator=(const Viewer&) = delete;
 
-  // Lets the viewer run after this object is destroyed. The viewer then exits when the run has
+  // Keeps the viewer running after this object is destroyed. The viewer then exits when the run has
   // ended and its page is closed.
   void leave() { program_.reset(); }
 

@@ -103,7 +103,7 @@ bool Windows::repeated(Sensor sensor, FrameNumbers::Order order) {
 }
 
 void Windows::add(const TagBlock& block) {
-  // If tags are missing, clicks must not refer to a start before the gap.
+  // If tags are missing, a click after the gap must not be assigned to a start before the gap.
   if (block.lost_blocks > 0 || block.lost_items > 0) histogram_->forget_start();
   const ClockFit& clock = clocks_[Sensor::spd];
   const Tag* const end = block.tags.data() + block.tags.size();

@@ -48,8 +48,8 @@
 
 namespace echofuse::acquire {
 
-// Numbers of samples that are in no record: tags of the SPD, frames of the other sensors. Only
-// `out_of_order` counts samples that are in a record.
+// Numbers of SPD tags or radar and camera frames that are not in any record. As an exception, the
+// samples counted by `out_of_order` are in a record.
 struct UnassignedSamples {
   PerSensor<std::uint64_t> early{}, late{}, outside{}, duplicate{}, out_of_order{};
 };

@@ -91,7 +91,7 @@ class ClockFit {
   std::deque<Least> history_;  // empty before the first sample
   std::uint64_t samples_ = 0;  // number of samples in the history
   double intercept_s_ = 0, slope_ = 0, residual_s_ = 0;
-  double edge_slope_ = 0;  // fitted slope before limiting; slope_ is the limited slope
+  double edge_slope_ = 0;  // fitted slope before clipping; slope_ is the clipped slope
   std::optional<Receipt> suspect_;
   std::optional<Late> late_;
 };

@@ -45,8 +45,8 @@ bool near(double value, double wanted, double share) {
   return std::abs(value - wanted) <= share * wanted;
 }
 
-// Returns the shortest frequent gap. Rare gaps are ignored, because they may be due to corrupted
-// times. The gaps must be sorted.
+// Returns the shortest gap between starts that occurs often. Rare gaps are ignored, because they
+// may be due to corrupted times. The gaps must be sorted.
 double shortest_often(const std::vector<std::uint64_t>& gaps_ps) {
   for (std::size_t i = 0; i + enough <= gaps_ps.size(); ++i) {
     const auto from = static_cast<double>(gaps_ps[i]);
@@ -319,8 +319,8 @@ void TagCheck::check_starts() {
       period_ps = static_cast<double>(gaps.back());
     }
   }
-  // Nearly all gaps must be whole multiples of the period. Otherwise the starts are not periodic,
-  // or there are too few of them.
+  // Nearly all gaps between starts must be whole multiples of the period. Otherwise the starts are
+  // not periodic, or there are too few of them.
   std::uint64_t lost = 0;
   double whole = 0, next = 0;
   for (const std::uint64_t gap : gaps) {
@@ -339,8 +339,8 @@ void TagCheck::check_starts() {
               rate_text(1e12 / period_ps));
   period_ps_ = period_ps;
   const double share = static_cast<double>(lost) / (static_cast<double>(lost) + count);
-  // Lost starts are isolated gaps, whereas a change of the rate affects all gaps. Steps back in
-  // time also displace starts.
+  // A lost start lengthens a single gap, whereas a change of the rate changes all gaps. A backward
+  // step of the clock also displaces starts.
   std::uint64_t changes = 0;
   for (std::size_t i = 1; i < in_time.size(); ++i)
     changes += near(static_cast<double>(in_time[i - 1]), period_ps, 0.1) !=
