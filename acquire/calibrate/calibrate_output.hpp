@@ -17,7 +17,7 @@ namespace echofuse::acquire {
 struct CalibrationResult {
   Sensor sensor{};
   Peak peak;            // peak fitted to the data of all repeats
-  double spread_m = 0;  // standard deviation of the ranges of the repeats
+  double spread_m = 0;  // standard deviation of the ranges measured in the repeats
   std::string method;
   double true_range_m = 0;
   double reflector_error_m = 0;  // standard error of the reflector's true range
@@ -26,7 +26,7 @@ struct CalibrationResult {
   double standard_error_m() const { return std::hypot(peak.standard_error_m, reflector_error_m); }
 };
 
-// Reasons why values could not be measured, by the name of the value.
+// Reasons why values could not be measured; the key is the name of the value.
 using Unstated = std::map<std::string, std::string>;
 
 nlohmann::ordered_json json_of(const CalibrationResult& result);

@@ -19,7 +19,7 @@ inline constexpr std::array blackman{0.5 / 0.42, 0.08 / 0.42};
 // shifts the lobe of a Hann window least.
 struct Window {
   std::vector<double> terms{blackman.begin(), blackman.end()};
-  double adding = 0;  // 0: amplitudes of noise and echo add (interference); 1: powers add
+  double adding = 0;  // 0: amplitudes of noise and echo add (interference); 1: their powers add
   double skew_rad = 0;
   double zero_cells = 0;  // offset of range zero from the transform's origin, cells
 };

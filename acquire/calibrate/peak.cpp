@@ -33,7 +33,7 @@ bool inside(const Search& search, double range_m) {
   return std::abs(range_m - search.distance_m) <= search.window_m / 2;
 }
 
-// Rejects a peak because its range, range_m, is outside the window. `advice` names the likely
+// Rejects a peak because its range, `range_m`, is outside the window. `advice` names the likely
 // cause.
 void refuse_outside(Peak& peak, double range_m, const std::string& advice) {
   peak.range_m = range_m;

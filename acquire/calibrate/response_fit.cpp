@@ -33,7 +33,7 @@ struct Fitted {
 struct Problem {
   std::function<VectorXd(const VectorXd&)> model;
   std::function<VectorXd(const VectorXd&)> weights;  // weights of the data for given model values
-  std::function<double(const VectorXd&)> chi2;       // chi2 of given model values
+  std::function<double(const VectorXd&)> chi2;       // chi2 for given model values
   VectorXd measured, least, most;
 };
 

@@ -43,7 +43,7 @@ struct Calibration {
   AntennaGains antennas;
   record::Response response;
   CalibratedAxes axes = {};
-  double baseline_m = 0;  // value of radar.baseline_m during the calibration; 0 if unknown
+  double baseline_m = 0;  // value of `radar.baseline_m` during the calibration; 0 if unknown
 
   // Returns null if the sensor is not calibrated.
   const record::CalibrationEntry* find(Sensor sensor) const;

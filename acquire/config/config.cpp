@@ -255,8 +255,8 @@ void calibrate_antennas(Config& c) {
   }
 }
 
-// Throws if radar.baseline_m has changed since the calibration, because the radar offset depends on
-// it.
+// Throws if `radar.baseline_m` has changed since the calibration, because the radar offset depends
+// on the baseline.
 void refuse_other_baseline(const Config& c) {
   constexpr double allowed_m = 5e-3;
   const double measured_m = c.calibration.baseline_m;

@@ -167,9 +167,9 @@ LiveRun read_live_run(const std::string& folder) {
   // 0.
   const double slot_s = seconds(HostTime(run.slot_ns)), lasted_s = seconds(ended - *run.first_slot),
                wait_s = seconds(*run.first_slot - *run.started);
-  constexpr double shortest_s = 0.05, longest_s = 3600;  // limits of the setting run.window_s
+  constexpr double shortest_s = 0.05, longest_s = 3600;  // limits of the setting `run.window_s`
   constexpr double longest_wait_s =
-      // Sum of the limits of run.connect_timeout_s and --countdown, plus a margin.
+      // Sum of the limits of `run.connect_timeout_s` and `--countdown`, plus a margin.
       3 * 3600;
   if (!(wait_s >= 0 && wait_s <= longest_wait_s))
     throw Error(

@@ -22,8 +22,8 @@ constexpr long double longest_ps = 9.1e18L;  // maximum time of a tag, below 2^6
 constexpr long double ps_per_s = 1e12L;
 constexpr double rate_share = 0.05;  // tolerated relative difference between pulse rates
 
-// Returns true if a_s exceeds b_s by more than the tolerated difference between two clocks, 1 % +
-// 0.1 s.
+// Returns true if `a_s` exceeds `b_s` by more than the tolerated difference between two clocks, 1 %
+// + 0.1 s.
 bool later(long double a_s, long double b_s) { return a_s > 1.01L * b_s + 0.1L; }
 
 DeviceInfo device_of(const TaggedFile& file) {

@@ -45,7 +45,7 @@ class PicoquantRecords {
   // time exceeds 2^63 ps.
   bool add(std::uint32_t record, std::vector<Tag>& out);
   std::uint64_t markers() const { return markers_; }
-  // Returns the number of T3 clicks that are later than one sync period after their sync pulse.
+  // Returns the number of T3 clicks that follow their sync pulse by more than one sync period.
   std::uint64_t behind_period() const { return behind_period_; }
   long double offset_ps() const { return offset_ps_; }
   // Time of the last overflow, and overflow period, ps.

@@ -46,9 +46,9 @@ RadarRecording::FrameTime RadarRecording::read(const RadarFrame& frame) const {
           frame.time_cpu_cycles};
 }
 
-// Determines the time of a frame. After a restart of the board, the frame is dated one period after
-// the previous one, because the counter does not measure the gap. A frame number is treated as
-// corrupted if it is not between the numbers of the previous and the next frame.
+// Determines the time of a frame. After a restart of the board, the frame time is set to one period
+// after the previous frame, because the counter does not measure the gap. A frame number is treated
+// as corrupted if it is not between the numbers of the previous and the next frame.
 void RadarRecording::step(FrameTime now, const FrameTime* next) {
   const std::uint32_t usual = 101 * profile_.subframes, most = profile_.subframes << 20;
   const std::uint32_t to_now = now.position - last_->position;

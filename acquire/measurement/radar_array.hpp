@@ -98,7 +98,7 @@ std::string unpack_array(ByteView bytes, std::size_t bins, std::size_t antennas,
                          std::vector<float>& array);
 
 // The axis of the statistics has name "array", quantity "covariance", unit "m" and scale = number
-// of antennas. It contains the bins of the range profile up to array_end_m; farther bins are
+// of antennas. It contains the bins of the range profile up to `array_end_m`; farther bins are
 // outside the depth maps (depth_map.hpp).
 inline constexpr double array_end_m = 8;
 Axis array_axis(const Axis& radar, std::size_t antennas);

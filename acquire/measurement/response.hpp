@@ -52,9 +52,9 @@ struct RadarResponse {
 };
 
 // Reference point `zero` of an asymmetric response: the position at which a symmetric lobe fits
-// best. Using the peak instead would bias the ranges more. In a least-squares fit of the powers,
-// the zero z maximises the integral of power(z + u) power(z - u), and the lobe is the even part
-// about z.
+// best. If the peak were the reference point, the range bias would be larger. In a least-squares
+// fit of the powers, the zero z maximises the integral of power(z + u) power(z - u), and the lobe
+// is the even part about z.
 struct Symmetry {
   double zero = 0, peak = 0;  // positions, cells
   // Largest difference power(z + u) - power(z - u) over all u, with its sign, relative to power(z);
@@ -68,7 +68,7 @@ Symmetry symmetry_of(const std::function<double(double)>& power, double first, d
 inline const double fwhm_of_sigma = std::sqrt(8 * std::numbers::ln2);
 
 struct Response {
-  Measured irf_fwhm_ps, irf_tail_ps, irf_tail_share;  // unknown if irf_fwhm_ps is 0
+  Measured irf_fwhm_ps, irf_tail_ps, irf_tail_share;  // unknown if `irf_fwhm_ps` is 0
   RadarResponse radar;
   double taps_standard_error = 0;
   Measured radar_noise_exponent;  // -1/2 if the noise is independent between frames; 0 if unknown

@@ -7,8 +7,8 @@ namespace echofuse::record {
 
 // Compresses at level 1 (fastest) to 12 (smallest). Returns an empty result on failure.
 Bytes deflated(ByteView data, int level);
-// Compression level of the depth images in a run. They are 10 % smaller than at level 1. PNG-style
-// filters would take time without reducing the size.
+// Compression level of the depth images in a run. At this level, the images are 10 % smaller than
+// at level 1. PNG-style filters would take time without reducing the size further.
 inline constexpr int depth_level = 6;
 // Decompresses into `out`. Returns false unless the decompressed data fill `out` exactly.
 bool inflate(ByteView data, std::span<std::uint8_t> out);

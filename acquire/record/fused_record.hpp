@@ -68,7 +68,7 @@ struct FusedRecord {
   std::string label;
   std::vector<std::uint32_t> spd;  // counts per bin; empty if the sensor is missing
   std::vector<float> radar;        // range profile, in the unit of the run's radar axis
-  // Statistics of the virtual antennas (radar_array.hpp) over array_frames frames; empty if the
+  // Statistics of the virtual antennas (radar_array.hpp) over `array_frames` frames; empty if the
   // radar sends no antenna data.
   std::vector<float> array;
   std::uint64_t array_frames = 0;

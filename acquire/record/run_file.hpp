@@ -98,7 +98,7 @@ class RunWriter {
   // Reserves disk space again, so that the status can be written even if the disk is full.
   void reserve() const;
 
-  // Makes the writer wait for another program's write transaction until patience.give_up_ns,
+  // Makes the writer wait for another program's write transaction until `patience.give_up_ns`,
   // instead of at most 30 s. After that time, the waiting call throws Error(disk). `patience` must
   // outlive the writer.
   void wait_with(Patience& patience) { patience_ = &patience; }
@@ -202,7 +202,7 @@ class RunReader {
   // Returns SQLite's side files next to a closed run; they are ignored.
   std::vector<std::string> leftovers() const;
   // Returns the row of the table `run`. If the status is "open", but no process is writing the run,
-  // the status is replaced by "crashed", crashed_without_wal or copy_of_open.
+  // the status is replaced by "crashed", `crashed_without_wal` or `copy_of_open`.
   RunInfo info() const;
   std::vector<DeviceInfo> devices() const;
   std::map<std::string, std::string> policies() const;  // "required" or "optional" by sensor

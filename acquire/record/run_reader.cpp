@@ -184,7 +184,8 @@ void RunReader::open(const std::string& network) {
   closed_ = journal_version(db_) == 1;  // the writer may have closed the run after is_closed()
   if (closed_) return unchanging();
   if (code == SQLITE_CANTOPEN || code == SQLITE_READONLY) {
-    // An immutable connection would ignore records in a WAL and a journal that must be rolled back.
+    // An immutable connection would ignore the records in a WAL. It would also ignore a journal
+    // that must be rolled back.
     for (const char* beside : {"-wal", "-journal"})
       if (bytes_of(file_ + beside) > 0 && !lacks_wal_)
         throw Error(ExitCode::failed, shown_ + ": was not closed, and its last records are in " +
@@ -321,7 +322,7 @@ void RunReader::check_axis(const Axis& axis) const {
            short_text(axis.step) + " and " + short_text(axis.scale) +
            "; expected finite numbers, |step| of at least 1e-15, scale above 0");
   const double most = std::max(1e9, 256 * static_cast<double>(bytes_));
-  // The size of map_x is both the width and the height of the map.
+  // The size of axis `map_x` is both the width and the height of the map.
   double values = std::pow(static_cast<double>(points), axis.name == "map_x" ? 2 : 1);
   if (axis.name == "spd") values *= static_cast<double>(histograms_of(zones()));
   const std::size_t antennas = axis.name == "array" ? antennas_of(axis) : 1;
@@ -444,7 +445,7 @@ RunSummary RunReader::summary() const {
     sum.first_utc = ends.front().slot_utc;
     sum.last_utc = ends.back().slot_utc + (ends.back().slot_end - ends.back().slot_start);
   }
-  // Counts rows here, because GROUP BY would sort a copy of all rows.
+  // Counts the rows in C++, because GROUP BY would make SQLite sort a copy of all rows.
   const auto count_by = [&](const char* sql, std::map<std::string, std::int64_t>& into) {
     Statement rows = ask(sql);
     while (rows.step()) ++into[rows.text()];

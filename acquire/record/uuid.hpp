@@ -7,7 +7,7 @@
 
 namespace echofuse::record {
 
-// Formats `w` as a UUID (RFC 9562), with the bits of version and variant replaced.
+// Formats `w` as a UUID (RFC 9562), with the version and variant bits replaced.
 inline std::string uuid_text(std::array<std::uint32_t, 4> w, std::uint32_t version) {
   w[1] = (w[1] & 0xffff0fffU) | version << 12;
   w[2] = (w[2] & 0x3fffffffU) | 0x80000000U;

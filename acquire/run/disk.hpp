@@ -40,7 +40,7 @@ struct DiskEstimate {
   double needed_bytes = 0;
   double lasts_s = 0;  // recording time until the disk is full
 };
-// Requires plan.record_bytes > 0.
+// Requires `plan.record_bytes` > 0.
 DiskEstimate estimate_disk(const PlannedRun& plan, double free_bytes);
 
 // Returns the size of the sensor data of one record with these axes, in bytes. This is an
@@ -66,7 +66,7 @@ DiskSpeed measure_disk(const std::string& folder, std::size_t commit_bytes);
 
 Finding speed_finding(const DiskSpeed& speed, const PlannedRun& plan);
 // Returns a problem if the planned records need more space than is free. If the number of records
-// is unlimited, returns a warning if the space lasts less than `short_s`.
+// is unlimited, returns a warning if the free space lasts for less than `short_s` seconds.
 Finding space_finding(double free_bytes, const PlannedRun& plan, double short_s = 3600);
 
 // Checks the speed and the free space of the disk. If the record size is unknown, only reports the

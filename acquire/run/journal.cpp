@@ -279,8 +279,8 @@ bool Journal::finish(const std::string& status) {
   try {
     run_->close(code == ExitCode::disk ? "stopped:disk" : "stopped:failed", missing);
   } catch (const Error&) {
-    // Keeps the first error, unless the file is damaged, because the new error then names the
-    // rescued copy.
+    // Normally keeps the first error. If the file is damaged, throws the new error instead, because
+    // it names the rescued copy.
     if (run_->lost()) throw;
   }
   throw Error(code, why);

@@ -44,9 +44,9 @@ bool is_even(const std::vector<std::uint32_t>& counts) {
   return true;
 }
 
-// Returns true if a and b differ only by rounding. Means of equal log2 codes over different numbers
-// of frames differ by less than 0.01. The scale of linear power is arbitrary, so its tolerance is
-// relative to the maximum.
+// Returns true if `a` and `b` differ only by rounding. Means of equal log2 codes over different
+// numbers of frames differ by less than 0.01. The scale of linear power is arbitrary, so its
+// tolerance is relative to the maximum.
 bool same_profile(const std::vector<float>& a, const std::vector<float>& b, bool codes) {
   const float top = a.empty() ? 0 : std::ranges::max(a);
   const float rounding = codes ? 0.01F : 1e-5F * std::abs(top);

@@ -28,8 +28,8 @@ class SignalCheck {
   // beyond `far_m` are treated as no return.
   SignalCheck(const SignalLimits& limits, double window_s, PerSensor<double> nominal_hz = {},
               double far_m = record::most_map_far_m);
-  // Fills record.signal except clicks_a_pulse, and sets the verdicts of valid sensors. Call in the
-  // order of the records. `axes`: axes of the run. `ends`: times at which the recordings of the
+  // Fills `record.signal` except `clicks_a_pulse`, and sets the verdicts of valid sensors. Call in
+  // the order of the records. `axes`: axes of the run. `ends`: times at which the recordings of the
   // sensors end. If a recording ends within the slot, samples are expected only up to that time.
   using RecordingEnds = PerSensor<std::optional<HostTime>>;
   void assess(record::FusedRecord& record, std::span<const Axis> axes,

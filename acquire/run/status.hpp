@@ -53,8 +53,8 @@ struct StatusTimes {
   std::optional<double> remaining_s;    // remaining time, if the number of slots is known
   std::optional<std::int64_t> records;  // planned number of records, if known
 };
-// Returns the fields of the status line. Each sensor is shown by its letter (S, R, D). The letter
-// is in lower case if the sensor is doubtful, and is replaced by a dash if it is not valid.
+// Returns the fields of the status line. Each sensor is represented by a letter (S, R, D). The
+// letter is in lower case if the sensor is doubtful, and is replaced by a dash if it is not valid.
 std::vector<StatusField> status_fields(const RunTotals& now, const StatusTimes& times);
 
 // Joins the fields that fit into `columns`, separated by two spaces; joins all fields if `columns`

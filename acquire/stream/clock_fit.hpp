@@ -46,8 +46,8 @@ class ClockFit {
   // Returns true if the fit is reliable: it has at least 32 samples over at least 0.5 s, the latest
   // sample is not suspect, and the clock rates of device and host agree within 5 %.
   bool sound() const;
-  // Returns the host time of the measurement, which is at most the time of receipt. If the fit is
-  // not sound, it is the time of receipt.
+  // Returns the host time of the measurement, which is never later than the time of receipt. If the
+  // fit is not sound, returns the time of receipt.
   HostTime taken(std::uint64_t ticks, HostTime received) const;
   // Returns the state of the fit at a host time; no value if the fit is not sound.
   std::optional<record::ClockState> state(HostTime at) const;

@@ -27,8 +27,8 @@
 
 namespace echofuse::acquire {
 
-// Returns a warning with a suitable bin width if tags in steps of `step_ps` make the bins uneven;
-// otherwise an empty string.
+// Returns a warning with a suitable bin width if tag times in multiples of `step_ps` make the bins
+// uneven; otherwise an empty string.
 std::string comb_text(long double step_ps, std::int64_t bin_width_ps);
 
 class TagCheck {
@@ -40,7 +40,7 @@ class TagCheck {
 
   using Output = std::function<void(const TagBlock&)>;
   // Calls `out` with the events that waited for this block, then with the events of the block. The
-  // times of these events are repaired.
+  // times of all these events have been repaired.
   void take(const TagBlock& block, const Output& out);
   // Calls `out` with the events that are still waiting. Call at the end of the stream.
   void flush(const Output& out);
