@@ -21,7 +21,7 @@ struct CalibrateOptions {
   double distance_error_m = Reflector().distance_error_m;
   double baseline_error_m = Reflector().baseline_error_m;
   std::optional<Sensor> only;  // sensor to measure; no value: both sensors
-  // If set, only checks whether the antenna row is swapped. The reflector has been moved to this
+  // If set, only checks whether the antenna order is reversed. The reflector has been moved to this
   // side.
   std::optional<Side> side;
   std::int64_t repeats = 20;
@@ -32,9 +32,10 @@ struct CalibrateOptions {
 
 // Measures the sensors and writes their calibration to config.calibration_path. Entries of other
 // sensors in that file are kept. Returns ExitCode::device if a sensor could not be measured. If
-// `check` is set, writes nothing and returns ExitCode::failed if a sensor differs by more than
-// three standard errors. If `side` is set, returns ExitCode::failed if the antenna row is swapped.
-// Throws Error(config) before the measurement if the file exists but is unreadable.
+// `check` is set, writes nothing and returns ExitCode::failed if a sensor differs from its stored
+// calibration by more than three standard errors. If `side` is set, returns ExitCode::failed if the
+// antenna order is reversed. Throws Error(config) before the measurement if the file exists but is
+// unreadable.
 ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::Loop& loop);
 
 }  // namespace echofuse::acquire

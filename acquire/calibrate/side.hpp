@@ -29,8 +29,8 @@ SidePlace place_at(Side side, const Reflector& reflector, double sine);
 struct SideFinding {
   double sine = 0, expected = 0, if_swapped = 0;
   bool swapped = false;
-  // Reason for the rejection if the echo has neither the expected nor the swapped direction;
-  // otherwise empty.
+  // Reason for the rejection if the direction of the echo matches neither the normal nor the
+  // reversed antenna order; otherwise empty.
   std::string refusal;
 };
 // Uses the calibrated phases to find the direction of a wave. `seen`: gains and phases of this

@@ -35,11 +35,12 @@ struct Catalogue {
   std::string left_out;  // one line per file that is not a readable run, with the reason
 };
 
-// Lists all runs (*.sqlite) of the folder, oldest first. The text has one line per run, and the
-// details of live runs at its end. The JSON is an array with one object per run. For a live run its
-// member `live` contains last_index, age_s (time since the end of the last slot), label, and
-// sensors: {NAME: {verdict, valid, used, lost}}. `verdict`, `valid` and `used` refer to the last
-// record, `lost` to the whole run. Throws Error(failed) if the folder cannot be read.
+// Lists all runs (*.sqlite) of the folder, oldest first. The text output has one line per run,
+// followed by the details of live runs. The JSON is an array with one object per run. For a live
+// run its member `live` contains last_index, age_s (time since the end of the last slot), label,
+// and sensors: {NAME: {verdict, valid, used, lost}}. `verdict`, `valid` and `used` describe the
+// last record; `lost` is the total of the whole run. Throws Error(failed) if the folder cannot be
+// read.
 Catalogue list_runs(const std::string& folder, const Clock& clock, bool json);
 
 }  // namespace echofuse::acquire

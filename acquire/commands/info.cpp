@@ -40,8 +40,8 @@ Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
           {"places", antennas}};
 }
 
-// Returns the direction and the total clicks of each detector zone; an empty array for a single
-// pixel.
+// Returns the direction and the total clicks of each detector zone; an empty array for a
+// single-pixel detector.
 Json zones_of(const record::RunReader& run) {
   const Zones zones = run.zones();
   std::vector<double> clicks(zones.size());

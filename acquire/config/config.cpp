@@ -176,7 +176,7 @@ class ConfigChecker {
   ConfigChecker(const Settings& settings, std::string name, std::vector<std::string>& faults)
       : settings_(settings), name_(std::move(name)), faults_(faults) {}
 
-  // Reports an error with the origin of the first of `keys` that has been set.
+  // Reports an error with the origin of the first key in `keys` that has been set.
   void complain(std::initializer_list<const char*> keys, const std::string& what) {
     for (const char* key : keys)
       if (settings_.refused(key)) return;  // the error of this key has already been reported

@@ -22,9 +22,9 @@ struct Holder {
 std::string lock_folder();
 
 // Returns the file name of the lock for a configured address. Two spellings of one serial, USB or
-// HID address give two locks, but the second program then fails to open the device exclusively.
-// Returns an empty name for a recording, because several programs may read it. Also returns an
-// empty name for an OpenNI2 address without a URI if several cameras are attached.
+// HID address result in two locks, but the second program then fails to open the device
+// exclusively. Returns an empty name for a recording, because several programs may read it. Also
+// returns an empty name for an OpenNI2 address without a URI if several cameras are attached.
 std::string lock_name(const std::string& address);
 
 // Locks of this process, held until destruction, including while a device is disconnected or

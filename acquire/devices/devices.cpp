@@ -63,7 +63,7 @@ void Devices::take(const std::string& command, const std::string& run) {
 void Devices::start() {
   const std::string oldest = iso8601(loop_.utc() - calibration_keeps);
   for (const auto& entry : config_.calibration.entries)
-    // ISO 8601 times can be compared as text.
+    // ISO 8601 times can be compared as strings.
     if (status(entry.sensor).configured && entry.date_utc < oldest)
       next_->on_event(entry.sensor, Severity::warning,
                       "the calibration of " + printable(entry.date_utc, 40) +

@@ -92,7 +92,7 @@ struct DoctorOptions {
 };
 
 // Runs all checks and prints one line for each. If `config` is empty, only the machine is checked.
-// Returns the lowest exit code of all problems, or ok.
+// Returns the lowest exit code of all problems, or ExitCode::ok.
 ExitCode examine(const std::optional<Config>& config, const DoctorOptions& options,
                  port::Loop& loop);
 

@@ -95,7 +95,7 @@ void take_cfg(Config& config, const std::string& recording, const std::string& c
   if (antennas.size() != config.antennas.size()) config.antennas = antennas;
 }
 
-// Stores the counters and warnings of each recording, then finishes the run. Returns the text of
+// Stores the counters and warnings of each recording, then finishes the run. Returns the result of
 // ImportedRun::finish().
 std::string conclude(ImportedRun& import, const std::vector<std::unique_ptr<Recording>>& recordings,
                      const std::vector<std::string>& faults) {

@@ -34,9 +34,9 @@ UtcTime parse_utc(const std::string& text);
 // Creates a run from recordings. Returns a line about its contents, then one line for each missing
 // or assumed item; these lines are also written to the run as events. The slots, histogram, board
 // and calibration are those of `config`; the addresses in `config` are ignored. Throws Error(usage)
-// for an unknown file type; Error(failed) if a file is unreadable or gives no valid record, or if
+// for an unknown file type; Error(failed) if a file is unreadable or yields no valid record, or if
 // the run exists; Error(disk) if the run cannot be written. Throws Error(partial) if the run was
-// written but one of the files gives no valid record.
+// written but one of the files yields no valid record.
 std::string import_recordings(Config config, const ImportOptions& options);
 
 // Converts a folder of NumPy arrays (array_folder.hpp) into the run file `out`. No other function
@@ -45,7 +45,7 @@ std::string import_recordings(Config config, const ImportOptions& options);
 // values of that run; its axes, calibration, antennas, labels, times and metadata are copied.
 // Returns a line about the contents of the run, then the warnings, one per line. Throws
 // Error(config) if run.toml does not match the arrays; Error(failed) if arrays are unreadable, do
-// not match each other or give no valid record; Error(disk) if the run cannot be written.
+// not match each other or yield no valid record; Error(disk) if the run cannot be written.
 std::string import_arrays(const std::string& folder, const std::string& out,
                           std::optional<UtcTime> began);
 

@@ -20,7 +20,7 @@ std::string network_of_mount(std::istream& mountinfo, const std::string& device)
 std::string network_of(const std::string& path);
 
 // Throws Error(failed) if the run on this network file system is being written or was not closed.
-// Writes of another machine may be only partly visible.
+// Writes by another machine may be only partly visible.
 void require_closed(const std::string& path, const std::string& network);
 
 }  // namespace echofuse::record

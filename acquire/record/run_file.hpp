@@ -209,7 +209,7 @@ class RunReader {
   std::vector<Anchor> anchors() const;
   std::vector<CalibrationEntry> calibrations() const;
   Antennas antennas() const;  // empty if the radar sent no antenna samples
-  Zones zones() const;        // empty for a single pixel
+  Zones zones() const;        // empty for a single-pixel detector
   std::vector<Event> events() const;
   std::vector<Event> last_events(std::size_t most) const;  // the last `most` events, oldest first
   std::vector<CounterRow> counters() const;

@@ -270,7 +270,7 @@ std::optional<std::string> RunWriter::new_label(UtcTime before) {
   require_sound();
   Statement s(db_, path_, "SELECT id, level, utc, text FROM event WHERE id > ? ORDER BY id");
   s.bind(last_event_);
-  const std::string end = iso8601(before);  // ISO 8601 times can be compared as text
+  const std::string end = iso8601(before);  // ISO 8601 times can be compared as strings
   std::optional<std::string> label;
   while (s.step()) {
     const std::int64_t id = s.integer();

@@ -118,7 +118,7 @@ bool lacks_wal(const std::string& path) {
 
 // The first write creates the header of the WAL. It must change the stored key, because SQLite does
 // not write an unchanged value. The TRUNCATE checkpoint raises the checkpoint count of this
-// connection above 0, because SQLite chooses new salts at 0.
+// connection above 0, because SQLite would choose new salts if the count were 0.
 void bind_wal(sqlite3* db, const std::string& path) {
   put_key(db, path, "none");
   const std::string key = text_of(wal_key(path));

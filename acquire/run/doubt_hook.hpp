@@ -39,7 +39,8 @@ class DoubtHook {
   // record.
   void take(const record::FusedRecord& record, SensorSet configured, const std::string& run);
   void take_disk(std::optional<std::uint64_t> free_bytes, UtcTime now, const std::string& run);
-  // Starts the program for the next change; kills a program that runs too long. Call every 50 ms.
+  // Starts the program for the next change; kills a program that has run for longer than `longest`.
+  // Call every 50 ms.
   void update(HostTime now);
   // Spends at most one second on reporting the waiting changes, then kills the running program.
   // Warns about changes that were not reported.

@@ -36,8 +36,8 @@ class SignalCheck {
               const RecordingEnds& ends = {});
 
  private:
-  // Median strength of a sensor's signal in the first minute of the run; no value before five
-  // records.
+  // Median strength of a sensor's signal in the first minute of the run; no value until five
+  // records are available.
   class Reference {
    public:
     std::optional<double> add(double strength, std::size_t at_most);
