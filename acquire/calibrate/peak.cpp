@@ -19,8 +19,8 @@ constexpr double pi = std::numbers::pi;
 constexpr double least_photon_snr = 10;  // minimum ratio of the amplitude to its standard error
 constexpr double least_echo_db = 10;
 constexpr std::size_t least_bins = 8;
-// Error, in bins, of the vertex of a parabola through log powers. It applies to one bin per
-// resolution cell and a lobe at most as wide as that of a Hann window.
+// Error, in bins, of the vertex of a parabola through log powers. It applies if there is one bin
+// per resolution cell and the lobe is at most as wide as that of a Hann window.
 constexpr double parabola_error = 0.02;
 
 std::string at(const char* text, double range_m) {
@@ -331,8 +331,8 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
   }
   const auto wide = static_cast<std::size_t>(std::max(1.0, 200 / step_ps));
   const BinRange all{0, counts.size()};
-  // Extends the window by half a pulse on each side, so that a pulse at its border is fitted
-  // completely.
+  // Extends the window by half a pulse on each side, so that a pulse at the border of the window is
+  // fitted completely.
   BinRange window{bin_of(search.distance_m - search.window_m / 2),
                   bin_of(search.distance_m + search.window_m / 2)};
   window = {window.from - std::min(window.from, wide / 2),

@@ -268,9 +268,9 @@ class EchoFit {
     constexpr Index least_bins = 2;
     return std::min(top_ - first_, first_ + count_ - 1 - top_) >= least_bins;
   }
-  // Fits windows with and without a phase error. Each additional parameter must reduce chi2 by at
-  // least `least_gain`. A phase error is rejected if the fit is bad, because two echoes rarely fit
-  // a single window well.
+  // Fits windows with and without a phase error. Each additional parameter must reduce chi2 by more
+  // than `least_gain`. A phase error is rejected if the fit is bad, because two echoes rarely fit a
+  // single window well.
   void fit() {
     constexpr std::pair<double, double> shapes[] = {
         {0, 0}, {1, 0}, {blackman[0], blackman[1]}, {0.6, -0.3}, {1.9, 1.3}};

@@ -17,7 +17,7 @@ namespace echofuse::acquire {
 
 // Fits a Gaussian on a constant background to the Poisson counts of the search window, by maximum
 // likelihood (Levenberg-Marquardt). Adds an exponential tail for a fraction of the photons if the
-// tail reduces the deviance by at least 9. Sets `irf_fwhm_ps`, `irf_tail_ps` and `irf_tail_share`
+// tail reduces the deviance by more than 9. Sets `irf_fwhm_ps`, `irf_tail_ps` and `irf_tail_share`
 // with Cramer-Rao errors.
 std::string fit_impulse_response(std::span<const std::uint32_t> counts, double start_ps,
                                  double step_ps, const Search& search, record::Response& out);
@@ -33,8 +33,8 @@ struct WindowFit {
 
 // Fits the transform of a window 1 + a cos(2 pi t) + b cos(4 pi t) + ... over the sweep (Harris,
 // Proc. IEEE 66, 1978) to the powers around the peak, by least squares. The terms a, b, ... are the
-// amplitudes at whole cells. Up to six terms are used; each further term must reduce chi2 by at
-// least 9. A cubic phase error makes the flanks unequal; it is added if it reduces chi2 by at least
+// amplitudes at whole cells. Up to six terms are used; each further term must reduce chi2 by more
+// than 9. A cubic phase error makes the flanks unequal; it is added if it reduces chi2 by more than
 // 9. The taps are then those of the even part (record::symmetry_of). Errors are derived from the
 // scatter of the frames and the precision of the firmware's arithmetic, and increased if the fit is
 // bad. Bins in which one flank has more than three times the power of the other flank are excluded,

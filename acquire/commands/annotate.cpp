@@ -10,8 +10,8 @@
 namespace echofuse::acquire {
 namespace {
 
-// Returns the index of the current slot's record, extrapolated from the last record on disk;
-// nothing if it is unknown.
+// Returns the index of the current slot's record, extrapolated from the last record on disk; no
+// value if the index is unknown.
 std::optional<std::int64_t> running_record(const record::RunReader& run, UtcTime now) {
   const record::RunSummary sum = run.summary();
   const double window_s = run.info().window_s;

@@ -18,7 +18,7 @@ struct Holder {
 };
 
 // Returns the folder of the lock files. All users share it, so that each program sees the locks of
-// other users' programs. $ECHOFUSE_LOCKS overrides it.
+// other users' programs. The environment variable ECHOFUSE_LOCKS overrides the default folder.
 std::string lock_folder();
 
 // Returns the file name of the lock for a configured address. Two spellings of one serial, USB or
@@ -32,7 +32,7 @@ std::string lock_name(const std::string& address);
 class DeviceLocks {
  public:
   // Takes all locks that are free. `command`: name of the command, e.g. "run"; `run`: path of the
-  // run file that it will create. Throws Error(device) if a lock file cannot be used.
+  // run file that the command will create. Throws Error(device) if a lock file cannot be used.
   DeviceLocks(const Config& config, const std::string& command, const std::string& run = {});
 
   // Writes the command and the run file of this process into its locks.

@@ -39,7 +39,7 @@ class Devices final : private SampleSink {
   // Takes the locks of all configured devices. `command`: command of echofuse-acquire; `run`: its
   // run file. Throws Error(device) that names the program holding a lock.
   void take(const std::string& command, const std::string& run = {});
-  // Writes the command and its next run file into the locks.
+  // Writes the name of the command and the path of its next run file into the locks.
   void name_run(const std::string& command, const std::string& run) { locks_->write(command, run); }
   // Takes only the locks that are free.
   void take_free(const std::string& command);

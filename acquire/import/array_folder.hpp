@@ -47,7 +47,7 @@ class ArrayFolder {
   const record::Antennas& antennas() const { return antennas_; }
   const Zones& zones() const { return zones_; }
   std::vector<Axis> axes() const;
-  // Throws Error(failed) if the arrays do not match these axes and zones.
+  // Throws Error(failed) if the arrays do not match `axes` and `zones`.
   void require_shapes(const std::vector<Axis>& axes, const Zones& zones) const;
   // Returns the record number of the next row, which is read from index.npy if that file exists.
   std::int64_t next_index();

@@ -12,9 +12,9 @@ class Recording {
  public:
   virtual ~Recording() = default;
   virtual DeviceInfo device() const = 0;
-  // Passes the next samples to the sink, but no other events. Sets the receive time of these
-  // samples to the time of the last of these samples, relative to the start of the recording.
-  // Returns false at the end of the recording. Throws Error(failed) on a read error.
+  // Passes the next samples to the sink, but no other events. Sets the receive time of all these
+  // samples to the time of the last sample, relative to the start of the recording. Returns false
+  // at the end of the recording. Throws Error(failed) on a read error.
   virtual bool next(SampleSink& sink) = 0;
   // Returns the host time of the last samples.
   virtual HostTime at() const = 0;

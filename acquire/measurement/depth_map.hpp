@@ -43,8 +43,8 @@ inline constexpr double least_map_far_m = 0.1, most_map_far_m = 65;
 // are not a valid grid.
 MapGrid map_grid_of(std::span<const Axis> axes);
 
-// Returns an axis of a depth map with `size` pixels over tangents of +-half_tangent. The outermost
-// pixel centres are half a pixel inside these limits.
+// Returns an axis of a depth map with `size` pixels over tangents of +-`half_tangent`. The
+// outermost pixel centres are half a pixel inside these limits.
 Axis depth_x_axis(std::uint32_t size, double half_tangent);
 Axis depth_y_axis(std::uint32_t size, double half_tangent);
 

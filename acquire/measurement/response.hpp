@@ -81,8 +81,8 @@ struct Response {
 // Reads the response from the metadata of a run. Missing or invalid parts remain unknown.
 Response response_of(const std::vector<std::pair<std::string, std::string>>& meta);
 
-// Returns the distance between detector and radar from the metadata of a run (radar_baseline_m); 0
-// if it is missing or invalid.
+// Returns the distance between the detector and the radar from the metadata of a run
+// (radar_baseline_m); 0 if it is missing or invalid.
 double radar_baseline_m(const std::vector<std::pair<std::string, std::string>>& meta);
 
 }  // namespace echofuse::record

@@ -24,8 +24,8 @@ class FileWatch {
   void note();
   // Call after each of our commits. From then on, the WAL and its index must not become shorter.
   void note_commit();
-  // Returns true if the WAL has become shorter since note_commit(). A checkpoint of another program
-  // may also truncate it, but changes the database first, so that touched() returns true.
+  // Returns true if the WAL has become shorter since note_commit(). A checkpoint by another program
+  // may also truncate the WAL. It changes the database first, so touched() then returns true.
   bool wal_shortened() const;
   // Restores the length of a truncated index. Otherwise SQLite would raise SIGBUS when it accesses
   // the mapped file. SQLite reads the restored part as zeros and rebuilds the index from the WAL.

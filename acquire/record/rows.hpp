@@ -89,8 +89,8 @@ class Row {
   Statement* statement_ = nullptr;
   Purpose does_ = Purpose::list;
   const char* key_ = "";
-  // absent_: the group to be written is empty. seen_: at least one column that was read is not
-  // NULL.
+  // `absent_`: true if the group to be written is empty. `seen_`: true if at least one column that
+  // was read is not NULL.
   bool absent_ = false, seen_ = false;
   std::string fault_, table_, names_, declared_, values_;
 };

@@ -53,9 +53,10 @@ struct Patience {
 // also copies the committed records to another file, which its Error names.
 class RunWriter {
  public:
-  // Throws if the path exists. Creates a uuid if `info` has none. `clock` supplies the start and
-  // end times and must outlive the writer. The file appears at `path` after `begin` has written its
-  // rows. If the process is killed earlier, PATH-new remains until the next writer removes it.
+  // Throws if the path exists. Creates a UUID if `info` does not contain one. `clock` supplies the
+  // start and end times and must outlive the writer. The file appears at `path` after `begin` has
+  // written its rows. If the process is killed earlier, PATH-new remains until the next writer
+  // removes it.
   using Begin = std::function<void(RunWriter&)>;
   RunWriter(const std::string& path, const RunInfo& info, const Clock& clock = system_clock,
             const Begin& begin = {});
@@ -166,7 +167,7 @@ struct RunSummary {
   std::map<std::string, std::string> policies;  // "required" or "optional" for each sensor
   // Number of records by sensor and verdict. Details after the colon of a verdict are omitted.
   PerSensor<std::map<std::string, std::int64_t>> verdicts;
-  PerSensor<std::optional<ClockState>> clocks;  // clock fits of the last record that has them
+  PerSensor<std::optional<ClockState>> clocks;  // clock fits of the last record with clock fits
 };
 
 // Returns e.g. "28 of 75 doubtful: radar missing 11, weak 10; camera frozen 7"; empty if all are
@@ -174,14 +175,15 @@ struct RunSummary {
 std::string doubts_of(const RunSummary& sum);
 // Returns the part of a verdict before its colon.
 std::string verdict_kind(const std::string& verdict);
-// Adds the verdicts of one record to sum.verdicts and sum.doubtful.
+// Adds the verdicts of one record to `sum.verdicts` and `sum.doubtful`.
 void count_verdicts(RunSummary& sum, const PerSensor<std::string>& verdicts);
 
 // Status of an unclosed run that lacks the -wal with its last records. Usually the file is an
-// incomplete copy. A run that was killed at its start looks the same.
+// incomplete copy. The status is the same if the recording process was killed while it was starting
+// the run.
 inline constexpr const char* crashed_without_wal = "crashed, no -wal";
-// Status of a copy that SQLite made of an open run (VACUUM INTO). It is a closed file with the
-// records of that moment.
+// Status of a copy that SQLite made of an open run (VACUUM INTO). The copy is a closed file and
+// contains the records up to the time of copying.
 inline constexpr const char* copy_of_open = "copy of an open run";
 
 // Reads closed, live and crashed runs. Threading: one thread at a time.

@@ -179,7 +179,7 @@ void RunReader::open(const std::string& network) {
   // read-only medium, no process is writing, and an immutable connection needs no such file.
   int code = try_to_open(file_, SQLITE_OPEN_READONLY);
   // A writer was killed while starting or closing the run. Only a writable connection can roll back
-  // its transaction.
+  // the writer's transaction.
   if (code == SQLITE_READONLY) code = try_to_open(file_, SQLITE_OPEN_READWRITE);
   closed_ = journal_version(db_) == 1;  // the writer may have closed the run after is_closed()
   if (closed_) return unchanging();
@@ -274,7 +274,7 @@ Antennas RunReader::antennas() const {
   return out;
 }
 
-// Checks the definition of the table, because a live run may create it after check_tables().
+// Checks the table definition, because a live run may create the table after check_tables().
 Zones RunReader::zones() const {
   const Row& table = table_of<Zone>();
   Statement stored = ask("SELECT sql FROM sqlite_schema WHERE name = '" + table.name() + "'");
@@ -386,8 +386,8 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
     }
   };
   while (step()) {
-    // Reads the axes after the first row, because a live run may add axes together with its first
-    // record.
+    // Reads the axes after the first row, because the writer of a live run may add axes together
+    // with the first record.
     if (!known) known.emplace(axes(), histograms_of(zones()));
     RecordDecoder one;
     one.read(row, *known, sensors);

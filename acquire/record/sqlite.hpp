@@ -55,8 +55,9 @@ inline void require_regular_files(const std::string& path) {
 using DatabaseHandle = std::unique_ptr<sqlite3, int (*)(sqlite3*)>;
 
 // Returns the file format version, which is in bytes 18 and 19 of the header. It is 1 for a closed
-// run and 2 for a run with a WAL. Returns 0 if the bytes differ. Reads through SQLite's file
-// descriptor, because closing another descriptor of the file would release SQLite's locks.
+// run and 2 for a run with a WAL. Returns 0 if the two bytes differ from each other. Reads through
+// SQLite's file descriptor, because closing another descriptor of the file would release SQLite's
+// locks.
 inline int journal_version(sqlite3* db) {
   sqlite3_file* file = nullptr;
   std::uint8_t versions[2] = {};

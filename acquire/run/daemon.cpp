@@ -24,8 +24,8 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr auto tick_pause = std::chrono::milliseconds(50);
-// Delay from the creation of the run file to slot 0. Data that arrived while the file was created
-// are read during this time.
+// Delay from the creation of the run file to slot 0. Data that arrived while the file was being
+// created are read during this delay.
 constexpr auto settle_time = std::chrono::milliseconds(100);
 
 // Longest wait for the current slot after SIGTERM, which must close a run within 5 s. The remaining

@@ -56,7 +56,8 @@ class Journal {
   using MakeRun = std::function<std::unique_ptr<record::RunWriter>()>;
   void begin_next(MakeRun make);
   void put_config(const Config& config);
-  void put_device(const DeviceInfo& device);  // writes one row per device, even if it reconnects
+  void put_device(
+      const DeviceInfo& device);  // writes one row per device, even if the device reconnects
   // Writes the axes that the file does not contain yet. Writes the zones together with axis "spd".
   void put_axes(const std::vector<Axis>& axes, const Zones& zones = {});
   // Writes the number of late samples of each record.
@@ -66,7 +67,7 @@ class Journal {
   void put_counters(PerSensor<std::vector<Counter>> counters, const UnassignedSamples& unassigned);
 
   // Writes a clock anchor once per minute. If the system clock was set or the machine was
-  // suspended, writes one immediately and logs a warning.
+  // suspended, writes an anchor immediately and logs a warning.
   void refresh_anchor(RunLog& log);
   // Returns the start of a slot as UTC. Call in slot order. Slots that began before the system
   // clock was set keep the old time.
@@ -85,10 +86,10 @@ class Journal {
   // Returns the free space of the disk after the last record in bytes; no value if unknown.
   std::optional<std::uint64_t> free_bytes() const;
 
-  // Completes the waiting jobs and closes the run with this status. If a job failed, closes the run
-  // as "stopped:disk" or, for other reasons, "stopped:failed". Then throws the Error of that job,
-  // with the number of missing records. Returns false if another program that reads the run
-  // prevents merging the WAL into the file (RunWriter::close).
+  // Completes the waiting jobs and closes the run with `status`. If a job failed, closes the run as
+  // "stopped:disk" or, for other reasons, "stopped:failed". Then throws the Error of that job, with
+  // the number of missing records. Returns false if another program that reads the run prevents
+  // merging the WAL into the file (RunWriter::close).
   bool finish(const std::string& status);
 
  private:

@@ -223,7 +223,7 @@ void StatusLine::show(HostTime now, const RunTotals& totals, const char* before,
     if (total_)
       times.remaining_s = std::max(0.0, static_cast<double>(*total_) * window_s_ - times.elapsed_s);
     const auto fields = status_fields(totals, times);
-    // The last column stays empty, because some terminals wrap a line that fills it.
+    // The last column stays empty, because some terminals wrap a line that fills the last column.
     const std::string line =
         terminal_ ? "\r\033[K" + status_line(fields, columns_of_terminal() - 1, colours_)
                   : status_line(fields, std::nullopt, false) + "\n";

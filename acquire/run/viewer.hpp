@@ -9,8 +9,8 @@
 
 namespace echofuse::acquire {
 
-// Starts the viewer as a separate program, which prints the address of its page. If it fails to
-// start, logs a warning, so that the run continues.
+// Starts the viewer as a separate program, which prints the address of its page. If the viewer
+// fails to start, logs a warning and lets the run continue.
 class Viewer {
  public:
   // The run file need not exist yet. `planned`: planned number of records. `model`: model for the

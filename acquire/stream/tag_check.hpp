@@ -97,7 +97,7 @@ class TagCheck {
   std::vector<Tag> repaired_, held_;
   HostTime held_received_{};
   bool hold_ = true;
-  std::optional<std::uint64_t> last_ps_;  // last time as sent by the device, before it is repaired
+  std::optional<std::uint64_t> last_ps_;  // last time as sent by the device, without repair
   std::uint64_t highest_ps_ = 0, offset_ps_ = 0;
   // Counts of the faults in the current second.
   std::uint64_t wrapped_ = 0, stepped_back_ = 0, sorted_ = 0, farthest_back_ps_ = 0;
