@@ -56,8 +56,7 @@ class Journal {
   using MakeRun = std::function<std::unique_ptr<record::RunWriter>()>;
   void begin_next(MakeRun make);
   void put_config(const Config& config);
-  void put_device(
-      const DeviceInfo& device);  // writes one row per device, even if the device reconnects
+  void put_device(const DeviceInfo& device);  // writes one row per device, even after reconnection
   // Writes the axes that the file does not contain yet. Writes the zones together with axis "spd".
   void put_axes(const std::vector<Axis>& axes, const Zones& zones = {});
   // Writes the number of late samples of each record.
