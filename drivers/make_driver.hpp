@@ -26,8 +26,8 @@ struct TdcConfig {
 };
 
 struct RadarConfig {
-  std::string cli, data;  // addresses of command port and data port
-  std::string cfg_text;   // text of the cfg, sent unchanged line by line
+  std::string cli, data;  // addresses of the command port and the data port
+  std::string cfg_text;   // contents of the cfg, sent line by line
   std::string cfg_name;   // name of the cfg in messages, usually its file name
   // baud rate of the command port in TI's out-of-box demo
   static constexpr std::uint32_t cli_baud = 115200;

@@ -131,7 +131,7 @@ void BridgeClient::on_hello(const Block& block) {
   handlers_.state(DeviceState::streaming, hello_);
 }
 
-// Destroys the port, which is safe even in a handler of the parser or of the port.
+// Destroys the port. Handlers of the parser and of the port may call this function.
 void BridgeClient::fail(const std::string& why) {
   if (!running_) return;
   port_.reset();

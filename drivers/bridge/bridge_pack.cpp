@@ -12,8 +12,8 @@ using namespace echofuse;
 
 namespace {
 
-// Moves the tags of the start and click channels and all markers to the front. Returns the number
-// of moved tags.
+// Moves the tags of the start and click channels, and all markers, to the front of `tags`. Returns
+// the number of moved tags.
 std::size_t keep(std::uint8_t* tags, std::size_t count, std::int32_t start, std::int32_t click) {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -31,7 +31,7 @@ std::size_t keep(std::uint8_t* tags, std::size_t count, std::int32_t start, std:
 #pragma GCC visibility push(default)
 extern "C" {
 
-// Version of the functions in this library. Callers accept only the version that they need.
+// Version of this library's interface. Callers reject every version that they do not support.
 std::uint32_t echofuse_bridge_pack_version() { return 3; }
 
 struct EchofusePacked {

@@ -51,7 +51,7 @@ Axis tangent_axis(const char* name, std::uint32_t count, float start, float step
           .step = step};
 }
 
-// Rejects tangents above 100, which is 89.4 degrees from the optical axis.
+// Rejects tangents above 100, i.e. angles of more than 89.4 degrees from the optical axis.
 bool usable(const Axis& axis) {
   const double end = axis.start + axis.step * axis.count;
   return axis.count >= 1 && axis.count <= max_depth_side && std::abs(axis.start) <= 100 &&

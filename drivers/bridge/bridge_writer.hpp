@@ -12,7 +12,7 @@ namespace echofuse::bridge {
 Bytes make_block(BlockKind kind, std::uint32_t sequence, std::uint64_t dropped_items,
                  ByteView payload);
 Bytes hello_payload(const DeviceInfo& info);
-// The number of points of x and y must equal the width and the height of the frame.
+// The number of points must equal the frame's width for x, and the frame's height for y.
 Bytes depth_payload(const DepthFrame& frame, const Axis& x, const Axis& y);
 
 }  // namespace echofuse::bridge

@@ -48,12 +48,12 @@ class FrameBuffer {
   }
 
  private:
-  // Calls consume with the buffered bytes after bytes were added.
+  // Passes the buffered bytes to `consume`. Called after new bytes were appended.
   template <class Consume>
   void again(const Consume& consume) {
     used_ += run(held(), consume);
-    // Removes consumed bytes only once they fill a quarter of the buffer. Otherwise every small
-    // frame would move all bytes that follow it.
+    // Removes consumed bytes only once they fill a quarter of the buffer. Otherwise, all later
+    // bytes would be moved after each small frame.
     if (used_ == held_.size()) {
       held_.clear();
       if (held_.capacity() > most_kept_) held_.shrink_to_fit();

@@ -12,7 +12,7 @@ enum class Sensor : std::uint8_t { spd = 0, radar = 1, depth = 2 };
 inline constexpr std::size_t sensor_count = 3;
 inline constexpr Sensor all_sensors[] = {Sensor::spd, Sensor::radar, Sensor::depth};
 
-// Array with one value per sensor, indexed by Sensor only.
+// Array with one value per sensor. Its index must be a Sensor, not a number.
 template <class T>
 struct PerSensor : std::array<T, sensor_count> {
   constexpr T& operator[](Sensor s) { return this->data()[static_cast<std::size_t>(s)]; }

@@ -10,7 +10,7 @@ struct TagCounts {
   std::uint64_t tags = 0;
   std::uint64_t starts = 0;
   std::uint64_t in_range = 0;       // clicks counted in the histogram
-  std::uint64_t out_of_range = 0;   // clicks that have a start but lie outside the axis
+  std::uint64_t out_of_range = 0;   // clicks after a start, but outside the time axis
   std::uint64_t without_start = 0;  // clicks before the first start
   std::uint64_t other = 0;  // tags on other channels, markers, and tags removed by the dead time
   // The invariant above does not include the counters below.

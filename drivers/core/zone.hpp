@@ -10,15 +10,15 @@ namespace echofuse {
 
 inline constexpr std::size_t most_zones = 64;
 
-// A record contains the counts of all bins of the first zone, then of the second, and so on. A
-// detector that lists no zones in its hello is a single pixel.
+// A record contains the counts of all bins of the first zone, then those of the second zone, and so
+// on. A detector that lists no zones in its hello block is treated as a single pixel.
 struct Zone {
   // Tangents of the zone's centre (x to the right, y up) and of its full width; NaN if unknown.
   double x = std::numeric_limits<double>::quiet_NaN(), y = x, width = x;
   double zero_ps = 0;  // two-way time that corresponds to range 0
 
   bool has_direction() const { return std::isfinite(x); }
-  // Rejects tangents above 100, which is 89.4 degrees from the optical axis.
+  // Rejects tangents above 100, i.e. angles of more than 89.4 degrees from the optical axis.
   bool plausible() const {
     const bool unknown = std::isnan(x) && std::isnan(y) && std::isnan(width);
     return std::abs(zero_ps) <= 1e12 &&

@@ -44,8 +44,7 @@ struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
       });
     });
   }
-  // Requests the camera's thread to end, and wakes it from pause(). Actions already posted still
-  // run.
+  // Asks the camera's thread to end, and wakes it from pause(). Actions already posted still run.
   void stop() {
     const std::lock_guard lock(mutex);
     stopping = true;
@@ -60,8 +59,8 @@ struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
   }
 
   // Runs sessions until the driver is stopped, with a pause after each failure. `session` returns
-  // why the camera failed, or an empty text at the end of a recording. `info` describes the camera
-  // of the current session.
+  // why the camera failed, or an empty string at the end of a recording. `info` describes the
+  // camera of the current session.
   void run(const DeviceInfo& info, port::Backoff& backoff,
            const std::function<std::string()>& session) {
     do {
@@ -123,7 +122,7 @@ class OpenNiCamera::CaptureThread {
  private:
   using Read = OpenNiSession::Read;
 
-  // Runs one session. Returns why the camera failed, or an empty text at the end of a recording.
+  // Runs one session. Returns why the camera failed, or an empty string at the end of a recording.
   std::string run_session() {
     OpenNiSession session;
     if (std::string wrong = session.open(uri_, options_); !wrong.empty()) return wrong;
@@ -231,7 +230,7 @@ class OpenNiCamera::CaptureThread {
   DeviceInfo info_;
   port::Backoff backoff_;
   std::optional<std::uint32_t> last_index_;
-  bool rejoined_ = false;  // true from the reopening of the camera until its first frame
+  bool rejoined_ = false;  // true after the camera was reopened, until its first frame arrives
   std::uint32_t dropped_since_ = 0;
   std::optional<std::pair<std::chrono::steady_clock::time_point, std::uint64_t>> pace_;
 };

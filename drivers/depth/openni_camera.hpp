@@ -33,10 +33,10 @@ struct OpenNiOptions {
 };
 
 // A camera with a bus address (VENDOR/PRODUCT@BUS/ADDRESS) may reappear at another address. It is
-// then found if it is the only camera of its kind. Threading: as described for Driver. The driver's
-// own thread calls OpenNI, copies each frame and posts it to the loop. At most 4 frames are queued;
-// further frames of a live camera are dropped and counted. If `raw` is set, every frame is stored
-// as a depth block of the bridge protocol.
+// found there if it is the only attached camera of its kind. Threading: as described for Driver.
+// The driver's own thread calls OpenNI, copies each frame and posts it to the loop. At most 4
+// frames are queued; further frames of a live camera are dropped and counted. If `raw` is set,
+// every frame is stored as a depth block of the bridge protocol.
 class OpenNiCamera final : public Driver {
  public:
   // Loads OpenNI2's modules. Throws Error(device) if no modules are installed.

@@ -18,12 +18,12 @@ using openni::Status;
 
 // Delay between stopping and destroying a recording's stream. The player thread of OpenNI's file
 // module (2.2, PlayerDevice::MainLoop) iterates over its streams without a lock and crashes if one
-// is destroyed. If no stream is started, it polls every 10 ms, and a delay of 15 ms ends half way
-// between two polls.
+// is destroyed. If no stream is started, this thread polls every 10 ms. A delay of 15 ms ends
+// midway between two polls, while the thread sleeps.
 constexpr std::chrono::milliseconds player_rest{15};
 
-// Returns the failed action with OpenNI's error text, on one line. OpenNI's text has several lines
-// with tabs.
+// Returns the failed action and OpenNI's error message as one line. OpenNI's message contains line
+// breaks and tabs.
 std::string failure(const char* doing) {
   std::istringstream words(OpenNI::getExtendedError());
   std::string text;
@@ -41,7 +41,7 @@ std::string describe_mode(const openni::VideoMode& mode) {
 }
 
 // Returns the current URI of a camera that was previously attached at `uri`. The part before "@"
-// must match exactly one attached camera; otherwise returns an empty text.
+// must match exactly one attached camera; otherwise returns an empty string.
 std::string moved(const std::string& uri) {
   const std::size_t at = uri.find('@');
   if (at == uri.npos) return {};
@@ -57,7 +57,7 @@ std::string moved(const std::string& uri) {
   return found;
 }
 
-// Returns an error text if several cameras are attached, because an empty address is then
+// Returns an error message if several cameras are attached, because an empty address is then
 // ambiguous.
 std::string several_cameras() {
   openni::Array<openni::DeviceInfo> all;

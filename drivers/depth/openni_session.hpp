@@ -29,7 +29,7 @@ class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
   OpenNiSession& operator=(const OpenNiSession&) = delete;
 
   // `uri`: device URI, file name of a recording, or empty to open the only camera. Returns an error
-  // text, or an empty text on success.
+  // message, or an empty string on success.
   std::string open(const std::string& uri, const OpenNiOptions& wanted);
 
   enum class Read { frame, nothing, bad_frame, end, gone };

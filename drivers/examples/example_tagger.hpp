@@ -16,7 +16,7 @@
 
 namespace echofuse::examples {
 
-// Functions of the vendor's library that the driver calls. Their return value is false if the board
+// Functions of the vendor's library that the driver calls. The functions return false if the board
 // is not available.
 struct VendorBoard {
   // returns false if the board is not attached

@@ -36,7 +36,7 @@ struct UsbDevice {
 // 1-2:1.0/0003:10C4:EA80.0001/hidraw/hidraw0.
 constexpr int deepest_node = 5;
 
-// Returns the first line of a sysfs attribute, or an empty text if it cannot be read.
+// Returns the first line of a sysfs attribute, or an empty string if it cannot be read.
 std::string text_of(const fs::path& file) {
   std::ifstream in(file);
   std::string line;
@@ -142,7 +142,7 @@ struct KnownDevice {
   // interface number of a radar board's data port; the command port is interface 0
   unsigned data_interface;
   const char* advice;
-  const char* model = "";  // text contained in the product's name; empty matches all names
+  const char* model = "";  // substring of the product name; an empty string matches all names
 };
 
 constexpr KnownDevice kinds[] = {
@@ -160,8 +160,8 @@ constexpr KnownDevice kinds[] = {
      "RealSense"},
 };
 
-// USB devices that send a block stream. They are identified by their interface, so any vendor and
-// product is accepted (drivers/README.md, "Over USB").
+// USB devices that send a block stream. They are identified by their interface, so all vendor and
+// product IDs are accepted (drivers/README.md, "Over USB").
 constexpr KnownDevice tag_stream{0, 0, "USB time tagger", Transport::usb, 0, ""};
 
 bool streams_tags(const UsbDevice& d) {

@@ -9,7 +9,7 @@
 
 namespace echofuse::inventory {
 
-// Root folders of the kernel's files. Tests use their own folders.
+// Root folders of the kernel's device files. Tests replace them with folders of their own.
 struct Roots {
   std::string sys = "/sys", dev = "/dev";
 };
@@ -24,7 +24,7 @@ struct Node {
 struct Attached {
   std::uint16_t vendor = 0, product = 0;
   std::string kind;      // supported kind, for example "TI XDS110 (radar board)"
-  std::string model;     // product text reported by the device
+  std::string model;     // product name reported by the device
   std::string serial;    // serial number; empty if the device has none
   std::string firmware;  // bcdDevice as text, for example "1.00"
   std::string advice;    // advice on the next step; may be empty
@@ -44,7 +44,7 @@ enum class RadarPort { command, data };
 std::optional<RadarPort> radar_port(const std::string& path, const Roots& roots = {});
 
 // Returns the names of both boards if the two serial ports belong to different radar boards.
-// Returns an empty text if they belong to one board, or if a board is unknown.
+// Returns an empty string if they belong to one board, or if a board is unknown.
 std::string two_boards(const std::string& command_path, const std::string& data_path,
                        const Roots& roots = {});
 

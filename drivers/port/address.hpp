@@ -38,7 +38,7 @@ struct OpenNiAddress {
 };
 using Address = std::variant<BridgeAddress, UsbAddress, HidAddress, SerialAddress, OpenNiAddress>;
 
-// Throws Error(config) with the text and the expected syntax if the address is invalid.
+// If the address is invalid, throws Error(config) with the address and the expected syntax.
 Address parse_address(std::string_view text);
 
 }  // namespace echofuse::port

@@ -21,8 +21,8 @@ struct PortHandlers {
   // Called if the port could not be opened, or if it failed (end of file, device unplugged,
   // connection refused). Called at most once; no handler is called after it.
   std::function<void(const Failure&)> gone;
-  // Reports a fault that does not close the port. The handler may be empty. The text is the same
-  // for each fault of a kind. `losses` is the number of lost bytes or events.
+  // Reports a fault that does not close the port. The handler may be empty. `text` is the same for
+  // all faults of one kind. `losses` is the number of lost bytes or events.
   std::function<void(const std::string& text, std::uint64_t losses)> warning{};
 };
 

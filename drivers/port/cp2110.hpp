@@ -22,7 +22,7 @@ namespace echofuse::port::cp2110 {
 inline constexpr std::size_t report_bytes = 64;  // size of a full-speed interrupt packet
 inline constexpr std::size_t max_data = 63;
 inline constexpr std::uint32_t min_baud = 300, max_baud = 1'000'000;
-// Throughput of full-speed USB with one report in each frame of 1 ms.
+// Data rate of full-speed USB if each 1 ms frame carries one report.
 inline constexpr std::uint32_t pipe_bytes_per_s = 1000 * max_data;
 
 inline constexpr std::array<std::uint8_t, 2> enable_report{0x41, 1};
@@ -46,7 +46,7 @@ inline std::optional<UartStatus> parse_status(ByteView report) {
 }
 
 // Returns the payload of a data report from the bridge, or an empty view for other reports. The
-// size of the view is limited to the bytes received.
+// view never extends beyond the received bytes.
 inline ByteView data_of(ByteView report) {
   if (report.empty() || report[0] < 1 || report[0] > max_data) return {};
   return report.subspan(1, std::min<std::size_t>(report[0], report.size() - 1));

@@ -46,7 +46,8 @@ std::unique_ptr<BytePort> make_usb_port(boost::asio::io_context& io, const std::
 
 // Class codes of a USB interface with a block stream.
 inline constexpr std::uint8_t usb_class = 0xff, usb_subclass = 0x45, usb_protocol = 0x01;
-// Vendor requests to the interface, without data: bmRequestType, then the values of bRequest.
+// Vendor requests to the interface, without a data stage: bmRequestType, then the two bRequest
+// values.
 inline constexpr std::uint8_t usb_vendor_out = 0x41, usb_start = 1, usb_stop = 2;
 // Memory that a port's transfers need in usbfs, bytes.
 inline constexpr std::size_t usb_ring_bytes = std::size_t{2} << 20;

@@ -44,7 +44,7 @@ struct RawKeeper::Shared {
   Counts counts;
   std::map<std::string, int> numbers;
   std::string trouble;
-  bool closing = false, ended = false;  // ended: the capture has stopped
+  bool closing = false, ended = false;  // `ended` is true once the capture has stopped
 };
 
 // Writes the bytes and updates the counts, on the worker's thread.
@@ -63,7 +63,8 @@ void RawKeeper::Shared::take(const std::string& name, ByteView bytes) {
   done.notify_all();
 }
 
-// Checks the free space and appends the bytes. Returns an error text, or an empty text on success.
+// Checks the free space and appends the bytes. Returns an error message, or an empty string on
+// success.
 std::string RawKeeper::Shared::write(const std::string& path, ByteView bytes) {
   unlooked += bytes.size();
   if (unlooked >= look_at_room_every) {

@@ -43,7 +43,7 @@ class RawKeeper {
   // ending ".dat".
   std::string next_name(const std::string& name, const std::string& ending);
   // The first call after the capture has stopped returns the reason; all other calls return an
-  // empty text.
+  // empty string.
   std::string take_trouble();
   struct Counts {
     std::uint64_t kept = 0, dropped = 0;  // numbers of bytes written and dropped

@@ -171,8 +171,8 @@ class UsbWorker {
   }
 
   // Starts the stream. A previous program may have left the interface halted or running. Requests
-  // no data before the device has responded to the start request, because the device discards older
-  // data until then.
+  // data only after the device has responded to the start request, because the device first
+  // discards the data that it buffered before.
   bool start() {
     if (const int error = libusb_claim_interface(handle_.get(), interface_))
       return fail("claim", error);

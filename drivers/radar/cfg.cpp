@@ -19,7 +19,7 @@ namespace {
 // text mode.
 constexpr std::size_t max_line = 255, max_words = 40;
 
-// Size limit. The cfgs of TI's demos have 1 to 4 kB.
+// Maximum size of a cfg. The cfgs of TI's demos have 1 to 4 kB.
 constexpr std::size_t max_cfg_bytes = 64 << 10;
 
 std::string quoted(std::string_view word) { return std::string(1, '\'').append(word) += '\''; }
@@ -39,7 +39,7 @@ std::string miscounted(const CfgCommand& c) {
 
 }  // namespace
 
-// Rejects encodings and line ends that an editor may have introduced by mistake.
+// Rejects encodings and line endings that an editor may have introduced by mistake.
 void require_plain_text(std::string_view text, const std::string& name) {
   const auto fail = [&](const std::string& what) {
     throw Error(ExitCode::config, printable(name + ":" + what));

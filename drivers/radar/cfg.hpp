@@ -21,7 +21,7 @@ struct CfgCommand {
 
 class Cfg {
  public:
-  // Adds the commands of these lines. Stores in `profile` why a board would refuse them, and
+  // Adds the commands of these lines. Stores in `profile` why a board would reject them, and
   // warnings about unknown commands. `profile` must outlive this object. Throws Error(config) if
   // the cfg is for another demo.
   Cfg(const std::vector<CfgLine>& lines, std::string name, RadarProfile& profile);
@@ -36,7 +36,7 @@ class Cfg {
       refuse(e.what());
     }
   }
-  // If an error was stored, throws all stored errors and refusals.
+  // If an error was stored, throws one Error with all stored errors and refusals.
   void stop_if_faulty() const;
   void refuse(const std::string& line) const;
   std::string complaint(const CfgCommand& c, const std::string& what) const;
@@ -55,8 +55,8 @@ class Cfg {
   // Returns the i-th argument, counted from 1. Throws Error(config) if it is missing or not a
   // number.
   double number(const CfgCommand& c, std::size_t i) const;
-  // Returns the i-th argument if it is from 1e-6 to 1e9, otherwise throws. These limits are wider
-  // than those of all boards, but ensure that the range axis is finite.
+  // Returns the i-th argument if it is between 1e-6 and 1e9, otherwise throws. This range includes
+  // all values that a board supports, and ensures that the range axis is finite.
   double positive(const CfgCommand& c, std::size_t i, const char* meaning) const;
   std::uint32_t integer(const CfgCommand& c, std::size_t i, double min, double max) const;
   const std::string& name() const { return name_; }

@@ -34,7 +34,7 @@ bool is_refusal(const std::string& line) {
   return line.find("is not recognized as a CLI command") != line.npos;
 }
 
-// Returns the lines of the answer that explain a failure, as one text.
+// Returns the lines of the answer that explain a failure, as one string.
 std::string explanation(const std::vector<std::string>& answer) {
   std::string text;
   for (const std::string& line : answer)
@@ -155,7 +155,7 @@ void CommandDialogue::check_answer(HostTime now) {
   const bool refused = std::any_of(answer_.begin(), answer_.end(), is_refusal);
   if (has(answer_, "Done") || has(answer_, "Skipped")) {
     const std::string& command = commands_[next_].text;
-    // the firmware refuses sensorStop before the first start
+    // the firmware rejects sensorStop before the first start
     const bool stop = command.find("sensorStop") != command.npos;
     for (const std::string& line : answer_)
       if (line.starts_with("Ignored") || line.starts_with("Error"))

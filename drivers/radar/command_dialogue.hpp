@@ -44,7 +44,8 @@ struct DialogueTimeouts {
   std::chrono::milliseconds quiet{60};  // required silence between the prompt and the first command
   // maximum wait for the answer to an empty line; up to 3 empty lines are sent
   std::chrono::milliseconds prompt{1000};
-  // maximum wait for the answer to a command; the answer to sensorStop follows the end of a frame
+  // maximum wait for the answer to a command; the firmware answers sensorStop only after the end of
+  // a frame
   std::chrono::milliseconds answer{2000};
   // maximum wait for the answer to sensorStart, which first calibrates for several seconds
   std::chrono::milliseconds start{8000};
@@ -74,8 +75,8 @@ class CommandDialogue {
   State state() const { return state_; }
   // Time of the answer to sensorStop; nullopt again when sensorStart is sent.
   std::optional<HostTime> stopped() const { return stopped_; }
-  // Returns what was sent: the restart commands or the cfg. The cfg is also sent after a refused
-  // restart.
+  // Returns what was sent: the restart commands or the cfg. The cfg is also sent if the restart was
+  // rejected.
   Send sent() const { return send_; }
   bool answered() const { return answered_; }              // at least one prompt was received
   const std::string& failure() const { return failure_; }  // one line that contains the cfg line
@@ -107,17 +108,17 @@ class CommandDialogue {
 
   std::string cfg_name_;
   DialogueTimeouts timeouts_;
-  // commands_: lines to send; `version` is the first, with line number 0
+  // `commands_`: lines to send; the first is `version`, with line number 0
   std::vector<CfgLine> cfg_, commands_;
   Send send_;
   std::size_t next_ = 0;  // index of the command that waits for its answer
   int tries_ = 0;
   State state_ = State::draining;
   bool heard_ = false, answered_ = false;
-  // drain_end_: latest end of the wait for silence; set by the first prompt
+  // `drain_end_`: latest end of the wait for silence; set by the first prompt
   std::optional<HostTime> deadline_, drain_end_;
   std::optional<HostTime> stopped_;
-  std::string line_;                 // text received since the last line end or prompt
+  std::string line_;                 // text received since the last line ending or prompt
   std::vector<std::string> answer_;  // lines received since the command was sent
   std::string failure_, remark_, output_, platform_, firmware_;
   std::vector<LogLine> events_;
@@ -125,7 +126,7 @@ class CommandDialogue {
 };
 
 // Sends `sensorStop` before the connection ends, so that the radar stops transmitting. Uses no port
-// or clock; the caller limits the time.
+// or clock; the caller enforces a time limit.
 class StopDialogue {
  public:
   // `busy`: the firmware is executing a command and cannot buffer another command before the next

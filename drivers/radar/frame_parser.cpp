@@ -17,7 +17,7 @@ constexpr std::uint32_t max_tlvs = 16;
 constexpr std::size_t padding_limit = 32;
 // A larger jump of the frame number indicates corruption or a restart, not lost frames.
 constexpr std::uint32_t max_lost_frames = 1u << 20;
-// the next frame number must confirm a gap larger than this
+// a gap larger than this counts only if the next frame number confirms it
 constexpr std::uint32_t usual_gap = 100;
 constexpr std::size_t max_types = 64;
 
@@ -67,8 +67,8 @@ bool read_tlv(std::uint32_t type, ByteView payload, RadarFrame& frame) {
   return false;
 }
 
-// Returns true if the TLVs fill the packet, assuming this header length and TLV lengths that are
-// larger by `extra` bytes.
+// Returns true if the TLVs fill the packet, assuming that the header has this length and that each
+// TLV length includes `extra` additional bytes.
 bool fill(ByteView packet, std::size_t header, std::size_t extra) {
   std::size_t at = header;
   while (packet.size() >= at + padding_limit) {
@@ -94,8 +94,8 @@ std::string why_no_frames(ByteView bytes) {
     return plain ? "the file contains text; expected the data port's bytes"
                  : "no frame header found: was the file recorded at the data port's baud rate?";
   }
-  // number of line feeds required to detect converted line ends; every frame's platform field
-  // contains one
+  // number of line feeds required to detect converted line endings; the platform field of every
+  // frame contains one
   constexpr std::ptrdiff_t enough = 4;
   const auto feeds = std::ranges::count(bytes, '\n');
   std::ptrdiff_t pairs = 0;

@@ -86,8 +86,8 @@ struct RampSampling {
   bool operator==(const RampSampling&) const = default;
 };
 
-// Returns the profile that determines the range axis in the firmware. With subframes it is the
-// profile of the subframe's first chirp, otherwise the last profile.
+// Returns the profile that determines the range axis in the firmware. If there are subframes, it is
+// the profile of the subframe's first chirp, otherwise the last profile.
 const CfgCommand& profile_of(const Cfg& cfg, const FrameCfg& frame) {
   const CfgCommand* found = &cfg.last("profileCfg");
   if (!cfg.advanced()) return *found;

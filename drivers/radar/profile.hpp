@@ -21,15 +21,15 @@ std::vector<CfgLine> command_lines(std::string_view cfg_text);
 
 struct RadarProfile {
   std::uint32_t adc_samples = 0;
-  // Number of range bins: adc_samples rounded up to a power of two, but 1022 instead of 1024 with
-  // 12 antennas (SDK, mss_main.c).
+  // Number of range bins: adc_samples rounded up to a power of two, but 1022 instead of 1024 if
+  // there are 12 antennas (SDK, mss_main.c).
   std::uint32_t bins = 0;
   double range_step_m = 0;  // range difference between adjacent bins (ramp.hpp)
   double resolution_m = 0;  // range resolution c / 2B of the sampled sweep
   // Number of virtual antennas: enabled receivers times transmitters used by the frame's chirps.
   std::uint32_t antennas = 0;
-  // Number of subframes, 1 to 4 (advFrameCfg). Each is sent as a separate packet. They may differ
-  // only in their start frequency.
+  // Number of subframes, 1 to 4 (advFrameCfg). Each subframe is sent as a separate packet.
+  // Subframes may differ only in their start frequency.
   std::uint32_t subframes = 1;
   double frame_period_s = 0;  // shortest period of all subframes, s
   double active_s = 0;        // total time of a frame's chirps, s
@@ -44,8 +44,8 @@ struct RadarProfile {
   std::vector<AntennaPair> pairs;  // transmitter and receiver of each antenna
   bool planar = false;             // true: the heat map is sent as TLV 8; false: as TLV 4
   std::vector<std::string> warnings;
-  // Reasons why a board would refuse the cfg, one line "NAME:LINE: ..." each. They are not errors
-  // for a recording of another board or SDK, because its range axis is still defined.
+  // Reasons why a board would reject the cfg, one line "NAME:LINE: ..." each. They are not errors
+  // if a recording was made with another board or SDK, because its range axis is still defined.
   std::vector<std::string> refusals;
 };
 

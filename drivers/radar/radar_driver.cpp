@@ -10,7 +10,8 @@ namespace {
 // If a port was unplugged for longer than this, the whole cfg is sent, because another program may
 // have changed the board's settings.
 constexpr std::chrono::seconds cfg_keeps{10};
-// A frame is complete after this silence. USB bridges delay bytes by up to 16 ms.
+// A frame is considered complete if no byte arrives for this time. USB bridges delay bytes by up to
+// 16 ms.
 constexpr std::chrono::milliseconds quiet{20};
 // A stopped board still sends the rest of one frame, which USB bridges may delay. A second frame,
 // or any frame after the longest transmission, is from another board.
@@ -172,7 +173,8 @@ void RadarDriver::on_data(ByteView bytes) {
     });
 }
 
-// Ends the connection if a frame showed a fault. Must be called after the parser has returned.
+// Ends the connection if the last frames revealed a fault. Must be called after the parser has
+// returned.
 void RadarDriver::check_frames() {
   if (const auto fault = std::exchange(fault_, {})) fail(fault->reason, fault->state);
 }

@@ -62,7 +62,7 @@ struct RadarSetup {
 // 10 s and there was no other fault, the driver restarts the sensor with its stored cfg instead.
 // The state is `streaming` from the first frame. If no frame arrives, Silence determines the
 // reason. The state becomes `faulted`, and the driver reconnects, if the data port is silent, a
-// port closes, a command is refused, or the board was reset (banner, or restarted frame numbers).
+// port closes, a command is rejected, or the board was reset (banner, or restarted frame numbers).
 // The state becomes `misconfigured` if frames arrive while the sensor is stopped. stop() sends
 // `sensorStop`; finished() returns true once the firmware has confirmed it. A heat map that does
 // not match the cfg and the board is removed and counted; the rest of the frame is delivered.

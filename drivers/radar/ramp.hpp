@@ -30,10 +30,10 @@ struct Ramp {
   double range_step_m(double points) const;
 };
 
-// Returns one text for each limit that the ramp exceeds, with values rounded to the
-// chip's steps.
+// Returns one message for each limit that the ramp exceeds, with values rounded to the chip's
+// steps.
 std::vector<std::string> refusals_of(const Ramp& ramp);
-// Returns one text for each limit that the frame exceeds. `active_ms`: total duration of all
+// Returns one message for each limit that the frame exceeds. `active_ms`: total duration of all
 // chirps.
 std::vector<std::string> frame_refusals_of(double chirps, double active_ms, double period_ms);
 constexpr const char* front_end_limits =

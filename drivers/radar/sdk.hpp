@@ -22,16 +22,16 @@ std::optional<std::pair<int, int>> sdk_of(std::string_view firmware);
 // Returns the number of arguments that a command has in the demo of SDK 3.4 to 3.6, or nullopt if
 // the demo does not have the command.
 std::optional<std::size_t> numbers_of(std::string_view command);
-// If only another demo has the command, returns the name of that demo, otherwise an empty text.
+// If only another demo has the command, returns the name of that demo, otherwise an empty string.
 std::string_view other_demo_of(std::string_view command);
 
-// Returns advice if the firmware does not have `command`: the SDK or demo of cfg and firmware, and
-// the file to send instead. Empty if cfg and firmware match. `firmware`: version text of the
-// firmware; may be empty.
+// Returns advice if the firmware does not have `command`: the SDK or demo of the cfg and of the
+// firmware, and the file to send instead. Empty if the cfg matches the firmware. `firmware`:
+// version string of the firmware; may be empty.
 std::string advice_for_unknown(const std::string& command, std::string_view firmware,
                                std::string_view cfg_name);
-// Returns advice for a failed start, if cfg and firmware are for different SDKs or demos, or if the
-// front end gives no reason for its refusal (`without_reason`).
+// Returns advice for a failed start, if the cfg and the firmware are for different SDKs or demos,
+// or if the front end gives no reason for the rejection (`without_reason`).
 std::string advice_for_start(const std::vector<CfgLine>& cfg, std::string_view firmware,
                              std::string_view cfg_name, bool without_reason);
 

@@ -141,7 +141,7 @@ void Histogram::add_marker(const Tag& tag) {
   has_start_ = false;
 }
 
-// Moves the sums of one add() and the additional 32-bit cells to the totals.
+// Adds the sums of one add() and the additional 32-bit cells to the totals, and resets them.
 void Histogram::commit(std::size_t tags) {
   const auto take_cell = [this](ExtraCell c) {
     return std::exchange(bins_[std::size_t{settings_.bins} + c], 0u);
@@ -217,7 +217,8 @@ std::optional<double> StartGaps::share() const {
   constexpr std::int64_t enough = 20;
   if (gaps_ps_.empty()) return std::nullopt;
   auto gaps = gaps_ps_;
-  // The laser period is estimated by a low percentile of the gaps, because a few gaps may be wrong.
+  // The laser period is estimated from a low percentile of the gaps, because a few gaps may be
+  // wrong.
   const auto shortest = gaps.begin() + static_cast<std::ptrdiff_t>(gaps.size() / 200);
   std::nth_element(gaps.begin(), shortest, gaps.end());
   const std::int64_t period_ps = *shortest;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/tdc/tag_groups.hpp"
 
-// Compiles the kernel for the other instruction sets. The include below compiles it for the
-// instruction set of the whole build.
+// Highway compiles this kernel for all instruction sets except that of the build itself. The
+// include below adds the latter.
 #define HWY_TARGET_INCLUDE "drivers/tdc/tag_groups_kernel.hpp"
 #include <hwy/foreach_target.h>
 

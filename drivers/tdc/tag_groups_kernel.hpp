@@ -19,9 +19,9 @@ using Bins = hn::Rebind<std::int32_t, Times>;
 constexpr std::size_t group = hn::MaxLanes(Times());
 constexpr unsigned sets = 1u << group;  // number of subsets of lanes
 
-// Table of permutations with one row for each subset of lanes. For each piece of `bytes` bytes the
-// row contains the index of the source piece. AVX2 permutes 4-byte pieces across a vector, and
-// single bytes within 16 bytes.
+// Table of permutations with one row for each subset of lanes. A vector is divided into pieces of
+// size `bytes`; the row contains the source index of each piece. AVX2 can move 4-byte pieces across
+// the whole vector, but single bytes only within 16 bytes.
 template <std::size_t bytes, std::size_t lane_bytes, unsigned rows>
 struct Permutations {
   static constexpr unsigned pieces = lane_bytes / bytes;
