@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 # Functions for check_fresh and package. They install a bare Debian 12 in $root with debootstrap, from the package
-# mirror in this machine's apt configuration. They need root and 4 GB of disk. $root is removed when the script ends.
+# mirror in this machine's apt configuration. They need root and 4 GB of disk space. $root is removed when the script ends.
 
 # fresh_mirror: sets $mirror; prints a message and fails if there is no mirror or the user is not root.
 fresh_mirror() {
@@ -22,7 +22,7 @@ fresh_cleanup() {
   mountpoint -q "$root/dev" || mountpoint -q "$root/ccache" || rm -rf --one-file-system "$root"
 }
 
-# fresh_root PACKAGE...: installs $root from $mirror, with these packages.
+# fresh_root PACKAGE...: installs Debian in $root from $mirror, with these packages.
 fresh_root() {
   root=$(mktemp -d "${TMPDIR:-/tmp}/echofuse-fresh.XXXXXX")
   trap fresh_cleanup EXIT

@@ -22,7 +22,7 @@ struct Ramp {
   Ramp in_steps() const;            // ramp with values rounded towards 0 to the chip's steps
   double sampled_until_us() const;  // end time of the last sample
   double carrier_hz() const;        // centre frequency of the sampled sweep
-  // Returns the distance between the points of a range FFT of this length:
+  // Returns the range between adjacent points of a range FFT with `points` points:
   //   c * sample rate / (2 * slope * points)
   // The slope is rounded to the chip's step. TI's demo and documents use c = 3.0e8 m/s and
   // the slope of the cfg instead. If `points` is the number of samples, the result is the range

@@ -7,9 +7,9 @@
 
 namespace echofuse {
 
-// Parses like app.parse(). For an unknown command or option, the text of CLI::ParseError suggests
-// the nearest name. Error texts describe ranges in plain words. `help` as the first word means
-// --help. Commands accept the options of their parents, and list them in their --help.
+// Parses like app.parse(). For an unknown command or option, the message of CLI::ParseError
+// suggests the nearest name. Error messages describe ranges in plain words. `help` as the first
+// word means --help. Commands accept the options of their parents, and list them in their --help.
 void parse_command_line(CLI::App& app, int argc, const char* const* argv);
 
 // Moves these options to the group "More options" at the end of --help.

@@ -67,7 +67,7 @@ const char* version();
 // Returns the commit of the sources, for example "d8b7bc3f0". Appends "+" if files were modified
 // (commit.cmake).
 const char* commit();
-// Returns the text of --version, for example "echofuse-sim 0.1.0 (d8b7bc3f0)".
+// Returns the output of --version, for example "echofuse-sim 0.1.0 (d8b7bc3f0)".
 std::string version_line(const std::string& program);
 
 }  // namespace echofuse

@@ -17,8 +17,8 @@ enum class ExitCode : int {
   interrupted = 130,
 };
 
-// Thrown at start-up and by batch programs; only main catches it. The text has one line per fault.
-// A line contains the file, line or key, the fault, and the expected value.
+// Thrown at start-up and by batch programs; only main catches it. The message has one line per
+// fault. Each line contains the location (file, line or key), the fault and the expected value.
 class Error : public std::runtime_error {
  public:
   Error(ExitCode code, const std::string& text) : std::runtime_error(text), code_(code) {}

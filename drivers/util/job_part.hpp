@@ -9,7 +9,7 @@ namespace echofuse {
 
 class JobPart {
  public:
-  // Parses "K/N" with 1 <= K <= N <= 100000. Throws Error(usage) if the text is invalid.
+  // Parses "K/N" with 1 <= K <= N <= 100000. Throws Error(usage) if the string is invalid.
   static JobPart of(const std::string& text);
 
   std::string name() const;  // "part-2-of-4", used in file names

@@ -52,7 +52,7 @@ std::string contents(int fd, off_t bytes) {
 }
 
 // Returns true if the file is empty, contains only zeros from reserve(), or begins with our header
-// or its first part, which the holder may be writing.
+// or a part of it, because the lock's holder may be writing it.
 bool is_ours(int fd) {
   struct stat is {};
   if (::fstat(fd, &is) != 0 || !S_ISREG(is.st_mode) || is.st_nlink > 1 || is.st_size > most_bytes)

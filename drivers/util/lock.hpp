@@ -22,7 +22,7 @@ class Lock {
   Lock& operator=(const Lock&) = delete;
 
   bool held() const { return held_; }
-  // Replaces the text in the lock file.
+  // Replaces the contents of the lock file.
   void write(const std::string& text) const;
   // Reserves space, so that later writes succeed even if the disk is full. Reserves all or nothing.
   void reserve(off_t bytes) const;

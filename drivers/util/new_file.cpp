@@ -63,8 +63,8 @@ bool sync_folder(const std::string& path) {
   return fault == 0 || fault == EINVAL || fault == ENOTSUP;
 }
 
-// Renames a -wal or -journal that contains data, because it belongs to another database that had
-// this name. The -shm contains no data.
+// Renames a -wal or -journal file that contains data, because it belongs to another database that
+// had this name. The -shm file contains no data.
 void move_side_files_away(const std::string& database) {
   for (const char* suffix : {"-wal", "-journal"}) {
     const std::string file = database + suffix;
@@ -135,7 +135,7 @@ void NewFile::remove() const {
 void NewFile::create() {
   fd_ = ::open(path_.c_str(), flags, 0644);
   if (fd_ < 0) fail();
-  let_group_read(fd_);  // SQLite copies these permissions to -wal and -shm
+  let_group_read(fd_);  // SQLite copies these permissions to the -wal and -shm files
 }
 
 void NewFile::append(std::string_view text) {

@@ -35,8 +35,8 @@ class NewFile {
   void keep() { keep_ = true; }        // the destructor does not remove the file
   // Moves the file to `place` and replaces an existing file. No process may have the file open.
   // Afterwards the contents and the name are on the disk: fsync of the file, rename, fsync of the
-  // folder. If another database left a -wal or -journal there, renames it with a warning. Throws
-  // Error(disk).
+  // folder. If another database left a -wal or -journal file there, renames it with a warning.
+  // Throws Error(disk).
   void publish();
   // Like publish(), but returns false if `place` exists. On some file systems this is not atomic.
   bool publish_new();

@@ -14,7 +14,7 @@ namespace echofuse {
 namespace {
 
 // Returns the value of a key in the header, up to the comma or bracket that ends it. Returns an
-// empty text if the key is missing.
+// empty string if the key is missing.
 std::string value_of(const std::string& header, const std::string& key) {
   const auto at = header.find("'" + key + "':");
   if (at == std::string::npos) return "";
@@ -122,7 +122,7 @@ std::string npy_header(const std::string& type, std::uint64_t rows,
                        const std::vector<std::size_t>& row_shape) {
   std::string shape = std::to_string(rows) + ",";
   for (const std::size_t n : row_shape) shape += " " + std::to_string(n) + ",";
-  // Format version 1.0, then the length of the header text: 118 bytes.
+  // Magic string, format version 1.0, and the length of the rest of the header (118 bytes).
   std::string out("\x93NUMPY\x01\x00\x76\x00", 10);
   out += "{'descr': '" + type + "', 'fortran_order': False, 'shape': (" + shape + "), }";
   out.resize(127, ' ');

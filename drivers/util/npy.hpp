@@ -15,8 +15,8 @@ namespace echofuse {
 // of 4 or 8 bytes.
 class NpyFile {
  public:
-  // Throws Error(failed) if the file is not a .npy file, if its type or order is not supported, or
-  // if its size contradicts the header.
+  // Throws Error(failed) if the file is not a .npy file, if its data type or array order is not
+  // supported, or if its size contradicts the header.
   explicit NpyFile(const std::string& path);
 
   const std::string& path() const { return path_; }

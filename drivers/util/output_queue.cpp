@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::chrono::seconds patience{1};
 
-// Writes the whole text. Returns 0 or errno.
+// Writes the whole string. Returns 0, or errno on failure.
 int write_all(int descriptor, std::string_view text) {
   while (!text.empty()) {
     const ssize_t n = ::write(descriptor, text.data(), text.size());
@@ -113,7 +113,7 @@ int OutputQueue::close() {
   std::unique_lock lock(s.mutex);
   s.ending = true;
   s.changed.notify_all();
-  // Waits at most one second for each text to be written.
+  // Waits at most one second for each message to be written.
   for (std::size_t before = s.written; !s.done; before = s.written)
     if (!s.changed.wait_for(lock, patience, [&] { return s.done || s.written != before; })) break;
   const auto [done, error] = std::pair(s.done, s.error);

@@ -11,9 +11,9 @@
 
 namespace echofuse {
 
-// Writes texts to a file descriptor in order, on its own thread. At most 1 MiB of unwritten text is
-// kept; older texts are dropped. `note` returns the text that replaces N dropped texts. Threading:
-// any thread may call put() and use the stream.
+// Writes messages to a file descriptor in order, on its own thread. Keeps at most 1 MiB of
+// unwritten messages and drops older ones. `note` returns the message that replaces N dropped
+// messages. Threading: any thread may call put() and use the stream.
 class OutputQueue {
  public:
   static constexpr std::size_t most_bytes = 1 << 20;
@@ -23,14 +23,14 @@ class OutputQueue {
   OutputQueue(const OutputQueue&) = delete;
   OutputQueue& operator=(const OutputQueue&) = delete;
 
-  // Returns false if texts were dropped. If `state` is true, the text replaces an unwritten earlier
-  // text that was also put with `state`.
+  // Queues a message. Returns false if messages were dropped. If `state` is true, the message
+  // replaces an unwritten earlier message that was also put with `state`.
   bool put(std::string text, bool state = false);
-  // Returns a stream that puts its text into the queue when it is flushed. The stream is closed
+  // Returns a stream; flushing it puts the buffered text into the queue. The stream is closed
   // together with the queue.
   std::FILE* stream() const { return stream_; }
-  // Waits until all text is written, or until no text was written for 1 s. Text that is not yet
-  // written is then dropped. Returns the errno of the last failed write, or 0.
+  // Waits until all messages are written, or until nothing was written for 1 s. Drops messages that
+  // are not yet written. Returns the errno of the last failed write, or 0.
   int close();
 
  private:

@@ -6,8 +6,8 @@
 
 namespace echofuse {
 
-// Quotes a text as a CSV cell (RFC 4180). If the text begins with =, +, -, @ or a similar
-// character, inserts an apostrophe, because a spreadsheet would evaluate the text as a formula.
+// Quotes a string as a CSV cell (RFC 4180). If the string begins with =, +, -, @ or a similar
+// character, inserts an apostrophe, because a spreadsheet would otherwise evaluate it as a formula.
 inline std::string csv_text(std::string_view text) {
   constexpr std::string_view begins_formula = "=+-@\t\r\n|%";
   std::string out = "\"";
@@ -18,8 +18,8 @@ inline std::string csv_text(std::string_view text) {
 
 // Makes external text (from a file, device or command line) safe for a terminal, log or message.
 // Returns one line of valid UTF-8. Escapes control characters (as \n or \x1b), characters that
-// change the text direction (as \u202e), and bytes that are not UTF-8 (as \xff). Cuts texts longer
-// than `longest` bytes between two characters and appends "...".
+// change the text direction (as \u202e), and bytes that are not UTF-8 (as \xff). Truncates strings
+// longer than `longest` bytes at a character boundary and appends "...".
 std::string printable(std::string_view text, std::size_t longest = std::string_view::npos);
 
 // Like printable(), but keeps line breaks, for messages of several lines.

@@ -16,7 +16,7 @@ struct ProgramOptions {
   int output = 1;        // file descriptor that becomes the program's standard output
   // If true, the program has its own process group, reads from /dev/null and writes to our stderr.
   bool background = false;
-  std::vector<std::string> environment{};  // variables NAME=value, added to our environment
+  std::vector<std::string> environment{};  // NAME=value pairs, added to the inherited environment
 };
 
 // Returns the folder of the running executable.
@@ -41,7 +41,7 @@ std::string machine_name();
 // NAME, so that start_program() searches for it in PATH.
 std::string program_beside(const std::string& name);
 
-// Returns why start_program() cannot start a program with this name, or an empty text if it can.
+// Returns why start_program() cannot start a program with this name, or an empty string if it can.
 std::string fault_of_program(const std::string& name);
 
 // Searches PATH for the program words[0] and starts it with the other words as arguments. The new

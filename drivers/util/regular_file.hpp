@@ -16,8 +16,8 @@ namespace echofuse {
 // process's SQLite locks.
 void require_regular(const std::string& path, ExitCode code);
 
-// Resolves links in PATH. Returns PATH if it does not exist. SQLite creates -wal and -journal next
-// to the resolved file.
+// Resolves links in PATH. Returns PATH if it does not exist. SQLite creates its -wal and -journal
+// files next to the resolved file.
 std::string real_path(const std::string& path);
 
 // Regular file that is open for reading. Opening does not block, even if the file is replaced by a

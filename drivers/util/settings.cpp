@@ -14,8 +14,8 @@
 namespace echofuse {
 namespace {
 
-// Returns the number as text with 15 digits, or with 17 digits if the text would otherwise be read
-// back as a different number.
+// Formats a number with 15 digits, or with 17 digits if 15 digits would be read back as a different
+// number.
 std::string text_of(double v) {
   char text[32];
   std::snprintf(text, sizeof text, "%.15g", v);
@@ -28,8 +28,8 @@ std::string literal(double v) {
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }
 
-// Returns the text quoted and escaped on one line. The TOML library prints some texts on several
-// lines and cannot read them back.
+// Returns the string quoted and escaped on one line. The TOML library prints some strings on
+// several lines, and cannot read them back.
 std::string in_quotes(const std::string& text) {
   constexpr char digits[] = "0123456789abcdef";
   std::string out = "\"";
@@ -56,8 +56,8 @@ toml::table parse_value(const std::string& value) {
   }
 }
 
-// Returns the shortest known name that begins with this text. Returns an empty text if no name
-// does, or if the text has fewer than 3 letters.
+// Returns the shortest known name that begins with `text`. Returns an empty string if no name does,
+// or if `text` has fewer than 3 letters.
 std::string begun_by(const std::vector<std::string>& known, const std::string& text) {
   constexpr std::size_t telling = 3;
   std::string out;
@@ -82,7 +82,7 @@ std::string place(const std::string& name, const toml::source_position& where) {
   return name + ":" + std::to_string(where.line) + ":" + std::to_string(where.column);
 }
 
-// Returns line n, counted from 1. Returns an empty text after the last line.
+// Returns line n, counted from 1. Returns an empty string after the last line.
 std::string_view line_of(std::string_view text, std::size_t n) {
   while (--n > 0) text.remove_prefix(std::min(text.find('\n'), text.size() - 1) + 1);
   return text.substr(0, text.find('\n'));
@@ -299,7 +299,7 @@ void Settings::take(const std::string& assignment, FaultList& faults) {
   try {
     const std::string value = assignment.substr(equals + 1);
     toml::table table = parse_value(value);
-    // Accepts a text without quotes, even if it looks like a number.
+    // Accepts a string without quotes, even if it looks like a number.
     if (std::holds_alternative<TextTarget>(entry->target) && table.get("v")->is_value() &&
         !table.get("v")->is_string())
       table.insert_or_assign("v", value);

@@ -16,7 +16,7 @@ namespace echofuse {
 // Reads a whole configuration file. Throws Error(config) if the file cannot be read.
 std::string read_config_text(const std::string& path);
 
-// Maximum number of reported faults. A text with more faults is probably not TOML.
+// Maximum number of reported faults. A file with more faults is probably not TOML.
 inline constexpr std::size_t max_faults = 20;
 
 // Throws Error(config) with the faults, one per line. Only the first `max_faults` are included.
@@ -24,8 +24,8 @@ inline constexpr std::size_t max_faults = 20;
 
 // Returns the known word that is most similar to `word`. If known words begin with `word` (3
 // letters or more), returns the shortest of them. Otherwise returns the known word with the
-// smallest edit distance. The distance counts half if one word contains the other. Returns an empty
-// text if the distance exceeds half of the length of `word`.
+// smallest edit distance. The distance is halved if one word contains the other. Returns an empty
+// string if the distance exceeds half of the length of `word`.
 std::string nearest(const std::vector<std::string>& known, const std::string& word);
 
 class Settings {
@@ -35,15 +35,15 @@ class Settings {
   void add(std::string key, std::int64_t& value, std::int64_t min, std::int64_t max,
            std::string doc);
   void add(std::string key, bool& value, std::string doc);
-  // If `allowed` is not empty, the text must be one of its elements.
+  // If `allowed` is not empty, the value must be one of its elements.
   void add(std::string key, std::string& value, std::string doc,
            std::vector<std::string> allowed = {});
   // Adds a setting that is a list of strings.
   void add(std::string key, std::vector<std::string>& value, std::string doc);
 
   // Reads the text, then the assignments, which override it. An assignment is "key=value" from a
-  // command line; a bare word is a string. Sets valid values and returns all faults, one per line.
-  // Continues after a line that is not TOML, unless this line is a section header.
+  // command line; a bare word is a string. Applies the valid values and returns all faults, one per
+  // line. Continues after a line that is not TOML, unless this line is a section header.
   std::vector<std::string> read(const std::string& text, const std::string& name,
                                 const std::vector<std::string>& assignments);
   // Variants of read(). They throw Error(ExitCode::config) with all faults.

@@ -53,7 +53,7 @@ def require_packages():
 
 
 def block(kind, sequence, payload, dropped=0):
-    """Returns the header of a block for this payload, which must support the buffer protocol."""
+    """Returns the header of a block for this payload, which must support Python's buffer protocol."""
     header = struct.pack("<4sHHIIQI", b"EFBR", 1, kind, sequence & 0xFFFFFFFF, len(payload),
                          dropped, 0)
     return header + struct.pack("<I", pack.crc32c(payload, pack.crc32c(header)))
@@ -141,7 +141,7 @@ class Server:
     # The device's thread calls the methods below.
 
     def online(self, hello):
-        """Starts to accept clients; called when the device is open."""
+        """Starts accepting clients; called when the device is open."""
         with self._lock:
             self._hello = json.dumps(hello).encode()
 
@@ -381,7 +381,7 @@ def run(address, open_device, items):
     while device:
         try:
             server.online(device.hello())
-            if not announced:  # print the address only after online(), because earlier clients are refused
+            if not announced:  # print the address only after online(), because earlier clients are rejected
                 say(f"listening on {server.address[0]}:{server.address[1]}")
                 announced = True
             while not stop.wait(device.poll(server)):

@@ -60,7 +60,7 @@ else:
 
 
 def keep_freed_memory():
-    """Makes glibc keep freed memory, because mapping new pages takes as long as the packing."""
+    """Makes glibc keep freed memory, because mapping new pages takes as long as packing the tags."""
     trim_threshold, mmap_threshold = -1, -3
     try:
         libc = ctypes.CDLL(None)

@@ -197,8 +197,8 @@ class Tagger:
         return 0 if lost else self._options.block_ms * 1e-3
 
     def _watch(self, tags_came):
-        """Raises an error if the device is gone. isRunning() may stay true after an unplug, but sync()
-        succeeds only if the device responds, even if there are no tags."""
+        """Raises an error if the device is gone. isRunning() may stay true after the device was unplugged. sync()
+        succeeds only if the device responds, and does not need any tags."""
         now = time.monotonic()
         if tags_came:
             self._last_tags_s, self._dark_reported = now, False
