@@ -14,7 +14,7 @@ import sys
 # Candidates for the longest transport delay. The audit reports the shortest candidate that explains the run.
 LATENCIES_NS = [20_000_000 * 2**i for i in range(8)]
 LATENCY_NS = 250_000_000
-GRACE_NS = 500_000_000  # after the end of a slot the daemon still accepts its frames for this time
+GRACE_NS = 500_000_000  # time for which the daemon still accepts frames of a slot after its end
 SETTLING_NS = 5_000_000_000  # time that the clock fit needs to become valid again after a clock jump
 PATIENCE_NS = 5_000_000_000
 CLOCK_ERROR_NS = 100_000_000  # backward steps of a device clock that are smaller than this are not detected
@@ -101,7 +101,7 @@ class Tags:
     def __init__(self, entries, latency_ns):
         connection_list = connections(entries)
         self.latency_ns = latency_ns
-        self.jumps = clock_jumps(entries)  # tags sent during these times may be in earlier slots
+        self.jumps = clock_jumps(entries)  # tags sent during these times may be assigned to earlier slots
         self.clock_faults = min((e["t"] for e in entries if e["what"].startswith("begin clock_")), default=float("inf"))
         self.sums = collections.Counter()  # number of tags, by what happened to their block
         self.delivered, self.losses = [], []  # lists of (earliest time, latest time, amount)
@@ -236,7 +236,7 @@ def clock_jumps(entries):
 
 
 class Range:
-    """A range of consecutive records that ends with a record of known frame number. It contains the frame numbers
+    """A range of consecutive records; the frame number of the last record is known. The range contains the frame numbers
     from previous + 1 to last."""
 
     def __init__(self, sensor, records, previous, last):
@@ -314,7 +314,7 @@ def audit_frames(run, sensor, entries):
 
 
 def move_jump(before, after):
-    """Moves a loss to the earlier range, because the daemon counts a large jump of the frame number only after the
+    """Moves a loss to the previous range, because the daemon counts a large jump of the frame number only after the
     next frame confirms it."""
     missing = len(before.numbers) - before.got - before.late - before.lost
     if missing > BELIEVED_GAP:

@@ -23,7 +23,7 @@ class BridgeClient {
     // Called when the state changes to connecting, streaming (hello received) or faulted.
     std::function<void(DeviceState, const Hello&)> state;
     // Called for every block except hello and bye. Each reconnection counts as one lost block,
-    // because the actual number is unknown.
+    // because the actual number of lost blocks is unknown.
     std::function<void(const Block&, HostTime)> block;
     std::function<void(Severity, const std::string&)> event;
   };

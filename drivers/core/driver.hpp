@@ -48,9 +48,9 @@ class SampleSink {
 };
 
 // Threading: create, start, stop and destroy a driver on the loop's thread. A driver calls its sink
-// only on that thread; if it has its own threads, they copy and post data to the loop. A driver
-// reconnects with back-off until it is stopped. Stop all drivers before destroying one, because
-// each destructor waits until its driver has stopped.
+// only on that thread; if it has its own threads, they copy their data and post the copies to the
+// loop. A driver reconnects with back-off until it is stopped. Stop all drivers before destroying
+// one, because each destructor waits until its driver has stopped.
 class Driver {
  public:
   virtual ~Driver() = default;

@@ -33,7 +33,7 @@ struct Tag {
   std::int32_t channel = 0;  // n for a rising edge at input n, -n for a falling edge
   std::int64_t time_ps = 0;  // wraps at 2^63 ps
 
-  // Returns true for a valid time tag. The time of other records may have any value.
+  // Returns true for a valid time tag. In other records, `time_ps` may have any value.
   bool is_time_tag() const { return type == TagType::time_tag && reserved == 0; }
 };
 static_assert(sizeof(Tag) == 16);

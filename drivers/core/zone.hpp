@@ -36,7 +36,8 @@ inline bool operator==(const Zone& a, const Zone& b) {
 using Zones = std::vector<Zone>;
 inline std::size_t histograms_of(const Zones& zones) { return zones.empty() ? 1 : zones.size(); }
 
-// Returns the counts of each bin, summed over all zones. Does not correct the zones' zero_ps.
+// Returns the counts of each bin, summed over all zones. Does not shift the zones' counts by
+// zero_ps.
 template <class T>
 std::vector<T> sum_of_zones(const std::vector<T>& counts, std::size_t bins) {
   std::vector<T> out(bins);

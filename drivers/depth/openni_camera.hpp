@@ -25,7 +25,7 @@ std::vector<OpenNiDevice> list_openni_devices();
 
 struct OpenNiOptions {
   // Recordings only. True: play in real time. False: play as fast as frames are processed. Each
-  // frame is delivered once; then the state becomes `ended`.
+  // frame is delivered once; after the last frame, the state becomes `ended`.
   bool paced = true;
   // Mode of a live camera; 0 selects the camera's default.
   std::uint32_t width = 0, height = 0, fps = 0;

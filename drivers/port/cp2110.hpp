@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // HID reports of a Silicon Labs CP2110 HID-to-UART bridge (application note AN434). The first byte
-// is the report number:
+// is the report ID:
 //
-//   0x01..0x3f  data in either direction; the report number is the number of data bytes (1..63)
+//   0x01..0x3f  data in either direction; the report ID is the number of data bytes (1..63)
 //   0x41        feature: UART enable {u8 on}
 //   0x42        feature: UART status {u16 TX fill, u16 RX fill, u8 errors, u8 break}; reading it
 //               clears the errors: bit 0 parity, bit 1 overrun

@@ -73,7 +73,7 @@ class CommandDialogue {
   std::optional<HostTime> deadline() const { return deadline_; }
 
   State state() const { return state_; }
-  // Time of the answer to sensorStop; nullopt again when sensorStart is sent.
+  // Receipt time of the answer to sensorStop; reset to nullopt when sensorStart is sent.
   std::optional<HostTime> stopped() const { return stopped_; }
   // Returns what was sent: the restart commands or the cfg. The cfg is also sent if the restart was
   // rejected.

@@ -35,7 +35,7 @@ struct RadarProfile {
   double active_s = 0;        // total time of a frame's chirps, s
   double carrier_hz = 0;      // centre frequency of the sampled sweep
   // Size of a frame with the outputs that guiMonitor enables, without detected points, rounded up
-  // to 32 bytes.
+  // to a multiple of 32 bytes.
   std::uint32_t frame_bytes = 0;
   bool range_profile_on = false;  // true if guiMonitor enables TLV 2
   // Antenna positions of the heat map, in the order of its TLV (4, or 8 on planar boards). Empty if

@@ -4,12 +4,12 @@
 // Every click counts once, relative to the LAST start before it (as in the FPGA of Swabian's Time
 // Tagger X link reference). The vendor's software Histogram is multiple-start, multiple-stop: it
 // counts a click once for EVERY earlier start that is still in range. If there is at most one start
-// per range (laser period > first_bin + bins * bin_width), both give the same histogram.
+// per range (laser period > first_bin + bins * bin_width), both methods give the same result.
 //
 // After an error or overflow marker the last start is not valid, because time information is
 // missing. Clicks have no start until the next start arrives. Between overflow_begin and
-// overflow_end, starts are counted but clicks do not refer to them, because tags may be missing
-// there (according to the vendor).
+// overflow_end, starts are counted but not assigned to clicks, because tags may be missing there
+// (according to the vendor).
 //
 // Tags with an unknown type or a reserved byte other than 0 are counted and otherwise ignored. A
 // time tag that is earlier than its predecessor is counted as `backwards` and used unchanged: a

@@ -24,13 +24,14 @@ class Lock {
   bool held() const { return held_; }
   // Replaces the contents of the lock file.
   void write(const std::string& text) const;
-  // Reserves space, so that later writes succeed even if the disk is full. Reserves all or nothing.
+  // Reserves space, so that later writes succeed even if the disk is full. If not all of it can be
+  // reserved, reserves nothing.
   void reserve(off_t bytes) const;
   void empty() const;
   void remove() const;
 
   // Returns the text that the lock's holder has written, or nullopt if the lock is free. Does not
-  // take the lock, so that concurrent callers do not find it held.
+  // take the lock, so concurrent callers do not find the lock held.
   static std::optional<std::string> holder(const std::string& path);
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// NumPy array file (.npy), format 1 to 3. Source: numpy.lib.format.
+// NumPy array file (.npy), format versions 1 to 3. Source: numpy.lib.format.
 //   "\x93NUMPY", u8 major, u8 minor, u16 (1) or u32 (2, 3) length of the header, the header as a
 //   Python dict: {'descr': '<f4', 'fortran_order': False, 'shape': (3, 64, 64), }, the values
 #pragma once

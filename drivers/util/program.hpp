@@ -45,7 +45,7 @@ std::string program_beside(const std::string& name);
 std::string fault_of_program(const std::string& name);
 
 // Searches PATH for the program words[0] and starts it with the other words as arguments. The new
-// program inherits only stdin, stdout and stderr, because another inherited descriptor would keep
+// program inherits only stdin, stdout and stderr, because any other inherited descriptor could keep
 // an unplugged port open.
 Result<pid_t> start_program(const std::vector<std::string>& words,
                             const ProgramOptions& options = {});
