@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Base class of the drivers that use the bridge protocol. Axes arrive with the frames. So the
 // state of a device is `streaming` from its first frame, and is reported again if its axes change.
-// A tagger has no axes; its state is `streaming` after its hello.
+// A tagger has no axes; its state is `streaming` once its hello block has arrived.
 #pragma once
 #include <optional>
 #include <string>

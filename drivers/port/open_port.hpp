@@ -28,9 +28,9 @@ std::unique_ptr<BytePort> make_tcp_port(boost::asio::io_context& io, const std::
 // Opens the UART of a CP2110 HID bridge (cp2110.hpp) with 8N1 and no flow control, using hidapi's
 // hidraw backend. The bridge is locked against other echofuse programs. Discards bytes received
 // before it was opened. Without a serial number in the address, exactly one bridge must match.
-// Warns if the baud rate exceeds the throughput of USB, or if the loop's thread reads too late.
-// Polls the bridge once a second and warns of overruns. The destructor waits up to 0.2 s for the
-// current transfer.
+// Warns if the baud rate exceeds the throughput of USB, or if the loop's thread falls behind. Polls
+// the bridge once a second and warns of overruns. The destructor waits up to 0.2 s for the current
+// transfer.
 std::unique_ptr<BytePort> make_hid_port(boost::asio::io_context& io, const HidAddress& address,
                                         std::uint32_t baud);
 // Throws Error(config) if the bridge does not support the rate.

@@ -78,7 +78,7 @@ void TagFilter::take(Tag tag) {
   waiting_.push_back(tag);
 }
 
-// Sorts by the difference from the time of one tag, which is correct even if the times wrap.
+// Sorts by the time difference from one of the tags, which is correct even if the times wrap.
 void TagFilter::sort_waiting() {
   if (waiting_.empty()) return;
   const std::uint64_t base = time_of(waiting_.front());

@@ -43,8 +43,8 @@ std::string real_path(const std::string& path) {
   return error ? path : found.string();
 }
 
-// Checks the file before opening it, because opening a device may have an effect. Checks it again
-// afterwards, because the file may have been replaced.
+// Checks the file before opening it, because opening a device may have side effects. Checks it
+// again afterwards, because the file may have been replaced.
 RegularFile::RegularFile(const std::string& path, ExitCode code) : path_(path), code_(code) {
   require_regular(path, code);
   fd_ = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);

@@ -29,8 +29,8 @@ class RegularFile {
   RegularFile(const RegularFile&) = delete;
   RegularFile& operator=(const RegularFile&) = delete;
   std::size_t size() const;
-  // Fills `out` with the next bytes of the file. Returns the number of bytes read, which is smaller
-  // at the end of the file. Throws Error(code).
+  // Fills `out` with the next bytes of the file. Returns the number of bytes read, which is less
+  // than the size of `out` only at the end of the file. Throws Error(code).
   std::size_t read(std::span<std::uint8_t> out) const;
   // Reads the rest of the file into a std::string or Bytes. Reads at most `most` + 1 bytes, so that
   // the caller can detect a longer file.
