@@ -48,8 +48,8 @@ void put_row(Matrix& table, std::span<const float> values, std::size_t wanted, c
   std::ranges::copy(values, table.row(0).begin());
 }
 
-// Makes a data set of one record on the model's axes. The ranges of `counts` and `power` must be
-// free of bias.
+// Makes a one-record data set on the model's axes. The ranges of `counts` and `power` must be free
+// of bias.
 Dataset dataset_of(const TrainedModel& model, std::span<const float> counts,
                    std::span<const float> power) {
   const Features& takes = model->features;

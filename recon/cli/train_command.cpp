@@ -77,7 +77,7 @@ TrainedModel tune_model(const Arguments& a, bool test_share_given) {
   }
   TuneOptions options;
   options.split = a.split;
-  // No validation part is needed, because cross-validation selects the penalty of fine-tuning. All
+  // Keeps no validation records, because the fine-tuning penalty is chosen by cross-validation. All
   // records are then available for fine-tuning.
   options.split.validation_share = 0;
   if (!test_share_given) options.split.test_share = 0;

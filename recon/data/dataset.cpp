@@ -43,7 +43,7 @@ Error map_error(const std::string& path, const record::MapGrid& found,
 }
 
 // Asks the kernel for huge pages, because page faults of 4 KiB pages take a sixth of the loading
-// time. The kernel may refuse.
+// time. The kernel may ignore this request.
 void advise_large_pages(void* begin, std::size_t size) {
   constexpr std::size_t page = 4096;
   auto* const first = static_cast<std::byte*>(begin);

@@ -20,9 +20,9 @@
 
 namespace echofuse::recon {
 
-// Sensors that a model uses. fused: SPD and radar, including the radar's antennas if the run has
-// them. fused_profile: SPD and the range profile of the radar, without its antennas, as in Lai et
-// al. (2024).
+// Sensors that a model uses. fused: SPD and radar, including the radar's antenna samples if the run
+// contains them. fused_profile: SPD and the range profile of the radar, without antenna samples, as
+// in Lai et al. (2024).
 enum class Inputs : std::uint8_t { fused, spd, radar, fused_profile };
 inline const std::vector<std::string> inputs_names = {"fused", "spd", "radar", "fused-profile"};
 inline const std::string& name_of(Inputs i) { return inputs_names[static_cast<std::size_t>(i)]; }
@@ -53,7 +53,7 @@ struct Source {
 // Dataset.
 struct EmptyRoom {
   std::vector<float> spd, radar, array, zone_spd = {};
-  // Text with the number of records excluded from the mean; may be empty.
+  // Message with the number of records excluded from the mean; may be empty.
   std::string left_out = {};
   bool known() const { return !spd.empty() || !radar.empty(); }
 };
@@ -154,9 +154,9 @@ void require_memory(const std::vector<std::string>& paths);
 // Reads runs into one data set on the axes of the first run (see is_near). Subtracts the range
 // offsets of the calibration. All runs must have the same map grid. Dataset::damaged lists records
 // with a wrong size, values that are not finite, or more clicks than a time tagger can send. Throws
-// Error(failed) with the file name if more than most_damaged of all records are damaged. Throws the
-// same error if the memory is too small (require_memory), or if depths have the wrong unit
-// (depth_check.hpp).
+// Error(failed) with the file name if the fraction of damaged records exceeds `most_damaged`.
+// Throws the same error if the memory is too small (require_memory), or if depths have the wrong
+// unit (depth_check.hpp).
 Dataset load(const std::vector<std::string>& paths);
 // Like load(), but keeps the radar profiles as recorded and computes no hash.
 // subtract_range_offset() can then subtract the calibration offset and the user's offset in one
@@ -182,9 +182,9 @@ Dataset part_of(const Dataset& data, const Rows& rows);
 Axis radar_bins(double width_m);
 
 // Sums the radar power into wider bins and removes the spatial lags. Point i of the recorded
-// profile covers [i - 1/2, i + 1/2] steps, which conserves the energy within the bins. The part of
-// point 0 below range 0 is added to the first bin. The row of a dead sensor stays constant. Throws
-// Error(failed) if the profile is coarser or shorter than the bins.
+// profile covers [i - 1/2, i + 1/2] steps, so that the energy within the bins is conserved. The
+// part of point 0 below range 0 is added to the first bin. The row of a dead sensor stays constant.
+// Throws Error(failed) if the profile is coarser or shorter than the bins.
 void rebin_radar(Dataset& data, const Axis& bins);
 
 // Removes the spatial lags of the antennas but keeps the range profile.
@@ -202,8 +202,8 @@ bool agree(const Axis& a, const Axis& b);
 // scale must be equal. `found` must not have fewer points than `wanted`, and the ends of the two
 // axes may differ by at most one bin.
 bool is_near(const Axis& found, const Axis& wanted);
-// Interpolates a row linearly to the wanted axis; each bin has values_a_bin values. Beyond the ends
-// of `found`, the first or last bin is repeated.
+// Interpolates a row linearly to the wanted axis; each bin has `values_a_bin` values. Beyond the
+// ends of `found`, the first or last bin is repeated.
 std::vector<float> resampled(std::span<const float> row, const Axis& found, const Axis& wanted,
                              std::size_t values_a_bin);
 // Returns true if `wanted` is equal to `found` or to the first part of `found`.

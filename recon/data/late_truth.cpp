@@ -51,8 +51,8 @@ double correlation(const std::vector<double>& a, const std::vector<double>& b) {
 
 double fisher_z(double correlation) { return std::atanh(std::clamp(correlation, -0.999, 0.999)); }
 
-// Returns the warning for one run, or an empty text. `range` (bins) and `depth` (m) have one value
-// per row of the data.
+// Returns the warning for one run, or an empty string. `range` (bins) and `depth` (m) have one
+// value per row of the data.
 std::string late_truth_of(const Dataset& data, const Source& run, const std::vector<double>& range,
                           const std::vector<double>& depth) {
   // Uses a row only if its own map and the maps of both neighbouring records are known. All three

@@ -19,8 +19,9 @@ constexpr double reach_cells = 3;
 constexpr std::ptrdiff_t most_reach = 48;  // maximum half length of the filter, points
 // Limit of the width of a run's response divided by the width of the model's. If the ratio is
 // smaller, a model trained for any response uses the run without conversion. In tests with a
-// digital twin, a response with .67 of the width of a Blackman window gave an IoU of .49 without
-// and .45 with conversion. At .8 of this width, the IoU was .44 without and .45 with conversion.
+// digital twin, responses were compared with the response of a Blackman window. For a response .67
+// times as wide, the IoU was .49 without and .45 with conversion. For a response .8 times as wide,
+// the IoU was .44 without and .45 with conversion.
 constexpr double much_narrower = 0.75;
 // Number of points per range step at which the filtered and the wanted response are compared.
 constexpr int parts = 8;
@@ -68,9 +69,10 @@ record::RadarResponse response_of_cosine(int order, double cell_m) {
   return out;
 }
 
-// Returns the standard deviation of the noise in the columns first, first + stride, ...: the lower
-// quartile of the columns' standard deviations. The standard deviation of a column is estimated as
-// its median minus its 15.87 % quantile, because values above the median contain echoes.
+// Returns the standard deviation of the noise in columns `first`, `first + stride`, and so on: the
+// lower quartile of the standard deviations of these columns. The standard deviation of a column is
+// estimated as its median minus its 15.87 % quantile, because values above the median contain
+// echoes.
 float quiet_deviation(const Matrix& table, const Rows& rows, std::size_t first,
                       std::size_t stride) {
   constexpr double one_deviation_below = 0.1587;

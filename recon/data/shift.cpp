@@ -19,7 +19,7 @@ double sinc(double x) {
 
 }  // namespace
 
-// Limits the shift to 1e9 steps, which are enough to move all values off the axis.
+// Clips the shift to +-1e9 steps, because such a shift already moves all values off the axis.
 Shift::Shift(double steps) {
   steps = std::clamp(steps, -1e9, 1e9);
   whole_ = static_cast<std::ptrdiff_t>(std::floor(steps));

@@ -25,8 +25,8 @@ struct Access {
   // Returns true for addresses and names of this machine, e.g. "127.0.0.1:8410", "[::1]" or
   // "localhost".
   bool accepts_host(std::string_view host) const;
-  // Returns true if the request comes from this server's page, or from no web page (empty
-  // `origin`). `host`: X-Forwarded-Host if a proxy sets it, otherwise Host.
+  // Returns true if the request comes from this server's page, or if it does not come from a web
+  // page (empty `origin`). `host`: X-Forwarded-Host if a proxy sets it, otherwise Host.
   bool accepts_origin(std::string_view origin, std::string_view host) const;
   bool may_read(std::string_view given) const { return !needs_token || is_token(given); }
   bool may_write(std::string_view given) const { return is_token(given); }

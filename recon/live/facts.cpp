@@ -35,7 +35,7 @@ void for_each_setting(const std::string& resolved,
       visit(table + line.substr(0, equals), line.substr(equals + 3));
 }
 
-// Returns the settings and devices of the run as pairs [name, text].
+// Returns the settings and devices of the run as pairs [name, value].
 nlohmann::json RunMessages::facts() const {
   const record::RunInfo& info = run_.info();
   nlohmann::json out = nlohmann::json::array();

@@ -41,8 +41,8 @@ HttpResponse make(const HttpRequest& request, http::status status, std::string_v
   return out;
 }
 
-// Extracts the run name from a path, and shortens e.g. "/run/NAME/live" or "/newest/live" to
-// "/live".
+// Extracts the run name from the path of a request, and removes the prefix "/run/NAME" or "/newest"
+// from that path.
 void choose(Caller& caller) {
   constexpr std::string_view newest = "/newest/", run = "/run/";
   const std::string path = caller.path;

@@ -20,8 +20,8 @@ using HttpResponse = http::response<http::string_body>;
 inline constexpr std::uint32_t most_header_bytes = 8192;
 
 // Target and access rights of a request. If `refusal` is not `ok`, it is the HTTP status of the
-// response. If the server shows a folder, /run/NAME/ is the page of a run, even if the run does not
-// exist, and /newest/ is the page of the newest run.
+// response. If the server shows a folder, /run/NAME/ is the page of the run NAME, and /newest/ is
+// the page of the newest run. Whether the run exists is not checked.
 struct Caller {
   http::status refusal = http::status::ok;
   std::string why;
@@ -31,7 +31,7 @@ struct Caller {
   bool may_write = false;
 };
 // Checks a request. `socket`: true for a WebSocket upgrade. The path /live accepts only WebSocket
-// upgrades; all other paths refuse them.
+// upgrades; all other paths reject them.
 Caller caller_of(const HttpRequest& request, const Access& access, bool socket);
 
 // Returns the HTTP response. `runs` returns the JSON of /runs for a folder.

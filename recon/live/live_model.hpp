@@ -21,7 +21,7 @@ struct Reconstruction {
   std::string note;                // missing sensors, or why the record is out of distribution
   std::optional<double> x_m, z_m;  // position of the body, if the map contains one, m
   std::optional<double> lateral_interval_90_m;
-  std::optional<double> iou, lateral_error_m;  // scores against the map of the depth camera
+  std::optional<double> iou, lateral_error_m;  // scores relative to the camera's depth map
 };
 
 class LiveModel {

@@ -29,7 +29,7 @@ void leave_terminal() {
   const int none = ::open("/dev/null", O_RDWR | O_CLOEXEC);
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
     if (none >= 0) ::dup2(none, stream);
-  std::signal(SIGINT, SIG_IGN);  // ignores Ctrl-C, which is meant for the acquisition
+  std::signal(SIGINT, SIG_IGN);  // ignores Ctrl-C, because it is meant for the acquisition
 }
 
 ExitCode show(const Options& o) {

@@ -98,7 +98,7 @@ struct ShowSheet {
   std::int64_t first = 0, last = 0;
 };
 struct ShowSum {
-  std::int64_t records = 1;  // number of records to sum; 0: all since the newest mark
+  std::int64_t records = 1;  // number of records to sum; 0: all records since the newest mark
   FitRange range;
 };
 struct Mark {
@@ -110,8 +110,8 @@ struct BadRequest {
 };
 using Request = std::variant<ShowLive, ShowRecord, ShowSheet, ShowSum, Mark, BadRequest>;
 
-// Parses a request from a client. Accepts any text; returns BadRequest if the text is not a valid
-// request.
+// Parses a request from a client. Accepts any string; returns BadRequest if the string is not a
+// valid request.
 Request parse_request(std::string_view text);
 
 }  // namespace echofuse::view

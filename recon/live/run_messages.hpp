@@ -32,12 +32,12 @@ class RunMessages {
   Message about_run(bool may_write);
   Message state();
   Message record(std::int64_t index, bool live);  // caches the message of the last call
-  // Sum of several records; `index` is the last one.
+  // Returns the sum of several records; `index` is the index of the last record.
   Message sum(std::int64_t index, const ShowSum& request);
   Message strip() const;
   Message sheet(std::int64_t first, std::int64_t last) const;
-  // Returns the mean histogram of the first minute. Null until the first minute, or the run, has
-  // ended.
+  // Returns the mean histogram of the first minute. Returns null until the first minute or the run
+  // has ended.
   Message reference();
 
  private:
@@ -50,7 +50,7 @@ class RunMessages {
   nlohmann::json disk() const;
   nlohmann::json alerts();
   nlohmann::json facts() const;
-  // Returns the trigger levels that the firmware text of the time tagger contains; may be empty.
+  // Returns the trigger levels from the firmware string of the time tagger; may be empty.
   std::string trigger_levels() const;
   Message make_record(std::int64_t index, bool live);
   void add_maps(MessageWriter& out, nlohmann::json& head, const record::FusedRecord& record,

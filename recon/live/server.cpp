@@ -272,8 +272,8 @@ void Server::Impl::greet(ServedRun& served, Session& session) {
   if (session.live) send_record(served, session, newest(served));
 }
 
-// Sends a record. If the session has requested a sum, also sends the sum that ends with this
-// record.
+// Sends a record. If the session has requested a sum, also sends the sum of the records up to this
+// one.
 void Server::Impl::send_record(ServedRun& served, Session& session, const Message& record) {
   session.send(MessageKind::record, record);
   if (session.summed) session.send(MessageKind::sum, sum(served, session));

@@ -31,7 +31,7 @@ inline constexpr std::size_t kinds = 9;
 
 class Session;
 
-// Interface of the server to its sessions.
+// Functions of the server that its sessions call.
 class SessionOwner {
  public:
   virtual ~SessionOwner() = default;

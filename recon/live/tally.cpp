@@ -21,7 +21,7 @@ Json fit_json(const std::optional<PeakFit>& fit) {
           {"fwhm_m", number(fit->fwhm)}};
 }
 
-// Returns an axis with the centres of the bins in metres.
+// Converts an axis of bins to an axis of bin centres in metres.
 Axis centres_m(Axis axis) {
   axis.start = (axis.start + axis.step / 2) / ps_per_m, axis.step /= ps_per_m;
   return axis;

@@ -25,10 +25,10 @@ class Tally {
   std::vector<float> profile_db(const std::vector<Axis>& axes) const;
   // Returns {"rates": {sync_hz, pulse_hz, click_hz, dark_hz, clicks_a_pulse}, "spd_records": number
   // of records with SPD data, "fits": {spd, radar: {centre_m, error_m, fwhm_m}}}. Unknown values
-  // are null. sync_hz: received sync signals per second. The laser emits more pulses if the tagger
-  // has a conditional filter; pulse_hz is `laser_hz`, or an estimate if `laser_hz` is 0. dark_hz:
-  // number of clicks in the bins before the first return, divided by the time for which these bins
-  // were open.
+  // are null. sync_hz: received sync signals per second. pulse_hz: laser pulses per second, which
+  // exceed sync_hz if the tagger has a conditional filter; equal to `laser_hz`, or estimated if
+  // `laser_hz` is 0. dark_hz: number of clicks in the bins before the first return, divided by the
+  // time for which these bins were open.
   nlohmann::json numbers(const std::vector<Axis>& axes, double laser_hz = 0,
                          const FitRange& range = {}) const;
 

@@ -66,8 +66,8 @@ std::set<std::int64_t> trained_on(const TrainedModel& model, const std::string& 
   return out;
 }
 
-// Writes OUT/run.txt, which contains the run from which the maps were made, and the records of this
-// run that were used to train the model.
+// Writes OUT/run.txt. It identifies the reconstructed run, and lists the records of this run that
+// were used to train the model.
 void mark(const ReconstructOptions& options, const TrainedModel& model,
           const record::RunReader& run, const std::set<std::int64_t>& trained) {
   std::string numbers;

@@ -207,7 +207,8 @@ void Alignment::archive(Archive archive, const Layout& layout) {
 
 namespace {
 
-// Number of subdivisions of a histogram bin, because clicks are spread over the bin.
+// Each histogram bin is divided into this number of parts, because its clicks are spread over its
+// width.
 constexpr int parts = 4;
 
 double power_of(double in_resolutions) {

@@ -17,7 +17,7 @@ namespace echofuse::recon {
 // Correlation between the radar profile and the profile expected from the histogram, over shifts in
 // range. The expected profile of a body is its histogram convolved with the radar's point spread
 // function. The correlation contains most of the information on whether the body is on the left or
-// the right. Without it, a small network would have to learn this product of both inputs.
+// the right. Without it, a small network would have to learn this product of the two inputs.
 class ShiftCorrelation {
  public:
   // Points at first_m + i * step_m for i < count, in metres relative to the range of the body.

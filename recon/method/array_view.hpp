@@ -26,9 +26,9 @@ class ArrayView {
   static constexpr std::size_t of_direction = 2;
   std::size_t cost() const;  // number of multiply-adds per record
   // Writes size() features, computed from a record's lags above the background: the direction
-  // cosine u; u times the range, m; the lags of the window around the body; the lags of its parts.
-  // All lags are divided by the power of the window, and horizontal lags are multiplied by exp(-i
-  // pi d u). All features are 0 if the window has no power.
+  // cosine u; u times the range, m; the lags of the window around the body; the lags of the parts
+  // of this window. All lags are divided by the power of the window, and horizontal lags are
+  // multiplied by exp(-i pi d u). All features are 0 if the power in the window is 0.
   void operator()(std::span<const float> lags, double range_m, std::span<float> out) const;
   // Converts the features to those of the same body with a direction cosine that is larger by `by`.
   static void turn(double by, double range_m, std::span<float> features);

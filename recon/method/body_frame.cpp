@@ -120,7 +120,8 @@ struct Span {
   std::size_t first, last;
 };
 
-// Returns the range of points that lie between two cells. `cells`: number of cells.
+// Returns the range of points that lie between the centres of the first and the last cell. `cells`:
+// number of cells.
 Span within(const CellInterpolation& along, std::size_t points, std::size_t cells) {
   Span out{points, 0};
   for (std::size_t i = 0; i < points; ++i)
@@ -163,7 +164,7 @@ ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
       relief_row[c] = relief_above[c] + down * (relief_below[c] - relief_above[c]);
     }
     std::size_t begin = 0, end = count;
-    if (!share) {  // limits the row to pixels near cells above the threshold
+    if (!share) {  // restricts the row to pixels near cells above the threshold
       std::size_t some = 0, last = cells;
       while (some < cells && mask_row[some] <= d.least) ++some;
       while (last > some && mask_row[last - 1] <= d.least) --last;

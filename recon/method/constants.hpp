@@ -11,13 +11,13 @@ inline constexpr double background_quantile = 0.05;
 // deviations.
 inline constexpr double steadiness = 4;
 inline constexpr int centroid_passes = 3;  // a further pass changes the range by less than 1 mm
-inline constexpr double body_m = 0.8;      // half the depth of a body with outstretched arms
+inline constexpr double body_m = 0.8;      // half the depth of a body with outstretched arms, m
 // Minimum number of counts of a body, in standard deviations of all counts.
 inline constexpr double significance = 5;
-// Extent of the histogram of a view on each side of the body's range; enough for an outstretched
-// arm.
+// Extent of the histogram of a view on each side of the body's range, m. It includes an
+// outstretched arm.
 inline constexpr double histogram_m = 0.7;
-inline constexpr double histogram_step_m = 0.04;  // about the width of a 200 ps response
+inline constexpr double histogram_step_m = 0.04;  // about the range width of a 200 ps response
 inline constexpr double zone_step_m = 0.2;        // wide, because each zone detects few photons
 // Window of the radar profile, m, relative to the range r that the SPD measures. The range that the
 // radar measures is b x / r longer than r (baseline b, lateral position x of the body). The window

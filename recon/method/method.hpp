@@ -45,11 +45,11 @@ struct BodyModel {
   // [inputs] mean and scale of the views of the training records
   std::vector<float> centre, deviation;
   Ensemble place;  // networks that predict lateral position (m) and depth minus range (m)
-  Ensemble shape;  // networks that predict coefficients of masks, then of depths
+  Ensemble shape;  // networks for the coefficients of masks, followed by those of depths
   // Principal components of the masks and depths of bodies in their frame, [components x cells].
   Components masks, depths;
   BodyFrame frame;         // grid that moves with the body
-  float nearest_m = 0.1f;  // minimum distance of a body
+  float nearest_m = 0.1f;  // minimum distance of a body, m
   float threshold = 0.5f;  // pixels with a larger mask belong to the body
   bool has_shapes = true;  // false: the mean body is always drawn
 

@@ -14,7 +14,7 @@ constexpr double probe_m = 0.05;
 constexpr std::size_t most_probed = 200;
 // Required accuracy of the baseline estimate if the antennas measure the direction of the body.
 constexpr double least_deviation_m = 0.03;
-constexpr double most_range_bias_m = 0.15;  // maximum random range bias that rotate() adds
+constexpr double most_range_bias_m = 0.15;  // maximum random range bias that rotate() adds, m
 
 double sine_of(const Place& place) {
   const auto tangent = double{place.tangent};

@@ -33,9 +33,9 @@ enum Metric : std::size_t {
   metric_iou,          // IoU of the foreground masks; undefined if both are empty
   metric_ssim,         // raw; mean over the whole map, with the data range of the grid
   metric_ssim_hard,    // hard; mean over the whole map
-  metric_ssim_fg,      // raw; mean over the true foreground, dilated by 11 x 11 pixels
+  metric_ssim_fg,      // raw; mean over the ground-truth foreground, dilated by 11 x 11 pixels
   metric_rmse_m,       // raw
-  metric_rmse_fg_m,    // raw; over the true foreground, m
+  metric_rmse_fg_m,    // raw; over the ground-truth foreground, m
   metric_depth_mae_m,  // raw; over the intersection of true and predicted foreground, m
   metric_abs_rel,      // raw; mean of |error| / true depth over pixels with a true return
   metric_delta_125,    // raw; fraction of pixels with max(v/d, d/v) < 1.25 (v predicted, d true)
@@ -43,7 +43,7 @@ enum Metric : std::size_t {
   // The next two metrics are undefined if |x| <= 0.3 m, because a body near the axis overlaps its
   // mirror image.
   metric_ghost,       // raw; fraction of the predicted foreground at the mirror image of the body
-  metric_left_right,  // 1 if the predicted foreground is centred on the true side, otherwise 0
+  metric_left_right,  // 1 if the foreground centroid is on the correct side (left, right), else 0
   metric_count
 };
 inline constexpr std::array<const char*, metric_count> metric_names = {

@@ -14,7 +14,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t cut_at_once = 4096;  // records per batch, which limits the memory use
+constexpr std::size_t cut_at_once = 4096;  // batch size, records; limits the memory use
 constexpr float nearest_m = 0.1f;          // minimum range of a body, m
 // Minimum scale of an input, relative to the median of all scales.
 constexpr double least_deviation = 0.05;
@@ -34,7 +34,7 @@ constexpr float depth_weight = 0.1f;
 // If there are at least this many bodies, only half of them are rotated, because rotation is an
 // approximation.
 constexpr std::size_t many_bodies = 40'000;
-constexpr std::size_t component_bodies = 3000;  // number of bodies used; more would change little
+constexpr std::size_t component_bodies = 3000;  // more bodies would hardly change the components
 
 float intersection_over_union(std::span<const float> map, std::span<const float> truth,
                               std::span<const float> background) {
@@ -52,8 +52,8 @@ std::array<float, 2> position_target(const Place& place, float range_m) {
   return {place.tangent * range_m, place.depth_m - range_m};
 }
 
-// Adapts the training to the number of records. With many records, fewer epochs, larger batches and
-// less weight decay are sufficient.
+// Adapts the training options to the number of records. With many records, fewer epochs, larger
+// batches and less weight decay are sufficient.
 void adapt_to(std::size_t records, Training& training) {
   const bool many = records >= many_records;
   training.hidden.assign(2, many ? units_of_many : units);

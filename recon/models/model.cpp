@@ -12,7 +12,7 @@ namespace echofuse::recon {
 
 namespace {
 
-// Parses sizes such as "512-256". Returns an empty list if the text has a different form.
+// Parses sizes such as "512-256". Returns an empty list if the string has a different form.
 std::vector<std::size_t> numbers_of(const std::string& text) {
   std::vector<std::size_t> out;
   std::istringstream in(text);

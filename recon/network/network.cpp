@@ -21,8 +21,9 @@ ECHOFUSE_CLONES void add_row(const float* row, std::size_t count, float* sums) {
 }
 void add_row(const double* row, std::size_t count, double* sums) { add_each(row, count, sums); }
 
-// Sets the slopes to 0 where the output of the rectifier is 0, because the derivative of the
-// rectifier is 0 there. Writes all slopes, because branches on unpredictable signs would be slower.
+// Sets the derivatives of the loss to 0 where the output of the rectifier is 0, because the
+// derivative of the rectifier is 0 there. Writes all derivatives, because branches on unpredictable
+// signs would be slower.
 template <class T>
 [[gnu::always_inline]] inline void pass_slopes_each(const T* x, std::size_t count,
                                                     T* __restrict__ slopes) {

@@ -26,13 +26,13 @@ double annealed(double rate, double progress) {
 double square(double v) { return v * v; }
 
 // Targets of one row, with mean (centre) and 1 / spread (per_spread) of each column. `times`:
-// factor from an error to the slope of the loss.
+// factor from an error to the derivative of the loss.
 struct RowTargets {
   const float *truth, *centre, *per_spread;
   float times;
 };
 
-// Replaces a row of outputs by the slopes of the squared error; returns the sum of the squared
+// Replaces a row of outputs by the derivatives of the squared error; returns the sum of the squared
 // errors, in units of the spread.
 double to_slopes(const RowTargets& row_targets, std::size_t columns, float* outputs) {
   const auto count = static_cast<Eigen::Index>(columns);
@@ -192,7 +192,7 @@ void Regression::move_centre(const Examples& train) {
   for (std::size_t c = 0; c < sum.size(); ++c) centre_[c] += static_cast<float>(share * sum[c]);
 }
 
-// Adds the slope of the L2 penalty, which pulls the weights towards their values before the
+// Adds the gradient of the L2 penalty, which pulls the weights towards their values before the
 // training.
 void Regression::shrink_to_start(const std::vector<float>& parameters, float l2_penalty) {
   for (std::size_t i = 0; i < parameters.size(); ++i)
@@ -284,8 +284,8 @@ Matrix Regression::outputs_of(const Matrix& inputs, const std::vector<float>& pa
   return out;
 }
 
-// Replaces a row of network outputs by the slopes of a custom loss, times a factor; returns the
-// loss.
+// Replaces a row of network outputs by the derivatives of a custom loss, times a factor; returns
+// the loss.
 double Regression::to_slopes(const Loss& loss, std::span<const float> target,
                              std::span<float> outputs, float times) const {
   for (std::size_t c = 0; c < outputs.size(); ++c)

@@ -37,8 +37,8 @@ using Redraw = std::function<void(std::span<const std::size_t> rows, Matrix& inp
 struct Loss {
   // The output of column c is centre[c] + spread[c] x network output.
   std::vector<float> centre, spread;
-  // Replaces a row of outputs by the slopes of the loss and returns the loss. Threading: must be
-  // callable from any thread.
+  // Replaces a row of outputs by the derivatives of the loss and returns the loss. Threading: must
+  // be callable from any thread.
   std::function<double(std::span<const float> target, std::span<float> outputs)> to_slopes;
 };
 
@@ -86,7 +86,7 @@ class Regression {
   // are reduced by Tuning::shrinkage().
   void correct(const Examples& train);
   // Continues training from the current weights, with the current scaling. First adds the mean
-  // error, reduced by Tuning::shrinkage(), to the outputs. Trains all epochs. After an interrupt,
+  // error, reduced by Tuning::shrinkage(), to the outputs. Does not stop early. After an interrupt,
   // the previous weights are kept.
   void tune(const Examples& train, const Training& training, const std::string& title);
   Matrix predict(const Matrix& inputs) const;

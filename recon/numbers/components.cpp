@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t spare_directions = 10;
 constexpr int iterations = 6;
-// Number of rows centred at a time, which limits the memory.
+// Number of rows centred at a time, to limit the memory use.
 constexpr std::size_t most_centred = 1024;
 
 using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;

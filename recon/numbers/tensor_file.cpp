@@ -122,7 +122,7 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
   for (const auto& [name, entry] : head.items()) {
     if (name == "__metadata__") continue;
     const json &shape = entry.at("shape"), &offsets = entry.at("data_offsets");
-    // Refuses numbers other than unsigned integers, because the JSON library would convert these
+    // Rejects numbers other than unsigned integers, because the JSON library would convert these
     // without an error.
     for (const json* list : {&shape, &offsets})
       if (!std::all_of(list->begin(), list->end(),
@@ -150,8 +150,8 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
   }
   if (at != values.size())
     refuse("data_offsets", "the file contains bytes that belong to no tensor");
-  // Copies the values only after these checks: the tensors do not overlap, so their total size is
-  // at most the size of the file.
+  // Copies the values only now, when the tensors are known not to overlap. The copies therefore
+  // need at most as much memory as the file.
   for (const auto& [begin, end, own] : places)
     own->assign(values.begin() + static_cast<std::ptrdiff_t>(begin),
                 values.begin() + static_cast<std::ptrdiff_t>(end));

@@ -99,7 +99,7 @@ class Archive {
     whole_number(name, whole, least, most);
     value = static_cast<Integer>(whole);
   }
-  // Reads or writes a text, which must be one of `allowed`; an empty list allows any text.
+  // Reads or writes a string, which must be one of `allowed`; an empty list allows any string.
   void text(const std::string& name, std::string& value, const std::vector<std::string>& allowed);
   // Reads or writes whether an optional part exists; returns true if it does.
   bool part(const std::string& name, bool there);

@@ -5,10 +5,10 @@
 
 namespace echofuse::recon {
 
-// Returns a text formatted as by printf().
+// Returns a string formatted as by printf().
 __attribute__((format(printf, 1, 2))) std::string formatted(const char* format, ...);
 
-// Splits "512,256" into "512" and "256". An empty text gives an empty list.
+// Splits "512,256" into "512" and "256". Returns an empty list for an empty string.
 std::vector<std::string> split_at_commas(const std::string& text);
 
 }  // namespace echofuse::recon

@@ -22,7 +22,7 @@ EmptyRoom empty_room_of(const Dataset& empty, const std::string& path);
 std::string adapt_to_room(TrainedModel& model, const std::string& path, double range_offset_m = 0);
 
 // Reads the run of the empty room at `path` and stores its mean in data.empty_room, for training.
-// Returns a text with the number of excluded records; may be empty. Throws Error(failed) if the
+// Returns a message with the number of excluded records; may be empty. Throws Error(failed) if the
 // axes differ, and in the cases listed for empty_room_of().
 std::string state_empty_room(Dataset& data, const std::string& path);
 

@@ -16,7 +16,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t at_once = 512;  // number of records per batch, which limits the memory use
+constexpr std::size_t at_once = 512;  // batch size, records; limits the memory use
 
 // Has no early exit, so that the compiler can vectorise the loop.
 ECHOFUSE_CLONES bool all_finite(const float* values, std::size_t count) {

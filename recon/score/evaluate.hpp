@@ -66,14 +66,14 @@ struct Evaluation {
   Rows rows;
   std::vector<MapScores> scores;
   std::vector<PredictionUncertainty> uncertainties;
-  // Number of records that a fallback model predicted, for each text of TrainedModel::note_of.
+  // Number of records that a fallback model predicted, for each message of TrainedModel::note_of.
   std::map<std::string, std::size_t> fallbacks;
   // Records that have no predicted map, in a run not used in training: total number, and number for
   // each reason.
   std::size_t left_out = 0;
   std::map<std::string, std::size_t> faults = {};
-  // Number of records that are copies of training records, out of all `of` records of a run not
-  // used in training. Copies are not scored unless requested.
+  // For a run not used in training: number of records that are copies of training records, and
+  // number of all records (`of`). Copies are not scored unless requested.
   std::size_t trained_on = 0, of = 0;
   std::size_t twice = 0;  // number of records excluded as copies of earlier records of the run
   // Number of records excluded for each verdict (Dataset::doubt_of), and scores that include these
@@ -86,7 +86,7 @@ struct Evaluation {
   std::string ranges;        // note on the assumptions about ranges, from Records
   std::string late_truth;    // warning of late_truth(); may be empty
   DomainShift domain_shift;  // test of the whole run, or of its held-out records
-  std::string tested;        // prefix of the text of domain_shift: "RUN: "
+  std::string tested;        // prefix of the message from domain_shift: "RUN: "
   Summaries metrics;
   std::vector<ScoredRow> baselines;  // scores of the baseline methods
   RunningCost cost;

@@ -126,8 +126,8 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
 
 std::string mirrored_truth(const Summaries& metrics) {
   constexpr std::size_t least_maps = 10;
-  // The function returns a warning if the fraction of bodies predicted on the true side is below
-  // this limit. Random sides would give 0.5.
+  // mirrored_truth() returns a warning if the fraction of bodies predicted on the correct side is
+  // below this limit. Random sides would give 0.5.
   constexpr double most_share = 0.1;
   const Summary& right = metrics[metric_left_right];
   if (right.maps < least_maps || !(right.mean < most_share)) return {};

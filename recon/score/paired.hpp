@@ -34,7 +34,7 @@ std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& f
 nlohmann::json to_json(const std::vector<PairedDifference>& differences);
 
 // Scores with the same name in a table of `evaluate --per-record`. If a record has several lines
-// (from several trainings), their mean is used.
+// (from several training runs), their mean is used.
 struct NamedScores {
   std::string name;
   // Scores by record index; NaN if a metric is undefined.

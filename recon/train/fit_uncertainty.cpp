@@ -16,7 +16,7 @@ constexpr std::uint64_t noise_stream = 0x6e6f6973;  // ASCII "nois"
 constexpr std::uint64_t fold_stream = 0x756e6366;   // ASCII "uncf"
 constexpr std::size_t worse_copies = 3;
 // If there are at least this many records, a model trained on half of them is nearly as good as a
-// model trained on all.
+// model trained on all records.
 constexpr std::size_t enough_for_halves = 2000;
 constexpr double fewest_photons_log10 = -2.5;  // log10 of the smallest fraction of photons kept
 // Range of the log10 of the added radar noise, relative to the peak of the profile.
@@ -94,8 +94,8 @@ UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, co
   Matrix predictors, maps, truth(0, data.depth.cols);
   SoftMaps soft;
   std::vector<double> errors;
-  // Predicts the maps of the held-out records of all parts: first of the unmodified records, then
-  // of degraded copies.
+  // Predicts the maps of all held-out records: first of the unmodified records, then of degraded
+  // copies.
   for (std::size_t copy = 0; copy <= worse_copies; ++copy)
     for (const HeldOut& part : judged) {
       Dataset records = part_of(data, part.rows);

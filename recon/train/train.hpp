@@ -36,7 +36,8 @@ struct TrainingRows {
   std::vector<std::string> reasons;  // reason for each row; empty if used (Dataset::left_out)
 };
 // Returns the records to train with. Throws Error(failed) if no record has a required sensor or all
-// records are excluded. Also throws if more than most_damaged of all records are dead or damaged.
+// records are excluded. Also throws if the fraction of dead or damaged records exceeds
+// `most_damaged`.
 TrainingRows rows_to_train(const Dataset& data, Inputs inputs);
 
 // Applies options.doubtful and options.lossy to the data.
@@ -45,13 +46,13 @@ void apply_doubts(Dataset& data, const TrainOptions& options);
 // Returns the inputs that a model with these options uses. Only some models use the antennas.
 Inputs inputs_to_train(const TrainOptions& options);
 
-// Returns a warning if a random split would give optimistic scores; otherwise an empty text.
+// Returns a warning if a random split would give optimistic scores; otherwise an empty string.
 // Criterion: for many sampled records, the depth map of a neighbouring record is more similar than
 // those of distant records.
 std::string alike_neighbours(const Dataset& data, const Rows& rows);
 
 // Returns a warning if scenes recur in training and test records that are not neighbours; otherwise
-// an empty text. Criterion: for most held-out maps with a body, a few training maps are much more
+// an empty string. Criterion: for most held-out maps with a body, a few training maps are much more
 // similar to the held-out map than all others.
 std::string recurring_scenes(const Dataset& data, const Split& split, const SceneModel& scene);
 

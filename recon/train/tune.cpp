@@ -107,8 +107,9 @@ BackgroundSource better_room(const Start& start, const SceneModel& judged_by, co
   return choice.chosen() == 0 ? BackgroundSource::kept : BackgroundSource::learnt;
 }
 
-// Tries all candidates for one start. with_alone: also tries a model trained only on the new
-// records. One start is enough for this, because that model does not depend on the start.
+// Tries all candidates for one start model. `with_alone`: also tries a model trained only on the
+// new records. This is needed for one start model only, because the result does not depend on the
+// start model.
 void try_all(Choice& choice, const Start& start, const Split& split, const TuneOptions& options,
              BackgroundSource room, bool with_alone) {
   const Estimator& from = start.model.first();
@@ -139,7 +140,7 @@ void try_all(Choice& choice, const Start& start, const Split& split, const TuneO
   choice.choose(plainly(are_few(from, split)));
 }
 
-// Returns the rows that can be used to tune all starts.
+// Returns the rows that can be used to tune all start models.
 TrainingRows rows_of(const std::vector<Start>& starts) {
   TrainingRows out;
   for (const Start& start : starts) {
@@ -209,7 +210,7 @@ Estimator tune_other(const Estimator& from, const Dataset& data, const Split& sp
   return out;
 }
 
-// Describes the difference in score between two starts.
+// Describes the difference in score between two start models.
 std::string compared(const std::vector<Start>& starts, const std::vector<Choice>& choices,
                      std::size_t best, std::size_t other) {
   constexpr double clear_errors = 2;
@@ -233,10 +234,10 @@ TrainingRecords both(const TrainingRecords& old, TrainingRecords seen) {
   return seen;
 }
 
-// Returns the index of the best start. A start must be better than the first one by `errors`
-// standard errors (one if there are few records). With this limit, no result became worse in 21
-// tests (seven conditions with three random samples each). Without the limit, 2 of the 21 results
-// became worse.
+// Returns the index of the best start model. A start model must be better than the first one by
+// `errors` standard errors (one if there are few records). With this limit, no result became worse
+// in 21 tests (seven conditions with three random samples each). Without the limit, 2 of the 21
+// results became worse.
 std::size_t best_start(const std::vector<Choice>& choices, double errors) {
   std::size_t best = 0;
   double most = 0;

@@ -29,15 +29,15 @@ struct Start {
   const TrainedModel& model;
   const Dataset& data;
   const Dataset& own;
-  std::string name = {};  // prefix of this start's rows in the table, if there are several starts
+  std::string name = {};  // prefix of this model's table rows, if there are several start models
 };
 
 struct TunedModel {
   TrainedModel model;
   std::vector<CrossvalidatedRow> table;  // one row per candidate
   std::size_t chosen = 0;                // row of the chosen candidate
-  std::string left_out;                  // TrainingRows::left_out of the first start
-  std::string starts;                    // comparison of the starts; empty if there is only one
+  std::string left_out;                  // TrainingRows::left_out of the first start model
+  std::string starts;  // comparison of the start models; empty if there is only one
 };
 
 // Converts the data to the axes and the radar response of a model. `path`: path of the model, for
@@ -45,13 +45,14 @@ struct TunedModel {
 // grid do not match those of the model.
 void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data);
 
-// Tunes each start and returns the best result. All starts must contain the same records. If there
-// are few records, the old model is kept unless a candidate is clearly better. Throws Error(failed)
-// if there are fewer than least_records records, or if this kind of model cannot be tuned.
+// Tunes each start model and returns the best result. All entries of `starts` must contain the same
+// records. If there are few records, the old model is kept unless a candidate is clearly better.
+// Throws Error(failed) if there are fewer than least_records records, or if this kind of model
+// cannot be tuned.
 TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options);
 
 // Returns one line per row of the table: accuracy, and a mark at the chosen candidate. The
-// comparison of the starts follows.
+// comparison of the start models follows.
 std::string to_text(const TunedModel& tuned);
 
 }  // namespace echofuse::recon

@@ -30,9 +30,9 @@ constexpr double least_mean = 0.1, least_square = 0.3;
 // Squared deviations are clipped to this value, so that a single outlier has little weight.
 constexpr double most_square = 16;
 
-// Converts the numbers of m records to deviations from the training means, in standard deviations,
-// followed by the squares of these deviations: [m x 2 record_number_count]. Both are zero for a
-// missing number.
+// Converts the descriptive numbers of m records to deviations from the training means, in standard
+// deviations, followed by the squares of these deviations: [m x 2 record_number_count]. Both are
+// zero for a missing number.
 class Standard {
  public:
   explicit Standard(const Matrix& known) {
@@ -94,9 +94,9 @@ MatrixXd permuted(const MatrixXd& blocks, Index drawn) {
   return out;
 }
 
-// Returns the p-value of the largest difference of means, in units of its standard deviation over
-// the permutations. Compares it with the largest difference of each permutation, which corrects for
-// multiple tests (Westfall and Young, Resampling-Based Multiple Testing, 1993).
+// Returns the p-value of the largest difference between means, in units of its standard deviation
+// over the permutations. Compares it with the largest difference of each permutation, which
+// corrects for multiple tests (Westfall and Young, Resampling-Based Multiple Testing, 1993).
 double p_of(const VectorXd& difference, const MatrixXd& chance, double least_error) {
   const ArrayXd error = chance.array().square().colwise().mean().sqrt().max(least_error);
   const auto greatest = [&](const VectorXd& v) { return (v.array() / error).abs().maxCoeff(); };
@@ -108,7 +108,8 @@ double p_of(const VectorXd& difference, const MatrixXd& chance, double least_err
   return static_cast<double>(above + 1) / (permutations + 1);
 }
 
-// Returns the standard errors of the difference of two means, from the variance between blocks.
+// Returns the standard errors of the difference between two means, from the variance between
+// blocks.
 ArrayXd standard_errors(const MatrixXd& a, const MatrixXd& b, double least_error) {
   const auto about_mean = [](const MatrixXd& m) -> ArrayXd {
     return (m.rowwise() - m.colwise().mean()).array().square().colwise().sum().transpose();

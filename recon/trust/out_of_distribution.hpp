@@ -45,7 +45,7 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
                             std::uint64_t seed);
 
 struct OutOfDistributionScore {
-  double distance = 0, two_bodies = 0;  // unusual if above 1; two_bodies is NaN if unknown
+  double distance = 0, two_bodies = 0;  // unusual if either exceeds 1; two_bodies: NaN if unknown
   std::string reason;                   // empty if the record is in distribution
   std::string details;                  // details of the reason; may be empty
   std::string text() const { return details.empty() ? reason : reason + " (" + details + ")"; }
@@ -71,7 +71,7 @@ class OutOfDistributionDetector {
  private:
   // Groups of the values of a description, in this order.
   enum Group : std::size_t { histogram, radar, direction, spread, range, profile, groups };
-  // Statistics of a record: Q of each group, then T^2 and two bodies.
+  // Statistics of a record: Q of each group, then T^2, then the log odds of two bodies.
   enum Statistic : std::size_t { t2 = groups, two, statistics };
   struct StatisticValues {
     std::array<double, statistics> values;  // logarithms of Q and T^2; log odds of two bodies
@@ -79,7 +79,7 @@ class OutOfDistributionDetector {
   };
   // Limit of a statistic, learnt from records that were not used for the fit.
   struct Limit {
-    double usual = 0, most = 1;  // median and limit of the statistic over these records
+    double usual = 0, most = 1;  // median of the statistic, and its limit
     double share(double value) const { return (value - usual) / (most - usual); }
   };
   void use(const Features& sensors, const Alignment& alignment);

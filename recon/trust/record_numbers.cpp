@@ -41,8 +41,8 @@ std::array<double, 4> numbers_of_spd(std::span<const float> histogram,
   return {std::log(m.deviation), m.skewness, background / std::max(all, 1.), range_m};
 }
 
-// Returns the numbers of the radar. `body`: profile around the body, or the whole profile if the
-// SPD is missing. `power`: whole profile.
+// Returns the four numbers that describe the radar data. `body`: profile around the body, or the
+// whole profile if the SPD is missing. `power`: whole profile.
 std::array<double, 4> numbers_of_radar(std::span<const float> body, std::span<const float> power) {
   std::vector<double> squares(body.begin(), body.end());
   for (double& v : squares) v *= v;  // squares give less weight to noise and side lobes

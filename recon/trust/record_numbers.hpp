@@ -17,12 +17,12 @@ struct RecordNumber {
   // Minimum standard deviation, for a number that is constant in the training data.
   double floor;
 };
-// Four numbers of the SPD, four of the radar, and the difference between the ranges of the two
-// sensors.
+// A record is described by four numbers of the SPD, four numbers of the radar, and the difference
+// between the ranges of the two sensors.
 inline constexpr std::size_t record_number_count = 9, radar_range_number = 8;
 extern const std::array<RecordNumber, record_number_count> record_numbers;
 
-// Returns [m x record_number_count], one row for each of the `rows` that shows a body. NaN:
+// Returns a table [m x record_number_count], one row for each of the `rows` that shows a body. NaN:
 // unknown, e.g. if the sensor is not an input. Row i of `views` belongs to record i of `data`;
 // `views` has no columns if the SPD is missing.
 Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const Matrix& views,

@@ -31,7 +31,7 @@ struct DepthMap {
   std::vector<float> deviation_m;
   std::optional<Body> body;  ///< empty if the map contains no body
   std::string fault;         ///< reason for a missing map, e.g. `radar missing`; otherwise empty
-  std::string note;          ///< missing sensor data, e.g. `radar lost: SPD alone`; usually empty
+  std::string note;   ///< note on missing sensor data, e.g. `radar lost: SPD alone`; usually empty
   std::string doubt;  ///< verdict of a sensor with doubtful data, e.g. `SPD weak`; otherwise empty
   std::string
       out_of_distribution;  ///< how the record differs from the training data; usually empty

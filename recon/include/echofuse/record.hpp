@@ -20,7 +20,7 @@ struct RunAxis {
   std::string unit;  ///< unit of the coordinates: `ps` (two-way time), `m` (range) or `1` (tangent)
   std::uint32_t count = 0;  ///< number of values; 0 if the run does not have this axis
   double start = 0;         ///< coordinate of value 0, in `unit`
-  double step = 0;          ///< spacing between two values, in `unit`
+  double step = 0;          ///< spacing between adjacent values, in `unit`
 
   /// Returns the coordinate of value `i`, in `unit`. Bin i of the histogram extends from at(i)
   /// to at(i + 1).
@@ -30,7 +30,7 @@ struct RunAxis {
 /// Grid of depth maps with `size` x `size` pixels, row-major from the top left.
 struct MapGrid {
   std::uint32_t size = 0;   ///< number of pixels per side
-  double half_tangent = 0;  ///< |x/z| and |y/z| at the outer edges
+  double half_tangent = 0;  ///< |x/z| and |y/z| at the outer edges of the grid
   double far_m = 0;         ///< maximum depth, m
 
   /// Returns the number of pixels.

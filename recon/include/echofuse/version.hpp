@@ -5,8 +5,8 @@
 
 namespace echofuse {
 
-/// Version of the interface in these headers. It increases with each change after which programs
-/// that use the headers must be changed.
+/// Version of the interface in these headers. It increases with each incompatible change, after
+/// which programs that use the headers must be adapted.
 inline constexpr int api_version = 0;
 
 /// Returns the version of the linked library, e.g. `0.3.0`.
