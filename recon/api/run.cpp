@@ -86,8 +86,7 @@ std::size_t Run::zones() const { return histograms_of(file_->reader->zones()); }
 MapGrid Run::grid() const { return public_grid(record::map_grid_of(file_->reader->axes())); }
 
 Record Run::read(std::int64_t index) const {
-  // Reads the record before its axes, because a run that is being recorded may get an axis with its
-  // next record.
+  // Reads the record before its axes, because the next record of a run in progress may add an axis.
   const record::FusedRecord record = file_->reader->read(index);
   return Converter(*file_->reader)(record);
 }

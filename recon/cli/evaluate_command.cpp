@@ -224,7 +224,7 @@ std::vector<std::string> notes_on_truth(const Dataset& data, const std::vector<S
   return out;
 }
 
-// Marks the records excluded by --rows. `test` keeps only the test part of the default split;
+// Marks the records excluded by --rows. `test` keeps only the test records of the default split;
 // `listed` keeps only the records that are listed in the records.csv file of at least one folder.
 void leave_out_unasked(const std::string& asked, const std::vector<WrittenMaps>& folders,
                        const Dataset& data, std::vector<std::string>& left_out) {
@@ -291,8 +291,8 @@ nlohmann::json maps_json(const ScoredMaps& maps, const std::vector<ScoredRow>& s
   return out;
 }
 
-// Evaluates folders of maps together with models. If a folder has no map for a record, the empty
-// room is scored in its place.
+// Evaluates folders of maps together with models. If a folder has no map for a record, the map of
+// the empty room is scored instead.
 ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   const auto title = [&](const char* text) { return common.quiet || a.json ? "" : text; };
   const std::string& run = a.files.back();

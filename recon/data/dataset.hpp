@@ -214,9 +214,9 @@ bool covers(const Axis& found, const Axis& wanted);
 void require_map(const Dataset& data, const record::MapGrid& grid, const std::string& owner);
 
 // Converts the tables to the axes of a model, for the sensors in `inputs`. A radar axis with equal
-// start and step but more bins is cropped. Another axis is interpolated if is_near() is true. The
-// radar is rebinned if the model uses binned power. Throws Error(failed) if an axis does not match;
-// `owner` names the model that has the expected axes.
+// start and step but more bins is cropped. Any other axis is interpolated if is_near() returns
+// true. The radar is rebinned if the model uses binned power. Throws Error(failed) if an axis does
+// not match; `owner` names the model that has the expected axes.
 void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs,
                 const std::string& owner = "the model's");
 // Converts the spatial lags to the axis of a model, like match_axes(). Removes the lags if the

@@ -59,8 +59,8 @@ inline std::size_t lag_columns(const Axis& lags) {
   return lags.count > 0 ? lags.count * lag_values(longest_lag(lags)) : 0;
 }
 
-// Returns the lag axis for a run's antenna axis; its count is 0 if the antennas cannot measure the
-// azimuth.
+// Returns the lag axis for a run's antenna axis. The count of the lag axis is 0 if the antennas
+// cannot measure the azimuth.
 Axis lags_axis(const Axis& array, const SpatialLags& lags);
 
 // Shifts the lags of a record along the range axis.

@@ -34,8 +34,8 @@ double PileUp::correct(std::span<float> counts, double pulses) const {
   double least = 1;
   for (std::size_t i = 0; i < counts.size(); ++i) {
     const double middle = static_cast<double>(i) + 0.5, since = middle - rest;
-    // Number of pulses for which the detector is dead in bin i: earlier clicks of the same pulse,
-    // clicks of the previous pulse within the dead time, and all clicks of the `whole` periods that
+    // Number of pulses for which the detector is dead in bin i: clicks within the dead time before
+    // the bin, after the same or the previous pulse, plus all clicks of the `whole` periods that
     // the dead time covers.
     double blocked = before[i] - std::min(up_to(since), before[i]) + whole * all;
     if (!std::isinf(dead)) blocked += all - up_to(since + period);

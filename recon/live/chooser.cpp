@@ -20,7 +20,7 @@ constexpr double live_pause_s = 5;  // minimum time between reads of a live run,
 
 std::string name_of_run(const std::string& path) { return fs::path(path).stem().string(); }
 
-// Scales the values and rounds them to integers, which are shorter in JSON than floats.
+// Scales the values and rounds them to integers, because integers are shorter than floats in JSON.
 Json whole(const std::vector<float>& values, double scale) {
   Json out = Json::array();
   for (const float v : values) out.push_back(std::lround(scale * double{v}));

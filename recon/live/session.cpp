@@ -105,7 +105,7 @@ void Session::on_message() {
 }
 
 // Answers pending requests only while the send queue is empty. A client that does not read its
-// messages therefore causes no work.
+// messages therefore does not cause any work.
 void Session::serve() {
   if (writing_ || over_) return;
   for (auto [pending, kind] : {std::pair{&record_, MessageKind::record},

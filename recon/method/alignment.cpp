@@ -12,8 +12,8 @@
 namespace echofuse::recon {
 namespace {
 
-// Returns the background of each column: twice the low quantile minus the median, but at least 0.
-// If the counts of a column vary only by photon noise, the column contains no bodies, and its
+// Returns the background of each column: 2 x low quantile - median, or 0 if this is negative. If
+// the counts of a column vary only by photon noise, the column contains no bodies, and its
 // background is the median. `steadiness`: maximum variation of such a column, in Poisson standard
 // deviations; 0 for values that are not counts.
 std::vector<float> background_of(std::span<const float> low, std::span<const float> median,

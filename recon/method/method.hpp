@@ -32,9 +32,9 @@ namespace echofuse::recon {
 // `sensors`.
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors);
 
-// Step 2: returns the views, [n x scene.inputs()]: correlation of both sensors over their shift |
-// histogram | zones | profile | antennas | range in metres. If a record shows no body, its view is
-// zero.
+// Step 2: returns the views, [n x scene.inputs()]: correlation between the two sensors for each
+// range shift | histogram | zones | profile | antennas | range in metres. If a record shows no
+// body, its view is zero.
 Matrix align(const Matrix& observations, const Alignment& scene);
 // Aligns one record. `view` has scene.inputs() values.
 void align(std::span<const float> observation, const Alignment& scene, std::span<float> view);

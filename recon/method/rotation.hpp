@@ -40,8 +40,8 @@ class RotatedBodies {
   // Returns by how much the radar's range would increase, m, if the body of rows[k] moved to the
   // azimuth of the body of rows[as].
   double farther_m(std::size_t k, std::size_t as) const;
-  // Writes the inputs of record rows[k], rotated to the azimuth of a random record, which leaves
-  // the distribution of azimuths unchanged. Returns the new position of the body.
+  // Writes the inputs of record rows[k], rotated to the azimuth of a random record, so that the
+  // distribution of azimuths does not change. Returns the new position of the body.
   Place rotate(std::size_t k, Rng& rng, std::span<float> inputs) const;
 
  private:

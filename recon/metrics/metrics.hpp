@@ -36,8 +36,8 @@ enum Metric : std::size_t {
   metric_ssim_fg,      // raw; mean over the ground-truth foreground, dilated by 11 x 11 pixels
   metric_rmse_m,       // raw
   metric_rmse_fg_m,    // raw; over the ground-truth foreground, m
-  metric_depth_mae_m,  // raw; over the intersection of true and predicted foreground, m
-  metric_abs_rel,      // raw; mean of |error| / true depth over pixels with a true return
+  metric_depth_mae_m,  // raw; over the overlap of ground-truth and predicted foreground, m
+  metric_abs_rel,      // raw; mean of |v - d| / d over pixels with d > 0 (v predicted, d true)
   metric_delta_125,    // raw; fraction of pixels with max(v/d, d/v) < 1.25 (v predicted, d true)
   metric_lateral_m,  // difference in x/z of the foreground centroids, times the true mean depth, m
   // The next two metrics are undefined if |x| <= 0.3 m, because a body near the axis overlaps its

@@ -142,8 +142,8 @@ Redraw Factorised::augment_positions(const RotatedBodies& rotated) const {
   });
 }
 
-// Keeps the targets. Rotation about the SPD does not change the shape of a body, because the depth
-// camera is at the position of the SPD.
+// Keeps the target shapes. The depth camera is at the position of the SPD, so rotation about the
+// SPD does not change the shape that the camera records.
 Redraw Factorised::augment_shapes(const RotatedBodies& rotated) const {
   return augment(rotated, [](const Place&, float, std::span<float>) {});
 }

@@ -28,7 +28,7 @@ Network make_network(const std::vector<std::size_t>& widths);
 
 // Returns random initial parameters: normally distributed weights with variance 2 / inputs (He et
 // al., ICCV 2015). Biases and the weights of the last layer are zero. All outputs are therefore 0
-// at first, which is the mean of the targets (regression.hpp).
+// at first, which corresponds to the mean of the targets (regression.hpp).
 std::vector<float> initial_parameters(const Network& network, Rng& rng);
 
 // Outputs of each layer for a batch: row-major tables [batch x outputs].

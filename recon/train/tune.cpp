@@ -223,7 +223,7 @@ std::string compared(const std::vector<Start>& starts, const std::vector<Choice>
       gain < clear_errors * error ? "; not significant" : "");
 }
 
-// Joins the record lists of the old model and of the new one.
+// Joins the lists of the training records of the old model and of the new model.
 TrainingRecords both(const TrainingRecords& old, TrainingRecords seen) {
   const auto first = static_cast<std::uint32_t>(seen.runs.size());
   seen.runs.insert(seen.runs.end(), old.runs.begin(), old.runs.end());

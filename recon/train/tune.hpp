@@ -17,7 +17,7 @@ struct TuneOptions {
   // Minimum number of new records for trying a model that is trained only on the new records.
   static constexpr std::size_t least_alone = 50;
   SplitOptions split;     // has no validation records, because tuning does not use them
-  Tuning tuning;          // its penalty is replaced by the cross-validated one
+  Tuning tuning;          // its penalty is replaced by the cross-validated penalty
   bool quiet = true;      // false: print each candidate on stderr
   std::string only = {};  // name of the only candidate to try; empty: all
 };

@@ -34,7 +34,7 @@ constexpr double clicks_reserve = 1.25;
 // A record without a body is unusual if more than this fraction of the training records shows one.
 constexpr double nearly_all_records = 0.99;
 
-// Reason for each group of values.
+// Reason that is reported if a group of values is unusual.
 constexpr std::array unusual{"unusual histogram",
                              "unusual radar profile",
                              "unusual samples of the radar's antennas",
@@ -127,7 +127,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   };
   Rng rng = make_rng(seed, held_stream);
   const Rows order = shuffled(rows.size(), rng);
-  // If there are few records, each fold helps to set the limits, by a fit to the other folds.
+  // If there are few records, all folds set the limits, each by a fit to the other folds.
   const bool few = rows.size() < few_records;
   const std::size_t parts = rows.size() < many_records ? folds_of_few : folds_of_many;
   std::vector<StatisticValues> held;

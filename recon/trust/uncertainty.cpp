@@ -41,7 +41,8 @@ double factor_of(std::vector<double> ratios) {
 
 // Returns the lateral error that results from the range calibration: 90 % of calibrations with the
 // standard error specified in the run cause a smaller error. Returns 0 if the run does not specify
-// an error, or if the model does not distinguish left and right only by the two ranges.
+// a standard error, or if the model does not rely on the two ranges alone to distinguish left and
+// right.
 double calibration_error_m(const Dataset& data, std::size_t row, Inputs inputs,
                            std::span<const float> map, const SceneModel& scene) {
   constexpr double deviations_90 = 1.645;
