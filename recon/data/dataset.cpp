@@ -234,7 +234,7 @@ class Appender {
     }
     return static_cast<std::int64_t>(hash);
   }
-  // Returns true if the power is in range. The limit is below the largest float, so that
+  // Returns true if the value is a valid power. The limit is below the largest float, so that
   // interpolation cannot overflow.
   static bool is_power(float v) { return std::abs(v) < 1e38f; }
   // Returns the recorded clicks per laser pulse. Imported runs do not contain this value, so it is

@@ -76,7 +76,7 @@ inline constexpr const char* twice_in_run = "twice in the run";
 // its row contains zeros (see has()). If a run has no such sensor, or the sensor was not loaded,
 // its axis has count 0.
 struct Dataset {
-  // The quantity of radar_axis is "power" if logarithmic codes were converted to power, and
+  // The quantity of `radar_axis` is "power" if logarithmic codes were converted to power, and
   // "binned_power" after rebinning.
   Axis spd_axis, radar_axis;
   // Axis of the spatial lags (lags.hpp); empty if the axes of the runs differ.
@@ -87,8 +87,8 @@ struct Dataset {
   Matrix spd, radar, depth;
   Matrix array;  // spatial lags per range bin
   Zones zones;   // empty for a single-pixel detector
-  // Photons of each zone on spd_axis, one zone after another; no columns for a single pixel. `spd`
-  // contains the sum over the zones.
+  // Photons of each zone on `spd_axis`, one zone after another; no columns for a single pixel.
+  // `spd` contains the sum over the zones.
   Matrix zone_spd;
   // Bit mask of the sensors that have data in the record: bit 0 SPD, bit 1 radar, bit 2 depth
   // camera.
@@ -126,7 +126,7 @@ struct Dataset {
   bool is_doubt(const std::string& kind) const;
   // Returns the verdict that excludes a complete record for a model with these inputs, e.g. "camera
   // frozen" or "SPD weak"; empty if none does. The verdict "no peak" on SPD or radar does not
-  // exclude a record. Verdicts on the camera are ignored if with_camera is false.
+  // exclude a record. Verdicts on the camera are ignored if `with_camera` is false.
   std::string doubt_of(std::size_t row, Inputs inputs, bool with_camera = true) const;
   // Returns true if a sensor of these inputs, or the depth camera, lost samples.
   bool is_lossy(std::size_t row, Inputs inputs) const;
@@ -151,7 +151,7 @@ SensorSet sensors_of(Inputs inputs);
 // 25 kB per record if maps have 64 x 64 pixels.
 void require_memory(const std::vector<std::string>& paths);
 
-// Reads runs into one data set on the axes of the first run (see is_near). Subtracts the range
+// Reads runs into one data set on the axes of the first run (see is_near()). Subtracts the range
 // offsets of the calibration. All runs must have the same map grid. Dataset::damaged lists records
 // with a wrong size, values that are not finite, or more clicks than a time tagger can send. Throws
 // Error(failed) with the file name if the fraction of damaged records exceeds `most_damaged`.
@@ -165,7 +165,7 @@ Dataset load_recorded(const std::vector<std::string>& paths);
 inline constexpr double most_damaged = 0.1;
 
 // Reads part of a run as recorded: at most `at_most` usable records, starting at record `first`.
-// Calls on_bad for each unusable record. Tables of sensors that are not requested stay empty, and
+// Calls `on_bad` for each unusable record. Tables of sensors that are not requested stay empty, and
 // `hash` stays 0.
 Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t at_most,
                   SensorSet sensors, const OnBadRecord& on_bad);

@@ -25,7 +25,7 @@ record::RadarResponse widest_response(const Dataset& data);
 
 // Filters the radar profiles and lags of each run that specifies its radar response, and stores the
 // new response in the run's Source. Does not change other runs, binned power, or the rows of a dead
-// sensor. If knows_any is true (the model was trained for any response), responses much narrower
+// sensor. If `knows_any` is true (the model was trained for any response), responses much narrower
 // than `wanted` are not converted either, because widening them would reduce the accuracy.
 void bring_to_response(Dataset& data, const record::RadarResponse& wanted, bool knows_any = false);
 

@@ -38,7 +38,7 @@ struct Access {
 // Returns a token of 128 random bits as hexadecimal digits.
 std::string make_token();
 
-// Result of target_of, which splits "/live?token=12" into "/live" and "12". Other parameters are
+// Result of target_of(), which splits "/live?token=12" into "/live" and "12". Other parameters are
 // ignored.
 struct Target {
   std::string_view path, token;

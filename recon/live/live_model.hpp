@@ -13,7 +13,7 @@
 namespace echofuse::view {
 
 struct Reconstruction {
-  // Depth and standard deviation of each pixel on `grid`, m. deviation_m is empty if it was not
+  // Depth and standard deviation of each pixel on `grid`, m. `deviation_m` is empty if it was not
   // requested or the model is not calibrated.
   std::vector<float> map_m, deviation_m;
   record::MapGrid grid;
@@ -36,7 +36,7 @@ class LiveModel {
   // additional time.
   Reconstruction reconstruct(const record::RunReader& run, std::int64_t index,
                              bool with_deviation) const;
-  // Computes iou and lateral_error_m if both maps have the same number of pixels.
+  // Computes `iou` and `lateral_error_m` if both maps have the same number of pixels.
   void compare(Reconstruction& made, std::span<const float> camera_map_m) const;
   // Returns how these records, as a group, differ from the training data (recon::DomainShift).
   // Empty if they do not differ, or if they are too few for the test.

@@ -35,7 +35,8 @@ inline constexpr double steps_a_resolution = 2;
 // bias.
 inline constexpr double shift_from_m = -0.3, shift_to_m = 0.6;
 // The window of the antenna features is divided into overlapping parts, which describe the extent
-// of the body in range. part_from_m and part_to_m are the centres of the first and the last part.
+// of the body in range. `part_from_m` and `part_to_m` are the centres of the first and the last
+// part.
 inline constexpr double part_from_m = -0.5;
 inline constexpr double part_to_m = 0.65;
 // Minimum length of a part of the antenna window; shorter parts would contain mostly noise.

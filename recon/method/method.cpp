@@ -103,8 +103,8 @@ void histograms_about(float range_m, std::span<const float> counts, const Matrix
 
 }  // namespace
 
-// Step 1. Order of the values: H_spd and H_radar of Lai et al., lags of the antennas, and H_spd of
-// each zone.
+// Step 1. Order of the values: histogram H_spd and range profile H_radar of Lai et al., lags of the
+// antennas, and H_spd of each zone.
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors) {
   require_zones(data, sensors.zones);
   const Layout layout = sensors.layout();

@@ -68,7 +68,8 @@ BodyViews body_views(const Matrix& views, const BodyModel& model);
 
 // Returns the range of the body from a standardised view, m.
 float range_of(std::span<const float> standard_view, const BodyModel& model);
-// Returns the multiply-adds for the steps from a view to its map, and the number of parameters.
+// Returns the number of multiply-adds for the steps from a view to its map, and the number of
+// parameters.
 Cost cost(const BodyModel& model);
 
 // Step 3: returns the positions of the bodies, estimated from m standardised views.

@@ -12,9 +12,9 @@ namespace {
 
 constexpr double farthest_steps = 1e9;  // limit of the distance from the radar's first point, steps
 
-// Returns the weights of the points around a position, from profile_taps - 1 points before it to
-// profile_taps after it. The position is a fraction `part` of a step after a point. Only two sines
-// and a cosine are computed, because the points are whole steps apart.
+// Returns the weights of the points around a position, from `profile_taps` - 1 points before it to
+// `profile_taps` points after it. The position is a fraction `part` of a step after a point. Only
+// two sines and a cosine are computed, because the points are whole steps apart.
 std::array<float, 2 * profile_taps> lanczos(double part) {
   struct Turn {
     double sine, cosine;

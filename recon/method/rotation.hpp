@@ -31,8 +31,8 @@ class RotatedBodies {
 
   // Returns the distance of the radar to the left of the SPD, m (negative: right), fitted to the
   // displacement of the profiles as a function of azimuth. Returns 0 if the standard error of this
-  // distance exceeds a tenth of the distance; if there are antennas, the error must also exceed 3
-  // cm.
+  // distance exceeds a tenth of the distance. If there are antennas, returns 0 only if the standard
+  // error also exceeds 3 cm.
   double baseline_m() const { return baseline_m_; }
   bool rotates() const { return rotates_; }  // false: no body is rotated
   // Returns true if rotate() changes any record.

@@ -63,8 +63,8 @@ bool holds_returns(std::span<const float> map, const SceneModel& scene);
 // prediction, the value estimates the probability of foreground, and may be below 0 or above 1.
 std::vector<float> foreground_share(std::span<const float> prediction, const SceneModel& scene);
 
-// Returns the prediction clipped to the range 0 to far_m of the grid, as it is displayed, stored
-// and scored.
+// Returns the prediction clipped to the range from 0 to the maximum depth of the grid (`far_m`), as
+// it is displayed, stored and scored.
 std::vector<float> within_span(std::span<const float> prediction, const SceneModel& scene);
 
 // Returns the thresholded map, which contains the prediction at foreground pixels and the

@@ -41,7 +41,7 @@ const FitOptions masked{.hidden = {{512, 512}},
                         .batch = 64};
 // If there are at least this many records, the batch size is doubled. The maps are then equally
 // accurate, and training takes 25 % less time. If there are fewer records, the smaller batch is
-// needed.
+// needed for this accuracy.
 constexpr std::size_t many_records = 3000;
 const FitOptions placed{.basis = 16,
                         .epochs = 100,

@@ -54,7 +54,7 @@ struct Training {
   // Weight of the L2 penalty. The penalty is half the squared distance of the network weights from
   // their initial values.
   double l2_penalty = 0;
-  Loss loss = {};  // custom loss; if it has no to_slopes, the squared error is used
+  Loss loss = {};  // custom loss; if `to_slopes` is empty, the squared error is used
 };
 
 Training training_of(const Tuning& tuning, std::size_t records);
@@ -76,7 +76,7 @@ class Regression {
  public:
   // fit() trains the network. It logs losses in units of the targets (Spread::common) or of their
   // standard deviations (Spread::each), and a custom loss as the root of its mean. It calls
-  // on_epoch after each epoch. It throws Error(failed) if training diverges; the message begins
+  // `on_epoch` after each epoch. It throws Error(failed) if training diverges; the message begins
   // with the title.
   using OnEpoch = std::function<void(std::size_t epochs, double validation_loss)>;
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
@@ -113,7 +113,7 @@ class Regression {
   std::vector<float> parameters_;
   std::vector<float> centre_, spread_;   // mean and scale of each column, in units of the targets
   double unit_ = 1;                      // factor from an error of the network to a logged loss
-  Matrix batch_inputs_, batch_targets_;  // scratch memory of train_batch
+  Matrix batch_inputs_, batch_targets_;  // scratch memory of train_batch()
   Activations<float> activations_;
   std::vector<float> gradient_;
 };

@@ -14,7 +14,7 @@
 // Only OpenBLAS exports these functions. If another BLAS is linked, the weak symbols are null.
 extern "C" void openblas_set_num_threads(int) __attribute__((weak));
 extern "C" int blas_thread_shutdown_() __attribute__((weak));
-// Functions of LAPACK, which OpenBLAS contains.
+// LAPACK functions, which are part of OpenBLAS.
 extern "C" void sgeqrf_(const int* m, const int* n, float* a, const int* lda, float* tau,
                         float* work, const int* work_size, int* info);
 extern "C" void sorgqr_(const int* m, const int* n, const int* k, float* a, const int* lda,

@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::size_t least_records = 5;
 // The run shows people if the variance of its counts divided by the Poisson variance exceeds
-// most_scatter + most_scatter_a_count x mean count.
+// `most_scatter` + `most_scatter_a_count` x mean count.
 constexpr double most_scatter = 4, most_scatter_a_count = 0.002;
 
 std::vector<float> mean_of_rows(const Matrix& table, const Rows& rows) {

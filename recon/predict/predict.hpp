@@ -72,7 +72,7 @@ struct RecordStatus {
 // Prediction for one record. If the map is missing, status.fault contains the reason.
 struct MappedRecord {
   RecordStatus status;
-  // Depth and standard deviation of each pixel, m. deviation_m is empty unless `pixels` was
+  // Depth and standard deviation of each pixel, m. `deviation_m` is empty unless `pixels` was
   // requested.
   std::vector<float> map_m, deviation_m;
 };

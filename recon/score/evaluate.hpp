@@ -29,7 +29,7 @@ struct RunningCost {
 
 // Comparison of the estimated errors with the actual errors.
 struct UncertaintyCalibration {
-  // fraction of records with a lateral error below their lateral_interval_90_m
+  // fraction of records with a lateral error within their 90 % interval
   double within_90 = 0;
   double lateral_interval_90_m = 0;  // mean half-width of the 90 % intervals, m
   double flagged = 0;                // fraction of records flagged as out of distribution
@@ -38,7 +38,7 @@ struct UncertaintyCalibration {
   double error_m = 0, deviation_m = 0;
 };
 
-// Number of records with the label two_people_label, and the number of them flagged as out of
+// Number of records with the label `two_people_label`, and the number of them flagged as out of
 // distribution.
 struct TwoPeopleCounts {
   std::size_t records = 0, flagged = 0;

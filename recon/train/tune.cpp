@@ -186,7 +186,7 @@ void keep_statements(Estimator& model, const Estimator& from) {
   model.uncertainty = from.uncertainty, model.domain = from.domain;
 }
 
-// Tunes a fallback estimator (without antennas, or for the SPD alone). If by_alone is true, fits
+// Tunes a fallback estimator (without antennas, or for the SPD alone). If `by_alone` is true, fits
 // this estimator only to the new records, as was done for the first estimator. The penalty is not
 // cross-validated, because fallback estimators are rarely used. If there are few records, the
 // networks stay unchanged, and positions are corrected only if the first estimator changed.

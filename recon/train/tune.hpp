@@ -47,7 +47,7 @@ void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset
 
 // Tunes each start model and returns the best result. All entries of `starts` must contain the same
 // records. If there are few records, the old model is kept unless a candidate is clearly better.
-// Throws Error(failed) if there are fewer than least_records records, or if this kind of model
+// Throws Error(failed) if there are fewer than `least_records` records, or if this kind of model
 // cannot be tuned.
 TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options);
 

@@ -24,8 +24,8 @@ constexpr int permutations = 4000;
 constexpr std::uint64_t permutation_stream = 0x646f6d61;  // ASCII "doma"
 // Minimum significance of a difference, in standard errors.
 constexpr double clearly = 4;
-// Differences below these limits are ignored. least_mean is in units of the standard deviation
-// between records, least_square in units of the variance between records.
+// Differences below these limits are ignored. `least_mean` is in units of the standard deviation
+// between records, `least_square` in units of the variance between records.
 constexpr double least_mean = 0.1, least_square = 0.3;
 // Squared deviations are clipped to this value, so that a single outlier has little weight.
 constexpr double most_square = 16;

@@ -56,9 +56,9 @@ class OutOfDistributionDetector {
   static constexpr std::size_t least_records = 50;
 
   OutOfDistributionDetector() = default;
-  // Learns from these rows; at least least_records are needed. Row i of `views` belongs to record i
-  // of `data`; `views` is empty if the SPD is missing. `scene` is used to find the bodies in the
-  // depth maps.
+  // Learns from these rows; at least `least_records` rows are needed. Row i of `views` belongs to
+  // record i of `data`; `views` is empty if the SPD is missing. `scene` is used to find the bodies
+  // in the depth maps.
   OutOfDistributionDetector(const Alignment& alignment, const Dataset& data, const Matrix& views,
                             const Rows& rows, Inputs inputs, const SceneModel& scene,
                             std::uint64_t seed);

@@ -17,8 +17,8 @@ namespace echofuse {
 struct Body {
   double x_m = 0;  ///< lateral position, m; positive to the right of the detector
   double z_m = 0;  ///< distance from the detector plane, m
-  /// Half-width of the 90 % interval of x_m, m, for records that resemble the training data. Empty
-  /// if the model does not estimate errors, or if the record is out of distribution.
+  /// Half-width of the 90 % interval of `x_m`, m, for records that resemble the training data.
+  /// Empty if the model does not estimate errors, or if the record is out of distribution.
   std::optional<double> lateral_interval_90_m;
 };
 
