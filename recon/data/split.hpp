@@ -11,8 +11,8 @@ namespace echofuse::recon {
 
 struct SplitOptions {
   // random: for independent scenes (training to test 9:1, as in Lai et al., 2024). blocked: for
-  // sequences in which successive records are alike. The blocks in record order are: training, gap,
-  // validation, gap, test.
+  // sequences in which successive records are similar. The blocks in record order are: training,
+  // gap, validation, gap, test.
   std::string kind = "random";
   double test_share = 0.1;
   double validation_share = 0.05;  // fraction of the non-test records

@@ -15,7 +15,7 @@
 
 namespace echofuse::view {
 
-// Values of one record that the page plots over time.
+// Values of one record that the web page plots over time.
 struct Outline {
   std::int64_t index = 0;
   UtcTime start{}, end{};
@@ -109,8 +109,8 @@ class FollowedRun {
 
 // Returns the time since the end of the sensor's last valid slot, s; empty if no slot was valid.
 std::optional<double> age_s(const SensorState& sensor, UtcTime now);
-// Returns true if the sensor had no valid data for two slot lengths plus 0.5 s. The page then shows
-// a red status lamp for this sensor.
+// Returns true if the sensor had no valid data for two slot lengths plus 0.5 s. The web page then
+// shows a red status lamp for this sensor.
 bool is_stale(const SensorState& sensor, double window_s, UtcTime now);
 
 }  // namespace echofuse::view

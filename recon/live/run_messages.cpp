@@ -20,7 +20,7 @@ constexpr double first_minute_s = 60;
 constexpr std::size_t most_reference_records = 200;
 constexpr std::int64_t checked_records = 100;
 constexpr double check_pause_s = 10;
-// Maximum number of records in a sum since a mark. Reading this number takes about 0.3 s.
+// Maximum number of records in a sum since a mark. Reading 20 000 records takes about 0.3 s.
 constexpr std::int64_t most_since_mark = 20'000;
 constexpr std::size_t most_sums = 4;  // maximum number of cached sums
 // Maximum number of events that are searched for a mark.

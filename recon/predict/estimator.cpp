@@ -47,7 +47,7 @@ void archive_features(Archive archive, Features& f, bool views) {
   archive.number("features/radar_gain", f.radar_gain, -1e18, 1e18);
 }
 
-// Left and right can be distinguished only with both sensors, or with a detector with zones.
+// Left and right can be distinguished only if there are both sensors, or if the detector has zones.
 bool shows_sides(const Layout& layout) {
   return layout.spd.count > 0 && (layout.radar.count > 0 || layout.zones > 0);
 }

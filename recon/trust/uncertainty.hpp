@@ -37,7 +37,7 @@ bool side_by_ranges(const Dataset& data, Inputs inputs);
 Matrix predictors_of(const Matrix& maps, const SceneModel& scene, const Dataset& data,
                      const Rows& rows, Inputs inputs);
 
-// Interval of the lateral error, which grows with |x/z| and with noise. A regression on the
+// Interval of the lateral error, which increases with |x/z| and with noise. A regression on the
 // predictors gives the logarithm of the typical error. A factor widens the interval until it
 // contains the errors of 90 % of the validation records. Each of these records is tested by a
 // regression fitted without it (cross-conformal prediction; Vovk, Ann. Math. Artif. Intell. 74, 9,

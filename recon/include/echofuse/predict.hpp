@@ -42,7 +42,7 @@ struct DepthMap {
 /// Throws std::runtime_error if the axes of the run and the model differ. Threading: like Run.
 DepthMap predict(const Model& model, const Run& run, std::int64_t index);
 
-/// Predicts a map from values that do not come from a run. `counts`: detections as
+/// Predicts a map from values that do not come from a run. `counts`: numbers of detections as
 /// [Model::zones()][Model::spd_axis().count]. `power`: Model::radar_axis().count linear powers;
 /// negative values are accepted, because noise may have been subtracted. Ranges must be free of
 /// bias. If `counts` or `power` is empty, the map is predicted from the other sensor if the model
