@@ -94,7 +94,8 @@ TEST_CASE(
   CHECK(has(refusal(frames_of(w, 20, 1)), "the gain of antenna 5 relative to antenna 0 is -"));
   w.gain[5] = 1, w.noise = 0;
   const AntennaFit fit = fit_antennas(frames_of(w, 20, 1), 8, reflector);
-  // Without noise, the standard error still includes the rounding of the samples to integers.
+  // Without noise, the standard error still includes the error caused by rounding the samples to
+  // integers.
   CHECK(fit.gains.standard_error[3] > 1e-4);
   CHECK(refusal(ArrayFrames(20, std::vector<std::int16_t>(bins * 16))) != "");
 }

@@ -38,7 +38,7 @@ struct Outcome {
   double worst_s, residual_s, drift_error_ppm, offset_error_s;
 };
 
-// Feeds the fit 90 s of samples, each read 0 to 50 ms late and one in twenty up to 550 ms late. A
+// Feeds the fit 90 s of samples. Most are read 0 to 50 ms late, one in twenty up to 550 ms late. A
 // late sample also delays the samples after it. Returns the largest errors of the fit after the
 // first 30 s.
 Outcome watch(ClockFit fit, const Device& device, double rate_hz, std::uint64_t seed) {
@@ -73,8 +73,8 @@ TEST_CASE(
   std::vector<double> worst, residual, drift;
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     const double offset_s = -0.5 + static_cast<double>(seed) / 299, sign = seed % 2 ? 1 : -1;
-    // Samples per second given to watch(): 10 radar frames, 30 camera frames, or 20 tag blocks of a
-    // weak signal.
+    // Sample rates passed to watch(): 10 radar frames, 30 camera frames or 20 tag blocks (weak
+    // signal) per second.
     const Device radar{5e-9, offset_s, sign * 200e-6, 0xffff'ffff};
     const Device camera{1e-6, 1000 + offset_s, sign * 200e-6};
     const Device tagger{1e-12, offset_s, sign * 200e-6};

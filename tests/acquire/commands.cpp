@@ -128,7 +128,7 @@ TEST_CASE("commands refuse a FIFO in place of a regular file, and do not block")
   for (const char* beside : {"-wal", "-shm", "-journal"}) {
     const std::string name = folder / "a.sqlite" + beside;
     REQUIRE(::mkfifo(name.c_str(), 0666) == 0);
-    // A reader of a closed run does not open the FIFO that has the name of a side file.
+    // Reading a closed run does not open a FIFO that has the name of a side file.
     CHECK(acquire("info " + folder / "a.sqlite").code == 0);
     fs::remove(name);
   }

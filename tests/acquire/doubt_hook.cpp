@@ -14,7 +14,7 @@ using namespace std::chrono_literals;
 
 namespace {
 
-// Returns a record of a slot of 1 s. If the verdict is empty, the radar data are missing.
+// Returns the record of a 1 s slot. An empty verdict means that the radar data are missing.
 record::FusedRecord record_of(std::int64_t index, const std::string& radar_verdict) {
   record::FusedRecord r;
   r.index = index;
@@ -28,7 +28,7 @@ record::FusedRecord record_of(std::int64_t index, const std::string& radar_verdi
 
 constexpr SensorSet both{Sensor::spd, Sensor::radar};
 
-// Alert hook with a program that appends a line to a file on each call.
+// Alert hook that runs a program. Each run of the program appends a line to a file.
 struct Calls {
   explicit Calls(const record::AlertLimits& limits = {}, const std::string& program = {})
       : hook({"sh", "-c",

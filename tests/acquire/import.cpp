@@ -217,7 +217,7 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
        "Measurement_Mode is T3, but TTResultFormat_TTTRRecType is T2");
   says(header(is_t3, 1e-4, 1e-12).whole("Measurement_Mode", 2).end().data(light), ExitCode::failed,
        "Measurement_Mode is T2");
-  // The length of the dark period follows from its overflow records.
+  // The length of the dark period is computed from its overflow records.
   const auto dark = words(3'000'000'000'000, special, 0);
   const auto ended =
       import(header(is_t2, 1e-12, 0).whole("TTResult_StopAfter", 3000).end().data(dark));

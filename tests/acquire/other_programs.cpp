@@ -292,8 +292,7 @@ TEST_CASE(
     CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(3));
     check_whole(path, 6, "complete");
     CHECK(fs::exists(path + "-wal"));
-    // Closes the reader without a checkpoint, like a reader that was killed or has no write
-    // permission.
+    // Closes the reader without a checkpoint, as if it had been killed or had no write permission.
     sqlite3_db_config(reader.get(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   }
   recover(path);
@@ -363,13 +362,13 @@ TEST_CASE("a run requires a valid lock file and does not delete it") {
 
 namespace {
 
-// Opens a file with SQLite's own file system layer, but without shared memory.
+// Opens a file through SQLite's own VFS, but without support for shared memory.
 int open_without_memory(sqlite3_vfs* self, const char* name, sqlite3_file* file, int flags,
                         int* out) {
   auto* whole = static_cast<sqlite3_vfs*>(self->pAppData);
   const int code = whole->xOpen(whole, name, file, flags, out);
   if (file->pMethods) {
-    // SQLite uses different methods for a database and for its journal.
+    // SQLite uses different I/O methods for a database than for its journal.
     static std::map<const sqlite3_io_methods*, sqlite3_io_methods> of_kind;
     sqlite3_io_methods& plain = of_kind[file->pMethods] = *file->pMethods;
     plain.iVersion = 1;

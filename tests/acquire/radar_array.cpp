@@ -206,7 +206,8 @@ TEST_CASE("beamforming recovers the direction and the power of a wave despite ch
   const auto array = array_of(frames, 8);
   const ArrayBin bin = bin_of(array, 8, 0);
   CHECK(beam_power(bin, antennas, u) == Approx(power).epsilon(1e-4));
-  // The power between two bins follows from the Dirichlet kernel of 8 antennas.
+  // At an offset of 0.1 from the direction sine of the wave, the power is given by the Dirichlet
+  // kernel of 8 antennas.
   const double off = 0.1, half = std::numbers::pi * off / 2;
   CHECK(beam_power(bin, antennas, u + off) ==
         Approx(power * std::pow(std::sin(8 * half) / (8 * std::sin(half)), 2)).epsilon(1e-3));

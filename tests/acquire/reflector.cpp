@@ -64,7 +64,7 @@ TEST_CASE(
   CHECK(refusal(each, 1, 1.0) == "");
   CHECK(refusal(each, 1, 1.08) == "");
   CHECK_THAT(refusal(detector, 1, 1.0), Contains("fits --reflector each (true range 1.000 m"));
-  // The peak at 1.05 m is only 5 cm beyond the true range of the mounting `each`.
+  // 1.05 m is only 5 cm beyond the true range for `--reflector each`, which is 1 m.
   CHECK_THAT(refusal(detector, 1, 1.05), Contains("the reflector is in front of the radar"));
   CHECK_THAT(refusal(each, 1, 1.168), Contains("fits --reflector detector (true range 1.118 m") &&
                                           Contains("the reflector is in front of the detector"));

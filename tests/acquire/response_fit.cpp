@@ -20,8 +20,8 @@ namespace {
 constexpr double pi = std::numbers::pi, step_ps = 10;
 constexpr std::size_t bins = 2000;
 
-// Returns a histogram of a reflector at 1 m. The fraction `share` of the photons has an exponential
-// tail.
+// Returns a histogram of a reflector at 1 m. A fraction `share` of the photons is delayed by an
+// exponentially distributed time.
 std::vector<std::uint32_t> photons(int count, double fwhm_ps, double tail_ps, double share,
                                    Rng& rng) {
   std::vector<std::uint32_t> counts(bins);
@@ -113,8 +113,8 @@ struct Echo {
   double beyond_m = 0;  // distance from the reflector to an object behind it
   Amplitude amplitude = 1;
 };
-// Returns frames of a reflector and of objects behind it. Either the noise is added to the
-// amplitudes, or the noise power is added to the signal power.
+// Returns frames of a reflector and of objects behind it. If `adds`, the noise power is added to
+// the signal power; otherwise, noise is added to the amplitudes.
 std::vector<std::vector<std::uint16_t>> frames(const NamedWindow& window, const Place& place,
                                                double noise_db, Rng& rng, bool adds = false,
                                                const std::vector<Echo>& echoes = {{}}) {

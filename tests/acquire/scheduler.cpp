@@ -14,7 +14,7 @@ namespace {
 
 constexpr SlotGrid grid{.first = 100s, .length = 200ms};
 
-// Calls tick() every 50 ms from the previous call until the time `until`, and returns the slots
+// Each run() continues to call tick() every 50 ms up to the time `until`, and returns the slots
 // that became due.
 class Ticking {
  public:
@@ -164,8 +164,8 @@ TEST_CASE("slots missed during a pause wait while the disk is busy, but current 
     backlog.put({{k, false}});
     CHECK(next(true) == -1);
   }
-  // When `most_behind` slots are due after the pause, the slots of the pause no longer wait for a
-  // busy disk.
+  // As soon as `most_behind` later slots are due, the slots of the pause are closed even if the
+  // disk is busy.
   backlog.put({{k, false}});
   for (std::int64_t i = 2; i <= k; ++i) REQUIRE(next(true) == i);
   CHECK(backlog.empty());

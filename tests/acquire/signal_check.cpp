@@ -124,7 +124,7 @@ TEST_CASE("a signal weaker than in the first minute has the verdict weak") {
   SignalCheck check({}, 3);
   for (int i = 0; i < 20; ++i) CHECK(verdicts(check, lab.record()) == all_ok);
   lab.photons = 5e3, lab.radar_snr_db = 9, lab.depth_share = 0.004;
-  for (int i = 0; i < 30; ++i) {  // weak records do not become the reference, so all are reported
+  for (int i = 0; i < 30; ++i) {  // no weak record becomes the reference
     const auto v = verdicts(check, lab.record());
     CHECK_THAT(v[0], StartsWith("weak: light level is 0.0"));
     CHECK_THAT(v[1], StartsWith("weak: echo power is 0.0"));
@@ -270,7 +270,7 @@ TEST_CASE("missing start pulses are not reported if the tagger uses a conditiona
   r.spd_counts = {.tags = 20'000, .starts = 10'000, .in_range = 10'000};
   r.signal.clicks_a_pulse = 0.01;
   CHECK(verdicts(check, r)[0] == "ok");
-  // All clicks are dark counts. The filter passed one start per click, which are 10 000 of 1e6
+  // All clicks are dark counts. The tagger's filter passed one start per click: 10 000 of the 1e6
   // laser pulses.
   r.spd[0] += 1, r.radar[0] += 1, r.depth_mm[0] += 1;
   r.signal.clicks_a_pulse = 1;

@@ -19,7 +19,7 @@ namespace {
 
 constexpr SlotGrid grid{.first = 10s, .length = 1s};
 const SensorClocks no_clocks;
-// 32 of the 40 bins of 0.25 m are kept, because only they are below 8 m.
+// 32 of the 40 bins of 0.25 m are kept, because only these are below 8 m.
 constexpr std::size_t sent_bins = 40, kept_bins = 32, antennas = 8;
 
 DeviceInfo radar_info() {

@@ -35,7 +35,7 @@ TEST_CASE("a change of the system clock during a run is stored, and later UTC ti
   RunLog log(loop);
   log.attach(journal);
   for (int second = 0; second < 60; ++second, loop.run_for(1s)) journal.refresh_anchor(log);
-  loop.step_utc(10ms);  // the step is too small for an event, but the next anchor includes it
+  loop.step_utc(10ms);  // too small to be reported as an event
   journal.refresh_anchor(log);
   CHECK(journal.utc_of(1050s) == 1050s + before + 10ms);
   loop.run_for(10s + 200ms);

@@ -18,9 +18,9 @@ constexpr SlotGrid grid{.first = 100s, .length = 1s};
 
 HostTime host(double t) { return HostTime(std::llround(t * 1e9)); }
 
-// Data that arrive at the time `read`, s. The device took the items at the times `taken`, s.
-// `places` lists the index of the expected record of each item, or the word early, late, outside or
-// twice.
+// Data that arrive at the host time `read`, s. `taken` contains the time at which the device took
+// each item, s. For each item, `places` contains the index of the expected record, or the word
+// early, late, outside or twice.
 struct Event {
   double read;
   const char* device;

@@ -41,7 +41,7 @@ inline Outcome acquire(const std::string& arguments) {
   return shell(echofuse::test::bin_dir + "/echofuse-acquire " + arguments);
 }
 
-// Returns the code and the text of the Error that `body` throws, or ok if it does not throw an
+// Returns the code and the message of the Error that `body` throws, or ok if it does not throw an
 // Error.
 template <class Body>
 std::pair<echofuse::ExitCode, std::string> error_of(Body body) {

@@ -279,7 +279,7 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
   CHECK(sync(r, Sensor::spd).verdict == spd);
   CHECK(sync(r, Sensor::radar).verdict == radar);
   CHECK(sync(r, Sensor::depth).verdict == depth);
-  // Slot 1 is valid if its tags cover half of the slot, which only one section provides.
+  // Only the section with "tags cover" sends enough tags for slot 1 to be valid.
   CHECK(windows.close({1, false}).has(Sensor::spd) == spd.starts_with("tags cover"));
 }
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""numpy_scenes.py BENCH_SCENES: compares the program BENCH_SCENES with a NumPy renderer on the same people.
+"""numpy_scenes.py BENCH_SCENES: compares the program BENCH_SCENES with a NumPy renderer on the same scenes.
 
 NumPy casts all rays at once, and uses the same number of rays for the detector. The depth maps must agree within 1 mm.
 Prints the output of BENCH_SCENES and the times of NumPy."""

@@ -44,13 +44,14 @@ void training(const Dataset& data, double most_per_s) {
   const double once = run(1), epoch = (run(9) - once) / 8;
   const auto done =
       static_cast<double>(a_record * split.train.size() + a_judgement * split.validation.size());
-  // The limit is the higher of two rates, measured before and after the training, because the speed
-  // of a shared machine varies.
+  // The limit is the higher of two rates, measured before and after the training runs, because the
+  // speed of a shared machine varies.
   print_row("training of the plain network", "GFLOP/s", 2e-9 * done / epoch,
             2e-9 * std::max(most_per_s, multiply_adds_per_s()), "multiply-adds");
 }
 
-// Measures the time of one map in `evaluate`: alignment or scaling, and prediction.
+// Measures the time that `evaluate` needs for one map. It includes aligning or scaling the inputs,
+// and the prediction.
 void one_map(const Dataset& data, const std::string& name) {
   const Estimator m = fitted(data, name, 1);
   std::size_t row = 0;

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: MIT
 """table.py BUILD_DIR SCRATCH: runs the benchmarks of BUILD_DIR and prints their results as one table.
 
-The columns are the path, our value, the limit of the machine, the ratio of our value to the limit, the peer program,
-and the ratio to the peer. Other output of the benchmark programs (limits.hpp) is printed unchanged. Peers that are not
-installed are omitted."""
+The columns are the code path, the value of echofuse, the limit of the machine, the ratio of the value to the limit, the
+peer program, and the ratio of the value to that of the peer. Other output of the benchmark programs (limits.hpp) is
+printed unchanged. Peers that are not installed are omitted."""
 import argparse
 import pathlib
 import sqlite3
@@ -15,7 +15,7 @@ import zlib
 
 import numpy
 
-# rows[path] contains the unit, our value, the limit and the name of the limit.
+# rows[path] contains the unit, the value of echofuse, the limit and the name of the limit.
 # peers[path] contains the name and the value of the peer.
 rows, peers = {}, {}
 
@@ -71,7 +71,8 @@ def to_maps(recon, model, recorded, scratch):
 
 
 def torch():
-    """Measures PyTorch with a network of equal size on one thread: training in GFLOP/s, and one map in us."""
+    """Measures PyTorch with a network of equal size on one thread: the training rate in GFLOP/s and the
+    time of one map in us."""
     try:
         import torch as t
     except ImportError:

@@ -28,7 +28,7 @@ namespace {
 
 constexpr std::size_t count = 1u << 22, tags_a_block = 1u << 12;
 
-// Returns start tags, each followed by one click, or by 0 to 2 clicks at random.
+// Returns start tags, each followed by one click or, if `random`, by 0 to 2 clicks.
 std::vector<Tag> make_tags(bool random) {
   Rng rng = make_rng(1, 1);
   std::vector<Tag> tags;

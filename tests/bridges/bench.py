@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 """bench.py BIN_DIR [SECONDS=8]: measures the tag rate of scripts/bridges/timetagger.py and the cost of live runs.
 
-The first benchmark has a client that only reads, and a stand-in library with a buffer that is always full. In the live
+In the first benchmark, the client only reads, and the buffer of the stand-in library is always full. In the live
 runs, every tag that the bridge sends must be in a record of the daemon. Costs are processor times, because these hardly
 depend on the load. The cost of generating tags in the stand-in is listed separately."""
 import os

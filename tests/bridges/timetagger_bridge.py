@@ -172,8 +172,8 @@ class Tags(unittest.TestCase):
             self.assertEqual(self.poll(self.pattern(0), which=which)[0].blocks, [])
 
     def test_tags_refused_by_a_full_buffer_are_counted_as_lost(self):
-        # The stream of the old library returns a full buffer without the number of lost tags.
-        # CustomMeasurement refuses all tags of a call that does not fit into the buffer, and counts them.
+        # In the old library, the stream returns a full buffer but does not report the number of lost tags.
+        # CustomMeasurement drops and counts all tags of a call if they do not fit into the buffer.
         for which, size, sent, lost in ((old_library, 5000, 5000, 1), (library, 5001, 0, 5001)):
             outlet, pause, said = self.poll(self.pattern(size), "--max-events", "5000", which=which)
             self.assertEqual((sum(items for _, _, items in outlet.blocks), outlet.lost, pause), (sent, lost, 0))

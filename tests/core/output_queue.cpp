@@ -50,7 +50,7 @@ TEST_CASE("the output queue writes all texts in order before it closes") {
 TEST_CASE("closing the output queue waits as long as the reader continues to read") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
-  // Each text fills the 64 KiB of a pipe.
+  // Each string fills the 64 KiB buffer of the pipe.
   for (int i = 0; i < 8; ++i) queue.put(std::string(1 << 16, '.'));
   std::size_t taken = 0;
   std::thread reader([&] {
@@ -64,7 +64,7 @@ TEST_CASE("closing the output queue waits as long as the reader continues to rea
 TEST_CASE("the output queue keeps the newest texts if the reader stops reading") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
-  // 256 KiB exceed the 64 KiB of the pipe even after a read.
+  // The string of 256 KiB does not fit into the 64 KiB buffer of the pipe, even after a read.
   const std::string filling(1 << 18, '.');
   queue.put(filling);
   while (pipe.read().empty()) std::this_thread::yield();  // waits until the write has begun
@@ -80,7 +80,7 @@ TEST_CASE("the output queue keeps the newest texts if the reader stops reading")
   reader.join();
   CHECK(text.find("first") == std::string::npos);
   CHECK(text.find("state 1") == std::string::npos);
-  // The four dropped texts are "first", one `half`, "state 1" and "state 2".
+  // The four dropped messages are "first", one `half`, "state 1" and "state 2".
   CHECK(text.ends_with("<4>" + half + "state 3"));
   CHECK(queue.close() == 0);
 }

@@ -163,7 +163,7 @@ TEST_CASE("the bridge driver reconnects after each of 100 disconnections") {
     REQUIRE(pair.await_client());
     longest = std::max(longest, loop.now() - begin);
   }
-  CHECK(longest == std::chrono::seconds(2));  // delay limit between connection attempts
+  CHECK(longest == std::chrono::seconds(2));  // longest delay between connection attempts
   CHECK(pair.lost() == 99);  // one block lost before each of the last 99 data connections
   CHECK(pair.clients == 101);
   CHECK(counter(*pair.driver, "connections") == 101);

@@ -234,7 +234,7 @@ TEST_CASE("a radar frame with a TLV count that is one too high keeps its TLVs") 
 TEST_CASE(
     "radar padding that resembles a magic word is recognised by the next bytes or by silence") {
   Bytes doubtful = golden()[2];
-  doubtful.back() = 2;  // may be the first byte of a magic word
+  doubtful.back() = 2;  // 2 may be the first byte of a magic word
   FrameParser parser;
   std::vector<RadarFrame> frames;
   const auto keep = [&](RadarFrame f) { frames.push_back(std::move(f)); };

@@ -32,8 +32,8 @@ class HidCp2110 {
 
   void unplug();
   void plug();
-  // Delivers bytes from the UART line. Returns the number of bytes that fit into the buffer of 480
-  // bytes. Reports to the host empty the buffer at 63 bytes per ms.
+  // Delivers bytes from the UART line. Returns the number of bytes that fit into the 480-byte
+  // buffer. The host fetches 63 bytes per ms from this buffer.
   std::size_t receive(ByteView bytes);
   // Sends the host a raw report that does not come from the UART, to simulate faults.
   void raw_input(ByteView report);

@@ -84,7 +84,7 @@ struct BedNode::Callbacks {
     if ((*self)->owner) (*self)->owner->on_client();
   }
   // Called when umockdev releases the client. In umockdev 0.17.16 no other signal shows that a
-  // client closed the node or ended.
+  // client closed the node or exited.
   static void gone(gpointer data, GObject* client) {
     const std::unique_ptr<Share> self(static_cast<Share*>(data));
     const std::lock_guard lock((*self)->mutex);

@@ -62,8 +62,8 @@ class BedNode {
   void unplug();
 
  protected:
-  // `description` is the text for umockdev with P:, E:, A:, H: and L: lines, but no N: line.
-  // `folders` are the folders of the device below /sys, parents first.
+  // `description` contains the P:, E:, A:, H: and L: lines for umockdev, but no N: line. `folders`
+  // are the folders of the device below /sys, parents first.
   BedNode(UsbBed& bed, std::string node, std::string description, std::vector<std::string> folders);
   // Ends all callbacks. The destructor of the derived class must call it first.
   void detach();
@@ -97,8 +97,8 @@ struct DataRelease {
   void operator()(UMockdevIoctlData* data) const;
 };
 using ClientData = std::unique_ptr<UMockdevIoctlData, DataRelease>;
-// Returns `bytes` bytes of client memory to which the pointer at `offset` in `data` points. Returns
-// null if the client has ended. The client receives written bytes with the answer.
+// Follows the pointer at `offset` in `data` to client memory and returns `bytes` bytes from there,
+// or null if the client has ended. Bytes written to them reach the client with the answer.
 ClientData resolve(UMockdevIoctlData* data, std::size_t offset, std::size_t bytes);
 
 }  // namespace echofuse::sim

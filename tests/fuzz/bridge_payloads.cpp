@@ -15,7 +15,7 @@ void hello(ByteView payload) {
   const auto hello = read_hello(payload);
   Bytes longer(payload.begin(), payload.end());
   longer.push_back('x');
-  const bool has_nul = std::ranges::find(payload, 0) != payload.end();  // a NUL ends the text
+  const bool has_nul = std::ranges::find(payload, 0) != payload.end();  // a NUL ends the string
   require(has_nul || !read_hello(longer), "nothing may follow the object");
   const auto begin = fuzz::text_of(payload).find('{');
   if (!hello) return;

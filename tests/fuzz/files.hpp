@@ -44,7 +44,8 @@ class Folder {
   std::string path_;
 };
 
-// A line that begins with "@@" and a letter starts the file of this letter within an input.
+// An input contains several files. Each begins with a line that starts with "@@" and a letter,
+// which names the file.
 inline constexpr std::string_view file_mark = "\n@@";
 inline std::map<char, ByteView> files_of(ByteView input) {
   std::map<char, ByteView> out;
@@ -58,8 +59,8 @@ inline std::map<char, ByteView> files_of(ByteView input) {
   return out;
 }
 
-// Returns a valid .npy file. The recipe has u8 type, u8 number of dimensions and one u8 per
-// dimension. The values that follow are repeated or cut to the size of the shape.
+// Returns a valid .npy file. The recipe contains the type, the number of dimensions and the size of
+// each dimension, each as a u8. The bytes that follow are repeated or cut to fill the array.
 inline Bytes npy_of(ByteView recipe) {
   constexpr std::array types{"<f4", "<f8", "|u1", "<u2", "<u4", "<i8", "|b1", "<i2"};
   constexpr std::array bytes{4, 8, 1, 2, 4, 8, 1, 2};

@@ -37,7 +37,7 @@ inline std::string_view text_of(ByteView bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-// Returns true if the text has no control characters except those in `also`.
+// Returns true if `text` contains no control characters except those in `also`.
 inline bool is_printable(std::string_view text, std::string_view also = "") {
   return std::all_of(text.begin(), text.end(), [&](char c) {
     const auto code = static_cast<unsigned char>(c);

@@ -221,7 +221,8 @@ class Editor {
 void check_answers(const TrainedModel& model) {
   static const Dataset few = plates(3);
   Dataset data = few;
-  std::fill_n(data.radar.row(2).begin(), radar_bins_, 0.f);  // makes the model use its fallback
+  // Without a radar echo, the model uses its fallback.
+  std::fill_n(data.radar.row(2).begin(), radar_bins_, 0.f);
   model.match(data);
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)

@@ -14,7 +14,7 @@ using fuzz::require;
 
 namespace {
 
-constexpr std::uint32_t most_bins = 1u << 14;  // a larger number of bins would only take more time
+constexpr std::uint32_t most_bins = 1u << 14;  // more bins would only take more time
 
 struct Reference {
   HistogramSettings s;
@@ -24,7 +24,8 @@ struct Reference {
   std::uint64_t last_time = 0;
   bool has_start = false, in_overflow = false;
 
-  // Starts with the time of the first valid tag, because this tag cannot be a backward step.
+  // Initialises last_time to the time of the first valid tag, so that this tag never counts as a
+  // backward step.
   explicit Reference(const HistogramSettings& settings, std::span<const Tag> tags) : s(settings) {
     for (const Tag& tag : tags) {
       if (tag.type != TagType::time_tag || tag.reserved != 0) continue;

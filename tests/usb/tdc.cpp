@@ -149,7 +149,7 @@ TEST_CASE("all tags of a simulated USB tagger are received") {
 }
 
 TEST_CASE("a USB tagger with a full FIFO reports its lost tags") {
-  Simulated s(22'000);  // FIFO of 22 kB, about the data between two transfers
+  Simulated s(22'000);  // 22 kB FIFO, about the data of one transfer
   CHECK(run_until(s.loop, [&] { return s.sent(1) > 0 && counter(*s.driver, "lost_items") > 0; }));
   CHECK(counter(*s.driver, "lost_items") <= s.sent(1));
   CHECK(s.sink.state() == DeviceState::streaming);
@@ -159,7 +159,7 @@ TEST_CASE("no tags are lost if USB transfers split blocks or if packets are shor
   Bench b;
   b.connect();
   const Bytes all = join({b.tags(50'000), b.tags(0), b.tags(50'000)});
-  // Pieces of 37 KiB end within tags, and the long run of packets fills whole transfers.
+  // Pieces of 37 000 bytes end within tags, and the long run of packets fills whole transfers.
   const ByteView wire = all;
   for (std::size_t at = 0; at < wire.size(); at += 37'000)
     b.device.send_more(wire.subspan(at, std::min<std::size_t>(37'000, wire.size() - at)));

@@ -185,7 +185,8 @@ TEST_CASE("missing, doubled or too frequent start pulses each cause an event") {
   }});
   CHECK_THAT(faster.events.at(0),
              Catch::Contains("changes of the start rate, from 4 kHz to 8 kHz"));
-  // The interval of 1 s in which the pulse rate changes contains both rates, but no missing starts.
+  // The pulse rate changes within a 1 s interval. This interval must not be reported as missing
+  // starts.
   CHECK(faster.events.size() == 1);
 }
 

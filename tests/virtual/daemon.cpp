@@ -180,7 +180,7 @@ TEST_CASE("a raw capture that has no slot, has missing bytes or has damaged time
   }
   std::ofstream(run.keep_raw + "/" + name) << text;
   CHECK_THAT(refusal(), Catch::Contains(why));
-  // A refused import leaves no file.
+  // A rejected raw capture leaves no run file.
   for (const auto& file : std::filesystem::directory_iterator(b.folder.path))
     CHECK(file.path().filename().string().find("x.sqlite") == std::string::npos);
 }

@@ -30,8 +30,8 @@ using namespace std::chrono_literals;
 
 namespace {
 
-// Proxy between tagger and daemon. It refuses connections for a while and buffers the data. It
-// sends the buffered data first on the next connection.
+// Proxy between the tagger and the daemon. It refuses connections for a while and buffers the data.
+// On the next connection, it sends the buffered data first.
 class Keeper {
  public:
   Keeper(port::Loop& loop, port::ByteOpener& place) : loop_(loop), down_(loop), up_(place()) {
@@ -163,7 +163,7 @@ LaboratoryOptions reflector(double more_ps = 0, const std::string& before = "det
           }};
 }
 
-// Returns the text that the action prints to stdout. The text is stored in a new file `path`.
+// Returns what the action prints to stdout. The output is stored in a new file `path`.
 std::string printed_by(const std::string& path, const std::function<void()>& action) {
   std::fflush(stdout);
   const int before = ::dup(STDOUT_FILENO);

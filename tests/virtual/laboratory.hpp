@@ -49,7 +49,7 @@ class Laboratory {
   bool radar_radiates() const;
   // If choked, the radar passes only the first byte of each reply.
   void choke_radar(bool choked);
-  // Turns the camera's field of view for all later frames.
+  // Shifts the camera's field of view sideways in all later frames.
   void turn_camera();
   // Records the number of slots that `run` specifies, or records until it is interrupted. Throws
   // like record_run().

@@ -14,7 +14,7 @@ Iterators.h; signatures.py compares them. Environment variables select faults:
   STAND_IN_DARK=n       tags end with the n-th batch but sync() succeeds, as if the laser were off
   STAND_IN_VERSION=x    getVersion() returns x
   STAND_IN_FOREIGN=1    the stream has tags of channels that other clients requested
-  STAND_IN_LISTEN=1     the server refuses all settings
+  STAND_IN_LISTEN=1     the server rejects all settings
   STAND_IN_SERVER=n     the server disconnects at the n-th check of the connection
   STAND_IN_OLD_FILE=1   the virtual tagger has setReplaySpeed() and replay()
 A recording has three patterns. The count rate of the channels is 1e5/s at trigger levels from 0.3 to 1.2 V, or 0 with

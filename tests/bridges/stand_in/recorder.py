@@ -7,7 +7,7 @@ import json
 import os
 
 calls = []
-faults = {}  # text of the RuntimeError for the n-th call of a function, by (name, n)
+faults = {}  # message of the RuntimeError for the n-th call of a function, by (name, n)
 _counts = {}
 
 
