@@ -163,7 +163,7 @@ TEST_CASE("damaged time stamps do not affect the clock fit") {
   for (int i = 0; i < 200; ++i) {
     const std::uint64_t wrong = rng();
     fit.add(wrong, host(t));
-    // The receive time replaces the damaged time stamp.
+    // The receive time replaces the corrupted time stamp.
     CHECK(fit.taken(wrong, host(t)) == host(t));
     t = feed(fit, device, t, 2);
     REQUIRE(error_s(fit, device, t - 0.1, host(t)) < 0.0011);

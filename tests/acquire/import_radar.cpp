@@ -88,7 +88,7 @@ TEST_CASE(
   constexpr double wrap_s = 0x1p32 * 5e-9;
   const Used even{21, 20, 19};
   check(RadarFile().frames(1, 60), even, "");
-  check(RadarFile().frames(1, 60, 20.5), even, "");  // the counter wraps at 21.47 s
+  check(RadarFile().frames(1, 60, 20.5), even, "");  // the cycle counter wraps at 21.47 s
   check(RadarFile().frames(0xffffffe0, 0xffffffff, -0x1p32 * 0.0499).frames(0, 27), even, "");
   check(RadarFile().frames(1, 20).frames(31, 60), {20, 11, 19}, "10 frames are missing");
   Used with_gap(37);

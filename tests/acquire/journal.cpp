@@ -231,7 +231,7 @@ TEST_CASE("a run keeps all its records if the next file of the rotation cannot b
   }
   SECTION("the run stops with a disk error if the disk is full") {
     {
-      // An empty run needs 12 pages of 4 KiB, which exceed this limit.
+      // An empty run needs 12 pages of 4 KiB, more than this disk can store.
       const echofuse::test::FullDisk disk(40'000);
       rotate(journal, next);
       while (!journal.failed()) std::this_thread::yield();

@@ -148,7 +148,7 @@ TEST_CASE("doctor compares the kernel's USB memory limit with the buffer of the 
     machine.write("sys/module/usbcore/parameters/usbfs_memory_mb", limit + "\n");
     return check_usb_memory(config, machine.roots()).grade;
   };
-  // The kernel's limit cannot be read.
+  // The kernel's USB memory limit cannot be read.
   CHECK(check_usb_memory(config, machine.roots()).grade == Grade::warning);
   CHECK(grade_at("16") == Grade::ok);
   CHECK(grade_at("0") == Grade::ok);  // the value 0 means no limit

@@ -101,7 +101,7 @@ FusedRecord record_of(std::int64_t index, const std::vector<Axis>& axes, Random&
   if (r.has(Sensor::radar)) r.radar = random.values<float>(axes[1].count);
   if (r.has(Sensor::radar) && random.coin()) {
     r.array.assign(axes[2].count * values_of_bin(antennas), 0);
-    // Uses integers, which packing stores without rounding.
+    // Uses integers, because packing stores integers without rounding.
     for (std::size_t bin = 0; bin < axes[2].count; ++bin)
       std::fill_n(r.array.begin() +
                       static_cast<std::ptrdiff_t>(bin * values_of_bin(antennas) + 2 * antennas),

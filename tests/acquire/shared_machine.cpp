@@ -37,7 +37,7 @@ unsigned mode_of(const std::string& path) {
 
 TEST_CASE("the configuration file in the current folder takes precedence over the user's file") {
   const Folder folder;
-  if (fs::exists("/etc/echofuse/lab.toml")) return;  // an installed file would change the results
+  if (fs::exists("/etc/echofuse/lab.toml")) return;  // an installed lab.toml would interfere
   const Outcome none = at_home(folder, "", "config check");
   CHECK(none.code == 3);
   CHECK(has(none.text, "searched ./lab.toml, ~/.config/echofuse/lab.toml, /etc/echofuse"));

@@ -192,7 +192,7 @@ TEST_CASE("sensor data that repeat bit for bit are reported as frozen (verdict: 
   SignalCheck check({}, 3);
   auto r = lab.record();
   CHECK(verdicts(check, r) == all_ok);
-  // Simulates a rounding error, as in an average over a different number of frames.
+  // Simulates the rounding error of an average over a different number of frames.
   for (float& v : r.radar) v += 0.001F;
   for (const auto& v : verdicts(check, r)) CHECK_THAT(v, StartsWith("stands still: "));
   CHECK(verdicts(check, lab.record()) == all_ok);

@@ -101,6 +101,6 @@ TEST_CASE("a label in the status line is escaped, and is truncated at a characte
   Moment m;
   m.now.label = "a\033[2J\n";
   CHECK(m.line(std::nullopt).find(R"(  a\x1b[2J\n  )") != std::string::npos);
-  m.now.label = "abcdefghijklmnopqrstuvw\xc3\xa4xyz";  // the limit of 24 bytes divides a character
+  m.now.label = "abcdefghijklmnopqrstuvw\xc3\xa4xyz";  // the 24-byte limit splits a UTF-8 character
   CHECK(m.line(std::nullopt).find("  abcdefghijklmnopqrstuvw  ") != std::string::npos);
 }

@@ -58,7 +58,8 @@ const std::vector<Event> events = {
   {102.100,  "depth", {101.999},                           "1",              5        },
   {102.110,  "depth", {102.000},                           "2",              6        },
   {102.200,  "spd",   {},                                  "",               0,  3    },  // no tags, only the number of lost tags
-  // The program stalls from 102.2 to 105.7 s, and all data after that wait to be read.
+  // The program stalls from 102.2 to 105.7 s. All data that arrive in this period are read at its
+  // end.
   {105.700,  "spd",   {102.200, 102.900, 103.100, 105.690},"2 2 3 5"                  },
   {105.700,  "radar", {102.500},                           "2",              9        },
   {105.700,  "radar", {105.600},                           "5",             10        },

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Histogram computed by libtcspc, for comparison with ours. libtcspc counts each click once for
-// every earlier start within the range of the histogram. Both histograms are equal if each click
-// has only one such start.
+// Histogram computed by libtcspc, for comparison with that of echofuse. libtcspc counts each click
+// once for every earlier start within the range of the histogram. The two histograms are equal if
+// each click has only one such start.
 #pragma once
 #include <cstdint>
 #include <span>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Limits of this machine on one thread, and rows of the table of scripts/bench (table.py). Times
-// are processor times, each the best of several rounds, because other processes may be running.
+// Measures the limits of this machine on one thread, and prints rows for the table of scripts/bench
+// (table.py). Times are processor times, each the best of several rounds, because other processes
+// may be running.
 #pragma once
 #include <algorithm>
 #include <cstddef>

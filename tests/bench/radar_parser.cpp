@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Benchmark of the radar parser, compared with memcpy of the same bytes. The stream is that of TI's
-// stock demo with 256 bins, statistics and temperature in 640 bytes per frame. It arrives in pieces
-// of 4 KiB, as from a serial port. Prints the best of 5 runs on one core.
+// Benchmark of the radar parser, compared with memcpy of the same bytes. The stream has the format
+// of TI's stock demo. Each frame of 640 bytes contains 256 bins, statistics and the temperature.
+// The stream arrives in pieces of 4 KiB, as from a serial port. Prints the best of 5 runs on one
+// core.
 #include <chrono>
 #include <cstdio>
 #include <cstring>

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
 // Benchmark of the tagger's data path in memory, in processor time, as the best of 7 rounds. Every
 // round runs all parts, so that other processes affect all parts equally. The histogram is measured
-// with every instruction set, and without groups of tags. Its rate is compared with that of a plain
-// loop. The limit is the rate of reading the tags. Lines that begin with "row" or "peer" are for
-// scripts/bench: path, unit, our value, limit, kind of limit.
+// with every instruction set, and without processing tags in groups. Its rate is compared with that
+// of a plain loop. The limit is the rate of reading the tags. scripts/bench reads the lines that
+// begin with "row" or "peer". A row contains the code path, the unit, the value of echofuse, the
+// limit and the kind of limit.
 #include <hwy/highway.h>
 
 #include <algorithm>

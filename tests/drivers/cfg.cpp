@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Tests cfg files with faults that a board would refuse, and cfg files with artefacts of text
+// Tests cfg files with errors that a board would reject, and cfg files with artefacts of text
 // editors.
 #include "drivers/radar/cfg.hpp"
 

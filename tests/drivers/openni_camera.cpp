@@ -20,8 +20,8 @@ using namespace std::chrono_literals;
 using test::counter;
 using test::run_until;
 
-// Leak detection is off, because OpenNI2 and its unloaded modules leak once, and suppressions
-// cannot match these leaks.
+// Leak detection is off, because OpenNI2 and its unloaded modules leak memory once, and
+// suppressions cannot match these leaks.
 extern "C" const char* __asan_default_options() { return "detect_leaks=0"; }
 // The thread sanitizer does not instrument OpenNI2, and therefore reports false errors for the
 // mutexes of OpenNI2.

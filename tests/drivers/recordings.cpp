@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Tests recordings that others made of real devices. The recordings are not in the repository. If
-// they are missing, this program exits with 77, which ctest shows as skipped.
+// Tests the frame parser and the import with recordings that other people made of real radars. The
+// recordings are not in the repository. If they are missing, this program exits with 77, which
+// ctest shows as skipped.
 #include <catch2/catch.hpp>
 #include <cstdlib>
 #include <filesystem>
@@ -49,7 +50,7 @@ TEST_CASE(
       REQUIRE(frame.range_profile.size() == 256);
       REQUIRE(frame.lost_before == 0);
       REQUIRE(frame.stats);
-      // The frame period is 20 million cycles of 200 MHz (100 ms), within 2 ms.
+      // The frame period is 20 million cycles of a 200 MHz clock (100 ms), within 2 ms.
       if (cycles)
         REQUIRE(std::abs(static_cast<int>(frame.time_cpu_cycles - cycles) - 20'000'000) < 400'000);
       cycles = frame.time_cpu_cycles;

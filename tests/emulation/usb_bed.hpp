@@ -98,7 +98,7 @@ struct DataRelease {
 };
 using ClientData = std::unique_ptr<UMockdevIoctlData, DataRelease>;
 // Follows the pointer at `offset` in `data` to client memory and returns `bytes` bytes from there,
-// or null if the client has ended. Bytes written to them reach the client with the answer.
+// or null if the client has ended. Data written to this memory reach the client with the answer.
 ClientData resolve(UMockdevIoctlData* data, std::size_t offset, std::size_t bytes);
 
 }  // namespace echofuse::sim

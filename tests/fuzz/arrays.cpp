@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Input: a folder of arrays in the format of files.hpp. The folder has run.toml (t) and .npy files.
 // A lower-case letter starts the bytes of a .npy file, and an upper-case letter starts a recipe for
-// a .npy file. run.toml may name the run base.sqlite.
+// a .npy file. run.toml may refer to the run base.sqlite.
 #include "acquire/import/import.hpp"
 #include "acquire/record/run_file.hpp"
 #include "files.hpp"
@@ -17,7 +17,7 @@ constexpr std::pair<char, const char*> names[] = {{'s', "spd.npy"},   {'r', "rad
 
 constexpr std::uint8_t counts[] = {4, 2, 3, 8, 1, 0, 0, 0}, power[] = {0, 2, 3, 4, 0, 0, 128, 63};
 
-// Returns a run file with three records, which run.toml can name as base.sqlite.
+// Returns a run file with three records. run.toml can refer to this file as base.sqlite.
 const Bytes& base() {
   static const Bytes run = [] {
     const fuzz::Folder folder;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input: a folder of maps in the format of files.hpp. The folder has maps.npy as it is (m) or by
-// its recipe (M), records.csv (c), camera.json (j), run.txt (t), a PNG (p), the filtered rows of
+// Input: a folder of maps in the format of files.hpp. The folder has the bytes of maps.npy (m) or a
+// recipe for it (M), records.csv (c), camera.json (j), run.txt (t), a PNG (p), the filtered rows of
 // another PNG (P), compressed data (z) and a table of scores (s).
 #include "acquire/record/deflate.hpp"
 #include "files.hpp"
@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::uint32_t side = 4;
 
-// Returns a PNG with these filtered rows, cut or filled with zeros to the image size.
+// Returns a PNG with these filtered rows, cut or zero-padded to the image size.
 Bytes png_of(ByteView rows) {
   constexpr std::size_t to_data = 33, row_bytes = 2 * side + 1;
   const Bytes blank = recon::encode_png16(std::vector<std::uint16_t>(side * side), side, side);

@@ -217,7 +217,7 @@ class Editor {
   ByteReader& in_;
 };
 
-// Checks that a loaded model returns finite values or an Error.
+// Checks that a loaded model predicts only finite values.
 void check_answers(const TrainedModel& model) {
   static const Dataset few = plates(3);
   Dataset data = few;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Input: a byte, then the output of the firmware. The byte 'r' selects a restart, and any other
-// byte a cfg. In the output, the byte 0x01 means a pause of 100 ms and 0x02 a pause of 9 s.
+// byte selects a cfg. In the output, the byte 0x01 means a pause of 100 ms and 0x02 a pause of 9 s.
 #include "drivers/radar/command_dialogue.hpp"
 #include "fuzz.hpp"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input: data from a client of echofuse-view. A byte selects an HTTP request or a WebSocket text,
-// which follows.
+// Input: data from a client of echofuse-view. The first byte selects whether an HTTP request or a
+// WebSocket text message follows.
 #include "fuzz.hpp"
 #include "recon/live/http.hpp"
 #include "recon/live/message.hpp"

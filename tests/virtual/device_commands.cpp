@@ -177,7 +177,8 @@ std::string printed_by(const std::string& path, const std::function<void()>& act
   return std::string(std::istreambuf_iterator<char>(in), {});
 }
 
-// Assumes an exact reflector position, so that the standard errors contain only the measurement.
+// Assumes an exact reflector position, so that the standard errors contain only the measurement
+// error.
 ExitCode calibrate(Laboratory& lab, bool check = false, acquire::CalibrateOptions options = {},
                    double time_s = 0.5, std::int64_t repeats = 6) {
   options.check = check;
