@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Tests damaged streams of blocks. Blocks before the damage are delivered, and the damage is
-// reported.
+// Tests corrupted streams of blocks. The blocks before the corrupted part are delivered, and the
+// corruption is reported.
 #include <catch2/catch.hpp>
 
 #include "blocks.hpp"

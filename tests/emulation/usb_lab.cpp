@@ -29,7 +29,7 @@ ExitCode run(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage;
   }
-  // Adds noise, because the frames of a real camera always differ.
+  // Adds noise, because no two frames of a real camera are equal.
   options.conditions.depth_noise_m = 0.0005;
   sim::UsbBed bed;
   options.make_tagger = [&](auto& loop, auto& player, const auto& wanted) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Input: the text of an OBJ file.
+// Input: an OBJ file.
 #include "sim/scene/mesh.hpp"
 
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Input: the text of a .cfg file.
+// Input: a .cfg file.
 #include <bit>
 #include <cmath>
 #include <optional>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input: a byte, then text. The byte '=' selects a key=value of the command line, and any other
-// byte a settings file.
+// Input: a byte, then a string. If the byte is '=', the string is a key=value assignment of the
+// command line. Otherwise, it is a settings file.
 #include "drivers/util/settings.hpp"
 
 #include "fuzz.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input: a byte, then the text of a file. The byte 's' selects a list of scenes, 'f' a schedule of
-// faults, 't' a twin, and any other byte the simulator's settings.
+// Input: a byte for the kind of file, then the file. The kind is 's' for a list of scenes, 'f' for
+// a schedule of faults, 't' for a twin, and any other byte for the simulator's settings.
 #include <cmath>
 
 #include "drivers/util/exit_code.hpp"
