@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Starts Chromium for tests of web pages. If it is not installed, the import exits with code 77 (skipped)."""
+"""Starts Chromium for tests of web pages. If Chromium is not installed, importing this module exits with code 77
+(skipped)."""
 import shutil
 import sys
 

@@ -22,7 +22,7 @@ words_limit = 25
 
 
 def of_cpp(text):
-    """Yields (line, text) of each comment and string literal."""
+    """Yields the line number and the content of each comment and string literal."""
     token = re.compile(r'//[^\n]*|/\*.*?\*/|R"\((.*?)\)"|"(?:\\.|[^"\\\n])*"', re.S)
     for match in token.finditer(text):
         yield text.count("\n", 0, match.start()) + 1, match[0]
@@ -35,7 +35,8 @@ def of_python(text):
 
 
 def of_manual(text):
-    """Yields (line, text) of a manual without code blocks. Inline `code` is replaced by `x`."""
+    """Yields the line number and the content of each line of a manual, without code blocks. Inline `code` is replaced
+    with `x`."""
     text = re.sub(r"^```.*?^```$", lambda block: "\n" * block[0].count("\n"), text, flags=re.M | re.S)
     for number, line in enumerate(text.splitlines(), 1):
         yield number, re.sub(r"`[^`]*`", "`x`", line)

@@ -84,8 +84,8 @@ for folder, places in vague_counts.items():
         faults.append(f"{folder}: {len(places)} comments begin with It, This, Of, What or the like, at most "
                       f"{vague_limits[folder]} may: {', '.join(places)}")
 
-# Optional parts (.github/ARCHITECTURE.md). At most five product files outside a part should use its identifiers.
-# Each entry has the pattern of the identifiers, the pattern of the part's own files, and the limit for other files.
+# Optional parts (.github/ARCHITECTURE.md). At most five product source files outside a part should use its identifiers.
+# Each entry contains a pattern for identifiers, a pattern for the part's own files, and the limit for other files.
 # The limits may be lowered but not raised.
 wings = {
     "response": (r"(radar|any|stated|widest|to)_response|RadarResponse|record::Response\b|response_(of|keys|filter|fit)",
@@ -102,7 +102,7 @@ for wing, (identifier, own, limit) in wings.items():
         faults.append(f"{wing} is named in {len(named)} files outside its own, at most {limit} may: "
                       f"{', '.join(named)}")
 
-# A function of the product has at most 60 lines.
+# Functions in product code (not in tests) have at most 60 lines.
 for name, code in product.items():
     start, lines = 0, code.splitlines()
     for number, line in enumerate(lines):
@@ -111,7 +111,7 @@ for name, code in product.items():
         elif line == "}" and number - start >= 60 and not re.match(r"struct|class|enum|namespace", lines[start]):
             faults.append(f"{name}:{start + 1}: a function of {number - start + 1} lines; at most 60")
 
-# Source folders ("rooms") have no circular includes, and do not include folders of later parts.
+# Source folders ("rooms") have no circular includes, and do not include folders from later entries of `parts`.
 # Modules of the Python package have no circular imports, except for imports within functions.
 # Subpackages have no circular imports, even within functions.
 parts = ("drivers", "acquire", "recon", "sim")
@@ -149,16 +149,16 @@ for start in uses:
     if start in reached:
         faults.append(f"{start} is in a circle of includes or imports, among {', '.join(sorted(reached))}")
 
-# The linker would merge the functions of two types with the same name.
+# If two types had the same name, the linker would merge their inline functions.
 faults += [f"{name} is defined in {' and '.join(sorted(files))}" for name, files in types.items() if len(files) > 1]
 
-# Checks the Catch test cases named in CMake lists here, because most of these tests are slow and run rarely.
+# Checks that Catch test cases named in CMake lists exist, because most of these test cases are slow and run rarely.
 for path in (root / "tests").rglob("CMakeLists.txt"):
     for names in re.findall(r'--warn NoTests "([^-"][^"]*)"', path.read_text(encoding="utf-8")):
         faults += [f"{path.relative_to(root)}: no test case is named {name}" for name in names.split(",")
                    if not fnmatch.filter(cases, name)]
 
-# Checks the hashes of uPlot, because browsers check them in the live page but not in a report.
+# Checks the hashes of the uPlot files, because browsers check them in the live page but not in a report.
 page = root / "recon/web"
 hashes = re.findall(r'"(uPlot[\w.]+)" integrity="sha384-([^"]+)"', (page / "index.html").read_text(encoding="utf-8"))
 faults += [f"recon/web/{name}: is not the file of that hash (index.html)" for name, stated in hashes

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: MIT
 """Tests the pictures in .readme/.
 
-tests/pictures.py texts_are_current BIN_DIR: charts may contain only texts of the current scripts and model names of the
-current programs. page.png and page.webp may contain only headings and buttons of the current page.
-tests/pictures.py texts_do_not_overlap_lines: texts in a sketch may not overlap lines."""
+tests/pictures.py texts_are_current BIN_DIR: charts may contain only strings from the current scripts and model names of
+the current programs. page.png and page.webp may contain only headings and buttons of the current page.
+tests/pictures.py texts_do_not_overlap_lines: labels in a sketch may not overlap lines."""
 import ast
 import pathlib
 import re
@@ -19,7 +19,7 @@ SKETCHES = ("setup.svg", "wiring.svg", "boards.svg")
 
 
 def patterns_of(source):
-    """Returns regular expressions for all texts that a Python source can draw, from its strings and f-strings."""
+    """Returns regular expressions that match the string literals and f-strings of a Python source file."""
     found = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and len(node.value) < 100:

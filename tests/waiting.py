@@ -8,7 +8,7 @@ import time
 
 
 def wait_for(what, condition, timeout_s=20, pause_s=0.02):
-    """Waits until condition() is true. `what` is the error text, or a function that returns it."""
+    """Waits until condition() is true. `what` is the error message, or a function that returns it."""
     end = time.monotonic() + timeout_s
     while not condition():
         if time.monotonic() > end:

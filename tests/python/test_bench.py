@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Tests splits, true maps, derived runs and the result table of echofuse-bench."""
+"""Tests data splits, ground-truth maps, derived runs and the result table of echofuse-bench."""
 import errno
 import os
 import shutil
@@ -56,8 +56,8 @@ def test_split_and_user_methods_exclude_doubtful_records(run, tmp_path):
 
 
 def test_true_maps_in_python_equal_those_of_echofuse_recon(run, tmp_path):
-    """The nearest neighbour of a training record is the record itself, so the predicted map equals the true map. The test uses
-    the standard map grid and two coarser grids."""
+    """The nearest neighbour of a training record is the record itself, so the predicted map equals the ground-truth
+    map. The test uses the standard map grid and two coarser grids."""
     for name, pixels in (("same", []), ("coarse", [(24, 0.5), (17, 0.6)])):
         for size, half in pixels or [(64, 0.55)]:
             path = tmp_path / f"{name}{size}.sqlite"
@@ -220,7 +220,8 @@ def test_content_hash_of_a_run_depends_on_its_verdicts(run, tmp_path):
 
 
 def test_study_computed_in_two_parts_gives_the_same_rows_and_trains_each_model_once(run, tmp_path):
-    """Each of the two parts writes its own table next to the common table. Cells of the study share runs and trained models."""
+    """Each of the two parts writes its own table in the folder of the common table. Study cells that need the same run
+    or model share it."""
     made = []
 
     def cells():

@@ -46,7 +46,8 @@ def read_all(path):
 
 
 def survives(use, path):
-    """Returns True if `use` reads the file, and False after a ValueError or an OSError. Other exceptions fail the test."""
+    """Returns True if `use` reads the file, and False after a ValueError or an OSError. Any other exception fails the
+    test."""
     try:
         use(path)
         return True

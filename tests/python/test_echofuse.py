@@ -151,8 +151,8 @@ def open_run(folder, path):
 
 
 def killed_run(folder, path, records):
-    """Creates the files that kill -9 leaves: an open run, and its -wal file with `records` more records. The run stores the
-    key of the -wal file."""
+    """Creates the files that kill -9 leaves: an open run, and its -wal file with `records` more records. The run stores
+    the key that identifies the -wal file."""
     live = path.with_suffix(".live")
     with closing(open_run(folder, live)) as db:
         db.execute("UPDATE run SET version = 'killed'")

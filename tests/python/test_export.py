@@ -126,7 +126,7 @@ def test_xarray_opens_every_group_of_the_hdf5_export(runs, tmp_path):
         with xarray.open_dataset(tmp_path / f"{name}.h5", group="entry/data", engine="h5netcdf") as found:
             assert found.spd.dims == ("record", "spd_time") and found.time.dtype == "datetime64[ns]"
             assert found.label.values.tolist() == echofuse.open(runs / name).labels
-        # The netcdf4 engine cannot open a file with a text dimension scale.
+        # The netcdf4 engine cannot open a file in which a dimension scale contains strings.
         with h5py.File(tmp_path / f"{name}.h5") as file:
             file.visititems(lambda path, item: [path for dim in getattr(item, "dims", []) for scale in dim.values()
                                                 if scale.dtype.kind == "S" and pytest.fail(path)] and None)

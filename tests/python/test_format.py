@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Tests that Python and C++ read the same arrays from 20 random runs, and that Python refuses other run formats."""
+"""Tests that Python and C++ read the same arrays from 20 random runs, and that Python rejects runs in other formats."""
 import os
 import sqlite3
 import subprocess

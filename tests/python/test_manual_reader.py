@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Tests that a reader written only from acquire/README.md reads the same values from a run as the package."""
+"""Tests that a reader that is based only on acquire/README.md reads the same values from a run as the Python
+package."""
 import math
 import sqlite3
 import subprocess

@@ -14,8 +14,8 @@ COLUMNS = {"iou": metrics.iou, "depth_mae_m": metrics.depth_mae, "lateral_m": me
 
 
 def wrong(truth, how):
-    """Returns maps with errors. They are shifted and noisy, blurred like those of a regression, or mirrored. Some
-    mirrored maps are replaced by constant maps."""
+    """Returns maps with errors. The maps are shifted and noisy, blurred like those of a regression model, or mirrored.
+    Some mirrored maps are replaced by constant maps."""
     z, rng = np.nan_to_num(truth), np.random.default_rng(3)
     if how == "noise":
         out = np.roll(z + rng.normal(0, 0.1, z.shape) * (z > 0), 2, 2) * (rng.random(z.shape) < 0.9)

@@ -27,7 +27,7 @@ def written(figure, path):
 @pytest.mark.parametrize("run, panels", [("test", 4), ("wide", 6)])
 def test_plot_of_a_record_has_one_panel_for_each_sensor_and_each_colour_bar(folder, run, panels):
     figure = plot.record(folder / f"{run}.sqlite", 0)
-    assert len(figure.axes) == panels  # The number includes the colour bars.
+    assert len(figure.axes) == panels  # The number of axes includes the colour bars.
     assert written(figure, folder / f"{run}.pdf").startswith(b"%PDF")
     with pytest.raises(KeyError, match="no record 99"):
         plot.record(folder / f"{run}.sqlite", 99)

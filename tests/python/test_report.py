@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Tests the page of echofuse-report: numbers equal those of `evaluate --json`, failures come first, and every value shown was
-measured."""
+"""Tests the page of echofuse-report: the numbers equal those of `evaluate --json`, the failures come first, and only
+measured values appear."""
 import base64
 import json
 import os
@@ -111,12 +111,12 @@ def test_report_is_a_single_page_without_external_resources(here, tmp_path):
     page = page_of(tmp_path)
     assert [section["id"] for section in page["sections"]] == [
         "failures", "gallery", "errors", "labels", "metrics", "cost", "records", "space", "live", "made", "terms"]
-    # The person and the letter have maps of all three models.
+    # The records of the person and the letter have maps of all three models.
     # The live record and the worst, median and best record have one map each.
     assert [len(record["maps"]) for record in page["records"]][:6] == [3, 3, 1, 1, 1, 1]
     assert of_kind(page["of"]["metrics"], "note")["text"].startswith("Do not use SSIM alone")
     assert ["command", f"echofuse-report {tmp_path}"] == [page["of"]["made"][0]["rows"][3][0], page["of"]["made"][0]["rows"][3][1][:16 + len(str(tmp_path))]]
-    # The published values appear only if the report contains a network of the paper.
+    # The values published by Lai et al. appear only if the report contains one of their networks.
     assert not [value for value in ("0.6576", "0.6389", "0.5266") if value in json.dumps(page)]
     assert len(of_kind(page["of"]["live"], "waterfalls")["tables"]) == 2
     assert of_kind(page["of"]["live"], "pictures")["show"] == ["truth", "spd", "radar", "map 0", "error 0"]
@@ -130,7 +130,7 @@ def test_report_groups_models_by_their_inputs(here, tmp_path):
     assert [row[0] for row in page["first"][1]["rows"]][:5] == [
         "ours (ridge, SPD + radar profile; 2 trainings)", "small (mean-shape, SPD + radar profile)", "spd (ridge, SPD alone)",
         "paper (the paper's network, SPD alone)", "mean (no sensor)"]
-    assert page["of"]["metrics"][3]["rows"][0][2] == "0.6389"  # The paper published this SSIM for its SPD network.
+    assert page["of"]["metrics"][3]["rows"][0][2] == "0.6389"  # Lai et al. published this SSIM for their SPD network.
     code, said = report(tmp_path / "no", "--run", here / "run.sqlite", "--model", f"a={here / 'spd'}", f"a={here / 'radar'}")
     assert code == 1 and f"inputs radar alone, but {here / 'spd'} with the same name has the inputs SPD alone; give --model NAME=" in said
 
@@ -296,7 +296,7 @@ def test_report_of_another_run_is_overwritten_only_with_force(here, tmp_path):
     assert page_of(tmp_path)["of"]["live"][0]["text"].endswith("160 records, all with all three sensors.")
 
 
-# The following tests check the texts that the report generates from given scores.
+# The following tests check the sentences that the report generates from given scores.
 
 
 def mode_of(name, kind, iou, rmse_m, **columns):
@@ -398,7 +398,7 @@ def test_report_compares_maps_of_other_programs_with_the_first_model(here, tmp_p
     scores, gains = (block for block in page["of"]["maps"] if block["kind"] == "table")
     assert [row[0] for row in scores["rows"]][:3] == ["theirs", "few (57 maps missing)", "body (mean-shape, SPD + radar profile)"]
     assert [row[1]["text"] for row in scores["rows"]][:3] == [f"{row['metrics']['iou']['mean']:.2f}" for row in told["rows"]]
-    # The number in brackets counts the maps that have a depth error.
+    # The number in brackets is the number of maps with a depth error.
     assert [row[3]["small"].split("(")[-1] for row in scores["rows"]][:2] == ["60)", "3)"]
     assert [row[1]["text"] for row in gains["rows"]] == [f"{one['metrics']['iou']['mean']:+.3f}" for one in told["paired"]]
     shown = page["records"][of_kind(page["of"]["maps"], "pictures")["record"]]
@@ -416,7 +416,7 @@ def test_report_of_a_recorded_run_lists_the_failures_and_scores_of_a_model(here,
     assert code == 0, said
     page = page_of(tmp_path)
     assert {"failures", "metrics", "live"} <= set(page["of"]) and of_kind(page["of"]["live"], "strips")
-    # The text in brackets is the commit.
+    # The string in brackets identifies the commit.
     assert "echofuse-recon" in page["origin"] and "(" in dict(page["of"]["made"][0]["rows"])["program"]
 
 

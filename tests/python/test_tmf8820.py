@@ -72,7 +72,7 @@ def test_zone_fit_recovers_fields_of_view_time_zero_offsets_and_response(data, t
     assert (found.fields >= 0).all() and (found.explained > 0.97).all()
     assert np.abs(found.zero_bin - zones.zero_bin).max() < 0.25 and found.exponent == zones.exponent
     assert np.abs(found.centres()[:, :2] - zones.centres()[:, :2]).max() < 0.05
-    counts, poses = captures(8, 5)  # The fit did not use the measurements of seed 5.
+    counts, poses = captures(8, 5)  # The measurements with seed 5 were not used for the fit.
     counts = counts - np.median(counts[:, :, -30:], axis=2, keepdims=True)
     scenes = tmf8820.hits_from(poses, data / "block.stl")
     for k in range(4):

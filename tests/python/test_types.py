@@ -26,7 +26,7 @@ print(truth.shape, some, one.depth.shape, first.shape, iou.mean())
 
 
 def mypy(*words):
-    """Returns the output lines of mypy. Its cache is in the build folder, so that NumPy is analysed only once."""
+    """Returns the output lines of mypy. The mypy cache is in the build folder, so that NumPy is analysed only once."""
     pytest.importorskip("mypy")
     return subprocess.run([sys.executable, "-m", "mypy", "--config-file", PACKAGE / "pyproject.toml", "--cache-dir", BIN.parent / "mypy", *words],
                           cwd=PACKAGE, capture_output=True, text=True, check=False).stdout.splitlines()

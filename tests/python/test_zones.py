@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Tests runs from detectors with several zones: import, zone directions, export, and refusal of invalid zones."""
+"""Tests runs from detectors with several zones: import, zone directions, export, and rejection of invalid zones."""
 import pathlib
 import sqlite3
 import subprocess

@@ -15,7 +15,7 @@ namespace {
 CrossvalidatedRow row(const std::string& name, double iou, double se, std::size_t multiply_adds) {
   CrossvalidatedRow out{{name, {}}, {multiply_adds, 0}, 0, {}};
   out.metrics[metric_iou] = {iou, se, 100};
-  // If the IoU is NaN, no map has a score.
+  // If the IoU is NaN, no map was scored, so the RMSE is NaN too.
   if (std::isnan(iou)) out.metrics[metric_rmse_m] = {iou, iou, 0};
   return out;
 }

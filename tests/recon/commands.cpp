@@ -124,7 +124,7 @@ TEST_CASE("reconstruct continues after a damaged record") {
     if (r.index == 1) r.radar[5] = std::numeric_limits<float>::quiet_NaN();
     if (r.index == 3) r.valid.erase(Sensor::spd), r.spd.clear();
     if (r.index == 4)
-      // The true map is missing, as in live use.
+      // The ground-truth map is missing, as in live use.
       r.valid.erase(Sensor::depth), r.depth_mm.clear();
   });
   const Outcome o = recon_program("reconstruct " + (dir / "m") + " " + (dir / "mixed") + " --out " +
@@ -177,8 +177,7 @@ TEST_CASE("models with different sensors are compared only on records that all o
   CHECK(all["paired"][0]["metrics"]["iou"]["records"] == 45);
   const std::string table = contents(dir / "table.csv");
   CHECK(std::count(table.begin(), table.end(), '\n') == 1 + 3 * 45);
-  // The command compare computes the same differences as `evaluate`, from the table of scores per
-  // record.
+  // `compare` computes the same differences as `evaluate`, but from the table of scores per record.
   const nlohmann::json methods =
       nlohmann::json::parse(recon_program("compare --json " + (dir / "table.csv")).text)["methods"];
   REQUIRE(methods.size() == 3);

@@ -14,8 +14,8 @@
 
 namespace echofuse::crafted {
 
-// Returns a model file with the given header text before the values. Corrects the checksum in the
-// header if there is one.
+// Returns a model file that consists of the given header and tensor values. Corrects the checksum
+// in the header if there is one.
 inline Bytes sealed(const std::string& header, ByteView values) {
   Bytes out(8 + header.size() + values.size());
   const std::uint64_t length = header.size();
@@ -79,8 +79,8 @@ struct Model {
            std::size_t begin, std::size_t end) {
     head[name] = {{"dtype", type}, {"shape", shape}, {"data_offsets", {begin, end}}};
   }
-  // Replaces a tensor by one of another type and shape. The new data are `bytes` copies of the byte
-  // `fill` at the end of the values.
+  // Replaces a tensor with one of another type and shape. The new data are `bytes` copies of the
+  // byte `fill` at the end of the values.
   void replace(const std::string& name, const std::string& type,
                const std::vector<std::size_t>& shape, std::size_t bytes, std::uint8_t fill) {
     const std::size_t from = begin_of(name), length = end_of(name) - from;

@@ -40,7 +40,7 @@ void blur(std::vector<float>& profile) {
   for (std::size_t i = profile.size() - 1; i > 0; --i) profile[i] += profile[i - 1] / 3;
 }
 
-// Replaces the data by noise, as in an empty room with working sensors.
+// Replaces the data with noise, as in an empty room with working sensors.
 const Change nobody = [](record::FusedRecord& r) {
   Rng rng = make_rng(7, static_cast<std::uint64_t>(r.index));
   for (auto& v : r.spd) v = 15 + static_cast<std::uint32_t>(rng() % 10);

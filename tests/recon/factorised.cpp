@@ -173,7 +173,7 @@ TEST_CASE("clicks in a bin that only one training record uses do not shift the p
   const TrainedModel model = train(data, options);
   const Rows rows = all_rows(50);
   const Matrix before = model.predict(data, rows);
-  // Adds 50 clicks in front of the body, which are few compared with the 1e5 clicks of the body.
+  // Adds 50 clicks in front of the body, which itself has 1e5 clicks.
   for (const std::size_t row : rows) *(around(row) - 8) = 50;
   const Matrix after = model.predict(data, rows);
   for (const std::size_t row : rows) {

@@ -35,7 +35,7 @@ Map average(const Map& a, const Map& b) {
   for (std::size_t p = 0; p < out.size(); ++p) out[p] = (a[p] + b[p]) / 2;
   return out;
 }
-// Adds noise like that of a regression model to the rows above the plate.
+// Adds noise like that of the maps of a regression model to the rows above the plate.
 Map with_ripple(Map map) {
   for (std::size_t p = 0; p < size * 20; ++p) map[p] = 0.05f;
   return map;
@@ -71,7 +71,7 @@ TEST_CASE("the ghost score is 1 for the mirror image of a body and 0.5 for the m
   CHECK(wrong[metric_lateral_m] == Approx(2 * std::abs(tangent) * 3.5).epsilon(1e-9));
   const MapScores both = score(with_ripple(average(truth, ghost)), truth, room());
   CHECK(both[metric_ghost] == Approx(0.5).epsilon(1e-12));
-  // The mean of the body and its mirror image has half the depth of the body. This depth is below
+  // The mean of the map and its mirror image has half the depth of the body. This depth is below
   // the foreground threshold.
   CHECK(std::isnan(both[metric_lateral_m]));
 }
@@ -112,7 +112,8 @@ TEST_CASE("a plate predicted at the wrong position and distance has the expected
   CHECK(s[metric_rmse_m] == Approx(std::sqrt(squares / (size * size))));
   CHECK(s[metric_rmse_fg_m] == Approx(std::sqrt((3.5 * 3.5 + 0.5 * 0.5) / 2)));
   CHECK(s[metric_abs_rel] == Approx((1 + 0.5 / 3.5) / 2));
-  // The overlap counts as correct, because 3.5 / 3.0 < 1.25. The missed half of the plate does not.
+  // The overlap counts as correct, because 3.5 / 3.0 < 1.25. The missed half of the plate counts as
+  // wrong.
   CHECK(s[metric_delta_125] == Approx(0.5));
 }
 

@@ -47,8 +47,8 @@ const Folder& models() {
   return dir;
 }
 
-// Loads a model file and returns the error text, which must be one line. If the file loads, the
-// model must predict maps, and the returned text is empty.
+// Loads a model file and returns the error message, which must be one line. If the file loads, the
+// model must predict maps, and the returned string is empty.
 std::string fault_of(ByteView file) {
   static const Dataset few = load({models() / "few"});
   try {
@@ -77,8 +77,8 @@ struct Hostile {
   Spoil change;
 };
 
-// Adds a tensor of the bytes [from, to), counted from the end of the values, and appends `more`
-// bytes to the values.
+// Adds a tensor that consists of the bytes [from, to), counted from the end of the values, and
+// appends `more` bytes to the values.
 Spoil beside(const std::string& type, std::size_t from, std::size_t to, std::size_t more) {
   return [=](crafted::Model& m) {
     const std::size_t end = m.values.size();
@@ -364,7 +364,7 @@ TEST_CASE("a model file with an array of the wrong type or shape is refused") {
       const std::string fault = after([&](auto& m) { m.replace(name, type, shape, bytes, 0xff); });
       if (type[0] == 'F' && bytes > 0) CHECK_THAT(fault, Catch::Contains(name));
       // Each dimension is increased by one, decreased by one, or set to zero. Either the file is
-      // refused, or the model predicts maps.
+      // rejected, or the model predicts maps.
       for (const std::size_t by : {std::size_t{1}, ~std::size_t{0}, std::size_t{0}}) {
         std::vector<std::size_t> other = shape;
         std::size_t count = type == "F64" || type == "I64" ? 8 : type == "U8" ? 1 : 4;

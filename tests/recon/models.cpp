@@ -156,8 +156,8 @@ TEST_CASE(
   CHECK(fused[metric_ghost].mean < spd[metric_ghost].mean / 4);
   CHECK(fused[metric_iou].mean > spd[metric_iou].mean + 0.3);
   // With SPD data alone, most maps have no foreground. In the other maps the body is on the correct
-  // side in half of the cases, within 4 standard deviations. The ghost is nearly as strong as the
-  // body.
+  // side in half of the cases (within 4 standard deviations), because the ghost is nearly as strong
+  // as the body.
   if (const double n = static_cast<double>(spd[metric_left_right].maps); n > 0)
     CHECK(std::abs(spd[metric_left_right].mean - 0.5) < 4 * 0.5 / std::sqrt(n));
   CHECK(spd[metric_lateral_m].maps < fused[metric_lateral_m].maps / 2);

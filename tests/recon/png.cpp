@@ -74,7 +74,7 @@ Bytes packed(const Bytes& bytes) {
   return out;
 }
 
-// Returns a PNG file of filtered rows. `parts` is the number of chunks for the compressed rows.
+// Returns a PNG file of filtered rows. The compressed rows are split into `parts` chunks.
 Bytes png_of(const Bytes& rows, std::size_t parts) {
   const Bytes data = packed(rows);
   Bytes out = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'}, head;

@@ -33,7 +33,7 @@ OUTSIDE = """return [...document.querySelectorAll('main *, header *')].filter(e 
 SCROLLED = """return [...document.querySelectorAll('.scroll')].filter(s => s.scrollWidth > s.clientWidth + 1 && !(
   getComputedStyle(s.querySelector('tbody th')).position == 'sticky' && getComputedStyle(s).backgroundImage.includes('gradient')))
   .map(s => s.textContent.slice(0, 60))"""
-# Returns pairs of texts that overlap.
+# Returns pairs of text elements that overlap.
 OVERLAPS = """const all = [...document.querySelectorAll('h1, h2, h3, p:not(.readout), figcaption, .named, .u-legend th, .u-legend td, summary, li, button')]
   .filter(e => e.textContent && e.checkVisibility()).map(e => [e, e.getBoundingClientRect()]), out = [];
 for (let i = 0; i < all.length; ++i) for (let j = i + 1; j < all.length; ++j) {
@@ -59,7 +59,7 @@ return p.filter((v, i) => i % 4 == 3 && v > 0).length"""
 
 # Counts legends that show values while the pointer is elsewhere.
 LEGENDS = """return [...document.querySelectorAll('.u-live .u-value')].filter(v => getComputedStyle(v).visibility === 'visible').length"""
-# Returns whether the canvas clips the floor below the points.
+# Returns whether the canvas clips the floor below the point cloud.
 FLOOR = """const c = document.getElementById('cloud'), gl = c.getContext('webgl'), wide = gl.drawingBufferWidth, high = gl.drawingBufferHeight;
 const row = (x, y, w, h) => { const p = new Uint8Array(4 * w * h); gl.readPixels(x, y, w, h, gl.RGBA, gl.UNSIGNED_BYTE, p); return p.some((v, i) => i % 4 === 3 && v > 0); };
 return row(0, 0, wide, 1) || row(0, 0, 1, high) || row(wide - 1, 0, 1, high)"""

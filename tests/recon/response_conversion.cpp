@@ -69,7 +69,8 @@ TEST_CASE("a range profile is converted from a narrow to a wide radar response")
 }
 
 TEST_CASE("antenna lags are converted to another radar response like the range profile") {
-  // Values of a range bin at the lags 0, 1 and 2: a real value and two complex values.
+  // Spatial correlations of the antennas at lags 0, 1 and 2, relative to the power: one real value
+  // and two complex values.
   const std::vector<float> factors{1, 0.5f, -0.3f, 0.2f, 0.7f};
   const auto lags = [&](const record::RadarResponse& response) {
     std::vector<float> out;

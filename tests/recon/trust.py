@@ -1,9 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""trust.py BIN [--quick] [PART...]: measures on simulated records how well the uncertainty and the
-warnings of models are calibrated, and fails if a value exceeds its limits. Parts: intervals,
-records, runs, two_bodies, windows, laboratory. The printed tables are those of recon/RESULTS.md.
-Option --quick trains fewer models, for the slow tests."""
+"""trust.py BIN [--quick] [PART...]: measures on simulated records how well the uncertainty and the warnings of models
+are calibrated, and fails if a value is outside its limits. Parts: intervals, records, runs, two_bodies, windows,
+laboratory. The printed tables are those of recon/RESULTS.md. Option --quick trains fewer models, for the slow tests."""
 import argparse
 import csv
 import json

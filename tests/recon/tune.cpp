@@ -68,7 +68,7 @@ TEST_CASE("tuning with few records adapts a model to another room") {
     CHECK(tuned.model->name == kind);
     const double before = iou(old, fresh), after = iou(tuned.model, fresh);
     CAPTURE(before, after, to_text(tuned));
-    // An MLP of this size is inaccurate in both rooms, so it need not improve by 0.03.
+    // An MLP of this size is inaccurate in both rooms, so its IoU need not increase by 0.03.
     CHECK(after > before + (kind == "mlp" ? 0 : 0.03));
     CHECK(tuned.chosen > 0);
     CHECK(tuned.table.front().name == "unchanged");
@@ -191,7 +191,8 @@ TEST_CASE("every tuned model can be saved, loaded and evaluated") {
         TunedModel tuned;
         try {
           tuned = tune(old, data, how);
-          // Tuning may be refused for models that use only the SPD, and with fewer than 50 records.
+          // Tuning may be rejected for models that use only the SPD, and if there are fewer than 50
+          // records.
         } catch (const Error&) {
           CHECK((inputs == "spd" || records < 50));
           continue;

@@ -43,8 +43,8 @@ void add(record::FusedRecord& to, const record::FusedRecord& other) {
   to.label = two_people_label;
 }
 
-// Writes records with alternately two plates and one plate. The two plates are one behind the other
-// or side by side.
+// Writes records that show two plates and one plate alternately. If there are two plates, they are
+// one behind the other or side by side.
 void write_mixed(const std::string& path, std::int64_t count, bool behind) {
   Rng rng = make_rng(9, 9);
   std::uniform_real_distribution<double> off(-0.1, 0.1);

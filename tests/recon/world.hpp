@@ -104,8 +104,8 @@ inline void add_array(record::FusedRecord& r, double x, double z, const record::
 
 using Change = std::function<void(record::FusedRecord&)>;
 
-// Writes a run of `count` plates at random positions. `change` may modify each record before it is
-// written.
+// Writes a run of `count` records, each with a plate at a random position. `change` may modify each
+// record before it is written.
 inline void write_run(const std::string& path, std::int64_t count, std::uint64_t seed = 1,
                       const Change& change = {}, const Axis& radar = radar_axis(),
                       const Axis& spd = spd_axis(),
@@ -165,7 +165,7 @@ inline Outcome recon_program(const std::string& arguments) {
   return test::shell(test::bin_dir + "/echofuse-recon " + arguments);
 }
 
-// Runs echofuse-recon and checks its exit code and error text: one line, or at most three lines
+// Runs echofuse-recon and checks its exit code and error message: one line, or at most three lines
 // with usage for code 2.
 inline void refuses(const std::string& arguments, int code, const std::string& saying) {
   const Outcome o = recon_program(arguments);

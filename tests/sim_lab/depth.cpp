@@ -18,7 +18,8 @@ class Reader {
  public:
   Reader(const std::string& lab_dir, const std::string& file, const std::string& arguments) {
     const auto folder = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-    // OpenNI2 leaks memory and is built without the thread sanitizer.
+    // Suppresses sanitizer reports about OpenNI2, because it leaks memory and is built without
+    // ThreadSanitizer.
     const std::string sanitizers = "ASAN_OPTIONS=detect_leaks=0 TSAN_OPTIONS=suppressions='" +
                                    echofuse::test::source_dir + "/tests/tsan.supp' ";
     const std::string command = sanitizers + "LD_LIBRARY_PATH='" + lab_dir + "/openni' '" +
@@ -33,7 +34,7 @@ class Reader {
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
 
-  // Returns the next line of the program, or an empty text at the end of its output.
+  // Returns the next line of the program, or an empty string at the end of its output.
   std::string line() {
     char text[256];
     if (!std::fgets(text, sizeof text, pipe_)) return {};

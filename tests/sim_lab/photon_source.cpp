@@ -21,7 +21,7 @@ constexpr double window_s = 0.5;
 
 struct Stream {
   std::vector<Tag> tags;
-  std::vector<double> counts;  // counts of the product's histogram (drivers/tdc)
+  std::vector<double> counts;  // histogram counts computed by the product code (drivers/tdc)
 };
 
 Stream draw(const Conditions& c, const Tagging& tagging, const Returns& returns,

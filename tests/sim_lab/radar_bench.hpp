@@ -45,7 +45,7 @@ class RadarBoard {
   }
   void say(const std::string& text) { firmware_->say(text); }
   bool running() const { return firmware_->running().has_value(); }
-  // Returns the next frame of 256 bytes, with 64 range bins, statistics and temperatures.
+  // Returns the next 256-byte frame, which contains 64 range bins, statistics and temperatures.
   Bytes frame() {
     ++number;
     std::vector<std::uint16_t> codes(64);

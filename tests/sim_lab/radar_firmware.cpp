@@ -230,7 +230,7 @@ TEST_CASE("the simulated radar starts, stops and restarts on command") {
         "bpmCfg -1 0 0 1\nIgnored: This command is not allowed after sensor has started\n\r"
         "Done\n\rmmwDemo:/>");
 
-  // The stop waits for the end of the frame. Input during the wait is lost.
+  // sensorStop takes effect at the end of the frame. Input received before that is lost.
   CHECK(console.send("sensorStop\n") == "sensorStop\n");
   CHECK(console.send("version\n").empty());
   console.firmware().between_frames();
@@ -307,8 +307,8 @@ TEST_CASE("simulated radar firmware measures the range bias with a parabola thro
 
 namespace {
 
-// Runs the command dialogue with a firmware that answers immediately. Returns the failure text, or
-// an empty text.
+// Runs the command dialogue with a firmware that answers immediately. Returns the error message, or
+// an empty string if there is no error.
 std::string failure_of(const std::string& name, unsigned sdk, RadarDemo demo) {
   std::ifstream file(echofuse::test::source_dir + "/config/radar/" + name);
   const std::string text{std::istreambuf_iterator<char>(file), {}};

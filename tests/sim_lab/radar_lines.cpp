@@ -47,7 +47,7 @@ TEST_CASE("the radar driver counts frames that are lost while it does not read t
   LabThread lab(options);
   Lines lines(options);
   REQUIRE(lines.frames(3));
-  // The board sends 192 kB in this time, and the kernel buffers a part of it.
+  // The board sends 192 kB in 3 s, and the kernel buffers a part of it.
   std::this_thread::sleep_for(3s);
   // At least half of the 300 frames are lost. On a busy machine the board may send fewer frames.
   REQUIRE(run_until(lines.loop, [&] { return counter(*lines.driver, "lost_frames") > 150; }));

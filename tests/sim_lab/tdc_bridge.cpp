@@ -20,7 +20,7 @@ using namespace echofuse::test;
 
 namespace {
 
-// Computes the CRC bit by bit, independently of the table in the product.
+// Computes the CRC bit by bit, independently of the lookup table in the product code.
 std::uint32_t slow_crc32c(ByteView bytes, std::uint32_t crc) {
   crc = ~crc;
   for (const std::uint8_t b : bytes) {

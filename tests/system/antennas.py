@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """tests/system/antennas.py BIN_DIR [TEST]: records a run with a simulated radar that sends antenna samples. Checks that
-each frame arrives complete, and that each record has the statistics of its frames, computed here from the raw bytes."""
+each frame arrives complete, and that each record contains the statistics of its frames. The test computes the expected
+statistics from the raw bytes."""
 import json
 import math
 import pathlib

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/api_pages.py: tests that scripts/manual --api documents every public name, and refuses a name without a
-description."""
+"""tests/system/api_pages.py: tests that scripts/manual --api documents every public name, and that it fails if a
+public name has no description."""
 import pathlib
 import shutil
 import subprocess

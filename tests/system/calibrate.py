@@ -46,7 +46,7 @@ class Calibrate(unittest.TestCase):
             self.assertLess(abs(sensor["offset_m"] - true_m), 5 * sensor["measurement_error_m"] + 2e-5, sensor)
             self.assertLess(sensor["measurement_error_m"], 3e-4)
             self.assertGreater(sensor["snr_db"], 10)
-        # The errors of distance and baseline are 2 mm each. The SPD range depends only on the distance.
+        # The assumed errors of the distance and the baseline are 2 mm each. The SPD range depends only on the distance.
         self.assertAlmostEqual(spd["reflector_error_m"], 2e-3, 6)
         self.assertAlmostEqual(radar["reflector_error_m"], math.sqrt(1 + .5 * .5 * 2) / math.sqrt(1.25) * 2e-3, 5)
         self.assertAlmostEqual(radar["true_range_m"], math.sqrt(1.25), 6)
@@ -85,8 +85,8 @@ class Calibrate(unittest.TestCase):
             self.assertAlmostEqual(kept["offset_m"], measured["offset_m"], 12)
 
     def test_calibrate_refuses_a_wrong_reflector_position(self):
-        """A wrong --reflector is refused, and the error names the position that matches the measurement. Two
-        calibrations, of one sensor each, complete the same file."""
+        """A wrong --reflector is rejected, and the error names the position that matches the measurement. Two
+        calibrations, each of one sensor, write to the same file without losing values."""
         stored = self.dir / "calibration.toml"
 
         def measure(before, *options, bias_m=.05):
@@ -125,7 +125,7 @@ class Calibrate(unittest.TestCase):
         self.assertIn("baseline_m = 0.4", resolved)
 
     def test_calibrate_detects_a_swapped_antenna_row(self):
-        """An echo on the side named by --side confirms the antenna row. An echo on the other side is refused."""
+        """An echo on the side named by --side confirms the antenna row. An echo on the other side is rejected."""
         stored = self.dir / "calibration.toml"
 
         def calibrate(before, *options):
@@ -169,8 +169,8 @@ class Calibrate(unittest.TestCase):
         self.assertGreater(json.loads(done.stdout)["metrics"]["iou"]["mean"], .4, done.stdout)
 
     def test_calibrate_measures_the_radar_response(self):
-        """The response of a radar with a resolution of 50 cm and a Hann window is measured at 3 m. At shorter range the
-        output gives the reason why it was not measured."""
+        """The response of a radar with a resolution of 50 cm and a Hann window is measured at 3 m. At a shorter range
+        the response is not measured, and the output gives the reason."""
         hann = " ".join(str(((1, .25)[int(u)] if u in (0, 1) else (math.sin(math.pi * u) / (math.pi * u * (1 - u * u))) ** 2))
                         for u in (k / 4 for k in range(24)))
         for farther_m in 2, -.4:
@@ -197,7 +197,8 @@ class Calibrate(unittest.TestCase):
         return [f"{power / max(powers):.5f}" for power in powers]
 
     def test_calibrate_reports_an_asymmetric_radar_response(self):
-        """An asymmetric radar response is reported with its size, and the range zero agrees with the simulator."""
+        """`calibrate` reports the difference between the flanks of an asymmetric radar response. The range zero agrees
+        with that of the simulator."""
         powers = self.asymmetric()
         for flanks, higher in (powers, "far"), (powers[::-1], "near"):
             flanks = f"radar_flanks={' '.join(flanks)}"

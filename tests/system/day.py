@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/day.py BIN_DIR: runs programs on a 24 h run with eight antennas and on a tenth of it. Their time must
-grow in proportion, and their memory by much less than the file."""
+"""tests/system/day.py BIN_DIR: runs programs on a 24 h run with eight antennas and on a tenth of it. Their processor
+time must grow at most in proportion to the run length, and their memory much more slowly."""
 import os
 import pathlib
 import shutil
@@ -56,8 +56,8 @@ class Day(unittest.TestCase):
         cls.folder.cleanup()
 
     def cost(self, command, use=None):
-        """Runs a command and returns its processor time (s) and peak memory (bytes). If given,
-        `use` gets the first output line of the command, and the command is then terminated."""
+        """Runs a command and returns its processor time (s) and peak memory (bytes). If `use` is given, it is called
+        with the first output line of the command, and the command is then terminated."""
         with subprocess.Popen([bin_dir / command[0], *command[1:]], stdout=subprocess.PIPE, text=True) as process:
             if use:
                 use(process.stdout.readline().strip())

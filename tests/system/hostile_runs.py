@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """tests/system/hostile_runs.py BIN_DIR [TEST]: runs commands on malicious run files. Each command must end soon, use
-little memory and return a documented exit code with one error line. Malicious texts of runs and devices must not affect
-a terminal or a spreadsheet."""
+little memory and return a documented exit code with one error line. Malicious strings from runs and devices must not
+affect a terminal or a spreadsheet."""
 import json
 import os
 import pathlib
@@ -204,7 +204,7 @@ class HostileRuns(unittest.TestCase):
                 else:
                     pages_that_repeat(run, table)
                 codes = self.attack(run)
-                # The command info reads only one row of the table run.
+                # `info` reads only one row of the table `run`.
                 self.assertEqual(codes["info"], 0 if table == "run" else 1, self.said)
 
     def test_commands_refuse_a_run_with_invalid_axes(self):
@@ -243,7 +243,7 @@ class HostileRuns(unittest.TestCase):
         for name, change in cases.items():
             with self.subTest(name):
                 codes = self.attack(self.make(change), "export", "csv", "evaluate")
-                # If an image has more pixels than the file can hold, the whole run is refused, otherwise only the record.
+                # The whole run is rejected if an image has more pixels than the file can hold, otherwise only the record.
                 self.assertEqual((codes["export"], codes["csv"]), (1 if name == "2^30" else 5, 1), (codes, self.said))
                 self.assertIn("depth is not a deflated image of", self.said)
         codes = self.attack(self.make(depth(good)), "export", "csv")

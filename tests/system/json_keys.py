@@ -17,7 +17,7 @@ schema = json.loads((source / "config/schema.json").read_text(encoding="utf-8"))
 
 
 def differences(documented, found, place):
-    """Yields a text for each key that is missing or not documented, and for each value of a wrong type."""
+    """Yields a message for each key that is missing or not documented, and for each value of a wrong type."""
     if isinstance(documented, str):
         if isinstance(found, (dict, list)) and place.split(".")[-1] != "rows?[]":
             yield f"{place}: expected a text or number"

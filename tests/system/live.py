@@ -340,8 +340,8 @@ class Live(unittest.TestCase):
         self.check_slots(self.rows())
 
     def test_run_refuses_radar_ports_of_two_boards(self):
-        """If the data port belongs to another board that sends frames, `devices` reports this and `run` refuses the
-        ports."""
+        """If the data port belongs to another board that sends frames, `devices` reports this and `run` refuses to
+        start."""
         other = self.dir / "other"
         self.start([bin_dir / "echofuse-sim", "lab", "--dir", other, "--scene", "reflector", "--window", str(WINDOW_S)],
                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

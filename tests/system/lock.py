@@ -34,7 +34,7 @@ class Lock(live.Live):
         check(self.acquire("run", *self.config(), "--out", self.dir / "second"), 4)
         self.assertFalse((self.dir / "second.sqlite").exists())
         check(self.acquire("calibrate", *self.config(), "--set", f"run.calibration={self.dir}/c.toml"), 4)
-        # The ports are also refused if the configuration names them by other paths.
+        # `run` reports the ports as in use even if the configuration contains other paths to them.
         nodes = [(self.dir / "lab" / name).resolve() for name in ("radar-cli", "radar-data")]
         done = self.acquire("run", *self.config(), "--out", self.dir / "second", "--set", f"radar.cli=serial:{nodes[0]}",
                             "--set", f"radar.data=serial:{nodes[1]}", "--set", "tdc.address=", "--set", "depth.address=",

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""on_disk.py BIN: checks with strace that files are on the disk when a program exits: fsync of the file, rename, fsync
-of the folder."""
+"""on_disk.py BIN: checks with strace that files are on the disk when a program exits. The program must call fsync on
+the file, rename it, and call fsync on the folder."""
 import pathlib
 import re
 import shutil

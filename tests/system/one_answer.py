@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """tests/system/one_answer.py BIN_DIR [TEST]: tests that info, list, the live page, Python, HDF5, report and evaluate
-give the same facts about unusual runs: runs with failing sensors, a full disk, a killed daemon, copied records, a
+report the same facts about unusual runs: runs with failing sensors, a full disk, a killed daemon, copied records, a
 single record or no record."""
 import json
 import os
@@ -52,8 +52,8 @@ def kinds(verdicts):
 
 
 def doubtful(verdicts):
-    """Returns the number of records with a doubtful verdict for at least one sensor. `verdicts` lists the verdicts of
-    each sensor."""
+    """Returns the number of records in which the verdict of at least one sensor marks its data as doubtful. `verdicts`
+    lists the verdicts of each sensor."""
     return sum(any(v.partition(":")[0] not in ("", "ok", "not configured") for v in row) for row in zip(*verdicts.values()))
 
 
@@ -194,8 +194,8 @@ class OneAnswer(live.Live):
         return told["info"]
 
     def check_scored(self):
-        """evaluate scores the records with a depth map and no doubtful verdict, and counts the other records as info
-        does."""
+        """evaluate scores the records that have a depth map and no data marked as doubtful. It counts the other records
+        as `info` does."""
         model, run = self.dir / "m.safetensors", self.dir / "scored.sqlite"
         for name, seed in (("base", 1), ("scored", 5)):
             outcome("echofuse-sim", "dataset", "-q", "--records", 60, "--seed", seed, "--out", self.dir / f"{name}.sqlite")

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/raw.py BIN_DIR: tests that `import` of a raw capture gives the records of `run --keep-raw`, even with
-faults and reconnections."""
+"""tests/system/raw.py BIN_DIR: tests that `import` of a raw capture gives the same records as the live run with
+--keep-raw, even after faults and reconnections."""
 import pathlib
 import re
 import sqlite3
@@ -82,7 +82,7 @@ class Raw(unittest.TestCase):
         self.run = self.dir / "again.sqlite"
         subprocess.run([bin_dir / "echofuse-acquire", "import", self.raw, "--out", self.run, "-q"], check=True, timeout=60)
         self.assertEqual((self.query(COLUMNS), self.counters("spd"), self.counters("radar")), live, self.log)
-        # Import refuses a damaged slot length, for example 400 s or 1 ns.
+        # Import rejects a damaged slot length, for example 400 s or 1 ns.
         times = (self.raw / "run.times").read_text()
         for length in "400000000000", "4000000000000000000", "-400000000", "1":
             (self.raw / "run.times").write_text(re.sub(r"( slots )\d+", rf"\g<1>{length}", times))

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/slips.py BIN_DIR: tests that mistyped commands print the listed text and return the listed exit code,
+"""tests/system/slips.py BIN_DIR: tests that mistyped commands print the listed message and return the listed exit code,
 which the help of the command must list."""
 import functools
 import pathlib
@@ -12,7 +12,7 @@ import sys
 import tempfile
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
-# Each line has a command, its exit code, and a text that the output contains.
+# Each line has a command, its exit code, and a string that the output contains.
 TABLE = """
 recon trian | 2 | trian: no such command; the most similar name is train
 recon help train | 0 | train a model on one or more runs

@@ -47,7 +47,7 @@ class Terminal:
         os.close(self.master)
 
     def status_lines(self):
-        """Returns the printed status lines, which are the texts between carriage returns."""
+        """Returns the printed status lines, which are separated by carriage returns."""
         parts = re.split(r"[\r\n]+", SEQUENCES.sub("", self.text))
         return [part for part in parts if part.startswith("record ")]
 

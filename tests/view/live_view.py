@@ -167,8 +167,8 @@ class LiveView(live.Live):
         self.assertEqual(self.account(log), alone)
 
     def account(self, log):
-        """Checks that every difference from the log of the laboratory is explained. Returns records, losses and
-        verdicts for comparison."""
+        """Checks that every difference between the run and the log of the laboratory is explained. Returns the counts
+        of valid, lost and late data and of verdicts, for comparison with another run."""
         self.close_lab()
         self.check_slots(self.rows())
         audit = subprocess.run([sys.executable, SCRIPTS / "audit_run.py", self.run, self.dir / "sent.jsonl"],

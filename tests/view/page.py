@@ -21,7 +21,7 @@ from live import WINDOW_S, bin_dir, wait_for
 PATIENCE_S = 60  # time limit, s; long because a busy machine renders slowly
 
 
-# Returns by how many pixels the elements move when status and label change from their shortest to their longest texts.
+# Returns by how many pixels elements move when status and label change from their shortest to their longest string.
 header_jumps = """
   const at = () => ['numbers', 'lamps', 'transport', 'card-histogram', 'card-maps'].map(id => document.getElementById(id).getBoundingClientRect()).flatMap(r => [r.left, r.top]);
   const say = words => {
@@ -262,7 +262,8 @@ class Page(live_view.LiveView):
         process.wait(10)
 
     def looks(self):
-        """Checks the keys for histogram, points and font size, and the zoom and measurement in the charts."""
+        """Checks the keys that change the histogram, the point cloud and the font size, and zooming and measuring in
+        the charts."""
         peaks = (("histogram-readout", r"peak \d+\.\d\d m, [\d.]+[kM]? clicks(; centre [\d.]+ m, FWHM [\d.]+ cm)?"),
                  ("profile-readout", r"peak \d+\.\d\d m, [\d.]+ dB(; centre [\d.]+ m, FWHM [\d.]+ cm)?"))
 
@@ -315,7 +316,7 @@ class Page(live_view.LiveView):
         self.wait("live record", lambda: "held" not in self.text("shown"))
 
     def contrast_faults(self):
-        """Returns texts with less contrast than WCAG 2.1 AA requires: a ratio of 4.5, or 3 for large text."""
+        """Returns text elements with less contrast than WCAG 2.1 AA requires: a ratio of 4.5, or 3 for large text."""
         return self.js(r"""
             const part = v => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
             const luminance = ([r, g, b]) => 0.2126 * part(r) + 0.7152 * part(g) + 0.0722 * part(b);

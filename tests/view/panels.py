@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/view/panels.py BIN_DIR TEST: tests alerts, rates, sums, plan view and pixel values of the web page in Chromium.
-Exits with 77 if Chromium is missing."""
+"""tests/view/panels.py BIN_DIR TEST: tests the alerts, rates, sums, plan view and pixel values of the web page in
+Chromium. Exits with 77 if Chromium is missing."""
 import contextlib
 import re
 import signal
@@ -16,7 +16,7 @@ import page
 from live import bin_dir
 from selenium.webdriver.common.action_chains import ActionChains
 
-# Shows the longest texts of lamps and status. Returns visible elements that are clipped or outside the window.
+# Shows the longest strings in lamps and status. Returns visible elements that are clipped or outside the window.
 CUT = """
   for (const lamp of document.querySelectorAll('.lamp'))
     for (const [part, text] of [['strong', 'CHECK'], ['.verdict', 'weak: 123 clicks above the background (minimum 1000)'], ['.age', 'last data 12.3 s ago']])
@@ -74,7 +74,7 @@ class Panels(page.Page):
         self.assertEqual(self.text("sound"), "sound is on")
         self.wait("alarm of the disk", lambda: self.js("return window.alarms") > 0)
 
-        # The simulated tagger sends only sync tags with a click, so the page shows filtered sync rates.
+        # The simulated tagger sends a sync tag only if there is a click, so the page shows filtered sync rates.
         self.wait("filter", lambda: self.text("sync-name") == "filtered sync")
         for number in "sync-rate", "click-rate", "dark-rate":
             self.wait(number, lambda: re.fullmatch(r"[\d.]+[kM]?/s", self.text(number)))
@@ -138,7 +138,7 @@ class Panels(page.Page):
         self.assertAlmostEqual(float(re.search(fit, self.text("histogram-readout"))[1]), 6.6713 * float(metres[1]), delta=0.04)
         self.assertIn("ns", self.js("return document.getElementById('unit').textContent"))
         self.key("n")
-        # For a sum, the difference subtracts the mean of the first minute (20 records) from each record.
+        # In the difference view of a sum, the mean of the first minute (20 records) is subtracted from each record.
         with contextlib.closing(sqlite3.connect(f"file:{scenes}?mode=ro", uri=True)) as db:
             rows = [struct.unpack(f"<{len(spd) // 4}I", spd) for spd, in db.execute("SELECT spd FROM record ORDER BY idx")]
         expected = max(sum(bins[-10:]) - sum(bins[:20]) / 2 for bins in zip(*rows))
@@ -157,7 +157,7 @@ class Panels(page.Page):
         self.wait("first fit", lambda: metres[0] in self.text("histogram-readout") or
                   ActionChains(self.browser).move_to_element(self.browser.find_element("id", "file")).perform())
 
-        # A view shows the value under the pointer, or the percentage of pixels without a return.
+        # The map and the camera image show the value under the pointer, or the percentage of pixels without a return.
         for view in "map", "camera":
             self.assertRegex(self.text(f"{view}-value"), r"^[\d.]+ % without a return$")
         canvas = self.browser.find_element("id", "camera")

@@ -64,8 +64,8 @@ class Proxy:
 
 
 def check_requests(test):
-    """Sends requests as a proxy forwards them. The origin of the requests is the forwarded host, and the Host field
-    names the server."""
+    """Sends requests as a proxy forwards them. The origin of the requests is the forwarded host, and the Host header
+    contains the address of the server."""
     here = urllib.parse.urlsplit(test.address).netloc
     for headers, status in ((["X-Forwarded-Host: lab.example.org", "Origin: https://lab.example.org"], 101),
                             (["X-Forwarded-Host: lab.example.org, inner", "Origin: http://lab.example.org"], 101),

@@ -194,7 +194,7 @@ class Server(unittest.TestCase):
                                      ("/live", "GET", 426), ("/nothing", "GET", 404), ("/index.html/", "GET", 404)):
             self.assertEqual(self.get(path, method=method)[0].status, status, path)
         proxy.check_requests(self)
-        # A malformed request target is refused, and other clients are not affected.
+        # A malformed request target is rejected, and other clients are not affected.
         for target in (b"?", b"?token=1", b"live", b"http://localhost/", b"*"):
             self.assertIn(b" 400 ", self.raw(b"GET " + target + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")[:40], target)
         self.assertEqual(self.get("/")[0].status, 200)
@@ -392,7 +392,7 @@ class Server(unittest.TestCase):
 
     def test_newest_run_in_a_folder_is_the_one_that_started_last(self):
         """The newest run is the one that started last, even if another file was written later. Other files in the
-        folder are ignored, but are refused as RUN."""
+        folder are ignored, but are rejected as RUN."""
         fifo, earlier, junk = (pathlib.Path(self.folder.name, f"{name}.sqlite") for name in ("newest", "earlier", "junk"))
         os.mkfifo(fifo)
         shutil.copy(self.run_file, earlier)
