@@ -182,7 +182,7 @@ for path in texts:
 
 # Checks that programs, subcommands and options in manuals (fenced blocks and `code`) exist.
 if len(sys.argv) > 1:  # the argument is the folder of the built programs
-    typed = []  # pairs of a manual or help text and a command line in it
+    typed = []  # command lines in manuals and help texts, each with the name of its source
     options = {}  # options that a program or command accepts, by the words of the command
 
     def read_help(words, inherited=frozenset()):

@@ -121,7 +121,7 @@ def test_loaded_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
     maps, own = model.predict(run), model.predict(spd=run.photons(), radar=run.power(), axes=run.axes)
     assert np.array_equal(maps.depth_m, own.depth_m, equal_nan=True) and len(own) == len(run) == 60
     assert repr(maps) == "<echofuse maps: 60 maps of 64 x 64 pixels, m, tangents within 0.55>"
-    # Without radar data the model uses its SPD fallback.
+    # If radar data are missing, the model uses its SPD fallback.
     assert set(model.predict(spd=run.photons()).inputs) == {"spd"}
     with pytest.raises(ValueError, match=r"spd: shape \[60, 3\] \(expected \[n, "):
         model.predict(spd=run.photons()[:, :3], radar=run.power())

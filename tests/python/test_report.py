@@ -245,8 +245,8 @@ def test_report_waterfall_averages_adjacent_records_for_any_read_block_size(here
 
 
 def test_report_on_a_full_disk_or_after_sigterm_leaves_no_files(here, tmp_path):
-    """Neither a full disk nor SIGTERM leaves a partial file or a scratch folder. A symbolic link at the path of the partial file
-    is not followed."""
+    """If the disk is full, or after SIGTERM, partial files and scratch folders are deleted. A symbolic link at the path
+    of the partial file is not followed."""
     (tmp_path / "scratch").mkdir()
     words, env = [BIN / "echofuse-report", tmp_path / "page", "--live", here / "fresh.sqlite"], os.environ | {"TMPDIR": str(tmp_path / "scratch")}
     full = subprocess.run(["sh", "-c", "ulimit -f 40; exec \"$@\"", "sh", *words], capture_output=True, text=True, env=env)

@@ -225,7 +225,7 @@ TEST_CASE("the domain-shift test reports a radar range bias and the option that 
   CHECK(cm == advised_cm);
   CHECK(cm_error == advised_error);
   // The radar profiles are also blurred, because the advice must be given even if other quantities
-  // differ.
+  // differ from the training data.
   const DomainShift more =
       shift_of(model, plates(200, 30, [&](record::FusedRecord& r) { farther(r), blur(r.radar); }));
   CHECK(more.differences.size() > 1);

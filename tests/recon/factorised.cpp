@@ -82,7 +82,7 @@ TEST_CASE("inputs aligned to the body do not depend on gain, exposure or a flat 
 TEST_CASE("a range difference between radar and histogram shifts the aligned radar profile") {
   const auto a = aligned(raw_inputs(3.3, 0.05)), b = aligned(raw_inputs(3.7, 0.25));
   const double near_m = double{a.back()}, far_m = double{b.back()};
-  // Half of the bins of 6 cm are near the body, so the median overestimates the background. The
+  // Half of the 6 cm bins are near the body, so the median overestimates the background. The
   // tolerance of 1 cm covers the resulting error.
   CHECK(near_m == Approx(3.3).margin(0.01));
   CHECK(far_m == Approx(3.7).margin(0.01));

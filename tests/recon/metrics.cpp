@@ -131,7 +131,7 @@ TEST_CASE(
     CHECK(score(near, near, room())[metric_iou] == 1);
     CHECK(thresholded_map(near, room()) == near);
   }
-  // Two bodies, one in front of the other, and a near body that fills the field of view.
+  // Maps of two bodies, one behind the other, and of a near body that fills the field of view.
   Map two = plate(6, 1.2f);
   const Map behind = plate(30, 5.2f), all(size * size, 1.3f);
   for (std::size_t p = 0; p < two.size(); ++p) two[p] += behind[p];

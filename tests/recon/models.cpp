@@ -193,7 +193,7 @@ TEST_CASE(
     r.index = index;
   });
   Dataset data = load({dir / "same"});
-  // With content hashes the identical records would be excluded as copies.
+  // If the content hashes were kept, the identical records would be excluded as copies.
   data.content.clear();
   for (const auto& name : model_names()) {
     CAPTURE(name);

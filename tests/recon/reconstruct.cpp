@@ -227,7 +227,7 @@ TEST_CASE("the written point cloud, array and picture contain the same depth map
   // The plate covers about 240 pixels, each with three coordinates.
   REQUIRE(points.size() > 3 * 50);
   REQUIRE(points.size() < 3 * 800);
-  // Projects each point into the depth picture with the pinhole camera model of OpenCV and Open3D.
+  // Projects each point into the depth image with the pinhole camera model of OpenCV and Open3D.
   const auto pinhole = nlohmann::json::parse(contents(dir / "o/camera.json"));
   const double fx = pinhole["fx"], fy = pinhole["fy"], cx = pinhole["cx"], cy = pinhole["cy"];
   std::size_t strangers = 0;

@@ -59,7 +59,7 @@ return p.filter((v, i) => i % 4 == 3 && v > 0).length"""
 
 # Counts legends that show values while the pointer is elsewhere.
 LEGENDS = """return [...document.querySelectorAll('.u-live .u-value')].filter(v => getComputedStyle(v).visibility === 'visible').length"""
-# Returns whether the canvas clips the floor below the point cloud.
+# Returns true if the canvas clips the floor below the point cloud.
 FLOOR = """const c = document.getElementById('cloud'), gl = c.getContext('webgl'), wide = gl.drawingBufferWidth, high = gl.drawingBufferHeight;
 const row = (x, y, w, h) => { const p = new Uint8Array(4 * w * h); gl.readPixels(x, y, w, h, gl.RGBA, gl.UNSIGNED_BYTE, p); return p.some((v, i) => i % 4 === 3 && v > 0); };
 return row(0, 0, wide, 1) || row(0, 0, 1, high) || row(wide - 1, 0, 1, high)"""

@@ -25,8 +25,8 @@ record::RadarResponse windowed(double a, double b) {
 const record::RadarResponse sinc = windowed(0, 0), hann = windowed(1, 0),
                             blackman = windowed(0.5 / 0.42, 0.08 / 0.42);
 
-// Returns the profile of two points for a radar response. The first point is at 2.1 m. The second
-// point is at 2.6 m and has half the power.
+// Returns the range profile of two point scatterers for a radar response. The first scatterer is at
+// 2.1 m. The second scatterer is at 2.6 m and has half the power.
 std::vector<float> profile(const record::RadarResponse& response) {
   std::vector<float> out;
   for (int i = 0; i < 29; ++i)

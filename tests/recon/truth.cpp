@@ -45,7 +45,7 @@ TEST_CASE("train and evaluate report depth maps delayed by one record") {
   for (std::size_t row = 0; row + 1 < early.size(); ++row)
     std::ranges::copy(early.depth.row(row + 1), early.depth.row(row).begin());
   CHECK_THAT(late_truth(early), Catch::Contains("one record early"));
-  // Each of several runs is tested separately.
+  // If there are several runs, each run is tested separately.
   write_run(dir / "more", 400, 3);
   CHECK_THAT(late_truth(load({dir / "more", dir / "late"})), Catch::StartsWith(said));
   const std::string train = "train --model ridge --set fallback=false ";

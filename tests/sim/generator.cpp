@@ -80,7 +80,7 @@ TEST_CASE("a simulated data set with antennas does not depend on the number of t
   plan.conditions.radar_antennas = 8;
   plan.conditions.radar_phase_error_rad = 0.3;
   const Generator generator(plan);
-  // With incoherent echoes the antennas do not change the other data.
+  // If the echoes are incoherent, adding antennas does not change the other data.
   check_equal(generator.make(4), plain);
   for (const int threads : {1, 3}) {
     const std::string path = folder / (std::to_string(threads) + ".sqlite");

@@ -136,7 +136,7 @@ TEST_CASE("echo power via one wall equals the analytic value, and open scenes ar
   CHECK(total(once.weight) == Approx(4 * rho * q * whole).epsilon(0.01));
   CHECK(total(twice.weight) == Approx((4 * rho * q + rho * rho * q * q) * whole).epsilon(0.01));
   for (const double range : once.range_m) CHECK(range == Approx((d + mirrored_m) / 2).margin(0.06));
-  // Without a room, the echoes must be equal bit for bit to those without multipath.
+  // If there is no room, the echoes must be equal bit for bit to those computed without multipath.
   Scene open = scene;
   open.room = nullptr;
   CHECK(radar_returns(open, with_echoes(2, rho)).weight == radar_returns(open, direct).weight);
@@ -208,7 +208,7 @@ TEST_CASE("light in a closed box decays by the albedo at each reflection") {
     for (const Patch& p : tiles(plate, 16, {0.3, 0.2, 1})) all.push_back(p);
   const double rho = 0.5;
   std::vector<double> exitance(all.size());
-  // A power of 1 leaves patch 5, and no other patch emits.
+  // Patch 5 emits a power of 1, and the other patches emit no power.
   exitance[5] = 1 / all[5].area_m2();
   for (int n = 1; n <= 3; ++n) {
     std::vector<double> next(all.size());

@@ -169,8 +169,8 @@ double scatter(const std::vector<double>& shifts) {
 
 constexpr double tmf_half_tangent = 0.29;
 
-// The publication does not state the bin width. The background is equal in front of and behind the
-// object if the simulator counts the first photon of 5000 pulses.
+// The publication does not state the bin width. If the simulator counts only the first photon of
+// each of 5000 pulses, the background is equal in front of and behind the object.
 TEST_CASE("simulated histograms of a sphere and a soap dish match those of another simulator") {
   const std::string name = GENERATE("sphere", "soap");
   const auto records = read_json("spad-simulated/" + name + ".json.gz");

@@ -92,7 +92,8 @@ TEST_CASE("empty scenes contain no body, and scenes of two people contain two bo
     const Scene two = make_scene(c, SceneKind::two_people, 1, i);
     REQUIRE(two.capsules.size() == 32);
     CHECK(two.label == "two_people");
-    // The first person is to the left of the second, or at most 0.3 m to the right.
+    // The first person is to the left of the second person, or at most 0.3 m to the right of that
+    // person.
     CHECK(two.capsules[6].a.x < two.capsules[22].a.x + 0.3);
   }
 }

@@ -59,8 +59,8 @@ class Reader {
   std::FILE* pipe_;
 };
 
-// Renders the expected picture with explicit axes for a 320 x 240 camera with half tangents of 0.8
-// and 0.6. Pixel centres are 0.005 apart.
+// Renders the expected depth image with explicit axes for a 320 x 240 camera with half tangents of
+// 0.8 and 0.6. Pixel centres are 0.005 apart.
 std::vector<std::uint16_t> expected_picture(const sim::LabOptions& options) {
   const Axis x{"depth_x", "tangent", "1", 320, -159.5 * 0.005, 0.005};
   const Axis y{"depth_y", "tangent", "1", 240, 119.5 * 0.005, -0.005};

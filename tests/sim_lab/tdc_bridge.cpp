@@ -225,7 +225,8 @@ TEST_CASE("the simulated bridge reports tags lost by a slow client in the next b
     if (dropped > 0) gap_ps = more.front().time_ps - last_ps;
     last_ps = more.back().time_ps;
   }
-  // At the tag rate of the scene, the dropped tags fill the gap between received tags.
+  // The number of dropped tags equals the tag rate of the scene times the length of the gap between
+  // received tags.
   const auto returns = sim::spd_returns(
       sim::make_scene(options.conditions, sim::SceneKind::person, 5, 0), options.conditions);
   const double pulses_hz = options.tagging.laser_rate_hz,

@@ -229,7 +229,7 @@ class Calibrate(unittest.TestCase):
                 self.assertLess(abs(float(tap) - float(true)), .05, said)
 
     def test_range_calibration_restores_the_accuracy_of_depth_maps(self):
-        """Range biases degrade the maps of a model, and the calibration stored in the run restores them."""
+        """Range biases degrade the maps of a model. The calibration stored in the run restores their accuracy."""
         def program(name, *words):
             return subprocess.run([bin_dir / name, *words], check=True, text=True, capture_output=True, cwd=self.dir).stdout
 

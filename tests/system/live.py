@@ -310,8 +310,8 @@ class Live(unittest.TestCase):
         self.assertEqual((late.returncode, "run is not being recorded" in late.stdout), (1, True))
 
     def test_daemon_writes_pending_records_when_a_lock_on_the_run_file_is_released(self):
-        """Another program locks the run file. Records are written when the lock ends. SIGTERM ends the run even during
-        the lock, and the last log line counts the unwritten records."""
+        """Another program locks the run file. Records are written when the lock is released. SIGTERM ends the run even
+        while the file is locked, and the last log line counts the unwritten records."""
         daemon = self.record()
         wait_for("records", lambda: self.committed() >= 4)
         reader, writer = (sqlite3.connect(self.run, isolation_level=None) for _ in range(2))

@@ -119,8 +119,8 @@ class Service(live.Live):
         self.assertLessEqual(lines.count("WATCHDOG=1"), rows)
 
     def test_daemon_ends_with_exit_code_6_on_a_full_disk(self):
-        """On a full disk (or SIGXFSZ) the daemon does not crash. Earlier records are stored, the last heartbeat belongs
-        to the last record, and systemd does not restart the daemon after exit code 6."""
+        """If the disk is full (or on SIGXFSZ), the daemon does not crash. Earlier records are stored, the last
+        heartbeat belongs to the last record, and systemd does not restart the daemon after exit code 6."""
         def limit_file_size():
             resource.setrlimit(resource.RLIMIT_FSIZE, (256 << 10, 256 << 10))
 

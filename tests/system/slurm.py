@@ -95,7 +95,7 @@ class Slurm(unittest.TestCase):
         return subprocess.run(words, text=True, capture_output=True).stdout.strip()
 
     def processes_of(self, *names):
-        """Yields the ids of the processes that have the configuration of this cluster in their environment."""
+        """Yields the IDs of the processes that have the configuration of this cluster in their environment."""
         mark = f"SLURM_CONF={self.dir}/slurm.conf".encode()
         for process in pathlib.Path("/proc").glob("[0-9]*"):
             try:
@@ -130,7 +130,7 @@ class Slurm(unittest.TestCase):
         return False
 
     def node_dies(self, node):
-        """Kills the daemon and all jobs of the node at once, as a power failure does."""
+        """Kills the daemon and all jobs of the node immediately, as a power failure does."""
         os.kill(int((self.dir / f"slurmd.{node}.pid").read_text()), signal.SIGKILL)
         jobs = list(self.processes_of(f"SLURMD_NODENAME={node}"))
         parents = {int(pathlib.Path(f"/proc/{job}/stat").read_text().rpartition(")")[2].split()[1]) for job in jobs}

@@ -74,7 +74,7 @@ class Panels(page.Page):
         self.assertEqual(self.text("sound"), "sound is on")
         self.wait("alarm of the disk", lambda: self.js("return window.alarms") > 0)
 
-        # The simulated tagger sends a sync tag only if there is a click, so the page shows filtered sync rates.
+        # The simulated tagger sends a sync tag only for a pulse with a click, so the page shows filtered sync rates.
         self.wait("filter", lambda: self.text("sync-name") == "filtered sync")
         for number in "sync-rate", "click-rate", "dark-rate":
             self.wait(number, lambda: re.fullmatch(r"[\d.]+[kM]?/s", self.text(number)))

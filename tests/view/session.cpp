@@ -94,7 +94,7 @@ TEST_CASE("an exception in a request handler ends only the session of that reque
 TEST_CASE(
     "a viewer session queues eight mark requests if answers are not read, and ends at the ninth") {
   Owner owner;
-  // The greeting exceeds the socket buffers, so answers to the marks must wait.
+  // The greeting is larger than the socket buffers, so answers to the marks must wait.
   owner.greeting = std::make_shared<Bytes>(64 << 20);
   tcp::socket client = owner.connect(handshake);
   REQUIRE(owner.waits_for([&] { return owner.openings == 1; }));

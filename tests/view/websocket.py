@@ -14,7 +14,7 @@ TYPES = {"u8": "B", "u16": "H", "u32": "I", "f32": "f", "f64": "d"}
 
 
 class Refused(Exception):
-    """Raised if the response to the handshake is not 101."""
+    """Raised if the response to the handshake does not have the status code 101."""
 
 
 class Client:
