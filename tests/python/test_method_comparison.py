@@ -18,7 +18,7 @@ class First:
     def predict(self, run):
         return np.repeat(self.map[None], len(run), axis=0)
 """
-# External program that predicts the map of the training record with the nearest histogram.
+# External program that predicts the map of the training record with the most similar histogram.
 PROGRAM = f"""#!{sys.executable}
 import sys
 import numpy as np

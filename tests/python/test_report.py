@@ -216,7 +216,7 @@ def test_report_refuses_a_run_with_only_doubtful_records(here, tmp_path):
 
 
 def test_report_lists_an_unreadable_record_with_the_reason(here, tmp_path):
-    """The unreadable record is record 30, because a report without a model shows the middle record."""
+    """The unreadable record is record 30, because the report shows the middle record if no model is given."""
     shutil.copy(here / "fresh.sqlite", tmp_path / "bad.sqlite")
     with sqlite3.connect(tmp_path / "bad.sqlite") as db:
         db.execute("UPDATE record SET spd = x'00' WHERE idx = 30")

@@ -266,7 +266,8 @@ TEST_CASE("loading and saving a model again gives an identical file and identica
     std::filesystem::remove(dir / "twice");
     save_model(again, dir / "twice");
     CHECK(read_file(dir / "twice") == read_file(dir / kind));
-    // The training log may differ, because it is information for the user and is not loaded.
+    // The training log may differ from the original, because it is information for the user and is
+    // not loaded.
     crafted::Model first(whole), second(read_file(dir / kind));
     for (crafted::Model* m : {&first, &second})
       for (const std::string& name : m->names_of_facts())

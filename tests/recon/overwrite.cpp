@@ -111,7 +111,7 @@ TEST_CASE("reconstruct leaves no partial picture on a full disk and follows no s
     return files;
   };
   {
-    // The limit leaves enough space for the header of the table, but not for a picture.
+    // The limit leaves enough space for the header of the table, but not for an image.
     const test::FullDisk disk(400);
     const Outcome o = recon_program(command + " --force");
     CAPTURE(o.text);

@@ -159,7 +159,7 @@ TEST_CASE("tuning accepts axes that differ from the model axes by less than a bi
   CHECK(tune(old, near, all_records()).table.front().name == "unchanged");
   CHECK_THAT(error_of([&] { match_for_tuning(old, "m", far); }),
              Catch::EndsWith(": start differs by 1.2 bins (limit 1)"));
-  // The steps of the axes differ, so the axes start at the same range but end at different ranges.
+  // The axes start at the same range, but end at different ranges because their steps differ.
   Dataset longer = plates(20, 5, false);
   longer.radar_axis.step *= 1 + 1.5 / longer.radar_axis.count;
   CHECK_THAT(error_of([&] { match_for_tuning(old, "m", longer); }),

@@ -207,7 +207,7 @@ std::string error_of(const std::function<void()>& body) {
   return "no error";
 }
 
-// Returns all rows of a table as text.
+// Returns all rows of a table as a string.
 std::string rows_of(const std::string& path, const std::string& table) {
   sqlite3* db = nullptr;
   REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);

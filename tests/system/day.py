@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """tests/system/day.py BIN_DIR: runs programs on a 24 h run with eight antennas and on a tenth of it. Their processor
-time must grow at most in proportion to the run length, and their memory much more slowly."""
+time must grow about linearly with the run length, and their memory much more slowly."""
 import os
 import pathlib
 import shutil

@@ -29,7 +29,7 @@ def processor_s(process):
 
 
 def viewers_of(folder):
-    """Returns the process ids of viewers of runs in this folder. Ports do not identify them, because another test may
+    """Returns the process IDs of viewers of runs in this folder. Ports do not identify them, because another test may
     reuse a port."""
     out = []
     for process in pathlib.Path("/proc").glob("[0-9]*"):
