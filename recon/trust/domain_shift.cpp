@@ -131,8 +131,9 @@ std::string describe(const RecordNumber& number, double difference, double error
 
 std::string range_advice(double difference_m, double error_m) {
   return formatted(
-      "radar ranges are %.1f +- %.1f cm too %s, or people are further %s or reflect "
-      "differently; if the radar is the cause, use --range-offset %.3f and calibrate",
+      "radar ranges are %.1f +- %.1f cm too %s, or people are farther to the %s or reflect "
+      "differently than in training; if the radar is the cause, use --range-offset %.3f and "
+      "calibrate",
       100 * std::abs(difference_m), 100 * error_m, difference_m > 0 ? "long" : "short",
       difference_m > 0 ? "right" : "left", difference_m);
 }

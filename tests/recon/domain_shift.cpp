@@ -211,9 +211,9 @@ TEST_CASE("the domain-shift test reports a radar range bias and the option that 
   CHECK(shift.found());
   CHECK_THAT(shift.text(),
              Catch::Contains("radar ranges are ") &&
-                 Catch::Contains(" cm too long, or people are further right or "
-                                 "reflect differently; if the radar is the cause, use "
-                                 "--range-offset 0.2") &&
+                 Catch::Contains(" cm too long, or people are farther to the right or "
+                                 "reflect differently than in training; if the radar is the "
+                                 "cause, use --range-offset 0.2") &&
                  Catch::Contains("radar range +"));
   // Range bias and its standard error, cm, first from the list of differences and then from the
   // advice.
