@@ -2,9 +2,9 @@
 """Computes scores of depth maps from arrays, e.g. in a training loop. The scores are equal to those
 of `echofuse-recon evaluate` (recon/metrics).
 
-Each score function takes predicted maps [n, N, N], the true maps [n, N, N] of the same records, and
-the scene of the training maps. A map contains z, m, from the top left; NaN or 0: no return. The
-function returns float64 [n], with NaN for maps without a defined score.
+Each score function takes predicted maps [n, N, N], the ground-truth maps [n, N, N] of the same
+records, and the scene of the training maps. A map contains z, m, from the top left; NaN or 0: no
+return. The function returns float64 [n], with NaN for maps without a defined score.
 
 >>> scene = metrics.Scene.of_maps(run.maps(split.train))
 >>> np.nanmean(metrics.iou(maps, run.maps(split.test), scene))
@@ -69,8 +69,8 @@ class Scene:
         return cls(background, mean, half_tangent, far_m)
 
     def true_mask(self, truth: ArrayLike) -> NDArray[np.bool_]:
-        """Returns the foreground mask [n, N, N] of true maps. A return is foreground if it is more
-        than 0.1 m from the background, or if its pixel has no background."""
+        """Returns the foreground mask [n, N, N] of ground-truth maps. A return is foreground if it
+        is more than 0.1 m from the background, or if its pixel has no background."""
         z, b = pixels(truth), self.background_m
         return (self.foreground_m > 0) & (z > 0) & ((b <= 0) | (abs(z - b) > np.float32(STEP_M)))
 
@@ -97,19 +97,19 @@ class Scene:
         return np.where(returns, z > 0, share).astype(np.float32)
 
     def clipped(self, maps: ArrayLike) -> NDArray[np.float32]:
-        """Limits the depths of maps [n, N, N] to the interval from 0 to far_m."""
+        """Clips the depths of maps [n, N, N] to the interval from 0 to far_m."""
         return pixels(maps).clip(0, np.float32(self.far_m))
 
 
 def iou(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
-    """Returns the intersection over union of the predicted and the true foreground [n]."""
+    """Returns the intersection over union of the predicted and the ground-truth foreground [n]."""
     true, found = scene.true_mask(truth), scene.share(maps) > 0.5
     return ratio((true & found).sum((1, 2)), (true | found).sum((1, 2)))
 
 
 def depth_mae(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
     """Returns the mean absolute depth error [n], m, over the pixels in both the predicted and the
-    true foreground."""
+    ground-truth foreground."""
     both = scene.true_mask(truth) & (scene.share(maps) > 0.5)
     error = abs(scene.clipped(maps).astype(float) - pixels(truth))
     return ratio((error * both).sum((1, 2)), both.sum((1, 2)))
@@ -123,14 +123,14 @@ def centroids(mask: NDArray[np.bool_], scene: Scene) -> Scores:
 
 
 def true_range(truth: ArrayLike, scene: Scene) -> Scores:
-    """Returns the mean z [n] of the true foreground, m."""
+    """Returns the mean z [n] of the ground-truth foreground, m."""
     mask = scene.true_mask(truth)
     return ratio((pixels(truth).astype(float) * mask).sum((1, 2)), mask.sum((1, 2)))
 
 
 def lateral(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
-    """Returns the lateral distance [n], m, between the centroids of the predicted and the true
-    foreground, at the mean z of the true foreground."""
+    """Returns the lateral distance [n], m, between the centroids of the predicted and the
+    ground-truth foreground, at the mean z of the ground-truth foreground."""
     true = centroids(scene.true_mask(truth), scene)
     found = centroids(scene.share(maps) > 0.5, scene)
     return np.asarray(abs(found - true) * true_range(truth, scene))
@@ -158,9 +158,9 @@ def blurred(table: Scores) -> Scores:
 
 
 def ssim_fg(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
-    """Returns the mean SSIM [n] over the true foreground, dilated by the window (Wang et al., IEEE
-    TIP 13, 600, 2004; K1 0.01, K2 0.03, population covariance, data range far_m). NaN for maps
-    smaller than 11 x 11."""
+    """Returns the mean SSIM [n] over the ground-truth foreground, dilated by the window (Wang et
+    al., IEEE TIP 13, 600, 2004; K1 0.01, K2 0.03, population covariance, data range far_m). NaN for
+    maps smaller than 11 x 11."""
     a, b, true = scene.clipped(maps), pixels(truth), scene.true_mask(truth)
     out = np.full(len(a), np.nan)
     if a.shape[1] < WINDOW:

@@ -31,14 +31,14 @@ BASE = World()
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis of the study. `values` contains its conditions in order, by label, and also BASE."""
+    """An axis of the study. `values` maps labels to conditions, in order, and includes BASE."""
 
     # "matched": the training and test conditions are equal; "shifted": the training uses BASE
     kind: str
     name: str
     title: str  # title in tables and figures, including the unit
     values: dict[str, World] = field(default_factory=dict)
-    # labels that --quick measures in addition to the base; empty: all labels
+    # labels that --quick measures in addition to BASE; empty: all labels
     quick: tuple[str, ...] = ()
 
     @property
@@ -240,7 +240,7 @@ def simulated_axes(base: dict[str, Any]) -> list[Axis]:
 
 def _rooms(at_resolution: Callable[[float], tuple[str, ...]]) -> dict[str, World]:
     """Returns conditions in different rooms, with and without wall echoes. "RF" and "sound" imitate
-    the single radio and sound sensors of Turpin et al., PRL 126, 174301."""
+    the radio sensor and the sound sensor of Turpin et al., PRL 126, 174301."""
     echoes = ("multipath_order=2",)
     direct = (*at_resolution(0.044), "radar_wall_scatter=0.1")
     sound = (*at_resolution(0.02), *echoes, "radar_wall_reflectivity=0.97",

@@ -93,7 +93,7 @@ def fewer(share: float, seed: int) -> Change:
 
 def noise(snr_db: float, seed: int) -> Change:
     """Adds Gaussian noise to each profile of linear power. The standard deviation of the noise is
-    `snr_db` below the peak of the profile."""
+    `snr_db` dB below the peak of the profile."""
     def change(records: Records) -> None:
         require_linear(records)
         peak = np.nanmax(records.radar, axis=1, keepdims=True)

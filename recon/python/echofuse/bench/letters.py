@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Recognises ten letters in depth maps. The true map determines the size and the position of the
-letter plate. Pixels in front of the plate, or up to 20 cm behind it, are resampled to 2 cm cells
-and correlated with templates of the letters. The score of a letter is its highest normalised
+"""Recognises ten letters in depth maps. The ground-truth map determines the size and the position
+of the letter plate. Pixels in front of the plate, or up to 20 cm behind it, are resampled to 2 cm
+cells and correlated with templates of the letters. The score of a letter is its highest normalised
 correlation within 8 cm of the plate position."""
 from __future__ import annotations
 
@@ -77,8 +77,8 @@ def near_layer(depth_m: NDArray[np.float32], half_tangent: float, plate: tuple[f
 
 
 def match(patch: Floats, pattern: Floats) -> tuple[float, float, float]:
-    """Returns the highest normalised correlation of the pattern with the patch, and the offset of
-    the pattern from the patch centre to the right and down, cells."""
+    """Returns the highest normalised correlation of the pattern with the patch, and the offset
+    (right, down) of the pattern from the patch centre, cells."""
     rows, columns = (n - k + 1 for n, k in zip(patch.shape, pattern.shape))
 
     def correlated(values: Floats, kernel: Floats) -> Floats:

@@ -78,7 +78,7 @@ class Method:
     #: fit(train, folder, seed, fallback) trains the method; for `fallback` see Cell
     fit: Callable[[pathlib.Path, pathlib.Path, int, bool], Predict]
     source: str = "-"  #: hash of the code of a user method, otherwise "-"
-    #: whether predict() also receives the true maps (class attribute `oracle`)
+    #: whether predict() also receives the ground-truth maps (class attribute `oracle`)
     oracle: bool = False
 
     @property
@@ -93,12 +93,12 @@ class Method:
 
     @property
     def is_blind(self) -> bool:
-        """Whether predict() receives a copy of the test run without the true maps."""
+        """Whether predict() receives a copy of the test run without the ground-truth maps."""
         return self.is_user_method and not self.oracle
 
     def test_input(self, test: pathlib.Path, folder: pathlib.Path) -> pathlib.Path:
         """Returns the run that the method predicts: the test run or, if the method is blind, a copy
-        without the true maps."""
+        without the ground-truth maps."""
         if not self.is_blind:
             return test
         return derive.copy(test, folder / "test.sqlite", derive.lost("depth"))

@@ -98,8 +98,8 @@ class Simulated:
     def _walkers(self, world: World, records: int, seed: int, out: pathlib.Path,
                  words: Sequence[str]) -> None:
         """Generates records of walking people. Each record combines five short records along the
-        path: photon counts are added, and radar power is averaged. The true map shows the person
-        at the midpoint of the path."""
+        path: photon counts are added, and radar power is averaged. The ground-truth map shows the
+        person at the midpoint of the path."""
         if self.base["radar_antennas"] > 1:
             raise BenchError("walking people cannot be combined with several antennas")
         steps, rng = 5, np.random.default_rng(seed)

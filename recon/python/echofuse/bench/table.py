@@ -42,7 +42,7 @@ class Table:
     code of the method changed. Each new row is synced to disk before the next one is measured.
     A concatenation of tables (cat) is a valid table.
 
-    `source` is the first line, which names the data. A file with a different first line is refused
+    `source` is the first line, which names the data. A file with a different first line is rejected
     (UsageError). The rows of part (k, n) are in NAME-part-k-of-n.csv; the whole table includes the
     rows of all existing parts. NAME.records.csv contains the scores of each record. `failed` is the
     number of failed rows of user methods; NAME.log contains their tracebacks."""
@@ -84,7 +84,7 @@ class Table:
         rows = csv.DictReader(line for line in lines if not line.startswith("#"))
         if data and tuple(rows.fieldnames or ()) != COLUMNS:
             raise UsageError(f"{path}: not a bench table; choose another --out")
-        if path == self.path and whole != data:  # removes the partial line of a killed process
+        if path == self.path and whole != data:  # removes a partial line
             with writing(path), open(path, "r+b") as file:
                 file.truncate(len(whole))
         return {self.key(row): row for row in rows if row["axis"] != "axis"}
@@ -249,7 +249,7 @@ class Cell:
     axis: str  #: name of the property that is varied
     value: str  #: value of this property
     method: Method  #: method to measure
-    seed: int  #: seed of the training
+    seed: int  #: random seed of the training
     train: RunSource  #: training run
     test: RunSource  #: test run
     #: whether a model that uses both sensors also predicts records with only one sensor
@@ -268,7 +268,7 @@ class Cell:
 
     @property
     def test_input_key(self) -> str:
-        """Key under which the class Shared stores the test run without true maps."""
+        """Key under which the class Shared stores the test run without ground-truth maps."""
         return f"{self.test.key} without truth"
 
     @property

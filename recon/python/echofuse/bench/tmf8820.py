@@ -4,9 +4,10 @@
 The data set is public (Mu et al., "Towards 3D Vision with Low-Cost Single-Photon Cameras", CVPR
 2024). NAME.json.gz contains 128 records of a shape. Each record has `hists` (9 zones x 128 bins),
 `reference_hist` and `pose` (4 x 4). NAME.stl or NAME.obj is a mesh of the shape and its table.
-`measured` computes the true maps from the mesh and the poses; the table counts as no return. `fit`
-fits the fields of view, the time zeros and the response of the zones to a few poses (zone_fit.py).
-`rendered` simulates records of random boxes, wedges and cylinders on a table with these zones.
+`measured` computes the ground-truth maps from the mesh and the poses; the table counts as no
+return. `fit` fits the fields of view, the time zeros and the response of the zones to a few poses
+(zone_fit.py). `rendered` simulates records of random boxes, wedges and cylinders on a table with
+these zones.
 
     python3 -m echofuse.bench.tmf8820 measured tall_block.json.gz tall_block.stl --out test
     python3 -m echofuse.bench.tmf8820 fit block.json.gz block.stl --poses 0,22,44 --out fit.json
@@ -32,7 +33,7 @@ from . import zone_fit
 Array = NDArray[np.float64]
 # number of bins, range per bin (m), and bin of range 0; fitted to a block at known poses
 BINS, BIN_M, ZERO_BIN = 128, zone_fit.BIN_M, 12.0
-OBJECT_M = 0.003  # hits that are higher than this above the table are on the object, m
+OBJECT_M = 0.003  # minimum height above the table of a hit on the object, m
 SIZE, HALF_TANGENT = 32, 0.3  # pixels per map side; tangent of half the field of view of 33 degrees
 # typical record: photons in all zones, and background counts per bin, summed over the zones
 COUNTS, BACKGROUND = 3e6, 600.0
@@ -257,8 +258,8 @@ def write(out: str | pathlib.Path, counts: NDArray[Any], maps: NDArray[np.float3
 def measured_records(
         data: str | pathlib.Path, mesh: str | pathlib.Path,
         excluded: Sequence[int] = ()) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-    """Returns the measured counts [n, zones, 128] and the true maps [n, SIZE, SIZE] of all poses
-    except the excluded ones."""
+    """Returns the measured counts [n, zones, 128] and the ground-truth maps [n, SIZE, SIZE] of all
+    poses except the excluded ones."""
     counts, _, poses = read_measured(data)
     triangles = read_mesh(mesh)
     table_m = table_height(triangles)

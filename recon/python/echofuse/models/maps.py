@@ -78,8 +78,8 @@ def load_maps(folder: str | pathlib.Path) -> tuple[NDArray[np.float32], NDArray[
 
 
 def span_of(depth_m: ArrayLike) -> tuple[float, float]:
-    """Returns the depth range of 96 % of the returns, m, rounded outwards to multiples of 0.5 m.
-    Returns 2.5 and 5 if there are fewer than 50 returns."""
+    """Returns the depth range that contains 96 % of the returns, m, rounded outwards to multiples
+    of 0.5 m. Returns 2.5 and 5 if there are fewer than 50 returns."""
     returns = np.asarray(depth_m, float)
     returns = np.sort(returns[returns > 0])
     if len(returns) < 50:

@@ -106,8 +106,8 @@ MapSource = Union[ArrayLike, models.Maps, runs.Run]
 def map_of(source: MapSource, index: int | None,
            half_tangent: float | None) -> tuple[NDArray[Any], float]:
     """Returns a map [N, N] and the tangent at its edges. The source is an array, Maps, or a run
-    with true maps; `index` is a record of Maps or of the run. Raises KeyError if the record is
-    missing, and TypeError for an array without half_tangent."""
+    with ground-truth maps; `index` is a record of Maps or of the run. Raises KeyError if the record
+    is missing, and TypeError for an array without half_tangent."""
     if isinstance(source, models.Maps):
         return source.depth_m[row_of(source, index)], source.half_tangent
     if isinstance(source, runs.Run):
@@ -127,9 +127,9 @@ def row_of(source: models.Maps | runs.Run, index: int | None) -> int:
 def map(source: MapSource, half_tangent: float | None = None, *,  # noqa: A001
         index: int | None = None, span: tuple[float, float] | None = None, title: str = "",
         ax: Panels = None) -> Figure:
-    """Draws one map. The source is an array [N, N], Maps, or a run with true maps. `half_tangent`
-    is the tangent at the edges of an array. `index` is a record of Maps or of the run (default: the
-    first record)."""
+    """Draws one map. The source is an array [N, N], Maps, or a run with ground-truth maps.
+    `half_tangent` is the tangent at the edges of an array. `index` is a record of Maps or of the
+    run (default: the first record)."""
     return maps({title: source}, half_tangent, index=index, span=span, ax=ax)
 
 
@@ -144,7 +144,8 @@ def maps(named: dict[str, MapSource], half_tangent: float | None = None, *,
 
 
 def shares(named: dict[str, ArrayLike], half_tangent: float, *, ax: Panels = None) -> Figure:
-    """Draws the true map, and maps of the relative depth between background (0) and body (1)."""
+    """Draws the ground-truth map, and maps of the relative depth between background (0) and body
+    (1)."""
     found = [(np.asarray(values), half_tangent) for values in named.values()]
     return side_by_side(named.keys(), found, [span_of(found[0][0])] + [None] * (len(named) - 1), ax)
 
@@ -354,8 +355,9 @@ def _error_by_cost(panel: Axes, methods: dict[str, list[dict[str, Any]]],
 def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
            ax: Panels = None) -> Figure:
     """Draws a table of `echofuse-bench pareto`: IoU against time with the Pareto front, lateral
-    error against multiply-adds, and IoU with fewer photons and training records. `bound_m` is a
-    lower bound on the lateral error, m. `axis` is "model", or the name of a benchmark track."""
+    error against multiply-adds, and IoU with reduced numbers of photons and training records.
+    `bound_m` is a lower bound on the lateral error, m. `axis` is "model", or the name of a
+    benchmark track."""
     rows = table(path)
     by_model: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
     for row in rows:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ..runs import run_files
 
 Block = dict[str, Any]
-PAGE = pathlib.Path(__file__).resolve().parents[1] / "web"  # scripts and styles
+PAGE = pathlib.Path(__file__).resolve().parents[1] / "web"  # folder of the scripts and styles
 NONE = "\N{EN DASH}"
 
 
@@ -35,7 +35,7 @@ def table(caption: str, head: Sequence[Any], rows: Sequence[Sequence[Any]],
 
 
 def cell(text: str, small: str = "", mark: str = "") -> Block:
-    """Returns a table cell with a text, a note in small print, and a mark ("best", "good" or
+    """Returns a table cell with a string, a note in small print, and a mark ("best", "good" or
     "bad")."""
     return {"text": text} | ({"small": small} if small else {}) | ({"mark": mark} if mark else {})
 
@@ -89,8 +89,8 @@ def three_digits(value: float) -> str:
 
 
 def packed(values: NDArray[Any], unit: float, kind: str) -> str:
-    """Encodes values as base64 text. Each value becomes a multiple of `unit` as an integer of dtype
-    `kind`, limited to the range of `kind`. NaN becomes 0."""
+    """Encodes values in base64. Each value is divided by `unit`, clipped to the range of the
+    unsigned integer type `kind`, and rounded. NaN becomes 0."""
     steps = np.clip(np.nan_to_num(values.astype(float) / unit), 0, np.iinfo(kind).max)
     return base64.b64encode(np.floor(steps + 0.5).astype(kind).tobytes()).decode()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Collects the records of a report: sensor data, true maps, and maps from `echofuse-recon
+"""Collects the records of a report: sensor data, ground-truth maps, and maps from `echofuse-recon
 reconstruct`."""
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ Map = dict[str, NDArray[np.float32]]
 
 def record_blocks(run: str, indices: Sequence[int], models: Sequence[ReportModel] = (),
                   scores: Sequence[Scores] = (), room: Sequence[str] = ()) -> dict[int, Block]:
-    """Returns the blocks of records by record index. The blocks contain the maps from the first
-    training of each model. `scores` contains the scores from the same trainings."""
+    """Returns the blocks of records by record index. The maps in the blocks are predicted by the
+    first file of each model. `scores` contains the scores of the same files."""
     with runs.open(run) as whole:
         rows = np.flatnonzero(np.isin(whole.index, indices)).tolist()
         out = {int(whole.index[row]): measured(whole[row:row + 1]) for row in rows}
@@ -42,9 +42,9 @@ def record_blocks(run: str, indices: Sequence[int], models: Sequence[ReportModel
 
 
 def measured(record: runs.Run) -> Block:
-    """Returns the block of one record: title, true map, clicks [bins] and power [points, dB] at
-    true ranges. "body_m" and "maps" are empty. If the record is damaged, its title contains the
-    error message."""
+    """Returns the block of one record: title, ground-truth map, clicks [bins] and power [points,
+    dB] at true ranges. "body_m" and "maps" are empty. If the record is damaged, its title contains
+    the error message."""
     (_, run, faults), = blocks(record)
     truth = run.maps()[0] if "depth_x" in run.axes else np.zeros((64, 64))
     title = ", ".join([run.labels[0] or "no label", f"record {run.index[0]}", *faults.values()])
@@ -61,7 +61,7 @@ def measured(record: runs.Run) -> Block:
 
 
 def decibels(power: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Converts power [..., points] to dB, limited to 60 dB below the maximum."""
+    """Converts power [..., points] to dB, clipped at 60 dB below the maximum."""
     power = power.astype(float)
     floor = np.maximum(1e-6 * power.max(-1, keepdims=True), 1e-30)
     return np.asarray(10 * np.log10(np.maximum(power, floor)))
@@ -73,8 +73,8 @@ def half_tangent(run: runs.Run) -> float:
 
 def reconstruct(model: ReportModel, run: str, indices: Sequence[int],
                 room: Sequence[str]) -> dict[int, tuple[str, Map]]:
-    """Returns the status and the maps of each record by record index, from the first training of
-    the model."""
+    """Returns the status and the maps of each record by record index, as predicted by the first
+    file of the model."""
     calibrated = bool(model.facts[0]["0/calibrated"])
     with tempfile.TemporaryDirectory(prefix="echofuse-report-") as scratch:
         folder = pathlib.Path(scratch)

@@ -107,19 +107,21 @@ class Scores:
     @property
     def notes(self) -> list[str]:
         """Messages from `evaluate` that are not in `remarks`, e.g. about excluded records or about
-        true maps that contradict the sensors."""
+        ground-truth maps that contradict the sensors."""
         known = [self.shift.get("text"), *self.remarks]
         return [line for line in self.result["notes"].splitlines() if line not in known]
 
     @property
     def inside(self) -> Count:
-        """Number of bodies with a lateral error inside the 90 % interval stated by the model."""
+        """Number of bodies with a lateral error inside the 90 % interval that the model
+        predicts."""
         error, stated = self["lateral_m"], self["lateral_interval_90_m"]
         return Count.where(error <= stated, error, stated)
 
     @property
     def outside(self) -> str:
-        """Text about bodies outside the 90 % interval; empty if the model states no interval."""
+        """Text about bodies outside the 90 % interval; empty if the model does not predict an
+        interval."""
         inside, error, stated = self.inside, self["lateral_m"], self["lateral_interval_90_m"]
         if not inside.total:
             return ""
@@ -177,8 +179,8 @@ def evaluate(models: Sequence[str], run: str, room: Sequence[str],
 
 @dataclass
 class ReportModel:
-    """A model of the report, trained once or several times. Its maps are from the first
-    training."""
+    """A model of the report, trained once or several times. Its maps are predicted by the first
+    model file."""
 
     name: str
     files: list[str]
@@ -229,8 +231,9 @@ def sensors_of(facts: dict[str, Any]) -> str:
 
 
 def read_models(arguments: Sequence[str], compared: bool) -> list[ReportModel]:
-    """Reads models given as FILE or NAME=FILE. Files with equal names are repeated trainings of one
-    model. Models with the same inputs are adjacent. Compared models keep their order and names."""
+    """Reads models given as FILE or NAME=FILE. Files with equal names are one model that was
+    trained several times. Models with the same inputs are adjacent. Compared models keep their
+    order and names."""
     models: list[ReportModel] = []
     for argument in arguments:
         name, equals, path = argument.partition("=")

@@ -18,7 +18,7 @@ from .records import decibels
 from .scores import Values
 
 SENSORS = {"spd": "SPD", "radar": "radar", "depth": "depth camera"}
-MAX_POINTS = 400  # maximum number of points per curve, because more cannot be distinguished
+MAX_POINTS = 400  # maximum number of points per curve, because more points cannot be distinguished
 
 
 def info_of(path: str) -> dict[str, Any]:
@@ -27,7 +27,8 @@ def info_of(path: str) -> dict[str, Any]:
 
 
 class Story:
-    """Course of a run. Times are relative to the first slot, in `unit`."""
+    """Sensor data, losses and events of a run over time. Times are relative to the first slot, in
+    `unit`."""
 
     def __init__(self, path: str) -> None:
         self.path, self.info, self.run = path, info_of(path), runs.open(path)

@@ -91,7 +91,7 @@ def comparison_verdict(second: ReportModel, simulated: str) -> str:
 
 def models_verdict(models: Sequence[ReportModel], evaluation: Evaluation, simulated: str,
                    new_run: bool) -> str:
-    """Returns a text with the scores of the first model and of the best baseline, and with the
+    """Returns a summary with the scores of the first model and of the best baseline, and with the
     metrics in which a second model is better. Ignores baselines with IoU 0."""
     own = models[0]
     second = "".join(f"{model.short} with the same inputs: {plus_minus(model.means, 'iou')}; "
@@ -127,8 +127,8 @@ def problems_of_run(scores: Scores, where: str = "") -> list[str]:
 
 
 class Row(NamedTuple):
-    """Row of a metrics table. If `scores` are from a single training, they allow paired
-    comparisons."""
+    """Row of a metrics table. If `scores` belong to a single model file, paired comparisons are
+    possible."""
 
     name: str
     means: Means

@@ -8,7 +8,7 @@ import subprocess
 import sys
 
 
-EXIT_CODES = "exit codes:  0 ok, 1 failed, 2 usage, "  # each program appends its other codes
+EXIT_CODES = "exit codes:  0 ok, 1 failed, 2 usage, "  # each program appends its own codes
 
 
 class BenchError(RuntimeError):

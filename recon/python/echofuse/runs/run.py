@@ -24,7 +24,7 @@ from .run_files import STATISTICS, connect, leftovers, meta_of, status_of, table
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of the column record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # two-way time of flight per metre of range, ps
-MIN_AXIS_LIMIT, MAX_PIXELS = 1 << 16, 1 << 23  # axis points allowed in any run; maximum pixels
+MIN_AXIS_LIMIT, MAX_PIXELS = 1 << 16, 1 << 23  # minimum limit of axis points; pixel limit
 IMAGES = 64  # maximum number of depth images in memory
 
 
@@ -313,8 +313,8 @@ class Run:
         return images[0][1] if images else np.zeros(self._image_size(), np.uint16)
 
     def maps(self, rows: ArrayLike | None = None) -> NDArray[np.float32]:
-        """Returns the true maps [n, N, N] of these rows, or of all rows (read-only), on the map
-        grid of the models: z, m; NaN: no return or no depth image. Maps are cached."""
+        """Returns the ground-truth maps [n, N, N] of these rows, or of all rows (read-only), on the
+        map grid of the models: z, m; NaN: no return or no depth image. Maps are cached."""
         selected = rows_of(len(self), slice(None) if rows is None else rows)
         maps, known = self._truth
         new = np.unique(selected[~known[selected]])
@@ -328,12 +328,12 @@ class Run:
         return read_only(maps.view()) if rows is None else maps[selected]
 
     def map_of(self, row: int) -> NDArray[np.float32]:
-        """Returns the true map of one record [N, N], as in maps()."""
+        """Returns the ground-truth map of one record [N, N], as in maps()."""
         return np.asarray(self.maps([row])[0])
 
     @cached_property
     def _truth(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Cached true maps [n, N, N], and whether each map was computed [n]."""
+        """Cached ground-truth maps [n, N, N], and whether each map was computed [n]."""
         columns, rows = self._cells
         return (np.empty((len(self), len(rows), len(columns)), np.float32),
                 np.zeros(len(self), bool))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 3
 NULL_INTEGER = -1 << 63
-WAL_KEY = "wal_key"  # key in the JSON text run.meta of an open run
+WAL_KEY = "wal_key"  # key in the JSON object run.meta of an open run
 MAX_RESTARTS = 1 << 16  # maximum difference between the stored key and the key of the -wal file
 TABLES = {"run", "axis", "record", "device", "calibration", "antenna", "anchor", "counter", "event",
           "late", "zone"}
@@ -258,7 +258,7 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
 
 
 def status_of(db: Connection, path: pathlib.Path, stored: str) -> str:
-    """Returns the status of a run as a text, as RunReader::info() does in C++."""
+    """Returns the status of a run as a string, like RunReader::info() in C++."""
     if stored != "open":
         return stored
     if db.is_closed():
@@ -269,7 +269,7 @@ def status_of(db: Connection, path: pathlib.Path, stored: str) -> str:
 
 
 def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
-    """Protects against malicious files (acquire/README.md, threat model, 1): refuses code in the
+    """Protects against malicious files (acquire/README.md, threat model, 1): rejects code in the
     schema and limits the run time of statements. Raises ValueError for code in the schema."""
     # One step is 10 000 instructions. A valid run needs less than one instruction per byte.
     left = iter(range(200 + path.stat().st_size * 4 // 10_000))

@@ -75,9 +75,9 @@ export const units = {m: {name: 'range, m', perM: 1, words: m => `${m.toFixed(2)
                       ns: {name: 'two-way time, ns', perM: 1e-3 / metresPerPs, words: m => `${(m * 1e-3 / metresPerPs).toFixed(2)} ns`,
                            width: m => `${+(m * 1e-3 / metresPerPs).toPrecision(3)} ns`}};
 
-// A chart over range, for one record or a sum of records. Drag to zoom this chart and its partner; double-click to
-// reset. Two clicks set the cursors A and B. The readout then shows the distance between A and B, and the FWHM of the
-// highest peak between them. If no cursors are set, the readout shows the highest peak in the visible part.
+// A chart over range, for one record or a sum of records. Drag to zoom this chart and the partner chart; double-click
+// to reset. Two clicks set the cursors A and B. The readout then shows the distance between A and B, and the FWHM of
+// the highest peak between them. If no cursors are set, the readout shows the highest peak in the visible part.
 class Bench extends Chart {
   constructor(id, height) {
     super(id, height);

@@ -76,8 +76,8 @@ export function fill(canvas, image) {
   outline(c, image, 0, 0, width, height);
 }
 
-// Returns an image of the error (predicted minus true depth) at pixels where both maps have a return. Also stores which
-// returns are missed or false.
+// Returns an image of the error (predicted minus ground-truth depth) at pixels where both maps have a return. Also
+// stores which returns are missed or false.
 export function errorPicture(map, truth, rows, columns, span) {
   const both = map.map((v, i) => v > 0 && truth[i] > 0 ? v - truth[i] : NaN), image = picture(both, rows, columns, span, tables.error, 1, true);
   image.missed = map.map((v, i) => truth[i] > 0 && !(v > 0)), image.invented = map.map((v, i) => v > 0 && !(truth[i] > 0));

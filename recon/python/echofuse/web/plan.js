@@ -16,8 +16,8 @@ export class Plan {
     this.canvas = document.getElementById('plan');
     new ResizeObserver(() => this.shown && this.draw()).observe(this.canvas.parentElement);
   }
-  // beams: power in dB by range and sine of the azimuth, or null. track: [age s, x, z, interval] of each body position,
-  // newest first.
+  // beams: power in dB by range and sine of the azimuth, or null. track: age (s), x, z and interval (m) of each body
+  // position, newest first.
   show(what) {
     this.shown = what;
     this.draw();

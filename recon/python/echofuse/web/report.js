@@ -141,7 +141,7 @@ const record = i => {
   return r;
 };
 
-// Returns the square part of the map that contains the bodies in the true and predicted maps, with a margin.
+// Returns the square part of the map that contains the bodies in the ground-truth and predicted maps, with a margin.
 function about(r) {
   const all = {left: 0, top: 0, size: r.side}, at = [];
   for (const map of [r.truth, ...r.maps.map(m => m.map)])

@@ -190,7 +190,7 @@ function drawPlan() {
     : `body at x ${made.x_m.toFixed(2)} m${interval == null ? '' : ` ± ${interval.toFixed(2)} m (90 %)`}, z ${made.z_m.toFixed(2)} m, azimuth ${(Math.atan2(made.x_m, made.z_m) * 180 / Math.PI).toFixed(1)}°`);
 }
 
-// Shows the peak fits computed by the viewer. A difference of histograms has no fit.
+// Shows the peak fits computed by the viewer. The difference between two histograms has no fit.
 function takeFits(fits) {
   histogram.fit = histogram.difference ? null : fits?.spd, profile.fit = fits?.radar;
 }
