@@ -80,8 +80,8 @@ void add_plan_options(CLI::App& app, PlanArguments& a) {
       ->allow_extra_args(false);
 }
 
-// Reads the settings into `plan`. If the plan has a twin, replaces its conditions with those drawn
-// for the selected laboratory. Throws Error(config) if the plan has several laboratories.
+// Reads the settings into `plan`. If the plan has a twin, replaces its conditions with those
+// sampled for the selected laboratory. Throws Error(config) if the plan has several laboratories.
 void read_plan(const PlanArguments& a, sim::Plan& plan, Settings& settings) {
   bind(settings, plan);
   if (!a.config.empty()) settings.read_file(a.config);

@@ -147,7 +147,7 @@ std::string files_of(const Plan& plan) {
 }
 
 // Returns the UUID (RFC 9562 version 8) of a part of a data set. It consists of the 64-bit FNV-1a
-// hash, the CRC-32C and the length of a text. This text contains the version, the settings, the
+// hash, the CRC-32C and the length of a string. This string contains the version, the settings, the
 // part and the contents of the named files.
 std::string part_uuid(const record::RunInfo& info, const JobPart& part, const std::string& files) {
   const std::string text =

@@ -23,7 +23,7 @@ struct Plan {
   std::int64_t objects = 0;
   std::string scenes;     // scene list file (sim/scene/scene_list.hpp); replaces the record counts
   Conditions conditions;  // nominal conditions, which a twin varies
-  // `twin` contains the ranges from which the settings of laboratories are drawn (twin_named);
+  // `twin` contains the ranges from which the settings of laboratories are sampled (twin_named);
   // empty: no twin. If `laboratories` is 0, all records come from laboratory number `laboratory`.
   // Otherwise record i comes from laboratory i mod `laboratories`.
   std::string twin;

@@ -38,7 +38,7 @@ struct Fault {
   double at_s = 0, for_s = 0, every_s = 0, amount = 0;
 };
 
-// Parses a TOML text with [[fault]] tables. Throws Error(config) with all mistakes, one line each:
+// Parses TOML text with [[fault]] tables. Throws Error(config) with all mistakes, one line each:
 // "name:line:column: mistake".
 std::vector<Fault> read_faults(const std::string& text, const std::string& name);
 
@@ -69,7 +69,8 @@ class Faults {
   std::vector<FaultChange> changes(double from_s, double to_s) const;
 
  private:
-  // State between two changes of faults. The state is cached, because it is used for each tag.
+  // State between two successive fault changes. The state is cached, because it is used for each
+  // tag.
   struct Segment {
     double from_s = 0, to_s = 0;    // time range of the segment, s; empty before the first use
     double error_s = 0, slope = 0;  // clock offset at from_s, s, and its drift, s/s

@@ -113,7 +113,7 @@ void RadarFirmware::boot() {
   prompt();
 }
 
-// Sends a text. The UART driver of the firmware sends a carriage return after, not before, each
+// Sends a string. The UART driver of the firmware sends a carriage return after, not before, each
 // line feed.
 void RadarFirmware::say(const std::string& text) {
   std::string wire;
@@ -332,7 +332,7 @@ void RadarFirmware::between_frames() {
 }
 
 // Returns the chirp of each subframe, or a single chirp if there are no subframes. Returns nothing
-// if a command is missing or the front end would refuse the frame. Subframes may differ only in
+// if a command is missing or the front end would reject the frame. Subframes may differ only in
 // their start frequency, because other differences are not simulated.
 std::vector<Chirp> RadarFirmware::subframes_configured() {
   constexpr unsigned advanced = 3, most = 4;
@@ -377,7 +377,7 @@ bool RadarFirmware::ramps_possible() {
 }
 
 // Returns the parameters of a frame with the profile of chirp number `of_chirp` or, if `of_chirp`
-// is empty, with the last configured profile. Returns nothing if the front end would refuse the
+// is empty, with the last configured profile. Returns nothing if the front end would reject the
 // frame.
 std::optional<Chirp> RadarFirmware::chirp(const FramePart& frame,
                                           std::optional<unsigned> of_chirp) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Simulates the command line of TI's out-of-box demos, SDK 3.4 to 3.6, as in their sources:
+// Simulates the command line of TI's out-of-box demos, SDK 3.4 to 3.6, following their source code:
 // utils/cli, demo/xwr68xx/mmw/mss/mmw_cli.c, demo/xwr64xx/mmw/mmw_cli.c and uartsci.c. The
 // simulation includes the echo, the prompt and the replies. It checks which commands are required
 // before a start, and which cannot change after the first start. It uses no ports and no clock.

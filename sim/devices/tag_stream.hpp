@@ -15,9 +15,9 @@ class TagStream {
   TagStream(ScenePlayer& player, const TdcOptions& options);
   // Multiplies the photon counts of all later pulses by `gain`.
   void set_gain(double gain) { source_.set_gain(gain); }
-  // Starts the stream at the present time. Earlier pulses are skipped.
+  // Starts the stream at the current time. Earlier pulses are skipped.
   void start();
-  // Calls `emit` with blocks of all tags up to the present time. A block contains tags of one scene
+  // Calls `emit` with blocks of all tags up to the current time. A block contains tags of one scene
   // and spans at most TdcOptions::longest. If the stream is more than one second late, calls `lose`
   // with the number of skipped tags.
   void advance(const Emit& emit, const Lose& lose);

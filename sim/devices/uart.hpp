@@ -55,7 +55,7 @@ class Uart {
   HostTime due_{};
   bool pacing_ = false, still_ = false;
   struct Waiting {
-    // Positions of the bytes in the stream since the UART was created: [begin, end).
+    // Positions [begin, end) of the bytes in the output stream of the UART.
     std::uint64_t begin, end;
     OnSent sent;
     bool whole = true;

@@ -218,7 +218,7 @@ void bind_depth(Settings& s, Conditions& c) {
 }
 
 // Returns the amplitudes (square roots) of the powers in radar_flanks. Returns nothing unless the
-// text contains 5 to 128 powers with a maximum of 1.
+// string contains 5 to 128 powers with a maximum of 1.
 std::vector<double> flanks_of(const std::string& text) {
   constexpr std::size_t least = 5, most = 2 * record::RadarResponse::most_taps;
   std::vector<double> out;

@@ -107,7 +107,7 @@ record::MapGrid map_grid(const Conditions& conditions);
 Axis radar_axis(const Conditions& conditions);
 RadarAxis radar_response(const Conditions& conditions);
 // Returns the instrument response to store in the run file: nominal values, without
-// radar_psf_width.
+// `radar_psf_width`.
 record::Response stated_response(const Conditions& conditions);
 double radar_x_m(const Conditions& conditions);  // x of the radar, m, including `baseline_error_m`
 

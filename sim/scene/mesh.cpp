@@ -19,7 +19,7 @@ namespace {
 constexpr std::size_t most_triangles = 1'000'000;
 constexpr double farthest = 1e6;  // largest allowed absolute coordinate, in units of the mesh
 
-// Splits a text into words, line by line.
+// Splits a string into words, line by line.
 class WordReader {
  public:
   WordReader(std::string_view text, const std::string& name) : text_(text), name_(name) {}

@@ -94,9 +94,9 @@ class BodyMotion {
 };
 
 // Patches that the antennas cannot resolve: the sum of their weights, and the weighted means of the
-// other values. Across a cell (0.03 in direction cosine) the phase difference between eight
-// antennas changes by 0.7 rad. Across the height of a cell (0.1 m) the phase of a body that sways
-// by 5 mm at the head changes by 0.7 rad.
+// other values. Across a cell (0.03 in direction cosine) the phase difference between the outermost
+// of eight antennas changes by 0.7 rad. Across the height of a cell (0.1 m) the phase of a body
+// that sways by 5 mm at the head changes by 0.7 rad.
 struct EchoCell {
   double weight = 0, range_m = 0, x = 0, y = 0, height_m = 0;
   std::int32_t person = Returns::still;

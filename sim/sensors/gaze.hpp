@@ -28,8 +28,8 @@ struct Gaze {
   bool zones = false;  // if true, the tangents of the patches are stored
 
   // Multiplies the weights of Lambertian surfaces by the falloff and the factor of the room, and
-  // replaces the cosine: cos -> (n + 2)/3 cos^n. This factor keeps the integral over the image of a
-  // sphere.
+  // replaces the cosine: cos -> (n + 2)/3 cos^n. The factor (n + 2)/3 preserves the integral over
+  // the image of a sphere.
   void dim(const Rays& rays, std::int32_t capsules, double* weight, std::size_t count) const;
   // Returns the range offset of patch k due to sway, m. The offsets have the rms value `sway_m`,
   // and those of successive patches are evenly distributed.

@@ -56,7 +56,7 @@ class ByLength {
   void add(double way_m, double light) {
     if (way_m < longest_m) at(static_cast<std::size_t>(way_m / step_m)) += light;
   }
-  // Adds all light of `from`, multiplied by `share` and delayed by a path of length way_m.
+  // Adds all light of `from`, multiplied by `share` and delayed by the path length `way_m`.
   void add(const ByLength& from, double way_m, double share) {
     const auto later = static_cast<std::size_t>(way_m / step_m + 0.5);
     if (from.first_ >= from.last_ || from.last_ + later > from.light_.size()) return;
@@ -132,7 +132,7 @@ class Walls {
   Patches patches_;
   std::int64_t order_;
   std::vector<double> light_;    // exitance of each wall patch due to direct laser light
-  std::vector<ByLength> again_;  // exitance due to light from other walls
+  std::vector<ByLength> again_;  // exitance of each wall patch due to light from other walls
 };
 
 }  // namespace

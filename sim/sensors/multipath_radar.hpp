@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Echoes of radar or sound that are reflected by specular walls. The method is image sources (Allen
-// and Berkley, J. Acoust. Soc. Am. 65, 943, 1979).
+// Echoes of radar or sound that are reflected by specular walls. Uses the image-source method
+// (Allen and Berkley, J. Acoust. Soc. Am. 65, 943, 1979).
 #pragma once
 #include <array>
 #include <optional>

@@ -103,7 +103,7 @@ struct Placed<CapsuleShape> {
     const auto y = static_cast<double>(iy);
     top_.keep_below(y, from, to), bottom_.keep_below(-y, from, to);
     if (from > to) return {0, 0};
-    // Rounds down to a column, after limiting the value to the columns of the shape.
+    // Rounds down to a column, after clipping the value to the columns of the shape.
     const auto cut = [&](double point) {
       return static_cast<std::uint32_t>(std::clamp<double>(point, x0, x1));
     };

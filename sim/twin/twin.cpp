@@ -87,7 +87,7 @@ class TwinReader : TableReader {
   }
 };
 
-// Returns the 64-bit FNV-1a hash of a text.
+// Returns the 64-bit FNV-1a hash of a string.
 std::uint64_t hash(std::string_view text) {
   std::uint64_t h = 0xcbf29ce484222325ULL;
   for (const char c : text) h = (h ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;

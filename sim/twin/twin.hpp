@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A twin is a set of ranges from which the settings of virtual laboratories are drawn.
+// A twin is a set of ranges from which the settings of virtual laboratories are sampled.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -34,10 +34,10 @@ std::string default_twin();
 // Reads a twin. `name` is `default`, TOML text (with "="), or a file name.
 Twin twin_named(const std::string& name);
 
-// Returns the settings drawn for this laboratory number, as `key = value` lines. Each key has its
+// Returns the settings sampled for this laboratory number, as `key = value` lines. Each key has its
 // own random stream, so changing one range does not change the other values.
 std::string draws_of(const Twin& twin, std::int64_t laboratory);
-// Returns `nominal` with the values that are drawn for this laboratory number.
+// Returns `nominal` with the values sampled for this laboratory number.
 Conditions conditions_of(const Twin& twin, std::int64_t laboratory, const Conditions& nominal);
 
 }  // namespace echofuse::sim
