@@ -23,7 +23,7 @@ from .runs.axis import tangents
 Scores = NDArray[np.float64]
 STEP_M = 0.1  # minimum distance between foreground and background, m
 BEHIND = 0.25  # maximum fraction of the foreground behind the background, weighted by distance
-# holds_returns(): limit of near depths relative to foreground_m; maximum fraction of near depths
+# near depths (holds_returns()): limit relative to foreground_m, and maximum fraction
 NEAREST, NEARER = 0.125, 0.1
 SIDE_M = 0.3  # minimum |x| of a body for a distinct mirror image, m
 WINDOW, SIGMA = 11, 1.5  # width and standard deviation of the SSIM window, pixels
@@ -77,7 +77,7 @@ class Scene:
     def holds_returns(self, maps: ArrayLike) -> NDArray[np.bool_]:
         """Returns for each map [n] whether its values are depths of returns, i.e. whether at most
         10 % of the values in pixels without background are below foreground_m / 8. In these
-        pixels, maps from a regression contain many values near 0."""
+        pixels, maps predicted by a regression contain many values near 0."""
         z = pixels(maps)
         open_ = (self.background_m <= 0) & (z > 0)
         nearer = open_ & (z < np.float32(NEAREST) * np.float32(self.foreground_m))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Compares methods that predict depth maps. `pareto` measures how their accuracy depends on cost,
-`stability` finds the conditions under which each method fails, and `run` runs the benchmark of
-three tracks.
+`stability` finds the conditions under which each method fails, and `run` runs the three-track
+benchmark.
 
 A METHOD is one of::
 
@@ -32,7 +32,7 @@ from .table import Table, fill, finish, pareto_cells, source_line
 
 
 def parse_part(text: str) -> tuple[int, int]:
-    """Parses "3/8" into (3, 8). Raises argparse.ArgumentTypeError for any other text."""
+    """Parses "3/8" into (3, 8). Raises argparse.ArgumentTypeError for any other string."""
     try:
         k, n = map(int, text.split("/"))
         if 1 <= k <= n:

@@ -103,7 +103,7 @@ class _Axes:
 
 
 def _matched_sensors(axes: _Axes) -> None:
-    """Adds axes of sensor settings that apply to both the training and the test."""
+    """Adds axes of sensor settings that apply to both the training and the test data."""
     base = axes.base
     axes.setting("matched", "irf", "SPD impulse response, FWHM (ps)", "irf_fwhm_ps",
                  (2, 50, 200, 500, 1000, 2000), (2, 2000))
@@ -137,7 +137,8 @@ def _matched_sensors(axes: _Axes) -> None:
 
 
 def _matched_scenes(axes: _Axes) -> None:
-    """Adds axes of scenes, slot lengths and rooms. Most of them apply to both training and test."""
+    """Adds axes of scenes, slot lengths and rooms. Most of them apply to both the training and the
+    test data."""
     base = axes.base
     axes.numeric("matched", "records", "training records (factor)", (6.67, 3, 1, 0.28, 0.07),
                  (0.28,), lambda v: World(records=v), 1)
@@ -203,7 +204,8 @@ def _shifted_instrument(axes: _Axes) -> None:
 
 
 def _fog(axes: _Axes) -> None:
-    """Adds one axis with fog in both training and test, and one with fog only in the test."""
+    """Adds one axis with fog in both the training and the test data, and one with fog only in the
+    test data."""
     for kind in ("matched", "shifted"):
         axes.numeric(kind, "fog", "visibility in fog (m), 0 = no fog",
                      (0, 1000, 300, 100, 50, 20, 10, 5), (100, 20), lambda m: World(fog_m=m), 0)

@@ -181,8 +181,8 @@ def _by_object(make: Callable[..., Fitted], train: pathlib.Path, seed: int) -> P
 
 
 def timed_predict(fitted: Fitted, run: runs.Run) -> tuple[NDArray[np.float32], float]:
-    """Returns maps [n, N, N], and the time of predicting all of them, us. The time does not include
-    reading the sensor data."""
+    """Returns maps [n, N, N], and the total prediction time of all maps, us. The time does not
+    include reading the sensor data."""
     for sensor, valid in run.valid.items():
         if valid.any():
             getattr(run, sensor)  # loads the sensor data into memory

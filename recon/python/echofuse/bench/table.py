@@ -369,7 +369,7 @@ def pareto_cells(train: Path, test: Path, methods: Iterable[Method], *, seeds: i
                  photons: Sequence[float] = (0.1, 0.01, 0.001),
                  records: Sequence[float] = (0.05, 0.2, 0.5), sweep: Iterable[Method] = (),
                  axis: str = "model") -> list[Cell]:
-    """Returns one cell per method and seed. For the methods of `sweep`, also returns cells with
+    """Returns one cell per method and seed. For the methods in `sweep`, also returns cells with
     fractions of the photons (`photons`) and of the training records (`records`)."""
     train_run, test_run = existing_run(train), existing_run(test)
     cells = [Cell(axis, "1", method, seed, train_run, test_run) for method in methods

@@ -225,7 +225,8 @@ def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
 
 
 def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
-    """Draws the sensor rates over the run, with missing data in red, and the clock residuals."""
+    """Draws the clock residuals and the sensor rates over the run. Missing data are marked in
+    red."""
     run = opened(run)
     window = float(run.info["window_s"])
     used = np.array(run.select("SELECT spd_used, radar_used, depth_used FROM record ORDER BY idx"),

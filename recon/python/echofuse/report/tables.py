@@ -106,7 +106,7 @@ def models_verdict(models: Sequence[ReportModel], evaluation: Evaluation, simula
            f"IoU {plus_minus(own.means, 'iou')} ({second}{baseline})")
     out += "".join(f", {METRICS[m].name} {plus_minus(own.means, m)}"
                    for m in FIRST[1:] if own.means[m].maps) + "."
-    for model in models[1:] if len(models) == 2 else []:  # differences_table() handles 3 or more
+    for model in models[1:] if len(models) == 2 else []:  # three or more: differences_table()
         found = [(METRICS[m], model.differences[m])
                  for m in PAIRED if m not in ("ssim_fg", "ghost") and m in model.differences]
         worse = [f"{form.name} ({form.text(d['first'])} against "

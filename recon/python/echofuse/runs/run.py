@@ -135,8 +135,8 @@ class Run:
 
     def follow(self, *, pause_s: float = 0.2) -> Iterator[int]:
         """Yields the row of each existing record and then of each new record, until the run is
-        closed or the recording was killed. The arrays contain each yielded row, as in: for row in
-        run.follow(): print(run.spd[row].sum())."""
+        closed or its recorder has been killed. The arrays contain each yielded row, as in: for row
+        in run.follow(): print(run.spd[row].sum())."""
         row = 0
         while True:
             ended = self.refresh().info["status"] != "open"

@@ -51,7 +51,7 @@ def stored(db: sqlite3.Connection) -> list[Zone]:
 
 
 def summed(counts: NDArray[Number]) -> NDArray[Number]:
-    """Sums counts [n, zones, bins] over the zones. Returns counts [n, bins] unchanged."""
+    """Sums counts [n, zones, bins] over the zones. Counts [n, bins] are returned unchanged."""
     return np.asarray(counts.sum(1, dtype=counts.dtype)) if counts.ndim == 3 else counts
 
 

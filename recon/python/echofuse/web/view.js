@@ -172,7 +172,7 @@ function drawRecord() {
   drawPlan();
   const points = cloudOf === 'reconstruction' && a.reconstruction ? a.reconstruction : a.map;
   if (points || !live) cloud.set(points, cloudOf === 'reconstruction' && made ? made.half_tangent : grid, span);
-  // Lists the verdicts if the record is held. In live mode, the status indicators show the verdicts.
+  // Lists the verdicts if the display is held at this record. In live mode, the status indicators show the verdicts.
   setText('shown', $('shown').title = [`record ${record.index}${live ? ' (newest)' : ''}`, `${record.utc.slice(11, 21)} UTC`, record.label, ...(live ? [] : ['held', ...doubtsOf(record)])].filter(Boolean).join(', '));
   sheet.point(record.index);
 }
