@@ -34,7 +34,8 @@ class FaultInjector {
   Bytes garbage();
   std::uint64_t noise() { return rng_(); }
   HostTime now() const { return player_.now(); }
-  // Returns the time to send data that are ready now: now, or later during a `late` fault.
+  // Returns the time at which to send data that are ready: the current time or, during a `late`
+  // fault, later.
   HostTime due() const { return now() + from_seconds(amount(FaultKind::late).value_or(0)); }
 
   void log(HostTime time, const char* what, SentLog::Numbers numbers) {

@@ -33,7 +33,7 @@ const char* name_of(FaultKind kind);
 //   clock_offset   s
 //   gain           factor
 struct Fault {
-  std::string device;  // tdc, radar or depth
+  std::string device;  // name of the device: tdc, radar or depth
   FaultKind kind{};
   double at_s = 0, for_s = 0, every_s = 0, amount = 0;
 };

@@ -39,7 +39,7 @@ class ScenePlayer {
   HostTime start() const { return start_; }
   HostTime now() const { return clock_.now(); }
   double now_s() const { return seconds(clock_.now() - start_); }
-  // at() returns the scene at this time; a new scene is rendered at the first call. scene_end_s()
+  // at() returns the scene at this time. The first call for a scene renders it. scene_end_s()
   // returns the time at which the scene ends.
   const RenderedScene& at(double time_s);
   double scene_end_s(double time_s) const;

@@ -37,7 +37,8 @@ struct Psf {
     }
   };
   Windowed windowed() const { return {4 * first - second - 5, 1 - first + second}; }
-  // The formula is 0 / 0 at u = 0, +-1 and +-2. Its limit is used within this distance of these u.
+  // The formula is 0 / 0 at u = 0, +-1 and +-2. Its limit is used within this distance of these
+  // values of u.
   static constexpr double nearest = 1e-7;
   // Returns the amplitude for a window. `sine` is sin(pi u).
   double at_sine(double u, double sine) const;

@@ -71,7 +71,7 @@ std::vector<Room> build() {
                                 wall(2.0, 5.415, 3.4, 5.531, 0.7), wall(0.6, 6.3, 2.6, 6.4, 0.5)};
   const std::vector<Plate> other{wall(-3.4, 5.45, -0.2, 5.2, 0.3),
                                  wall(-0.4, 5.05, 3.2, 4.75, 0.8)};
-  // The end walls are the parts of the walls of "room" between the side walls.
+  // The end walls are the parts of the walls of "room" that lie between the side walls.
   std::vector<Plate> closed = tube(-2.2, 2.9, 5.6);
   closed.push_back(wall(-2.2, 4.746, 0.1, 5.01, 0.5));
   closed.push_back(wall(-0.3, 5.225, 2.9, 5.490, 0.7));
