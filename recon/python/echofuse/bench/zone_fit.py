@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 # rays per side of a field, and tangent at its edge; 14 % of the weight is beyond +-0.3
 G, FIELD_TANGENT = 30, 0.46
-# A field is a sum of KNOTS x KNOTS hat functions, because a few poses cannot determine all ray
-# weights.
+# A field is a sum of KNOTS x KNOTS hat functions, because few poses cannot determine all weights.
 KNOTS = 8
 BIN_M = 0.0138
 FIRST, LAST = 11, 60  # bins FIRST to LAST - 1 are fitted

@@ -84,9 +84,9 @@ def units_of(table: str, column: str) -> str:
 
 
 def put(group: Any, name: str, values: Any, scale: Any = None, **attributes: Any) -> Any:
-    """Creates a data set from a column or a text and returns it. Texts have a fixed length, which
-    all readers support. They are ASCII if possible, for readers such as Octave. If `scale` is not
-    given, the column itself becomes a dimension scale."""
+    """Creates a data set from a column or a string and returns it. Strings have a fixed length,
+    which all readers support. They are ASCII if possible, for readers such as Octave. If `scale` is
+    not given, the column itself becomes a dimension scale."""
     import h5py
 
     values = np.array(values.encode("utf-8", "surrogateescape") if isinstance(values, str)
