@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Measures the benefit of detector zones, with and without radar, at equal total light. Reports the
-scores of the maps, and the fraction of readable letters.
+"""Measures the benefit of detector zones, with and without radar, for the same total amount of
+light. Reports the scores of the maps, and the fraction of readable letters.
 
     PYTHONPATH=. python3 examples/zones.py --train 2000 --test 500 --data-sets 1 2 3
 

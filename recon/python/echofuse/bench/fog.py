@@ -6,7 +6,7 @@ visibility (Shettle and Fenn, AFGL-TR-79-0214, 1979). The extinction at 550 nm i
 3.912 / visibility (Koschmieder, contrast 2 %). The extinction efficiency follows van de Hulst
 (1957), section 11.22. The lidar ratio is taken from O'Connor et al., J. Atmos. Oceanic Technol.
 21, 777 (2004). The model neglects multiple scattering, shadows in the fog, the impulse response
-of the backscatter, and the attenuation of the radar (1 %)."""
+of the backscatter, and the attenuation of the radar signal (1 %)."""
 from __future__ import annotations
 
 from typing import Any

@@ -3,11 +3,11 @@
 
 The data set is public (Mu et al., "Towards 3D Vision with Low-Cost Single-Photon Cameras", CVPR
 2024). NAME.json.gz contains 128 records of a shape. Each record has `hists` (9 zones x 128 bins),
-`reference_hist` and `pose` (4 x 4). NAME.stl or NAME.obj is a mesh of the shape and its table.
-`measured` computes the ground-truth maps from the mesh and the poses; the table counts as no
-return. `fit` fits the fields of view, the time zeros and the response of the zones to a few poses
-(zone_fit.py). `rendered` simulates records of random boxes, wedges and cylinders on a table with
-these zones.
+`reference_hist` and `pose` (4 x 4). NAME.stl or NAME.obj is a mesh of the shape and of the table
+under it. `measured` computes the ground-truth maps from the mesh and the poses; the table counts as
+no return. `fit` fits the fields of view, the time zeros and the response of the zones to a few
+poses (zone_fit.py). `rendered` simulates records of random boxes, wedges and cylinders on a table
+with these zones.
 
     python3 -m echofuse.bench.tmf8820 measured tall_block.json.gz tall_block.stl --out test
     python3 -m echofuse.bench.tmf8820 fit block.json.gz block.stl --poses 0,22,44 --out fit.json

@@ -5,7 +5,7 @@
   (2) r = sum n_i r_i / sum n_i     range of the body, over |r_i - r| < body_m
   (3) h(d) = n(r + d) / sum n       aligned histogram; for zones h_k(d) = n_k(r + d) / sum n
   (4) g(d) = p(r + d) / sum p       aligned profile
-  (5) R - r = b x / r + O(b^2)      R: range from the radar, which is b to the left
+  (5) R - r = b x / r + O(b^2)      R: range from the radar, b to the left of the detector
   (6) c(s) = <h * psf, g(. + s)> / (|h * psf| |g|)     estimator of (5), over shifts s
   (7) u = argmax sum (A - d) Re(c_d e^-i pi d u)       direction of the body from A antennas
   (8) x, z - r = place network      (c, h, h_k, g, antennas, r)

@@ -142,7 +142,7 @@ class Evaluation(NamedTuple):
 
     scores: list[Scores]
     result: dict[str, Any]  # JSON output of `evaluate`
-    room_note: str  # stderr of `evaluate`, e.g. a warning that the room differs from the training
+    room_note: str  # stderr of `evaluate`, e.g. a warning that the room is not the training room
 
     def span(self, wall: float, far_m: float) -> tuple[float, float]:
         """Returns the limits of the common depth scale of all maps, m, with a margin. `wall` is the
