@@ -99,7 +99,8 @@ void validate(const Conditions& conditions);
 // below a tenth of the shot-noise variance. With 256 rays and 1e5 photons the ratio of these
 // variances is 0.29 per bin (recon/python/examples/detail.py). The ratio is proportional to
 // rays^-3.65 and to the number of photons. With a margin of 25 % this gives
-//   rays = 256 (3.6 signal_photons / 1e5)^(1/3.65), rounded up to an even number, 64 to 2048.
+//   rays = 256 (3.6 signal_photons / 1e5)^(1/3.65),
+// rounded up to an even number and clipped to the range from 64 to 2048.
 std::int64_t rays_of(const Conditions& conditions);
 
 Axis spd_axis(const Conditions& conditions);

@@ -23,7 +23,7 @@ struct Room {
 //   moved      as room, but the boxes are at other positions
 //   door       as room, but the right wall has an open door, with a wall 1 m behind it
 //   bystander  as room, but a motionless person is at the left wall
-//   other      other walls, boxes and albedos
+//   other      walls, boxes and albedos that differ from those of room
 //   closed     as room, but with side walls at x = -2.2 and 2.9 m, floor and ceiling
 //   corridor   side walls at x = -1.25 and 0.95 m, floor and ceiling, without end walls
 // All surfaces of `room` in the default field of view are within 7.0 m slant range. The left and

@@ -16,7 +16,7 @@ struct PatchRays {
 };
 
 // Adds the returns of light with 1 to `order` reflections at the room (walls, floor, ceiling,
-// boxes) and one at a body. The method is radiosity, bounce by bounce (Goral et al., SIGGRAPH
+// boxes) and one at a body. Uses the radiosity method, bounce by bounce (Goral et al., SIGGRAPH
 // 1984). The laser and the detector have the same position and field of view. So both directions of
 // a path return equal light, and all surfaces must be in the field of view.
 // Wall patch p receives e_p = cos_p / R_p^2. With form factors F (form_factor()), body patch k
