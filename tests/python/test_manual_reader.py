@@ -58,8 +58,9 @@ def test_reader_written_from_the_manual_returns_the_same_arrays_as_the_package(t
             count, = db.execute("SELECT count FROM axis WHERE name = 'radar'").fetchone()
             db.execute("UPDATE record SET radar = ?", (np.linspace(0, 3000, count, dtype="<f4").tobytes(),))
             columns = [row[1] for row in db.execute("PRAGMA table_info(calibration)")]
-            db.execute(f"INSERT INTO calibration VALUES ({', '.join('?' * len(columns))})",
-                       [{"sensor": "radar", "offset_m": 0.5}.get(column, 0) for column in columns])
+            for sensor, offset_m in (("spd", 0.3), ("radar", 0.5)):
+                db.execute(f"INSERT INTO calibration VALUES ({', '.join('?' * len(columns))})",
+                           [{"sensor": sensor, "offset_m": offset_m}.get(column, 0) for column in columns])
         db.close()
     run, found = echofuse.open(path), read(path)
     assert [one["index"] for one in found] == run.index.tolist() and [one["label"] for one in found] == run.labels
@@ -70,7 +71,7 @@ def test_reader_written_from_the_manual_returns_the_same_arrays_as_the_package(t
     # Corrected ranges are the axis minus the offset. The SPD bin at 3 m contains the two-way travel time of 3 m.
     assert np.allclose(found[0]["radar_m"], run.axes["radar"].values - run.offset_m.get("radar", 0))
     bin_of = int(np.argmin(np.abs(found[0]["spd_m"] - 3)))
-    assert run.axes["spd"].values[bin_of] <= 6 / C_M_PER_PS + run.offset_m.get("spd", 0) <= run.axes["spd"].values[bin_of] + run.axes["spd"].step
+    assert run.axes["spd"].values[bin_of] <= 2 * (3 + run.offset_m.get("spd", 0)) / C_M_PER_PS <= run.axes["spd"].values[bin_of] + run.axes["spd"].step
 
 
 def test_import_accepts_all_documented_keys_of_run_toml(tmp_path):

@@ -125,7 +125,8 @@ TEST_CASE(
 }
 
 TEST_CASE(
-    "if no background is known, every return in the true map is foreground, even a near one") {
+    "if no background is known, every return in the ground-truth map is foreground, even a near "
+    "one") {
   for (const float depth_m : {0.6f, 1.2f, 1.4f, 1.74f, 5.5f}) {
     const Map near = plate(10, depth_m);
     CHECK(score(near, near, room())[metric_iou] == 1);

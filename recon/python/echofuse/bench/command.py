@@ -105,7 +105,7 @@ def make_parser() -> argparse.ArgumentParser:
                          help="folder with maps.npy and records.csv, written by `echofuse-recon "
                               "reconstruct --format npy`")
     command.add_argument("truth", metavar="RUN",
-                         help="run with the true depth maps and with labels such as letter:A")
+                         help="run with the ground-truth maps and with labels such as letter:A")
     command.set_defaults(run=_letters)
     for command in (parser, *commands.choices.values()):
         command.add_argument("--version", action="version",

@@ -40,9 +40,11 @@ from .story import Story, info_of
 
 TERMS = (
     ("SPD", "single-pixel single-photon detector; its clicks are histogrammed by time of flight."),
-    ("record", "sensor data of one time slot; the map of its depth camera is the true map."),
+    ("record", "sensor data of one time slot; the map of its depth camera is the ground-truth "
+               "map."),
     ("IoU",
-     "intersection over union of the body pixels in the predicted and the true map; 1 is perfect."),
+     "intersection over union of the body pixels in the predicted and the ground-truth map; 1 is "
+     "perfect."),
     ("lateral error", "sideways distance between the centres of the predicted and the true body."),
     ("depth error", "mean absolute error over the pixels that belong to the body in both maps."),
     ("mirror fraction",
@@ -235,8 +237,8 @@ class Report:
                 f"{command if len(command) <= 160 else command[:160] + ' ...'}")
 
     def first_pictures(self) -> Block:
-        """Returns pictures of the first record: the true map, and the maps of the first model or of
-        both compared models."""
+        """Returns pictures of the first record: the ground-truth map, and the maps of the first
+        model or of both compared models."""
         record, count = self.main[0], 2 if self.args.compare else 1
         text = record["caption"] + " " + "".join(map_remarks(block, count > 1)
                                                  for block in record["maps"][:count])
