@@ -254,7 +254,7 @@ class Server:
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, DEAD_CLIENT_MS)
         if not self._welcome(client):
-            say(f"refused a client at {peer[0]}:{peer[1]}: " + ("another client is connected" if self._client else "no device"))
+            say(f"refused a connection from {peer[0]}:{peer[1]}: " + ("another client is connected" if self._client else "no device"))
             return send_away(client)
         self._selector.register(client, selectors.EVENT_READ)
         self._events = selectors.EVENT_READ

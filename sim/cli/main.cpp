@@ -285,8 +285,9 @@ void add_lab(CLI::App& app, Command& command) {
   sub->add_option("--faults", o.faults,
                   "TOML file that lists the device faults to simulate and their times")
       ->type_name("FILE");
-  sub->add_option("--log", o.log,
-                  "write a log of all sent data to this file, with one JSON object per line")
+  sub->add_option(
+         "--log", o.log,
+         "log the data that the simulated devices send in this file, one JSON object per line")
       ->type_name("FILE");
   add_plan_options(*sub, *a);
   sub->add_option("command", a->command,

@@ -76,7 +76,7 @@ TEST_CASE(
   CHECK(other_mounting({.baseline_m = 0.02}, 1.03, 0.2) == "");
 }
 
-TEST_CASE("the wave from the reflector is plane in the far field and curved near the antennas") {
+TEST_CASE("the wave from the reflector is plane in the far field and spherical in the near field") {
   const auto antennas = row();
   const double sine = 0.5 / std::hypot(1, 0.5),
                per_place = 2 * pi / wavelength_m * radar::half_wavelength_m * sine;

@@ -100,7 +100,7 @@ TEST_CASE("array statistics do not pair radar frames across a missing frame or h
   CHECK(r.array == expected({{4, 5}, {7, 8}}));
 }
 
-TEST_CASE("a record without usable frames or heat maps has no antenna array") {
+TEST_CASE("a record without usable frames or heat maps contains no antenna samples") {
   Windows windows = make_windows();
   RadarFrame bad = frame_of(1);
   bad.range_profile.resize(3);

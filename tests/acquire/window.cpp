@@ -341,7 +341,9 @@ HistogramFrame histogram(HostTime received, std::vector<std::uint32_t> counts,
 
 }  // namespace
 
-TEST_CASE("a record contains the sum of all histograms that have a mid-exposure time in its slot") {
+TEST_CASE(
+    "a record contains the sum of all histograms with a mid-exposure time in the slot of the "
+    "record") {
   Windows windows = make_windows();
   REQUIRE(windows.announce(board_info()));
   CHECK(same_axis(windows.axes().front(), board_info().axes[0]));

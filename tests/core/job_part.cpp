@@ -41,7 +41,7 @@ int files_in(const fs::path& folder) {
 
 }  // namespace
 
-TEST_CASE("a job part is parsed from K/N, and other texts are refused") {
+TEST_CASE("a job part is parsed from K/N, and other strings are refused") {
   CHECK(JobPart::of("2/4").name() == "part-2-of-4");
   for (const char* text : {"", "2", "0/4", "5/4", "1/0", "-1/4", "1/4x", "x/4", "1/", "/4",
                            "1/100001", "1/99999999999999999999", "auto"})

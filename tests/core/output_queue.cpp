@@ -37,7 +37,7 @@ std::string left_out(std::size_t count) { return "<" + std::to_string(count) + "
 
 }  // namespace
 
-TEST_CASE("the output queue writes all texts in order before it closes") {
+TEST_CASE("the output queue writes all messages in order before it closes") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
   for (int i = 0; i < 1000; ++i) CHECK(queue.put(std::to_string(i) + ' '));
@@ -61,7 +61,7 @@ TEST_CASE("closing the output queue waits as long as the reader continues to rea
   CHECK(taken == 8 << 16);
 }
 
-TEST_CASE("the output queue keeps the newest texts if the reader stops reading") {
+TEST_CASE("the output queue keeps the newest messages if the reader stops reading") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
   // The string of 256 KiB does not fit into the 64 KiB buffer of the pipe, even after a read.
@@ -85,7 +85,7 @@ TEST_CASE("the output queue keeps the newest texts if the reader stops reading")
   CHECK(queue.close() == 0);
 }
 
-TEST_CASE("the output queue completely writes a text that is longer than its limit") {
+TEST_CASE("the output queue writes a message that is longer than its limit completely") {
   Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
   const std::string huge(OutputQueue::most_bytes + 1, 'a');

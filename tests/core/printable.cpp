@@ -7,7 +7,7 @@
 
 using namespace echofuse;
 
-TEST_CASE("text converted by printable() is one line of valid UTF-8 without control characters") {
+TEST_CASE("printable() converts any string to one line of valid UTF-8 without control characters") {
   CHECK(printable("letter:A \xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80 \\") ==
         "letter:A \xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80 \\");
   CHECK(printable(std::string("a\0b\x1b[2J\r\n\t\x7f", 11)) == "a\\x00b\\x1b[2J\\x0d\\n\\t\\x7f");
@@ -25,7 +25,7 @@ TEST_CASE("text converted by printable() is one line of valid UTF-8 without cont
   CHECK(utf8_text("a\n\x1b\xff \xc3\xa9") == "a\n\x1b\\xff \xc3\xa9");
 }
 
-TEST_CASE("a text in a CSV table cannot start a new cell or a formula") {
+TEST_CASE("a string in a CSV table cannot start a new cell or a formula") {
   CHECK(csv_text("ok") == "\"ok\"");
   CHECK(csv_text("") == "\"\"");
   CHECK(csv_text("a \"b\", c\nd") == "\"a \"\"b\"\", c\nd\"");

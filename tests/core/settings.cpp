@@ -86,7 +86,7 @@ TEST_CASE("a section given as a value, or text that is not TOML, is reported wit
   CHECK(faults_of("window_s = nan\n").find("expected a number") != std::string::npos);
 }
 
-TEST_CASE("an assignment by --set accepts only TOML values and bare words") {
+TEST_CASE("option --set accepts only TOML values and bare words") {
   Sample sample;
   Settings s = sample.bound();
   s.set("window_s=0.2");
@@ -154,7 +154,7 @@ TEST_CASE("invalid TOML lines and repeated keys do not hide later errors") {
   CHECK(std::count(many.begin(), many.end(), '\n') == 19);
 }
 
-TEST_CASE("an assignment by --set overrides the file, and errors in both are reported") {
+TEST_CASE("option --set overrides the configuration file, and errors in both are reported") {
   Sample sample;
   Settings s = sample.bound();
   const auto faults =

@@ -235,7 +235,8 @@ TEST_CASE("missing bridge blocks are counted with the block that follows the gap
   CHECK(parser.counts().lost_blocks == 2);
 }
 
-TEST_CASE("bridge block numbers may wrap, and restarted numbers count as one lost block") {
+TEST_CASE(
+    "bridge block numbers may wrap, and a restart of the numbering counts as one lost block") {
   BlockParser parser;
   const auto parsed =
       feed(parser,

@@ -306,7 +306,7 @@ TEST_CASE("a radar restart sends two cfg lines, or the whole cfg after a refusal
   }
 }
 
-TEST_CASE("the cfg dialogue ignores endless output without line ends and uses bounded memory") {
+TEST_CASE("the cfg dialogue ignores endless output without newlines and uses bounded memory") {
   Session s;
   s.begin();
   s.d.take_output();

@@ -151,7 +151,7 @@ def test_report_scores_all_models_on_records_that_have_every_sensor(here, tmp_pa
     assert code == 0 and "spd (ridge, SPD alone), on 5 " in said
 
 
-def test_report_supports_a_run_without_a_model_and_a_comparison_of_two_models(here, tmp_path):
+def test_report_describes_a_run_without_a_model_or_compares_two_models(here, tmp_path):
     code, said = report(tmp_path / "alone", "--live", here / "fresh.sqlite")
     assert code == 0 and "60 records, all with all three sensors" in said
     page = page_of(tmp_path / "alone")

@@ -98,7 +98,7 @@ TEST_CASE("the API predicts the same depth map as the model, from a record or fr
   }
 }
 
-TEST_CASE("the API returns an error text instead of a map if a sensor is missing") {
+TEST_CASE("the API returns an error message instead of a map if a sensor is missing") {
   const Folder dir;
   const Model model(trained(dir, "mean-shape"));
   write_run(dir / "fresh", 1, 2,

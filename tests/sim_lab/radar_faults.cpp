@@ -144,7 +144,7 @@ TEST_CASE("the command dialogue ignores calibration lines and garbage before the
   CHECK(reported == said);
 }
 
-TEST_CASE("the radar driver reports a firmware exception with its text") {
+TEST_CASE("the radar driver reports the message of a firmware exception") {
   Bench b(hasty());
   b.start();
   b.board.say("Exception: ../mss_main.c, line 1234.\n");

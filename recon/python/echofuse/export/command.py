@@ -256,7 +256,7 @@ def main() -> None:
                         help="print the version and exit")
     parser.add_argument("run", metavar="RUN", help="run file")
     parser.add_argument("--to", required=True, type=pathlib.Path, metavar="FILE",
-                        help="file to write: NAME.h5, NAME.nc, or NAME.csv with --record")
+                        help="file to write: NAME.h5 or NAME.nc; with --record, NAME.csv")
     parser.add_argument("--record", type=int, metavar="INDEX",
                         help="export only the record with this index, as CSV")
     parser.add_argument("-q", "--quiet", action="store_true", help="do not print the progress")
