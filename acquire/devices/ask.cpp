@@ -100,9 +100,9 @@ Json find_attached(std::string& camera_fault) {
 std::string text_of(const Json& attached, const std::string& camera_fault) {
   std::string text;
   const auto setting = [&](const std::string& key, const Json& node) {
-    // An ASCII JSON string is also a valid TOML string.
+    // A JSON string is also a valid TOML string.
     text += "  " + key + " = " +
-            node["address"].dump(-1, ' ', true, Json::error_handler_t::replace) + '\n';
+            printable(node["address"].dump(-1, ' ', false, Json::error_handler_t::replace)) + '\n';
   };
   for (const Json& device : attached["usb"]) {
     text += field(device, "kind") + ' ' + field(device, "id") + ": " + names_of(device) + '\n';

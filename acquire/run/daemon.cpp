@@ -343,7 +343,7 @@ void Daemon::interrupt(HostTime now) {
   const bool too_long = now < grid.first || grid.end(grid.slot_of(now)) - now > close_limit;
   const double left_s = seconds(std::max(grid.first, grid.end(grid.slot_of(now)) + grace) - now);
   if (too_long)
-    spdlog::info("slot abandoned: {:.0f} s left (limit 4 s)", left_s);
+    spdlog::info("slot abandoned: {:.0f} s left", left_s);
   else
     spdlog::info("finishing the slot, {:.1f} s left; press Ctrl-C again to stop immediately",
                  left_s);
