@@ -18,21 +18,23 @@ struct AntennaFit {
   std::string refusal;  // reason why the fit was rejected; empty if it was accepted
 };
 
-// Antenna samples of several frames, in the layout of RadarFrame::array: bins x antennas.
+// Antenna samples of several frames. Each frame is laid out as in RadarFrame::array: bins x
+// antennas.
 using ArrayFrames = std::vector<std::vector<std::int16_t>>;
 
 // Fits the gain and the phase of each antenna to the echo of a reflector in `bin` or a neighbouring
 // bin. The result is the principal eigenvector of the covariance matrix of at least 8 frames, so
-// the phase of the echo may differ between frames. The standard error of an antenna is s / sqrt(2 N
-// P), combined with the standard error of antenna 0. N is the number of frames and P the echo power
-// at the antenna. The noise power s^2 of an antenna is estimated from the residual of the fit. The
-// rounding error of the samples is added to the standard errors, because it does not average out.
+// the phase of the echo may differ between frames. The standard error of an antenna's phase and
+// relative gain is s / sqrt(2 N P), combined with that of antenna 0. N is the number of frames and
+// P the echo power at the antenna. The noise power s^2 of an antenna is estimated from the residual
+// of the fit. The rounding error of the samples is added to the standard errors, because it does
+// not average out.
 AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::size_t bin);
-// Subtracts the phases that are due to the direction of the reflector, so that only the phases of
-// the antenna channels remain. Adds the errors of the reflector position to the standard errors.
+// Removes the phases caused by the reflector's direction, so that only the phases of the antenna
+// channels remain. Adds the uncertainty of the reflector position to the standard errors.
 void remove_steering(AntennaGains& gains, const Steering& steering);
-// Replaces an antenna's standard error with the scatter between the repeats if the scatter is
-// significantly larger.
+// Replaces an antenna's standard error with the standard error derived from the repeats if the
+// latter is significantly larger.
 void widen(AntennaGains& all, const std::vector<AntennaGains>& repeats);
 
 // Returns the largest difference between `a` and `b`, in units of its standard error; 0 if `a` or

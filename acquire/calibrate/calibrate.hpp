@@ -21,12 +21,12 @@ struct CalibrateOptions {
   double distance_error_m = Reflector().distance_error_m;
   double baseline_error_m = Reflector().baseline_error_m;
   std::optional<Sensor> only;  // sensor to measure; no value: both sensors
-  // If set, only checks whether the antenna order is reversed. The reflector has been moved to this
-  // side.
+  // If set, only checks whether the antenna order is reversed; states to which side the reflector
+  // has been moved.
   std::optional<Side> side;
   std::int64_t repeats = 20;
-  double time_s = 1;   // duration of a repeat
-  bool check = false;  // true: compares the results with run.calibration, but does not write it
+  double time_s = 1;   // duration of each repeat
+  bool check = false;  // if true, compares the results with run.calibration and writes nothing
   bool json = false;
 };
 

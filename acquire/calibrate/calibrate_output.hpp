@@ -26,7 +26,7 @@ struct CalibrationResult {
   double standard_error_m() const { return std::hypot(peak.standard_error_m, reflector_error_m); }
 };
 
-// Reasons why values could not be measured; the key is the name of the value.
+// Maps the name of each value that could not be measured to the reason.
 using Unstated = std::map<std::string, std::string>;
 
 nlohmann::ordered_json json_of(const CalibrationResult& result);

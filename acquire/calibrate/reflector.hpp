@@ -38,7 +38,7 @@ struct Reflector {
   Reflector other() const;              // copy of this reflector with the other value of `mounting`
 };
 
-// Returns a question to the user if the radar peak fits the other mounting better; otherwise an
+// Returns a question for the user if the radar peak fits the other mounting better; otherwise an
 // empty string. The other mounting fits better if the peak is inside the search window of that
 // mounting (full width) and implies a smaller offset. A negative offset is weighted by three,
 // because cables and electronics increase the measured range. The string is also empty if the
@@ -54,11 +54,11 @@ std::vector<double> steering_phases(std::span<const radar::AntennaPair> antennas
                                     const std::array<double, 3>& place, double wavelength_m);
 
 struct Steering {
-  double sine = 0;  // sine of the direction, positive to the right
+  double sine = 0;  // sine of the reflector's angle from the radar axis, positive to the right
   std::vector<double> phase_rad, error_rad;
 };
 // Returns the direction of the reflector, the phase of its wave at each antenna, and the phase
-// errors that are due to errors of the reflector position.
+// errors caused by the uncertainty of its position.
 Steering steering_of(const Reflector& reflector, std::span<const radar::AntennaPair> antennas,
                      double wavelength_m);
 

@@ -22,8 +22,8 @@ struct SidePlace {
   double range_m = 0;  // distance from the radar
   double sine = 0;     // sine of the direction from the radar
 };
-// Returns the expected position of the reflector after it was moved to `side`. `sine`: sine of the
-// reflector's direction during the calibration.
+// Returns the expected position of the reflector after it has been moved to `side`. `sine` is the
+// sine of the reflector's direction during the calibration.
 SidePlace place_at(Side side, const Reflector& reflector, double sine);
 
 struct SideFinding {
@@ -33,8 +33,8 @@ struct SideFinding {
   // reversed antenna order; otherwise empty.
   std::string refusal;
 };
-// Uses the calibrated phases to find the direction of a wave. `seen`: gains and phases of this
-// wave, measured by fit_antennas().
+// Uses the calibrated phases to find the direction of a wave. `seen` contains the gains and phases
+// that fit_antennas() measured for this wave.
 SideFinding find_side(Side side, const Reflector& reflector, const AntennaGains& seen,
                       const AntennaGains& calibrated, std::span<const radar::AntennaPair> antennas,
                       double wavelength_m);

@@ -14,19 +14,18 @@ class formatter;
 
 namespace echofuse::acquire {
 
-// `info`: describes the contents of a run (live, closed or crashed), as one JSON object or as text.
+// `info`: describes the contents of a run (live, closed or crashed) as one JSON object or as text.
 // Throws Error if the file is not a readable run.
 std::string describe_run(const std::string& path, bool json);
 
 // `annotate`: adds a note to a run, or changes the label of a live run. Requires either `note` or
-// `label`. Returns the result as one line, e.g.
-//   monday.sqlite: label "person" from record 17 on
-// Throws Error(failed) if a label is given, but the run is not being recorded.
+// `label`. Returns the result as one line, e.g. `monday.sqlite: label "person" from record 17 on`.
+// Throws Error(failed) if a label is given but the run is not being recorded.
 std::string annotate_run(const std::string& path, const std::optional<std::string>& note,
                          const std::optional<std::string>& label);
 
-// Returns the formatter of the log that is printed to stderr. On a terminal, it erases the status
-// line first; under systemd it omits the time. It escapes control characters in messages.
+// Returns the formatter for log messages on stderr. On a terminal, it erases the status line first;
+// under systemd, it omits the time. It escapes control characters in messages.
 std::unique_ptr<spdlog::formatter> log_format();
 
 // Output of `list`.
@@ -35,11 +34,11 @@ struct Catalogue {
   std::string left_out;  // one line per file that is not a readable run, with the reason
 };
 
-// Lists all runs (*.sqlite) of the folder, oldest first. The text output has one line per run,
+// Lists all runs (*.sqlite) in the folder, oldest first. The text output has one line per run,
 // followed by the details of live runs. The JSON is an array with one object per run. For a live
 // run its member `live` contains last_index, age_s (time since the end of the last slot), label,
 // and sensors: {NAME: {verdict, valid, used, lost}}. `verdict`, `valid` and `used` describe the
-// last record; `lost` is the total of the whole run. Throws Error(failed) if the folder cannot be
+// last record; `lost` is the total for the whole run. Throws Error(failed) if the folder cannot be
 // read.
 Catalogue list_runs(const std::string& folder, const Clock& clock, bool json);
 

@@ -21,7 +21,7 @@ namespace echofuse::acquire {
 struct AntennaGains {
   std::string date_utc;
   double distance_m = 0;
-  double sine = 0;  // sine of the reflector's direction, positive to the right
+  double sine = 0;  // sine of the reflector's angle from the radar axis, positive to the right
   std::vector<double> gain, phase_rad, standard_error;
 
   bool empty() const { return gain.empty(); }
@@ -47,13 +47,13 @@ struct Calibration {
 
   // Returns null if the sensor is not calibrated.
   const record::CalibrationEntry* find(Sensor sensor) const;
-  // Returns a copy of this calibration in which missing parts are taken from `older`.
+  // Returns a copy of this calibration; parts that it lacks are copied from `older`.
   Calibration over(const Calibration& older) const;
 };
 
 struct Config;
-// Returns the axes that the calibrated sensors have in this configuration; the axes of the other
-// sensors are 0. `radar`: range axis of the radar.
+// Returns the range axes of the calibrated sensors in this configuration, and 0 for the other
+// sensors. `radar` is the range axis of the radar.
 CalibratedAxes axes_of(const Config& config, const Calibration& calibration, const Axis& radar);
 
 // Throws Error(config) that lists all errors, each with its line number in the file.

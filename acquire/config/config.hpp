@@ -34,7 +34,7 @@ struct Config {
   std::string label, operator_name, run_folder;
   TdcConfig tdc;
   tdc::HistogramSettings histogram;
-  double laser_rate_hz = 0;  // 0 if unknown
+  double laser_rate_hz = 0;  // laser pulse rate; 0 if unknown
   record::Detector detector;
   RadarConfig radar;
   double baseline_m = 0.5;  // distance from the detector to the centre of the radar antennas
@@ -55,11 +55,11 @@ struct Config {
   // the template, and a missing program in alert.on_doubt.
   std::vector<std::string> unfinished;
   std::string text;      // verbatim contents of the configuration file
-  std::string resolved;  // all keys with values and descriptions, as TOML
+  std::string resolved;  // all keys with their values and descriptions, as TOML
   std::string shown;     // like `resolved`, but with the origin of each value
 
-  SensorSet configured() const;  // sensors with an address
-  SensorSet required() const;    // sensors that must answer before a run starts
+  SensorSet configured() const;  // sensors for which an address is configured
+  SensorSet required() const;    // sensors that must deliver data before a run starts
   // Returns the configured rates of start pulses, radar frames and camera frames, per second; 0 if
   // unknown.
   PerSensor<double> nominal_hz() const;
@@ -67,8 +67,8 @@ struct Config {
 
 // Reads the file, then applies `assignments` ("key=value"). Paths are relative to the file's
 // folder. Throws Error(config) that lists all errors, each with the origin of its key. Does not
-// open any device, so a configured device may be missing. `with_calibration`: also reads the
-// calibration file; false for a command that overwrites this file.
+// open any device, so a configured device may be missing. Also reads the calibration file if
+// `with_calibration` is set; commands that overwrite this file do not set it.
 Config load_config(const std::string& path, const std::vector<std::string>& assignments = {},
                    bool with_calibration = true);
 
@@ -80,16 +80,17 @@ struct ConfigPlace {
   std::string name;  // name in messages, e.g. "$ECHOFUSE_CONFIG" or "./lab.toml"
 };
 
-// Returns the paths that are searched for a configuration file, in this order: only
-// $ECHOFUSE_CONFIG if it is set; otherwise ./lab.toml, $XDG_CONFIG_HOME/echofuse/lab.toml (default
-// ~/.config), /etc/echofuse/lab.toml.
+// Returns the paths that are searched for a configuration file. If $ECHOFUSE_CONFIG is set, this is
+// the only path. Otherwise, the paths are, in order: ./lab.toml, $XDG_CONFIG_HOME/echofuse/lab.toml
+// (default ~/.config), /etc/echofuse/lab.toml.
 std::vector<ConfigPlace> config_places();
 
 // Returns the first configuration file that exists. A file named by $ECHOFUSE_CONFIG is returned
 // even if it is missing, because the user asked for it.
 std::optional<ConfigPlace> find_config();
 
-// Calls find_config(). If no file was found, throws Error(config) that lists all searched paths.
+// Returns the result of find_config(). Throws Error(config) that lists all searched paths if no
+// configuration file exists.
 ConfigPlace require_config();
 
 }  // namespace echofuse::acquire

@@ -20,15 +20,16 @@ struct Answer {
   std::string text;
 };
 
-// Starts all configured devices that are free and waits for them, like `run`. Devices in use by
-// another program are not opened; their state is read from that program's run file. `command`: name
-// written into the device locks. `listen` is called while the devices send data to `sink`, unless
-// all devices are in use.
+// Starts all configured devices that are free and waits until they deliver data, as `run` does.
+// Devices in use by another program are not opened; their state is read from that program's run
+// file. `command` is the name written into the device locks. Unless all devices are in use,
+// `listen` is called while the devices send data to `sink`.
 std::vector<Answer> ask(const Config& config, port::Loop& loop, const std::string& command,
                         SampleSink& sink, const std::function<void()>& listen = {});
 
-// Implements `devices`: lists the attached devices with the lines for lab.toml, then the state of
-// the configured devices, if any. Returns ExitCode::device if a configured device delivers no data.
+// Implements `devices`: lists the attached devices, each with the lines to add to lab.toml, and
+// then the state of the configured devices, if any. Returns ExitCode::device if a configured device
+// delivers no data.
 ExitCode list_devices(const std::optional<Config>& config, port::Loop& loop, bool json);
 
 }  // namespace echofuse::acquire

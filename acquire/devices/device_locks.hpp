@@ -14,7 +14,7 @@ namespace echofuse::acquire {
 
 struct Holder {
   std::string who;  // e.g. "echofuse-acquire run, pid 4711, run /data/monday.sqlite"
-  std::string run;  // run file that the process writes; may be empty
+  std::string run;  // file of the run that the process is recording; may be empty
 };
 
 // Returns the folder of the lock files. All users share it, so that each program sees the locks of
@@ -31,8 +31,9 @@ std::string lock_name(const std::string& address);
 // reopened.
 class DeviceLocks {
  public:
-  // Takes all locks that are free. `command`: name of the command, e.g. "run"; `run`: path of the
-  // run file that the command will create. Throws Error(device) if a lock file cannot be used.
+  // Takes all locks that are free. `command` is the name of the command, e.g. "run"; `run` is the
+  // path of the run file that the command will create. Throws Error(device) if a lock file cannot
+  // be used.
   DeviceLocks(const Config& config, const std::string& command, const std::string& run = {});
 
   // Writes the command and the run file of this process into its locks.

@@ -36,8 +36,8 @@ class Devices final : private SampleSink {
   Devices(port::Loop& loop, const Config& config, SampleSink& next, port::RawKeeper* raw = nullptr);
   ~Devices() override;
 
-  // Takes the locks of all configured devices. `command`: command of echofuse-acquire; `run`: its
-  // run file. Throws Error(device) that names the program holding a lock.
+  // Takes the locks of all configured devices and writes the `command` of echofuse-acquire and the
+  // path of the `run` file into them. Throws Error(device) that names the program holding a lock.
   void take(const std::string& command, const std::string& run = {});
   // Writes the name of the command and the path of its next run file into the locks.
   void name_run(const std::string& command, const std::string& run) { locks_->write(command, run); }
@@ -50,7 +50,8 @@ class Devices final : private SampleSink {
   // Stops all drivers without sending events; for use after an exception.
   void abandon();
   // Runs the loop until all configured devices deliver data or are in use by another program.
-  // Returns earlier if the timeout has passed, a device is misconfigured, or the user interrupts.
+  // Returns earlier if the timeout has expired, a device is misconfigured, or the user interrupts
+  // the program.
   void wait(double timeout_s);
   void refuse_misconfigured() const;  // throws Error(config) if a device is misconfigured
   const Status& operator[](Sensor s) const { return status_[s]; }
@@ -71,8 +72,8 @@ class Devices final : private SampleSink {
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
   void on_firmware_bias(const FirmwareBias& bias) override { next_->on_firmware_bias(bias); }
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
-  // Warns if the streaming device differs from the calibrated device, or from the device that
-  // streamed before.
+  // Warns if the streaming device differs from the calibrated device, or from the device that was
+  // streaming previously.
   void warn_of_another(Sensor sensor, const DeviceInfo& info);
   std::vector<Sensor> halt();
   Status& status(Sensor s) { return status_[s]; }

@@ -23,11 +23,12 @@ struct MachineRoots {
 };
 
 // Checks whether this user may open the attached devices and the configured serial ports, and
-// whether our udev rules are installed. A fault of a configured device is graded as a problem, a
-// fault of any other device as a warning.
+// whether the udev rules of echofuse are installed. A fault of a configured device is graded as a
+// problem, a fault of any other device as a warning.
 std::vector<Finding> check_permissions(const std::optional<Config>& config,
                                        const MachineRoots& roots);
-// Warns if ModemManager is running and would probe one of our serial ports.
+// Warns if ModemManager is running and would probe a serial port of one of the instrument's
+// devices.
 Finding check_modem_manager(const std::optional<Config>& config, const MachineRoots& roots);
 // Checks that the kernel's limit for USB buffers is large enough for the buffers of the time
 // tagger.
@@ -60,8 +61,8 @@ class Capture final : public SampleSink {
   TagCounts tags;
   std::uint64_t lost_blocks = 0, lost_tags = 0;
   std::uint64_t histograms = 0;            // number of histograms; 0 if the detector sends tags
-  std::vector<std::uint64_t> zone_clicks;  // total clicks of each detector zone
-  std::size_t histogram_counts = 0;        // number of bins of all zones in one histogram
+  std::vector<std::uint64_t> zone_clicks;  // total number of clicks in each detector zone
+  std::size_t histogram_counts = 0;        // total number of bins of all zones in one histogram
   std::map<std::int32_t, std::uint64_t> channels;  // number of time tags per channel
   std::uint64_t radar_frames = 0, radar_lost = 0, profiles = 0, arrays = 0;
   std::vector<std::uint16_t> profile;  // last range profile
@@ -72,16 +73,16 @@ class Capture final : public SampleSink {
 
  private:
   tdc::Histogram histogram_;
-  TagCounts summed_;  // pulses and clicks of all received histograms
+  TagCounts summed_;  // total numbers of pulses and clicks in all received histograms
   bool running_ = false;
 };
 
-// Each function checks the captured data of one sensor. `time_s`: duration of the capture.
+// Each function checks the captured data of one sensor. `time_s` is the duration of the capture.
 Finding spd_finding(const Capture& capture, const Config& config, double time_s);
 Finding radar_finding(const Capture& capture, const Config& config, double time_s);
 Finding depth_finding(const Capture& capture, const Config& config, double time_s);
 
-// Estimates the size of a record, bytes, from the received samples. For a device that sent no
+// Estimates the size of a record in bytes from the received samples. For a device that sent no
 // samples, the configured size is used.
 double estimate_record_bytes(const Capture& capture, const Config& config);
 

@@ -35,7 +35,7 @@ struct ArraySettings {
 };
 void bind(Settings& settings, ArraySettings& s);
 
-// Threading: only one thread at a time may use an object.
+// Threading: an ArrayFolder may be used by only one thread at a time.
 class ArrayFolder {
  public:
   // Throws Error(failed) if an array is missing, damaged or too large, or if the arrays differ in
@@ -51,11 +51,11 @@ class ArrayFolder {
   void require_shapes(const std::vector<Axis>& axes, const Zones& zones) const;
   // Returns the record number of the next row, which is read from index.npy if that file exists.
   std::int64_t next_index();
-  // Copies the values of the next row into the record. Throws Error(failed) if counts are not whole
-  // or values are impossible.
+  // Copies the values of the next row into the record. Throws Error(failed) if a count is not a
+  // whole number or a value is impossible.
   void take_row(record::FusedRecord& r);
-  // Returns the warnings about the data; call after the last row. Throws Error(failed) if most
-  // depth maps are implausible.
+  // Returns the warnings about the data. May be called only after the last row. Throws
+  // Error(failed) if most depth maps are implausible.
   std::vector<std::string> doubts() const;
 
  private:

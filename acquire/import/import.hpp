@@ -19,8 +19,9 @@ namespace echofuse::acquire {
 
 struct ImportOptions {
   std::vector<std::string> files{};
-  std::string cfg{};       // radar .cfg file; empty: .cfg file next to the recording
-  std::string began{};     // start time, UTC, ISO 8601; empty: start time in the files
+  std::string cfg{};    // radar .cfg file; empty: .cfg file next to the recording
+  std::string began{};  // start time, UTC, ISO 8601; if empty, taken from the files or from their
+                        // modification times
   std::int32_t start = 0;  // tagger input of the laser pulses; 0: sync
   std::int32_t click = 1;  // tagger input of the detector
   std::string out{};       // path of the new run
@@ -40,25 +41,26 @@ UtcTime parse_utc(const std::string& text);
 std::string import_recordings(Config config, const ImportOptions& options);
 
 // Converts a folder of NumPy arrays (array_folder.hpp) into the run file `out`. No other function
-// writes runs from arrays. Slot i begins i slot lengths after `began` or, if it has no value, after
-// the modification time of the newest array. If run.toml has the key `run`, the arrays replace the
-// values of that run; its axes, calibration, antennas, labels, times and metadata are copied.
-// Returns a line about the contents of the run, then the warnings, one per line. Throws
-// Error(config) if run.toml does not match the arrays; Error(failed) if arrays are unreadable, do
-// not match each other or yield no valid record; Error(disk) if the run cannot be written.
+// writes runs from arrays. Slot 0 begins at `began` or, if `began` has no value, at the
+// modification time of the newest array. The slots follow each other without gaps. If run.toml has
+// the key `run`, the arrays replace the values of that run; its axes, calibration, antennas,
+// labels, times and metadata are copied. Returns a line about the contents of the run, then the
+// warnings, one per line. Throws Error(config) if run.toml does not match the arrays; Error(failed)
+// if arrays are unreadable, do not match each other or yield no valid record; Error(disk) if the
+// run cannot be written.
 std::string import_arrays(const std::string& folder, const std::string& out,
                           std::optional<UtcTime> began);
 
 // Returns true if the folder is a raw capture of `run --keep-raw` (raw_tap.hpp).
 bool is_kept(const std::string& folder);
 
-// Returns the configuration of the captured run, changed by `assignments`.
+// Returns the configuration of the captured run after applying `assignments`.
 Config kept_config(const std::string& folder, const std::vector<std::string>& assignments);
 
 // Creates the run `out` with the slots of the captured run; returns one line about it. Replays the
-// capture: ports deliver the bytes at their receive times, and the time of the loop jumps from one
-// event to the next. Throws Error(failed) if files of the folder are missing or damaged, and the
-// errors of record_run().
+// capture: the bytes are delivered at their original arrival times, and the loop's clock jumps from
+// one event to the next. Throws Error(failed) if files of the folder are missing or damaged. Also
+// throws the errors of record_run().
 std::string import_kept(Config config, const std::string& folder, const std::string& out);
 
 }  // namespace echofuse::acquire

@@ -23,7 +23,7 @@ struct RunStart {
 // Returns the modification time of a file.
 UtcTime modified(const std::string& path);
 
-// Threading: only one thread at a time may use an object.
+// Threading: an ImportedRun may be used by only one thread at a time.
 class ImportedRun {
  public:
   using MakeWriter =
@@ -35,7 +35,7 @@ class ImportedRun {
   record::RunWriter& writer() { return *run_; }
   void put_axes(const std::vector<Axis>& axes);
   void put(record::FusedRecord record, const SignalCheck::RecordingEnds& ends = {});
-  // Adds a warning to the run and to the lines that finish() returns.
+  // Adds a warning to the run and to the lines returned by finish().
   void doubt(const std::string& text);
   void put_counters(Sensor sensor, const std::vector<Counter>& counters);
   const TagCounts& tags() const { return tags_; }
@@ -48,7 +48,7 @@ class ImportedRun {
   std::string finish();
 
  private:
-  // Clock that returns the time of the recording, for the metadata of the file.
+  // Clock that returns the time of the recording, which is stored in the run's metadata.
   struct RecordingClock final : Clock {
     HostTime now() const override { return at; }
     UtcTime utc() const override { return utc_at; }

@@ -29,29 +29,29 @@
 
 namespace echofuse::acquire {
 
-// Channel number of the sync; input n has channel number n.
+// Channel number of the sync input; input n has channel number n.
 inline constexpr std::int32_t sync_channel = 0;
 
 // Converts PicoQuant records into tags. Does no I/O.
 class PicoquantRecords {
  public:
-  // Throws Error(failed) if the record type is unknown or a resolution is not positive. `offset`:
-  // MeasDesc_Offset, ns, which the device subtracted from the times of T3 clicks.
+  // Throws Error(failed) if the record type is unknown or a resolution is not positive. `offset` is
+  // the value of MeasDesc_Offset in ns, which the device subtracted from the times of T3 clicks.
   PicoquantRecords(std::uint32_t type, double global_resolution_s, double resolution_s,
                    double offset = 0);
   bool is_t3() const { return t3_; }
   // Appends the tags of a record: none, one or, in T3 mode, the start and the click of a pulse. T3
-  // files contain only pulses with a click, as after a conditional filter. Returns false if the
-  // time exceeds 2^63 ps.
+  // files omit all pulses that are not followed by a click. Returns false if the time exceeds 2^63
+  // ps.
   bool add(std::uint32_t record, std::vector<Tag>& out);
   std::uint64_t markers() const { return markers_; }
   // Returns the number of T3 clicks that follow their sync pulse by more than one sync period.
   std::uint64_t behind_period() const { return behind_period_; }
   long double offset_ps() const { return offset_ps_; }
-  // Time of the last overflow, and overflow period, ps.
+  // Time of the last overflow, and duration of one overflow period, in ps.
   long double overflowed_ps() const { return static_cast<long double>(base_) * unit_ps_; }
   long double wrap_ps() const { return static_cast<long double>(wrap_) * unit_ps_; }
-  // Unit of the record times, and unit of the delay from start to click, ps.
+  // Unit of the record times, and unit of the delay from start to click; both in ps.
   long double unit_ps() const { return unit_ps_; }
   long double step_ps() const { return t3_ ? dtime_ps_ : unit_ps_; }
 
@@ -77,7 +77,7 @@ class PicoquantTags final : public Recording {
   HostTime at() const override { return at_; }
   std::vector<Counter> counters() const override;
   std::vector<std::string> doubts() const override;
-  std::optional<UtcTime> began() const;  // start time, which the file contains as local time
+  std::optional<UtcTime> began() const;  // start time, converted from the local time in the file
   // Returns true if the local start time occurred twice because summer time ended.
   bool began_twice() const;
 
@@ -90,7 +90,8 @@ class PicoquantTags final : public Recording {
   std::unique_ptr<File> file_;
   PicoquantRecords records_;
   tdc::HistogramSettings use_;
-  // Duration of the measurement according to the header, and maximum time of a tag, s; 0: unknown.
+  // Duration of the measurement according to the header, and latest time of a tag, both in s; 0 if
+  // unknown.
   double stopped_s_ = 0, header_s_ = 0;
   long double last_ps_ = 0;  // time of the latest tag, ps
   std::int64_t first_sync_ps_ = -1, last_sync_ps_ = 0;

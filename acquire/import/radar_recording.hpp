@@ -27,7 +27,7 @@ class RadarRecording final : public Recording {
 
  private:
   struct FrameTime {
-    // position: number of the subframe, counted from the start of frame 0.
+    // `position` is the number of the subframe, counted from the start of frame 0.
     std::uint32_t position, frame_number, cycles;
   };
   struct Irregularity {
@@ -37,7 +37,7 @@ class RadarRecording final : public Recording {
   };
   FrameTime read(const RadarFrame& frame) const;
   void step(FrameTime now, const FrameTime* next);
-  // Passes the previous frame to the sink and holds `next`.
+  // Passes the previous frame to the sink, and holds `next` until the frame after it arrives.
   void take(std::optional<RadarFrame> next, SampleSink& sink);
   std::string path_;
   RegularFile file_;
@@ -52,11 +52,12 @@ class RadarRecording final : public Recording {
   bool confirmed_ = false;  // true if a step of the device counter has been accepted
   // Number of later frames that have the same time as the last accepted frame.
   std::uint64_t stood_ = 0;
-  std::uint64_t others_ = 0;              // number of frames with a wrong number of bins
-  std::size_t other_bins_ = 0;            // last wrong number of bins
-  std::uint32_t number_ = 0, epoch_ = 0;  // last frame number; number of restarts
-  // Sums over the accepted steps: frame periods according to the frame numbers, and duration in s
-  // according to the board's clock.
+  std::uint64_t others_ = 0;    // number of frames with a wrong number of bins
+  std::size_t other_bins_ = 0;  // last wrong number of bins
+  std::uint32_t number_ = 0,
+                epoch_ = 0;  // last frame number; number of times that the numbering has restarted
+  // Totals over the accepted steps: number of frame periods according to the frame numbers, and
+  // duration in s according to the board's clock.
   double steps_ = 0, stepped_s_ = 0;
 };
 

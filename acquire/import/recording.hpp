@@ -12,14 +12,15 @@ class Recording {
  public:
   virtual ~Recording() = default;
   virtual DeviceInfo device() const = 0;
-  // Passes the next samples to the sink, but no other events. Sets the receive time of all these
-  // samples to the time of the last sample, relative to the start of the recording. Returns false
-  // at the end of the recording. Throws Error(failed) on a read error.
+  // Passes the next samples to the sink, but no other events. All these samples get the same
+  // arrival time: the time of the last sample, relative to the start of the recording. Returns
+  // false at the end of the recording. Throws Error(failed) on a read error.
   virtual bool next(SampleSink& sink) = 0;
   // Returns the host time of the last samples.
   virtual HostTime at() const = 0;
   virtual std::vector<Counter> counters() const = 0;
-  // Returns warnings about missing or doubtful data; call after the end of the recording.
+  // Returns warnings about missing or doubtful data. May be called only after the end of the
+  // recording.
   virtual std::vector<std::string> doubts() const = 0;
 };
 

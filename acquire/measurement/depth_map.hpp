@@ -16,9 +16,10 @@ namespace echofuse::record {
 // Maximum number of pixels of a depth image; a frame of the bridge protocol cannot hold more.
 inline constexpr std::uint64_t max_depth_pixels = std::uint64_t{1} << 23;
 
-// Grid of the depth maps of a run: `size` x `size` pixels over tangents of +-`half_tangent` in both
-// directions, and depths from 0 to `far_m`. A run stores its grid as the axes `map_x`, `map_y` and
-// `map_z` (one bin that starts at 0). The defaults apply if a run does not have these axes.
+// Grid of the depth maps of a run: `size` x `size` pixels, which cover tangents from
+// -`half_tangent` to +`half_tangent` in both directions, and depths from 0 to `far_m`. A run stores
+// its grid as the axes `map_x`, `map_y` and `map_z` (one bin that starts at 0). The defaults apply
+// if a run does not have these axes.
 struct MapGrid {
   std::uint32_t size = 64;
   double half_tangent = 0.55;  // tangent of half the field of view
@@ -26,7 +27,7 @@ struct MapGrid {
 
   std::size_t pixels() const { return std::size_t{size} * size; }
   double step() const { return 2 * half_tangent / size; }  // tangent
-  Axis x() const;                                          // result of depth_x_axis() for this grid
+  Axis x() const;                                          // Returns depth_x_axis() for this grid.
   Axis y() const;
   std::array<Axis, 3> axes() const;      // {map_x, map_y, map_z}
   std::array<Axis, 5> run_axes() const;  // axes of a run that stores depth images on this grid
@@ -36,23 +37,23 @@ struct MapGrid {
 };
 inline constexpr std::uint32_t least_map_size = 3, most_map_size = 256;
 inline constexpr double least_map_half_tangent = 0.02, most_map_half_tangent = 3;
-// Depth images store depths as u16 millimetres, so the maximum is 65.5 m.
+// Depth images store depths as u16 millimetres, so depths above 65.5 m cannot be stored.
 inline constexpr double least_map_far_m = 0.1, most_map_far_m = 65;
 
 // Reads the grid from a run's axes. Throws Error(failed) if the axes `map_x`, `map_y` and `map_z`
 // are not a valid grid.
 MapGrid map_grid_of(std::span<const Axis> axes);
 
-// Returns an axis of a depth map with `size` pixels over tangents of +-`half_tangent`. The
-// outermost pixel centres are half a pixel inside these limits.
+// Returns an axis of a depth map with `size` pixels, which cover tangents from -`half_tangent` to
+// +`half_tangent`. The outermost pixel centres are half a pixel inside these limits.
 Axis depth_x_axis(std::uint32_t size, double half_tangent);
 Axis depth_y_axis(std::uint32_t size, double half_tangent);
 
 // Resamples a depth image to the target grid. Returns z in metres, row-major; 0 means "no return".
-// A target pixel is the median of the valid source pixels with centres inside it, and "no return"
-// if fewer than half of them are valid. If the source is coarser than the target, the nearest
-// source pixel is used. Source pixels that are 0 or exceed `target.far_m` are not valid. If the
-// source and target grids agree, the pixels are copied.
+// The depth of a target pixel is the median of the valid source pixels with centres inside it, or
+// "no return" if fewer than half of them are valid. If the source is coarser than the target, the
+// nearest source pixel is used. Source pixels that are 0 or exceed `target.far_m` are not valid. If
+// the source and target grids are the same, the pixels are copied.
 std::vector<float> to_target(std::span<const std::uint16_t> depth_mm, const Axis& x, const Axis& y,
                              const MapGrid& target);
 // Like to_target() above, but writes the depths into `out`, which must contain target.pixels()

@@ -15,7 +15,7 @@ struct Detector {
   double dead_time_ps = 0;
 
   bool known() const { return dead_time_ps > 0; }
-  // Returns the metadata entry with the dead time. Call only if known() is true.
+  // Returns the metadata entry with the dead time. May be called only if known() is true.
   std::pair<std::string, std::string> meta() const;
 };
 

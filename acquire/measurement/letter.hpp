@@ -10,7 +10,7 @@
 namespace echofuse::record {
 
 inline constexpr std::string_view letters = "ACEHLNOTUX";
-// Prefix of a record's label, before the letter.
+// Text that precedes the letter in a record's label.
 inline constexpr std::string_view letter_label = "letter:";
 
 struct LetterSize {
@@ -20,8 +20,8 @@ struct LetterSize {
 inline constexpr std::array<LetterSize, 2> letter_sizes{
     {{0.30, 0.40, 0.07}, {0.20, 0.30, 0.05}}};  // sizes of the large and the small letters
 
-// Straight stroke from (u0, v0) to (u1, v1) with square ends, metres; u points to the right and v
-// up.
+// Straight stroke with square ends from (u0, v0) to (u1, v1). Coordinates are in metres; u points
+// to the right and v up.
 struct Stroke {
   double u0 = 0, v0 = 0, u1 = 0, v1 = 0, width_m = 0;
 };

@@ -19,7 +19,7 @@ namespace echofuse::record {
 
 // Virtual antenna, stored in the table `antenna` of a run. Its position (x, y) is in half
 // wavelengths, to the right and up as seen from behind the radar. `gain` and `phase_rad` are the
-// errors of its samples.
+// gain and phase errors of its samples.
 struct Antenna {
   double x = 0, y = 0;
   double gain = 1, phase_rad = 0;
@@ -69,14 +69,14 @@ class ArrayStatistics {
  public:
   ArrayStatistics(std::size_t bins, std::size_t antennas);
   void add(std::span<const std::complex<float>> frame);
-  // Adds a frame of at most `lanes` bins. `re` and `im` contain `lanes` values for each antenna:
-  // the real and the imaginary parts.
+  // Adds a frame of at most `lanes` bins. `re` contains the real parts and `im` the imaginary parts
+  // of the samples, with `lanes` values for each antenna.
   void add_planes(const float* re, const float* im);
   // Marks a lost frame, so that the frames before and after it are not treated as consecutive.
   void skip() { has_before_ = false; }
   std::size_t frames() const { return frames_; }
   // Returns the statistics of all frames since the last call, or nothing if there were no frames.
-  // Resets the sums.
+  // Then resets the sums.
   std::vector<float> take();
 
  private:
@@ -97,12 +97,12 @@ Bytes pack_array(std::span<const float> array, std::size_t antennas);
 std::string unpack_array(ByteView bytes, std::size_t bins, std::size_t antennas,
                          std::vector<float>& array);
 
-// The axis of the statistics has name "array", quantity "covariance", unit "m" and scale = number
-// of antennas. It contains the bins of the range profile up to `array_end_m`; farther bins are
-// outside the depth maps (depth_map.hpp).
+// The axis of the statistics has the name "array", the quantity "covariance" and the unit "m"; its
+// scale is the number of antennas. It contains the bins of the range profile up to `array_end_m`;
+// farther bins are outside the depth maps (depth_map.hpp).
 inline constexpr double array_end_m = 8;
 Axis array_axis(const Axis& radar, std::size_t antennas);
-// Number of antennas; 0 if axis.scale is not from 1 to 12.
+// Returns the number of antennas; 0 if array.scale is not between 1 and 12.
 std::size_t antennas_of(const Axis& array);
 double array_bytes(const Axis& array);  // stored bytes per record
 

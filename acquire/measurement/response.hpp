@@ -32,14 +32,15 @@ struct Measured {
 };
 std::string to_text(const Measured& measured);
 
-// Interpolates at t between 0 and 1 with a cubic, from values at -1, 0, 1 and 2 (Catmull and Rom,
-// 1974).
+// Interpolates between the values at 0 and 1 with a cubic (Catmull and Rom, 1974); t is between 0
+// and 1. `values` contains the values at -1, 0, 1 and 2.
 double catmull_rom(const std::array<double, 4>& values, double t);
 
 struct RadarResponse {
   static constexpr std::size_t taps_a_cell = 4, most_taps = 64;
   double cell_m = 0;
-  // Powers at steps of 1/4 cell, relative to the first tap at distance 0; empty if unknown.
+  // Powers at distances of 0, 1/4, 1/2, ... cells, relative to the power at distance 0; empty if
+  // unknown.
   std::vector<double> taps;
 
   bool known() const { return cell_m > 0 && !taps.empty(); }
@@ -56,9 +57,9 @@ struct RadarResponse {
 // fit of the powers, the zero z maximises the integral of power(z + u) power(z - u), and the lobe
 // is the even part about z.
 struct Symmetry {
-  double zero = 0, peak = 0;  // positions, cells
-  // Largest difference power(z + u) - power(z - u) over all u, with its sign, relative to power(z);
-  // z is `zero`.
+  double zero = 0, peak = 0;  // positions in cells
+  // Value of power(z + u) - power(z - u) that has the largest magnitude over all u, relative to
+  // power(z); z is `zero`.
   double lopsided = 0;
 };
 // Finds `zero` and `peak` between `first` and `last`, in cells.

@@ -14,7 +14,7 @@ struct RunEntry {
   RunInfo info;
   RunSummary sum;
   std::vector<std::string> notes;
-  std::vector<std::string> leftovers;  // side files of SQLite next to a closed run
+  std::vector<std::string> leftovers;  // SQLite side files that were left next to a closed run
 
   std::string name() const;  // file name without extension
   double length_s() const;   // time from the start of the first slot to the end of the last slot
@@ -26,7 +26,7 @@ RunEntry entry_of(const RunReader& run);
 // verdict, labels, operator, notes, window_s, leftovers.
 nlohmann::ordered_json to_json(const RunEntry& entry);
 
-// Returns the paths of the run files (*.sqlite) of a folder, sorted. Throws Error(failed) if the
+// Returns the sorted paths of the run files (*.sqlite) in a folder. Throws Error(failed) if the
 // folder cannot be read.
 std::vector<std::string> run_files(const std::string& folder);
 

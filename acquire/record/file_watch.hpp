@@ -11,18 +11,19 @@ namespace echofuse::record {
 
 class FileWatch {
  public:
-  // Call while the database is open and has a WAL.
+  // The database must be open and have a WAL.
   explicit FileWatch(std::string path);
 
-  // Returns an error message if the database file, its WAL or the WAL index was removed or
+  // Returns an error message if the database file, its WAL or the WAL index has been removed or
   // replaced; otherwise an empty string.
   std::string lost() const;
   // Returns true if the database file has changed since note().
   bool touched() const;
-  // Call after each of our checkpoints. From then on, the WAL may become shorter, because the
-  // database contains its data.
+  // Must be called after each checkpoint by this process. From then on, the WAL may become shorter,
+  // because the database contains its data.
   void note();
-  // Call after each of our commits. From then on, the WAL and its index must not become shorter.
+  // Must be called after each commit by this process. From then on, the WAL and its index must not
+  // become shorter.
   void note_commit();
   // Returns true if the WAL has become shorter since note_commit(). A checkpoint by another program
   // may also truncate the WAL. It changes the database first, so touched() then returns true.
@@ -33,8 +34,8 @@ class FileWatch {
 
   // Returns true if the path of the database still leads to the file that was opened.
   bool same_database() const { return fault_of(files_[0]) == 0; }
-  // Removes the WAL and its index, each only if it is still our file. Otherwise SQLite would apply
-  // them to another database at this path.
+  // Removes the WAL and its index, unless they have been replaced by other files. Otherwise SQLite
+  // would apply them to another database at this path.
   void remove_wal() const;
 
  private:

@@ -15,33 +15,34 @@
 namespace echofuse::record {
 
 // Samples of one sensor in a slot. Times are device times converted to host time by the clock fit,
-// or times of receipt if the fit is missing.
+// or arrival times if the fit is missing.
 struct SensorSync {
   double offset_s = 0;  // mean time of the used samples minus the centre of the slot
   double span_s = 0;    // time from the first to the last used sample
   // SPD: number of clicks in the histogram; radar and depth: number of frames.
   std::uint64_t used = 0;
-  std::uint64_t lost = 0;           // tags or frames that are known to be lost
+  std::uint64_t lost = 0;           // number of tags or frames that are known to be lost
   std::string verdict = "missing";  // "ok", or the reason why the data are not ok
 };
 
-// Fit of the device clock to the host clock, based on the times of receipt of the samples.
+// Fit of the device clock to the host clock, based on the arrival times of the samples.
 struct ClockState {
   double offset_s = 0;        // host time minus device time, at the slot's centre
   double drift_ppm = 0;       // positive if the device clock is fast
-  double residual_s = 0;      // mean distance of the least delayed samples from the fit
+  double residual_s = 0;      // mean deviation of the least delayed samples from the fit
   std::uint64_t samples = 0;  // number of samples in the fit
 };
 
 // Signal strength of each sensor; a missing value is unknown. Range offsets are not subtracted.
 struct Signal {
-  // Clicks per laser pulse, even if the time tagger sends only some of the starts.
+  // Number of clicks per laser pulse. It is correct even if the time tagger sends only some of the
+  // start tags.
   std::optional<double> clicks_a_pulse;
   // Number of clicks above the background, and range of the highest bin.
   std::optional<double> spd_clicks, spd_peak_m;
-  // Ratio of peak to median of the range profile; range of the peak.
+  // Ratio of the peak to the median of the range profile, and range of the peak.
   std::optional<double> radar_snr_db, radar_peak_m;
-  std::optional<double> depth_share;  // fraction of the pixels with a return
+  std::optional<double> depth_share;  // fraction of depth pixels that have a return
 
   bool operator==(const Signal&) const = default;
 };
@@ -72,17 +73,18 @@ struct FusedRecord {
   // radar sends no antenna data.
   std::vector<float> array;
   std::uint64_t array_frames = 0;
-  std::vector<std::uint16_t> depth_mm;  // z, row-major on the depth axes of the run; 0 = no return
-  TagCounts spd_counts;                 // counts of all tags in the slot
+  std::vector<std::uint16_t>
+      depth_mm;          // depth z in mm, row-major on the run's depth axes; 0 means "no return"
+  TagCounts spd_counts;  // counts of all tags in the slot
   PerSensor<SensorSync> sync;
   Signal signal;
   SensorSet missing;  // required sensors that are missing in this record
   // Fits of the device clocks. If a sensor has no fit, its samples were assigned to slots by their
-  // time of receipt.
+  // arrival times.
   PerSensor<std::optional<ClockState>> clocks;
   SlotStatistics statistics;
-  // Values from the slot's last radar frame that contains them. Temperatures that the chip
-  // marks as invalid are omitted.
+  // Values from the last radar frame of the slot that contains such values. Temperatures that the
+  // chip marks as invalid are omitted.
   std::optional<RadarStats> radar_stats;
   std::optional<RadarTemperature> radar_temperature;
 
@@ -105,12 +107,13 @@ struct CalibrationEntry {
 // Content of the table `run`, which has one row.
 struct RunInfo {
   std::string uuid;                    // created by the writer if empty
-  std::string started_utc, ended_utc;  // ISO 8601
+  std::string started_utc, ended_utc;  // UTC in ISO 8601 format
   std::string status = "open";  // open, complete, stopped:WHY (disk, failed, interrupted), crashed
   std::string config_text, config_resolved, radar_cfg;
   std::string version, host, operator_name, notes;
   double window_s = 0;
-  std::vector<std::pair<std::string, std::string>> meta;  // pairs given by --meta, in this order
+  std::vector<std::pair<std::string, std::string>>
+      meta;  // key-value pairs from --meta, in the given order
 };
 
 }  // namespace echofuse::record

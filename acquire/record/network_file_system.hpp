@@ -15,12 +15,12 @@ std::string network_of_type(std::uint64_t type);
 // type from statfs(2) is not sufficient for FUSE and virtiofs, because it is the same for local and
 // remote mounts.
 std::string network_of_mount(std::istream& mountinfo, const std::string& device);
-// Returns the network file system of a file, or of its folder if the file does not exist; empty if
-// it is local or unknown.
+// Returns the network file system on which a file is stored; if the file does not exist, that of
+// its folder. Returns an empty string if the file system is local or unknown.
 std::string network_of(const std::string& path);
 
-// Throws Error(failed) if the run on this network file system is being written or was not closed.
-// Writes by another machine may be only partly visible.
+// Throws Error(failed) if the run is being written or was not closed, because writes by another
+// machine may be only partly visible on this network file system.
 void require_closed(const std::string& path, const std::string& network);
 
 }  // namespace echofuse::record

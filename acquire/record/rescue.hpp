@@ -18,8 +18,8 @@ struct Rescue {
 };
 
 // Copies the run to NAME.rescued.sqlite next to `path` (NAME.rescued-2.sqlite if it exists, and so
-// on). If the folder of `path` is missing, the copy is in the current folder. `status`: status of
-// the copy; `records`: number of committed records. Never throws.
+// on). If the folder of `path` is missing, the copy is in the current folder. `status` is the
+// status to be stored in the copy, and `records` the number of committed records. Never throws.
 Rescue rescue(sqlite3* db, const std::string& path, const std::string& status, UtcTime ended,
               std::int64_t records);
 

@@ -89,13 +89,13 @@ class Row {
   Statement* statement_ = nullptr;
   Purpose does_ = Purpose::list;
   const char* key_ = "";
-  // `absent_`: true if the group to be written is empty. `seen_`: true if at least one column that
-  // was read is not NULL.
+  // `absent_` is true if the group to be written is empty. `seen_` is true if at least one column
+  // that was read is not NULL.
   bool absent_ = false, seen_ = false;
   std::string fault_, table_, names_, declared_, values_;
 };
 
-// Row types that only the run file needs.
+// Row types used only in the run file.
 struct DeviceRow {
   Sensor sensor{};
   std::optional<std::string> policy;  // the value is "required" or "optional"
