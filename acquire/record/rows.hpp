@@ -130,7 +130,7 @@ void columns(Row& row, FusedRecord& record);  // visits all columns except those
 void columns(Row& row, Blobs& blobs);
 void columns(Row& row, StoredRecord& stored);
 
-// Returns the description of the table for a type, with all its columns.
+// Returns the description of the table that stores objects of type T. It lists all columns.
 template <class T>
 const Row& table_of() {
   static const Row table = [] {
@@ -152,7 +152,7 @@ void insert(Statement& statement, const T&... parts) {
   (columns(row, const_cast<T&>(parts)), ...);  // writing does not change `parts`
   statement.run();
 }
-// Inserts a row. `conflict`: SQL clause for a row with an existing key.
+// Inserts a row. `conflict` is the SQL clause for a row with an existing key.
 template <class T>
 void insert(sqlite3* db, const std::string& path, const T& row, const std::string& conflict = {}) {
   Statement statement(db, path, (table_of<T>().insert() + conflict).c_str());

@@ -30,7 +30,7 @@ struct Budget;
 
 inline constexpr int application_id = 0x4543464d;  // "ECFM" in ASCII
 inline constexpr int format_version = 3;
-// Largest allowed index of a record; index + 1 cannot overflow.
+// Largest allowed index of a record, chosen so that index + 1 cannot overflow.
 inline constexpr std::int64_t max_index = std::int64_t{1} << 53;
 
 struct CounterRow {
@@ -43,14 +43,14 @@ struct CounterRow {
 struct Patience {
   std::atomic<std::int64_t> give_up_ns = std::numeric_limits<std::int64_t>::max();
   std::atomic<std::int64_t> waited_ns = 0;  // last time at which a writer was waiting
-  bool tried() const;                       // true if a writer was waiting within the last 100 ms
+  bool tried() const;  // Returns true if a writer was waiting within the last 100 ms.
 };
 
 // Writes a run file. Threading: one thread at a time. Every member throws Error, with the code
 // `disk` if the disk is full or a write fails, otherwise with the code `failed`. A failed append
 // leaves the file unchanged. Every member first checks that the file still exists and is undamaged;
 // close() checks the whole file. If the check fails, the member throws Error(disk). close() then
-// also copies the committed records to another file, which its Error names.
+// also copies the committed records to another file. The Error contains the path of that file.
 class RunWriter {
  public:
   // Throws if the path exists. Creates a UUID if `info` does not contain one. `clock` supplies the
@@ -65,13 +65,14 @@ class RunWriter {
   RunWriter(const RunWriter&) = delete;
   RunWriter& operator=(const RunWriter&) = delete;
 
-  // Call once per axis name, before the first record that needs it.
+  // Must be called once per axis name, before the first record that uses the axis.
   void put_axis(const Axis& axis);
-  void put_device(const DeviceInfo& device);    // adds a row each time a device answers
+  void put_device(const DeviceInfo& device);    // adds a row; called each time a device answers
   void put_antennas(const Antennas& antennas);  // replaces the previously stored antennas
   void put_zones(const Zones& zones);           // call once, before the first record
   void put_calibration(const CalibrationEntry& entry);
-  void put_policy(Sensor sensor, const std::string& policy);  // `policy`: "required" or "optional"
+  void put_policy(Sensor sensor,
+                  const std::string& policy);  // `policy` is "required" or "optional"
   void put_anchor(HostTime mono, UtcTime utc);
   // Writes all counters in one transaction. Call at the end of the run.
   void put_counters(std::span<const CounterRow> counters);
@@ -80,17 +81,17 @@ class RunWriter {
   void put_event(UtcTime utc, Severity severity, const std::string& source,
                  const std::string& text);
   void append(const FusedRecord& record);
-  // Returns the last label that put_label() wrote before this time and since the previous call;
-  // nothing if it wrote none. After close(), returns the last label that was written before
-  // closing.
+  // Returns the last label that put_label() wrote since the previous call and before the time
+  // `before`, if any. After close(), returns the last label that was written before closing.
   std::optional<std::string> new_label(UtcTime before);
   // Appends all records in one transaction; for simulated data sets.
   void append(std::span<const FusedRecord> batch);
-  // Stores the status and merges the WAL into the database, which leaves a single file. Returns
+  // Stores the status and merges the WAL into the database, so that only one file remains. Returns
   // false if another program is still reading the run after half a second. The last records then
   // remain in the WAL until recover() or a writer merges them. Throws Error(failed) at the end if
-  // another program added tables, because readers would reject the file. `unwritten`: number of
-  // records that could not be written; an event and the counter run/unwritten report it.
+  // another program added tables, because readers would reject the file. `unwritten` is the number
+  // of records that could not be written. It is stored in an event and in the counter
+  // run/unwritten.
   bool close(const std::string& status, std::int64_t unwritten = 0);
   // Like close(), but throws Error(failed) instead of returning false.
   void close_as_one_file(const std::string& status);
@@ -129,8 +130,9 @@ class RunWriter {
   std::unique_ptr<sqlite3, int (*)(sqlite3*)> handle_;
   sqlite3* db_ = nullptr;
   std::unique_ptr<FileWatch> watch_;
-  bool touched_ = false;  // another program wrote to the file before our checkpoint
-  std::string harm_;      // error message if the file is missing or damaged
+  bool touched_ =
+      false;          // true if another program wrote to the file before this writer's checkpoint
+  std::string harm_;  // error message if the file is missing or damaged
   Patience* patience_ = nullptr;
   std::int64_t waits_since_ns_ = 0;
   std::optional<std::string> left_label_;  // last label before the run was closed
@@ -153,10 +155,10 @@ struct Anchor {  // the same moment on the monotonic clock and in UTC
 struct RunSummary {
   // all_valid: number of records with valid data of all three sensors.
   std::int64_t records = 0, all_valid = 0;
-  std::int64_t incomplete = 0;      // records in which a required sensor is missing
-  std::int64_t doubtful = 0;        // records with at least one verdict other than ok
-  PerSensor<std::int64_t> valid{};  // records with valid data of the sensor
-  PerSensor<std::int64_t> lost{};   // lost tags, radar frames and depth frames
+  std::int64_t incomplete = 0;      // number of records in which a required sensor is missing
+  std::int64_t doubtful = 0;        // number of records with at least one verdict other than ok
+  PerSensor<std::int64_t> valid{};  // number of records with valid data of the sensor
+  PerSensor<std::int64_t> lost{};   // number of lost tags, radar frames and depth frames
   std::int64_t tags = 0;
   // Number of records with antenna data; number of frames in these records.
   std::int64_t arrays = 0, array_frames = 0;
@@ -167,11 +169,11 @@ struct RunSummary {
   std::map<std::string, std::string> policies;  // "required" or "optional" for each sensor
   // Number of records by sensor and verdict. Details after the colon of a verdict are omitted.
   PerSensor<std::map<std::string, std::int64_t>> verdicts;
-  PerSensor<std::optional<ClockState>> clocks;  // clock fits of the last record with clock fits
+  PerSensor<std::optional<ClockState>> clocks;  // clock fits of the last record that contains any
 };
 
-// Returns e.g. "28 of 75 doubtful: radar missing 11, weak 10; camera frozen 7"; empty if all are
-// ok.
+// Returns e.g. "28 of 75 doubtful: radar missing 11, weak 10; camera frozen 7"; empty if all
+// verdicts are ok.
 std::string doubts_of(const RunSummary& sum);
 // Returns the part of a verdict before its colon.
 std::string verdict_kind(const std::string& verdict);
@@ -190,11 +192,12 @@ inline constexpr const char* copy_of_open = "copy of an open run";
 class RunReader {
  public:
   // Throws Error(failed) if the file is missing, damaged, of another format or not a run file. Also
-  // throws Error(failed) if the file contains anything other than the tables of a run. The size of
-  // the file limits the time and memory for reading it. A closed run does not change, so side files
-  // of SQLite are ignored. On a network file system only closed runs can be read.
+  // throws Error(failed) if the file contains anything other than the tables of a run. The time and
+  // memory for reading are limited; the limits depend on the size of the file. A closed run does
+  // not change, so side files of SQLite are ignored. On a network file system, only closed runs can
+  // be read.
   explicit RunReader(const std::string& path);
-  // `network`: result of network_of(path).
+  // `network` is the result of network_of(path).
   RunReader(const std::string& path, const std::string& network);
   ~RunReader();
   RunReader(const RunReader&) = delete;
@@ -203,7 +206,7 @@ class RunReader {
   const std::string& path() const { return path_; }
   // Returns SQLite's side files next to a closed run; they are ignored.
   std::vector<std::string> leftovers() const;
-  // Returns the row of the table `run`. If the status is "open", but no process is writing the run,
+  // Returns the row of the table `run`. If the status is "open" but no process is writing the run,
   // the status is replaced by "crashed", `crashed_without_wal` or `copy_of_open`.
   RunInfo info() const;
   std::vector<DeviceInfo> devices() const;
@@ -245,27 +248,28 @@ class RunReader {
   Statement ask(const std::string& sql) const;
   std::vector<FusedRecord> records(const std::string& which) const;
   template <class T>
-  // `tail`: end of the SELECT statement, e.g. its WHERE clause.
+  // `tail` is the end of the SELECT statement, e.g. its WHERE clause.
   std::vector<T> rows(const std::string& tail = {}) const;
   std::string path_, file_, shown_;  // path as given, path with links resolved, path for messages
   sqlite3* db_ = nullptr;
-  bool closed_ = false;      // result of is_closed()
-  bool lacks_wal_ = false;   // no process is writing, and the -wal is missing or empty
+  bool closed_ = false;  // result of is_closed()
+  bool lacks_wal_ =
+      false;  // true if no process is writing the run and the -wal is missing or empty
   std::uint64_t bytes_ = 0;  // total size of the file and its -wal when they were opened
   std::unique_ptr<Budget> budget_;
 };
 
-// Adds an event of level "note" to a run. `who`: source of the event. In an open run the event is
-// added by a transaction. A closed run is replaced, while its lock is held, by a copy that contains
-// the note and has the same mode and owner. Throws Error(disk) if the disk does not have enough
-// space for the copy, and Error(failed) if the -wal of the run is missing.
+// Adds an event of level "note" to a run; `who` is the source of the event. An open run is changed
+// by a transaction. A closed run is locked and replaced by a copy that contains the note and has
+// the same mode and owner. Throws Error(disk) if the disk does not have enough space for the copy,
+// and Error(failed) if the -wal of the run is missing.
 void put_note(const std::string& path, const std::string& text, const std::string& who);
 // Adds an event of level "label". The recording process uses this label for all records from the
 // current slot on. Throws Error(failed) if the run is not being recorded.
 void put_label(const std::string& path, const std::string& label, const std::string& who);
 
 // Changes the status of a crashed run from "open" to "crashed" and merges its WAL. Does nothing if
-// the file is not a run, damaged, not writable or in use by another program.
+// the file is not a run or is damaged, not writable or in use by another program.
 void recover(const std::string& path);
 
 }  // namespace echofuse::record

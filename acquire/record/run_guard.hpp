@@ -23,8 +23,8 @@ struct Budget {
   static Budget of_file(std::uint64_t bytes);
 };
 
-// Disables everything in the file that SQLite could execute, such as views and triggers. Call
-// before the first statement.
+// Disables everything in the file that SQLite could execute, such as views and triggers. Must be
+// called before the first statement.
 void harden(sqlite3* db);
 // Applies the budget: a statement that exceeds it fails with SQLITE_INTERRUPT. `budget` must
 // outlive the database connection.
@@ -32,7 +32,8 @@ void limit(sqlite3* db, Budget& budget);
 
 // Returns SQLITE_OK if SQLite can read the schema of the file.
 int probe(sqlite3* db);
-// Throws Error(failed) unless the file is a run file of format_version.
+// Throws Error(failed) unless the file is a run file with the supported format version
+// (`format_version`).
 void check_identity(sqlite3* db, const std::string& path);
 // Throws Error(failed) unless the file contains exactly the tables of a run, as defined in
 // rows.hpp. Views, triggers, additional indices, virtual tables and computed columns are rejected.

@@ -25,15 +25,15 @@ std::optional<std::uint32_t> wal_key(const std::string& path);
 bool lacks_wal(const std::string& path);
 // Creates the -wal of a new run and stores the key of the -wal in the run.
 void bind_wal(sqlite3* db, const std::string& path);
-// Marks the run as not bound to a -wal. Call before the -wal is emptied at the end, so that readers
-// accept the run if the process is then killed.
+// Marks the run as not bound to a -wal. Must be called before close() empties the -wal, so that
+// readers accept the run if the process is then killed.
 void unbind_wal(sqlite3* db, const std::string& path);
 // Stores the key again if another connection created a new header, e.g. by a TRUNCATE checkpoint.
 void rebind_wal(sqlite3* db, const std::string& path);
 
 // Throws Error(failed) if the key of the -wal differs from the key in the run by more than 65 536.
-// Accepts any -wal for a run without a key. Call before SQLite opens the run, and only while no
-// process is writing it.
+// Accepts any -wal for a run without a key. Must be called before SQLite opens the run, and only
+// while no process is writing it.
 void require_own_wal(const std::string& path);
 // Throws Error(failed) if the -journal is next to a -wal or contains more than the first page. When
 // SQLite closes a run, its -journal contains only this page, and the -wal does not exist.

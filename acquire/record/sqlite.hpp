@@ -66,8 +66,8 @@ inline int journal_version(sqlite3* db) {
   return versions[0] == versions[1] ? versions[0] : 0;
 }
 
-// Returns true for a closed run, to which side files are not applied. Returns false if the file
-// cannot be opened.
+// Returns true for a closed run, for which side files are ignored. Returns false if the file cannot
+// be opened.
 inline bool is_closed(const std::string& path) {
   sqlite3* db = nullptr;
   const int code = sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READONLY, nullptr);
@@ -83,8 +83,8 @@ inline std::string immutable_uri(const std::string& path) {
   return uri + "?immutable=1";
 }
 
-// Opens an existing database for reading and writing. `flags`: additional SQLITE_OPEN_* flags.
-// Throws the same errors as sqlite_fail().
+// Opens an existing database for reading and writing. `flags` contains additional SQLITE_OPEN_*
+// flags. Throws the same errors as sqlite_fail().
 inline DatabaseHandle open_database(const std::string& path, const char* doing, int flags = 0) {
   require_regular_files(path);
   sqlite3* db = nullptr;
@@ -97,7 +97,7 @@ inline DatabaseHandle open_database(const std::string& path, const char* doing, 
 // Prepared statement. Parameters are bound and columns are read in order, beginning with the first.
 class Statement {
  public:
-  // `most_bytes`: maximum total size of the strings and blobs that are read; a statement that
+  // `most_bytes` is the maximum total size of the strings and blobs that are read. A statement that
   // exceeds this size throws Error.
   Statement(sqlite3* db, const std::string& path, const char* sql,
             std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max())

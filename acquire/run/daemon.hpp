@@ -16,17 +16,19 @@ namespace echofuse::acquire {
 
 struct RunOptions {
   std::string out;                        // run file to create
-  std::int64_t slots_a_file = 0;          // slots per run file; 0: all slots in one file
+  std::int64_t slots_a_file = 0;          // number of slots per run file; 0: all slots in one file
   std::function<std::string()> next_out;  // returns the file name of the next run
   // Number of slots to record; no value: record until interrupted.
   std::optional<std::int64_t> count;
   std::vector<std::pair<std::string, std::string>> meta;
-  std::string uuid;              // UUID of the first run; empty: random
-  std::int64_t countdown_s = 0;  // countdown before the first slot, s; 0: none
+  std::string uuid;  // UUID of the first run; empty: random
+  std::int64_t countdown_s =
+      0;  // duration of the countdown before the first slot, s; 0: no countdown
   bool quiet = false;
-  // Receives each status line; empty: print to stderr.
+  // Receives each status line; if empty, the lines are printed to stderr.
   std::function<void(std::string)> show_status;
-  std::vector<std::string> on_doubt;  // program and arguments that DoubtHook runs; empty: none
+  std::vector<std::string>
+      on_doubt;  // program run by DoubtHook, with its arguments; empty: no program
   // If true, record_run() returns ExitCode::partial if any record has a sensor that is not "ok".
   bool strict = false;
   // Folder for the raw bytes of all ports; if empty, raw bytes are not stored.

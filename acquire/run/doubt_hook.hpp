@@ -19,8 +19,9 @@
 namespace echofuse::acquire {
 
 // Passes each change of state to the program in environment variables (ECHOFUSE_SOURCE and others,
-// see acquire/README.md). Runs one program at a time. After `longest`, kills it and the programs
-// that it started. Threading: one thread; only finish() blocks it.
+// see acquire/README.md). Runs one program at a time. If a program runs for longer than `longest`,
+// kills this program and its child processes. Threading: all members must be called on the same
+// thread; only finish() blocks.
 class DoubtHook {
  public:
   static constexpr std::chrono::seconds longest{10};
@@ -28,19 +29,19 @@ class DoubtHook {
   static constexpr std::size_t most_waiting = 16;
   using Warn = std::function<void(const std::string&)>;
 
-  // `words`: program and arguments; if empty, this object does nothing. Throws Error(config) if
-  // words[0] cannot be executed.
+  // `words` contains the program and its arguments; if it is empty, this object does nothing.
+  // Throws Error(config) if words[0] cannot be executed.
   DoubtHook(std::vector<std::string> words, const record::AlertLimits& limits, Warn warn);
   ~DoubtHook();  // kills a running program
   DoubtHook(const DoubtHook&) = delete;
   DoubtHook& operator=(const DoubtHook&) = delete;
 
-  // Queues a change for each configured sensor that has changed its state since the previous
+  // Queues a change for each configured sensor if its state differs from that in the previous
   // record.
   void take(const record::FusedRecord& record, SensorSet configured, const std::string& run);
   void take_disk(std::optional<std::uint64_t> free_bytes, UtcTime now, const std::string& run);
   // Starts the program for the next change; kills a program that has run for longer than `longest`.
-  // Call every 50 ms.
+  // Must be called every 50 ms.
   void update(HostTime now);
   // Spends at most one second on reporting the waiting changes, then kills the running program.
   // Warns about changes that were not reported.

@@ -50,45 +50,47 @@ class Journal {
   // the waiting ones.
   bool put(record::FusedRecord record);
   void put(WriteJob job);
-  // Closes the run as complete. Later jobs write to the next run, which `make` creates. Writes a
-  // clock anchor to it; the caller must write configuration, devices and axes again. If `make`
-  // throws, the journal fails.
+  // Closes the run as complete. Later jobs write to the next run, which is created by `make`.
+  // Writes a clock anchor to the next run; the caller must write the configuration, devices and
+  // axes to it again. If `make` throws, the journal fails.
   using MakeRun = std::function<std::unique_ptr<record::RunWriter>()>;
   void begin_next(MakeRun make);
   void put_config(const Config& config);
-  void put_device(const DeviceInfo& device);  // writes one row per device, even after reconnection
-  // Writes the axes that the file does not contain yet. Writes the zones together with axis "spd".
+  void put_device(const DeviceInfo& device);  // writes a row if the device differs from the one
+                                              // previously written for this sensor
+  // Writes the axes that the file does not contain yet. The zones are written together with the
+  // axis "spd".
   void put_axes(const std::vector<Axis>& axes, const Zones& zones = {});
   // Writes the number of late samples of each record.
   void put_late(record::LateCounts late);
-  // Writes the drivers' counts since the last call and the counts of unassigned samples, all in one
-  // transaction.
+  // Writes how much each driver counter has increased since the last call, and the counts of
+  // unassigned samples, all in one transaction.
   void put_counters(PerSensor<std::vector<Counter>> counters, const UnassignedSamples& unassigned);
 
-  // Writes a clock anchor once per minute. If the system clock was set or the machine was
+  // Writes a clock anchor once per minute. If the system clock has been set or the machine has been
   // suspended, writes an anchor immediately and logs a warning.
   void refresh_anchor(RunLog& log);
-  // Returns the start of a slot as UTC. Call in slot order. Slots that began before the system
-  // clock was set keep the old time.
+  // Returns the start of a slot as UTC. Must be called in slot order. If the system clock is set,
+  // slots that began earlier keep the UTC of the clock before the change.
   UtcTime utc_of(HostTime slot_start);
 
   // Returns true if at least half of `capacity` jobs are waiting. A caller that has many records
   // should then wait for the disk.
   bool crowded() const { return waiting_ >= capacity_ / 2; }
   bool failed() const { return failed_ || !overflow_.empty(); }
-  // Returns the cause of a delay: a slow disk, or a write transaction of another program.
+  // Returns the cause of a delay: a slow disk, or a write transaction by another program.
   std::string why_late() const;
   std::int64_t written() const { return written_; }
   std::string path() const;  // path of the run file being written
   // Returns the label of the last written record if a label event set it; otherwise no value.
   std::optional<std::string> label() const;
-  // Returns the free space of the disk after the last record in bytes; no value if unknown.
+  // Returns the free disk space in bytes after the last record; no value if unknown.
   std::optional<std::uint64_t> free_bytes() const;
 
   // Completes the waiting jobs and closes the run with `status`. If a job failed, closes the run as
-  // "stopped:disk" or, for other reasons, "stopped:failed". Then throws the Error of that job, with
-  // the number of missing records. Returns false if another program that reads the run prevents
-  // merging the WAL into the file (RunWriter::close).
+  // "stopped:disk" if the disk was the reason, otherwise as "stopped:failed". Then throws the Error
+  // of that job, with the number of missing records. Returns false if another program that reads
+  // the run prevents merging the WAL into the file (RunWriter::close).
   bool finish(const std::string& status);
 
  private:
@@ -105,14 +107,14 @@ class Journal {
   void fail(const std::exception_ptr& why);
   void stop();
 
-  record::Patience patience_;  // times of waiting for a locked run file, shared by all writers
+  record::Patience patience_;  // state of the wait for a locked run file, shared by all writers
   // Replaced by the worker when the next run begins; guarded by mutex_.
   std::unique_ptr<record::RunWriter> run_;
   const std::size_t capacity_;
   const Clock& clock_;
   std::set<std::string> axes_;         // names of the axes already written
   PerSensor<std::string> identities_;  // identities of the devices already written
-  // Drivers' counters at the last put_counters().
+  // Values of the driver counters at the last call of put_counters().
   PerSensor<std::map<std::string, std::uint64_t>> counted_;
   std::deque<SlotAnchor> anchors_;  // anchors that open slots still use, then the current anchor
   std::int64_t put_ = 0;            // number of records passed to put()

@@ -40,8 +40,8 @@ struct SlotGrid {
   }
 };
 
-// Returns the start of slot 0: the first multiple of `length` from `ready` on, or `ready` itself if
-// slots are longer than 10 s.
+// Returns the start of slot 0: the first multiple of `length` that is not before `ready`, or
+// `ready` itself if slots are longer than 10 s.
 inline HostTime first_slot(HostTime ready, std::chrono::nanoseconds length) {
   constexpr std::chrono::seconds longest_wait{10};
   return length > longest_wait ? ready : (ready + length - HostTime(1)) / length * length;
@@ -58,7 +58,7 @@ inline constexpr std::chrono::milliseconds grace{500};
 
 class Scheduler {
  public:
-  // `count`: number of slots of the run; no value: unlimited.
+  // `count` is the number of slots of the run; no value: unlimited.
   explicit Scheduler(const SlotGrid& grid, std::optional<std::int64_t> count = std::nullopt);
 
   // Returns the slots that must be closed now.
