@@ -127,7 +127,7 @@ class Measurement {
     if (config_.configured().contains(Sensor::radar)) out.push_back(radar());
     return out;
   }
-  // Returns the gains and phases of the antennas without the phases that are due to the direction
+  // Returns the gains and phases of the antennas after removing the phases caused by the direction
   // of the reflector. Returns no value if the radar cfg has no heat map.
   std::optional<AntennaFit> antennas() const {
     if (config_.antennas.empty()) return std::nullopt;

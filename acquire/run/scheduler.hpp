@@ -98,8 +98,8 @@ class Scheduler {
 // slow, and all slots are closed without waiting.
 class Backlog {
  public:
-  // If this number of slots became due after a pause, the slots of the pause no longer wait for the
-  // disk.
+  // Once this number of slots has become due after a pause, the slots that began during the pause
+  // no longer wait for the disk.
   static constexpr std::int64_t most_behind = 128;
 
   void put(const std::vector<DueSlot>& fresh) {

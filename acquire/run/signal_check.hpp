@@ -24,13 +24,14 @@ namespace echofuse::acquire {
 
 class SignalCheck {
  public:
-  // `nominal_hz`: rates of start pulses, radar frames and camera frames, Hz; 0: unknown. Depths
-  // beyond `far_m` are treated as no return.
+  // `nominal_hz` contains the rates of start pulses, radar frames and camera frames in Hz; 0 if
+  // unknown. Depths beyond `far_m` are treated as "no return".
   SignalCheck(const SignalLimits& limits, double window_s, PerSensor<double> nominal_hz = {},
               double far_m = record::most_map_far_m);
-  // Fills `record.signal` except `clicks_a_pulse`, and sets the verdicts of valid sensors. Call in
-  // the order of the records. `axes`: axes of the run. `ends`: times at which the recordings of the
-  // sensors end. If a recording ends within the slot, samples are expected only up to that time.
+  // Fills `record.signal` except `clicks_a_pulse`, and sets the verdicts of valid sensors. Must be
+  // called for each record in order. `axes` contains the axes of the run, and `ends` the times at
+  // which the recordings of the sensors end. If a recording ends within the slot, samples are
+  // expected only up to that time.
   using RecordingEnds = PerSensor<std::optional<HostTime>>;
   void assess(record::FusedRecord& record, std::span<const Axis> axes,
               const RecordingEnds& ends = {});
@@ -64,9 +65,9 @@ class SignalCheck {
   std::vector<std::uint16_t> last_depth_;
 };
 
-// Returns a hint that the start and click inputs of the tagger may be swapped; otherwise an empty
-// string. The criterion is that at least 98 % of the clicks are outside the histogram, or that
-// there are more than four clicks per start.
+// Returns a hint that the start and click inputs of the tagger may be swapped, if at least 98 % of
+// the clicks are outside the histogram or there are more than four clicks per start; otherwise an
+// empty string.
 std::string swap_question(const TagCounts& counts);
 
 // Returns the kind of a valid sensor's verdict ("ok", "weak", ...), or "missing" if the sensor is

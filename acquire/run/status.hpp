@@ -15,9 +15,9 @@ namespace echofuse::acquire {
 // Totals since the start of the run.
 struct RunTotals {
   std::int64_t records = 0, written = 0;
-  std::int64_t incomplete = 0;  // records in which a required sensor is not valid
-  std::int64_t not_ok = 0;      // records in which a configured sensor is not "ok"
-  // Received samples and total length of the slots.
+  std::int64_t incomplete = 0;  // number of records in which a required sensor is not valid
+  std::int64_t not_ok = 0;      // number of records in which a configured sensor is not "ok"
+  // Number of samples received, and total duration of the slots.
   std::uint64_t tags = 0, radar_frames = 0, depth_frames = 0;
   double slots_s = 0;
   PerSensor<std::uint64_t> lost{};  // number of lost tags, radar frames and depth frames
@@ -94,8 +94,8 @@ class StatusLine {
 
 // Reports that the run is ready. Extends the watchdog period if it is shorter than four slots.
 void notify_ready(double window_s);
-// Reports the number of records on disk and triggers the watchdog. Call only if that number has
-// increased.
+// Reports the number of records on disk and triggers the watchdog. May be called only if that
+// number has increased.
 void notify_advance(std::int64_t records);
 void notify_stopping();
 

@@ -13,8 +13,8 @@ namespace echofuse::acquire {
 // fails to start, logs a warning and lets the run continue.
 class Viewer {
  public:
-  // The run file need not exist yet. `planned`: planned number of records. `model`: model for the
-  // live depth maps; empty: no maps.
+  // The run file need not exist yet. `planned` is the planned number of records. `model` is the
+  // model for the live depth maps; if it is empty, no depth maps are computed.
   Viewer(const std::string& run, std::optional<std::int64_t> planned, const std::string& model);
   ~Viewer();  // stops the viewer, unless leave() was called
   Viewer(const Viewer&) = delete;

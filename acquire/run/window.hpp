@@ -48,8 +48,8 @@
 
 namespace echofuse::acquire {
 
-// Numbers of SPD tags or radar and camera frames that are not in any record. As an exception, the
-// samples counted by `out_of_order` are in a record.
+// Numbers of SPD tags, radar frames and camera frames that are not in any record. Only the samples
+// counted by `out_of_order` are in a record.
 struct UnassignedSamples {
   PerSensor<std::uint64_t> early{}, late{}, outside{}, duplicate{}, out_of_order{};
 };
@@ -72,16 +72,16 @@ class Windows {
   void add(const RadarFrame& frame);
   void add(DepthFrame frame);
 
-  // Closes a slot and returns its record; the caller sets label and UTC. Call once per slot, in
-  // order.
+  // Closes a slot and returns its record; the caller sets the record's label and UTC. Must be
+  // called once per slot, in order.
   record::FusedRecord close(const DueSlot& slot);
   // Ends the run: samples of later slots are counted as `outside`.
   void finish();
   const UnassignedSamples& unassigned() const { return unassigned_; }
   // Returns the numbers of unassigned samples since the last call.
   UnassignedSamples take_unassigned() { return std::exchange(unassigned_, {}); }
-  // Returns the number of late samples of each slot since the last call, for at most 256 slots. All
-  // late samples are counted in unassigned().
+  // Returns the number of late samples of each slot since the last call, for at most 256 slots. The
+  // counts of unassigned() include all late samples.
   record::LateCounts take_late() { return std::exchange(late_, {}); }
 
  private:
@@ -146,7 +146,8 @@ class Windows {
   SlotGrid grid_;
   const SensorClocks& clocks_;
   SensorSet configured_, required_;
-  std::shared_ptr<tdc::Histogram> histogram_;  // histogram of the slot that got the last tags
+  std::shared_ptr<tdc::Histogram>
+      histogram_;  // histogram of the slot to which the last tags were assigned
   // Start of the current overflow; no value outside an overflow.
   std::optional<HostTime> overflow_from_;
   std::map<std::string, Axis> axes_;  // axes by name: array, depth_x, depth_y, radar, spd

@@ -37,17 +37,17 @@ std::int64_t ticks_passed(std::uint64_t from, std::uint64_t to, double expected,
 
 class ClockFit {
  public:
-  // `tick_s`: length of a tick; `bits`: width of the device counter.
+  // `tick_s` is the duration of a tick, and `bits` the width of the device counter.
   explicit ClockFit(double tick_s, unsigned bits = 64) : tick_s_(tick_s), spare_bits_(64 - bits) {}
 
-  // Adds a sample. Call in the order of receipt.
+  // Adds a sample. Samples must be added in the order in which they arrived.
   void add(std::uint64_t ticks, HostTime received);
 
   // Returns true if the fit is reliable: it has at least 32 samples over at least 0.5 s, the latest
   // sample is not suspect, and the clock rates of device and host agree within 5 %.
   bool sound() const;
-  // Returns the host time of the measurement, which is never later than the time of receipt. If the
-  // fit is not sound, returns the time of receipt.
+  // Returns the host time of the measurement, which is never later than the arrival time. If the
+  // fit is not sound, returns the arrival time.
   HostTime taken(std::uint64_t ticks, HostTime received) const;
   // Returns the state of the fit at a host time; no value if the fit is not sound.
   std::optional<record::ClockState> state(HostTime at) const;
@@ -61,7 +61,7 @@ class ClockFit {
     double device_s;  // device time since the start of the history
     double excess_s;  // host time since the start of the history, minus device_s
   };
-  struct Least {  // least delayed sample of one half-second stretch of the history
+  struct Least {  // least delayed sample within half a second of the history
     ClockSample sample;
     std::int64_t stretch;
     std::uint64_t samples;
@@ -96,7 +96,7 @@ class ClockFit {
   std::optional<Late> late_;
 };
 
-// Returns the device time of a histogram in ps, the unit of time tags, modulo 2^64.
+// Returns the device time of a histogram, modulo 2^64, in ps, which is the unit of time tags.
 inline std::uint64_t device_clock_of(const HistogramFrame& frame) {
   return 1'000'000 * frame.device_time_us;
 }
@@ -113,7 +113,7 @@ class SensorClocks {
  private:
   ClockFit& of(Sensor s) { return fits_[s]; }
 
-  // Tick lengths: 1 ps for time tags, 5 ns for the radar's CPU cycles, 1 us for the camera.
+  // Tick durations: 1 ps for time tags, 5 ns for the radar's CPU cycles, 1 us for the camera.
   PerSensor<ClockFit> fits_{ClockFit(1e-12), ClockFit(5e-9, 32), ClockFit(1e-6)};
 };
 

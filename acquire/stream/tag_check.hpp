@@ -27,24 +27,24 @@
 
 namespace echofuse::acquire {
 
-// Returns a warning with a suitable bin width if tag times in multiples of `step_ps` make the bins
-// uneven; otherwise an empty string.
+// Returns a warning that recommends a bin width if tag times in multiples of `step_ps` make the
+// bins uneven; otherwise an empty string.
 std::string comb_text(long double step_ps, std::int64_t bin_width_ps);
 
 class TagCheck {
  public:
   using ReportFault = std::function<void(const std::string&)>;
   // If `live` is true, reports each fault immediately and checks the device clock. A recording is
-  // not live, because its times of receipt are derived from its tags.
+  // not live, because its arrival times are derived from its tags.
   TagCheck(const tdc::HistogramSettings& use, bool live, ReportFault report);
 
   using Output = std::function<void(const TagBlock&)>;
   // Calls `out` with the events that waited for this block, then with the events of the block. The
   // times of all these events have been repaired.
   void take(const TagBlock& block, const Output& out);
-  // Calls `out` with the events that are still waiting. Call at the end of the stream.
+  // Calls `out` with the events that are still waiting. Must be called at the end of the stream.
   void flush(const Output& out);
-  // Reports the faults that were not reported yet, and the counts of repeated faults.
+  // Reports the faults that have not been reported yet, and the counts of repeated faults.
   void finish();
 
  private:
@@ -78,7 +78,7 @@ class TagCheck {
   void repair(Tag& tag);
   void sort();
   std::size_t ready() const;
-  // Checks the events and calls `out` with them. `plain`: result of is_plain().
+  // Checks the events and calls `out` with them. `plain` is the result of is_plain().
   void pass(const TagBlock& block, const Output& out, bool plain = false);
   void check_tag(const Tag& tag, HostTime received);
   void take_marker(const Tag& tag, HostTime received);
@@ -111,7 +111,7 @@ class TagCheck {
   std::optional<HostTime> second_from_, overflow_from_;
   bool overflow_told_ = false;
   std::optional<std::uint64_t> last_start_ps_, last_click_ps_;
-  unsigned clicks_ = 0;  // clicks since the last start
+  unsigned clicks_ = 0;  // number of clicks since the last start
   SecondCounts sample_;
   double period_ps_ = 0;   // period of the starts; 0 if unknown
   double next_share_ = 0;  // fraction of starts that are followed by the start of the next pulse
