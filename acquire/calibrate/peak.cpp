@@ -19,8 +19,8 @@ constexpr double pi = std::numbers::pi;
 constexpr double least_photon_snr = 10;  // minimum ratio of the amplitude to its standard error
 constexpr double least_echo_db = 10;
 constexpr std::size_t least_bins = 8;
-// Error, in bins, of the vertex of a parabola through log powers. It applies if there is one bin
-// per resolution cell and the lobe is at most as wide as that of a Hann window.
+// Error of the vertex of a parabola through log powers, in bins. This value applies if there is one
+// bin per resolution cell and the lobe is at most as wide as that of a Hann window.
 constexpr double parabola_error = 0.02;
 
 std::string at(const char* text, double range_m) {
@@ -157,7 +157,7 @@ struct SecondPeak {
   double photons = 0, bin = 0;
 };
 
-// Finds the strongest second peak within `where`, assuming the fitted width.
+// Finds the strongest peak within `where` other than the fitted one, assuming the same width.
 SecondPeak other_bump(std::span<const std::uint32_t> counts, const PhotonPeak& g, BinRange where) {
   const auto wide = static_cast<std::size_t>(std::max(1.0, 2 * g.sigma));
   SecondPeak best;
@@ -277,8 +277,8 @@ std::string unlike_one_echo(const Profile& profile, const EchoPlace& fit, std::s
   return {};
 }
 
-// Returns the bin of a second peak in [low, high], or 0 if only one peak exists. A second peak is
-// outside the main lobe (first null at 3 cells) and at most 6 dB weaker.
+// Returns the bin of a second peak in [low, high], or 0 if there is only one peak. A peak counts as
+// a second one if it is outside the main lobe (first null at 3 cells) and at most 6 dB weaker.
 std::size_t other_top(const std::vector<double>& mean, std::size_t low, std::size_t high,
                       std::size_t top, double cells_per_bin) {
   const auto width = static_cast<std::size_t>(std::ceil(3 / cells_per_bin));
@@ -403,8 +403,8 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
   const std::size_t low = bin(search.distance_m - search.window_m / 2),
                     high = bin(search.distance_m + search.window_m / 2);
   std::size_t top = highest(mean, low, high);
-  // The lobe may cross the border of the window. Climbs to its top, which may be outside the
-  // window.
+  // Moves to the top of the lobe, which is outside the window if the lobe crosses the window's
+  // border.
   while (top > 2 && mean[top - 1] > mean[top]) --top;
   while (top < last && mean[top + 1] > mean[top]) ++top;
   peak.snr_db = db_over_floor(top);

@@ -79,7 +79,7 @@ Fitted minimise(const Problem& problem, VectorXd at) {
     if (done) break;
   }
   out.parameters = at;
-  // Pseudo-inverse: a parameter that the data do not constrain gets error 0.
+  // A parameter that the data do not constrain gets a standard error of 0 from the pseudo-inverse.
   out.covariance = information.completeOrthogonalDecomposition().pseudoInverse();
   return out;
 }
@@ -88,8 +88,8 @@ Fitted minimise(const Problem& problem, VectorXd at) {
 
 double normal(double u) { return 0.5 * std::erfc(-u / std::numbers::sqrt2); }
 
-// Returns the cumulative distribution at time t of a Gaussian with an exponential tail. Times are
-// in units of the standard deviation of the Gaussian.
+// Returns the cumulative distribution function of a Gaussian with an exponential tail at time t.
+// Times are in units of the standard deviation of the Gaussian.
 double before(double t, double tail) {
   if (tail < 0.05) return normal(t - tail);
   return normal(t) - std::exp(0.5 / (tail * tail) - t / tail) * normal(t - 1 / tail);
@@ -184,8 +184,8 @@ std::string fit_impulse_response(std::span<const std::uint32_t> counts, double s
 
 namespace {
 
-// Returns by how much the window falls below 0 or exceeds 112 % of its centre value, as a fraction
-// of that value.
+// Returns by how much the window function falls below 0 or exceeds 112 % of its value at the
+// centre, as a fraction of that value.
 double fault_of(std::span<const double> terms) {
   const auto window = [&](double x) {
     double value = 1, k = 0;
@@ -198,9 +198,9 @@ double fault_of(std::span<const double> terms) {
   return fault;
 }
 
-// Returns the number of bins of a flank that are free of a second echo. The response is assumed to
-// be symmetric and decreasing. `side`: flank below (-1) or above (1) `top`. Powers are relative to
-// the peak.
+// Returns the number of bins in a flank that contain no second echo. The response is assumed to be
+// symmetric and decreasing. `side` selects the flank below (-1) or above (1) `top`. Powers are
+// relative to the peak.
 Index free_bins(const VectorXd& power, Index top, Index side, Index reach, double noise) {
   const auto at = [&](Index i) { return i >= 0 && i < power.size() ? power[i] : -1; };
   for (Index k = 1; k <= reach; ++k) {
@@ -269,8 +269,8 @@ class EchoFit {
     return std::min(top_ - first_, first_ + count_ - 1 - top_) >= least_bins;
   }
   // Fits windows with and without a phase error. Each additional parameter must reduce chi2 by more
-  // than `least_gain`. A phase error is rejected if the fit is bad, because two echoes rarely fit a
-  // single window well.
+  // than `least_gain`. A phase error is rejected if the fit is poor, because two echoes rarely fit
+  // a single window well.
   void fit() {
     constexpr std::pair<double, double> shapes[] = {
         {0, 0}, {1, 0}, {blackman[0], blackman[1]}, {0.6, -0.3}, {1.9, 1.3}};
@@ -372,7 +372,7 @@ VectorXd shape_of(const Window& window) {
   return out;
 }
 
-// Returns the standard errors of the shape. The caller increases them if the fit is bad.
+// Returns the standard errors of the shape. The caller increases them if the fit is poor.
 VectorXd shape_errors(const Fitted& fit, const VectorXd& shape) {
   constexpr double d = 1e-3;
   MatrixXd slope = MatrixXd::Zero(shape.size(), fit.parameters.size());

@@ -51,7 +51,7 @@ const TableRow titles{"run",   "started (UTC)", "length",   "records", "valid %"
                       "state", "labels",        "operator", "notes",   "verdict"};
 
 TableRow row_of(const ListedRun& e) {
-  // Maximum length of a table entry, bytes; longer entries are shortened, except with --json.
+  // Maximum length of a table entry in bytes. Longer entries are shortened, except with --json.
   constexpr std::size_t longest = 40;
   const auto short_text = [](const std::string& text) { return printable(text, longest); };
   std::string labels, notes;

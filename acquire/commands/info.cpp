@@ -40,7 +40,7 @@ Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
           {"places", antennas}};
 }
 
-// Returns the direction and the total clicks of each detector zone; an empty array for a
+// Returns the direction and the total number of clicks of each detector zone; an empty array for a
 // single-pixel detector.
 Json zones_of(const record::RunReader& run) {
   const Zones zones = run.zones();
@@ -203,7 +203,7 @@ std::string millimetres(const Json& metres) {
   return text;
 }
 
-// Omits counters that are 0, and converts large counts of bytes to MB.
+// Omits counters that are 0, and converts large byte counts to MB.
 Json counts(const Json& object) {
   Json out = Json::object();
   for (const auto& [name, value] : object.items())

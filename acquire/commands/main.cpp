@@ -70,8 +70,8 @@ void plan_count(Options& o, const Config& config) {
   if (o.every_s > 0) o.run.slots_a_file = slots(o.every_s);
 }
 
-// Returns the path of a new run file. `numbered`: the file is one of several that `run --every`
-// creates.
+// Returns the path of a new run file. `numbered` is true if the file is one of several created by
+// `run --every`.
 std::string path_of(const std::string& out, bool numbered, const Config& config) {
   if (utf8_text(out) != out)
     throw Error(ExitCode::usage, "--out " + printable(out) + ": expected UTF-8");

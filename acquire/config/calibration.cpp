@@ -80,7 +80,8 @@ std::string text_of(const std::vector<double>& values) {
   return out;
 }
 
-// Parses 1 to 12 numbers from `least` to `most`. Returns an empty list if the string is invalid.
+// Parses 1 to 12 numbers, each between `least` and `most`. Returns an empty list if the string is
+// invalid.
 std::vector<double> values_of(const std::string& text, double least, double most) {
   std::vector<double> out;
   std::istringstream words(text);

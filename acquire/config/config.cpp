@@ -239,8 +239,8 @@ void check_radar_keys(ConfigChecker& checker, Config& c, const std::string& cfg,
   });
 }
 
-// Applies the antenna gains of the calibration file. Throws if the number of antennas in the file
-// differs from that of the heat map.
+// Applies the antenna gains of the calibration file. Throws if the file and the heat map differ in
+// their number of antennas.
 void calibrate_antennas(Config& c) {
   const AntennaGains& gains = c.calibration.antennas;
   if (gains.empty() || c.antennas.empty()) return;

@@ -17,7 +17,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Adds the device's verdict and sample counts from the last record of the run to `out`.
+// Reads the device's verdict and sample counts from the last record of the run, and adds them to
+// `out`.
 void take_last_record(const std::string& file, const Clock& clock, Answer& out) {
   const record::RunReader run(file);
   const std::int64_t last = run.summary().last_index;

@@ -28,15 +28,16 @@ std::vector<std::string> addresses_of(const Config& config, Sensor s) {
   return {config.radar.cli, config.radar.data};
 }
 
-// Returns the name by which a device is locked: host and port of a bridge, path of a serial port,
-// or URI of a camera. Any other device is locked by its address.
+// Returns the name under which a device is locked: host and port of a bridge, path of a serial
+// port, or URI of a camera. Any other device is locked under its address.
 std::string known_as(const std::string& address) {
   const port::Address parsed = port::parse_address(address);
   if (const auto* camera = std::get_if<port::OpenNiAddress>(&parsed)) {
     std::error_code none;
     if (!camera->uri.empty())
       return std::filesystem::is_regular_file(camera->uri, none) ? "" : camera->uri;
-    // The driver rejects an address without a URI if several cameras are attached.
+    // An address without a URI is valid only if one camera is attached; otherwise the driver
+    // rejects it.
     const auto cameras = depth::list_openni_devices();
     return cameras.size() == 1 ? cameras[0].uri : "";
   }

@@ -158,7 +158,8 @@ std::vector<Finding> findings_of(const Answer& answer, const Capture& capture, c
   return out;
 }
 
-// Checks 2 s of data of each device that answers. Returns the estimated size of a record, bytes.
+// Checks 2 s of data from each device that delivers data. Returns the estimated size of a record in
+// bytes.
 double check_devices(const Config& config, port::Loop& loop, DoctorReport& report) {
   Capture capture(config.histogram);
   Trial trial(capture, config);

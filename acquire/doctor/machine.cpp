@@ -59,7 +59,7 @@ std::vector<std::string> configured_addresses(const std::optional<Config>& confi
 struct Port {
   std::string path, missing;
   bool configured = false;
-  bool denied = false;  // the node exists, but this user has no permission to open it
+  bool denied = false;  // true if the node exists but this user has no permission to open it
 };
 
 bool is_denied(const std::string& path) {
