@@ -17,11 +17,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Maximum sizes per record: values of a histogram or range profile; pixels of a depth image.
+// Maximum number of values in a histogram or range profile, and of pixels in a depth image.
 constexpr std::size_t most_points = 1u << 24, most_pixels = 1u << 23;
 
-// Returns the smallest factor up to 1000 that makes all counts whole, or 0 if no factor does. If
-// the counts are means of f exposures, the factor is f.
+// Returns the smallest factor up to 1000 by which all counts become whole numbers, or 0 if there is
+// no such factor. If the counts are means of f exposures, the factor is f.
 std::uint32_t factor_of(const std::vector<double>& counts) {
   constexpr std::uint32_t most = 1000;
   constexpr double rounding = 1e-6;  // relative rounding error of a float
@@ -191,7 +191,7 @@ void ArrayFolder::refuse(const NpyFile& file, const std::string& what) const {
 
 std::vector<Axis> ArrayFolder::axes() const {
   std::vector<Axis> out;
-  // The numbers fit in 32 bits, because open() limits the size of an array.
+  // The array dimensions fit in 32 bits, because open() limits the size of an array.
   const auto count = [](const NpyFile& f, std::size_t k) {
     return static_cast<std::uint32_t>(f.shape()[k]);
   };
@@ -239,8 +239,8 @@ std::int64_t ArrayFolder::next_index() {
       index_ ? next_whole(*index_, static_cast<double>(record::max_index)) : row_);
 }
 
-// Returns the only value of the next row. Throws Error(failed) if it is not a whole number from 0
-// to `most`.
+// Returns the only value of the next row. Throws Error(failed) if it is not a whole number between
+// 0 and `most`.
 std::uint64_t ArrayFolder::next_whole(NpyFile& file, double most) const {
   const double value = file.next_row().at(0);
   if (value >= 0 && value <= most && value == std::floor(value))

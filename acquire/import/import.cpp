@@ -52,7 +52,7 @@ class Slots final : public SampleSink {
     tag_check_.finish();
     return tag_faults_;
   }
-  // Closes the slots that have ended at `now`. If `last` is true, also closes the slot that
+  // Closes the slots that have ended by `now`. If `last` is true, also closes the slot that
   // contains `now`.
   void close(HostTime now, bool last, const std::function<void(record::FusedRecord)>& take) {
     for (; grid_.end(next_) <= now || (last && grid_.start(next_) <= now); ++next_) {
@@ -217,7 +217,8 @@ UtcTime parse_utc(const std::string& text) {
   } else if (*rest == 'Z') {
     ++rest;
   }
-  if (*rest != '\0' || tm.tm_mday != day) throw refused;  // timegm() turns 30 February into 1 March
+  if (*rest != '\0' || tm.tm_mday != day)
+    throw refused;  // Rejects dates such as 30 February, which timegm() converts to 1 March.
   return std::chrono::seconds(local_s) - east + from_seconds(fraction);
 }
 
@@ -298,8 +299,8 @@ std::string import_recordings(Config config, const ImportOptions& options) {
   }
   begins(config.radar.data.empty() ? std::optional(modified(config.tdc.address)) : std::nullopt,
          "start time unknown: the file's modification time is used; set it with --began UTC");
-  // The file was last modified at the end of the recording. Subtracts the length of the recording
-  // to get its start time.
+  // The file was last modified at the end of the recording, so the start time is the modification
+  // time minus the duration of the recording.
   if (options.began.empty() && began.doubt.empty()) {
     RadarRecording whole(config.radar.data, parse_profile(config.radar));
     SampleSink nobody;

@@ -24,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::int64_t most_bytes = 64 << 20;  // largest block that a port delivers, bytes
-// Limits of the time since the start of the machine (36 years) and of UTC (year 2116). Sums and
+// Limits of the time since the machine was started (36 years) and of UTC (year 2116). Sums and
 // differences of such times fit into 64 bits.
 constexpr std::int64_t longest_ns = std::int64_t{1} << 60, most_value = std::int64_t{1} << 62;
 

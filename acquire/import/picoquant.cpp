@@ -16,7 +16,7 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr std::size_t chunk_records = 16384;
-constexpr std::int64_t block_ps = 10'000'000'000;  // block length: 10 ms
+constexpr std::int64_t block_ps = 10'000'000'000;  // duration of a block: 10 ms
 constexpr std::int64_t all = std::numeric_limits<std::uint32_t>::max();
 constexpr long double longest_ps = 9.1e18L;  // maximum time of a tag, below 2^63
 constexpr long double ps_per_s = 1e12L;
@@ -202,7 +202,7 @@ bool PicoquantTags::next(SampleSink& sink) {
   if (!more) known = tags_.size();
   if (known == 0) {
     if (beyond_) return false;
-    // A recording without light may end with overflow records. The last overflow record then
+    // A recording made in the dark may end with overflow records. The last overflow record then
     // defines the end time.
     const auto end_s = static_cast<double>(end_ps() / ps_per_s);
     at_ = std::max(at_, from_seconds(header_s_ > 0 ? std::min(end_s, header_s_) : end_s) -
@@ -211,8 +211,7 @@ bool PicoquantTags::next(SampleSink& sink) {
   }
   std::int64_t last_ps = 0;
   for (std::size_t i = 0; i < known; ++i) last_ps = std::max(last_ps, tags_[i].time_ps);
-  // Block times must not decrease, although an out-of-order tag may be earlier than the previous
-  // block.
+  // Keeps block times from decreasing if an out-of-order tag is earlier than the previous block.
   at_ = std::max(at_, HostTime(last_ps / 1000));
   TagBlock block;
   block.received = at_;

@@ -85,7 +85,7 @@ double RadarResponse::width_m() const {
 }
 
 Symmetry symmetry_of(const std::function<double(double)>& power, double first, double last) {
-  constexpr double reach = 4, step = 1. / 32;  // limit and step of the integration, cells
+  constexpr double reach = 4, step = 1. / 32;  // limit and step of the integration in cells
   const auto overlap = [&](double z) {
     double sum = 0;
     for (double u = 0; u < reach; u += step) sum += power(z + u) * power(z - u);

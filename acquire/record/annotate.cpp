@@ -20,7 +20,7 @@ namespace echofuse::record {
 
 namespace {
 
-constexpr int timeout_ms = 30'000;  // much longer than a commit of the recording process
+constexpr int timeout_ms = 30'000;  // much longer than the recording process needs for a commit
 constexpr auto retry_pause = std::chrono::milliseconds(20);
 
 [[noreturn]] void refuse_closed(const std::string& path) {
@@ -41,7 +41,7 @@ bool put_into_open(const std::string& path, const Event& event) {
   sqlite3_wal_autocheckpoint(db, 0);  // only the recording process runs checkpoints
   sqlite3_db_config(db, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   execute(db, path, "BEGIN IMMEDIATE", "cannot write");
-  if (journal_version(db) == 1) return false;  // the run cannot be closed during our transaction
+  if (journal_version(db) == 1) return false;  // the run cannot be closed during this transaction
   const bool open = Statement(db, path, "SELECT 1 FROM run WHERE status = 'open'").step();
   // The recording process reads no labels after it has closed the run.
   if (event.level == "label" && !open) refuse_closed(path);
@@ -61,7 +61,7 @@ void copy_into(NewFile& copy, const std::string& path) {
   if (::stat(path.c_str(), &like) != 0 || ::access(path.c_str(), W_OK) != 0)
     cannot_annotate(path, ExitCode::disk, std::strerror(errno));
   const auto folder = std::filesystem::path(path).parent_path();
-  constexpr std::uintmax_t note = 1 << 20;  // upper limit of the space for a note, bytes
+  constexpr std::uintmax_t note = 1 << 20;  // upper limit of the space that a note needs, in bytes
   if (const auto room = std::filesystem::space(folder).available; room < file.size() + note)
     cannot_annotate(path, ExitCode::disk,
                     std::to_string(room >> 20) +
@@ -89,8 +89,8 @@ bool put_into_closed(const std::string& path, const Event& event) {
     {
       const DatabaseHandle file = open_database(copy.path(), "cannot open for writing");
       harden(file.get());
-      // Creates no -journal file. If this process is killed, the next writer removes the copy, but
-      // would not remove a -journal.
+      // Keeps the journal in memory instead of a -journal file. If this process is killed, the next
+      // writer removes the copy, but it would not remove a -journal.
       execute(file.get(), copy.path(), "PRAGMA journal_mode=MEMORY", "cannot write");
       insert(file.get(), copy.path(), event);
     }

@@ -32,8 +32,8 @@ std::string FileWatch::lost() const {
   return {};
 }
 
-// Returns 0 if the path still leads to our file, ESTALE if it leads to another file, otherwise
-// errno of stat().
+// Returns 0 if the path still leads to the file that was opened, ESTALE if it leads to another
+// file, otherwise the errno of stat().
 int FileWatch::fault_of(const WatchedFile& file) const {
   struct stat now {};
   if (::stat((path_ + file.suffix).c_str(), &now) != 0) return errno;
