@@ -18,8 +18,8 @@
 
 namespace echofuse::record {
 
-// linux/magic.h does not define the types that are given as numbers. These numbers are from
-// statfs(2) and from the headers of the file systems.
+// The types written as numbers are not defined in linux/magic.h. The numbers are from statfs(2) and
+// from the headers of the file systems.
 std::string network_of_type(std::uint64_t type) {
   switch (type) {
     case NFS_SUPER_MAGIC:

@@ -101,7 +101,7 @@ std::string removal(const std::string& type, const std::string& name) {
   return "; remove it with: DROP " + printable(kind, 20) + " \"" + printable(quoted, 80) + "\"";
 }
 
-// Requires that the SQL definition of each table is identical to ours, so that our queries cannot
+// Requires that each table has exactly the SQL definition given in rows.hpp, so that queries cannot
 // access anything else in the file.
 void check_tables(sqlite3* db, const std::string& path) {
   static const auto known = [] {

@@ -20,7 +20,8 @@ constexpr const char* extension = ".sqlite";
 // Supported time fields of strftime; %% is a percent sign.
 constexpr std::string_view fields = "YmdHMSyjFT%";
 
-// Returns an error message if a percent sign does not begin a supported field; otherwise empty.
+// Returns an error message if a percent sign does not begin a supported field; otherwise an empty
+// string.
 std::string bad_field(const std::string& pattern) {
   for (std::size_t at = 0; (at = pattern.find('%', at)) != pattern.npos; at += 2)
     if (at + 1 == pattern.size() || fields.find(pattern[at + 1]) == fields.npos)

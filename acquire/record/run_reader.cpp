@@ -178,8 +178,8 @@ void RunReader::open(const std::string& network) {
   // Even a read-only connection needs a shared-memory file next to a WAL. Without a WAL, or on a
   // read-only medium, no process is writing, and an immutable connection needs no such file.
   int code = try_to_open(file_, SQLITE_OPEN_READONLY);
-  // A writer was killed while starting or closing the run. Only a writable connection can roll back
-  // the writer's transaction.
+  // SQLITE_READONLY means that a writer was killed while starting or closing the run. Only a
+  // writable connection can roll back the writer's transaction.
   if (code == SQLITE_READONLY) code = try_to_open(file_, SQLITE_OPEN_READWRITE);
   closed_ = journal_version(db_) == 1;  // the writer may have closed the run after is_closed()
   if (closed_) return unchanging();

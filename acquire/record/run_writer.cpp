@@ -41,8 +41,8 @@ void refuse_existing(const std::string& path) {
 // Maximum wait for another process that adds a label or a note.
 constexpr std::int64_t longest_wait_ns = 30'000'000'000;
 constexpr auto retry_pause = std::chrono::milliseconds(10);
-// Page cache of SQLite. It can hold all pages of the WAL. Data that are not yet in the database are
-// therefore both in memory and in the WAL. A run fills the cache in its first minutes.
+// Size of SQLite's page cache. The cache can hold all pages of the WAL, so data that are not yet in
+// the database are both in memory and in the WAL. A run fills the cache within its first minutes.
 constexpr const char* page_cache = "PRAGMA cache_size=-2000";  // KiB
 constexpr int checkpoint_pages = 400;  // maximum length of the WAL, in pages of 4 KiB
 
@@ -214,7 +214,7 @@ void RunWriter::use_wal() {
   execute(db_, path_, "PRAGMA synchronous=FULL", "cannot set up the run file");
 }
 
-// Starts to watch the files. Call after the first write, which creates the WAL.
+// Starts to watch the files. Must be called after the first write, which creates the WAL.
 void RunWriter::ready() {
   watch_ = std::make_unique<FileWatch>(path_);
   const auto hook = [](void* self, sqlite3*, const char*, int pages) {
@@ -298,8 +298,8 @@ void RunWriter::require_sound() {
   throw_harm();
 }
 
-// Throws unless the database is undamaged and complete. Call before the WAL is emptied, because
-// emptying it would make damage permanent.
+// Throws unless the database is undamaged and complete. Must be called before the WAL is emptied,
+// because emptying it would make damage permanent.
 void RunWriter::require_whole() {
   harm_ = damage_during_the_run(db_, path_);
   if (harm_.empty())

@@ -74,7 +74,7 @@ struct BoundKey {
 };
 
 // Reads the key from the database file, ignoring its side files. Returns nothing if the file is
-// damaged or not a run.
+// damaged or is not a run.
 std::optional<BoundKey> stored_in(const std::string& path) {
   std::error_code none;
   Budget budget = Budget::of_file(std::filesystem::file_size(path, none));
@@ -116,9 +116,9 @@ bool lacks_wal(const std::string& path) {
   return !unbound;
 }
 
-// The first write creates the header of the WAL. It must change the stored key, because SQLite does
-// not write an unchanged value. The TRUNCATE checkpoint raises the checkpoint count of this
-// connection above 0, because SQLite would choose new salts if the count were 0.
+// The first write creates the header of the WAL. This write must change the stored key, because
+// SQLite does not write an unchanged value. The TRUNCATE checkpoint raises the checkpoint count of
+// this connection above 0, because SQLite would choose new salts if the count were 0.
 void bind_wal(sqlite3* db, const std::string& path) {
   put_key(db, path, "none");
   const std::string key = text_of(wal_key(path));

@@ -28,8 +28,8 @@ constexpr auto tick_pause = std::chrono::milliseconds(50);
 // created are read during this delay.
 constexpr auto settle_time = std::chrono::milliseconds(100);
 
-// Longest wait for the current slot after SIGTERM, which must close a run within 5 s. The remaining
-// second is for the devices and the disk.
+// Longest wait for the current slot after SIGTERM. The run must be closed within 5 s of the signal;
+// the remaining second is for the devices and the disk.
 constexpr auto close_limit = std::chrono::seconds(4);
 
 std::string event_text(DeviceState state, const std::string& address) {
@@ -136,8 +136,8 @@ class Daemon final : private SampleSink {
   PerSensor<std::uint64_t> early_{};  // number of tags or frames received before the first slot
   std::int64_t first_slot_ = 0;       // number of the slot that is record 0 of the current run
   std::int64_t files_ = 0;
-  bool ending_ = false;  // true after SIGINT or SIGTERM has arrived
-  bool done_ = false;    // true after all slots are closed or the journal has failed
+  bool ending_ = false;  // true once SIGINT or SIGTERM has arrived
+  bool done_ = false;    // true once all slots have been closed or the journal has failed
   std::string status_ = "complete";
 };
 

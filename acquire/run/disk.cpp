@@ -20,9 +20,9 @@
 namespace echofuse::acquire {
 namespace {
 
-// Size of the database row and the events of a record, without sensor data.
+// Size in bytes of the database row and the events of a record, without sensor data.
 constexpr double row_bytes = 2048;
-// Size of the WAL and of a run file without records, bytes.
+// Total size in bytes of the WAL and of a run file without records.
 constexpr double fixed_bytes = 16 << 20;
 // Every byte is written twice: to the WAL, then to the database.
 constexpr double journal_factor = 2;

@@ -20,7 +20,7 @@ constexpr auto anchor_pause = std::chrono::minutes(1);
 constexpr auto least_step = std::chrono::milliseconds(500);
 // The journal fails if the number of waiting jobs reaches this multiple of its capacity.
 constexpr std::size_t hard_limit = 10;
-// Maximum wait for the write transaction of another program when the run ends.
+// Maximum wait for another program's write transaction when the run ends.
 constexpr std::chrono::seconds last_wait{2};
 
 void give_up_data(record::FusedRecord& record, const std::string& why) {
@@ -133,8 +133,9 @@ void Journal::begin_next(MakeRun make) {
   renew_anchor();
 }
 
-// Closes the previous run. `labels`: value of labels_ when the new run began. If no label has been
-// set since, a label written to the previous run during closing applies to the new run.
+// Closes the previous run. `labels` is the value of labels_ when the new run began. If no label has
+// been set in the new run yet, a label written to the previous run during closing applies to the
+// new run.
 void Journal::close_before(record::RunWriter& before, std::uint64_t labels) {
   if (!before.close("complete"))
     spdlog::warn(

@@ -16,7 +16,7 @@ namespace {
 
 constexpr double reference_s = 60;
 constexpr std::size_t least_records = 5;
-// Extent of the direct path from the transmitter to the receivers.
+// Distance up to which the direct path from the transmitter to the receivers hides echoes.
 constexpr double leakage_m = 0.5;
 
 template <class... Values>

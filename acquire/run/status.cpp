@@ -63,8 +63,8 @@ std::string sensor_letters(const RunTotals& now) {
   return letters;
 }
 
-// Returns the number of samples per second for each sensor. `slots_s`: total length of the slots,
-// s.
+// Returns the number of samples per second for each sensor. `slots_s` is the total duration of the
+// slots in s.
 PerSensor<double> rates(std::uint64_t tags, std::uint64_t radar, std::uint64_t depth,
                         double slots_s) {
   if (slots_s <= 0) return {};

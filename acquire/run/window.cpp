@@ -20,8 +20,8 @@ std::string size_of(std::uint32_t width, std::uint32_t height) {
   return std::to_string(width) + " x " + std::to_string(height);
 }
 
-// Returns the axis that records use for `axis`, an axis of a device. For "array", this is the axis
-// of the array statistics.
+// Returns the axis that is stored in the run for the axis of a device. For "array", this is the
+// axis of the array statistics.
 Axis kept_axis(const Axis& axis) {
   return axis.name == "array" ? record::array_axis(axis, record::antennas_of(axis)) : axis;
 }
@@ -125,7 +125,7 @@ void Windows::add(const TagBlock& block) {
   }
 }
 
-// Adds tags that belong to one slot. `from`, `to`: times of the first and the last tag.
+// Adds tags that belong to one slot. `from` and `to` are the times of the first and the last tag.
 void Windows::add_part(std::span<const Tag> tags, HostTime from, HostTime to) {
   Slot* slot = find(Sensor::spd, from, tags.size());
   if (!slot) return histogram_->forget_start();

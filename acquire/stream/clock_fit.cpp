@@ -23,7 +23,7 @@ constexpr double late_limit_s = 0.1;
 constexpr double other_rate = 0.05;
 constexpr auto late_long = 3s;
 constexpr unsigned late_samples = 10;
-// Limit for host times, s. A corrupted device time may have any value, but its host time in
+// Limit for host times in s. A corrupted device time may have any value, but its host time in
 // nanoseconds must fit in 64 bits.
 constexpr double farthest_s = 1e9;
 

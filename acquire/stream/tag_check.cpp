@@ -63,8 +63,8 @@ std::uint64_t count_near(const std::vector<std::uint64_t>& values, double wanted
 }  // namespace
 
 std::string comb_text(long double step_ps, std::int64_t bin_width_ps) {
-  // If there are fewer steps per bin, one additional step makes a bin noticeably wider than its
-  // neighbours.
+  // If a bin contains fewer time steps than this, one additional step makes it noticeably wider
+  // than its neighbours.
   constexpr long double few = 20;
   const long double steps = static_cast<long double>(bin_width_ps) / step_ps;
   if (steps >= few || std::abs(steps - std::round(steps)) <= 1e-6L * steps) return {};
@@ -169,7 +169,7 @@ bool TagCheck::in_order(const TagBlock& block) const {
   return true;
 }
 
-// Detects wraps and steps back. Adds the offset of all previous wraps to the time of the event.
+// Detects wraps and backward steps. Adds the offset of all previous wraps to the time of the event.
 void TagCheck::repair(Tag& tag) {
   const auto time = static_cast<std::uint64_t>(tag.time_ps);
   const auto step = static_cast<std::int64_t>(time - last_ps_.value_or(time));
