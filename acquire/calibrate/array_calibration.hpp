@@ -33,8 +33,8 @@ AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::si
 // Removes the phases caused by the reflector's direction, so that only the phases of the antenna
 // channels remain. Adds the uncertainty of the reflector position to the standard errors.
 void remove_steering(AntennaGains& gains, const Steering& steering);
-// Replaces an antenna's standard error with the standard error derived from the repeats if the
-// latter is significantly larger.
+// Replaces an antenna's standard error with the value derived from the repeats if that value is
+// significantly larger.
 void widen(AntennaGains& all, const std::vector<AntennaGains>& repeats);
 
 // Returns the largest difference between `a` and `b`, in units of its standard error; 0 if `a` or

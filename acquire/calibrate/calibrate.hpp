@@ -21,8 +21,8 @@ struct CalibrateOptions {
   double distance_error_m = Reflector().distance_error_m;
   double baseline_error_m = Reflector().baseline_error_m;
   std::optional<Sensor> only;  // sensor to measure; no value: both sensors
-  // If set, only checks whether the antenna order is reversed; states to which side the reflector
-  // has been moved.
+  // Side to which the reflector has been moved. If set, only checks whether the antenna order is
+  // reversed.
   std::optional<Side> side;
   std::int64_t repeats = 20;
   double time_s = 1;   // duration of each repeat

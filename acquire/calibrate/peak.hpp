@@ -35,9 +35,8 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
 
 struct EchoAxis {
   double step_m = 0, resolution_m = 0;  // bin spacing; range resolution c / 2B (0 if unknown)
-  double log2_power_step =
-      0;               // log2 of the power ratio of adjacent codes (drivers/core/log2_codes.hpp)
-  double start_m = 0;  // range of bin 0
+  double log2_power_step = 0;           // log2 of the power ratio of adjacent codes
+  double start_m = 0;                   // range of bin 0
 
   double range_m(double bin) const { return start_m + bin * step_m; }
 };

@@ -217,8 +217,7 @@ UtcTime parse_utc(const std::string& text) {
   } else if (*rest == 'Z') {
     ++rest;
   }
-  if (*rest != '\0' || tm.tm_mday != day)
-    throw refused;  // Rejects dates such as 30 February, which timegm() converts to 1 March.
+  if (*rest != '\0' || tm.tm_mday != day) throw refused;  // e.g. 30 February
   return std::chrono::seconds(local_s) - east + from_seconds(fraction);
 }
 

@@ -19,9 +19,8 @@ namespace echofuse::acquire {
 
 struct ImportOptions {
   std::vector<std::string> files{};
-  std::string cfg{};    // radar .cfg file; empty: .cfg file next to the recording
-  std::string began{};  // start time, UTC, ISO 8601; if empty, taken from the files or from their
-                        // modification times
+  std::string cfg{};       // radar .cfg file; empty: .cfg file next to the recording
+  std::string began{};     // start time, UTC, ISO 8601; if empty, it is derived from the files
   std::int32_t start = 0;  // tagger input of the laser pulses; 0: sync
   std::int32_t click = 1;  // tagger input of the detector
   std::string out{};       // path of the new run

@@ -52,10 +52,9 @@ class RadarRecording final : public Recording {
   bool confirmed_ = false;  // true if a step of the device counter has been accepted
   // Number of later frames that have the same time as the last accepted frame.
   std::uint64_t stood_ = 0;
-  std::uint64_t others_ = 0;    // number of frames with a wrong number of bins
-  std::size_t other_bins_ = 0;  // last wrong number of bins
-  std::uint32_t number_ = 0,
-                epoch_ = 0;  // last frame number; number of times that the numbering has restarted
+  std::uint64_t others_ = 0;              // number of frames with a wrong number of bins
+  std::size_t other_bins_ = 0;            // last wrong number of bins
+  std::uint32_t number_ = 0, epoch_ = 0;  // last frame number; number of restarts of the numbering
   // Totals over the accepted steps: number of frame periods according to the frame numbers, and
   // duration in s according to the board's clock.
   double steps_ = 0, stepped_s_ = 0;

@@ -29,8 +29,7 @@ class TaggedFile {
   // Returns the number in a tag as an integer. Throws Error(failed) if it is missing or not from
   // `least` to `most`.
   std::int64_t whole(const std::string& name, std::int64_t least, std::int64_t most) const;
-  std::string text(
-      const std::string& name) const;  // Returns the text in a tag; empty if the tag is missing.
+  std::string text(const std::string& name) const;  // text of the tag; empty if the tag is missing
   // Returns the time in a tag, which is stored as local days since 1899-12-30 and interpreted in
   // the time zone of this machine. Returns no value if the tag is missing or its time is not
   // between 1970 and 2250.

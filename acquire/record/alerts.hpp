@@ -9,8 +9,7 @@ namespace echofuse::record {
 
 // Limits of alerts (keys alert.*), in addition to the limits of the verdicts.
 struct AlertLimits {
-  double no_data_s = 0;     // duration without data that causes an alert; 0: alert at the first
-                            // missing record of a sensor
+  double no_data_s = 0;     // time without data before an alert; 0: at the first missing record
   double disk_free_gb = 1;  // An alert is sent if less disk space is free; 0: no alert.
 };
 // Returns the kind of problem for the alert. For a valid sensor, this is the kind of its verdict,

@@ -73,9 +73,8 @@ struct FusedRecord {
   // radar sends no antenna data.
   std::vector<float> array;
   std::uint64_t array_frames = 0;
-  std::vector<std::uint16_t>
-      depth_mm;          // depth z in mm, row-major on the run's depth axes; 0 means "no return"
-  TagCounts spd_counts;  // counts of all tags in the slot
+  std::vector<std::uint16_t> depth_mm;  // depth z, row-major on the run's depth axes; 0: no return
+  TagCounts spd_counts;                 // counts of all tags in the slot
   PerSensor<SensorSync> sync;
   Signal signal;
   SensorSet missing;  // required sensors that are missing in this record
@@ -112,8 +111,7 @@ struct RunInfo {
   std::string config_text, config_resolved, radar_cfg;
   std::string version, host, operator_name, notes;
   double window_s = 0;
-  std::vector<std::pair<std::string, std::string>>
-      meta;  // key-value pairs from --meta, in the given order
+  std::vector<std::pair<std::string, std::string>> meta;  // key-value pairs from --meta, in order
 };
 
 }  // namespace echofuse::record

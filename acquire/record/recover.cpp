@@ -35,8 +35,7 @@ void recover(const std::string& name) {
   try {
     if (RunReader(path).info().status == crashed_without_wal) return;
     fold_back(path);
-  } catch (
-      const Error&) {  // the file is in use or is not a run; the next reader reports the reason
+  } catch (const Error&) {  // the file is in use or not a run; the next reader reports the reason
   }
 }
 

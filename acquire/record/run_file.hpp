@@ -71,8 +71,7 @@ class RunWriter {
   void put_antennas(const Antennas& antennas);  // replaces the previously stored antennas
   void put_zones(const Zones& zones);           // call once, before the first record
   void put_calibration(const CalibrationEntry& entry);
-  void put_policy(Sensor sensor,
-                  const std::string& policy);  // `policy` is "required" or "optional"
+  void put_policy(Sensor sensor, const std::string& policy);  // policy is "required" or "optional"
   void put_anchor(HostTime mono, UtcTime utc);
   // Writes all counters in one transaction. Call at the end of the run.
   void put_counters(std::span<const CounterRow> counters);
@@ -130,9 +129,8 @@ class RunWriter {
   std::unique_ptr<sqlite3, int (*)(sqlite3*)> handle_;
   sqlite3* db_ = nullptr;
   std::unique_ptr<FileWatch> watch_;
-  bool touched_ =
-      false;          // true if another program wrote to the file before this writer's checkpoint
-  std::string harm_;  // error message if the file is missing or damaged
+  bool touched_ = false;  // another program wrote to the file before this writer's checkpoint
+  std::string harm_;      // error message if the file is missing or damaged
   Patience* patience_ = nullptr;
   std::int64_t waits_since_ns_ = 0;
   std::optional<std::string> left_label_;  // last label before the run was closed
@@ -252,9 +250,8 @@ class RunReader {
   std::vector<T> rows(const std::string& tail = {}) const;
   std::string path_, file_, shown_;  // path as given, path with links resolved, path for messages
   sqlite3* db_ = nullptr;
-  bool closed_ = false;  // result of is_closed()
-  bool lacks_wal_ =
-      false;  // true if no process is writing the run and the -wal is missing or empty
+  bool closed_ = false;      // result of is_closed()
+  bool lacks_wal_ = false;   // true if no process writes the run and its -wal is missing or empty
   std::uint64_t bytes_ = 0;  // total size of the file and its -wal when they were opened
   std::unique_ptr<Budget> budget_;
 };

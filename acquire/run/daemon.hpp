@@ -21,14 +21,12 @@ struct RunOptions {
   // Number of slots to record; no value: record until interrupted.
   std::optional<std::int64_t> count;
   std::vector<std::pair<std::string, std::string>> meta;
-  std::string uuid;  // UUID of the first run; empty: random
-  std::int64_t countdown_s =
-      0;  // duration of the countdown before the first slot, s; 0: no countdown
+  std::string uuid;              // UUID of the first run; empty: random
+  std::int64_t countdown_s = 0;  // duration of the countdown before slot 0, s; 0: no countdown
   bool quiet = false;
   // Receives each status line; if empty, the lines are printed to stderr.
   std::function<void(std::string)> show_status;
-  std::vector<std::string>
-      on_doubt;  // program run by DoubtHook, with its arguments; empty: no program
+  std::vector<std::string> on_doubt;  // program and arguments run by DoubtHook; empty: no program
   // If true, record_run() returns ExitCode::partial if any record has a sensor that is not "ok".
   bool strict = false;
   // Folder for the raw bytes of all ports; if empty, raw bytes are not stored.

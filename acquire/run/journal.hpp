@@ -56,8 +56,7 @@ class Journal {
   using MakeRun = std::function<std::unique_ptr<record::RunWriter>()>;
   void begin_next(MakeRun make);
   void put_config(const Config& config);
-  void put_device(const DeviceInfo& device);  // writes a row if the device differs from the one
-                                              // previously written for this sensor
+  void put_device(const DeviceInfo& device);  // writes a row if the sensor's device has changed
   // Writes the axes that the file does not contain yet. The zones are written together with the
   // axis "spd".
   void put_axes(const std::vector<Axis>& axes, const Zones& zones = {});

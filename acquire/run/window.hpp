@@ -146,8 +146,7 @@ class Windows {
   SlotGrid grid_;
   const SensorClocks& clocks_;
   SensorSet configured_, required_;
-  std::shared_ptr<tdc::Histogram>
-      histogram_;  // histogram of the slot to which the last tags were assigned
+  std::shared_ptr<tdc::Histogram> histogram_;  // histogram of the slot that contains the last tags
   // Start of the current overflow; no value outside an overflow.
   std::optional<HostTime> overflow_from_;
   std::map<std::string, Axis> axes_;  // axes by name: array, depth_x, depth_y, radar, spd
