@@ -45,7 +45,7 @@ struct Reflector {
 // ranges for the two mountings differ by less than three standard errors.
 std::string other_mounting(const Reflector& reflector, double measured_m, double window_m);
 
-// Returns the phase of the reflector's spherical wave at each antenna relative to antenna 0, rad:
+// Returns the phase (rad) of the reflector's spherical wave at each antenna, relative to antenna 0:
 //   phase = -2 pi / wavelength (|P - tx| + |P - rx|)
 // P, tx and rx are the positions of the reflector, the transmitter and the receiver, all relative
 // to the middle of the antennas (Balanis, Antenna Theory, 4th ed., 4.4). The centres of

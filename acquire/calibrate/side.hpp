@@ -20,7 +20,7 @@ enum class Side { left, right };
 struct SidePlace {
   double x_m = 0;      // lateral position relative to the detector
   double range_m = 0;  // distance from the radar
-  double sine = 0;     // sine of the direction from the radar
+  double sine = 0;     // sine of the reflector's angle from the radar axis
 };
 // Returns the expected position of the reflector after it has been moved to `side`. `sine` is the
 // sine of the reflector's direction during the calibration.

@@ -13,7 +13,7 @@
 namespace echofuse::acquire {
 
 struct Holder {
-  std::string who;  // e.g. "echofuse-acquire run, pid 4711, run /data/monday.sqlite"
+  std::string who;  // process, e.g. "echofuse-acquire run, pid 4711, run /data/monday.sqlite"
   std::string run;  // file of the run that the process is recording; may be empty
 };
 

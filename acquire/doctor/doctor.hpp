@@ -69,7 +69,7 @@ class Capture final : public SampleSink {
   std::size_t power_bins = 0;          // number of bins in the last profile from a radar bridge
   std::uint64_t depth_frames = 0, depth_lost = 0, pixels = 0, valid_pixels = 0;
   std::optional<DepthFrame> depth;                 // last depth frame
-  PerSensor<std::vector<std::string>> complaints;  // distinct warnings and errors
+  PerSensor<std::vector<std::string>> complaints;  // distinct warnings and errors of each sensor
 
  private:
   tdc::Histogram histogram_;

@@ -21,8 +21,8 @@ struct ImportOptions {
   std::vector<std::string> files{};
   std::string cfg{};       // radar .cfg file; empty: .cfg file next to the recording
   std::string began{};     // start time, UTC, ISO 8601; if empty, it is derived from the files
-  std::int32_t start = 0;  // tagger input of the laser pulses; 0: sync
-  std::int32_t click = 1;  // tagger input of the detector
+  std::int32_t start = 0;  // tagger input for the laser pulses; 0: sync input
+  std::int32_t click = 1;  // tagger input for the detector
   std::string out{};       // path of the new run
 };
 
@@ -32,11 +32,12 @@ struct ImportOptions {
 UtcTime parse_utc(const std::string& text);
 
 // Creates a run from recordings. Returns a line about its contents, then one line for each missing
-// or assumed item; these lines are also written to the run as events. The slots, histogram, board
-// and calibration are those of `config`; the addresses in `config` are ignored. Throws Error(usage)
-// for an unknown file type; Error(failed) if a file is unreadable or yields no valid record, or if
-// the run exists; Error(disk) if the run cannot be written. Throws Error(partial) if the run was
-// written but one of the files yields no valid record.
+// or assumed item; these lines are also written to the run as events. The slot duration, the
+// histogram settings, the radar board and the calibration are taken from `config`; the addresses in
+// `config` are ignored. Throws Error(usage) for an unknown file type; Error(failed) if a file is
+// unreadable or yields no valid record, or if the run exists; Error(disk) if the run cannot be
+// written. Throws Error(partial) if the run was written but one of the files yields no valid
+// record.
 std::string import_recordings(Config config, const ImportOptions& options);
 
 // Converts a folder of NumPy arrays (array_folder.hpp) into the run file `out`. No other function

@@ -90,7 +90,7 @@ class PicoquantTags final : public Recording {
   std::unique_ptr<File> file_;
   PicoquantRecords records_;
   tdc::HistogramSettings use_;
-  // Duration of the measurement according to the header, and latest time of a tag, both in s; 0 if
+  // Duration of the measurement and maximum time of a tag, both according to the header, in s; 0 if
   // unknown.
   double stopped_s_ = 0, header_s_ = 0;
   long double last_ps_ = 0;  // time of the latest tag, ps

@@ -26,13 +26,13 @@ class TaggedFile {
   std::optional<double> number(const std::string& name) const;
   // Returns the number in a tag. If it is missing, throws Error(failed) with the name of the tag.
   double require(const std::string& name) const;
-  // Returns the number in a tag as an integer. Throws Error(failed) if it is missing or not from
-  // `least` to `most`.
+  // Returns the number in a tag as an integer. Throws Error(failed) if it is missing or not between
+  // `least` and `most`.
   std::int64_t whole(const std::string& name, std::int64_t least, std::int64_t most) const;
   std::string text(const std::string& name) const;  // text of the tag; empty if the tag is missing
-  // Returns the time in a tag, which is stored as local days since 1899-12-30 and interpreted in
-  // the time zone of this machine. Returns no value if the tag is missing or its time is not
-  // between 1970 and 2250.
+  // Returns the time in a tag. The file contains local time in days since 1899-12-30, which is
+  // interpreted in the time zone of this machine. Returns no value if the tag is missing or its
+  // time is not between 1970 and 2250.
   std::optional<UtcTime> time(const std::string& name) const;
   // Returns true if the local time in the tag occurred twice because summer time ended.
   bool came_twice(const std::string& name) const;

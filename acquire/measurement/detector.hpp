@@ -8,7 +8,8 @@
 
 namespace echofuse::record {
 
-using Meta = std::vector<std::pair<std::string, std::string>>;  // keys and values, in file order
+using Meta =
+    std::vector<std::pair<std::string, std::string>>;  // metadata keys and values, in file order
 
 struct Detector {
   // Dead time after a click; 0 if unknown; infinite if it ends at the next laser pulse.
@@ -19,7 +20,7 @@ struct Detector {
   std::pair<std::string, std::string> meta() const;
 };
 
-// Reads the dead time from the metadata; nullopt if it is missing or invalid.
+// Returns the detector described by the metadata; nullopt if the dead time is missing or invalid.
 std::optional<Detector> detector_of(const Meta& meta);
 
 }  // namespace echofuse::record

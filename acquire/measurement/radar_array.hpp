@@ -48,7 +48,7 @@ struct ArrayBin {
   std::complex<float> pair(std::size_t i) const { return {values[i], values[i + 1]}; }
 };
 
-// Returns the number of values of a bin with A antennas: 2 A + A + A (A - 1) + 2.
+// Returns the number of values in a bin if there are A antennas: 2 A + A + A (A - 1) + 2.
 std::size_t values_of_bin(std::size_t antennas);
 ArrayBin bin_of(std::span<const float> array, std::size_t antennas, std::size_t bin);
 
@@ -104,6 +104,6 @@ inline constexpr double array_end_m = 8;
 Axis array_axis(const Axis& radar, std::size_t antennas);
 // Returns the number of antennas; 0 if array.scale is not between 1 and 12.
 std::size_t antennas_of(const Axis& array);
-double array_bytes(const Axis& array);  // stored bytes per record
+double array_bytes(const Axis& array);  // number of bytes stored per record
 
 }  // namespace echofuse::record

@@ -10,7 +10,7 @@ namespace echofuse::record {
 // Limits of alerts (keys alert.*), in addition to the limits of the verdicts.
 struct AlertLimits {
   double no_data_s = 0;     // time without data before an alert; 0: at the first missing record
-  double disk_free_gb = 1;  // An alert is sent if less disk space is free; 0: no alert.
+  double disk_free_gb = 1;  // free disk space below which an alert is sent; 0: no alert
 };
 // Returns the kind of problem for the alert. For a valid sensor, this is the kind of its verdict,
 // which is "ok" if the data are good. For a missing sensor, it is "no data" if `silent_s`, the time
