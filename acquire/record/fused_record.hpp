@@ -46,8 +46,8 @@ struct Signal {
 
   bool operator==(const Signal&) const = default;
 };
-// Pile-up limit. At more clicks per laser pulse, the first photon of a pulse hides too many later
-// photons.
+// Pile-up limit. Above this number of clicks per laser pulse, the first photon of a pulse hides too
+// many later photons.
 inline constexpr double most_clicks_a_pulse = 0.05;
 
 // Statistics of a slot, stored with its record so that losses and delays can be checked later.

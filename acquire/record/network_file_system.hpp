@@ -11,7 +11,7 @@ namespace echofuse::record {
 // Returns the name of the network file system, e.g. "NFS", for a type from statfs(2); empty for
 // other types.
 std::string network_of_type(std::uint64_t type);
-// Returns the network file system that /proc/self/mountinfo lists for this device ("0:52"). The
+// Returns the network file system that /proc/self/mountinfo lists for `device`, e.g. "0:52". The
 // type from statfs(2) is not sufficient for FUSE and virtiofs, because it is the same for local and
 // remote mounts.
 std::string network_of_mount(std::istream& mountinfo, const std::string& device);

@@ -38,7 +38,7 @@ struct CounterRow {
   std::uint64_t value = 0;
 };
 
-// Times of a writer that waits for another program's write transaction: CLOCK_MONOTONIC, ns.
+// Times in ns (CLOCK_MONOTONIC) of a writer that waits for another program's write transaction.
 // Threading: any thread.
 struct Patience {
   std::atomic<std::int64_t> give_up_ns = std::numeric_limits<std::int64_t>::max();
@@ -69,11 +69,11 @@ class RunWriter {
   void put_axis(const Axis& axis);
   void put_device(const DeviceInfo& device);    // adds a row; called each time a device answers
   void put_antennas(const Antennas& antennas);  // replaces the previously stored antennas
-  void put_zones(const Zones& zones);           // call once, before the first record
+  void put_zones(const Zones& zones);           // must be called once, before the first record
   void put_calibration(const CalibrationEntry& entry);
   void put_policy(Sensor sensor, const std::string& policy);  // policy is "required" or "optional"
   void put_anchor(HostTime mono, UtcTime utc);
-  // Writes all counters in one transaction. Call at the end of the run.
+  // Writes all counters in one transaction. Must be called at the end of the run.
   void put_counters(std::span<const CounterRow> counters);
   // Adds the late samples to the counts of their records, in one transaction.
   void put_late(const LateCounts& late);
@@ -135,7 +135,7 @@ class RunWriter {
   std::int64_t waits_since_ns_ = 0;
   std::optional<std::string> left_label_;  // last label before the run was closed
   std::vector<Axis> axes_;
-  std::size_t histograms_ = 1;  // histograms per record, one per zone
+  std::size_t histograms_ = 1;  // number of histograms per record; one per zone
   std::int64_t records_ = 0, last_event_ = 0;
 };
 

@@ -36,14 +36,14 @@ struct PlannedRun {
 
 struct DiskEstimate {
   double record_bytes = 0;  // size of the sensor data, row and events of a record, bytes
-  // Size of all planned records, bytes; 0 if the number of records is unlimited.
+  // Total size of all planned records in bytes; 0 if the number of records is unlimited.
   double needed_bytes = 0;
   double lasts_s = 0;  // recording time until the disk is full
 };
 // Requires `plan.record_bytes` > 0.
 DiskEstimate estimate_disk(const PlannedRun& plan, double free_bytes);
 
-// Returns the size of the sensor data of one record with these axes, in bytes. This is an
+// Returns the size in bytes of the sensor data in one record with these axes. This is an
 // overestimate, because depth maps are counted without compression.
 double record_bytes(const std::vector<Axis>& axes, const Zones& zones);
 
@@ -60,7 +60,7 @@ struct DiskSpeed {
 };
 
 // Writes blocks of `commit_bytes` to an unnamed file in the folder for about one second. Calls
-// fdatasync after each block, because a run file does so at each commit. Throws Error(disk) on
+// fdatasync after each block, because a run also calls it at each commit. Throws Error(disk) on
 // failure.
 DiskSpeed measure_disk(const std::string& folder, std::size_t commit_bytes);
 

@@ -48,8 +48,8 @@
 
 namespace echofuse::acquire {
 
-// Numbers of SPD tags, radar frames and camera frames that are not in any record. Only the samples
-// counted by `out_of_order` are in a record.
+// Numbers of SPD tags, radar frames and camera frames that are not in any record. The samples
+// counted by `out_of_order` are an exception, because they are in a record.
 struct UnassignedSamples {
   PerSensor<std::uint64_t> early{}, late{}, outside{}, duplicate{}, out_of_order{};
 };
@@ -150,7 +150,7 @@ class Windows {
   // Start of the current overflow; no value outside an overflow.
   std::optional<HostTime> overflow_from_;
   std::map<std::string, Axis> axes_;  // axes by name: array, depth_x, depth_y, radar, spd
-  Zones zones_;                       // announced together with axis "spd"
+  Zones zones_;                       // announced together with the axis "spd"
   bool sends_histograms_ = false;
   PerSensor<bool> refused_{};
   std::map<std::int64_t, Slot> open_;

@@ -61,7 +61,7 @@ class ClockFit {
     double device_s;  // device time since the start of the history
     double excess_s;  // host time since the start of the history, minus device_s
   };
-  struct Least {  // least delayed sample within half a second of the history
+  struct Least {  // least delayed sample in a half-second interval of the history
     ClockSample sample;
     std::int64_t stretch;
     std::uint64_t samples;
@@ -86,7 +86,7 @@ class ClockFit {
   HostTime began_{};
   double first_s_ = 0;           // device time at the start of the history
   Receipt last_;                 // last sample that was used
-  std::int64_t last_ticks_ = 0;  // device time of last_ since the start of the history, ticks
+  std::int64_t last_ticks_ = 0;  // device time of last_ since the start of the history, in ticks
   double newest_s_ = 0;
   std::deque<Least> history_;  // empty before the first sample
   std::uint64_t samples_ = 0;  // number of samples in the history
