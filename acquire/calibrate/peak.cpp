@@ -60,8 +60,8 @@ struct PhotonPeak {
 double normal(double u) { return 0.5 * std::erfc(-u / std::numbers::sqrt2); }
 double density(double u) { return std::exp(-u * u / 2) / std::sqrt(2 * pi); }
 
-// Returns the expected counts of bin i. Sets `slope` to the derivatives with respect to centre, ln
-// sigma, photons and floor.
+// Returns the expected number of counts in bin i. Sets `slope` to the derivatives with respect to
+// centre, ln sigma, photons and floor.
 double expected(const PhotonPeak& g, double i, Eigen::Vector4d& slope) {
   const double a = (i - g.centre) / g.sigma, b = (i + 1 - g.centre) / g.sigma;
   const double share = normal(b) - normal(a);
@@ -121,7 +121,7 @@ Eigen::Matrix4d score(std::span<const std::uint32_t> counts, std::size_t from, s
 
 struct PhotonPeakFit {
   PhotonPeak peak;
-  double centre_error = 0;  // standard error of the centre, bins
+  double centre_error = 0;  // standard error of the centre in bins
   double snr = 0;           // ratio of the number of photons to its standard error; 0: no fit
 };
 
@@ -180,7 +180,7 @@ constexpr std::size_t near = 5;  // number of fitted bins around the peak
 using Near = Eigen::Matrix<double, near, 1>;
 
 struct EchoPlace {
-  double top = 0;     // position of the peak relative to the middle bin, bins
+  double top = 0;     // position of the peak relative to the middle bin, in bins
   Near model, power;  // expected log2 of the power, and signal-to-noise ratio, of each bin
   Near share;         // derivative of `top` with respect to the value of each bin
 };

@@ -88,8 +88,8 @@ Fitted minimise(const Problem& problem, VectorXd at) {
 
 double normal(double u) { return 0.5 * std::erfc(-u / std::numbers::sqrt2); }
 
-// Returns the cumulative distribution function of a Gaussian with an exponential tail at time t.
-// Times are in units of the standard deviation of the Gaussian.
+// Returns the cumulative probability at time t for a Gaussian with an exponential tail. Times are
+// in units of the standard deviation of the Gaussian.
 double before(double t, double tail) {
   if (tail < 0.05) return normal(t - tail);
   return normal(t) - std::exp(0.5 / (tail * tail) - t / tail) * normal(t - 1 / tail);

@@ -19,7 +19,7 @@ double apart(double sine, double other) { return std::abs(std::remainder(sine - 
 
 SidePlace place_at(Side side, const Reflector& r, double sine) {
   const double moved = side == Side::right ? r.baseline_m : -r.baseline_m;
-  // Lateral position of the moved reflector relative to the radar, m.
+  // Lateral position of the moved reflector relative to the radar, in m.
   const double x = r.distance_m * std::tan(std::asin(sine)) + moved;
   const double range = std::hypot(r.distance_m, x);
   return {x - r.baseline_m, range, x / range};

@@ -223,7 +223,7 @@ std::string array_text(const Json& a) {
 }
 
 std::string to_text(const Json& j) {
-  constexpr std::size_t longest = 2000;  // maximum length of a line, bytes
+  constexpr std::size_t longest = 2000;  // maximum length of a line in bytes
   std::string out = printable(word(j["file"])) + ": " + word(j["records"]) + " records, " +
                     printable(word(j["status"]), 40) + "\n";
   const auto line = [&](const char* name, const std::string& value) {

@@ -242,10 +242,10 @@ ExitCode list(const Options& o) {
   return ExitCode::ok;
 }
 
-// Returns the configuration of `import`. NumPy arrays with --out need no configuration. Otherwise
-// --config is used if it is given. If --config is not given, a raw capture uses its own
-// configuration, and any other import uses the first configuration file found, or the installed
-// one.
+// Returns the configuration of `import`. If NumPy arrays are imported with --out, no configuration
+// is needed. Otherwise --config is used if it is given. If --config is not given, a raw capture
+// uses its own configuration, and any other import uses the first configuration file found, or the
+// installed one.
 Config config_of_import(const Options& o) {
   const std::string& first = o.import.files[0];
   if (o.config.empty() && is_kept(first)) return kept_config(first, o.assignments);

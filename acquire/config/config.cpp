@@ -179,7 +179,7 @@ class ConfigChecker {
   // Reports an error with the origin of the first key in `keys` that has been set.
   void complain(std::initializer_list<const char*> keys, const std::string& what) {
     for (const char* key : keys)
-      if (settings_.refused(key)) return;  // the error of this key has already been reported
+      if (settings_.refused(key)) return;  // an error for this key has already been reported
     for (const char* key : keys) {
       const std::string origin = settings_.origin(key);
       if (origin.empty()) continue;
@@ -192,7 +192,7 @@ class ConfigChecker {
   void attempt(std::initializer_list<const char*> keys, Body body) {
     try {
       body();
-    } catch (const Error& e) {  // each line of the message is one error
+    } catch (const Error& e) {  // each line of the message describes one error
       std::istringstream lines(e.what());
       for (std::string line; std::getline(lines, line);) complain(keys, line);
     }

@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Formats a number with the fewest digits from which exactly the same value can be read back.
+// Formats a number with the fewest digits that identify its value exactly.
 std::string shortest_text(double value) {
   char text[32];
   return {text, std::to_chars(text, text + sizeof text, value).ptr};

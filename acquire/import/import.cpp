@@ -41,7 +41,8 @@ class Slots final : public SampleSink {
   void on_tags(const TagBlock& block) override {
     tag_check_.take(block, [this](const TagBlock& repaired) { take_tags(repaired); });
   }
-  // RadarRecording has already derived the time of the frame from the board's clock.
+  // Adds the frame unchanged, because RadarRecording has already derived its time from the board's
+  // clock.
   void on_radar(RadarFrame frame) override { windows_.add(frame); }
   Windows& windows() { return windows_; }
   void flush() {
@@ -217,7 +218,7 @@ UtcTime parse_utc(const std::string& text) {
   } else if (*rest == 'Z') {
     ++rest;
   }
-  if (*rest != '\0' || tm.tm_mday != day) throw refused;  // e.g. 30 February
+  if (*rest != '\0' || tm.tm_mday != day) throw refused;  // also rejects dates such as 30 February
   return std::chrono::seconds(local_s) - east + from_seconds(fraction);
 }
 

@@ -23,12 +23,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::int64_t most_bytes = 64 << 20;  // largest block that a port delivers, bytes
+constexpr std::int64_t most_bytes = 64 << 20;  // largest block that a port delivers, in bytes
 // Limits of the time since the machine was started (36 years) and of UTC (year 2116). Sums and
 // differences of such times fit into 64 bits.
 constexpr std::int64_t longest_ns = std::int64_t{1} << 60, most_value = std::int64_t{1} << 62;
 
-// Reads NAME.times of the folder line by line. Ignores a truncated last line.
+// Reads the file NAME.times in the folder line by line. Ignores a truncated last line.
 class TimesFile {
  public:
   struct Line {
@@ -120,7 +120,7 @@ class KeptPort final : public port::BytePort {
   void write(ByteView) override {}
 
  private:
-  // State that outlives the port while a handler runs.
+  // State that remains valid if the port is destroyed while a handler runs.
   struct PortState {
     CapturedPort& stream;
     port::Timer timer;

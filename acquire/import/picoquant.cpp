@@ -89,7 +89,7 @@ bool PicoquantRecords::add(std::uint32_t record, std::vector<Tag>& out) {
     special = record >> 31 == 1;
     overflow = special && channel == 63;
     if (special && channel == 0 && !t3_)
-      special = false;  // channel 0 is the sync
+      special = false;  // channel 0 is the sync input
     else if (!special)
       ++channel;
   }

@@ -133,10 +133,10 @@ class Journal {
   std::unique_ptr<port::Worker> closer_, worker_;
 };
 
-// Log of a run. All events go to the terminal; warnings, errors and recoveries also go to the run
-// file. Each source may log 100 lines in 10 s, so that a device cannot fill the disk or the queue
-// of the journal. The next line after that reports the number of dropped lines. Threading: used
-// only on the loop's thread.
+// Log of a run. All events are printed on the terminal; warnings, errors and recoveries are also
+// written to the run file. Each source may log 100 lines in 10 s, so that a device cannot fill the
+// disk or the queue of the journal. The next line after that reports the number of dropped lines.
+// Threading: used only on the loop's thread.
 class RunLog {
  public:
   explicit RunLog(const Clock& clock) : clock_(clock) {}
