@@ -92,7 +92,7 @@ bool is_statistics(const std::string& sql) {
   return false;
 }
 
-// Returns the advice to remove an entry from the schema, with the SQL statement for it.
+// Returns the advice to remove an entry from the schema, with the SQL statement that removes it.
 std::string removal(const std::string& type, const std::string& name) {
   std::string quoted;
   for (const char c : name) quoted += c == '"' ? "\"\"" : std::string(1, c);

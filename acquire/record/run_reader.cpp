@@ -53,7 +53,7 @@ std::string fault_of_slot(const FusedRecord& r) {
          " ns UTC; expected an end after the start, and years from 1970 to 2261";
 }
 
-// Sizes of the data of a record, computed once from the axes of the run.
+// Data sizes of a record, computed once from the run's axes.
 struct DataSizes {
   DataSizes(const std::vector<Axis>& axes, std::size_t histograms) {
     for (const auto& a : axes) {

@@ -291,8 +291,8 @@ void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) 
   const bool fault = state == DeviceState::faulted || state == DeviceState::misconfigured;
   log(fault ? Severity::warning : Severity::info, name_of(sensor), event_text(state, info.address),
       recording_ && state == DeviceState::streaming);
-  // The clock fit is kept when a device reconnects: buffered samples still have times of the old
-  // clock, and ClockFit detects a restarted clock.
+  // The clock fit is kept when a device reconnects, because buffered samples still have times of
+  // the old clock. ClockFit detects a restarted clock.
   if (recording_ && state == DeviceState::streaming) announce(sensor);
 }
 
@@ -377,7 +377,7 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
 }
 
 // Writes the number of late samples of each record. Late samples that belong to the previous run
-// are included only in its counters.
+// are included only in the counters of that run.
 void Daemon::put_late() {
   record::LateCounts late;
   for (const auto& [slot, counts] : recording_->windows.take_late())

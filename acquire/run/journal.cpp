@@ -281,7 +281,7 @@ bool Journal::finish(const std::string& status) {
     run_->close(code == ExitCode::disk ? "stopped:disk" : "stopped:failed", missing);
   } catch (const Error&) {
     // Normally keeps the first error. If the file is damaged, throws the new error instead, because
-    // it names the rescued copy.
+    // the new error contains the path of the rescued copy.
     if (run_->lost()) throw;
   }
   throw Error(code, why);

@@ -125,7 +125,7 @@ void TagCheck::pass(const TagBlock& block, const Output& out, bool plain) {
 }
 
 // Returns true if the block contains only time tags and the tags are in order. The loop has no
-// branches, because every tag of a run is tested.
+// branches, so that it is fast enough to test every tag of a run.
 bool TagCheck::is_plain(const TagBlock& block) const {
   if (block.tags.empty()) return true;
   auto last = last_ps_.value_or(static_cast<std::uint64_t>(block.tags.front().time_ps));
