@@ -8,8 +8,7 @@
 
 namespace echofuse::record {
 
-using Meta =
-    std::vector<std::pair<std::string, std::string>>;  // metadata keys and values, in file order
+using Meta = std::vector<std::pair<std::string, std::string>>;  // metadata entries, in file order
 
 struct Detector {
   // Dead time after a click; 0 if unknown; infinite if it ends at the next laser pulse.
