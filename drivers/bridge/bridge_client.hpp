@@ -15,8 +15,8 @@
 
 namespace echofuse::bridge {
 
-// Threading: call all functions on the loop's thread. stop() may be called by a handler. No handler
-// is called after stop().
+// Threading: call all functions from the loop's thread. Handlers may call stop(). Once stop() has
+// been called, no handler is called.
 class BridgeClient {
  public:
   struct Handlers {
@@ -28,13 +28,13 @@ class BridgeClient {
     std::function<void(Severity, const std::string&)> event;
   };
 
-  // `programs`: bridge programs to suggest if the connection is refused.
+  // `programs`: bridge programs that the error message suggests if the connection is refused.
   BridgeClient(port::Loop& loop, port::ByteOpener opener, std::string programs);
   void start(Handlers handlers);
   void stop();
-  // Rejects a delivered block with an unexpected kind or an invalid payload. The next delivered
-  // block reports it as lost. `expected`: kind that the driver expects, i.e. "tags", "histograms",
-  // "depth frames" or "range profiles".
+  // Rejects a delivered block because its kind is unexpected or its payload is invalid. The block
+  // is reported as lost with the next delivered block. `expected`: kind that the driver expects,
+  // i.e. "tags", "histograms", "depth frames" or "range profiles".
   void reject(const Block& block, const char* expected);
   std::vector<Counter> counters() const;
 
@@ -54,13 +54,13 @@ class BridgeClient {
   Handlers handlers_;
   BlockParser parser_;
   Hello hello_;
-  // numbers of blocks and bytes received until the last liveness check
+  // number of blocks and number of bytes received by the time of the last liveness check
   std::uint64_t blocks_seen_ = 0, bytes_seen_ = 0;
   int quiet_checks_ = 0;
   bool running_ = false, faulted_ = false, greeted_ = false;
-  bool connected_ = false, told_kind_ = false;  // reset when a new connection is made
+  bool connected_ = false, told_kind_ = false;  // reset to false when a new connection is attempted
   std::uint64_t connections_ = 0, bad_payloads_ = 0;
-  // losses that the next delivered block reports
+  // losses to be reported with the next delivered block
   std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;
   std::unique_ptr<port::BytePort> port_;
 };

@@ -77,9 +77,9 @@ struct BlockCounts {
 
 std::vector<Counter> counters_of(const BlockCounts& counts);
 
-// Parses bytes into blocks and stops at the first invalid block. The transport does not lose or
-// reorder bytes. So a damaged block indicates a faulty sender, and the start of the next block is
-// unknown.
+// Parses bytes into blocks and stops at the first invalid block. Because the transport does not
+// lose or reorder bytes, a damaged block indicates a faulty sender, and the start of the next block
+// is unknown.
 class BlockParser {
  public:
   using OnBlock = std::function<void(const Block&)>;
@@ -88,10 +88,10 @@ class BlockParser {
   // Returns the fault that stopped the parser, or null. Bytes after a fault are ignored.
   const char* broken() const { return broken_; }
   // Prepares for a new connection: counts an incomplete block as junk and expects sequence number
-  // 0. Must not be called by on_block.
+  // 0. Must not be called from within on_block.
   void reset();
-  // Frees the buffer's memory unless it contains an incomplete block. Without this call the memory
-  // is kept for later blocks.
+  // Frees the buffer's memory unless it contains an incomplete block. If this function is not
+  // called, the memory is kept for later blocks.
   void give_back() { buffer_.give_back(); }
   std::size_t kept_bytes() const { return buffer_.kept_bytes(); }
   const BlockCounts& counts() const { return counts_; }
@@ -102,7 +102,7 @@ class BlockParser {
   void discard(std::size_t bytes);
   std::uint64_t missing_before(std::uint32_t sequence);
 
-  // twice the largest block, because a vector's capacity grows by doubling
+  // twice the size of the largest block, because a vector's capacity grows by doubling
   FrameBuffer buffer_{2 * (header_bytes + max_payload_bytes)};
   const char* broken_ = nullptr;
   BlockCounts counts_;
@@ -111,31 +111,32 @@ class BlockParser {
 
 struct Hello {
   std::string model, serial, firmware;
-  std::string sends;  // "histograms"; empty if the device sends tags
+  std::string sends;  // "histograms" if the device sends histograms; empty if it sends tags
   Zones zones;        // zones of the detector; empty if the hello lists no zones
 };
 // Returns nullopt if the payload is not a JSON object, a known key has a value of the wrong type,
 // or a zone is implausible. Limits: 64 KiB, 64 zones, 1024 values, 8 levels of nesting.
 std::optional<Hello> read_hello(ByteView payload);
 
-// Returns a view of the payload if it is aligned, otherwise of a copy in `scratch`. Returns nullopt
-// if the last tag is incomplete.
+// Returns a view of the tags in the payload if it is suitably aligned, otherwise a view of a copy
+// in `scratch`. Returns nullopt if the last tag is incomplete.
 std::optional<std::span<const Tag>> read_tags(ByteView payload, std::vector<Tag>& scratch);
 
 struct DepthPayload {
   DepthFrame frame;  // `received` and `lost_before` are not set
   Axis x, y;
 };
-// Returns nullopt if the payload has the wrong size, a side is not 1 to 8192 pixels, a tangent
-// exceeds 100, or a step is below 1e-6 or not finite.
+// Returns nullopt if the payload has the wrong size, the width or height is not between 1 and 8192
+// pixels, a tangent exceeds 100, or a step is below 1e-6 or not finite.
 std::optional<DepthPayload> read_depth(ByteView payload);
 
 struct HistogramPayload {
   HistogramFrame frame;  // `received` and `lost_before` are not set
   Axis axis;             // name "spd", quantity "counts", unit "ps"
 };
-// Returns nullopt if the payload has the wrong size, the number of zones is not 1 to 64, the
-// exposure is 0, the axis starts beyond 1e12 ps, or the bin width is not 0.001 to 1e9 ps.
+// Returns nullopt if the payload has the wrong size, the number of zones is not between 1 and 64,
+// the exposure is 0, the axis starts more than 1e12 ps from 0, or the bin width is not between
+// 0.001 ps and 1e9 ps.
 std::optional<HistogramPayload> read_histogram(ByteView payload);
 
 struct ProfilePayload {

@@ -8,11 +8,11 @@
 
 namespace echofuse::bridge {
 
-// Returns a complete block: the header and the payload.
+// Returns a complete block, i.e. the header followed by the payload.
 Bytes make_block(BlockKind kind, std::uint32_t sequence, std::uint64_t dropped_items,
                  ByteView payload);
 Bytes hello_payload(const DeviceInfo& info);
-// The number of points must equal the frame's width for x, and the frame's height for y.
+// The number of points must equal the frame's width on axis `x`, and its height on axis `y`.
 Bytes depth_payload(const DepthFrame& frame, const Axis& x, const Axis& y);
 
 }  // namespace echofuse::bridge

@@ -38,7 +38,7 @@ struct Axis {
   double at(double i) const { return start + i * step; }
 };
 
-// Returns true if all fields are equal; start and end may differ by up to 0.001 of a step.
+// Returns true if all fields are equal, except that start and end may differ by up to 0.001 steps.
 inline bool same_axis(const Axis& a, const Axis& b) {
   const double tolerance = 1e-3 * std::abs(a.step);
   return a.name == b.name && a.quantity == b.quantity && a.unit == b.unit && a.count == b.count &&

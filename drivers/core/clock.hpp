@@ -7,8 +7,8 @@
 
 namespace echofuse {
 
-// Time of CLOCK_MONOTONIC, which starts at boot. Not comparable across reboots; anchors stored in
-// the run map it to UTC.
+// Time of CLOCK_MONOTONIC, which starts at boot. Times from before and after a reboot are not
+// comparable; anchors stored in the run map them to UTC.
 using HostTime = std::chrono::nanoseconds;
 // Nanoseconds since 1970-01-01T00:00:00Z.
 using UtcTime = std::chrono::nanoseconds;

@@ -5,9 +5,9 @@
 #include <cstddef>
 #include <cstring>
 
-// The AVX2 version does not use FMA, because fused multiply-add instructions would change the
-// results. Sanitizer builds contain only one version, because the loader selects a version before
-// the sanitizer is initialised.
+// ECHOFUSE_CLONES compiles a function in two versions, with and without AVX2. FMA is not enabled,
+// because fused multiply-add instructions would change the results. Sanitizer builds contain only
+// one version, because the loader selects a version before the sanitizer is initialised.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
     !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define ECHOFUSE_CLONES __attribute__((target_clones("avx2", "default")))

@@ -10,16 +10,16 @@
 
 namespace echofuse {
 
-// A driver that is `faulted` or `misconfigured` is not connected and keeps retrying.
-// `misconfigured` means that the configuration is wrong. If this state occurs on start, `run` and
-// `calibrate` exit.
+// A driver that is `faulted` or `misconfigured` is not connected and keeps trying to connect.
+// `misconfigured` means that the configuration is wrong. If a driver enters this state during
+// startup, `run` and `calibrate` exit.
 enum class DeviceState : std::uint8_t { connecting, streaming, faulted, ended, misconfigured };
 inline const char* name_of(DeviceState s) {
   constexpr const char* names[] = {"connecting", "streaming", "faulted", "ended", "misconfigured"};
   return names[static_cast<std::size_t>(s)];
 }
 
-// Identity and axes of a device. They may be empty until the device responds.
+// Identity and axes of a device. The fields may be empty until the device responds.
 struct DeviceInfo {
   Sensor sensor{};
   std::string address, model, serial, firmware;
@@ -48,9 +48,9 @@ class SampleSink {
 };
 
 // Threading: create, start, stop and destroy a driver on the loop's thread. A driver calls its sink
-// only on that thread; if it has its own threads, they copy their data and post the copies to the
-// loop. A driver reconnects with back-off until it is stopped. Stop all drivers before destroying
-// one, because each destructor waits until its driver has stopped.
+// only on that thread. A driver's own threads copy their data and post the copies to the loop. A
+// driver reconnects with back-off until it is stopped. Stop all drivers before destroying any of
+// them, because each destructor waits until its driver has stopped.
 class Driver {
  public:
   virtual ~Driver() = default;
@@ -60,7 +60,8 @@ class Driver {
   // After stop(): returns true once the device has received all commands and the sink has received
   // all data. The caller runs the loop until then, or until its own timeout.
   virtual bool finished() const { return true; }
-  // Returns counters since start(), for example bytes, frames, bad_headers and lost_frames.
+  // Returns the counters accumulated since start(), for example bytes, frames, bad_headers and
+  // lost_frames.
   virtual std::vector<Counter> counters() const = 0;
 };
 

@@ -8,7 +8,7 @@
 
 namespace echofuse {
 
-// Result of one parser call on the buffered bytes.
+// Result of one call of the parser.
 struct Step {
   std::size_t used = 0;    // bytes consumed; 0 if more bytes are needed
   std::size_t wanted = 0;  // bytes needed for the next call to succeed; 0 if unknown
@@ -18,8 +18,9 @@ class FrameBuffer {
  public:
   // An empty buffer keeps up to `most_kept` bytes of memory until clear() or give_back().
   explicit FrameBuffer(std::size_t most_kept = 1 << 20) : most_kept_(most_kept) {}
-  // Calls consume(view) with the unconsumed bytes, in order and contiguous, until `consume` needs
-  // more bytes than are available. For an empty view, consume must return {0, wanted}.
+  // Repeatedly calls consume(view), where `view` contains unconsumed bytes in order and without
+  // gaps, until `consume` needs more bytes than are available. For an empty view, `consume` must
+  // return {0, wanted}.
   template <class Consume>
   void feed(ByteView bytes, const Consume& consume) {
     while (!held().empty() && !bytes.empty()) {
@@ -48,12 +49,12 @@ class FrameBuffer {
   }
 
  private:
-  // Passes the buffered bytes to `consume`. Called after new bytes were appended.
+  // Passes the buffered bytes to `consume`. Called after new bytes have been appended.
   template <class Consume>
   void again(const Consume& consume) {
     used_ += run(held(), consume);
-    // Removes consumed bytes only once they fill a quarter of the buffer. Otherwise, all later
-    // bytes would be moved after each small frame.
+    // Removes consumed bytes only once they fill a quarter of the buffer. Otherwise, all remaining
+    // bytes would be moved after every small frame.
     if (used_ == held_.size()) {
       held_.clear();
       if (held_.capacity() > most_kept_) held_.shrink_to_fit();

@@ -10,7 +10,7 @@ namespace echofuse {
 
 struct Failure {
   std::error_code code;
-  std::string what;  // action that failed, with its address or file
+  std::string what;  // action that failed, including the device address or file name
 
   std::string text() const { return what + ": " + code.message(); }
 };

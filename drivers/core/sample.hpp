@@ -33,7 +33,8 @@ struct Tag {
   std::int32_t channel = 0;  // n for a rising edge at input n, -n for a falling edge
   std::int64_t time_ps = 0;  // wraps at 2^63 ps
 
-  // Returns true for a valid time tag. In other records, `time_ps` may have any value.
+  // Returns true if the record is a valid time tag. In all other records, `time_ps` may have any
+  // value.
   bool is_time_tag() const { return type == TagType::time_tag && reserved == 0; }
 };
 static_assert(sizeof(Tag) == 16);
@@ -45,13 +46,13 @@ struct TagBlock {
   std::uint64_t lost_items = 0;   // number of tags that the sender dropped before this block
 };
 
-// Counts of one exposure of a detector that sends histograms instead of time tags.
+// Counts from one exposure of a detector that sends histograms instead of time tags.
 struct HistogramFrame {
   HostTime received{};
   std::uint64_t device_time_us = 0;  // device time at the end of the exposure
   std::uint32_t exposure_us = 0;
   std::uint64_t pulses = 0;           // number of laser pulses; 0 if unknown
-  std::uint32_t zones = 1;            // number of zones of the field of view
+  std::uint32_t zones = 1;            // number of zones in the field of view
   std::vector<std::uint32_t> counts;  // all bins of zone 0, then all bins of zone 1, and so on
   std::uint64_t lost_before = 0;      // number of histograms missing before this one
 
@@ -74,18 +75,18 @@ struct RadarTemperature {
 };
 
 struct RadarFrame {
-  HostTime received{};             // receive time minus the known delay since the first chirp
+  HostTime received{};             // arrival time minus the known delay since the first chirp
   std::uint32_t frame_number = 0;  // frame number, counted since power-up
   // device time in cycles of a 200 MHz clock; wraps every 21.47 s
   std::uint32_t time_cpu_cycles = 0;
   std::uint32_t lost_before = 0;             // number of frames missing before this one
   std::uint32_t subframe = 0;                // index of the subframe within its frame
-  std::uint32_t subframes = 1;               // number of subframes per frame in the cfg
+  std::uint32_t subframes = 1;               // number of subframes per frame, according to the cfg
   std::vector<std::uint16_t> range_profile;  // log2_q8 codes; empty if the frame had no TLV 2
-  // linear power; set only by bridges, which send it instead of `range_profile`
+  // linear power; set only in frames from bridges, which send it instead of `range_profile`
   std::vector<float> power;
-  // Heat map of TLV 4 (azimuth antennas) or TLV 8 (all antennas). Each range bin and virtual
-  // antenna has two values, the imaginary part and then the real part. Empty if the frame had
+  // Heat map from TLV 4 (azimuth antennas) or TLV 8 (all antennas). For each range bin and virtual
+  // antenna there are two values: the imaginary part, then the real part. Empty if the frame had
   // neither TLV.
   std::vector<std::int16_t> array;
   bool planar = false;  // true: `array` is from TLV 8; false: from TLV 4
@@ -94,13 +95,13 @@ struct RadarFrame {
 };
 
 // Result of TI's calibration (measureRangeBiasAndRxChanPhase), or the mean of several results. The
-// result belongs in the .cfg. The firmware applies it to its point cloud, not to the range profile.
+// user enters it in the .cfg. The firmware applies it to its point cloud, not to the range profile.
 struct FirmwareBias {
   double range_bias_m = 0;
-  // real and imaginary part of the coefficient of each virtual antenna, as in
+  // real and imaginary parts of the coefficient of each virtual antenna, as in
   // compRangeBiasAndRxChanPhase
   std::vector<double> re_im;
-  std::int64_t lines = 0;  // number of averaged results
+  std::int64_t lines = 0;  // number of results that were averaged
 };
 
 // Largest width and height of a depth frame. Drivers reject larger frames.

@@ -4,8 +4,8 @@
 
 namespace echofuse {
 
-// Numbers of tags by category. Invariant: tags == starts + in_range + out_of_range + without_start
-// + other.
+// Number of tags in each category. Invariant: tags == starts + in_range + out_of_range +
+// without_start + other.
 struct TagCounts {
   std::uint64_t tags = 0;
   std::uint64_t starts = 0;
@@ -13,13 +13,13 @@ struct TagCounts {
   std::uint64_t out_of_range = 0;   // clicks after a start, but outside the time axis
   std::uint64_t without_start = 0;  // clicks before the first start
   std::uint64_t other = 0;  // tags on other channels, markers, and tags removed by the dead time
-  // The invariant above does not include the counters below.
+  // The counters below are not part of the invariant.
   std::uint64_t missed = 0;     // start and click events that the device reported as lost
   std::uint64_t overflows = 0;  // number of overflow periods
   std::uint64_t errors = 0;     // number of error markers
-  // tags of unknown type or with a reserved byte other than 0; included in `other`
+  // tags of unknown type or with a nonzero reserved byte; included in `other`
   std::uint64_t bad_tags = 0;
-  std::uint64_t backwards = 0;  // time tags earlier than their predecessor
+  std::uint64_t backwards = 0;  // time tags with an earlier time than the preceding tag
   std::uint64_t removed = 0;    // tags removed by the dead time; included in `other`
 
   TagCounts& operator+=(const TagCounts& more) {

@@ -18,7 +18,8 @@ struct Zone {
   double zero_ps = 0;  // two-way time that corresponds to range 0
 
   bool has_direction() const { return std::isfinite(x); }
-  // Rejects tangents above 100, i.e. angles of more than 89.4 degrees from the optical axis.
+  // Returns false if a value is out of range. The limit for tangents is 100, i.e. 89.4 degrees from
+  // the optical axis.
   bool plausible() const {
     const bool unknown = std::isnan(x) && std::isnan(y) && std::isnan(width);
     return std::abs(zero_ps) <= 1e12 &&
@@ -36,8 +37,7 @@ inline bool operator==(const Zone& a, const Zone& b) {
 using Zones = std::vector<Zone>;
 inline std::size_t histograms_of(const Zones& zones) { return zones.empty() ? 1 : zones.size(); }
 
-// Returns the counts of each bin, summed over all zones. Does not shift the zones' counts by
-// zero_ps.
+// Returns the counts in each bin, summed over all zones. Does not align the zones by zero_ps.
 template <class T>
 std::vector<T> sum_of_zones(const std::vector<T>& counts, std::size_t bins) {
   std::vector<T> out(bins);

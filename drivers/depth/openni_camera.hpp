@@ -24,19 +24,20 @@ struct OpenNiDevice {
 std::vector<OpenNiDevice> list_openni_devices();
 
 struct OpenNiOptions {
-  // Recordings only. True: play in real time. False: play as fast as frames are processed. Each
-  // frame is delivered once; after the last frame, the state becomes `ended`.
+  // For recordings only. True: the recording is played in real time. False: it is played as fast as
+  // frames can be processed. In both cases, each frame is delivered once, and the state becomes
+  // `ended` after the last frame.
   bool paced = true;
   // Mode of a live camera; 0 selects the camera's default.
   std::uint32_t width = 0, height = 0, fps = 0;
   port::Backoff backoff{};
 };
 
-// A camera with a bus address (VENDOR/PRODUCT@BUS/ADDRESS) may reappear at another address. It is
-// found there if it is the only attached camera of its kind. Threading: as described for Driver.
-// The driver's own thread calls OpenNI, copies each frame and posts it to the loop. At most 4
-// frames are queued; further frames of a live camera are dropped and counted. If `raw` is set,
-// every frame is stored as a depth block of the bridge protocol.
+// A camera that was opened by its bus address (VENDOR/PRODUCT@BUS/ADDRESS) may reappear at another
+// address. It is found there if it is the only attached camera of its kind. Threading: as described
+// for Driver. The driver's own thread calls OpenNI, copies each frame and posts it to the loop. At
+// most 4 frames are queued; if the queue is full, new frames from a live camera are dropped and
+// counted. If `raw` is set, every frame is also stored as a depth block of the bridge protocol.
 class OpenNiCamera final : public Driver {
  public:
   // Loads OpenNI2's modules. Throws Error(device) if no modules are installed.

@@ -54,7 +54,7 @@ class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
   std::string uri_;
   std::uint16_t units_per_mm_ = 1;
   bool recording_ = false, mirrored_ = false, listening_ = false;
-  // number of remaining frames, for a recording that is stepped frame by frame
+  // number of frames remaining, if a recording is played frame by frame
   int frames_left_ = 0;
   bool stepped_ = false;
   std::atomic<bool> gone_{false};

@@ -16,12 +16,12 @@
 
 namespace echofuse::examples {
 
-// Functions of the vendor's library that the driver calls. The functions return false if the board
-// is not available.
+// Functions of the vendor's library that the driver calls. Each returns false if the board is not
+// available.
 struct VendorBoard {
   // returns false if the board is not attached
   std::function<bool()> open;
-  // returns false if the board was unplugged
+  // returns false if the board has been unplugged
   std::function<bool(std::vector<Tag>&, std::uint64_t& lost)> read;
 };
 

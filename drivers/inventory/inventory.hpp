@@ -9,7 +9,7 @@
 
 namespace echofuse::inventory {
 
-// Root folders of the kernel's device files. Tests replace them with folders of their own.
+// Root folders of sysfs and of the device nodes. Tests replace them with their own folders.
 struct Roots {
   std::string sys = "/sys", dev = "/dev";
 };
@@ -17,8 +17,8 @@ struct Roots {
 struct Node {
   std::string path;     // for example "/dev/ttyACM0"; may be empty
   std::string key;      // key in lab.toml, for example "radar.cli"; may be empty
-  std::string address;  // value for the key: "serial:/dev/serial/by-id/..."
-  std::string missing;  // missing driver, node or permission; empty if nothing is missing
+  std::string address;  // value to set for the key, for example "serial:/dev/serial/by-id/..."
+  std::string missing;  // missing driver, device node or permission; empty if nothing is missing
 };
 
 struct Attached {
@@ -27,7 +27,7 @@ struct Attached {
   std::string model;     // product name reported by the device
   std::string serial;    // serial number; empty if the device has none
   std::string firmware;  // bcdDevice as text, for example "1.00"
-  std::string advice;    // advice on the next step; may be empty
+  std::string advice;    // suggested next step; may be empty
   std::vector<Node> nodes;
 };
 
@@ -37,14 +37,13 @@ std::vector<Attached> list_attached(const Roots& roots = {});
 
 enum class RadarPort { command, data };
 
-// Returns whether a path (by-id link or device node) is the command port or the data port of a
-// radar board. Returns nullopt if this is unknown. On the XDS110, interface 0 is the command port
-// and interface 3 the data port; on the CP2105, the command port is interface 0 and the data port
-// interface 1.
+// Returns whether `path` (a by-id link or a device node) is the command port or the data port of a
+// radar board, or nullopt if this is unknown. On the XDS110, interface 0 is the command port and
+// interface 3 is the data port. On the CP2105, these are interfaces 0 and 1.
 std::optional<RadarPort> radar_port(const std::string& path, const Roots& roots = {});
 
 // Returns the names of both boards if the two serial ports belong to different radar boards.
-// Returns an empty string if they belong to one board, or if a board is unknown.
+// Returns an empty string if both ports belong to the same board, or if a port's board is unknown.
 std::string two_boards(const std::string& command_path, const std::string& data_path,
                        const Roots& roots = {});
 

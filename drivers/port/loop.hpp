@@ -16,10 +16,10 @@ namespace echofuse::port {
 
 using Action = std::function<void()>;
 
-// Runs jobs one after the other, outside the loop.
+// Runs jobs one after another, outside the loop.
 class Worker {
  public:
-  virtual ~Worker() = default;       // waits until queued jobs are done
+  virtual ~Worker() = default;       // waits until all queued jobs are done
   virtual void put(Action job) = 0;  // `job` must not throw
 };
 
@@ -29,7 +29,8 @@ class Loop : public Clock {
  public:
   // Queues the action. The loop runs it later, never inside post().
   virtual void post(Action action) = 0;
-  // Runs until `done` returns true or until the time `until`. `done` is checked after each action.
+  // Runs the loop until `done` returns true or the time `until` is reached. `done` is checked after
+  // each action.
   void run_until(const std::function<bool()>& done, HostTime until = HostTime::max());
   void run_for(std::chrono::nanoseconds time);
   // If `hold` is true, now() returns the same time to the calling thread until hold_time(false) is
@@ -44,18 +45,18 @@ class Loop : public Clock {
  private:
   friend class Timer;
   using Alarms = std::multimap<HostTime, Action>;
-  // Runs one posted action. If no action is posted, waits for one until the time `until`. May
+  // Runs one posted action. If none is queued, waits for one, at most until the time `until`. May
   // return early.
   virtual void wait(HostTime until) = 0;
-  // Runs one posted action. Returns false if no action is posted.
+  // Runs one posted action. Returns false if none is queued.
   virtual bool poll() = 0;
 
   Alarms alarms_;
 };
 
-// Runs an action once. The loop must outlive the timer. After cancel(), another at(), or
-// destruction, the earlier action does not run, even if it is already due. Threading: use it on the
-// loop's thread only.
+// Runs an action once. The loop must outlive the timer. A scheduled action does not run after
+// cancel(), another call of at(), or destruction, even if it is already due. Threading: use the
+// timer only on the loop's thread.
 class Timer {
  public:
   explicit Timer(Loop& loop) : loop_(loop) {}
@@ -85,7 +86,7 @@ class SystemLoop final : public Loop {
   void post(Action action) override;
   std::unique_ptr<Worker> make_worker() override;
   ByteOpener opener(const std::string& address, std::uint32_t baud) override;
-  // Returns the context for code that uses Asio directly.
+  // Returns the Asio context for code that uses Asio directly.
   boost::asio::io_context& io();
 
  private:

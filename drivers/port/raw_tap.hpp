@@ -17,8 +17,9 @@
 namespace echofuse::port {
 
 struct RawLimits {
-  std::size_t queue_bytes = 64u << 20;  // limit of the queue; further bytes are dropped and counted
-  std::uint64_t reserve_bytes = 1u << 30;  // free disk space reserved for the run
+  std::size_t queue_bytes =
+      64u << 20;  // maximum size of the queue; further bytes are dropped and counted
+  std::uint64_t reserve_bytes = 1u << 30;  // free disk space in bytes that is reserved for the run
 };
 
 // Threading: any thread may call put(), take_trouble() and finish(); only finish() waits for the
@@ -33,11 +34,11 @@ class RawKeeper {
   RawKeeper(const RawKeeper&) = delete;
   RawKeeper& operator=(const RawKeeper&) = delete;
 
-  // Appends the bytes to FOLDER/NAME, which is created if it does not exist. Returns false if the
-  // bytes are dropped.
+  // Appends the bytes to the file FOLDER/NAME, which is created if it does not exist. Returns false
+  // if the bytes are dropped.
   bool put(const std::string& name, ByteView bytes);
   void put_text(const std::string& name, const std::string& text);
-  // Appends a line to FOLDER/NAME.times.
+  // Appends a line with the given values to the file FOLDER/NAME.times.
   void note(const std::string& name, HostTime at, const char* what, std::int64_t value = 0);
   // Returns the file name for the next connection of the device, for example NAME-001.dat for the
   // ending ".dat".
@@ -46,7 +47,7 @@ class RawKeeper {
   // empty string.
   std::string take_trouble();
   struct Counts {
-    std::uint64_t kept = 0, dropped = 0;  // numbers of bytes written and dropped
+    std::uint64_t kept = 0, dropped = 0;  // number of bytes written and number of bytes dropped
   };
   // Waits up to 2 s for queued bytes to be written, then ends the capture.
   Counts finish();
@@ -57,9 +58,9 @@ class RawKeeper {
   std::unique_ptr<Worker> worker_;
 };
 
-// Returns an opener of ports that also store the received bytes in files of next_name(). NAME.times
-// contains the receive times that the driver uses. Returns `opener` itself if `keeper` is null.
-// `loop` and `keeper` must outlive the ports.
+// Returns an opener of ports that also store the received bytes in files named by next_name().
+// NAME.times contains the arrival times that the driver uses. Returns `opener` itself if `keeper`
+// is null. `loop` and `keeper` must outlive the ports.
 ByteOpener tap(Loop& loop, ByteOpener opener, RawKeeper* keeper, std::string name,
                std::string ending);
 

@@ -26,13 +26,14 @@ struct ThreadLink {
   explicit ThreadLink(boost::asio::io_context& context) : io(&context) {}
 
   std::mutex io_mutex;
-  boost::asio::io_context* io;  // null after the port is destroyed
+  boost::asio::io_context* io;  // null once the port has been destroyed
   PortHandlers handlers;
   bool open = false, closed = false;
   std::atomic<bool> stopping{false};
 };
 
-// Posts the action to the loop's thread. The action does not run if the port is closed by then.
+// Posts the action to the loop's thread. The action does not run if the port has been closed by
+// then.
 template <class Link, class Action>
 void post(const std::shared_ptr<Link>& link, Action action) {
   const std::lock_guard lock(link->io_mutex);

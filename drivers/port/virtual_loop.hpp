@@ -16,7 +16,7 @@
 
 namespace echofuse::port {
 
-// Threading: use it on one thread only.
+// Threading: use this class on one thread only.
 class VirtualLoop final : public Loop {
  public:
   // Time starts at 1 s, because sample times must not be 0.

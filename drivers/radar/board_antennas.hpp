@@ -46,7 +46,7 @@ struct AntennaPair {
 };
 
 // Returns the antenna pairs of the heat map that guiMonitor requests, in the order of the TLV: all
-// receivers of the first transmitter, then all receivers of the next. With a linear array the
+// receivers of the first transmitter, then all receivers of the next. For a linear array, the
 // firmware uses the first N transmitters, where N is the number of transmitters in the row (SDK
 // 3.4, AoAProcDSP_RangeAzimuthHeatmap). `tx`: indices of the transmitters from 0, in chirp order.
 // `rx`: mask of enabled receivers.

@@ -21,9 +21,9 @@ struct CfgCommand {
 
 class Cfg {
  public:
-  // Adds the commands of these lines. Stores in `profile` why a board would reject them, and
-  // warnings about unknown commands. `profile` must outlive this object. Throws Error(config) if
-  // the cfg is for another demo.
+  // Adds the commands in `lines`. Stores in `profile` the reasons why a board would reject them,
+  // and warnings about unknown commands. `profile` must outlive this object. Throws Error(config)
+  // if the cfg is for another demo.
   Cfg(const std::vector<CfgLine>& lines, std::string name, RadarProfile& profile);
 
   // Runs `body` and stores the error that it throws, so that later checks still run.
@@ -36,15 +36,15 @@ class Cfg {
       refuse(e.what());
     }
   }
-  // If an error was stored, throws one Error with all stored errors and refusals.
+  // Throws one Error containing all stored errors and refusals if at least one error was stored.
   void stop_if_faulty() const;
   void refuse(const std::string& line) const;
   std::string complaint(const CfgCommand& c, const std::string& what) const;
   [[noreturn]] void fail(const CfgCommand& c, const std::string& what) const;
 
-  // Returns all commands of this name. Throws Error(config) if there are none.
+  // Returns all commands with this name. Throws Error(config) if there are none.
   const std::vector<CfgCommand>& all(const std::string& command) const;
-  // Returns the last command of this name, because the firmware uses the last one.
+  // Returns the last command with this name, because the firmware uses the last one.
   const CfgCommand& last(const std::string& command) const { return all(command).back(); }
   bool has(const std::string& command) const { return commands_.count(command) != 0; }
   // Returns true if the cfg uses subframes (advFrameCfg), according to dfeDataOutputMode.
@@ -55,7 +55,7 @@ class Cfg {
   // Returns the i-th argument, counted from 1. Throws Error(config) if it is missing or not a
   // number.
   double number(const CfgCommand& c, std::size_t i) const;
-  // Returns the i-th argument if it is between 1e-6 and 1e9, otherwise throws. This range includes
+  // Returns the i-th argument if it is between 1e-6 and 1e9; otherwise, throws. This range includes
   // all values that a board supports, and ensures that the range axis is finite.
   double positive(const CfgCommand& c, std::size_t i, const char* meaning) const;
   std::uint32_t integer(const CfgCommand& c, std::size_t i, double min, double max) const;

@@ -49,7 +49,7 @@ struct DialogueTimeouts {
   std::chrono::milliseconds answer{2000};
   // maximum wait for the answer to sensorStart, which first calibrates for several seconds
   std::chrono::milliseconds start{8000};
-  // shortest time from the answer to sensorStop until sensorStart is sent
+  // minimum time between the answer to sensorStop and the sending of sensorStart
   std::chrono::milliseconds pause{0};
 };
 
@@ -73,10 +73,10 @@ class CommandDialogue {
   std::optional<HostTime> deadline() const { return deadline_; }
 
   State state() const { return state_; }
-  // Receipt time of the answer to sensorStop; reset to nullopt when sensorStart is sent.
+  // Arrival time of the answer to sensorStop; reset to nullopt when sensorStart is sent.
   std::optional<HostTime> stopped() const { return stopped_; }
-  // Returns what was sent: the restart commands or the cfg. The cfg is also sent if the restart was
-  // rejected.
+  // Returns which commands were sent: the restart commands or the cfg. The cfg is also sent if the
+  // firmware rejected the restart.
   Send sent() const { return send_; }
   bool answered() const { return answered_; }              // at least one prompt was received
   const std::string& failure() const { return failure_; }  // one line that contains the cfg line
@@ -86,8 +86,8 @@ class CommandDialogue {
   // Returns the results of the board's calibration, and clears them.
   std::vector<FirmwareBias> take_biases() { return std::exchange(biases_, {}); }
   const std::string& remark() const { return remark_; }  // "Debug: ..." of a successful command
-  // Platform and firmware according to the answer to `version`: "xWR68xx" and "mmWave SDK
-  // 03.04.00.03". Empty if unknown.
+  // Platform and firmware version from the answer to `version`, for example "xWR68xx" and "mmWave
+  // SDK 03.04.00.03". Empty if unknown.
   const std::string& platform() const { return platform_; }
   const std::string& firmware() const { return firmware_; }
 
@@ -111,11 +111,11 @@ class CommandDialogue {
   // `commands_`: lines to send; the first is `version`, with line number 0
   std::vector<CfgLine> cfg_, commands_;
   Send send_;
-  std::size_t next_ = 0;  // index of the command that waits for its answer
+  std::size_t next_ = 0;  // index of the command that is waiting for its answer
   int tries_ = 0;
   State state_ = State::draining;
   bool heard_ = false, answered_ = false;
-  // `drain_end_`: latest end of the wait for silence; set by the first prompt
+  // `drain_end_`: latest time at which the wait for silence ends; set by the first prompt
   std::optional<HostTime> deadline_, drain_end_;
   std::optional<HostTime> stopped_;
   std::string line_;                 // text received since the last line ending or prompt

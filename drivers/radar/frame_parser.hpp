@@ -53,26 +53,27 @@ namespace echofuse::radar {
 // Invariant: bytes == frame_bytes + junk_bytes + truncated_bytes + buffered bytes.
 struct FrameCounts {
   std::uint64_t bytes = 0;
-  std::uint64_t frames = 0;  // complete and delivered frames
+  std::uint64_t frames = 0;  // complete frames that were delivered
   // bytes of complete packets, including packets that were rejected because of their TLVs
   std::uint64_t frame_bytes = 0;
-  std::uint64_t range_profiles = 0;    // frames with a range profile (TLV 2)
-  std::uint64_t arrays = 0;            // frames with a heat map (TLV 4 or 8)
-  std::uint64_t junk_bytes = 0;        // bytes between frames
-  std::uint64_t truncated_frames = 0;  // frames shorter than their header announces; not delivered
+  std::uint64_t range_profiles = 0;  // frames with a range profile (TLV 2)
+  std::uint64_t arrays = 0;          // frames with a heat map (TLV 4 or 8)
+  std::uint64_t junk_bytes = 0;      // bytes between frames
+  std::uint64_t truncated_frames =
+      0;  // frames shorter than announced by their header; not delivered
   std::uint64_t truncated_bytes = 0;
   std::uint64_t bad_headers = 0;  // magic words followed by an implausible header
   std::uint64_t bad_tlvs = 0;     // packets with TLVs that exceed or do not fill the packet
   std::uint64_t other_tlvs = 0;
   std::uint64_t resyncs = 0;      // number of times that a frame was found after junk
   std::uint64_t lost_frames = 0;  // number of missing frame numbers
-  std::uint64_t restarts = 0;     // number of times that the frame number restarted
+  std::uint64_t restarts = 0;     // number of times that the frame numbering restarted
   std::optional<std::uint32_t> first_frame_number, last_frame_number;
   // Number of well-formed TLVs by type. Only the first 64 distinct types are counted.
   std::map<std::uint32_t, std::uint64_t> tlvs;
 };
 
-// Returns the reason why the beginning of a stream contains no frame.
+// Returns an explanation of why the beginning of a stream contains no frame.
 std::string why_no_frames(ByteView beginning);
 
 // Returns all counters except the frame numbers and the TLVs by type.
@@ -85,10 +86,10 @@ class FrameParser {
   // Parses the next bytes of the stream, in pieces of any size. `received`: time at which they were
   // read.
   void feed(ByteView bytes, HostTime received, const OnFrame& on_frame);
-  // Returns true if a frame has its full length but its last bytes may be the start of a later
-  // frame. The doubt ends when more bytes arrive or resolve() is called.
+  // Returns true if a frame has reached its full length, but its last bytes may be the start of a
+  // later frame. More bytes or a call of resolve() resolve the doubt.
   bool in_doubt() const { return complete_.has_value(); }
-  // Delivers the frame in doubt. Call it after a period without bytes.
+  // Delivers the frame in doubt. Call this function if no bytes have arrived for some time.
   void resolve(const OnFrame& on_frame);
   // Ends the input: delivers a frame in doubt, and counts the other buffered bytes as truncated or
   // junk. feed() may be called again; counters and frame numbers continue.
@@ -112,12 +113,13 @@ class FrameParser {
   FrameCounts counts_;
   bool in_junk_ = false;
   std::optional<std::uint32_t> number_before_;  // frame number before counts_.last_frame_number
-  // Frames missing between the last two frame numbers, if the next number must confirm the gap.
-  // Modulo 2^32, so that a backward step is a large value.
+  // Number of frames missing between the last two frame numbers, if the next number must still
+  // confirm the gap. It is modulo 2^32, so a backward step gives a large value.
   std::optional<std::uint32_t> jump_;
-  std::uint32_t owed_ = 0;  // frames lost at the end of a connection; reported with the next frame
-  // Search state of the first buffered frame: number of bytes searched for a later frame, and the
-  // time at which the frame was complete.
+  std::uint32_t owed_ =
+      0;  // number of frames lost at the end of a connection; reported with the next frame
+  // State of the search in the first buffered frame: number of bytes already scanned for a later
+  // frame header, and the time at which the frame was complete.
   std::size_t searched_ = 0;
   std::optional<HostTime> complete_;
 };

@@ -11,8 +11,8 @@
 
 namespace echofuse::radar {
 
-// Line of the cfg to be sent. BOM and CR are removed, leading spaces are kept. Blank lines and
-// comments (%) are not included.
+// A line of the cfg that is sent to the radar. BOM and CR are removed, and leading spaces are kept.
+// Blank lines and comments (%) are not included.
 struct CfgLine {
   int number = 0;  // line number in the file, counted from 1
   std::string text;
@@ -25,14 +25,15 @@ struct RadarProfile {
   // there are 12 antennas (SDK, mss_main.c).
   std::uint32_t bins = 0;
   double range_step_m = 0;  // range difference between adjacent bins (ramp.hpp)
-  double resolution_m = 0;  // range resolution c / 2B of the sampled sweep
+  double resolution_m =
+      0;  // range resolution c / 2B, where B is the bandwidth of the sampled sweep
   // Number of virtual antennas: enabled receivers times transmitters used by the frame's chirps.
   std::uint32_t antennas = 0;
   // Number of subframes, 1 to 4 (advFrameCfg). Each subframe is sent as a separate packet.
   // Subframes may differ only in their start frequency.
   std::uint32_t subframes = 1;
   double frame_period_s = 0;  // shortest period of all subframes, s
-  double active_s = 0;        // total time of a frame's chirps, s
+  double active_s = 0;        // total duration of a frame's chirps, s
   double carrier_hz = 0;      // centre frequency of the sampled sweep
   // Size of a frame with the outputs that guiMonitor enables, without detected points, rounded up
   // to a multiple of 32 bytes.
@@ -44,8 +45,9 @@ struct RadarProfile {
   std::vector<AntennaPair> pairs;  // transmitter and receiver of each antenna
   bool planar = false;             // true: the heat map is sent as TLV 8; false: as TLV 4
   std::vector<std::string> warnings;
-  // Reasons why a board would reject the cfg, one line "NAME:LINE: ..." each. They are not errors
-  // if a recording was made with another board or SDK, because its range axis is still defined.
+  // Reasons why a board would reject the cfg, each in the form "NAME:LINE: ...". They are not
+  // errors if the cfg belongs to a recording made with another board or SDK, because the
+  // recording's range axis is still defined.
   std::vector<std::string> refusals;
 };
 
@@ -53,18 +55,18 @@ struct RadarProfile {
 //   - a missing command, a command with too few numbers, or a command of another demo
 //   - a line that exceeds the firmware's buffer (255 characters, 40 words)
 //   - chirps or subframes of a frame that differ in range axis or antennas
-//   - UTF-16, or line ends other than LF and CR LF
+//   - UTF-16, or line endings other than LF and CR LF
 // `data_baud`: rate at which the data port will be read, used for warnings. `board` selects the
 // antennas of the heat map, because the cfg does not depend on the board.
 RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
                            std::uint32_t data_baud = 921600, Board board = Board::isk);
 
-// Returns the axis with name "radar", quantity "log2_q8" (drivers/core/log2_codes.hpp), unit "m",
-// and the number of virtual antennas as scale. Bin i is at i * range_step_m, because the firmware
-// does not apply its range bias to the profile.
+// Returns the axis with name "radar", quantity "log2_q8" (drivers/core/log2_codes.hpp) and unit
+// "m". Its scale is the number of virtual antennas. Bin i is at range i * range_step_m, because the
+// firmware does not apply its range bias to the profile.
 Axis radar_axis(const RadarProfile& profile);
-// Returns the axis with name "array", quantity "covariance", the bins of radar_axis(), and the
-// number of antennas of the heat map as scale.
+// Returns the axis with name "array", quantity "covariance" and the bins of radar_axis(). Its scale
+// is the number of antennas in the heat map.
 Axis array_axis(const RadarProfile& profile);
 
 }  // namespace echofuse::radar

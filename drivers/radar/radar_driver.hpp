@@ -50,12 +50,12 @@ struct RadarSetup {
   std::string address;  // addresses of both ports, for DeviceInfo
   port::ByteOpener cli, data;
   std::string cfg_text, cfg_name;
-  std::vector<std::string> warnings{};  // warnings that start() reports
+  std::vector<std::string> warnings{};  // warnings to be reported by start()
   std::uint32_t data_baud = 921600;     // baud rate of the data port, for checks of the cfg
   Board board = Board::isk;             // selects the antennas of the heat map
   port::Backoff backoff{};
   DialogueTimeouts timeouts{};
-  bool keep_running = false;  // true: stopping the driver does not stop the radar
+  bool keep_running = false;  // true: the radar keeps running when the driver stops
 };
 
 // Each connection opens both ports and sends the whole cfg. If a port was unplugged for less than
@@ -113,14 +113,14 @@ class RadarDriver final : public Driver {
   bool answered_ = false;  // true if the firmware has answered since the driver was created
   std::string said_;       // first failure since the last frame; later failures are appended to it
   std::set<std::string> reported_;  // port warnings that have been reported
-  // time at which a port was unplugged while the firmware had our cfg
+  // time at which a port was unplugged while the firmware still had the driver's cfg
   std::optional<HostTime> unplugged_;
   std::uint64_t restarts_seen_ = 0, frames_before_ = 0, bytes_before_ = 0;
   struct FrameCount {
     std::uint32_t number = 0, cycles = 0;
   };
   FrameCount last_frame_;
-  // number of successive frames with a wrong interval; not counted after the warning
+  // number of successive frames with an unexpected interval; no longer counted after the warning
   int odd_periods_ = 0;
   struct DriverFault {
     std::string reason;
@@ -131,8 +131,8 @@ class RadarDriver final : public Driver {
   std::optional<std::uint32_t> frame_after_stop_;
   int open_ports_ = 0;
   bool running_ = false, faulted_ = false, streaming_ = false, array_told_ = false;
-  HostTime alive_{};             // time of the last frame, or of the sensor's start
-  std::uint32_t discarded_ = 0;  // number of dropped frames that are not yet reported as lost
+  HostTime alive_{};             // time of the last frame, or time at which the sensor was started
+  std::uint32_t discarded_ = 0;  // number of dropped frames that have not yet been reported as lost
   std::uint64_t connections_ = 0, configured_ = 0, restarted_ = 0, early_frames_ = 0,
                 port_losses_ = 0, bad_arrays_ = 0;
   std::unique_ptr<port::BytePort> cli_, data_;

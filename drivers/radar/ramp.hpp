@@ -19,8 +19,9 @@ struct Ramp {
   double start_ghz = 0, idle_us = 0, adc_start_us = 0, end_us = 0, slope_mhz_us = 0;
   double samples = 0, rate_ksps = 0;
 
-  Ramp in_steps() const;            // ramp with values rounded towards 0 to the chip's steps
-  double sampled_until_us() const;  // end time of the last sample
+  Ramp in_steps()
+      const;  // Returns the ramp with its values rounded towards 0 to the chip's step sizes.
+  double sampled_until_us() const;  // time of the last sample
   double carrier_hz() const;        // centre frequency of the sampled sweep
   // Returns the range between adjacent points of a range FFT with `points` points:
   //   c * sample rate / (2 * slope * points)
@@ -30,8 +31,8 @@ struct Ramp {
   double range_step_m(double points) const;
 };
 
-// Returns one message for each limit that the ramp exceeds, with values rounded to the chip's
-// steps.
+// Returns one message for each limit that the ramp exceeds. The limits are checked after rounding
+// to the chip's steps.
 std::vector<std::string> refusals_of(const Ramp& ramp);
 // Returns one message for each limit that the frame exceeds. `active_ms`: total duration of all
 // chirps.

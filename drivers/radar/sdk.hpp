@@ -19,15 +19,16 @@ namespace echofuse::radar {
 // Returns the SDK release, e.g. {3, 4} for "mmWave SDK 03.04.00.03" or "MMW Demo 03.04.00.03".
 std::optional<std::pair<int, int>> sdk_of(std::string_view firmware);
 
-// Returns the number of arguments that a command has in the demo of SDK 3.4 to 3.6, or nullopt if
+// Returns the number of arguments that a command takes in the demo of SDK 3.4 to 3.6, or nullopt if
 // the demo does not have the command.
 std::optional<std::size_t> numbers_of(std::string_view command);
-// If only another demo has the command, returns the name of that demo, otherwise an empty string.
+// Returns the name of the other demo to which the command belongs, or an empty string for all other
+// commands.
 std::string_view other_demo_of(std::string_view command);
 
-// Returns advice if the firmware does not have `command`: the SDK or demo of the cfg and of the
-// firmware, and the file to send instead. Empty if the cfg matches the firmware. `firmware`:
-// version string of the firmware; may be empty.
+// Returns advice for a cfg that contains a `command` unknown to the firmware: the SDK or demo of
+// the cfg and of the firmware, and the file to send instead. Returns an empty string if the cfg
+// matches the firmware. `firmware`: version string of the firmware; may be empty.
 std::string advice_for_unknown(const std::string& command, std::string_view firmware,
                                std::string_view cfg_name);
 // Returns advice for a failed start, if the cfg and the firmware are for different SDKs or demos,

@@ -27,25 +27,25 @@
 
 namespace echofuse::tdc {
 
-// Estimates the fraction of laser pulses for which a time tagger transfers a start. With a
-// conditional filter the device drops starts that are not followed by a click. The number of clicks
+// Estimates the fraction of laser pulses for which a time tagger transfers a start. If the tagger
+// uses a conditional filter, it drops starts that are not followed by a click. The number of clicks
 // per start then does not depend on the light level, but the gaps between starts do.
 class StartGaps {
  public:
   explicit StartGaps(std::int32_t start_channel) : channel_(start_channel) {}
 
-  // Stores up to 100,000 gaps between starts.
+  // Records the gaps between starts, up to 100,000 in total.
   void add(std::span<const Tag> tags);
-  // Must be called if tags are missing, because the next gap would be too long.
+  // Must be called if tags are missing, because the gap to the next start would be too long.
   void forget_start() { has_last_ = false; }
-  // Returns the fraction of pulses with a transferred start. It equals the fraction of starts that
-  // are followed by the start of the next pulse. Without a filter it is 1. With a filter it is the
-  // probability of a click, because pulses are independent. Fractions below 0.5 % are overestimated
-  // as about 1 %. Returns nullopt if fewer than 20 starts are followed by the start of the next
-  // pulse.
+  // Returns the fraction of pulses for which a start is transferred. It equals the fraction of
+  // starts that are followed by the start of the next pulse. Without a filter, it is 1. With a
+  // filter, it is the probability of a click, because pulses are independent. Fractions below 0.5 %
+  // are overestimated as about 1 %. Returns nullopt if fewer than 20 starts are followed by the
+  // start of the next pulse.
   std::optional<double> share() const;
-  // Returns the number of clicks per laser pulse, from the numbers of clicks and transferred
-  // starts. Returns nullopt if share() returns nullopt.
+  // Returns the number of clicks per laser pulse, computed from the number of clicks and the number
+  // of transferred starts. Returns nullopt if share() returns nullopt.
   std::optional<double> clicks_a_pulse(std::uint64_t clicks, std::uint64_t starts) const;
 
  private:
@@ -55,29 +55,29 @@ class StartGaps {
   std::vector<std::int64_t> gaps_ps_;
 };
 
-// The defaults cover two-way times for ranges from 2.0 to 7.04 m.
+// The defaults cover two-way times that correspond to ranges from 2.0 m to 7.04 m.
 struct HistogramSettings {
   std::int32_t start_channel = 1;  // channel of the laser sync signal
   std::int32_t click_channel = 2;  // channel of the detector
   std::int64_t bin_width_ps = 100;
   std::int64_t first_bin_ps = 13343;  // start of bin 0; may be negative because of cable delays
   std::uint32_t bins = 336;
-  // for taggers that cannot delay clicks or apply a dead time (tag_filter.hpp)
+  // used for taggers that cannot delay clicks or apply a dead time (tag_filter.hpp)
   std::int64_t click_delay_ps = 0, dead_time_ps = 0;
 };
 
 class Histogram {
  public:
-  // Throws Error(config) if there are no bins or more than 2^24, the bin width is below 1 ps, start
-  // and click have the same channel, the axis is longer than 2^50 ps, the dead time is not 0 to 1
-  // ms, or the delay exceeds 1 ms.
+  // Throws Error(config) if the number of bins is 0 or above 2^24, the bin width is below 1 ps,
+  // start and click have the same channel, the axis is longer than 2^50 ps, the dead time is not
+  // between 0 and 1 ms, or the delay exceeds 1 ms.
   explicit Histogram(const HistogramSettings& settings);
 
   void add(std::span<const Tag> tags);
-  // Counts the tags that are still waiting because of the click delay.
+  // Counts the tags that are still held back because of the click delay.
   void flush();
   // Must be called if tags were lost (transport gap, new connection). The overflow state is then
-  // unknown until the next marker.
+  // unknown until the next overflow marker.
   void forget_start();
   // counts() and tag_counts() return the counts since the last clear(). counts() has `bins`
   // entries.
@@ -87,8 +87,8 @@ class Histogram {
   void clear();
   // Returns counts() and then calls clear().
   std::vector<std::uint32_t> take();
-  // Continues after the tags of `before`, which is flushed. So the last start remains valid from
-  // one slot to the next.
+  // Continues the tag stream of `before`, which is flushed. The last start therefore remains valid
+  // from one slot to the next.
   void follow(Histogram& before);
   // Gaps between starts since this object was created.
   const StartGaps& gaps() const { return gaps_; }
@@ -110,11 +110,11 @@ class Histogram {
   StartGaps gaps_;
   TagFilter filter_;
   ClickBins click_bins_;
-  TagRun run_;         // accumulators of one add(); commit() resets them
+  TagRun run_;         // accumulators of one add() call; reset by commit()
   bool fresh_ = true;  // true until run_.last_time_ps is valid
   bool has_start_ = false;
   bool in_overflow_ = false;
-  std::vector<std::uint32_t> bins_;  // one cell per bin, then one cell per ExtraCell
+  std::vector<std::uint32_t> bins_;  // one element per bin, then one element per ExtraCell
   TagCounts totals_;
 };
 

@@ -25,7 +25,7 @@ struct FilterSettings {
   std::int64_t dead_time_ps = 0;
 };
 
-// Invariant: tags fed == tags returned + removed + waiting.
+// Invariant: number of tags fed == tags returned + removed + waiting.
 class TagFilter {
  public:
   explicit TagFilter(const FilterSettings& settings);

@@ -11,13 +11,14 @@
 
 namespace echofuse::tdc {
 
-inline constexpr std::size_t max_group = 8;  // largest number of tags in a group
+inline constexpr std::size_t max_group = 8;  // maximum number of tags in a group
 
 // Start and click channels, and the parameters that assign a click to a bin. Times are modulo 2^64.
 struct ClickBins {
   std::int32_t start_channel = 0, click_channel = 0;
   std::uint64_t first_bin_ps = 0;
-  std::uint64_t range_ps = 0;  // at most 2^50, so that rounding never crosses a bin border
+  std::uint64_t range_ps =
+      0;  // at most 2^50, so that rounding never moves a click into another bin
   double bins_per_ps = 0;
 
   // Returns the bin of a click, or the number of bins if the click is out of range. Unsigned
@@ -29,15 +30,15 @@ struct ClickBins {
   }
 };
 
-// State carried from tag to tag, and accumulators of one add().
+// State carried over from tag to tag, and accumulators of one add() call.
 struct TagRun {
   std::uint64_t last_start_ps = 0, last_time_ps = 0;
   std::uint64_t starts = 0, others = 0, backwards = 0;
 };
 
-// Counts whole groups of tags up to the first group with a marker or an invalid tag. Returns the
-// number of counted tags. `run.last_start_ps` must be valid. `cells` has one element per bin and
-// one for clicks out of range.
+// Counts whole groups of tags up to the first group that contains a marker or an invalid tag.
+// Returns the number of tags counted. `run.last_start_ps` must be valid. `cells` has one element
+// per bin and one for out-of-range clicks.
 std::size_t count_groups(const Tag* tags, std::size_t count, const ClickBins& bins, TagRun& run,
                          std::uint32_t* cells);
 

@@ -35,13 +35,13 @@ struct Permutations {
   }
 };
 
-// Source of each lane: the last lane of the subset at or before this lane; arbitrary if the subset
-// has no such lane.
+// Source index of each lane: the last lane of the subset at or before this lane; arbitrary if the
+// subset has no such lane.
 alignas(64) constexpr Permutations<4, 8, sets> last_of([](unsigned set, unsigned lane) {
   const unsigned upto = set & ((2u << lane) - 1);
   return upto == 0 ? 0u : static_cast<unsigned>(std::bit_width(upto)) - 1;
 });
-// Source of each lane: the previous lane. The source of the first lane is the last lane.
+// Source index of each lane: the preceding lane. The source of the first lane is the last lane.
 alignas(64) constexpr Permutations<4, 8, 1> before([](unsigned, unsigned lane) {
   return (lane + group - 1) % group;
 });
@@ -55,7 +55,7 @@ HWY_INLINE hn::Vec<Times> permute(hn::Vec<Times> lanes, const std::uint8_t* from
 }
 
 HWY_INLINE unsigned set_of(hn::Mask<Times> lanes) {
-  std::uint8_t bits[8] = {};  // Highway requires 8 bytes
+  std::uint8_t bits[8] = {};  // at least 8 bytes, as Highway requires
   hn::StoreMaskBits(Times(), lanes, bits);
   return bits[0];
 }
@@ -65,7 +65,7 @@ HWY_INLINE hn::Mask<Times> mask_of(unsigned set) {
   return hn::LoadMaskBits(Times(), bits);
 }
 
-// Moves the bins of the subset's lanes to the front. The other lanes are arbitrary.
+// Moves the bins in the subset's lanes to the front. The contents of the other lanes are arbitrary.
 HWY_INLINE hn::Vec<Bins> pack(hn::Vec<Bins> bins, unsigned set) {
 #if HWY_TARGET <= HWY_AVX3
   const std::uint8_t bits[8] = {static_cast<std::uint8_t>(set)};
@@ -82,7 +82,7 @@ HWY_INLINE hn::Vec<Bins> pack(hn::Vec<Bins> bins, unsigned set) {
 
 constexpr std::size_t chunk = 2048;
 
-// Prefetches explicitly, because the processor's prefetcher stops at page borders.
+// Prefetches the next page explicitly, because the processor's prefetcher stops at page boundaries.
 HWY_INLINE void prefetch_next_page(const Tag* tags) {
   const auto ahead = reinterpret_cast<std::uintptr_t>(tags) + 4096;
   for (std::size_t i = 0; i < group * sizeof(Tag); i += 64)
@@ -97,7 +97,7 @@ std::size_t take_groups(const Tag* tags, std::size_t count, const ClickBins& bin
     return hn::Set(d, std::uint64_t{static_cast<std::uint32_t>(channel)} << 32);
   };
   const auto start_word = word_of(bins.start_channel), click_word = word_of(bins.click_channel);
-  // bit masks of the channel, and of the type with the reserved byte
+  // bit masks for the channel, and for the type together with the reserved byte
   const auto channel_bits = word_of(-1), head_bits = hn::Set(d, 0xffff);
   const auto first_bin = hn::Set(d, bins.first_bin_ps), range = hn::Set(d, bins.range_ps);
   // The bitwise OR of an integer and the double 2^52 is the double 2^52 + integer.
@@ -105,7 +105,7 @@ std::size_t take_groups(const Tag* tags, std::size_t count, const ClickBins& bin
   const auto two_52_less_half = hn::Set(df, 0x1p52 - 0.5);
   const auto bins_per_ps = hn::Set(df, bins.bins_per_ps);
   const auto first_lane = hn::FirstN(d, 1);
-  auto start = hn::Set(d, run.last_start_ps);    // same time in all lanes
+  auto start = hn::Set(d, run.last_start_ps);    // all lanes contain the same time
   auto previous = hn::Set(d, run.last_time_ps);  // only the first lane is used
   auto backwards = hn::Zero(d);
   std::size_t taken = 0, starts = 0, all_clicks = 0;

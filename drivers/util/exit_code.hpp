@@ -17,7 +17,7 @@ enum class ExitCode : int {
   interrupted = 130,
 };
 
-// Thrown at start-up and by batch programs; only main catches it. The message has one line per
+// Thrown at start-up and by batch programs; caught only by main. The message has one line per
 // fault. Each line contains the location (file, line or key), the fault and the expected value.
 class Error : public std::runtime_error {
  public:

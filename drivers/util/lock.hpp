@@ -8,14 +8,14 @@
 
 namespace echofuse {
 
-// Lock on a file, released by the destructor or at the end of the process. An empty file then
-// remains, unless the holder has removed it.
+// Lock on a file, released by the destructor or when the process ends. The empty file remains,
+// unless the holder has removed it.
 class Lock {
  public:
-  // Takes the lock if it is free. A new file gets `mode`, whatever the umask. If `mode` is 0, the
-  // umask applies and the group may read the file. Throws Error(failed) if PATH is not a lock file
-  // (a link, a folder, a file with other contents), and leaves it unchanged. Throws Error(disk) if
-  // the file can be neither opened nor created.
+  // Takes the lock if it is free. A new file gets the permissions `mode`, regardless of the umask.
+  // If `mode` is 0, the umask applies and the group may read the file. Throws Error(failed) if PATH
+  // is not a lock file (a link, a folder, a file with other contents), and leaves it unchanged.
+  // Throws Error(disk) if the file can be neither opened nor created.
   Lock(std::string path, mode_t mode);
   ~Lock();
   Lock(const Lock&) = delete;
@@ -24,14 +24,14 @@ class Lock {
   bool held() const { return held_; }
   // Replaces the contents of the lock file.
   void write(const std::string& text) const;
-  // Reserves space, so that later writes succeed even if the disk is full. If not all of it can be
-  // reserved, reserves nothing.
+  // Reserves disk space, so that later writes succeed even if the disk is full. If the full amount
+  // cannot be reserved, reserves nothing.
   void reserve(off_t bytes) const;
   void empty() const;
   void remove() const;
 
-  // Returns the text that the lock's holder has written, or nullopt if the lock is free. Does not
-  // take the lock, so concurrent callers do not find the lock held.
+  // Returns the text written by the lock's holder, or nullopt if the lock is free. Does not take
+  // the lock, so concurrent callers do not find the lock held.
   static std::optional<std::string> holder(const std::string& path);
 
  private:

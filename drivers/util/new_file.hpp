@@ -10,21 +10,23 @@ namespace echofuse {
 
 class Lock;
 
-// File that is written under another name until it is complete. Threading: one thread at a time.
+// A file that is written under another name until it is complete. Threading: use it on one thread
+// at a time.
 class NewFile {
  public:
   // Writes to PLACE.RANDOM.part. The random name ensures that no existing link is followed. If the
   // process is killed, this file remains.
   explicit NewFile(std::string place);
-  // Writes to `path`, which other processes must not use. If a killed process left a file there,
-  // removes it. Also removes the side files of an older database.
+  // Writes to `path`, which must not be used by other processes. Removes a file left there by a
+  // killed process, and the side files of an older database.
   NewFile(std::string place, std::string path);
-  // Writes in $TMPDIR on a local disk, because SQLite's WAL does not work on network file systems.
-  // If TMPDIR is not set, writes in the folder of `place`. Overwrites a file that a killed process
-  // left. Throws Error(failed) if another process on this machine is creating the same file.
+  // Writes to a file in $TMPDIR on a local disk, because SQLite's WAL does not work on network file
+  // systems. If TMPDIR is not set, writes in the folder of `place`. Overwrites a file left by a
+  // killed process. Throws Error(failed) if another process on this machine is creating the same
+  // file.
   struct Staged {};
   NewFile(const std::string& place, Staged);
-  ~NewFile();  // removes the file unless it was published or kept
+  ~NewFile();  // removes the file unless it has been published or kept
   NewFile(const NewFile&) = delete;
   NewFile& operator=(const NewFile&) = delete;
 
@@ -33,8 +35,8 @@ class NewFile {
   void create();                       // creates an empty file; throws Error(disk)
   void append(std::string_view text);  // throws Error(disk)
   void keep() { keep_ = true; }        // the destructor does not remove the file
-  // Moves the file to `place` and replaces an existing file. No process may have the file open.
-  // Afterwards the contents and the name are on the disk: fsync of the file, rename, fsync of the
+  // Moves the file to `place` and replaces an existing file. No process may have the file open. On
+  // return, the contents and the name are on the disk: fsync of the file, rename, fsync of the
   // folder. If another database left a -wal or -journal file there, renames it with a warning.
   // Throws Error(disk).
   void publish();
@@ -54,15 +56,15 @@ class NewFile {
 // Writes the whole file atomically. If this fails, PATH is unchanged and Error(disk) is thrown.
 void write_atomically(const std::string& path, std::string_view text);
 
-// Waits until the file's data are on the disk. Throws Error(disk).
+// Waits until the file's data have been written to the disk. Throws Error(disk).
 void sync_file(const std::string& path);
 
-// Allows the file's group to read the file, whatever the umask, because a measuring PC has several
-// users. Has no effect on files of other users.
+// Allows the file's group to read the file, regardless of the umask, because a measuring PC has
+// several users. Has no effect on files owned by other users.
 void let_group_read(int file);
 
-// Removes SQLite's side files of this database. SQLite would apply the side files of an older
-// database to a new one with the same name.
+// Removes SQLite's side files of this database. Otherwise, SQLite would apply the side files of an
+// older database to a new one with the same name.
 void remove_side_files(const std::string& database);
 
 }  // namespace echofuse

@@ -11,12 +11,12 @@
 
 namespace echofuse {
 
-// Reads a .npy file of little-endian numbers in C order: bool, integers of 1 to 8 bytes, or floats
-// of 4 or 8 bytes.
+// Reads a .npy file that contains little-endian numbers in C order: bool, integers of 1 to 8 bytes,
+// or floats of 4 or 8 bytes.
 class NpyFile {
  public:
   // Throws Error(failed) if the file is not a .npy file, if its data type or array order is not
-  // supported, or if its size contradicts the header.
+  // supported, or if its size does not match the header.
   explicit NpyFile(const std::string& path);
 
   const std::string& path() const { return path_; }
@@ -26,8 +26,9 @@ class NpyFile {
     return row_size_;
   }  // values per row; 1 for a one-dimensional array
   bool is_integer() const { return kind_ != 'f'; }
-  std::string shape_text() const;  // shape as text, for example "[300, 64, 64]"
-  // Returns the values of the next row. Throws Error(failed) after the last row.
+  std::string shape_text()
+      const;  // Returns the array's shape as text, for example "[300, 64, 64]".
+  // Returns the values of the next row. Throws Error(failed) if there are no more rows.
   std::vector<double> next_row();
 
  private:
@@ -37,11 +38,11 @@ class NpyFile {
   RegularFile file_;
   std::vector<std::size_t> shape_;
   std::size_t row_size_ = 1, item_bytes_ = 0;
-  char kind_ = 'f';  // type letter of NumPy: b, i, u or f
+  char kind_ = 'f';  // NumPy's letter for the data type: b, i, u or f
 };
 
-// Returns a header of 128 bytes. The length of the header is constant, so that the header can be
-// overwritten once the number of rows is known. `type` is a NumPy type: "<f4", "<i8" or "|u1".
+// Returns a header of 128 bytes. Its length is constant, so that it can be overwritten once the
+// number of rows is known. `type` is a NumPy type: "<f4", "<i8" or "|u1".
 std::string npy_header(const std::string& type, std::uint64_t rows,
                        const std::vector<std::size_t>& row_shape);
 

@@ -12,8 +12,8 @@
 namespace echofuse {
 
 // Writes messages to a file descriptor in order, on its own thread. Keeps at most 1 MiB of
-// unwritten messages and drops older ones. `note` returns the message that replaces N dropped
-// messages. Threading: any thread may call put() and use the stream.
+// unwritten messages; if there are more, drops the oldest. `note` returns the message that replaces
+// N dropped messages. Threading: any thread may call put() and use the stream.
 class OutputQueue {
  public:
   static constexpr std::size_t most_bytes = 1 << 20;
@@ -24,13 +24,13 @@ class OutputQueue {
   OutputQueue& operator=(const OutputQueue&) = delete;
 
   // Queues a message. Returns false if messages were dropped. If `state` is true, the message
-  // replaces an unwritten earlier message that was also put with `state`.
+  // replaces an earlier unwritten message that was also queued with `state`.
   bool put(std::string text, bool state = false);
-  // Returns a stream; flushing it puts the buffered text into the queue. The stream is closed
+  // Returns a stream; flushing it queues the buffered text as a message. The stream is closed
   // together with the queue.
   std::FILE* stream() const { return stream_; }
-  // Waits until all messages are written, or until nothing was written for 1 s. Drops messages that
-  // are not yet written. Returns the errno of the last failed write, or 0.
+  // Waits until all messages have been written, or until nothing has been written for 1 s. Drops
+  // messages that have not been written by then. Returns the errno of the last failed write, or 0.
   int close();
 
  private:

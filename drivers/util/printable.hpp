@@ -7,7 +7,8 @@
 namespace echofuse {
 
 // Quotes a string as a CSV cell (RFC 4180). If the string begins with =, +, -, @ or a similar
-// character, inserts an apostrophe, because a spreadsheet would otherwise evaluate it as a formula.
+// character, prepends an apostrophe, because a spreadsheet would otherwise evaluate it as a
+// formula.
 inline std::string csv_text(std::string_view text) {
   constexpr std::string_view begins_formula = "=+-@\t\r\n|%";
   std::string out = "\"";
@@ -22,10 +23,10 @@ inline std::string csv_text(std::string_view text) {
 // longer than `longest` bytes at a character boundary and appends "...".
 std::string printable(std::string_view text, std::size_t longest = std::string_view::npos);
 
-// Like printable(), but keeps line breaks, for messages of several lines.
+// Like printable(), but keeps line breaks; used for multi-line messages.
 std::string printable_lines(std::string_view text);
 
-// Escapes only bytes that are not UTF-8 (\xff), for names in JSON.
+// Escapes only bytes that are not UTF-8 (\xff). Used for names in JSON.
 std::string utf8_text(std::string_view text);
 
 }  // namespace echofuse

@@ -12,17 +12,18 @@
 namespace echofuse {
 
 struct ProgramOptions {
-  std::string folder{};  // working directory; empty: inherited from this program
-  int output = 1;        // file descriptor that becomes the program's standard output
-  // If true, the program has its own process group, reads from /dev/null and writes to our stderr.
+  std::string folder{};  // working directory; if empty, it is inherited from this program
+  int output = 1;        // file descriptor used as the program's standard output
+  // If true, the program has its own process group, reads from /dev/null and writes to this
+  // program's stderr.
   bool background = false;
   std::vector<std::string> environment{};  // NAME=value pairs, added to the inherited environment
 };
 
 // Returns the folder of the running executable.
 std::filesystem::path program_folder();
-// Returns the folder of the installed files lab.toml and radar/*.cfg. A build folder contains links
-// to these files.
+// Returns the folder that contains the installed files lab.toml and radar/*.cfg. A build folder
+// contains links to these files.
 std::filesystem::path data_folder();
 // Returns FOLDER/NAME if it exists, otherwise the path of the installed file with this name. The
 // name of an installed .cfg may omit the folder `radar`.
@@ -33,15 +34,16 @@ std::string login_name();
 // Returns the number of cores available to this program (taskset, cpusets); at least 1.
 unsigned usable_cores();
 // Returns how the user can get access to a device node: by joining the node's group, or by
-// installing our udev rules.
+// installing echofuse's udev rules.
 std::string permission_hint(const std::string& node);
 // Returns the host name.
 std::string machine_name();
-// Returns the path of a program in the folder of this program. If no such program exists, returns
-// NAME, so that start_program() searches for it in PATH.
+// Returns the path of a program in the folder of the running program. If it does not exist there,
+// returns NAME, so that start_program() searches PATH for it.
 std::string program_beside(const std::string& name);
 
-// Returns why start_program() cannot start a program with this name, or an empty string if it can.
+// Returns the reason why start_program() cannot start a program with this name, or an empty string
+// if it can.
 std::string fault_of_program(const std::string& name);
 
 // Searches PATH for the program words[0] and starts it with the other words as arguments. The new

@@ -16,12 +16,12 @@ namespace echofuse {
 // process's SQLite locks.
 void require_regular(const std::string& path, ExitCode code);
 
-// Resolves links in PATH. Returns PATH if it does not exist. SQLite creates its -wal and -journal
-// files next to the resolved file.
+// Resolves symbolic links in PATH. Returns PATH if it does not exist. SQLite creates its -wal and
+// -journal files next to the resolved file.
 std::string real_path(const std::string& path);
 
-// Regular file that is open for reading. Opening does not block, even if the file is replaced by a
-// FIFO after the check.
+// A regular file that is open for reading. Opening it does not block, even if the file is replaced
+// by a FIFO after the check.
 class RegularFile {
  public:
   RegularFile(const std::string& path, ExitCode code);

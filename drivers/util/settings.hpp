@@ -16,10 +16,11 @@ namespace echofuse {
 // Reads a whole configuration file. Throws Error(config) if the file cannot be read.
 std::string read_config_text(const std::string& path);
 
-// Maximum number of reported faults. A file with more faults is probably not TOML.
+// Maximum number of faults that are reported. A file with more faults is probably not TOML.
 inline constexpr std::size_t max_faults = 20;
 
-// Throws Error(config) with the faults, one per line. Only the first `max_faults` are included.
+// Throws Error(config) with the given faults, one per line. Only the first `max_faults` are
+// included.
 [[noreturn]] void refuse(const std::vector<std::string>& faults);
 
 // Returns the known word that is most similar to `word`. If known words begin with `word` (3
@@ -52,17 +53,18 @@ class Settings {
   void set(const std::string& assignment);
 
   bool given(const std::string& key) const { return !origin(key).empty(); }
-  // Returns where a key's value was set: "FILE:line:column" or "--set key=value". Empty for the
-  // default value.
+  // Returns where a key's value was set: "FILE:line:column" or "--set key=value". Returns an empty
+  // string for a default value.
   std::string origin(const std::string& key) const;
   // refused() returns true if the key's value is not valid. whole() returns true if all lines were
-  // TOML. A check of several keys requires whole(), and !refused() for each of these keys.
+  // valid TOML. Before a check of several keys, whole() must be true and refused() false for each
+  // of them.
   bool refused(const std::string& key) const;
   bool whole() const { return whole_; }
-  // Returns all values as TOML that read_text() accepts. If `with_docs` is set, comments contain
-  // the meaning and range of each key.
+  // Returns all values as TOML text that read_text() accepts. If `with_docs` is set, comments
+  // contain each key's meaning and range.
   std::string resolved(bool with_docs = false) const;
-  // Like resolved(true), with the origin of each value in a comment.
+  // Like resolved(true), but also states the origin of each value in a comment.
   std::string with_origins() const;
   // Returns all settings as JSON: {"schema": 1, "settings": {KEY: {...}, ...}}. Each key has
   // "value" and "help". Numbers also have "min" and "max", and enumerations have "allowed".
