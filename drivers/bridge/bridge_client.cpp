@@ -6,8 +6,8 @@
 
 namespace echofuse::bridge {
 namespace {
-// A working sender is silent for at most 1 s, plus delays of a busy machine. The timeout of 4 s
-// also ends the wait for a block with a corrupt length. Therefore the largest blocks (16 MiB) must
+// A working sender is silent for at most 1 s, plus any delay on a busy machine. The timeout of 4 s
+// also ends the wait for a block with a corrupt length. Therefore, the largest blocks (16 MiB) must
 // arrive at 4 MB/s or faster.
 constexpr std::chrono::seconds check_pause{1};
 constexpr int timeout_checks = 4;
@@ -66,7 +66,7 @@ void BridgeClient::watch() {
   timer_.after(check_pause, [this] { check_liveness(); });
 }
 
-// Considers the bridge alive if it sent a block since the last check. Blocks received before a
+// Considers the bridge alive if it has sent a block since the last check. Blocks received before a
 // hello do not count.
 void BridgeClient::check_liveness() {
   const bool alive =
@@ -96,7 +96,7 @@ void BridgeClient::on_block(Block block, HostTime received) {
     return;
   }
   // Resets the back-off only after a data block, so that a bridge that closes the connection after
-  // its hello is retried at growing intervals.
+  // its hello is retried at increasing intervals.
   backoff_.alive(received);
   block.lost_blocks = std::exchange(lost_blocks_, 0);
   block.dropped_items = std::exchange(dropped_items_, 0);

@@ -14,8 +14,8 @@ constexpr std::uint32_t longest_gap = 1u << 20;
 
 namespace fs = std::filesystem;
 
-// Returns the path of one of this project's bridge programs, either installed or in the source
-// tree. Returns only the file name of the program if neither exists.
+// Returns the path of one of echofuse's bridge programs, either installed or in the source tree. If
+// neither exists, returns only the program's file name.
 std::string path_of(const std::string& bridge) {
   std::error_code none;
   const std::string name = "echofuse-bridge-" + bridge;

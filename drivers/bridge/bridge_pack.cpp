@@ -13,7 +13,7 @@ using namespace echofuse;
 namespace {
 
 // Moves the tags of the start and click channels, and all markers, to the front of `tags`. Returns
-// the number of moved tags.
+// the number of tags moved.
 std::size_t keep(std::uint8_t* tags, std::size_t count, std::int32_t start, std::int32_t click) {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -35,7 +35,7 @@ extern "C" {
 std::uint32_t echofuse_bridge_pack_version() { return 3; }
 
 struct EchofusePacked {
-  // numbers of tags kept, of start tags, and of overflow_begin markers
+  // number of tags kept, number of start tags, and number of overflow_begin markers
   std::uint32_t kept, starts, overflows;
 };
 
@@ -68,7 +68,7 @@ void echofuse_pack_tags(const std::uint8_t* from, std::uint8_t* to, std::uint32_
   packed->overflows = static_cast<std::uint32_t>(found[0]);
 }
 
-// Continues the CRC-32C `crc` of earlier bytes; `crc` is 0 for the first bytes.
+// Continues the CRC-32C `crc` of the preceding bytes; `crc` is 0 for the first bytes.
 std::uint32_t echofuse_crc32c(const std::uint8_t* bytes, std::size_t count, std::uint32_t crc) {
   return crc32c({bytes, count}, crc);
 }

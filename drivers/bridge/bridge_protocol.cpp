@@ -51,7 +51,8 @@ Axis tangent_axis(const char* name, std::uint32_t count, float start, float step
           .step = step};
 }
 
-// Rejects tangents above 100, i.e. angles of more than 89.4 degrees from the optical axis.
+// Rejects axes with tangents above 100, i.e. angles of more than 89.4 degrees from the optical
+// axis.
 bool usable(const Axis& axis) {
   const double end = axis.start + axis.step * axis.count;
   return axis.count >= 1 && axis.count <= max_depth_side && std::abs(axis.start) <= 100 &&
@@ -115,8 +116,8 @@ void BlockParser::discard(std::size_t bytes) {
   counts_.junk_bytes += bytes;
 }
 
-// Returns the number of blocks lost before this one. Returns 1 if the sequence number decreased,
-// because the actual number is then unknown.
+// Returns the number of blocks lost before this one. Returns 1 if the sequence number has
+// decreased, because the actual number is then unknown.
 std::uint64_t BlockParser::missing_before(std::uint32_t sequence) {
   const std::uint32_t ahead = sequence - expected_;
   expected_ = sequence + 1;

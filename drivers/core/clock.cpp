@@ -29,7 +29,7 @@ UtcTime SystemClock::utc() const {
 }
 
 std::string iso8601(UtcTime time) {
-  // floor<seconds> would overflow for the earliest times of the type, so the second is computed
+  // floor<seconds> would overflow for the earliest representable times, so the second is computed
   // with integer arithmetic.
   constexpr std::int64_t second = 1'000'000'000;
   const std::int64_t rest = (time.count() % second + second) % second;

@@ -8,7 +8,7 @@
 namespace echofuse {
 
 std::uint32_t crc32c(ByteView bytes, std::uint32_t crc) {
-  // largest number of bytes per call of ISA-L, which takes the length as an int
+  // maximum number of bytes passed to ISA-L in one call, because ISA-L takes the length as an int
   constexpr std::size_t most = std::size_t{1} << 30;
   for (crc = ~crc; !bytes.empty(); bytes = bytes.subspan(std::min(bytes.size(), most)))
     crc = ::crc32_iscsi(const_cast<std::uint8_t*>(bytes.data()),

@@ -44,7 +44,8 @@ struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
       });
     });
   }
-  // Asks the camera's thread to end, and wakes it from pause(). Actions already posted still run.
+  // Asks the camera's thread to end, and wakes it from pause(). Actions that have already been
+  // posted still run.
   void stop() {
     const std::lock_guard lock(mutex);
     stopping = true;
@@ -59,8 +60,8 @@ struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
   }
 
   // Runs sessions until the driver is stopped, with a pause after each failure. `session` returns
-  // why the camera failed, or an empty string at the end of a recording. `info` describes the
-  // camera of the current session.
+  // the reason why the camera failed, or an empty string at the end of a recording. `info`
+  // describes the camera used in the current session.
   void run(const DeviceInfo& info, port::Backoff& backoff,
            const std::function<std::string()>& session) {
     do {
@@ -83,7 +84,7 @@ struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
       if (self->sink) action(*self->sink);
     });
   }
-  // Waits for the given time. Returns false if the driver is stopped.
+  // Waits for the given time. Returns false if the driver has been stopped.
   bool pause(std::chrono::nanoseconds time) {
     std::unique_lock lock(mutex);
     return !wake.wait_for(lock, time, [this] { return stopping.load(); });
@@ -122,7 +123,8 @@ class OpenNiCamera::CaptureThread {
  private:
   using Read = OpenNiSession::Read;
 
-  // Runs one session. Returns why the camera failed, or an empty string at the end of a recording.
+  // Runs one session. Returns the reason why the camera failed, or an empty string at the end of a
+  // recording.
   std::string run_session() {
     OpenNiSession session;
     if (std::string wrong = session.open(uri_, options_); !wrong.empty()) return wrong;
@@ -176,8 +178,8 @@ class OpenNiCamera::CaptureThread {
   }
 
   // Returns the number of frames missing before `index`, according to the camera's frame indices.
-  // Many cameras continue to count frames while they are closed. If a reopened camera restarted its
-  // count, at least one frame was lost.
+  // Many cameras continue to count frames while they are closed. If a reopened camera has restarted
+  // its count, at least one frame was lost.
   std::uint32_t lost_before(std::uint32_t index) {
     const bool rejoined = std::exchange(rejoined_, false);
     if (last_index_ && index > *last_index_) return index - *last_index_ - 1;
@@ -205,8 +207,8 @@ class OpenNiCamera::CaptureThread {
       raw_->note("depth", at, "bytes", static_cast<std::int64_t>(block.size()));
   }
 
-  // Waits until a recording's frame is due and the queue has space. Returns false if the driver is
-  // stopped.
+  // Waits until a recording's frame is due and the queue has space. Returns false if the driver has
+  // been stopped.
   bool hold_back(std::uint64_t device_time_us) {
     const auto now = std::chrono::steady_clock::now();
     if (!pace_) pace_ = {now, device_time_us};
@@ -230,7 +232,7 @@ class OpenNiCamera::CaptureThread {
   DeviceInfo info_;
   port::Backoff backoff_;
   std::optional<std::uint32_t> last_index_;
-  bool rejoined_ = false;  // true after the camera was reopened, until its first frame arrives
+  bool rejoined_ = false;  // true from the reopening of the camera until its first frame arrives
   std::uint32_t dropped_since_ = 0;
   std::optional<std::pair<std::chrono::steady_clock::time_point, std::uint64_t>> pace_;
 };

@@ -228,7 +228,7 @@ OpenNiSession::Read OpenNiSession::read(std::chrono::milliseconds timeout, Depth
   return convert(raw, frame) ? Read::frame : Read::bad_frame;
 }
 
-// Converts a frame of OpenNI. Returns false if its size differs from the stream's mode.
+// Converts an OpenNI frame. Returns false if its size differs from that of the stream's mode.
 bool OpenNiSession::convert(const openni::VideoFrameRef& raw, DepthFrame& frame) const {
   const std::uint32_t width = info_.axes[0].count, height = info_.axes[1].count;
   const auto stride = static_cast<std::size_t>(raw.getStrideInBytes());

@@ -24,8 +24,8 @@ void ExampleTagger::start(SampleSink& sink) {
   connect();
 }
 
-// Calls the vendor's library on the loop's thread. Call functions that block on a separate thread,
-// and post their results to the loop.
+// Calls the vendor's library on the loop's thread. If the library's functions block, call them on a
+// separate thread and post their results to the loop.
 void ExampleTagger::connect() {
   if (!board_.open()) {
     timer_.after(pause_, [this] { connect(); });

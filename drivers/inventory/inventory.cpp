@@ -192,8 +192,8 @@ std::string firmware_of(unsigned bcd) {
 }
 
 // Returns a path that remains valid after replugging, or the node itself if udev has not created
-// such a path. Uses by-path for devices with the same serial number, because their by-id names are
-// ambiguous.
+// such a path. Uses by-path names for devices that share a serial number, because their by-id names
+// are ambiguous.
 std::string stable_path(const std::string& node, const Roots& roots, bool shared_serial) {
   std::error_code error;
   const fs::path folder = fs::path(roots.dev) / (shared_serial ? "serial/by-path" : "serial/by-id");

@@ -22,9 +22,9 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr auto status_period = std::chrono::seconds(1);
-// timeout of a read; queued output may be delayed by this time
+// timeout of a read; queued output may be delayed by up to this time
 constexpr int read_wait_ms = 2;
-// limit of each queue, bytes; 4 s of data at the maximum rate
+// maximum size of each queue in bytes; equals 4 s of data at the maximum rate
 constexpr std::size_t max_waiting = 256 << 10;
 
 // Several processes can read a hidraw node. A lock on the node excludes other echofuse programs.
@@ -100,7 +100,7 @@ struct HidLink : ThreadLink {
   std::mutex mutex;  // protects the members below
   Bytes in, out;
   bool posted = false;
-  std::uint64_t dropped = 0;  // bytes dropped in both directions since the last report
+  std::uint64_t dropped = 0;  // number of bytes dropped in both directions since the last report
 };
 using HidLinkPtr = std::shared_ptr<HidLink>;
 

@@ -17,7 +17,7 @@
 
 namespace echofuse::port {
 
-// Runs posted actions before due timers, because a timer may wait for the effect of an action.
+// Runs posted actions before due timers, because a timer may depend on the effect of an action.
 // After 32 consecutive actions, a due timer runs, so that a flood of actions does not delay timers.
 void Loop::run_until(const std::function<bool()>& done, HostTime until) {
   constexpr int most_before_a_timer = 32;
@@ -126,7 +126,7 @@ boost::asio::io_context& SystemLoop::io() { return parts_->io; }
 bool SystemLoop::poll() { return parts_->io.poll_one() > 0; }
 
 void SystemLoop::wait(HostTime until) {
-  // Returns after at most 20 ms, because signals only set a flag that `done` polls.
+  // Waits at most 20 ms, because signals only set a flag that `done` polls.
   constexpr std::chrono::milliseconds longest{20};
   const HostTime end = std::min(until, now() + longest);
   // Uses its own timer instead of run_one_until(), which waits in whole milliseconds.

@@ -40,7 +40,7 @@ struct RawKeeper::Shared {
 
   std::mutex mutex;  // protects the members below
   std::condition_variable done;
-  std::size_t queued_bytes = 0;  // bytes waiting to be written, or being written
+  std::size_t queued_bytes = 0;  // number of bytes stored since the free space was last checked
   Counts counts;
   std::map<std::string, int> numbers;
   std::string trouble;
@@ -96,7 +96,7 @@ RawKeeper::RawKeeper(std::string folder, std::unique_ptr<Worker> worker, RawLimi
   if (error) throw Error(ExitCode::disk, dir + ": " + error.message());
 }
 
-// If the disk blocks, the worker's thread is detached, so that the run can end.
+// If a write to the disk blocks, the worker's thread is detached, so that the run can end.
 RawKeeper::~RawKeeper() {
   finish();
   const std::lock_guard lock(shared_->mutex);

@@ -22,9 +22,9 @@ using boost::system::error_code;
 
 error_code last_error() { return {errno, boost::system::system_category()}; }
 
-// Locks the port and sets raw mode. flock() also excludes root, unlike TIOCEXCL. If another program
+// Locks the port and sets raw mode. Unlike TIOCEXCL, flock() also excludes root. If another program
 // holds the lock, its settings and buffers remain unchanged. TIOCEXCL is skipped for a
-// pseudo-terminal, because its master would keep the flag after we close the port.
+// pseudo-terminal, because its master would keep the flag after the port is closed.
 error_code make_ours(int fd) {
   struct stat is {};
   if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {

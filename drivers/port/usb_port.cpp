@@ -14,11 +14,13 @@ constexpr std::size_t transfer_count = 8, transfer_bytes = usb_ring_bytes / tran
 constexpr std::size_t most_queued = 64u << 20;
 constexpr unsigned request_limit_ms = 500;
 constexpr auto cancel_limit = std::chrono::seconds(2);
-constexpr int turn_ms = 10;  // longest time for which a closed port still uses the device, ms
+constexpr int turn_ms =
+    10;  // maximum time in ms for which the device remains in use after its port is closed
 
 struct UsbLink : ThreadLink {
   using ThreadLink::ThreadLink;
-  std::atomic<std::size_t> queued{0};  // bytes posted to the loop's thread but not yet delivered
+  std::atomic<std::size_t> queued{
+      0};  // number of bytes posted to the loop's thread but not yet delivered
 };
 
 // Opens and uses the device on the port's own thread.
@@ -124,7 +126,7 @@ class UsbWorker {
     else
       found = open_device(only) && find_interface(only);
     libusb_free_device_list(list, 1);
-    // discards the failures of other devices that could not be opened
+    // discards the failures to open other devices
     if (found) failure_.reset();
     return found;
   }
@@ -172,7 +174,7 @@ class UsbWorker {
 
   // Starts the stream. A previous program may have left the interface halted or running. Requests
   // data only after the device has responded to the start request, because the device first
-  // discards the data that it buffered before.
+  // discards previously buffered data.
   bool start() {
     if (const int error = libusb_claim_interface(handle_.get(), interface_))
       return fail("claim", error);
@@ -212,9 +214,9 @@ class UsbWorker {
     slot.worker->on_completed(slot);
   }
 
-  // Delivers the transfer's bytes whatever its status, because the device sent them before it
-  // stalled or disconnected. After a disconnection libusb completes the transfers in any order, and
-  // one of them may contain bytes.
+  // Delivers the transfer's bytes regardless of its status, because the device sent them before it
+  // stalled or disconnected. After a disconnection, libusb completes the transfers in any order,
+  // and any of them may contain data.
   void on_completed(const Transfer& slot) {
     const libusb_transfer& t = *slot.transfer;
     const bool in_order = !failure_ || t.status == LIBUSB_TRANSFER_NO_DEVICE;

@@ -19,7 +19,7 @@ namespace {
 // text mode.
 constexpr std::size_t max_line = 255, max_words = 40;
 
-// Maximum size of a cfg. The cfgs of TI's demos have 1 to 4 kB.
+// Maximum size of a cfg. The cfgs of TI's demos have sizes of 1 to 4 kB.
 constexpr std::size_t max_cfg_bytes = 64 << 10;
 
 std::string quoted(std::string_view word) { return std::string(1, '\'').append(word) += '\''; }

@@ -21,7 +21,7 @@ std::string trimmed(std::string_view text) {
   return std::string(text.substr(first, text.find_last_not_of(" \t") + 1 - first));
 }
 
-// Returns UART text as one line of limited length, for messages.
+// Returns UART text as one line of limited length, for use in messages.
 std::string shown(std::string_view text) { return printable(text, 256); }
 
 bool has(const std::vector<std::string>& lines, std::string_view whole) {
@@ -111,8 +111,8 @@ void CommandDialogue::on_line() {
   const std::string line = trimmed(line_);
   if (line.find_first_not_of('*') == line.npos || state_ == State::failed) return;
   const bool commanding = state_ == State::commanding;
-  // The firmware sends this line once per frame while measureRangeBiasAndRxChanPhase is on. This
-  // line may interrupt the echo of a command.
+  // The firmware sends this line once per frame while measureRangeBiasAndRxChanPhase is enabled.
+  // The line may interrupt the echo of a command.
   const std::size_t calibration = line.find("compRangeBiasAndRxChanPhase ");
   if (line.find("Exception:") != line.npos) {
     fail(shown(line) + " (the firmware has stopped: reset the board" +
