@@ -14,13 +14,13 @@ import sys
 # Candidates for the longest transport delay. The audit reports the shortest candidate that explains the run.
 LATENCIES_NS = [20_000_000 * 2**i for i in range(8)]
 LATENCY_NS = 250_000_000
-GRACE_NS = 500_000_000  # time for which the daemon still accepts frames of a slot after its end
+GRACE_NS = 500_000_000  # time after the end of a slot in which the daemon still accepts its frames
 SETTLING_NS = 5_000_000_000  # time that the clock fit needs to become valid again after a clock jump
 PATIENCE_NS = 5_000_000_000
 CLOCK_ERROR_NS = 100_000_000  # backward steps of a device clock that are smaller than this are not detected
 SETTLED = 200  # number of samples that a clock fit needs to become valid
 NUMBER_FIELD = range(20, 24)  # byte range of the frame number in a radar frame
-BELIEVED_GAP = 100  # larger gaps in radar frame numbers count as loss only after the next frame confirms them
+BELIEVED_GAP = 100  # larger gaps in radar frame numbers count as losses only after the next frame confirms them
 RECEIVED_WHOLE = {"sent", "garbage"}
 
 
@@ -103,7 +103,7 @@ class Tags:
         self.latency_ns = latency_ns
         self.jumps = clock_jumps(entries)  # tags sent during these times may be assigned to earlier slots
         self.clock_faults = min((e["t"] for e in entries if e["what"].startswith("begin clock_")), default=float("inf"))
-        self.sums = collections.Counter()  # number of tags, by what happened to their block
+        self.sums = collections.Counter()  # number of tags, by the fate of their block
         self.delivered, self.losses = [], []  # lists of (earliest time, latest time, amount)
         self.pending = 0  # tags lost since the last delivered block, including those of earlier connections
         for number, connection in enumerate(connection_list):
@@ -246,14 +246,17 @@ class Range:
         self.settling = any(r[f"{sensor}_samples"] < SETTLED for r in records)
 
     def movable(self, frames):
-        """Returns how many frames of this range may be stored in a neighbouring range: late frames, damaged frames, and
-        all frames while the clock fit is not valid. A late frame may have a higher number than the last frame of its
-        record. The daemon assigns damaged frames, and frames without a valid fit, to slots by their receipt time."""
+        """Returns how many frames that belong in this range of records may be stored in a
+        neighbouring range: late frames, damaged frames, and all frames while the clock fit is not
+        valid. A late frame may have a higher number than the last frame of its record. The daemon
+        assigns damaged frames, and frames received without a valid fit, to slots by their arrival
+        time."""
         return self.late + (self.got if self.settling else sum(map(frames.doubtful, self.numbers)))
 
 
 def ranges_of(account, run, frames, jumps):
-    """Divides the records into ranges; returns the ranges and the records after the last range."""
+    """Divides the records into ranges; returns the ranges, and the records that follow the last
+    range."""
     sensor, found, records, previous = frames.sensor, [], [], None
     for record in run.records:
         records.append(record)
@@ -314,8 +317,8 @@ def audit_frames(run, sensor, entries):
 
 
 def move_jump(before, after):
-    """Moves a loss to the previous range, because the daemon counts a large jump of the frame number only after the
-    next frame confirms it."""
+    """Moves a loss to the previous range, because the daemon counts a large jump in the frame
+    number only after the next frame confirms it."""
     missing = len(before.numbers) - before.got - before.late - before.lost
     if missing > BELIEVED_GAP:
         move = min(missing, after.lost)
@@ -324,8 +327,9 @@ def move_jump(before, after):
 
 
 def audit_range(account, frames, part, near, before, counts):
-    """Returns the number of missing frames; negative if the range has excess frames. Up to `near` frames may be stored
-    in a neighbouring range, but the sum over all ranges must be 0. `before` is the sum over the previous ranges."""
+    """Returns the number of missing frames, which is negative if the range contains excess frames.
+    Up to `near` frames may be stored in a neighbouring range, but the sum over all ranges must be
+    0. `before` is the sum over the previous ranges."""
     numbers, arrived = part.numbers, part.got + part.late
     certain = sum(map(frames.certain, numbers))
     doubtful = sum(map(frames.doubtful, numbers))

@@ -15,7 +15,7 @@ constexpr std::size_t tlv_header_bytes = 8;
 constexpr std::uint32_t max_packet_bytes = 64u << 10;
 constexpr std::uint32_t max_tlvs = 16;
 constexpr std::size_t padding_limit = 32;
-// A larger jump of the frame number indicates corruption or a restart, not lost frames.
+// A larger jump in the frame number indicates corruption or a restart, not lost frames.
 constexpr std::uint32_t max_lost_frames = 1u << 20;
 // a gap larger than this counts only if the next frame number confirms it
 constexpr std::uint32_t usual_gap = 100;
@@ -243,9 +243,10 @@ void FrameParser::deliver(ByteView packet, const Header& header, HostTime receiv
   on_frame(std::move(frame));
 }
 
-// Returns false if the structure is broken: a TLV exceeds the packet, or more bytes follow the TLVs
-// than padding explains. An excess TLV that would start within the padding is accepted as a wrong
-// TLV count. Some guiMonitor values make the firmware announce a TLV that it does not send.
+// Returns false if the structure is broken: a TLV exceeds the packet, or the TLVs are followed by
+// more bytes than padding can explain. An excess TLV that would start within the padding is
+// accepted as a wrong TLV count, because some guiMonitor values make the firmware announce a TLV
+// that it does not send.
 bool FrameParser::read_tlvs(ByteView body, std::uint32_t count, RadarFrame& frame) {
   ByteReader in(body);
   for (std::uint32_t i = 0; i < count; ++i) {

@@ -16,7 +16,8 @@ namespace {
 
 struct EnabledAntennas {
   std::uint32_t receivers = 0;              // mask of enabled receivers
-  std::vector<std::uint32_t> transmitters;  // indices from 0, in the order of the frame's chirps
+  std::vector<std::uint32_t> transmitters;  // indices of the transmitters, counted from 0, in the
+                                            // order of the frame's chirps
   std::uint32_t virtuals() const {
     return static_cast<std::uint32_t>(std::popcount(receivers)) *
            static_cast<std::uint32_t>(transmitters.size());
@@ -64,7 +65,8 @@ EnabledAntennas read_antennas(const Cfg& cfg, const FrameCfg& of) {
   const CfgCommand& frame = of.line;
   const auto enabled = cfg.integer(channels, 2, 1, 7);
   const auto first = of.first_chirp(cfg), last = of.last_chirp(cfg);
-  std::multimap<std::uint32_t, std::uint32_t> used;  // transmitter masks by first chirp
+  std::multimap<std::uint32_t, std::uint32_t>
+      used;  // transmitter masks, by the number of the first chirp
   for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
     const auto begin = cfg.integer(chirp, 1, 0, 511), end = cfg.integer(chirp, 2, 0, 511);
     if (begin <= last && end >= first)
@@ -86,8 +88,8 @@ struct RampSampling {
   bool operator==(const RampSampling&) const = default;
 };
 
-// Returns the profile that determines the range axis in the firmware. If there are subframes, it is
-// the profile of the subframe's first chirp, otherwise the last profile.
+// Returns the profile that determines the range axis in the firmware. If there are subframes, this
+// is the profile of the subframe's first chirp; otherwise, it is the last profile.
 const CfgCommand& profile_of(const Cfg& cfg, const FrameCfg& frame) {
   const CfgCommand* found = &cfg.last("profileCfg");
   if (!cfg.advanced()) return *found;
@@ -120,8 +122,8 @@ const CfgCommand* chirp_cfg_of(const Cfg& cfg, std::uint32_t number) {
   return nullptr;
 }
 
-// Returns the command that defines the chirp's profile, or nullptr. Like the firmware, uses the
-// last one.
+// Returns the command that defines the chirp's profile, or nullptr. If there are several, returns
+// the last one, like the firmware.
 const CfgCommand* profile_cfg_of(const Cfg& cfg, const CfgCommand& chirp) {
   const CfgCommand* found = nullptr;
   for (const CfgCommand& c : cfg.all("profileCfg"))
@@ -145,7 +147,7 @@ Ramp ramp_of(const Cfg& cfg, const CfgCommand& profile, const CfgCommand& chirp)
   return ramp;
 }
 
-// Returns the sum of the idle times and ramps of a frame's chirps, s.
+// Returns the total duration of the idle times and ramps of a frame's chirps, s.
 double active_s(const Cfg& cfg, const FrameCfg& frame) {
   double sum_us = 0;
   for (std::uint32_t k = frame.first_chirp(cfg); k <= frame.last_chirp(cfg); ++k) {
@@ -157,7 +159,7 @@ double active_s(const Cfg& cfg, const FrameCfg& frame) {
   return 1e-6 * frame.loops(cfg) * sum_us;
 }
 
-// Checks all profiles and chirps, because the front end checks unused ones, too.
+// Checks all profiles and chirps, because the front end also checks unused ones.
 void check_ramps(const Cfg& cfg) {
   for (const CfgCommand& profile : cfg.all("profileCfg"))
     for (const auto& words : refusals_of(ramp_of(cfg, profile)))
@@ -184,7 +186,8 @@ void check_frame(const Cfg& cfg, const FrameCfg& frame) {
     cfg.refuse(cfg.complaint(frame.line, words));
 }
 
-// Requires one range axis for all chirps of a frame, because the firmware uses one profile for all.
+// Requires all chirps of a frame to have the same range axis, because the firmware uses one profile
+// for all of them.
 void require_one_axis(const Cfg& cfg, const FrameCfg& frame) {
   const CfgCommand& used = profile_of(cfg, frame);
   for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
@@ -199,8 +202,8 @@ void require_one_axis(const Cfg& cfg, const FrameCfg& frame) {
   }
 }
 
-// Requires the same range axis and antennas in all subframes, because a record is the mean of all
-// subframes.
+// Requires all subframes to have the same range axis and antennas, because a record is the mean of
+// all subframes.
 void require_alike(const Cfg& cfg, const std::vector<FrameCfg>& frames) {
   const auto of = [&](const FrameCfg& f) {
     const EnabledAntennas antennas = read_antennas(cfg, f);
@@ -297,7 +300,7 @@ void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud)
                            " bytes takes " + milliseconds(transmit_s) + " at " +
                            std::to_string(baud) + " baud";
   // A heat map that takes longer to send than the frame period is an error, because the demo then
-  // stops sending completely.
+  // stops sending altogether.
   const CfgCommand& gui = cfg.last("guiMonitor");
   if (cfg.number(gui, 5) != 0 || cfg.number(gui, 6) != 0)
     cfg.fail(cfg.last(command), what +

@@ -10,14 +10,14 @@ namespace {
 // If a port was unplugged for longer than this, the whole cfg is sent, because another program may
 // have changed the board's settings.
 constexpr std::chrono::seconds cfg_keeps{10};
-// A frame is considered complete if no byte arrives for this time. USB bridges delay bytes by up to
-// 16 ms.
+// A frame is considered complete if no further byte arrives within this time. USB bridges delay
+// bytes by up to 16 ms.
 constexpr std::chrono::milliseconds quiet{20};
 // A stopped board still sends the rest of one frame, which USB bridges may delay. A second frame,
-// or any frame after the longest transmission, is from another board.
+// or any frame that arrives after the longest possible transmission, is from another board.
 constexpr std::chrono::milliseconds held_back{50}, longest_transmission{250}, least_pause{300};
 
-// Returns the time in which a board with this frame period would send two frames.
+// Returns the time within which a board with this frame period would send two frames.
 std::chrono::milliseconds pause_for(double frame_period_s) {
   return std::max(least_pause,
                   held_back + std::chrono::milliseconds(std::lround(2100 * frame_period_s)));
@@ -204,8 +204,8 @@ void RadarDriver::on_frame(RadarFrame frame) {
   check_period(frame);
   if (!running_) return;
   frame.subframes = profile_.subframes;
-  // Converts the receive time to the time of the first chirp. Subtracts the time of the chirps, of
-  // the firmware's processing, and of the transmission (25 to 96 ms with a heat map).
+  // Converts the arrival time to the time of the first chirp. Subtracts the durations of the
+  // chirps, the firmware's processing and the transmission (25 to 96 ms with a heat map).
   const double work_s = frame.stats ? 1e-6 * frame.stats->inter_frame_processing_us : 0;
   frame.received -= from_seconds(profile_.active_s + std::min(work_s, profile_.frame_period_s) +
                                  profile_.frame_bytes * 10.0 / setup_.data_baud);
@@ -245,8 +245,9 @@ void RadarDriver::check_period(const RadarFrame& frame) {
                       ms(expected_s) + ": is radar.data a port of a different board?");
 }
 
-// Drops a frame that may belong to another cfg: a frame of an earlier connection, before the cfg
-// was accepted, or after a fault. It counts as lost, except before the first accepted cfg.
+// Drops a frame that may belong to another cfg: a frame from an earlier connection, a frame
+// received before the cfg was accepted, or one received after a fault. The frame counts as lost,
+// unless no cfg has been accepted yet.
 void RadarDriver::discard(const RadarFrame& frame) {
   ++early_frames_;
   if (configured_ > 0) discarded_ += 1 + frame.lost_before;
@@ -264,7 +265,7 @@ void RadarDriver::detect_other_board(const RadarFrame& frame) {
             DeviceState::misconfigured};
 }
 
-// Returns true if the frame number has restarted. Ignores a restart within the first two frames
+// Returns true if the frame numbering has restarted. Ignores a restart within the first two frames
 // after a start, because a known reset may have caused it.
 bool RadarDriver::board_was_reset() {
   const FrameCounts& counts = parser_.counts();

@@ -13,14 +13,14 @@
 namespace echofuse::tdc {
 namespace {
 
-// Additional cells after the cells of the bins. out_of_range is the first, because ClickBins::bin()
-// returns the number of bins for a click out of range.
+// Additional elements after those of the bins. `out_of_range` is the first, because
+// ClickBins::bin() returns the number of bins for an out-of-range click.
 enum ExtraCell : std::uint32_t { out_of_range, without_start, start, other, cells };
 
 constexpr std::uint32_t max_bins = 1u << 24;
 
-// Largest range for which (distance + 0.5) / width, computed in double, never crosses a bin border
-// because of rounding.
+// Largest range for which (distance + 0.5) / width, computed in double, is never rounded into
+// another bin.
 constexpr std::uint64_t max_range_ps = 1ull << 50;
 
 void check(const HistogramSettings& s) {
@@ -89,7 +89,7 @@ void Histogram::count(std::span<const Tag> tags) {
   commit(all);
 }
 
-// Every time tag increments exactly one cell. The cell is selected without branches, because the
+// Every time tag increments exactly one element. It is selected without branches, because the
 // processor cannot predict the sequence of starts and clicks.
 void Histogram::count_singly(std::span<const Tag> tags) {
   const std::uint32_t bins = settings_.bins;
@@ -141,7 +141,8 @@ void Histogram::add_marker(const Tag& tag) {
   has_start_ = false;
 }
 
-// Adds the sums of one add() and the additional 32-bit cells to the totals, and resets them.
+// Adds the sums of one add() call and the additional 32-bit elements to the totals, and resets
+// them.
 void Histogram::commit(std::size_t tags) {
   const auto take_cell = [this](ExtraCell c) {
     return std::exchange(bins_[std::size_t{settings_.bins} + c], 0u);

@@ -30,8 +30,7 @@ std::span<const Tag> TagFilter::feed(std::span<const Tag> tags) {
     release(waiting_.size());
     return ready_;
   }
-  // Earliest delayed time that later tags can have. Signed differences handle the wrap of the
-  // times.
+  // Earliest delayed time that later tags can have. Signed differences handle wrapped times.
   const std::uint64_t settled =
       newest_ + static_cast<std::uint64_t>(std::min(click_delay_ps_, std::int64_t{0}));
   const auto end = std::find_if(waiting_.begin(), waiting_.end(), [&](const Tag& tag) {

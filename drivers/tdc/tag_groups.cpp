@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/tdc/tag_groups.hpp"
 
-// Highway compiles this kernel for all instruction sets except that of the build itself. The
-// include below adds the latter.
+// Highway compiles this kernel for all instruction sets except the one that the build itself
+// targets. The include below adds that one.
 #define HWY_TARGET_INCLUDE "drivers/tdc/tag_groups_kernel.hpp"
 #include <hwy/foreach_target.h>
 

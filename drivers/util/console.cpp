@@ -45,7 +45,8 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
     const bool failed = std::ferror(stdout) != 0;
     errno = 0;
     if (std::fflush(stdout) == 0 && !failed) return static_cast<int>(code);
-    if (errno == 0) {  // errno of an earlier failed write is lost, so write again to set it
+    if (errno ==
+        0) {  // errno of an earlier failed write is lost, so the write is repeated to set it
       std::clearerr(stdout);
       std::fputc('\n', stdout);
       std::fflush(stdout);

@@ -51,8 +51,8 @@ std::string contents(int fd, off_t bytes) {
   return text;
 }
 
-// Returns true if the file is empty, contains only zeros from reserve(), or begins with our header
-// or a part of it, because the lock's holder may be writing it.
+// Returns true if the file is empty, contains only zeros from reserve(), or begins with the lock's
+// header or part of it, because the lock's holder may be writing it.
 bool is_ours(int fd) {
   struct stat is {};
   if (::fstat(fd, &is) != 0 || !S_ISREG(is.st_mode) || is.st_nlink > 1 || is.st_size > most_bytes)

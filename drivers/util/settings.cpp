@@ -28,7 +28,7 @@ std::string literal(double v) {
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }
 
-// Returns the string quoted and escaped on one line. The TOML library prints some strings on
+// Returns the string as one quoted and escaped line. The TOML library prints some strings on
 // several lines, and cannot read them back.
 std::string in_quotes(const std::string& text) {
   constexpr char digits[] = "0123456789abcdef";
@@ -380,7 +380,7 @@ std::string Settings::resolved(bool with_docs) const { return print(with_docs, f
 
 std::string Settings::with_origins() const { return print(true, true); }
 
-// value_of() prints TOML, which is also valid JSON for our numbers, strings and booleans.
+// value_of() prints TOML, which is also valid JSON for the numbers, strings and booleans used here.
 std::string Settings::json() const {
   std::string out;
   for (const Setting& e : entries_) {

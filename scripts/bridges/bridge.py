@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Code that all bridges share: encoding of the bridge protocol (drivers/README.md), a server for one client, and a
-loop that reopens the device after it was unplugged."""
+"""Code shared by all bridges: encoding of the bridge protocol (drivers/README.md), a server for one
+client, and a loop that reopens the device after it has been unplugged."""
 import argparse
 import collections
 import json
@@ -20,7 +20,7 @@ HELLO, TAGS, DEPTH, BYE, HISTOGRAM, RANGE_PROFILE = range(6)
 HEADER_BYTES, MAX_PAYLOAD_BYTES = 32, 16 << 20
 USAGE, NO_DEVICE = 2, 4  # exit codes of the echofuse programs
 
-QUEUE_BYTES = 256 << 20  # limit of the send queue; blocks beyond the limit are dropped and counted
+QUEUE_BYTES = 256 << 20  # maximum size of the send queue; further blocks are dropped and counted
 BLOCKS_A_TURN = 16       # maximum number of blocks to send before the server handles other events
 HELLO_PAUSE_S = 0.5      # the protocol requires a heartbeat at least every second
 FAREWELL_S = 2.0         # time limit for sending the rest of the queue when the program ends
@@ -79,7 +79,7 @@ def microseconds(time_us):
     return round(time.monotonic() * 1e6 if time_us is None else time_us)
 
 
-# A block that waits in the send queue.
+# A block that is waiting in the send queue.
 Waiting = collections.namedtuple("Waiting", "kind sequence payload dropped items")
 
 
@@ -166,7 +166,7 @@ class Server:
             self._wake()
 
     def lose(self, items):
-        """Adds to the number of lost items, which the next block reports."""
+        """Adds to the number of lost items, which is reported with the next block."""
         with self._lock:
             if self._client is not None:
                 self._count_lost(items)
@@ -364,9 +364,10 @@ class Stop:
 
 
 def run(address, open_device, items):
-    """Serves a device until a signal arrives; returns the exit code. open_device() returns an object with hello() ->
-    dict, poll(server) -> seconds until the next call, and close(). Any exception from these calls means that the
-    device is gone. On start such an exception ends the bridge; later the bridge reopens the device."""
+    """Serves a device until a signal arrives; returns the exit code. open_device() returns an
+    object with hello() -> dict, poll(server) -> seconds until the next call, and close(). Any
+    exception from these calls means that the device is gone. During startup, such an exception ends
+    the bridge; later, the bridge reopens the device."""
     stop = Stop()
     try:
         device = open_device()

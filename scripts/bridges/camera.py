@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Code that the bridges for depth cameras share: arguments, frame payload, counting of missing frames, and restarting
-a stream that has stopped."""
+"""Code shared by the bridges for depth cameras: arguments, frame payload, counting of missing
+frames, and restarting a stream that has stopped."""
 import collections
 import struct
 import time
@@ -8,7 +8,7 @@ import time
 import bridge
 from pack import np
 
-WAIT_MS = 100    # longest wait for a frame; it delays the handling of a signal
+WAIT_MS = 100    # longest wait for a frame; it may delay the handling of a signal
 SILENCE_S = 3.0  # restart the stream after this time without a frame; if it stays silent, reopen the device
 
 MOST_LOST = 1 << 20  # larger jumps of the frame number are not counted as lost frames
@@ -108,8 +108,8 @@ class Camera:
         return 0
 
     def _fault(self, frame):
-        """Returns name and value of the first invalid property of the frame, or None if all are valid. The
-        comparisons are written so that NaN counts as invalid."""
+        """Returns the name and value of the frame's first invalid property, or None if all
+        properties are valid. The comparisons are written so that NaN counts as invalid."""
         size, asked = (frame.width, frame.height), (self._options.width, self._options.height)
         if size != asked or frame.steps.nbytes != 2 * size[0] * size[1]:
             return "size", f"{size[0]} x {size[1]} pixels and {frame.steps.nbytes} bytes"

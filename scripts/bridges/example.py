@@ -10,7 +10,7 @@ import bridge
 from pack import np
 
 BINS, BIN_WIDTH_PS, FIRST_BIN_PS = 336, 100.0, 13343.0  # two-way times for ranges of 2 to 7 m
-EXPOSURE_S, PULSES = 0.05, 50_000                       # exposure time, and laser pulses per exposure
+EXPOSURE_S, PULSES = 0.05, 50_000                       # exposure time, and number of laser pulses per exposure
 
 
 def list_boards():
@@ -18,7 +18,8 @@ def list_boards():
 
 
 class Board:
-    """Wraps the calls of your library. After any exception bridge.run() closes the device and tries to reopen it."""
+    """Wraps the calls to your library. After any exception, bridge.run() closes the device and
+    tries to reopen it."""
 
     def __init__(self, serial):
         self._serial = bridge.choose(list_boards(), serial, "board")
@@ -29,7 +30,7 @@ class Board:
                 "sends": "histograms"}  # omit the key "sends" for a radar
 
     def poll(self, server):
-        """Sends new data of the device; returns the seconds until the next call."""
+        """Sends new data from the device; returns the seconds until the next call."""
         time.sleep(EXPOSURE_S)  # simulates the exposure time of a real board
         body = 150 + 40 * np.sin(time.monotonic())
         expected = 2 + 60 * np.exp(-0.5 * ((np.arange(BINS) - body) / 3) ** 2)

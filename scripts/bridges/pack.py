@@ -54,7 +54,8 @@ if library is None:
         MISSING = MISSING or str(error)
 else:
     def crc32c(buffer, crc=0):
-        """Continues a CRC-32C: returns the checksum after appending these bytes."""
+        """Continues a CRC-32C checksum: returns the checksum of the earlier bytes followed by these
+        bytes."""
         place = buffer if isinstance(buffer, bytes) else np.frombuffer(buffer, "u1").ctypes.data
         return library.echofuse_crc32c(place, len(buffer), crc)
 

@@ -16,7 +16,7 @@ from pack import np
 MOST_EVENTS = (1 << 28) - 1  # largest buffer that the library accepts
 SILENCE_S = 3.0              # test the device after this time without tags
 ANSWER_MS = 1000             # time limit for the answer to the test
-RATE_S = 1.0                 # averaging time of the tag rate
+RATE_S = 1.0                 # time over which the tag rate is averaged
 WARNING_S = 60.0                # minimum time between two identical warnings
 
 FILTER_HELP = """\
@@ -39,7 +39,7 @@ bridge applies --input-delay itself. All other settings require a server with Ac
 --scan CH prints the pulse rate at each trigger level, and the plateau of the rate. The middle of the
 plateau is a good trigger level."""
 RESOLUTIONS = ("Standard", "HighResA", "HighResB", "HighResC")
-# Options that change settings of the hardware.
+# Options that change hardware settings.
 HARDWARE = ("trigger_level", "dead_time", "event_divider", "conditional_filter", "test_signal")
 
 
@@ -155,7 +155,7 @@ class Tagger:
             raise RuntimeError(f"{bridge.text_of(error)}; a server with AccessMode.Listen refuses settings; start the "
                                "server with AccessMode.Control, or omit the options") from None
         if not options.file:
-            tagger.sync()  # after sync() all tags are measured with the new settings
+            tagger.sync()  # after sync(), all tags are measured with the new settings
 
     def _set_delays(self):
         tagger, start = self._tagger, self._options.start_channel
@@ -197,8 +197,9 @@ class Tagger:
         return 0 if lost else self._options.block_ms * 1e-3
 
     def _watch(self, tags_came):
-        """Raises an error if the device is gone. isRunning() may stay true after the device was unplugged. sync()
-        succeeds only if the device responds, and does not need any tags."""
+        """Raises an error if the device is gone. isRunning() may still return true after the device
+        has been unplugged. sync() succeeds only if the device responds, and does not need any
+        tags."""
         now = time.monotonic()
         if tags_came:
             self._last_tags_s, self._dark_reported = now, False
@@ -273,7 +274,7 @@ class BufferStream:
         for name, column in (("type", data.getEventTypes()), ("missed_events", data.getMissedEvents()),
                              ("channel", data.getChannels()), ("time", data.getTimestamps())):
             tags[name] = column
-        # a full buffer lost at least one tag; the library does not count lost tags
+        # if the buffer is full, at least one tag was lost; the library does not count lost tags
         return pack.pack(tags, self._channels), int(data.size >= self._most)
 
 
@@ -347,8 +348,8 @@ class Losses:
 
 
 def scan(library, options):
-    """Measures and prints the rate of a channel at each trigger level, and the plateau; then restores the original
-    level."""
+    """Measures and prints a channel's rate at each trigger level, and prints the plateau; then
+    restores the original level."""
     tagger, channel, steps, step_ps = open_tagger(library, options), options.scan, 51, 10**11
     before = tagger.getTriggerLevel(channel)
     try:
