@@ -85,7 +85,7 @@ void BridgeClient::check_liveness() {
 // Ignores blocks that the parser still delivers after stop() or after a failure.
 void BridgeClient::on_block(Block block, HostTime received) {
   if (!running_ || !port_) return;
-  // Losses reported by blocks that are not delivered are added to the next delivered block.
+  // Losses reported by undelivered blocks are added to those of the next delivered block.
   lost_blocks_ += block.lost_blocks;
   dropped_items_ += block.dropped_items;
   if (block.kind == BlockKind::bye)

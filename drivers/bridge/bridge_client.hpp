@@ -20,7 +20,8 @@ namespace echofuse::bridge {
 class BridgeClient {
  public:
   struct Handlers {
-    // Called when the state changes to connecting, streaming (hello received) or faulted.
+    // Called when the state changes to connecting, streaming (a hello has been received) or
+    // faulted.
     std::function<void(DeviceState, const Hello&)> state;
     // Called for every block except hello and bye. Each reconnection counts as one lost block,
     // because the actual number of lost blocks is unknown.

@@ -60,7 +60,7 @@ void BridgeDriver::on_state(DeviceState state, const Hello& hello) {
     info_.model = hello.model;
     info_.serial = hello.serial;
     info_.firmware = hello.firmware;
-    info_.axes.clear();  // the first frame of the connection sets the axes again
+    info_.axes.clear();  // the axes are set again by the first frame of the connection
     if (info_.sensor != Sensor::spd || histograms_) return;
   }
   sink_->on_state(info_.sensor, state, info_);

@@ -79,7 +79,7 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
     return refuse("the received bytes are not a bridge block; expected an echofuse bridge",
                   static_cast<std::size_t>(differs - bytes.begin()) + 1);
   }
-  // The magic number is compared even if it is incomplete, so that data of another protocol are
+  // The magic number is compared even if it is incomplete, so that data from another protocol are
   // reported at the first wrong byte.
   if (bytes.size() < magic.size()) return {0, bytes.size() + 1};
   if (bytes.size() < header_bytes) return {0, header_bytes};

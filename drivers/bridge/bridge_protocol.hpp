@@ -59,8 +59,8 @@ enum class BlockKind : std::uint16_t { hello, tags, depth, bye, histogram, range
 struct Block {
   BlockKind kind{};
   std::uint32_t sequence = 0;
-  std::uint64_t dropped_items = 0;  // number of items that the sender dropped before this block
-  std::uint64_t lost_blocks = 0;    // number of missing sequence numbers before this block
+  std::uint64_t dropped_items = 0;  // number of items dropped by the sender before this block
+  std::uint64_t lost_blocks = 0;    // number of sequence numbers missing before this block
   ByteView payload;                 // valid only until the callback returns
 };
 
@@ -85,7 +85,8 @@ class BlockParser {
   using OnBlock = std::function<void(const Block&)>;
 
   void feed(ByteView bytes, const OnBlock& on_block);
-  // Returns the fault that stopped the parser, or null. Bytes after a fault are ignored.
+  // Returns a description of the fault that stopped the parser, or null. Bytes after a fault are
+  // ignored.
   const char* broken() const { return broken_; }
   // Prepares for a new connection: counts an incomplete block as junk and expects sequence number
   // 0. Must not be called from within on_block.
@@ -115,7 +116,8 @@ struct Hello {
   Zones zones;        // zones of the detector; empty if the hello lists no zones
 };
 // Returns nullopt if the payload is not a JSON object, a known key has a value of the wrong type,
-// or a zone is implausible. Limits: 64 KiB, 64 zones, 1024 values, 8 levels of nesting.
+// or a zone is implausible. The payload may have at most 64 KiB, 64 zones, 1024 values and 8 levels
+// of nesting.
 std::optional<Hello> read_hello(ByteView payload);
 
 // Returns a view of the tags in the payload if it is suitably aligned, otherwise a view of a copy
@@ -123,7 +125,7 @@ std::optional<Hello> read_hello(ByteView payload);
 std::optional<std::span<const Tag>> read_tags(ByteView payload, std::vector<Tag>& scratch);
 
 struct DepthPayload {
-  DepthFrame frame;  // `received` and `lost_before` are not set
+  DepthFrame frame;  // the fields `received` and `lost_before` are not set
   Axis x, y;
 };
 // Returns nullopt if the payload has the wrong size, the width or height is not between 1 and 8192
@@ -131,8 +133,8 @@ struct DepthPayload {
 std::optional<DepthPayload> read_depth(ByteView payload);
 
 struct HistogramPayload {
-  HistogramFrame frame;  // `received` and `lost_before` are not set
-  Axis axis;             // name "spd", quantity "counts", unit "ps"
+  HistogramFrame frame;  // the fields `received` and `lost_before` are not set
+  Axis axis;             // axis with name "spd", quantity "counts" and unit "ps"
 };
 // Returns nullopt if the payload has the wrong size, the number of zones is not between 1 and 64,
 // the exposure is 0, the axis starts more than 1e12 ps from 0, or the bin width is not between
@@ -140,8 +142,8 @@ struct HistogramPayload {
 std::optional<HistogramPayload> read_histogram(ByteView payload);
 
 struct ProfilePayload {
-  RadarFrame frame;  // `power` is set; `range_profile`, `received`, `lost_before` are not set
-  Axis axis;         // name "radar", quantity "power", unit "m"
+  RadarFrame frame;  // `power` is set; `range_profile`, `received` and `lost_before` are not set
+  Axis axis;         // axis with name "radar", quantity "power" and unit "m"
 };
 // Returns nullopt if the payload has the wrong size, there are fewer than 4 bins, a power is
 // negative or not finite, a range exceeds 10 km, or the step is below 1 um.

@@ -8,11 +8,11 @@
 namespace echofuse {
 
 inline constexpr double speed_of_light_m_s = 299'792'458.0;
-// two-way time of flight per metre of range
+// two-way time of flight in ps per metre of range
 inline constexpr double ps_per_m = 2e12 / speed_of_light_m_s;
 
 // Axis with equal steps. Bin i of the SPD covers [start + i*step, start + (i+1)*step). Point i of
-// the radar and pixel i of the depth map are *at* start + i*step.
+// the radar and pixel i of the depth map lie exactly at start + i*step.
 //   name      quantity                unit  meaning of the values along it
 //   spd       counts                  ps    detections per bin of two-way time of flight
 //   radar     power                   m     linear power (arbitrary scale)

@@ -56,7 +56,7 @@ void put(Bytes& out, T value) {
   std::memcpy(out.data() + size, &value, sizeof(T));
 }
 
-// Converts raw bytes to values of type T. Ignores trailing bytes that do not fill a value.
+// Converts raw bytes to values of type T. Ignores trailing bytes that do not form a complete value.
 template <class T>
 std::vector<T> to_values(ByteView raw) {
   static_assert(std::is_trivially_copyable_v<T>);

@@ -10,7 +10,7 @@ namespace echofuse {
 // Time of CLOCK_MONOTONIC, which starts at boot. Times from before and after a reboot are not
 // comparable; anchors stored in the run map them to UTC.
 using HostTime = std::chrono::nanoseconds;
-// Nanoseconds since 1970-01-01T00:00:00Z.
+// Time in nanoseconds since 1970-01-01T00:00:00Z.
 using UtcTime = std::chrono::nanoseconds;
 
 class Clock {
@@ -28,7 +28,7 @@ class SystemClock final : public Clock {
 
 extern const Clock& system_clock;
 
-// Clock for tests, which advance it explicitly.
+// Clock for tests; its time changes only when a test advances it.
 class ManualClock final : public Clock {
  public:
   HostTime now() const override { return now_; }

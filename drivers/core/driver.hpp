@@ -24,7 +24,7 @@ struct DeviceInfo {
   Sensor sensor{};
   std::string address, model, serial, firmware;
   std::vector<Axis> axes;  // axes of the device's samples
-  Zones zones = {};        // zones of the field of view; empty for a single pixel
+  Zones zones = {};        // zones in the field of view; empty for a single-pixel device
 };
 
 enum class Severity : std::uint8_t { info, warning, error };

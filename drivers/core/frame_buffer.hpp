@@ -16,7 +16,8 @@ struct Step {
 
 class FrameBuffer {
  public:
-  // An empty buffer keeps up to `most_kept` bytes of memory until clear() or give_back().
+  // An empty buffer keeps up to `most_kept` bytes of memory allocated until clear() or give_back()
+  // is called.
   explicit FrameBuffer(std::size_t most_kept = 1 << 20) : most_kept_(most_kept) {}
   // Repeatedly calls consume(view), where `view` contains unconsumed bytes in order and without
   // gaps, until `consume` needs more bytes than are available. For an empty view, `consume` must

@@ -13,7 +13,7 @@
 
 namespace echofuse {
 
-// Returns the increase of log2(power) if the code increases by 1.
+// Returns the increase in log2(power) when the code increases by 1.
 inline double log2_power_step(double antennas) {
   const auto n = static_cast<unsigned>(std::max(1.0, antennas));
   return 2.0 / 256.0 * std::bit_ceil(n) / n;

@@ -30,7 +30,7 @@ struct Tag {
   TagType type = TagType::time_tag;
   std::uint8_t reserved = 0;
   std::uint16_t missed_events = 0;
-  std::int32_t channel = 0;  // n for a rising edge at input n, -n for a falling edge
+  std::int32_t channel = 0;  // n for a rising edge on input n, -n for a falling edge
   std::int64_t time_ps = 0;  // wraps at 2^63 ps
 
   // Returns true if the record is a valid time tag. In all other records, `time_ps` may have any
@@ -43,7 +43,7 @@ struct TagBlock {
   HostTime received{};
   std::span<const Tag> tags;      // valid only during the call that delivers it
   std::uint64_t lost_blocks = 0;  // number of transport blocks lost before this block
-  std::uint64_t lost_items = 0;   // number of tags that the sender dropped before this block
+  std::uint64_t lost_items = 0;   // number of tags dropped by the sender before this block
 };
 
 // Counts from one exposure of a detector that sends histograms instead of time tags.
@@ -113,7 +113,7 @@ struct DepthFrame {
   std::uint32_t frame_number = 0;
   std::uint32_t lost_before = 0;
   std::uint32_t width = 0, height = 0;
-  std::vector<std::uint16_t> depth_mm;  // z, row-major; 0 means no measurement
+  std::vector<std::uint16_t> depth_mm;  // depth z in row-major order; 0 means no measurement
 };
 
 }  // namespace echofuse

@@ -32,7 +32,8 @@ class SensorSet {
   constexpr SensorSet(std::initializer_list<Sensor> sensors) {
     for (const Sensor s : sensors) insert(s);
   }
-  // `bits`: mask used in files and messages; bit 0 is SPD, bit 1 radar, bit 2 depth.
+  // `bits`: mask used in files and messages; bit 0 is the SPD, bit 1 the radar, and bit 2 the depth
+  // camera.
   static constexpr SensorSet from_bits(std::uint32_t bits) {
     SensorSet set;
     set.bits_ = bits;

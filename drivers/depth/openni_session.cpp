@@ -138,7 +138,7 @@ std::string OpenNiSession::open_stream(const OpenNiOptions& wanted) {
   return wrong;
 }
 
-// Keeps the camera's current mode if it matches `wanted`, otherwise sets the first mode that
+// Keeps the camera's current mode if it matches `wanted`; otherwise, sets the first mode that
 // matches.
 std::string OpenNiSession::choose_mode(const OpenNiOptions& wanted) {
   const auto like = [](std::uint32_t wish, int is) {

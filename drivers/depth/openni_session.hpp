@@ -28,8 +28,8 @@ class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
   OpenNiSession(const OpenNiSession&) = delete;
   OpenNiSession& operator=(const OpenNiSession&) = delete;
 
-  // `uri`: device URI, file name of a recording, or empty to open the only camera. Returns an error
-  // message, or an empty string on success.
+  // `uri`: device URI, file name of a recording, or an empty string to open the only camera.
+  // Returns an error message, or an empty string on success.
   std::string open(const std::string& uri, const OpenNiOptions& wanted);
 
   enum class Read { frame, nothing, bad_frame, end, gone };

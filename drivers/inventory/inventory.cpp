@@ -120,7 +120,7 @@ std::vector<UsbDevice> read_usb_tree(const std::string& sys_root) {
   return out;
 }
 
-// USB device to which a device node such as "ttyACM0" belongs, and the node's interface.
+// The USB device to which a device node such as "ttyACM0" belongs, and the interface of the node.
 struct NodeOwner {
   UsbDevice device;
   unsigned interface_number = 0;

@@ -22,7 +22,7 @@ namespace echofuse::port::cp2110 {
 inline constexpr std::size_t report_bytes = 64;  // size of a full-speed interrupt packet
 inline constexpr std::size_t max_data = 63;
 inline constexpr std::uint32_t min_baud = 300, max_baud = 1'000'000;
-// Data rate of full-speed USB if each 1 ms frame carries one report.
+// Data rate over full-speed USB if each 1 ms frame carries one full report.
 inline constexpr std::uint32_t pipe_bytes_per_s = 1000 * max_data;
 
 inline constexpr std::array<std::uint8_t, 2> enable_report{0x41, 1};
@@ -30,7 +30,7 @@ inline constexpr std::array<std::uint8_t, 2> purge_report{0x43, 3};
 inline constexpr std::uint8_t status_id = 0x42;
 inline constexpr std::size_t status_bytes = 7;
 
-// Report that configures the UART: 8N1, no flow control.
+// Returns the report that configures the UART with 8N1 and no flow control.
 inline std::array<std::uint8_t, 9> config_report(std::uint32_t baud) {
   const auto byte = [baud](unsigned shift) { return static_cast<std::uint8_t>(baud >> shift); };
   return {0x50, byte(24), byte(16), byte(8), byte(0), 0, 0, 3, 0};

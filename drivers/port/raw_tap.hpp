@@ -17,8 +17,8 @@
 namespace echofuse::port {
 
 struct RawLimits {
-  std::size_t queue_bytes =
-      64u << 20;  // maximum size of the queue; further bytes are dropped and counted
+  // maximum size of the queue; further bytes are dropped and counted
+  std::size_t queue_bytes = 64u << 20;
   std::uint64_t reserve_bytes = 1u << 30;  // free disk space in bytes that is reserved for the run
 };
 

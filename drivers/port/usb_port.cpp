@@ -14,13 +14,13 @@ constexpr std::size_t transfer_count = 8, transfer_bytes = usb_ring_bytes / tran
 constexpr std::size_t most_queued = 64u << 20;
 constexpr unsigned request_limit_ms = 500;
 constexpr auto cancel_limit = std::chrono::seconds(2);
-constexpr int turn_ms =
-    10;  // maximum time in ms for which the device remains in use after its port is closed
+// maximum time in ms for which the device remains in use after its port is closed
+constexpr int turn_ms = 10;
 
 struct UsbLink : ThreadLink {
   using ThreadLink::ThreadLink;
-  std::atomic<std::size_t> queued{
-      0};  // number of bytes posted to the loop's thread but not yet delivered
+  // number of bytes posted to the loop's thread but not yet delivered
+  std::atomic<std::size_t> queued{0};
 };
 
 // Opens and uses the device on the port's own thread.
@@ -70,7 +70,7 @@ class UsbWorker {
     bool busy = false;
   };
 
-  // Stores the failure unless there is an earlier one. Always returns false.
+  // Stores the failure unless an earlier one has been stored. Always returns false.
   bool fail(std::errc code, const std::string& why) {
     if (!failure_) failure_ = failure(code, name_ + ": " + why);
     return false;

@@ -38,8 +38,8 @@ std::vector<AntennaPair> heat_map_pairs(Board board, std::span<const std::uint32
                                         std::uint32_t rx) {
   const BoardLayout& layout = layouts[static_cast<std::size_t>(board)];
   if (!is_planar(board)) {
-    constexpr std::uint32_t above =
-        1;  // index of the transmitter that is not in the same row as the other two
+    // index of the transmitter that is not in the same row as the other two
+    constexpr std::uint32_t above = 1;
     const auto elevated = static_cast<std::size_t>(std::count(tx.begin(), tx.end(), above));
     if (tx.size() > elevated) tx = tx.first(tx.size() - elevated);
   }

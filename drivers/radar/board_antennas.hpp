@@ -37,7 +37,7 @@ constexpr bool is_planar(Board board) { return board != Board::isk; }
 constexpr double half_wavelength_m = speed_of_light_m_s / (2 * 62e9);
 
 struct AntennaPlace {
-  int x = 0, y = 0;  // position in half wavelengths
+  int x = 0, y = 0;  // position in units of half a wavelength
   bool operator==(const AntennaPlace&) const = default;
 };
 

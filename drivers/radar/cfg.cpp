@@ -125,7 +125,7 @@ std::uint32_t Cfg::integer(const CfgCommand& c, std::size_t i, double min, doubl
   return static_cast<std::uint32_t>(value);
 }
 
-// Splits the line into words and stores the command. The firmware splits words at spaces only.
+// Splits the line into words and stores the command. The firmware splits words only at spaces.
 // Other separators are reported and then treated as spaces.
 void Cfg::add(const CfgLine& line) {
   CfgCommand c{line.number, {}};

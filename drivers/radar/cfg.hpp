@@ -16,7 +16,7 @@ void require_plain_text(std::string_view text, const std::string& name);
 
 struct CfgCommand {
   int line = 0;
-  std::vector<std::string_view> words;  // command name, then its arguments
+  std::vector<std::string_view> words;  // name of the command, followed by its arguments
 };
 
 class Cfg {

@@ -108,7 +108,7 @@ class CommandDialogue {
 
   std::string cfg_name_;
   DialogueTimeouts timeouts_;
-  // `commands_`: lines to send; the first is `version`, with line number 0
+  // `commands_`: lines to send, beginning with the command `version` as line 0
   std::vector<CfgLine> cfg_, commands_;
   Send send_;
   std::size_t next_ = 0;  // index of the command that is waiting for its answer

@@ -58,14 +58,14 @@ struct FrameCounts {
   std::uint64_t frame_bytes = 0;
   std::uint64_t range_profiles = 0;  // frames with a range profile (TLV 2)
   std::uint64_t arrays = 0;          // frames with a heat map (TLV 4 or 8)
-  std::uint64_t junk_bytes = 0;      // bytes between frames
-  std::uint64_t truncated_frames =
-      0;  // frames shorter than announced by their header; not delivered
+  std::uint64_t junk_bytes = 0;      // bytes found between frames
+  // frames shorter than announced by their header; not delivered
+  std::uint64_t truncated_frames = 0;
   std::uint64_t truncated_bytes = 0;
   std::uint64_t bad_headers = 0;  // magic words followed by an implausible header
-  std::uint64_t bad_tlvs = 0;     // packets with TLVs that exceed or do not fill the packet
+  std::uint64_t bad_tlvs = 0;     // packets in which the TLVs leave a gap or do not fit
   std::uint64_t other_tlvs = 0;
-  std::uint64_t resyncs = 0;      // number of times that a frame was found after junk
+  std::uint64_t resyncs = 0;      // number of times that a frame was found after junk bytes
   std::uint64_t lost_frames = 0;  // number of missing frame numbers
   std::uint64_t restarts = 0;     // number of times that the frame numbering restarted
   std::optional<std::uint32_t> first_frame_number, last_frame_number;
@@ -112,12 +112,13 @@ class FrameParser {
   FrameBuffer buffer_;
   FrameCounts counts_;
   bool in_junk_ = false;
-  std::optional<std::uint32_t> number_before_;  // frame number before counts_.last_frame_number
+  // frame number that preceded counts_.last_frame_number
+  std::optional<std::uint32_t> number_before_;
   // Number of frames missing between the last two frame numbers, if the next number must still
   // confirm the gap. It is modulo 2^32, so a backward step gives a large value.
   std::optional<std::uint32_t> jump_;
-  std::uint32_t owed_ =
-      0;  // number of frames lost at the end of a connection; reported with the next frame
+  // number of frames lost at the end of a connection; reported with the next frame
+  std::uint32_t owed_ = 0;
   // State of the search in the first buffered frame: number of bytes already scanned for a later
   // frame header, and the time at which the frame was complete.
   std::size_t searched_ = 0;

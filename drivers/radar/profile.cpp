@@ -65,8 +65,8 @@ EnabledAntennas read_antennas(const Cfg& cfg, const FrameCfg& of) {
   const CfgCommand& frame = of.line;
   const auto enabled = cfg.integer(channels, 2, 1, 7);
   const auto first = of.first_chirp(cfg), last = of.last_chirp(cfg);
-  std::multimap<std::uint32_t, std::uint32_t>
-      used;  // transmitter masks, by the number of the first chirp
+  // transmitter masks, by the number of the first chirp
+  std::multimap<std::uint32_t, std::uint32_t> used;
   for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
     const auto begin = cfg.integer(chirp, 1, 0, 511), end = cfg.integer(chirp, 2, 0, 511);
     if (begin <= last && end >= first)

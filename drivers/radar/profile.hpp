@@ -25,8 +25,8 @@ struct RadarProfile {
   // there are 12 antennas (SDK, mss_main.c).
   std::uint32_t bins = 0;
   double range_step_m = 0;  // range difference between adjacent bins (ramp.hpp)
-  double resolution_m =
-      0;  // range resolution c / 2B, where B is the bandwidth of the sampled sweep
+  // range resolution c / 2B, where B is the bandwidth of the sampled sweep
+  double resolution_m = 0;
   // Number of virtual antennas: enabled receivers times transmitters used by the frame's chirps.
   std::uint32_t antennas = 0;
   // Number of subframes, 1 to 4 (advFrameCfg). Each subframe is sent as a separate packet.

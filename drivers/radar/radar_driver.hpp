@@ -21,7 +21,7 @@
 
 namespace echofuse::radar {
 
-// Finds out why a radar accepted its cfg but sends no frames. Sends commands to the command port:
+// Determines why a radar that accepted its cfg sends no frames. Sends commands to the command port:
 //   queryDemoStatus         answers "Sensor State: 2" if the sensor is running
 //   sensorStop              is required before configDataPort
 //   configDataPort BAUD 1   sends 16 bytes FF to the data port (SDK 3.x, mmw_cli.c)
@@ -34,13 +34,13 @@ class Silence {
   void receive_cli(ByteView bytes);
   void receive_data(ByteView bytes);
   std::string take_output();
-  // Returns the cause and the remedy in one line.
+  // Returns the cause and the remedy as one line of text.
   std::string verdict() const;
 
  private:
   std::uint32_t data_baud_;
   std::uint64_t bytes_;
-  int answered_ = 0;       // number of answered commands
+  int answered_ = 0;       // number of commands that have been answered
   std::size_t pings_ = 0;  // number of FF bytes received on the data port
   bool runs_ = false;
   std::string line_, output_;
@@ -51,8 +51,8 @@ struct RadarSetup {
   port::ByteOpener cli, data;
   std::string cfg_text, cfg_name;
   std::vector<std::string> warnings{};  // warnings to be reported by start()
-  std::uint32_t data_baud = 921600;     // baud rate of the data port, for checks of the cfg
-  Board board = Board::isk;             // selects the antennas of the heat map
+  std::uint32_t data_baud = 921600;     // baud rate of the data port, used to check the cfg
+  Board board = Board::isk;             // board type, which determines the antennas of the heat map
   port::Backoff backoff{};
   DialogueTimeouts timeouts{};
   bool keep_running = false;  // true: the radar keeps running when the driver stops
@@ -60,9 +60,9 @@ struct RadarSetup {
 
 // Each connection opens both ports and sends the whole cfg. If a port was unplugged for less than
 // 10 s and there was no other fault, the driver restarts the sensor with its stored cfg instead.
-// The state is `streaming` from the first frame. If no frame arrives, Silence determines the
-// reason. The state becomes `faulted`, and the driver reconnects, if the data port is silent, a
-// port closes, a command is rejected, or the board was reset (banner, or restarted frame numbers).
+// The state is `streaming` from the first frame on. If no frame arrives, Silence determines the
+// reason. If the data port is silent, a port closes, a command is rejected, or the board was reset
+// (banner, or restarted frame numbering), the state becomes `faulted` and the driver reconnects.
 // The state becomes `misconfigured` if frames arrive while the sensor is stopped. stop() sends
 // `sensorStop`; finished() returns true once the firmware has confirmed it. A heat map that does
 // not match the cfg and the board is removed and counted; the rest of the frame is delivered.

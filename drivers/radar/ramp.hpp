@@ -19,8 +19,8 @@ struct Ramp {
   double start_ghz = 0, idle_us = 0, adc_start_us = 0, end_us = 0, slope_mhz_us = 0;
   double samples = 0, rate_ksps = 0;
 
-  Ramp in_steps()
-      const;  // Returns the ramp with its values rounded towards 0 to the chip's step sizes.
+  // Returns the ramp with its values rounded towards 0 to the chip's step sizes.
+  Ramp in_steps() const;
   double sampled_until_us() const;  // time of the last sample
   double carrier_hz() const;        // centre frequency of the sampled sweep
   // Returns the range between adjacent points of a range FFT with `points` points:

@@ -150,8 +150,8 @@ std::string to_line(const FirmwareBias& bias) {
   char text[32];
   std::snprintf(text, sizeof text, " %.7f", bias.range_bias_m);
   std::string line = std::string(bias_command) + text;
-  for (const double v :
-       bias.re_im) {  // more decimal places would overflow the firmware's line buffer
+  // more decimal places would overflow the firmware's line buffer
+  for (const double v : bias.re_im) {
     std::snprintf(text, sizeof text, " %.5f", v);
     line += text;
   }

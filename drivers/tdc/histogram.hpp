@@ -60,7 +60,8 @@ struct HistogramSettings {
   std::int32_t start_channel = 1;  // channel of the laser sync signal
   std::int32_t click_channel = 2;  // channel of the detector
   std::int64_t bin_width_ps = 100;
-  std::int64_t first_bin_ps = 13343;  // start of bin 0; may be negative because of cable delays
+  // two-way time at the start of bin 0; may be negative because of cable delays
+  std::int64_t first_bin_ps = 13343;
   std::uint32_t bins = 336;
   // used for taggers that cannot delay clicks or apply a dead time (tag_filter.hpp)
   std::int64_t click_delay_ps = 0, dead_time_ps = 0;
@@ -90,7 +91,7 @@ class Histogram {
   // Continues the tag stream of `before`, which is flushed. The last start therefore remains valid
   // from one slot to the next.
   void follow(Histogram& before);
-  // Gaps between starts since this object was created.
+  // Returns the gaps between starts recorded since this object was created.
   const StartGaps& gaps() const { return gaps_; }
 
   bool in_overflow() const { return in_overflow_; }  // clicks count as without_start

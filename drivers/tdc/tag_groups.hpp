@@ -17,8 +17,8 @@ inline constexpr std::size_t max_group = 8;  // maximum number of tags in a grou
 struct ClickBins {
   std::int32_t start_channel = 0, click_channel = 0;
   std::uint64_t first_bin_ps = 0;
-  std::uint64_t range_ps =
-      0;  // at most 2^50, so that rounding never moves a click into another bin
+  // at most 2^50, so that rounding never moves a click into another bin
+  std::uint64_t range_ps = 0;
   double bins_per_ps = 0;
 
   // Returns the bin of a click, or the number of bins if the click is out of range. Unsigned

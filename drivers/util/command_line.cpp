@@ -17,7 +17,7 @@
 namespace echofuse {
 namespace {
 
-// Returns the option with this name that the command or one of its parents has, or nullptr.
+// Returns the option with this name from the command or one of its parents, or nullptr.
 const CLI::Option* option_named(const CLI::App* app, const std::string& name) {
   for (; app != nullptr; app = app->get_parent())
     if (const CLI::Option* option = app->get_option_no_throw(name)) return option;
@@ -74,7 +74,7 @@ void check_names(CLI::App& app, const std::vector<std::string>& words) {
   }
 }
 
-// Rewrites messages of CLI11, because they print the limits of a range with all digits.
+// Rewrites CLI11's messages, because they print the limits of a range with all digits.
 std::string readable(std::string text) {
   const auto at = text.find(" not in range ");
   if (text.find(" 17976931348623157", std::min(at, text.size())) != text.npos)

@@ -45,8 +45,8 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
     const bool failed = std::ferror(stdout) != 0;
     errno = 0;
     if (std::fflush(stdout) == 0 && !failed) return static_cast<int>(code);
-    if (errno ==
-        0) {  // errno of an earlier failed write is lost, so the write is repeated to set it
+    // errno of an earlier failed write is lost, so the write is repeated to set it
+    if (errno == 0) {
       std::clearerr(stdout);
       std::fputc('\n', stdout);
       std::fflush(stdout);
@@ -105,7 +105,7 @@ Progress::~Progress() {
 
 std::string progress_line(const std::string& title, double share, const std::string& counts,
                           const std::string& text, std::size_t columns) {
-  // `brackets`: width of the bar's brackets and spaces
+  // `brackets`: total width of the bar's brackets and spaces
   constexpr std::size_t widest = 30, narrowest = 5, brackets = 4;
   const auto room = [&](const std::string& behind) {
     const std::size_t taken = title.size() + brackets + behind.size();

@@ -23,7 +23,7 @@ class JobPart {
 
  private:
   JobPart(std::int64_t number, std::int64_t count) : number_(number), count_(count) {}
-  std::int64_t number_, count_;  // number_ counts from 1
+  std::int64_t number_, count_;  // number_ starts at 1
 };
 
 inline constexpr const char* part_help =

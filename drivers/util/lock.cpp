@@ -111,7 +111,7 @@ void Lock::reserve(off_t bytes) const {
 }
 
 void Lock::empty() const {
-  if (held_ && ::ftruncate(fd_, 0) != 0) return;  // if the disk is full, later writes report it
+  if (held_ && ::ftruncate(fd_, 0) != 0) return;  // later writes report a full disk
 }
 
 void Lock::remove() const {

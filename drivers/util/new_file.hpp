@@ -40,7 +40,8 @@ class NewFile {
   // folder. If another database left a -wal or -journal file there, renames it with a warning.
   // Throws Error(disk).
   void publish();
-  // Like publish(), but returns false if `place` exists. On some file systems this is not atomic.
+  // Like publish(), but returns false if `place` already exists. On some file systems, this is not
+  // atomic.
   bool publish_new();
 
  private:

@@ -26,8 +26,8 @@ class NpyFile {
     return row_size_;
   }  // values per row; 1 for a one-dimensional array
   bool is_integer() const { return kind_ != 'f'; }
-  std::string shape_text()
-      const;  // Returns the array's shape as text, for example "[300, 64, 64]".
+  // Returns the array's shape as text, for example "[300, 64, 64]".
+  std::string shape_text() const;
   // Returns the values of the next row. Throws Error(failed) if there are no more rows.
   std::vector<double> next_row();
 

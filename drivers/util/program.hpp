@@ -52,7 +52,8 @@ std::string fault_of_program(const std::string& name);
 Result<pid_t> start_program(const std::vector<std::string>& words,
                             const ProgramOptions& options = {});
 
-// Waits until the program ends. Returns its exit code, or 128 plus the signal number.
+// Waits until the program ends. Returns its exit code, or 128 plus the number of the signal that
+// ended it.
 int wait_for_program(pid_t program);
 
 }  // namespace echofuse

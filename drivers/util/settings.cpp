@@ -56,8 +56,8 @@ toml::table parse_value(const std::string& value) {
   }
 }
 
-// Returns the shortest known name that begins with `text`. Returns an empty string if no name does,
-// or if `text` has fewer than 3 letters.
+// Returns the shortest known name that begins with `text`. Returns an empty string if no name
+// matches, or if `text` has fewer than 3 letters.
 std::string begun_by(const std::vector<std::string>& known, const std::string& text) {
   constexpr std::size_t telling = 3;
   std::string out;

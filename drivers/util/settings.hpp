@@ -47,7 +47,7 @@ class Settings {
   // line. Continues after a line that is not TOML, unless this line is a section header.
   std::vector<std::string> read(const std::string& text, const std::string& name,
                                 const std::vector<std::string>& assignments);
-  // Variants of read(). They throw Error(ExitCode::config) with all faults.
+  // Variants of read() that throw Error(ExitCode::config) with all faults.
   void read_file(const std::string& path);
   void read_text(const std::string& text, const std::string& name);
   void set(const std::string& assignment);
