@@ -14,10 +14,10 @@ import sys
 # Candidates for the longest transport delay. The audit reports the shortest candidate that explains the run.
 LATENCIES_NS = [20_000_000 * 2**i for i in range(8)]
 LATENCY_NS = 250_000_000
-GRACE_NS = 500_000_000  # time after the end of a slot in which the daemon still accepts its frames
+GRACE_NS = 500_000_000  # time after the end of a slot during which frames of the slot are still accepted
 SETTLING_NS = 5_000_000_000  # time that the clock fit needs to become valid again after a clock jump
 PATIENCE_NS = 5_000_000_000
-CLOCK_ERROR_NS = 100_000_000  # backward steps of a device clock that are smaller than this are not detected
+CLOCK_ERROR_NS = 100_000_000  # smaller backward steps of a device clock are not detected
 SETTLED = 200  # number of samples that a clock fit needs to become valid
 NUMBER_FIELD = range(20, 24)  # byte range of the frame number in a radar frame
 BELIEVED_GAP = 100  # larger gaps in radar frame numbers count as losses only after the next frame confirms them
@@ -96,7 +96,7 @@ def connections(entries):
 
 
 class Tags:
-    """Simulates how the daemon's bridge client counts the blocks that a bridge sent."""
+    """Simulates how the daemon's bridge client counts the blocks sent by a bridge."""
 
     def __init__(self, entries, latency_ns):
         connection_list = connections(entries)
@@ -221,9 +221,9 @@ class Frames:
 
 
 def clock_jumps(entries):
-    """Returns the intervals (from, to) of host time in which the device clock was wrong, so that data are assigned to
-    wrong slots."""
-    jumps, begun, lasting = [], None, 0  # clock faults may overlap
+    """Returns the intervals (from, to) of host time during which the device clock was wrong, so
+    that data are assigned to wrong slots."""
+    jumps, begun, lasting = [], None, 0  # several clock faults may overlap
     for entry in entries:
         if entry["what"] == "begin clock_offset":
             begun = entry["t"] if lasting == 0 else begun
@@ -236,8 +236,8 @@ def clock_jumps(entries):
 
 
 class Range:
-    """A range of consecutive records; the frame number of the last record is known. The range contains the frame numbers
-    from previous + 1 to last."""
+    """A range of consecutive records; the number of the last frame in the last record is known. The
+    range contains the frame numbers from previous + 1 to last."""
 
     def __init__(self, sensor, records, previous, last):
         self.records, self.previous, self.last = records, previous, last
@@ -246,7 +246,7 @@ class Range:
         self.settling = any(r[f"{sensor}_samples"] < SETTLED for r in records)
 
     def movable(self, frames):
-        """Returns how many frames that belong in this range of records may be stored in a
+        """Returns the number of frames from this range of records that may be stored in a
         neighbouring range: late frames, damaged frames, and all frames while the clock fit is not
         valid. A late frame may have a higher number than the last frame of its record. The daemon
         assigns damaged frames, and frames received without a valid fit, to slots by their arrival
@@ -294,7 +294,7 @@ def audit_frames(run, sensor, entries):
     got = sum(r[f"{sensor}_frames"] for r in rest)
     previous = ranges[-1].last if ranges else None
     may = sum(1 for n in frames.by_number if frames.plausible(n, previous, run.records[-1]))
-    if got > may:  # the records after the last range
+    if got > may:  # checks the records after the last range
         account.fault(f"the last records have {got} {sensor} frames; at most {may} were sent")
     counts["in records"] += got
     late, outside, early = (run.counters[sensor, what] for what in ("late", "outside", "early"))

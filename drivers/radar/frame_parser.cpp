@@ -17,7 +17,7 @@ constexpr std::uint32_t max_tlvs = 16;
 constexpr std::size_t padding_limit = 32;
 // A larger jump in the frame number indicates corruption or a restart, not lost frames.
 constexpr std::uint32_t max_lost_frames = 1u << 20;
-// a gap larger than this counts only if the next frame number confirms it
+// a larger gap is counted only if the next frame number confirms it
 constexpr std::uint32_t usual_gap = 100;
 constexpr std::size_t max_types = 64;
 
@@ -211,8 +211,9 @@ Step FrameParser::skip_truncated(std::size_t bytes) {
   return {bytes, 0};
 }
 
-// Returns the position of a later frame inside this packet, or the end of the packet if there is
-// none. The position is uncertain if fewer than `header_bytes` follow it.
+// Returns the position at which a later frame starts inside this packet, or the end of the packet
+// if it contains no later frame. The position is uncertain if fewer than `header_bytes` bytes
+// follow it.
 std::size_t FrameParser::find_successor(ByteView bytes, const Header& header) {
   const std::size_t end = std::min<std::size_t>(bytes.size(), header.packet_bytes);
   searched_ = std::max(searched_, magic.size());

@@ -24,7 +24,7 @@ QUEUE_BYTES = 256 << 20  # maximum size of the send queue; further blocks are dr
 BLOCKS_A_TURN = 16       # maximum number of blocks to send before the server handles other events
 HELLO_PAUSE_S = 0.5      # the protocol requires a heartbeat at least every second
 FAREWELL_S = 2.0         # time limit for sending the rest of the queue when the program ends
-DEAD_CLIENT_MS = 10_000  # a client that acknowledges nothing for this time is disconnected
+DEAD_CLIENT_MS = 10_000  # a client that acknowledges nothing for this long is disconnected
 LONGEST_RETRY_S = 2.0
 VERSION = "0.3.0"  # version of the echofuse programs
 
@@ -34,7 +34,8 @@ def say(text):
 
 
 def parser(text, epilog=""):
-    """Returns an argument parser with --version; its --help text ends with the exit codes."""
+    """Returns an argument parser with the option --version; its --help text ends with the exit
+    codes."""
     made = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter,
                                    epilog=f"{epilog}\nexit codes: 0 ok, 1 failed, 2 usage, 4 device".strip())
     made.add_argument("--version", action="version", version=f"%(prog)s {VERSION}")
@@ -128,7 +129,7 @@ class Server:
         self._rest = []  # unsent parts of the header and payload of the first block in the queue
         self._queued_bytes = 0
         self._client = None
-        self._events = 0  # socket events of the client that the selector waits for
+        self._events = 0  # client socket events for which the selector is waiting
         self._hello = None  # payload of the HELLO block; None while the device is closed
         self._sequence = self._lost = 0
         self._leaving = False
@@ -141,12 +142,12 @@ class Server:
     # The device's thread calls the methods below.
 
     def online(self, hello):
-        """Starts accepting clients; called when the device is open."""
+        """Starts accepting clients; called when the device has been opened."""
         with self._lock:
             self._hello = json.dumps(hello).encode()
 
     def offline(self):
-        """Disconnects the client; called when the device is unplugged."""
+        """Disconnects the client; called when the device has been unplugged."""
         with self._lock:
             self._hello = None
             self._part()
@@ -207,7 +208,7 @@ class Server:
         try:
             self._wake_in.send(b"w")
         except OSError:
-            pass  # the pipe is full (the thread is awake already) or closed
+            pass  # the pipe is full (the thread is already awake) or closed
 
     def _run(self):
         while self._step():
@@ -236,7 +237,7 @@ class Server:
         return True
 
     def _stay_alive(self):
-        """Sends a heartbeat if it is due."""
+        """Sends a heartbeat if one is due."""
         due = time.monotonic() > self._last_hello + HELLO_PAUSE_S
         if due and self._hello and self._queued_bytes + HEADER_BYTES + len(self._hello) <= self._limit:
             self._greet()
