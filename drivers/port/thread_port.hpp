@@ -56,7 +56,7 @@ inline Failure failure(std::errc code, std::string what) {
 }
 
 // `Worker` is constructed from the link and the constructor's other arguments. serve() runs on the
-// port's thread. It returns the failure of the device, or nullopt once the link is `stopping`.
+// port's thread. It returns the device's failure, or nullopt once the link is `stopping`.
 template <class Link, class Worker>
 class ThreadPort : public BytePort {
  public:

@@ -15,9 +15,9 @@ namespace echofuse::radar {
 namespace {
 
 struct EnabledAntennas {
-  std::uint32_t receivers = 0;              // mask of enabled receivers
-  std::vector<std::uint32_t> transmitters;  // indices of the transmitters, counted from 0, in the
-                                            // order of the frame's chirps
+  std::uint32_t receivers = 0;  // mask of enabled receivers
+  // indices of the transmitters, counted from 0, in the order of the frame's chirps
+  std::vector<std::uint32_t> transmitters;
   std::uint32_t virtuals() const {
     return static_cast<std::uint32_t>(std::popcount(receivers)) *
            static_cast<std::uint32_t>(transmitters.size());

@@ -22,7 +22,7 @@ struct ClickBins {
   double bins_per_ps = 0;
 
   // Returns the bin of a click, or the number of bins if the click is out of range. Unsigned
-  // arithmetic handles the wrap of the device's clock and tests both limits in one comparison.
+  // arithmetic handles the device clock's wrap and tests both limits in one comparison.
   std::uint32_t bin(std::uint64_t time_ps, std::uint64_t start_ps) const {
     const std::uint64_t distance = std::min(time_ps - start_ps - first_bin_ps, range_ps);
     return static_cast<std::uint32_t>(
