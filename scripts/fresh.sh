@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 # Functions for check_fresh and package. They install a bare Debian 12 in $root with debootstrap, from the package
-# mirror in this machine's apt configuration. They need root and 4 GB of disk space. $root is removed when the script ends.
+# mirror in this machine's apt configuration. They need root rights and 4 GB of disk space.
+# $root is removed when the script ends.
 
 # fresh_mirror: sets $mirror; prints a message and fails if there is no mirror or the user is not root.
 fresh_mirror() {
