@@ -34,13 +34,14 @@ Inputs inputs_of(const std::string& name);  // throws Error(usage) if the name i
 struct Source {
   std::string path, uuid;
   std::size_t first = 0, count = 0;
-  // Calibration offset that is not yet subtracted from the profiles, m (subtract_range_offset).
+  // Calibration offset that has not yet been subtracted from the profiles, m (see
+  // subtract_range_offset).
   double radar_offset_m = 0;
-  // Radar response specified in the run, or the response to which the run was converted
-  // (response_conversion.hpp).
+  // Radar response stored in the run file or, after a conversion, the response to which the run was
+  // converted (response_conversion.hpp).
   record::RadarResponse radar_response = {};
-  // Effect of the conversion of the radar response: old width of the response divided by the new
-  // one, and the factor by which white noise is amplified.
+  // Effect of converting the radar response: the old response width divided by the new one, and the
+  // factor by which white noise was amplified.
   double times_wider = 1, noise_factor = 1;
   // range_error_m: standard error of the difference between the range offsets of SPD and radar, if
   // both are calibrated. baseline_m: distance between the sensors; 0 if the run does not contain
@@ -49,11 +50,10 @@ struct Source {
   double baseline_m = 0;
 };
 
-// Sensor data of the room without people, on the axes of a Dataset: one row for each table of the
-// Dataset.
+// Sensor data of the room without people, on the axes of a Dataset; one row for each of its tables.
 struct EmptyRoom {
   std::vector<float> spd, radar, array, zone_spd = {};
-  // Message with the number of records excluded from the mean; may be empty.
+  // Message stating how many records were excluded from the mean; may be empty.
   std::string left_out = {};
   bool known() const { return !spd.empty() || !radar.empty(); }
 };
@@ -73,22 +73,23 @@ inline constexpr const char* trained_on_record = "trained on";
 inline constexpr const char* twice_in_run = "twice in the run";
 
 // Records of one or several runs as tables, one row per record. If a sensor is missing in a record,
-// its row contains zeros (see has()). If a run has no such sensor, or the sensor was not loaded,
-// its axis has count 0.
+// its row contains zeros (see has()). If a run does not have a sensor, or the sensor was not
+// loaded, the sensor's axis has count 0.
 struct Dataset {
-  // The quantity of `radar_axis` is "power" if logarithmic codes were converted to power, and
+  // The quantity of `radar_axis` is "power" if logarithmic codes were converted to power, or
   // "binned_power" after rebinning.
   Axis spd_axis, radar_axis;
   // Axis of the spatial lags (lags.hpp); empty if the axes of the runs differ.
   Axis array_axis;
   bool arrays_differ = false;
   record::MapGrid map;  // grid of the depth maps
-  // Photons per SPD bin, linear radar power per range bin, and depth maps in metres (0: no return).
+  // Number of photons per SPD bin, linear radar power per range bin, and depth maps in metres (0:
+  // no return).
   Matrix spd, radar, depth;
   Matrix array;  // spatial lags per range bin
   Zones zones;   // empty for a single-pixel detector
-  // Photons of each zone on `spd_axis`, one zone after another; no columns for a single pixel.
-  // `spd` contains the sum over the zones.
+  // Number of photons per bin of `spd_axis`, one zone after another; no columns if the detector has
+  // a single pixel. `spd` contains the sum over the zones.
   Matrix zone_spd;
   // Bit mask of the sensors that have data in the record: bit 0 SPD, bit 1 radar, bit 2 depth
   // camera.
@@ -103,7 +104,7 @@ struct Dataset {
   std::vector<std::int64_t> content;
   std::vector<std::int64_t> index;  // index of the record in its run
   std::vector<HostTime> slot_end;
-  // Clicks per laser pulse; 0: unknown, or pile-up was corrected.
+  // Number of clicks per laser pulse; 0 if it is unknown or pile-up has been corrected.
   std::vector<double> clicks_a_pulse;
   std::vector<std::string> label;
   std::vector<Source> sources;
@@ -124,22 +125,25 @@ struct Dataset {
   // if all its bins have the same value.
   std::string fault_of(std::size_t row, Inputs inputs) const;
   bool is_doubt(const std::string& kind) const;
-  // Returns the verdict that excludes a complete record for a model with these inputs, e.g. "camera
-  // frozen" or "SPD weak"; empty if none does. The verdict "no peak" on SPD or radar does not
-  // exclude a record. Verdicts on the camera are ignored if `with_camera` is false.
+  // Returns the verdict that makes a model with these inputs exclude a complete record, e.g.
+  // "camera frozen" or "SPD weak"; empty if the record is not excluded. The verdict "no peak" on
+  // SPD or radar does not exclude a record. Verdicts on the camera are ignored if `with_camera` is
+  // false.
   std::string doubt_of(std::size_t row, Inputs inputs, bool with_camera = true) const;
-  // Returns true if a sensor of these inputs, or the depth camera, lost samples.
+  // Returns true if the depth camera, or a sensor used by these inputs, lost samples in this
+  // record.
   bool is_lossy(std::size_t row, Inputs inputs) const;
-  // Returns for each row why a model with these inputs excludes it; empty if the row is used.
-  // Reasons: a sensor is missing, dead or doubtful, or the row is a copy of an earlier record.
+  // For each row, returns why a model with these inputs excludes it, or an empty string if the row
+  // is used. Reasons: a sensor is missing, dead or doubtful, or the row is a copy of an earlier
+  // record.
   std::vector<std::string> left_out(Inputs inputs) const;
   // Returns true if the row has a depth map and no camera verdict excludes it.
   bool sound_depth(std::size_t row) const;
-  Rows usable(Inputs inputs) const;  // rows for which left_out() gives no reason
+  Rows usable(Inputs inputs) const;  // returns the rows that left_out() does not exclude
 };
 
-// Returns e.g. "3 of 60 records left out: camera frozen 2, damaged 1"; empty if no record is left
-// out.
+// Returns a summary such as "3 of 60 records left out: camera frozen 2, damaged 1"; empty if no
+// record is left out.
 std::string left_out_text(const std::map<std::string, std::size_t>& reasons, std::size_t all);
 
 // Called for each unusable record, with the record's index and the reason.
@@ -147,12 +151,12 @@ using OnBadRecord = std::function<void(std::int64_t, const std::string&)>;
 
 SensorSet sensors_of(Inputs inputs);
 
-// Throws Error(failed) if the tables of the runs exceed the memory of the machine. Training needs
-// 25 kB per record if maps have 64 x 64 pixels.
+// Throws Error(failed) if the tables of the runs would not fit into the machine's memory. Training
+// needs 25 kB per record if maps have 64 x 64 pixels.
 void require_memory(const std::vector<std::string>& paths);
 
-// Reads runs into one data set on the axes of the first run (see is_near()). Subtracts the range
-// offsets of the calibration. All runs must have the same map grid. Dataset::damaged lists records
+// Reads the runs into one Dataset that has the axes of the first run (see is_near()). Subtracts the
+// calibrated range offsets. All runs must have the same map grid. Dataset::damaged lists records
 // with a wrong size, values that are not finite, or more clicks than a time tagger can send. Throws
 // Error(failed) with the file name if the fraction of damaged records exceeds `most_damaged`.
 // Throws the same error if the memory is too small (require_memory), or if depths have the wrong
@@ -171,14 +175,14 @@ Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t 
                   SensorSet sensors, const OnBadRecord& on_bad);
 
 // Shifts the radar profiles and lags to shorter ranges, by `offset_m` plus the calibration offset
-// that is not yet subtracted (Source::radar_offset_m). Does not change the axis.
+// that has not yet been subtracted (Source::radar_offset_m). Does not change the axis.
 void subtract_range_offset(Dataset& data, double offset_m);
 
 // Returns these rows as a separate Dataset, which has no sources.
 Dataset part_of(const Dataset& data, const Rows& rows);
 
-// Returns an axis of range bins of this width, from 0 to about 7 m. Its quantity is "binned_power".
-// Lai et al. (2024) use a width of 0.5 m.
+// Returns an axis of range bins that are `width_m` wide, from 0 to about 7 m. Its quantity is
+// "binned_power". Lai et al. (2024) use a width of 0.5 m.
 Axis radar_bins(double width_m);
 
 // Sums the radar power into wider bins and removes the spatial lags. Point i of the recorded
@@ -202,26 +206,26 @@ bool agree(const Axis& a, const Axis& b);
 // scale must be equal. `found` must not have fewer points than `wanted`, and the ends of the two
 // axes may differ by at most one bin.
 bool is_near(const Axis& found, const Axis& wanted);
-// Interpolates a row linearly to the wanted axis; each bin has `values_a_bin` values. Beyond the
-// ends of `found`, the first or last bin is repeated.
+// Resamples a row onto the axis `wanted` by linear interpolation; each bin has `values_a_bin`
+// values. Beyond the ends of `found`, the values of its first or last bin are repeated.
 std::vector<float> resampled(std::span<const float> row, const Axis& found, const Axis& wanted,
                              std::size_t values_a_bin);
-// Returns true if `wanted` is equal to `found` or to the first part of `found`.
+// Returns true if `wanted` is identical to `found` or to the first part of `found`.
 bool covers(const Axis& found, const Axis& wanted);
 
 // Throws Error(failed) if the data contain a depth map on a grid other than `grid`; `owner` names
 // the run or model that has the expected grid.
 void require_map(const Dataset& data, const record::MapGrid& grid, const std::string& owner);
 
-// Converts the tables to the axes of a model, for the sensors in `inputs`. A radar axis with equal
-// start and step but more bins is cropped. Any other axis is interpolated if is_near() returns
-// true. The radar is rebinned if the model uses binned power. Throws Error(failed) if an axis does
-// not match; `owner` names the model that has the expected axes.
+// Converts the tables to the axes of a model, for the sensors in `inputs`. A radar axis that has
+// the same start and step but more bins is cropped. Any other axis is interpolated if is_near()
+// returns true. The radar is rebinned if the model uses binned power. Throws Error(failed) if an
+// axis does not match; `owner` names the model that has the expected axes.
 void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs,
                 const std::string& owner = "the model's");
-// Converts the spatial lags to the axis of a model, like match_axes(). Removes the lags if the
-// count of `array` is 0 (the model does not use antennas). Throws Error(failed) if the run has no
-// lags or a different axis.
+// Converts the spatial lags to the axis of a model, in the same way as match_axes(). Removes the
+// lags if the model does not use antennas (`array` has count 0). Throws Error(failed) if the run
+// has no lags or a different axis.
 void match_array(Dataset& data, const Axis& array);
 
 }  // namespace echofuse::recon

@@ -40,10 +40,10 @@ struct Features {
   std::string scaling = "record";
   Axis spd_axis, radar_axis;           // axes that records must have
   std::vector<float> centre;           // value subtracted from each input
-  float spd_gain = 1, radar_gain = 1;  // factors for the inputs of SPD and radar
-  Axis array_axis = {};                // count 0: spatial lags are not inputs
-  // Number of zones with separate histograms as inputs; 0: one histogram, which is the sum over all
-  // zones.
+  float spd_gain = 1, radar_gain = 1;  // factors that multiply the SPD and radar inputs
+  Axis array_axis = {};                // its count is 0 if the inputs contain no spatial lags
+  // Number of zones that have separate histograms as inputs; 0: the only histogram is the sum over
+  // all zones.
   std::size_t zones = 0;
 
   std::size_t spd_count() const {
@@ -66,8 +66,8 @@ struct Features {
 // Throws Error(failed) if the detector does not have this number of zones; 0 allows any number.
 void require_zones(const Dataset& data, std::size_t zones);
 
-// Learns the centre and the gains from `rows`, so that all sensors have the same total variance. If
-// `rows` is empty or the scaling is "raw", the centre is 0 and the gains are 1.
+// Computes the centre and the gains from `rows`, so that all sensors have the same total variance.
+// If `rows` is empty or the scaling is "raw", the centre is 0 and the gains are 1.
 Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
                       const std::string& scaling);
 

@@ -22,7 +22,7 @@
 
 namespace echofuse::recon {
 
-// Largest lag in use, in half wavelengths; supported boards have lags up to 7.
+// Largest lag that is used, in half wavelengths; supported boards have lags up to 7.
 inline constexpr std::size_t most_lags = 16;
 
 class SpatialLags {

@@ -8,10 +8,10 @@
 
 namespace echofuse::recon {
 
-// Correlates the mean range of each histogram with the mean depths of three maps: of the same, the
-// previous and the next record. Returns one warning line for each run in which the maps of the
-// previous or next records correlate clearly better than those of the same records. Ignores
-// doubtful rows.
+// Correlates the mean range of each histogram with the mean depths of three maps: those of the
+// same, the previous and the next record. Returns one warning line for each run in which the
+// histograms correlate clearly better with the previous or next map than with the map of the same
+// record. Ignores doubtful rows.
 std::string late_truth(const Dataset& data);
 
 }  // namespace echofuse::recon

@@ -17,20 +17,20 @@ namespace echofuse::recon {
 
 class PileUp {
  public:
-  PileUp() = default;  // unknown detector: no correction
+  PileUp() = default;  // the detector is unknown, so that counts are not corrected
   // Uses the detector described in the run (record::detector_of). The detector is unknown if the
   // run does not describe it, or if the axis `spd` is not in ps.
   PileUp(const record::RunReader& run, const Axis& spd);
 
-  // If the dead time is infinite, only the first photon of each pulse counts. The detector is ready
-  // again at the next pulse. `window_s`: slot length, s.
+  // If the dead time is infinite, only the first photon of each pulse is counted, and the detector
+  // is ready again at the next pulse. `window_s`: slot duration, s.
   PileUp(double dead_time_ps, double window_s, double bin_width_ps)
       : dead_time_ps_(dead_time_ps), window_ps_(1e12 * window_s), bin_width_ps_(bin_width_ps) {}
 
   bool known() const { return dead_time_ps_ > 0; }
   // Converts counts per bin to photons per bin in place. `pulses`: number of laser pulses in the
-  // slot (0: unknown, no correction). Returns the fraction of pulses for which the detector is
-  // ready, as the minimum over all bins. If this fraction is near zero, the result is unreliable.
+  // slot (0: unknown, no correction). For each bin, the detector is ready in a fraction of the
+  // pulses; returns the smallest of these fractions. If it is near zero, the result is unreliable.
   double correct(std::span<float> counts, double pulses) const;
 
  private:

@@ -20,29 +20,30 @@ std::vector<double> response_filter(const record::RadarResponse& own,
                                     const record::RadarResponse& wanted, double step_m);
 
 // Returns the widest radar response of the runs, because conversion to a wider response adds no
-// noise. The result is unknown if no run specifies its response.
+// noise. The result is unknown if no run includes its response.
 record::RadarResponse widest_response(const Dataset& data);
 
-// Filters the radar profiles and lags of each run that specifies its radar response, and stores the
+// Filters the radar profiles and lags of each run that includes its radar response, and stores the
 // new response in the run's Source. Does not change other runs, binned power, or the rows of a dead
 // sensor. If `knows_any` is true (the model was trained for any response), responses much narrower
 // than `wanted` are not converted either, because widening them would reduce the accuracy.
 void bring_to_response(Dataset& data, const record::RadarResponse& wanted, bool knows_any = false);
 
-// Returns the responses of the windows cos^2, cos^4, cos^6 and cos^8 over the sweep (Harris, Proc.
-// IEEE 66, 1978) that are at least 5 % wider than `than`; narrowest first.
+// Returns those responses of the sweep windows cos^2, cos^4, cos^6 and cos^8 (Harris, Proc. IEEE
+// 66, 1978) that are at least 5 % wider than `than`, with the narrowest first.
 std::vector<record::RadarResponse> wider_responses(const record::RadarResponse& than);
 
-// Standard deviations of the radar noise per bin: of the power, and of each lag value. Estimated as
-// the lower quartile over the bins, because bins with bodies vary more between records.
+// Standard deviations, in each bin, of the noise in the radar power and in each lag value.
+// Estimated as the lower quartile over the bins, because bins with bodies vary more between
+// records.
 struct RadarNoise {
   RadarNoise(const Dataset& data, const Rows& rows);
   float power = 0;
   std::vector<float> lags;
 };
 
-// Imitates records of a radar with the response `wider` that were converted to the response `own`:
-// echoes lose detail, and the filter colours the noise.
+// Makes the records resemble those of a radar with the response `wider` after conversion to the
+// response `own`: echoes lose detail, and the filter colours the noise.
 void imitate_brought(Dataset& data, const record::RadarResponse& own,
                      const record::RadarResponse& wider, const RadarNoise& noise, Rng& rng);
 

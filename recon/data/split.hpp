@@ -11,11 +11,11 @@ namespace echofuse::recon {
 
 struct SplitOptions {
   // random: for independent scenes (training to test 9:1, as in Lai et al., 2024). blocked: for
-  // sequences in which successive records are similar. The blocks in record order are: training,
-  // gap, validation, gap, test.
+  // sequences in which successive records are similar. In record order, the blocks are training,
+  // gap, validation, gap and test.
   std::string kind = "random";
   double test_share = 0.1;
-  double validation_share = 0.05;  // fraction of the non-test records
+  double validation_share = 0.05;  // validation records as a fraction of all non-test records
   std::size_t gap = 10;            // number of records dropped between two blocks
   std::uint64_t seed = 1;
 };
@@ -32,8 +32,8 @@ Rows drawn(Rows rows, std::uint64_t seed, std::uint64_t stream);
 // drawn() for test and validation. Throws Error(failed) if fewer than two rows remain for training.
 Split make_split(const Rows& rows, const SplitOptions& options);
 
-// Returns a fold of the cross-validation: block `fold` of `folds` is the test set; training rows
-// within `gap` records of it are dropped.
+// Returns one fold of the cross-validation. Block `fold` of `folds` is the test set, and rows
+// within `gap` records of it are excluded from training.
 Split make_fold(const Rows& rows, std::size_t fold, std::size_t folds, std::size_t gap);
 // Returns all folds. Blocked folds keep options.gap, or a smaller gap if there are few records;
 // random folds have no gap.

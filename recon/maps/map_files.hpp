@@ -48,7 +48,7 @@ class MapFiles {
   struct Ready {
     std::int64_t index;
     std::vector<MapFile> pictures;
-    // The row to append to each array file NAME.npy, by NAME.
+    // Row to be appended to each array file NAME.npy; the key is NAME.
     std::map<std::string, std::vector<float>> rows;
   };
   // Returns the files of one map, in memory. `deviation`: standard deviation of each pixel, m; may

@@ -9,8 +9,8 @@
 
 namespace echofuse::recon {
 
-// Returns a 16-bit grey PNG; empty if it would have more pixels than a depth image is allowed to
-// have (record::max_depth_pixels).
+// Returns the pixels as a 16-bit greyscale PNG; empty if it would have more pixels than a depth
+// image may have (record::max_depth_pixels).
 Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width,
                    std::uint32_t height);
 // Returns a colour PNG from three bytes per pixel (red, green, blue); empty on failure.

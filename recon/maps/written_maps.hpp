@@ -30,10 +30,10 @@ struct WrittenMaps {
   std::string name;  // name of the folder
   // Maps by record index; depths in metres, 0: no return.
   std::map<std::int64_t, std::vector<float>> of_index;
-  // Indices of listed records that have no map.
+  // Indices of the records that records.csv lists as having no map.
   std::vector<std::int64_t> without;
-  std::string uuid, path;  // uuid and path from run.txt; may be empty
-  // Indices of the training records of the model that made the maps.
+  std::string uuid, path;  // UUID and path of the run, read from run.txt; may be empty
+  // Indices of the records on which the model that made the maps was trained.
   std::set<std::int64_t> trained_on;
 };
 // Reads the maps in a folder. Throws Error(failed) if the folder contains neither maps.npy nor
@@ -41,10 +41,10 @@ struct WrittenMaps {
 // depth in metres.
 WrittenMaps read_written_maps(const std::string& folder, const record::MapGrid& grid);
 
-// Returns for each row why it is not scored; empty if it is scored. Reasons: the depth map is
-// missing or doubtful; the row is a copy of an earlier record of the run; the model that made the
-// maps was trained on the record (unless `all` is true). Throws Error(failed) if the maps belong to
-// a run other than that of `data`.
+// For each row, returns why it is not scored, or an empty string if it is scored. Reasons: the
+// depth map is missing or doubtful; the row is a copy of an earlier record of the run; the model
+// that made the maps was trained on the record (unless `all` is true). Throws Error(failed) if the
+// maps belong to a run other than that of `data`.
 std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folders,
                                           const Dataset& data, bool all);
 // Returns the number of rows that have a map. Throws Error(failed) if no row has one.
@@ -53,7 +53,8 @@ std::size_t count_maps(const WrittenMaps& maps, const Dataset& data, const Rows&
 Matrix maps_of(const WrittenMaps& maps, const Dataset& data, const Rows& rows,
                const std::vector<float>& empty);
 
-// Writes a .npy file row by row; close() publishes it. Throws Error(disk).
+// Writes a .npy file row by row; close() moves the finished file to its path. Throws Error(disk) if
+// writing fails.
 class NpyWriter {
  public:
   NpyWriter(const std::string& path, std::vector<std::size_t> row_shape);

@@ -14,10 +14,11 @@
 
 namespace echofuse::recon {
 
-// Correlation between the radar profile and the profile expected from the histogram, over shifts in
-// range. The expected profile of a body is its histogram convolved with the radar's point spread
-// function. The correlation contains most of the information on whether the body is on the left or
-// the right. Without it, a small network would have to learn this product of the two inputs.
+// Correlation between the radar profile and the profile expected from the histogram, as a function
+// of their relative shift in range. The expected profile of a body is its histogram convolved with
+// the radar's point spread function. The correlation contains most of the information on whether
+// the body is on the left or the right. Without it, a small network would have to learn this
+// product of the two inputs.
 class ShiftCorrelation {
  public:
   // Points at first_m + i * step_m for i < count, in metres relative to the range of the body.
@@ -34,7 +35,7 @@ class ShiftCorrelation {
   std::size_t shifts() const { return shifts_; }
   std::size_t cost() const;  // number of multiply-adds per record
   // Computes the cosine similarity between the measured profile and the profile expected from the
-  // histogram, for each shift from the longest to the shortest.
+  // histogram, for each shift, from the largest to the smallest.
   void operator()(std::span<const float> histogram, std::span<const float> profile,
                   std::span<float> out) const;
 
@@ -56,7 +57,7 @@ inline constexpr std::ptrdiff_t profile_taps = 8;
 // Groups of columns of a view. T is float or const float.
 template <class T>
 struct ViewColumns {
-  // Correlation of profile and histogram, from the longest to the shortest shift.
+  // Correlation of profile and histogram, from the largest to the smallest shift.
   std::span<T> correlation;
   std::span<T> histogram;  // counts around the range of the body, divided by their sum
   // Histogram of each zone in wider bins, as fractions of the counts of all zones.
@@ -75,7 +76,8 @@ class Alignment {
  public:
   Alignment() = default;
   // Learns the background from observations, which contain counts, power and lags (method.hpp). If
-  // the radar is missing, the view has no profile. Throws Error(usage) if the histogram is missing.
+  // the observations do not include the radar, views have no profile. Throws Error(usage) if the
+  // histogram is missing.
   Alignment(const Layout& layout, const Matrix& observations, const Rows& rows);
 
   bool known() const { return !counts_background_.empty(); }
@@ -88,7 +90,7 @@ class Alignment {
   std::size_t zone_features() const { return zones_ * zone_bins(); }
   std::size_t profile_points() const;  // number of points of a profile; 0 if the radar is missing
   std::size_t array_features() const { return array_.size(); }  // 0 if there are no antennas
-  // size(): number of values of a view without its correlation. inputs(): number including the
+  // size(): number of values in a view, excluding the correlation. inputs(): number including the
   // correlation, which comes first.
   std::size_t size() const {
     return histogram_bins() + zone_features() + profile_points() + array_features() + 1;
@@ -124,7 +126,7 @@ class Alignment {
   // from the radar and its direction cosine were larger by `by_cosine`.
   void move_array(std::span<const float> recorded_lags, double farther_m, double by_cosine,
                   std::span<float> view) const;
-  // add_profiles() replaces the profile in a view by the sum of these profiles, each shifted to
+  // add_profiles() replaces the profile in a view with the sum of these profiles, each shifted to
   // longer ranges by farther_m. It does not change the correlation.
   struct MovedProfile {
     std::span<const float> recorded_power;
@@ -136,7 +138,7 @@ class Alignment {
   double displacement_m(std::span<const float> view) const;
 
   // background() returns the background in the layout of an observation. set_background() replaces
-  // the learnt background, e.g. by that of an empty room.
+  // the learnt background, e.g. with that of an empty room.
   std::vector<float> background() const;
   void set_background(std::span<const float> observation);
 

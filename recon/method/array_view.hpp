@@ -18,7 +18,7 @@ namespace echofuse::recon {
 class ArrayView {
  public:
   ArrayView() = default;
-  explicit ArrayView(const Axis& lags);  // an axis with count 0 means no antennas
+  explicit ArrayView(const Axis& lags);  // no antennas are used if `lags` has count 0
 
   // Returns the number of features of a body; 0 if there are no antennas.
   std::size_t size() const;
@@ -26,11 +26,12 @@ class ArrayView {
   static constexpr std::size_t of_direction = 2;
   std::size_t cost() const;  // number of multiply-adds per record
   // Writes size() features, computed from a record's lags above the background: the direction
-  // cosine u; u times the range, m; the lags of the window around the body; the lags of the parts
-  // of this window. All lags are divided by the power of the window, and horizontal lags are
+  // cosine u; u times the range, m; the lags of the window around the body; and the lags of the
+  // parts of this window. All lags are divided by the power of the window, and horizontal lags are
   // multiplied by exp(-i pi d u). All features are 0 if the power in the window is 0.
   void operator()(std::span<const float> lags, double range_m, std::span<float> out) const;
-  // Converts the features to those of the same body with a direction cosine that is larger by `by`.
+  // Changes the features to those that the same body would have if its direction cosine were larger
+  // by `by`.
   static void turn(double by, double range_m, std::span<float> features);
 
  private:
@@ -38,7 +39,7 @@ class ArrayView {
   void add(std::span<const float> bin, double weight, Lags& to) const;
   double direction_of(const Lags& sum) const;
 
-  // Returns the number of lags in use: at most `most` horizontal and at most `most` vertical ones.
+  // Returns the number of lags that are used: at most `most` horizontal and `most` vertical ones.
   std::size_t lags_of(std::size_t most) const;
 
   std::size_t across_ = 0, up_ = 0, bins_ = 0, parts_ = 0;

@@ -9,11 +9,11 @@ namespace echofuse::recon {
 
 struct BinSums {
   double counts = 0;  // sum of the counts above the background
-  double all = 0;     // sum of the counts including the background
-  double moment = 0;  // sum of bin index x counts above the background
+  double all = 0;     // sum of the counts, including the background
+  double moment = 0;  // sum of the bin index times the counts above the background
 };
 
-// Treatment of a bin with fewer counts than the background: counted as 0, or as a negative number.
+// Selects whether a bin with fewer counts than the background contributes 0 or a negative number.
 enum class Negative : bool { left_out, counted };
 
 // Sums the bins [from, to). `counts`: counts above the background; `all`: counts including it. Both

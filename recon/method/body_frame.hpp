@@ -19,7 +19,7 @@ struct Place {
 };
 
 // Returns the position of the foreground in a ground-truth map (metrics/scene_model.hpp), or
-// nothing if the map has no foreground.
+// std::nullopt if the map has no foreground.
 std::optional<Place> place_of(std::span<const float> map, std::span<const float> background,
                               const record::MapGrid& grid);
 
@@ -57,7 +57,7 @@ class BodyFrame {
 
   record::MapGrid grid_;  // grid of the maps
   std::size_t columns_ = 0, rows_ = 0;
-  // Position of the centre of cell (0, 0), and side of a cell, m.
+  // Position of the centre of cell (0, 0), and side length of a cell, m.
   double left_m_ = 0, top_m_ = 0, pitch_m_ = 1;
 };
 

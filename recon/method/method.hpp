@@ -26,10 +26,10 @@
 namespace echofuse::recon {
 
 // Step 1: returns the values that `sensors` requests, [n x sensors.layout().inputs()], for each of
-// the n rows. These are photons per bin (corrected for pile-up), linear radar power per bin (with
-// the range offset subtracted), spatial lags of the radar's antennas per bin (data/lags.hpp), and
-// photons of each zone. Throws Error(failed) if the number of detector zones differs from that in
-// `sensors`.
+// the n rows. These are the number of photons per bin (corrected for pile-up), the linear radar
+// power per bin (after the range offset is subtracted), the spatial lags of the radar antennas per
+// bin (data/lags.hpp), and the number of photons per bin of each zone. Throws Error(failed) if the
+// number of detector zones differs from that in `sensors`.
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors);
 
 // Step 2: returns the views, [n x scene.inputs()]: correlation between the two sensors for each
@@ -42,15 +42,16 @@ void align(std::span<const float> observation, const Alignment& scene, std::span
 // Learnt parameters of steps 3 to 5.
 struct BodyModel {
   std::vector<float> background;  // [pixels] depth map of the empty room, m
-  // [inputs] mean and scale of the views of the training records
+  // [inputs] mean and scale of each input over the training records' views
   std::vector<float> centre, deviation;
   Ensemble place;  // networks that predict lateral position (m) and depth minus range (m)
-  Ensemble shape;  // networks for the coefficients of masks, followed by those of depths
-  // Principal components of the masks and depths of bodies in their frame, [components x cells].
+  Ensemble
+      shape;  // networks that predict the mask coefficients, followed by the depth coefficients
+  // Principal components of the masks and depths of bodies in the body frame, [components x cells].
   Components masks, depths;
   BodyFrame frame;         // grid that moves with the body
   float nearest_m = 0.1f;  // minimum distance of a body, m
-  float threshold = 0.5f;  // pixels with a larger mask belong to the body
+  float threshold = 0.5f;  // pixels with a mask above this threshold belong to the body
   bool has_shapes = true;  // false: the mean body is always drawn
 
   void archive(Archive archive, std::size_t inputs, const record::MapGrid& grid);
@@ -59,17 +60,17 @@ struct BodyModel {
 // Replaces a view by (view - centre) / deviation, the input of the networks.
 void standardise(std::span<float> view, const BodyModel& model);
 
-// Standardised views of the m (of n) records that show a body.
+// Standardised views of those m of the n records that show a body.
 struct BodyViews {
   Matrix views;  // [m x inputs]
   Rows rows;     // row of each view among the n records
 };
 BodyViews body_views(const Matrix& views, const BodyModel& model);
 
-// Returns the range of the body from a standardised view, m.
+// Extracts the range of the body, m, from a standardised view.
 float range_of(std::span<const float> standard_view, const BodyModel& model);
-// Returns the number of multiply-adds for the steps from a view to its map, and the number of
-// parameters.
+// Returns the number of multiply-adds needed to convert a view to a map, and the number of
+// parameters of the model.
 Cost cost(const BodyModel& model);
 
 // Step 3: returns the positions of the bodies, estimated from m standardised views.
@@ -83,8 +84,8 @@ struct Shapes {
 Shapes shape(const Matrix& standard_views, const BodyModel& model);
 
 // Step 5: draws the bodies into the maps of these rows, [n x pixels] in metres, which must contain
-// the background. If `soft` is not null, it receives the foreground probability of each pixel and
-// the depth of the body there.
+// the background. If `soft` is not null, it receives the foreground probability and the body depth
+// of each pixel.
 void draw(const std::vector<Place>& places, const Shapes& shapes, const BodyModel& model,
           const Rows& rows, Matrix& maps, SoftMaps* soft = nullptr);
 

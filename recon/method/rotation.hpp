@@ -29,15 +29,15 @@ class RotatedBodies {
   // Sets the fraction of the bodies that rotate() rotates; the default is all bodies.
   void rotate_share(double share) { share_ = share; }
 
-  // Returns the distance of the radar to the left of the SPD, m (negative: right), fitted to the
-  // displacement of the profiles as a function of azimuth. Returns 0 if the standard error of this
-  // distance exceeds a tenth of the distance. If there are antennas, returns 0 only if the standard
-  // error also exceeds 3 cm.
+  // Returns how far the radar is to the left of the SPD, m (negative: to the right). The distance
+  // is fitted to the displacement of the profiles as a function of azimuth. Returns 0 if the
+  // standard error of this distance exceeds a tenth of the distance. If there are antennas, returns
+  // 0 only if the standard error also exceeds 3 cm.
   double baseline_m() const { return baseline_m_; }
   bool rotates() const { return rotates_; }  // false: no body is rotated
   // Returns true if rotate() changes any record.
   bool changes() const { return rotates_ || has_array_; }
-  // Returns by how much the radar's range would increase, m, if the body of rows[k] moved to the
+  // Returns the increase in radar range, m, that would result if the body of rows[k] moved to the
   // azimuth of the body of rows[as].
   double farther_m(std::size_t k, std::size_t as) const;
   // Writes the inputs of record rows[k], rotated to the azimuth of a random record, so that the

@@ -15,9 +15,10 @@ class Classifier {
  public:
   struct Options {
     std::vector<std::size_t> hidden;  // width of each hidden layer
-    // Number of steps; size of a batch, which contains equal numbers of both classes.
+    // Number of training steps, and batch size; each batch contains equal numbers of examples of
+    // the two classes.
     std::size_t steps, batch;
-    double learning_rate;  // initial rate, which decreases to zero
+    double learning_rate;  // initial learning rate, which decreases to zero
     std::uint64_t seed;
   };
   // Fits the network to examples of two classes, one example per row. An interrupt ends the fit

@@ -12,11 +12,11 @@ namespace echofuse::recon {
 
 class Ensemble {
  public:
-  // Fits each of the `networks` networks by Regression::fit, with a separate random stream. Returns
-  // the training log of the last network.
+  // Fits each of the `networks` networks with Regression::fit, with a separate random stream.
+  // Returns the training log of the last network.
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   Training training, std::size_t networks, const std::string& title);
-  // correct() calls Regression::correct for each network, tune() calls Regression::tune.
+  // correct() calls Regression::correct for each network, and tune() calls Regression::tune.
   void correct(const Examples& train);
   void tune(const Examples& train, Training training, const std::string& title);
   // Returns the mean output of all networks, one row per row of `inputs`.

@@ -11,7 +11,7 @@
 namespace echofuse::recon {
 
 // Layer of a network: y = x W + b. W (inputs x outputs, row-major) begins at offset `weights` of
-// the parameters, b at offset `biases`.
+// the parameters, and b begins at offset `biases`.
 struct Layer {
   std::size_t inputs, outputs, weights, biases;
 };
@@ -19,11 +19,12 @@ struct Layer {
 struct Network {
   std::vector<Layer> layers;
   std::size_t parameters = 0;
-  std::size_t weights = 0;  // number of weights; equals the multiply-adds of a forward pass
+  std::size_t weights =
+      0;  // number of weights, equal to the number of multiply-adds in a forward pass
 };
 
-// Returns a network. `widths`: number of inputs, number of units in each hidden layer, number of
-// outputs.
+// Returns a network. `widths`: number of inputs, number of units in each hidden layer, and number
+// of outputs.
 Network make_network(const std::vector<std::size_t>& widths);
 
 // Returns random initial parameters: normally distributed weights with variance 2 / inputs (He et
@@ -48,8 +49,8 @@ template <class T>
 void backward(const Network& network, const std::vector<T>& parameters, const T* inputs,
               std::size_t batch, Activations<T>& activations, std::vector<T>& gradient);
 
-// Reads or writes weights and biases as groups "layer0", "layer1", ... Throws Error(failed) if the
-// number of inputs or outputs in the file is wrong.
+// Reads or writes the weights and biases as groups "layer0", "layer1", ... Throws Error(failed) if
+// the number of inputs or outputs in the file is wrong.
 void archive(Archive archive, Network& network, std::vector<float>& parameters, std::size_t inputs,
              std::size_t outputs);
 

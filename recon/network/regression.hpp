@@ -23,13 +23,13 @@ struct Examples {
   const Rows& rows;
 };
 
-// Unit of errors. common: one unit for all columns, e.g. the pixels of a map. each: a separate unit
-// for each column, its standard deviation.
+// Unit of errors. common: one unit for all columns, e.g. the pixels of a map. each: the unit of
+// each column is the standard deviation of that column.
 enum class Spread : bool { common, each };
 
 // Data augmentation: replaces a batch of examples by random variants, which differ in each epoch
-// and need no memory for copies. Row i of `inputs` and `targets` is example rows[i]; `rng` is a
-// random stream of the training.
+// and need no memory for copies. Row i of `inputs` and `targets` is example rows[i]; `rng` is the
+// random stream to use for the variants.
 using Redraw = std::function<void(std::span<const std::size_t> rows, Matrix& inputs,
                                   Matrix& targets, Rng& rng)>;
 
@@ -45,12 +45,13 @@ struct Loss {
 struct Training {
   std::vector<std::size_t> hidden;  // width of each hidden layer
   std::size_t epochs, patience;
-  double learning_rate, weight_decay;  // learning_rate: initial value, decreases to zero
+  double learning_rate, weight_decay;  // learning_rate: initial value, which decreases to zero
   std::size_t batch;
   std::uint64_t seed;
   bool quiet;
-  Redraw redraw = {};               // empty: no augmentation
-  std::vector<float> weights = {};  // weight of the squared errors of each column; empty: all 1
+  Redraw redraw = {};  // empty: no augmentation
+  std::vector<float> weights =
+      {};  // weight of the squared errors of each column; if empty, all weights are 1
   // Weight of the L2 penalty. The penalty is half the squared distance of the network weights from
   // their initial values.
   double l2_penalty = 0;
@@ -67,23 +68,24 @@ struct TrainingState {
   Rows order;  // order of the records in this epoch
   Rng order_rng, redraw_rng;
   TrainingLog log;
-  double least;                    // lowest validation loss so far
-  std::size_t epoch = 0, row = 0;  // completed epochs; records processed in the current epoch
-  double squares = 0;              // sum of the squared errors in the current epoch
+  double least;  // lowest validation loss so far
+  std::size_t epoch = 0,
+              row = 0;  // number of completed epochs, and of records processed in the current epoch
+  double squares = 0;   // sum of the squared errors in the current epoch
 };
 
 class Regression {
  public:
   // fit() trains the network. It logs losses in units of the targets (Spread::common) or of their
-  // standard deviations (Spread::each), and a custom loss as the root of its mean. It calls
-  // `on_epoch` after each epoch. It throws Error(failed) if training diverges; the message begins
-  // with the title.
+  // standard deviations (Spread::each). A custom loss is logged as the square root of its mean.
+  // fit() calls `on_epoch` after each epoch. It throws Error(failed) if training diverges; the
+  // message begins with the title.
   using OnEpoch = std::function<void(std::size_t epochs, double validation_loss)>;
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   const Training& training, const std::string& title, const OnEpoch& on_epoch = {});
-  // Adapts the offset and the scale of the outputs to other records: adds the median error, and
-  // multiplies by the median slope of the targets as a function of the outputs. Both corrections
-  // are reduced by Tuning::shrinkage().
+  // Adapts the offset and the scale of the outputs to other records: adds the median error to the
+  // outputs, and multiplies them by the median slope of the targets as a function of the outputs.
+  // Both corrections are reduced by Tuning::shrinkage().
   void correct(const Examples& train);
   // Continues training from the current weights, with the current scaling. First adds the mean
   // error, reduced by Tuning::shrinkage(), to the outputs. Does not stop early. After an interrupt,
@@ -112,7 +114,7 @@ class Regression {
   Network network_;
   std::vector<float> parameters_;
   std::vector<float> centre_, spread_;   // mean and scale of each column, in units of the targets
-  double unit_ = 1;                      // factor from an error of the network to a logged loss
+  double unit_ = 1;                      // factor that converts a network error to a logged loss
   Matrix batch_inputs_, batch_targets_;  // scratch memory of train_batch()
   Activations<float> activations_;
   std::vector<float> gradient_;

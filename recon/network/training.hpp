@@ -28,7 +28,8 @@ struct FitOptions {
 // factorised.
 struct TrainingLog {
   std::vector<double> loss, validation_loss;
-  // Epoch of the kept weights, counted from 1; 0: no epoch was better than the mean of the targets.
+  // Epoch that the kept weights come from, counted from 1; 0 if no epoch was better than the mean
+  // of the targets.
   std::size_t best_epoch = 0;
   bool interrupted = false;
 };
@@ -36,13 +37,13 @@ struct TrainingLog {
 // Options of fine-tuning, which adapts a trained model to records of another room.
 struct Tuning {
   // L2 penalty: the mean loss is increased by l2_penalty / records times half the squared distance
-  // from the old weights. INFINITY keeps the networks unchanged.
+  // between the new and the old weights. INFINITY keeps the networks unchanged.
   double l2_penalty = 1;
   // Only used if the networks stay unchanged. True: a model that predicts a body position fits the
   // offset and scale of the positions, and the mean body, to the new records.
   bool correct = false;
-  std::size_t steps = 200, batch = 64;  // number of steps; maximum number of records per step
-  double learning_rate = 4e-3;          // initial rate, which decreases to zero
+  std::size_t steps = 200, batch = 64;  // number of steps, and maximum number of records per step
+  double learning_rate = 4e-3;          // initial learning rate, which decreases to zero
   std::uint64_t seed = 1;
   bool networks_stay() const { return std::isinf(l2_penalty); }
   // Returns n / (n + 10), the factor by which the mean residual of n records is multiplied before

@@ -23,12 +23,12 @@ struct Product {
 };
 void multiply(const Product<float>& p, const float* a, const float* b, float* c);
 void multiply(const Product<double>& p, const double* a, const double* b, double* c);
-// Replaces the rows of a table by an orthonormal basis of their span (QR decomposition). Requires 1
-// <= rows <= cols.
+// Replaces the rows of a table with an orthonormal basis of their span (QR decomposition). Requires
+// 1 <= rows <= cols.
 void orthonormalise_rows(std::size_t rows, std::size_t cols, float* values);
 // Computes the thin singular value decomposition X = U S V' of an m x n table. With k = min(m, n),
-// U is m x k, S has k values, V' is k x n. X, U and V' are column-major; X is overwritten. Throws
-// Error(failed) if X contains NaN or infinity.
+// U is m x k, S has k values, and V' is k x n. X, U and V' are column-major; X is overwritten.
+// Throws Error(failed) if X contains NaN or infinity.
 void decompose(std::size_t m, std::size_t n, double* x, double* s, double* u, double* vt);
 
 // Returns the name of the OpenBLAS kernels in use, e.g. "SkylakeX" (AVX-512) or "Haswell" (AVX2).
@@ -38,8 +38,8 @@ void decompose(std::size_t m, std::size_t n, double* x, double* s, double* u, do
 // for unknown models. This function selects them by the processor's features (CPUID) instead. The
 // environment variable OPENBLAS_CORETYPE takes precedence.
 const std::string& blas_kernels();
-// Returns the instruction set of the kernels: AVX-512, AVX2, AVX or SSE; "unknown" if their name is
-// "BLAS".
+// Returns the instruction set of the kernels: AVX-512, AVX2, AVX or SSE; or "unknown" if
+// blas_kernels() returns "BLAS".
 std::string blas_instructions();
 
 }  // namespace echofuse::recon

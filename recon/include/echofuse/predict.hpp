@@ -17,37 +17,41 @@ namespace echofuse {
 struct Body {
   double x_m = 0;  ///< lateral position, m; positive to the right of the detector
   double z_m = 0;  ///< distance from the detector plane, m
-  /// Half-width of the 90 % interval of `x_m`, m, for records that resemble the training data.
-  /// Empty if the model does not estimate errors, or if the record is out of distribution.
+  /// Half-width of the 90 % interval around `x_m`, in metres; valid for records that resemble the
+  /// training data. Empty if the model does not estimate errors, or if the record is out of
+  /// distribution.
   std::optional<double> lateral_interval_90_m;
 };
 
 /// Depth map predicted for one record.
 struct DepthMap {
-  /// Depth z of each pixel on Model::grid(), m, row-major; 0: no return. Each pixel contains
-  /// the depth of either the body or the background. Empty if `fault` is set.
+  /// Depth z at each pixel of Model::grid(), in metres, in row-major order; 0: no return. Each
+  /// pixel contains the depth of either the body or the background. Empty if `fault` is set.
   std::vector<float> depth_m;
   /// Standard deviation of each pixel's depth, m. Empty if the model does not estimate errors.
   std::vector<float> deviation_m;
   std::optional<Body> body;  ///< empty if the map contains no body
-  std::string fault;         ///< reason for a missing map, e.g. `radar missing`; otherwise empty
+  std::string fault;         ///< why no map was predicted, e.g. `radar missing`; otherwise empty
   std::string note;   ///< note on missing sensor data, e.g. `radar lost: SPD alone`; usually empty
-  std::string doubt;  ///< verdict of a sensor with doubtful data, e.g. `SPD weak`; otherwise empty
+  std::string doubt;  ///< verdict on a sensor that delivered doubtful data, e.g. `SPD weak`;
+                      ///< otherwise empty
   std::string
       out_of_distribution;  ///< how the record differs from the training data; usually empty
 };
 
-/// Predicts the map of record `index`, like `echofuse-recon reconstruct`. Corrects the ranges by
-/// the run's calibration, and the counts for pile-up. Sets `fault` if the record cannot be used.
-/// Throws std::runtime_error if the axes of the run and the model differ. Threading: like Run.
+/// Predicts the map of record `index` in the same way as `echofuse-recon reconstruct`. Applies the
+/// run's range calibration, and corrects the counts for pile-up. Sets `fault` if the record cannot
+/// be used. Throws std::runtime_error if the axes of the run and the model differ. Threading: the
+/// rules of Run apply.
 DepthMap predict(const Model& model, const Run& run, std::int64_t index);
 
-/// Predicts a map from values that do not come from a run. `counts`: numbers of detections as
-/// [Model::zones()][Model::spd_axis().count]. `power`: Model::radar_axis().count linear powers;
-/// negative values are accepted, because noise may have been subtracted. Ranges must be free of
-/// bias. If `counts` or `power` is empty, the map is predicted from the other sensor if the model
-/// supports this; otherwise `fault` is set. Throws std::runtime_error if the number of values is
-/// wrong, a value is not finite, or a count is negative. Threading: any thread.
+/// Predicts a map from values that do not come from a run. `counts` contains the numbers of
+/// detections as [Model::zones()][Model::spd_axis().count]. `power` contains
+/// Model::radar_axis().count linear powers, which may be negative after the subtraction of noise.
+/// Range offsets must already be corrected. If `counts` or `power` is empty, the map is predicted
+/// from the other sensor, provided that the model supports this; otherwise `fault` is set. Throws
+/// std::runtime_error if the number of values is wrong, a value is not finite, or a count is
+/// negative. Threading: any thread.
 DepthMap predict(const Model& model, std::span<const float> counts, std::span<const float> power);
 
 }  // namespace echofuse

@@ -10,7 +10,7 @@
 #include <string>
 #include <utility>
 
-/// Reads runs of echofuse and predicts a depth map for each record.
+/// Reads runs recorded by echofuse, and predicts a depth map for each record.
 namespace echofuse {
 
 /// Evenly spaced coordinates along one dimension of a data table.
@@ -47,21 +47,21 @@ struct MapGrid {
 struct SensorReport {
   bool valid = false;      ///< true if the record contains data of this sensor
   std::string verdict;     ///< `ok`, or why the data are missing or doubtful
-  std::uint64_t used = 0;  ///< number of detector clicks, or of frames, in the record
-  std::uint64_t lost = 0;  ///< number of tags or frames known to be missing
+  std::uint64_t used = 0;  ///< number of detector clicks or sensor frames in the record
+  std::uint64_t lost = 0;  ///< number of tags or frames known to be lost
 };
 
-/// One record of a run. Copies share the data. Threading: any number of threads may read one
-/// record.
+/// One record of a run. Copies share the data. Threading: any number of threads may read the same
+/// record at once.
 class Record {
  public:
   /// Returns the index of the record in its run.
   std::int64_t index() const;
   /// Returns the start of the record's slot, in ns since 1970-01-01T00:00:00Z.
   std::chrono::nanoseconds start_utc() const;
-  /// Returns the length of the record's slot.
+  /// Returns the duration of the record's slot.
   std::chrono::nanoseconds length() const;
-  /// Returns the operator's label of this record; may be empty.
+  /// Returns the label that the operator gave to this record; may be empty.
   const std::string& label() const;
 
   /// Returns the state of the single-photon detector.
@@ -71,14 +71,14 @@ class Record {
   /// Returns the state of the depth camera.
   SensorReport camera() const;
 
-  /// Returns the number of detections as [Run::zones()][bins of axis `spd`]. Background counts and
-  /// pile-up are included. Empty if the detector data are missing.
+  /// Returns the numbers of detections as [Run::zones()][bins of axis `spd`]. They are not
+  /// corrected for background or pile-up. Empty if the detector data are missing.
   std::span<const std::uint32_t> counts() const;
   /// Returns the linear power at each point of axis `radar`, in arbitrary units. Empty if the radar
   /// data are missing.
   std::span<const float> power() const;
-  /// Returns the depth z measured by the camera on Run::grid(), m, row-major; 0: no return. Empty
-  /// if the camera data are missing.
+  /// Returns the depth z measured by the camera at each pixel of Run::grid(), in metres, in
+  /// row-major order; 0: no return. Empty if the camera data are missing.
   std::span<const float> depth_m() const;
 
  private:

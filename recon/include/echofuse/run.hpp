@@ -22,30 +22,30 @@ struct RunFacts {
   std::string ended_utc;    ///< end time, ISO 8601; empty unless the run is closed
   std::string status;       ///< `open`, `complete`, `crashed`, or `stopped:` followed by the reason
   std::string notes;        ///< the operator's notes on the run; may be empty
-  double window_s = 0;      ///< length of each slot, s
-  /// Names and values given by `run --meta`.
+  double window_s = 0;      ///< duration of each slot, s
+  /// Names and values passed with `run --meta`.
   std::vector<std::pair<std::string, std::string>> meta;
 };
 
 /// Callback for a damaged record. Receives its index and a description of the fault.
 using OnDamaged = std::function<void(std::int64_t, const std::string&)>;
 
-/// A run file, opened read-only. Every member throws std::runtime_error with a one-line message
-/// that contains the file name and the fault. Threading: a Run may be used by one thread at a time;
-/// each thread may open its own Run of the same file.
+/// A run file, opened read-only. On failure, every member throws std::runtime_error with a one-line
+/// message that contains the file name and the fault. Threading: a Run may be used by only one
+/// thread at a time, but each thread may open its own Run of the same file.
 class Run {
  public:
-  /// Opens the run at `path`; the extension `.sqlite` is optional. Throws if the file is missing,
-  /// damaged, or not a run in the format of this version.
+  /// Opens the run at `path`; the extension `.sqlite` is optional. Throws if the file is missing or
+  /// damaged, or is not a run in the format that this version reads.
   explicit Run(const std::string& path);
 
   /// Returns the path that was passed to the constructor.
   const std::string& path() const;
-  /// Returns the description of the run that the run file contains.
+  /// Returns the description of the run, as stored in the run file.
   RunFacts facts() const;
   /// Returns the number of records, which increases while the run is being recorded.
   std::int64_t count() const;
-  /// Returns the axis of this name: `spd`, `radar`, `depth_x` or `depth_y`. Empty if the run does
+  /// Returns the axis called `name`: `spd`, `radar`, `depth_x` or `depth_y`. Empty if the run does
   /// not have this axis.
   std::optional<RunAxis> axis(const std::string& name) const;
   /// Returns the number of histograms per record: one per detector zone, 1 for a single pixel.
@@ -56,8 +56,8 @@ class Run {
   /// Returns the record with this index. Throws if the record does not exist or is damaged.
   Record read(std::int64_t index) const;
   /// Calls `visit` for each record in order, starting at index `first`, until `visit` returns
-  /// false. Calls `on_damaged` for each damaged record and continues; throws instead if
-  /// `on_damaged` is empty.
+  /// false. If a record is damaged, calls `on_damaged` and continues, or throws if `on_damaged` is
+  /// empty.
   void for_each(const std::function<bool(const Record&)>& visit, std::int64_t first = 0,
                 const OnDamaged& on_damaged = {}) const;
 
@@ -72,7 +72,8 @@ class Run {
 /// soon as the record has been written. Returns when the run is closed, or when `visit` or `go_on`
 /// returns false. Calls `go_on` at least every 20 ms while it waits for a record. Opens the run
 /// again for each poll, so that the recorder can close it; do not keep the Run after `visit`
-/// returns. Handles damaged records like Run::for_each. Throws like Run.
+/// returns. Handles damaged records in the same way as Run::for_each, and throws the same errors as
+/// Run.
 void follow(const std::string& path, const std::function<bool(const Run&, const Record&)>& visit,
             std::int64_t first = 0, const std::function<bool()>& go_on = {},
             const OnDamaged& on_damaged = {});
