@@ -42,8 +42,8 @@ Error map_error(const std::string& path, const record::MapGrid& found,
                                 printable(owner) + " has " + wanted.text()};
 }
 
-// Asks the kernel for huge pages, because page faults of 4 KiB pages take a sixth of the loading
-// time. The kernel may ignore this request.
+// Asks the kernel for huge pages, because handling the page faults of 4 KiB pages takes a sixth of
+// the loading time. The kernel may ignore this request.
 void advise_large_pages(void* begin, std::size_t size) {
   constexpr std::size_t page = 4096;
   auto* const first = static_cast<std::byte*>(begin);
@@ -114,7 +114,7 @@ class Appender {
     reserve(data_.depth, depth_columns());
   }
 
-  // Appends one record. Returns why the record is invalid; empty if it was added.
+  // Appends one record. Returns why the record is invalid, or an empty string if it was added.
   std::string add(const record::FusedRecord& r) {
     if (const std::string fault = absurd_counts(r); !fault.empty()) return fault;
     double a_pulse = clicks_a_pulse(r);
@@ -204,7 +204,7 @@ class Appender {
   // Returns a hash of the counts, for finding copied records; 0 if another record could have equal
   // counts by chance. Two Poisson counts of mean n are equal with probability 1 / (2 sqrt(pi n)).
   static std::int64_t hash_of(const record::FusedRecord& r) {
-    // Minimum number of clicks above the background for computing a hash.
+    // Minimum number of clicks above the background that is required for a hash.
     constexpr double least_clicks = 100;
     constexpr double most_log_chance = -30;
     if (!r.has(Sensor::spd)) return r.radar.empty() ? 0 : hash_of_words(r.radar);
@@ -262,7 +262,7 @@ class Appender {
   }
   // Adopts the zones of the first run. Throws Error(failed) if the zones of another run differ. The
   // tangents of the directions may differ by up to 0.01, because two boards of the same type may
-  // differ this much.
+  // differ by this much.
   void adopt_zones() {
     if (data_.sources.empty()) data_.zones = zones_;
     const auto near = [](const Zone& a, const Zone& b) {
@@ -300,8 +300,8 @@ class Appender {
     table.add_row(row.first(std::min(row.size(), cols)));
     table.values.resize(table.rows * cols);
   }
-  // Converts radar codes to linear power. Subtracts the median power of the profile, because codes
-  // include the receiver noise, which dominates most points. Linear profiles are not changed.
+  // Converts radar codes to linear power. Subtracts the median power of the profile, because the
+  // codes include the receiver noise, which dominates most points. Linear profiles are not changed.
   std::vector<float> linear(const record::FusedRecord& r) const {
     std::vector<float> out = r.radar;
     if (raw_radar_.quantity != "log2_q8") return out;
@@ -336,8 +336,8 @@ class Appender {
 void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,
             SensorSet sensors, const OnBadRecord& on_bad,
             const record::RunReader::InParallel& in_parallel = {}, DepthCheck* depths = nullptr) {
-  // Created when the first record is read, because axes may be added to a run in progress until
-  // then.
+  // Created when the first record is read, because until then, axes may be added to a run that is
+  // being recorded.
   std::optional<Appender> appender;
   const auto to = [&]() -> Appender& {
     if (appender) return *appender;

@@ -12,7 +12,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double nearest_m = 0.05;  // smaller than the minimum range of any depth camera
+constexpr double nearest_m = 0.05;  // below the minimum range of any depth camera
 
 std::string length_text(double m) {
   return m < 0.1 ? formatted("%.3g mm", 1000 * m) : formatted("%.3g m", m);
@@ -22,7 +22,7 @@ std::string length_text(double m) {
 
 void DepthCheck::add(std::span<const std::uint16_t> mm, double far_m) {
   std::size_t p = 0;
-  // Neighbouring pixels use different counters, because they often have equal depth, and
+  // Neighbouring pixels use different counters, because they often have the same depth, and
   // incrementing the same counter twice in a row is slow.
   for (; p + 4 <= mm.size(); p += 4)
     if ((mm[p] | mm[p + 1] | mm[p + 2] | mm[p + 3]) != 0)

@@ -22,7 +22,7 @@ double PileUp::correct(std::span<float> counts, double pulses) const {
   std::vector<double> before(counts.size() + 1);
   for (std::size_t i = 0; i < counts.size(); ++i) before[i + 1] = before[i] + double{counts[i]};
   const double all = before.back(), bins = static_cast<double>(counts.size());
-  // Returns the number of clicks before position `at`, in bins.
+  // Returns the number of clicks before the position `at`, which is given in bins.
   const auto up_to = [&](double at) {
     const double x = std::clamp(at, 0.0, bins);
     const auto i = std::min(static_cast<std::size_t>(x), counts.size() - 1);
@@ -34,9 +34,9 @@ double PileUp::correct(std::span<float> counts, double pulses) const {
   double least = 1;
   for (std::size_t i = 0; i < counts.size(); ++i) {
     const double middle = static_cast<double>(i) + 0.5, since = middle - rest;
-    // Number of pulses for which the detector is dead in bin i: clicks within the dead time before
-    // the bin, after the same or the previous pulse, plus all clicks of the `whole` periods that
-    // the dead time covers.
+    // Number of pulses for which the detector is dead in bin i. It is the sum of the clicks within
+    // the dead time before the bin, after the same or the previous pulse, plus all clicks of the
+    // `whole` periods that the dead time covers.
     double blocked = before[i] - std::min(up_to(since), before[i]) + whole * all;
     if (!std::isinf(dead)) blocked += all - up_to(since + period);
     const auto found = double{counts[i]};

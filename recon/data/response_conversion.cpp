@@ -16,17 +16,17 @@ namespace echofuse::recon {
 namespace {
 
 constexpr double reach_cells = 3;
-constexpr std::ptrdiff_t most_reach = 48;  // maximum half length of the filter, points
-// Limit of the width of a run's response divided by the width of the model's. If the ratio is
+constexpr std::ptrdiff_t most_reach = 48;  // maximum half-length of the filter, in points
+// Limit of the ratio between the response width of a run and that of the model. If the ratio is
 // smaller, a model trained for any response uses the run without conversion. In tests with a
-// digital twin, responses were compared with the response of a Blackman window. For a response .67
-// times as wide, the IoU was .49 without and .45 with conversion. For a response .8 times as wide,
-// the IoU was .44 without and .45 with conversion.
+// digital twin, the ratio was taken relative to the response of a Blackman window. At a ratio of
+// .67, the IoU was .49 without conversion and .45 with conversion. At a ratio of .8, the IoU was
+// .44 without conversion and .45 with conversion.
 constexpr double much_narrower = 0.75;
 // Number of points per range step at which the filtered and the wanted response are compared.
 constexpr int parts = 8;
-// Noise that the Wiener filter assumes: sum of its squares over eight points, relative to the
-// squared peak of the response.
+// Noise assumed by the Wiener filter: the sum of the squared noise over eight points, relative to
+// the squared peak of the response.
 constexpr double noise_to_signal = 1e-3;
 
 // Convolves each of the `stride` interleaved columns of a row with the weights.
@@ -52,8 +52,8 @@ double sinc(double u) {
   return std::abs(u) < 1e-9 ? 1 : std::sin(x) / x;
 }
 
-// Returns the response of the window cos^(2 order). Up to a factor, this window is the sum over k
-// of C(2 order, order + k) cos(2 pi k t).
+// Returns the response of the window cos^(2 order). Apart from a constant factor, this window is
+// the sum over k of C(2 order, order + k) cos(2 pi k t).
 record::RadarResponse response_of_cosine(int order, double cell_m) {
   constexpr int taps = 24;
   record::RadarResponse out{cell_m, {}};

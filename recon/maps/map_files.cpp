@@ -38,7 +38,7 @@ cv::Mat coloured(const cv::Mat1f& depths, const DepthSpan& span) {
   return colours;
 }
 
-// Returns red, green and blue of each value of a map.
+// Returns the red, green and blue bytes of each value of a map.
 Bytes depth_colours(std::span<const float> map, const DepthSpan& span) {
   cv::Mat1f depths(1, static_cast<int>(map.size()));
   std::copy(map.begin(), map.end(), depths.begin());
@@ -47,8 +47,8 @@ Bytes depth_colours(std::span<const float> map, const DepthSpan& span) {
 }
 
 // Returns a PNG of a square map (row-major, metres). Pixels without a return are light grey. Each
-// map pixel becomes `zoom` x `zoom` image pixels. If `zoom` is at least 3, the foreground has an
-// outline. Throws Error(failed) if encoding fails.
+// map pixel becomes `zoom` x `zoom` image pixels. If `zoom` is at least 3, the foreground is
+// outlined. Throws Error(failed) if encoding fails.
 Bytes depth_picture(std::span<const float> map, const DepthSpan& span, int zoom) {
   const cv::Scalar no_return(232, 234, 237), line(60, 65, 72);
   const int side = static_cast<int>(std::lround(std::sqrt(static_cast<double>(map.size()))));

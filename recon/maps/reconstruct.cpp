@@ -122,7 +122,7 @@ class StatusTable {
   std::ofstream out_;
 };
 
-// Reconstructs one run: reads records, predicts maps, writes files and records.csv.
+// Reconstructs one run: reads records, predicts maps, and writes the files and records.csv.
 class RunReconstructor {
  public:
   RunReconstructor(const TrainedModel& model, const ReconstructOptions& options)
@@ -132,7 +132,7 @@ class RunReconstructor {
         table_(options.out + "/records.csv"),
         started_(clock_.now()) {}
 
-  // Reconstructs a complete run. Reads all records before the first map is made, because notes
+  // Reconstructs a complete run. Reads all records before it makes the first map, because notes
   // about the run depend on all of them.
   void take_all(const record::RunReader& run);
   // Reconstructs the records added to the run since the last call; returns true if there were any.
@@ -159,12 +159,11 @@ class RunReconstructor {
   SystemClock clock_;
   HostTime started_, read_{};
   std::int64_t next_ = 0;
-  std::deque<RecordStatus> bad_;   // unusable records, read but not yet reported
-  std::string antennas_, ranges_;  // most recently reported notes on antennas and ranges
+  std::deque<RecordStatus> bad_;   // unusable records that were read but have not been reported
+  std::string antennas_, ranges_;  // most recently reported notes on the antennas and ranges
 };
 
-// Reads the next records without depth images, because the prediction of maps does not need depth
-// images.
+// Reads the next records without depth images, because these are not needed to predict maps.
 Dataset RunReconstructor::read(const record::RunReader& run, std::size_t at_most) {
   Dataset out = load_part(run, next_, at_most, sensors_of(model_->features.inputs),
                           [&](std::int64_t index, const std::string& fault) {
@@ -174,8 +173,8 @@ Dataset RunReconstructor::read(const record::RunReader& run, std::size_t at_most
   return out;
 }
 
-// Returns the rows of a complete run that options.rows requests. Discards the reports of unusable
-// records that are not requested.
+// Returns the rows of a complete run that were requested by options.rows. Discards the reports of
+// unusable records that are not requested.
 Rows RunReconstructor::take_rows_asked(const Dataset& data) {
   if (options_.rows.empty()) return all_rows(data.size());
   if (options_.rows == "test") {
@@ -204,8 +203,7 @@ void RunReconstructor::take_all(const record::RunReader& run) {
   Progress progress("reconstructing", count, options_.quiet);
   const Records records = prepare_records(model_, read(run, count), options_.range_offset_m);
   const Rows rows = take_rows_asked(records.data);
-  // Also finds training records by their counts, in case the run is a copy under another
-  // identifier.
+  // Also finds training records by their counts, in case the run is a copy with another identifier.
   std::set<std::int64_t> trained = trained_on(model_, run.info().uuid);
   for (const std::size_t row : model_.rows_trained_on(records.data))
     trained.insert(records.data.index[row]);
@@ -248,7 +246,8 @@ bool RunReconstructor::take_new(const record::RunReader& run) {
 
 Records RunReconstructor::prepare_new(Dataset data) {
   const Rows all = all_rows(data.size());
-  // In a run in progress, the axis of a sensor may be missing when the first records are read.
+  // While a run is being recorded, the axis of a sensor may be missing when the first records are
+  // read.
   if (std::none_of(all.begin(), all.end(),
                    [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
     return {std::move(data), {}, {}, {}};
@@ -299,8 +298,8 @@ void RunReconstructor::time(RecordStatus& status, HostTime slot_end) const {
   status.after_reading_s = seconds(clock_.now() - read_);
 }
 
-// Throws Error(usage) if the folder contains maps of a run other than `uuid`, because these maps
-// would remain among the new ones.
+// Throws Error(usage) if the folder contains maps of a run other than the run `uuid`, because the
+// old and new maps would be mixed.
 void require_folder(const ReconstructOptions& options, const std::string& uuid) {
   const std::string marker = options.out + "/run.txt";
   const bool known = std::filesystem::exists(marker);

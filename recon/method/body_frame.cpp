@@ -132,7 +132,7 @@ Span within(const CellInterpolation& along, std::size_t points, std::size_t cell
 
 struct Drawing {
   const float *mask, *relief;  // mask and relief of each cell
-  std::size_t columns, side;   // number of cell columns; side length of the map, pixels
+  std::size_t columns, side;   // number of cell columns, and side length of the map in pixels
   CellInterpolation across, down;
   Span map_columns, map_rows;
   float depth_m, least;
@@ -213,7 +213,7 @@ void BodyFrame::draw(std::span<const float> mask, std::span<const float> relief,
 void BodyFrame::draw_soft(std::span<const float> mask, std::span<const float> relief,
                           const Place& place, std::span<float> share,
                           std::span<float> depth) const {
-  constexpr float least_share = 0.1f;  // if the mask is smaller, relief / mask is mostly noise
+  constexpr float least_share = 0.1f;  // below this mask value, relief / mask is mostly noise
   std::fill(share.begin(), share.end(), 0.f);
   std::fill(depth.begin(), depth.end(), place.depth_m);
   draw_onto(mask, relief, place, least_share, depth, share);

@@ -90,7 +90,7 @@ float counts_about(float range_m, std::span<const float> counts, const Alignment
   return before - first;
 }
 
-// Equation (3) for the sum over the zones, and for each zone.
+// Applies equation (3) to the sum over the zones and to each zone.
 void histograms_about(float range_m, std::span<const float> counts, const Matrix& of_zones,
                       const Alignment& scene, const AlignmentColumns& at) {
   const float sum = counts_about(range_m, counts, scene, method::histogram_step_m, at.histogram);
@@ -103,8 +103,8 @@ void histograms_about(float range_m, std::span<const float> counts, const Matrix
 
 }  // namespace
 
-// Step 1. Order of the values: histogram H_spd and range profile H_radar of Lai et al., lags of the
-// antennas, and H_spd of each zone.
+// Step 1. The values are, in this order, the histogram H_spd and the range profile H_radar of Lai
+// et al., the lags of the antennas, and H_spd of each zone.
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors) {
   require_zones(data, sensors.zones);
   const Layout layout = sensors.layout();
@@ -193,7 +193,7 @@ Shapes shape(const Matrix& standard_views, const BodyModel& model) {
   return {compose(model.masks, 0), compose(model.depths, model.masks.basis.rows)};
 }
 
-// Step 5, equation (10), for each body.
+// Step 5: applies equation (10) to each body.
 void draw(const std::vector<Place>& places, const Shapes& shapes, const BodyModel& model,
           const Rows& rows, Matrix& maps, SoftMaps* soft) {
   for_each_part(rows.size(), [&](std::size_t i) {

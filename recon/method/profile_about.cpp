@@ -10,7 +10,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double farthest_steps = 1e9;  // limit of the distance from the radar's first point, steps
+constexpr double farthest_steps = 1e9;  // maximum distance from the first radar point, in steps
 
 // Returns the weights of the points around a position, from `profile_taps` - 1 points before it to
 // `profile_taps` points after it. The position is a fraction `part` of a step after a point. Only

@@ -8,11 +8,11 @@ namespace echofuse::recon {
 namespace {
 
 constexpr double significance = 10;  // minimum baseline, in standard deviations of its estimate
-// Profile shift for measuring displacement_gain(), similar to the distances between the bodies of a
-// data set.
+// Profile shift used to measure displacement_gain(), m. It is similar to the distances between the
+// bodies of a data set.
 constexpr double probe_m = 0.05;
 constexpr std::size_t most_probed = 200;
-// Required accuracy of the baseline estimate if the antennas measure the direction of the body.
+// Required accuracy of the baseline estimate, m, if the antennas measure the direction of the body.
 constexpr double least_deviation_m = 0.03;
 constexpr double most_range_bias_m = 0.15;  // maximum random range bias that rotate() adds, m
 
@@ -66,7 +66,7 @@ double RotatedBodies::slope_m(double& deviation_m) const {
 }
 
 // Returns the change of displacement_m() per metre of profile shift. It is below 1 if noise pulls
-// the centroid to the middle of the window.
+// the centroid towards the middle of the window.
 double RotatedBodies::displacement_gain() const {
   const std::size_t every = 1 + rows_.size() / most_probed;
   double sum_m = 0, count = 0;

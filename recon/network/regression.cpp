@@ -26,14 +26,14 @@ double annealed(double rate, double progress) {
 double square(double v) { return v * v; }
 
 // Targets of one row, with mean (centre) and 1 / spread (per_spread) of each column. `times`:
-// factor from an error to the derivative of the loss.
+// factor that converts an error to the derivative of the loss.
 struct RowTargets {
   const float *truth, *centre, *per_spread;
   float times;
 };
 
-// Replaces a row of outputs by the derivatives of the squared error; returns the sum of the squared
-// errors, in units of the spread.
+// Replaces a row of outputs by the derivatives of the squared error, and returns the sum of the
+// squared errors, in units of the spread.
 double to_slopes(const RowTargets& row_targets, std::size_t columns, float* outputs) {
   const auto count = static_cast<Eigen::Index>(columns);
   const auto row = [&](const float* values) {
@@ -199,7 +199,7 @@ void Regression::shrink_to_start(const std::vector<float>& parameters, float l2_
     gradient_[i] += l2_penalty * (parameters[i] - parameters_[i]);
 }
 
-// Trains until the epoch ends or the user interrupts.
+// Trains until the epoch ends or the user interrupts the training.
 void Regression::train_epoch(const Examples& train, const Training& training, TrainingState& s) {
   std::shuffle(s.order.begin(), s.order.end(), s.order_rng);
   const std::span<const std::size_t> rows(s.order);
@@ -284,8 +284,8 @@ Matrix Regression::outputs_of(const Matrix& inputs, const std::vector<float>& pa
   return out;
 }
 
-// Replaces a row of network outputs by the derivatives of a custom loss, times a factor; returns
-// the loss.
+// Replaces a row of network outputs by the derivatives of a custom loss, multiplied by a factor,
+// and returns the loss.
 double Regression::to_slopes(const Loss& loss, std::span<const float> target,
                              std::span<float> outputs, float times) const {
   for (std::size_t c = 0; c < outputs.size(); ++c)

@@ -34,15 +34,15 @@ const bool one_thread = [] {
   return true;
 }();
 
-// Part of a matrix product that one BLAS call computes: `rows` x `cols` elements of C, starting at
+// Part of a matrix product computed by one BLAS call: `rows` x `cols` elements of C, starting at
 // (row, col).
 struct Strip {
   std::size_t row, col, rows, cols;
 };
 
 // Returns the parts of a matrix product: strips across the longer side of C. A small product has
-// one or two strips, a large product at most eight, because BLAS packs the other factor again for
-// each strip.
+// one or two strips, and a large product has at most eight, because BLAS packs the other factor
+// again for each strip.
 std::vector<Strip> parts_of(std::size_t m, std::size_t n, std::size_t k) {
   constexpr std::size_t small = 4'000'000, narrowest = 128, few = 2, most = 8;
   const std::size_t work = m * n * k;
@@ -67,7 +67,7 @@ void gemm(CBLAS_TRANSPOSE ta, CBLAS_TRANSPOSE tb, int m, int n, int k, double al
 }
 
 // Computes y += alpha x B in one pass over B (k x n), for the row vectors x and y. For a small B,
-// the overhead of a BLAS call is as large as the product.
+// the overhead of a BLAS call takes as long as the product itself.
 ECHOFUSE_CLONES void add_row_times(std::size_t k, std::size_t n, float alpha, const float* x,
                                    const float* b, float* __restrict__ y) {
   std::size_t i = 0;
@@ -94,7 +94,7 @@ void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, double alpha, const double* b,
   cblas_dgemv(CblasRowMajor, tb, rows, cols, alpha, b, cols, x, 1, beta, y, 1);
 }
 
-// Selects the kernels (blas_kernels). Must be called before any BLAS function.
+// Selects the kernels (see blas_kernels). Must be called before any BLAS function.
 void choose_kernels() {
   static const bool chosen = one_thread && !blas_kernels().empty();
   static_cast<void>(chosen);
@@ -133,9 +133,9 @@ void multiply(const Product<double>& p, const double* a, const double* b, double
   multiply_parts(p, a, b, c);
 }
 
-// LAPACK is column-major, so our rows are its columns.
+// LAPACK uses column-major order, so our rows are its columns.
 void orthonormalise_rows(std::size_t rows, std::size_t cols, float* values) {
-  constexpr std::size_t at_once = 64;  // block size of the workspace, columns
+  constexpr std::size_t at_once = 64;  // block size used for the workspace, in columns
   choose_kernels();
   const int m = static_cast<int>(cols), n = static_cast<int>(rows);
   std::vector<float> scales(rows), work(rows * at_once);

@@ -42,7 +42,7 @@ std::string choose() {
   if (!openblas_get_corename || !gotoblas_dynamic_quit || !gotoblas_dynamic_init) return "BLAS";
   if (!std::getenv("OPENBLAS_CORETYPE")) {
     if (const char* core = better_than(openblas_get_corename())) {
-      // OpenBLAS allows a choice of kernels only by this environment variable. The variable is
+      // OpenBLAS allows a choice of kernels only through this environment variable. The variable is
       // removed afterwards, so that child processes make their own choice.
       ::setenv("OPENBLAS_CORETYPE", core, 1);
       gotoblas_dynamic_quit();

@@ -10,8 +10,8 @@
 namespace echofuse::recon {
 
 struct Components {
-  std::vector<float> mean;       // mean of each column
-  Matrix basis;                  // orthonormal directions, one per row, strongest first
+  std::vector<float> mean;  // mean of each column
+  Matrix basis;             // orthonormal directions, one per row, in order of decreasing variance
   std::vector<float> deviation;  // standard deviation of the table along each direction
 };
 
@@ -26,8 +26,8 @@ Matrix coordinates(const Components& components, const Matrix& table);
 // Returns mean + amounts basis. This is the inverse of coordinates() within the span of the basis.
 Matrix from_coordinates(const Components& components, const Matrix& amounts);
 
-// Returns the largest standard deviation, as a common scale of the coordinates. If each set of
-// components is divided by its scale, all sets have equal weight in a loss.
+// Returns the largest standard deviation, for use as a common scale of the coordinates. If each set
+// of components is divided by its scale, all sets have equal weight in a loss.
 float unit_of(const Components& components);
 
 // Reads or writes the components of a table with this number of columns.

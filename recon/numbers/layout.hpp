@@ -21,8 +21,8 @@ inline std::size_t lags_up(const Axis& lags) {
 }
 
 // Columns of the inputs of a model, in this order: SPD bins; radar bins; for each bin of the
-// antenna axis, c_0 and the real and imaginary parts of `scale` more lags (data/lags.hpp); bins of
-// each SPD zone. An axis has count 0 if the sensor is missing.
+// antenna axis, c_0 and the real and imaginary parts of `scale` further lags (data/lags.hpp); and
+// bins of each SPD zone. An axis has count 0 if the sensor is missing.
 struct Layout {
   Axis spd, radar;
   Axis array = {};

@@ -10,7 +10,7 @@
 
 namespace echofuse::recon {
 
-// Sets the number of threads, including the calling one; 0 (the default) means one per core.
+// Sets the number of threads, including the calling thread; 0 (the default) means one per core.
 void set_threads(int count);
 
 // Calls work(0) ... work(parts - 1) in any order, and returns when all are done. `work` must not

@@ -69,7 +69,8 @@ double upper_limit(std::vector<float> values, double share_above) {
 }
 
 Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng) {
-  // Block length in records, about half a minute, because a person may keep a pose this long.
+  // Block length in records. Ten records take about half a minute, and a person may keep a pose
+  // this long.
   constexpr std::size_t pose_records = 10;
   constexpr std::size_t least_blocks = 5;
   const std::size_t block = std::clamp<std::size_t>(of / least_blocks, 1, pose_records);

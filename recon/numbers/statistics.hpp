@@ -23,7 +23,7 @@ ColumnStatistics column_statistics(const Matrix& table, const Rows& rows);
 // Returns true if all values are equal, as for a dead sensor.
 bool all_same(std::span<const float> values);
 
-// Divides all values by the sum of the positive ones; does nothing if no value is positive.
+// Divides all values by the sum of the positive values; does nothing if no value is positive.
 void share_out(std::span<float> values);
 
 double mean_of(std::span<const double> values);
@@ -39,7 +39,7 @@ float quantile(std::span<float> values, double share);
 // Subtracts the median in place; does nothing if there are no values.
 void subtract_median(std::span<float> values);
 
-// Returns the limit that the fraction `share_above` of all values exceeds. Fits an exponential tail
+// Returns the limit exceeded by the fraction `share_above` of all values. Fits an exponential tail
 // to the largest 5 % of the values, so that a few hundred values are enough.
 double upper_limit(std::vector<float> values, double share_above);
 

@@ -150,8 +150,8 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
   }
   if (at != values.size())
     refuse("data_offsets", "the file contains bytes that belong to no tensor");
-  // Copies the values only now, when the tensors are known not to overlap. The copies therefore
-  // need at most as much memory as the file.
+  // Copies the values only after checking that the tensors do not overlap, so that the copies need
+  // at most as much memory as the file.
   for (const auto& [begin, end, own] : places)
     own->assign(values.begin() + static_cast<std::ptrdiff_t>(begin),
                 values.begin() + static_cast<std::ptrdiff_t>(end));

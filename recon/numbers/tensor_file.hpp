@@ -32,13 +32,13 @@ using TensorShape = std::vector<std::size_t>;
 
 class TensorFile {
  public:
-  // Matches any length of a dimension.
+  // Placeholder that matches a dimension of any length.
   static constexpr std::size_t any = std::numeric_limits<std::size_t>::max();
   using Fact = std::variant<std::int64_t, double, std::string>;
 
   TensorFile() = default;  // creates an empty file, for writing
-  // Checks and parses the whole file. `path` appears in messages. Throws Error(failed) with the
-  // fault and the expected value.
+  // Checks and parses the whole file. `path` appears in messages. If the file is invalid, throws
+  // Error(failed) with the fault and the expected value.
   TensorFile(std::string path, ByteView contents);
   Bytes to_bytes() const;
 
@@ -46,7 +46,7 @@ class TensorFile {
   template <class T>
   void write(const std::string& name, std::span<const T> values, const TensorShape& shape);
   // Returns the values of a tensor. Throws Error(failed) unless the tensor exists, has type T and
-  // this shape, and contains finite numbers up to 1e18.
+  // this shape, and contains only finite numbers up to 1e18.
   template <class T>
   std::vector<T> read(const std::string& name, const TensorShape& shape) const;
   bool has(const std::string& name) const { return tensors_.count(name) > 0; }

@@ -5,7 +5,7 @@
 
 namespace echofuse::recon {
 
-// Returns a string formatted as by printf().
+// Formats its arguments like printf(), and returns the resulting string.
 __attribute__((format(printf, 1, 2))) std::string formatted(const char* format, ...);
 
 // Splits "512,256" into "512" and "256". Returns an empty list for an empty string.

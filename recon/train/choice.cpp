@@ -13,7 +13,7 @@ namespace {
 constexpr std::size_t folds = 4;
 // Weight of the lateral error relative to IoU, 1/m. For one model, the IoU is .671 in the quarter
 // of the records with the smallest lateral errors (0.5 cm), and .510 in the quarter with the
-// largest (7.3 cm): a slope of 2.4 per metre.
+// largest (7.3 cm). This corresponds to a slope of 2.4 per metre.
 constexpr double iou_a_metre = 2.4;
 constexpr std::uint64_t fold_stream = 0x74756e65;  // ASCII "tune"
 

@@ -11,7 +11,7 @@
 namespace echofuse::recon {
 namespace {
 
-// Returns true if the inputs show on which side (left or right) a body is.
+// Returns true if the inputs reveal whether a body is on the left or on the right.
 bool shows_sides(Inputs inputs, std::size_t zones) {
   return both_sensors(inputs) || (inputs == Inputs::spd && zones > 0);
 }

@@ -13,14 +13,15 @@ namespace echofuse::recon {
 
 struct CrossvalidatedRow : ScoredRow {
   Cost cost;
-  double train_s = 0;  // mean training time over the folds
-  std::string fault;   // reason if the model cannot be fitted; its metrics are then NaN
+  double train_s = 0;  // training time averaged over the folds, s
+  std::string fault;   // why the model cannot be fitted (its metrics are then NaN); otherwise empty
 };
 
 // summarise() returns the mean of each metric over all maps, and its standard error. In a sequence,
 // neighbouring records are correlated, so the standard error is computed between folds: se^2 = K /
 // (K - 1) sum_k (S_k - n_k m)^2 / n^2. K is the number of folds, n the number of maps, and m the
-// mean; fold k has n_k maps with sum S_k. Otherwise maps count as independent.
+// mean; fold k has n_k maps with sum S_k. If the records are not a sequence, the maps are treated
+// as independent.
 using Folds = std::vector<std::vector<MapScores>>;  // scores of the maps in each fold
 Summaries summarise(const Folds& folds, bool sequence);
 
@@ -28,8 +29,8 @@ Summaries summarise(const Folds& folds, bool sequence);
 std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& rows,
                                              const TrainOptions& options);
 
-// Returns the names of the candidates, with sizes, for these inputs and this number of detector
-// zones.
+// Returns the names of the candidates, including their sizes, for these inputs and this number of
+// detector zones.
 std::vector<std::string> candidates(Inputs inputs, std::size_t zones);
 // Returns the default model, which "auto" chooses if there are a few thousand records.
 std::string usual_model(Inputs inputs, std::size_t zones = 0);
@@ -40,7 +41,8 @@ std::string usual_model(Inputs inputs, std::size_t zones = 0);
 // has either metric.
 std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows);
 
-// Returns a table with one line per model: accuracy, cost, and a mark at the chosen model.
+// Returns a table with one line per model, which contains its accuracy and cost. The chosen model
+// is marked.
 std::string to_choice_table(const std::vector<CrossvalidatedRow>& rows, std::size_t chosen);
 
 }  // namespace echofuse::recon

@@ -18,7 +18,8 @@ constexpr std::size_t worse_copies = 3;
 // If there are at least this many records, a model trained on half of them is nearly as good as a
 // model trained on all records.
 constexpr std::size_t enough_for_halves = 2000;
-constexpr double fewest_photons_log10 = -2.5;  // log10 of the smallest fraction of photons kept
+constexpr double fewest_photons_log10 =
+    -2.5;  // log10 of the smallest fraction of photons that is kept
 // Range of the log10 of the added radar noise, relative to the peak of the profile.
 constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;
 
@@ -30,7 +31,7 @@ std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth,
   return out;
 }
 
-// Learns by how much the errors grow if the radar profile was converted from a wider response
+// Learns how much the errors increase if the radar profile was converted from a wider response
 // (imitate_brought).
 void learn_brought(LateralError& lateral, const Estimator& model, const Dataset& data,
                    const Rows& usual, const std::vector<HeldOut>& judged, Rng& rng) {
@@ -94,8 +95,8 @@ UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, co
   Matrix predictors, maps, truth(0, data.depth.cols);
   SoftMaps soft;
   std::vector<double> errors;
-  // Predicts the maps of all held-out records: first of the unmodified records, then of degraded
-  // copies.
+  // Predicts the maps of all held-out records: first those of the unmodified records, then those of
+  // degraded copies.
   for (std::size_t copy = 0; copy <= worse_copies; ++copy)
     for (const HeldOut& part : judged) {
       Dataset records = part_of(data, part.rows);
@@ -136,7 +137,7 @@ std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Da
   std::sort(rows.begin(), rows.end());
   const bool few = rows.size() < enough_for_halves;
   std::vector<Split> folds = make_folds(rows, few ? 4 : 2, options, fold_stream);
-  if (!few) folds.resize(1);  // the errors of one half are sufficient
+  if (!few) folds.resize(1);  // the errors of one half of the records are sufficient
   std::vector<Estimator> models;
   std::vector<HeldOut> judged;
   models.reserve(folds.size());

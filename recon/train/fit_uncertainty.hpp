@@ -12,7 +12,7 @@
 
 namespace echofuse::recon {
 
-// Minimum number of training records for an estimate of the errors.
+// Minimum number of training records needed to estimate the errors.
 inline constexpr std::size_t least_cross_fitted = 50;
 // Returns true if there are enough records to learn an UncertaintyModel.
 bool has_enough_records(const Split& split);
@@ -28,7 +28,7 @@ struct HeldOut {
 UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, const Matrix& views,
                                  const Rows& usual, const std::vector<HeldOut>& judged,
                                  std::uint64_t seed);
-// Returns the uncertainty, or nothing if interrupted. It is fitted to maps of
+// Returns the uncertainty, or std::nullopt after an interrupt. It is fitted to maps of
 //   - the model itself, if `split` has at least `enough_validation` validation records;
 //   - otherwise four models, if there are fewer than 2000 training and validation records; `fit`
 //     trains each model on three quarters of these records;

@@ -44,7 +44,7 @@ struct TrainingPlan {
   Inputs inputs;
   std::string scaling;
   FitOptions fit;
-  // Number of validation records that suffice for estimating the errors of the estimator.
+  // Number of validation records that suffice to estimate the errors of the estimator.
   std::size_t enough_validation;
 };
 

@@ -9,8 +9,8 @@
 namespace echofuse::recon {
 
 struct TrainOptions {
-  // Name of a candidate (models/model.hpp), or "auto": the cheapest candidate within one standard
-  // error of the best, by cross-validation on the training records.
+  // Name of a candidate (models/model.hpp), or "auto", which selects the cheapest candidate within
+  // one standard error of the best, by cross-validation on the training records.
   std::string model = "mlp", inputs = "fused", scaling = "record";
   std::vector<std::string> candidates;  // candidates for "auto"; if empty, candidates()
   SplitOptions split;
@@ -18,26 +18,29 @@ struct TrainOptions {
   // Optional parts of the model. `fallback`: also train estimators for records without antenna
   // samples or without radar data. `uncertainty`: learn the uncertainty of each estimator.
   bool fallback = false, uncertainty = true;
-  // True: training runs that do not specify their radar response may have any response, as in runs
-  // of a digital twin.
+  // True: training runs that do not include their radar response may have any response, like the
+  // runs of a digital twin.
   bool any_response = false;
-  // Records with a verdict other than ok (doubt_of): "leave" excludes them, "take" uses them.
+  // How to treat records with a verdict other than "ok" (see doubt_of): "leave" excludes them, and
+  // "take" uses them.
   std::string doubtful = "leave";
-  // Records with lost samples: "take" uses them, "leave" excludes them.
+  // How to treat records with lost samples: "take" uses them, and "leave" excludes them.
   std::string lossy = "take";
 };
 
-// Records to use for training. `left_out` is a line with the number of excluded records for each
-// reason (a sensor is missing, dead or doubtful; duplicate of an earlier record; damaged), and the
-// number of lossy records that are used. It is empty if all records are used and none is lossy.
+// Records to use for training. `left_out` is a line that contains the number of excluded records
+// for each reason (a sensor is missing, dead or doubtful; duplicate of an earlier record; damaged),
+// and the number of lossy records that are used. It is empty if all records are used and none is
+// lossy.
 struct TrainingRows {
   Rows rows;
   std::string left_out;
-  std::vector<std::string> reasons;  // reason for each row; empty if used (Dataset::left_out)
+  std::vector<std::string>
+      reasons;  // why each row is excluded; empty if the row is used (see Dataset::left_out)
 };
-// Returns the records to train with. Throws Error(failed) if no record has a required sensor or all
-// records are excluded. Also throws if the fraction of dead or damaged records exceeds
-// `most_damaged`.
+// Returns the records to train with. Throws Error(failed) if a required sensor is missing from all
+// records, or if all records are excluded. Also throws if the fraction of dead or damaged records
+// exceeds `most_damaged`.
 TrainingRows rows_to_train(const Dataset& data, Inputs inputs);
 
 // Applies options.doubtful and options.lossy to the data.

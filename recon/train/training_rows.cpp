@@ -13,7 +13,7 @@
 namespace echofuse::recon {
 namespace {
 
-// Returns the path of the row's run; if there are no rows, the path of the first run.
+// Returns the path of the row's run, or of the first run if there are no rows.
 std::string path_of(const Dataset& data, std::size_t row = 0) {
   if (data.sources.empty()) return "run";
   return printable(data.sources[row < data.size() ? data.source_of(row) : 0].path);
@@ -94,7 +94,7 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
 
 namespace {
 
-// Returns every seventh pixel of these maps, one map per row.
+// Returns every seventh pixel of the depth maps in `rows`, one map per row.
 Matrix sampled(const Dataset& data, const Rows& rows) {
   constexpr std::size_t pixel_step = 7;
   Matrix out(rows.size(), (data.depth.cols + pixel_step - 1) / pixel_step);
@@ -139,7 +139,8 @@ double greatest_gap(std::vector<double> distances) {
 
 std::string alike_neighbours(const Dataset& data, const Rows& rows) {
   constexpr std::size_t sample = 200, others = 50;
-  // For independent scenes the expected fraction is 2/52: 2 neighbours among 52 records.
+  // Maximum fraction of records that most resemble a neighbour. For independent scenes, the
+  // expected fraction is 2/52, because 2 of 52 records are neighbours.
   constexpr double most_share = 0.3;
   if (rows.size() < others) return {};
   const Matrix maps = sampled(data, rows);

@@ -92,8 +92,8 @@ Tuning without_training(Tuning tuning) {
   return tuning;
 }
 
-// Returns the background that gives the unchanged networks the better score. The learnt background
-// must be better by one standard error.
+// Returns the background that gives a better score with the unchanged networks. The learnt
+// background is chosen only if it is better by one standard error.
 BackgroundSource better_room(const Start& start, const SceneModel& judged_by, const Split& split,
                              const TuneOptions& options) {
   if (!wants_alignment(start.model->name) || !options.only.empty()) return BackgroundSource::kept;
@@ -108,7 +108,7 @@ BackgroundSource better_room(const Start& start, const SceneModel& judged_by, co
 }
 
 // Tries all candidates for one start model. `with_alone`: also tries a model trained only on the
-// new records. This is needed for one start model only, because the result does not depend on the
+// new records. This is needed for only one start model, because the result does not depend on the
 // start model.
 void try_all(Choice& choice, const Start& start, const Split& split, const TuneOptions& options,
              BackgroundSource room, bool with_alone) {

@@ -14,7 +14,7 @@ namespace echofuse::recon {
 
 struct TuneOptions {
   static constexpr std::size_t least_records = 10;
-  // Minimum number of new records for trying a model that is trained only on the new records.
+  // Minimum number of new records that are required to try a model trained only on them.
   static constexpr std::size_t least_alone = 50;
   SplitOptions split;     // has no validation records, because tuning does not use them
   Tuning tuning;          // its penalty is replaced by the cross-validated penalty
@@ -23,8 +23,8 @@ struct TuneOptions {
 };
 
 // A model to start from. `data`: records on the axes of the model (match_for_tuning). `own`: the
-// same records on their own axes with one radar response, for a model trained only on these
-// records.
+// same records on their own axes, all with the same radar response, for training a model only on
+// these records.
 struct Start {
   const TrainedModel& model;
   const Dataset& data;
@@ -51,7 +51,7 @@ void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset
 // cannot be tuned.
 TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options);
 
-// Returns one line per row of the table: accuracy, and a mark at the chosen candidate. The
+// Returns one line with the accuracy for each row of the table, and marks the chosen candidate. The
 // comparison of the start models follows.
 std::string to_text(const TunedModel& tuned);
 

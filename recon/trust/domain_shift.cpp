@@ -65,7 +65,7 @@ class Standard {
   std::array<double, record_number_count> centre_{}, deviation_{};
 };
 
-// Returns the means of blocks of ten successive rows; drops the remaining rows.
+// Returns the means of blocks of ten successive rows, and drops the remaining rows.
 MatrixXd block_means(const MatrixXd& rows) {
   const auto size = Index(block), blocks = rows.rows() / size;
   MatrixXd out(blocks, rows.cols());
@@ -94,9 +94,10 @@ MatrixXd permuted(const MatrixXd& blocks, Index drawn) {
   return out;
 }
 
-// Returns the p-value of the largest difference between means, in units of its standard deviation
-// over the permutations. Compares it with the largest difference of each permutation, which
-// corrects for multiple tests (Westfall and Young, Resampling-Based Multiple Testing, 1993).
+// Returns the p-value of the largest difference between means; each difference is divided by its
+// standard deviation over the permutations. Compares the largest difference with the largest
+// difference of each permutation, which corrects for multiple tests (Westfall and Young,
+// Resampling-Based Multiple Testing, 1993).
 double p_of(const VectorXd& difference, const MatrixXd& chance, double least_error) {
   const ArrayXd error = chance.array().square().colwise().mean().sqrt().max(least_error);
   const auto greatest = [&](const VectorXd& v) { return (v.array() / error).abs().maxCoeff(); };

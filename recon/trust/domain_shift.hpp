@@ -21,14 +21,16 @@
 namespace echofuse::recon {
 
 struct DomainShift {
-  // The run differs from the training data if p is below this limit.
+  // The run counts as different from the training data if p is below this limit.
   static constexpr double most_p = 1e-3;
   struct Difference {
     std::string text;            // e.g. "histogram spread 1.20 +- 0.01 times that in training"
     double standard_errors = 0;  // difference divided by its standard error
   };
-  std::size_t records = 0;  // number of records that show a body; 0 if too few for a test
-  // P-value: probability that a run like the training data differs by at least this much.
+  std::size_t records =
+      0;  // number of records that show a body, or 0 if they are too few for a test
+  // P-value: probability that a run that resembles the training data would differ by at least this
+  // much.
   double p = 1;
   std::vector<Difference> differences;  // significant differences, greatest first
   std::string advice;                   // possible cause and remedy; may be empty
@@ -46,11 +48,12 @@ struct DomainShift {
   std::string text() const;  // message for the user; empty if not tested
 };
 
-// Numbers that describe the training records; reference for the test of a run.
+// Statistics of the training records, against which a run is tested.
 class DomainReference {
  public:
-  static constexpr std::size_t least_records = 20;  // minimum number of records of a tested run
-  static constexpr std::size_t least_known = 50;    // minimum number of training records
+  static constexpr std::size_t least_records =
+      20;                                         // minimum number of records in a run to be tested
+  static constexpr std::size_t least_known = 50;  // minimum number of training records
 
   DomainReference() = default;
   // The rows must be in record order; at most the first 4000 are used. Row i of `views` belongs to

@@ -31,7 +31,8 @@ constexpr double range_reserve = 0.05;  // margin, as a fraction of the span of 
 // A record can be saturated only if its clicks per pulse exceed this factor times the maximum in
 // training.
 constexpr double clicks_reserve = 1.25;
-// A record without a body is unusual if more than this fraction of the training records shows one.
+// A record without a body is unusual if more than this fraction of the training records show a
+// body.
 constexpr double nearly_all_records = 0.99;
 
 // Reason that is reported if a group of values is unusual.

@@ -36,18 +36,20 @@ inline constexpr std::string_view two_people_label = "two_people";
 // (outlier exposure: Hendrycks et al., ICLR 2019). A small network separates views of such sums
 // from views of single records. The views do not contain the correlation. A view is centred on the
 // centroid of all bodies. The two bodies of a sum must have a minimum lateral distance, because
-// real bodies cannot overlap. If there are both sensors and a baseline, all bodies are rotated
-// about the SPD to augment the data (method/rotation.hpp). `rows`: records with at most one body
-// each; the position of the body is computed from the depth map. Learns nothing if fewer than two
-// records show a body.
+// real bodies cannot overlap. If the records have both sensors and a baseline, all bodies are
+// rotated about the SPD to augment the data (method/rotation.hpp). `rows`: records with at most one
+// body each; the position of the body is computed from the depth map. Learns nothing if fewer than
+// two records show a body.
 Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
                             const Dataset& data, const Rows& rows, const SceneModel& scene,
                             std::uint64_t seed);
 
 struct OutOfDistributionScore {
-  double distance = 0, two_bodies = 0;  // unusual if either exceeds 1; two_bodies: NaN if unknown
-  std::string reason;                   // empty if the record is in distribution
-  std::string details;                  // details of the reason; may be empty
+  double distance = 0,
+         two_bodies =
+             0;         // out of distribution if either value exceeds 1; two_bodies: NaN if unknown
+  std::string reason;   // empty if the record is in distribution
+  std::string details;  // details of the reason; may be empty
   std::string text() const { return details.empty() ? reason : reason + " (" + details + ")"; }
 };
 
@@ -56,9 +58,9 @@ class OutOfDistributionDetector {
   static constexpr std::size_t least_records = 50;
 
   OutOfDistributionDetector() = default;
-  // Learns from these rows; at least `least_records` rows are needed. Row i of `views` belongs to
-  // record i of `data`; `views` is empty if the SPD is missing. `scene` is used to find the bodies
-  // in the depth maps.
+  // Fits the detector to these rows; at least `least_records` rows are needed. Row i of `views`
+  // belongs to record i of `data`; `views` is empty if the SPD is missing. `scene` is used to find
+  // the bodies in the depth maps.
   OutOfDistributionDetector(const Alignment& alignment, const Dataset& data, const Matrix& views,
                             const Rows& rows, Inputs inputs, const SceneModel& scene,
                             std::uint64_t seed);
@@ -85,7 +87,8 @@ class OutOfDistributionDetector {
   void use(const Features& sensors, const Alignment& alignment);
   using Limits = std::array<Limit, statistics>;
   struct LimitsAtWidth {
-    double times_wider;  // measured width of the radar response / width in the model
+    double times_wider;  // measured width of the radar response divided by the width that the model
+                         // expects
     Limits limits;
   };
   void learn_components(const Matrix& descriptions, std::uint64_t seed);
@@ -111,7 +114,8 @@ class OutOfDistributionDetector {
   Components components_;     // principal components of the scaled descriptions
   Classifier two_bodies_;
   Limits limits_;
-  std::vector<LimitsAtWidth> brought_;  // limits of converted records, narrowest response first
+  std::vector<LimitsAtWidth>
+      brought_;  // limits for converted records, in order of increasing response width
   double nearest_m_ = 0, farthest_m_ = 0, most_clicks_per_start_ = 0, share_with_body_ = 0;
 };
 

@@ -17,7 +17,7 @@ namespace echofuse::recon {
 // Returns the soft maps that PixelError needs. Each soft map of the model is blurred horizontally
 // by the (normal) uncertainty of the body's position, unless the uncertainty is NaN. If the model
 // has no soft maps (`own` has no rows), computes probabilities from its mean maps, which are
-// blurred already.
+// already blurred.
 SoftMaps soft_of(SoftMaps own, const Matrix& maps, const SceneModel& scene,
                  const std::vector<double>& lateral_interval_90_m);
 
@@ -34,7 +34,7 @@ class PixelError {
   void archive(Archive archive);
 
  private:
-  std::array<double, 11> curve_{};  // calibrated probabilities for inputs 0, 0.1 .. 1
+  std::array<double, 11> curve_{};  // calibrated probabilities for the inputs 0, 0.1, ..., 1
   double depth_deviation_m_ = 0;
 };
 

@@ -13,7 +13,7 @@ namespace {
 using Kind = RecordNumber::Kind;
 
 struct Moments {
-  double deviation, skewness;  // standard deviation, in points; skewness
+  double deviation, skewness;  // standard deviation in points, and skewness
 };
 
 Moments moments_of(const std::vector<double>& weights) {

@@ -14,7 +14,7 @@ struct RecordNumber {
   enum class Kind : std::uint8_t { ratio, length, number };
   const char* name;
   Kind kind;  // ratio: the number is a logarithm; length: the number is in metres
-  // Minimum standard deviation, for a number that is constant in the training data.
+  // Lower limit of the standard deviation, for a number that is constant in the training data.
   double floor;
 };
 // A record is described by four numbers of the SPD, four numbers of the radar, and the difference
@@ -22,13 +22,13 @@ struct RecordNumber {
 inline constexpr std::size_t record_number_count = 9, radar_range_number = 8;
 extern const std::array<RecordNumber, record_number_count> record_numbers;
 
-// Returns a table [m x record_number_count], one row for each of the `rows` that shows a body. NaN:
-// unknown, e.g. if the sensor is not an input. Row i of `views` belongs to record i of `data`;
-// `views` has no columns if the SPD is missing.
+// Returns a table [m x record_number_count], with one row for each record in `rows` that shows a
+// body. A number is NaN if it is unknown, e.g. because the sensor is not an input. Row i of `views`
+// belongs to record i of `data`; `views` has no columns if the SPD is missing.
 Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const Matrix& views,
                          const Rows& rows, Inputs inputs);
 
-// Returns the peak of a profile above the mean of its weaker half, divided by the standard
+// Returns the height of a profile's peak above the mean of its weaker half, divided by the standard
 // deviation of that half.
 float peak_to_noise(std::span<const float> power);
 

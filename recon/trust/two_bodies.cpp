@@ -13,7 +13,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double least_apart_m = 0.4;  // minimum lateral distance of two bodies
+constexpr double least_apart_m = 0.4;  // minimum lateral distance of two bodies, m
 constexpr int most_tries = 20;  // maximum number of attempts to sample two bodies far enough apart
 // ASCII "pair", "turn"
 constexpr std::uint64_t pair_stream = 0x70616972, rotation_stream = 0x7475726e;
@@ -47,9 +47,9 @@ KnownBodies known_bodies(const Alignment& alignment, const Features& sensors, co
 }
 
 struct BodySource {
-  std::size_t k, as;  // record of the body; record from which its azimuth is taken
+  std::size_t k, as;  // record of the body, and record that provides its azimuth
 };
-using BodySum = std::vector<BodySource>;  // bodies that are added up to one record
+using BodySum = std::vector<BodySource>;  // bodies that are summed to form one record
 
 double side_m(const KnownBodies& known, const BodySource& body) {
   const auto tangent = double{known.places[body.as].tangent};

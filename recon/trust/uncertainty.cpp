@@ -31,7 +31,7 @@ float significance(std::span<const float> counts) {
   return static_cast<float>(std::max(above, 0.0) / std::sqrt(all + 1));
 }
 
-// Returns the factor that 90 % of new ratios do not exceed (conformal prediction).
+// Returns the factor below which 90 % of new ratios lie (conformal prediction).
 double factor_of(std::vector<double> ratios) {
   std::sort(ratios.begin(), ratios.end());
   const auto rank = static_cast<std::size_t>(
@@ -40,9 +40,8 @@ double factor_of(std::vector<double> ratios) {
 }
 
 // Returns the lateral error that results from the range calibration: 90 % of calibrations with the
-// standard error specified in the run cause a smaller error. Returns 0 if the run does not specify
-// a standard error, or if the model does not rely on the two ranges alone to distinguish left and
-// right.
+// run's standard error cause a smaller error. Returns 0 if the run does not include a standard
+// error, or if the model does not rely on the two ranges alone to distinguish left and right.
 double calibration_error_m(const Dataset& data, std::size_t row, Inputs inputs,
                            std::span<const float> map, const SceneModel& scene) {
   constexpr double deviations_90 = 1.645;

@@ -22,10 +22,10 @@ std::vector<double> linear_fit(const Matrix& inputs, std::span<const float> targ
 
 double product(std::span<const float> row, std::span<const double> weights);
 
-// Returns 1, each value, and each product of two values.
+// Returns the terms of a quadratic polynomial: 1, each value, and each product of two values.
 std::vector<float> quadratic_terms(std::span<const float> values);
 
-// Returns true if a model with these inputs can distinguish left and right only by the difference
+// Returns true if a model with these inputs can distinguish left and right only from the difference
 // between the SPD range and the radar range.
 bool side_by_ranges(const Dataset& data, Inputs inputs);
 
@@ -53,12 +53,12 @@ class LateralError {
   static constexpr std::size_t least_records = 30;
   void fit(const Matrix& predictors, const std::vector<double>& error_m, std::size_t plain);
   // Learns the factor for a radar response that is `times_wider` times as wide as that of the
-  // training data, from imitated validation records. Must be called in the order of increasing
-  // width. The factor is interpolated between widths.
+  // training data, from imitated validation records. Must be called in order of increasing width.
+  // The factor is interpolated between widths.
   void add_brought(double times_wider, const Matrix& predictors,
                    const std::vector<double>& error_m);
-  // Returns the lateral error that 90 % of the records do not exceed, m; NaN if nothing was learnt
-  // or the map has no foreground.
+  // Returns the 90 % quantile of the lateral error, m; NaN if nothing was learnt or the map has no
+  // foreground.
   double operator()(std::span<const float> predictors, double times_wider = 1) const;
 
   void archive(Archive archive, std::size_t predictors);
@@ -76,10 +76,10 @@ class LateralError {
 // Uncertainty of one reconstructed map.
 struct PredictionUncertainty {
   // Half-width of the interval around the predicted lateral position that contains the body for 90
-  // % of the records that resemble the training data, m. Includes the error of the range
-  // calibration that the run contains. An error s of the difference between the SPD range and the
-  // radar range moves a body at range r sideways by s r / b (baseline b). NaN if the record is out
-  // of distribution or shows no body.
+  // % of the records that resemble the training data, m. Includes the error of the run's range
+  // calibration. An error s of the difference between the SPD range and the radar range moves a
+  // body at range r sideways by s r / b (baseline b). NaN if the record is out of distribution or
+  // shows no body.
   double lateral_interval_90_m = std::numeric_limits<double>::quiet_NaN();
   OutOfDistributionScore out_of_distribution = {};
   bool stated = false;  // false: the estimator does not estimate errors
