@@ -159,7 +159,7 @@ class Appender {
     if (!r.has(Sensor::spd)) return {};
     const auto clicks = static_cast<double>(r.spd_counts.in_range + r.spd_counts.out_of_range);
     const double pulses = pile_up_.known() && a_pulse > 0 ? clicks / a_pulse : 0;
-    // Fraction of laser pulses for which the detector is ready; minimum over all zones and bins.
+    // Smallest fraction, over all zones and bins, of laser pulses for which the detector is ready.
     double ready = 1;
     std::vector<float> out;
     for (std::size_t z = 0; z < shifts_.size(); ++z) {
@@ -201,8 +201,9 @@ class Appender {
     }
     return out;
   }
-  // Returns a hash of the counts, for finding copied records; 0 if another record could have equal
-  // counts by chance. Two Poisson counts of mean n are equal with probability 1 / (2 sqrt(pi n)).
+  // Returns a hash of the counts, which is used to find copies of records; 0 if another record
+  // could have equal counts by chance. Two Poisson counts of mean n are equal with probability 1 /
+  // (2 sqrt(pi n)).
   static std::int64_t hash_of(const record::FusedRecord& r) {
     // Minimum number of clicks above the background that is required for a hash.
     constexpr double least_clicks = 100;
@@ -224,7 +225,7 @@ class Appender {
     const bool known = clicks - background >= least_clicks && log_chance <= most_log_chance;
     return known ? hash_of_words(counts) : 0;
   }
-  // Computes an FNV-1a hash of 32-bit words instead of bytes.
+  // Computes a variant of the FNV-1a hash that processes 32-bit words instead of bytes.
   template <class Words>
   static std::int64_t hash_of_words(const Words& words) {
     std::uint64_t hash = 0xcbf29ce484222325;
@@ -247,7 +248,7 @@ class Appender {
     const auto starts = static_cast<double>(r.spd_counts.starts);
     return clicks < filtered * starts ? clicks / starts : 0;
   }
-  // Interpolates a row to the axis of the first run.
+  // Interpolates a row onto the axis of the first run.
   static void to_common(std::vector<float>& row, const Axis& found, const Axis& common,
                         std::size_t values_a_bin) {
     if (!row.empty() && !agree(found, common)) row = resampled(row, found, common, values_a_bin);
@@ -323,7 +324,7 @@ class Appender {
   Dataset& data_;
   std::string path_;
   SensorSet sensors_;
-  DepthCheck* depths_;  // null: depth images are not checked
+  DepthCheck* depths_;  // null if depth images are not checked
   Axis spd_, raw_radar_, radar_, x_, y_, array_, own_lags_;
   SpatialLags lags_;
   PileUp pile_up_;

@@ -30,7 +30,7 @@ inline Inputs without_antennas(Inputs i) { return i == Inputs::fused ? Inputs::f
 inline bool both_sensors(Inputs i) { return i == Inputs::fused || i == Inputs::fused_profile; }
 Inputs inputs_of(const std::string& name);  // throws Error(usage) if the name is unknown
 
-// One run of a Dataset, in rows [first, first + count).
+// One run of a Dataset; its records are the rows [first, first + count).
 struct Source {
   std::string path, uuid;
   std::size_t first = 0, count = 0;
@@ -44,8 +44,8 @@ struct Source {
   // factor by which white noise was amplified.
   double times_wider = 1, noise_factor = 1;
   // range_error_m: standard error of the difference between the range offsets of SPD and radar, if
-  // both are calibrated. baseline_m: distance between the sensors; 0 if the run does not contain
-  // it.
+  // both are calibrated. baseline_m: distance between the sensors; 0 if it is not stored in the
+  // run.
   std::optional<double> range_error_m = {};
   double baseline_m = 0;
 };
@@ -98,9 +98,9 @@ struct Dataset {
   // vector is empty if the records have no verdicts.
   std::vector<PerSensor<std::string>> doubt;
   bool leave_lossy = false;  // true: exclude records with the verdict "lossy"
-  // Hash for finding copies, computed from the SPD counts between the first and the last nonzero
-  // bin, or from the radar values if the SPD is missing. 0: no hash, because the record has too few
-  // clicks or is doubtful. The vector may be empty.
+  // Hash that is used to find copies of records, computed from the SPD counts between the first and
+  // the last nonzero bin, or from the radar values if the SPD is missing. 0: no hash, because the
+  // record has too few clicks or is doubtful. The vector may be empty.
   std::vector<std::int64_t> content;
   std::vector<std::int64_t> index;  // index of the record in its run
   std::vector<HostTime> slot_end;
@@ -162,7 +162,7 @@ void require_memory(const std::vector<std::string>& paths);
 // Throws the same error if the memory is too small (require_memory), or if depths have the wrong
 // unit (depth_check.hpp).
 Dataset load(const std::vector<std::string>& paths);
-// Like load(), but keeps the radar profiles as recorded and computes no hash.
+// Reads runs like load(), but keeps the radar profiles as recorded and computes no hash.
 // subtract_range_offset() can then subtract the calibration offset and the user's offset in one
 // interpolation.
 Dataset load_recorded(const std::vector<std::string>& paths);
@@ -186,9 +186,9 @@ Dataset part_of(const Dataset& data, const Rows& rows);
 Axis radar_bins(double width_m);
 
 // Sums the radar power into wider bins and removes the spatial lags. Point i of the recorded
-// profile covers [i - 1/2, i + 1/2] steps, so that the energy within the bins is conserved. The
-// part of point 0 below range 0 is added to the first bin. The row of a dead sensor stays constant.
-// Throws Error(failed) if the profile is coarser or shorter than the bins.
+// profile covers [i - 1/2, i + 1/2] steps, so that the energy is conserved. The part of point 0
+// below range 0 is added to the first bin. The row of a dead sensor stays constant. Throws
+// Error(failed) if the profile has wider steps than the bins, or ends before the last bin.
 void rebin_radar(Dataset& data, const Axis& bins);
 
 // Removes the spatial lags of the antennas but keeps the range profile.

@@ -22,8 +22,8 @@ class DepthCheck {
 
  private:
   double median_m() const;
-  std::uint64_t farther_than(
-      std::int64_t mm) const;  // number of pixels deeper than `mm` millimetres
+  // Number of pixels deeper than `mm` millimetres.
+  std::uint64_t farther_than(std::int64_t mm) const;
   // Four counters for each depth in millimetres; their sum is the number of pixels with that depth.
   std::array<std::array<std::uint64_t, 65536>, 4> counts_{};
   std::size_t records_ = 0, records_beyond_ = 0;

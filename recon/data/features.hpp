@@ -38,7 +38,7 @@ struct Features {
   }
   Inputs inputs = Inputs::fused;
   std::string scaling = "record";
-  Axis spd_axis, radar_axis;           // axes that records must have
+  Axis spd_axis, radar_axis;           // required axes of the records
   std::vector<float> centre;           // value subtracted from each input
   float spd_gain = 1, radar_gain = 1;  // factors that multiply the SPD and radar inputs
   Axis array_axis = {};                // its count is 0 if the inputs contain no spatial lags
@@ -58,8 +58,8 @@ struct Features {
   // Returns the inputs after the scaling of each record, before the centre and the gains are
   // applied.
   Matrix normalised_inputs(const Dataset& data, const Rows& rows) const;
-  // Returns the inputs of the model [rows x count()]: scaled per record, centred, multiplied by the
-  // gains.
+  // Returns the inputs of the model [rows x count()]: scaled per record, centred, and multiplied by
+  // the gains.
   Matrix apply(const Dataset& data, const Rows& rows) const;
 };
 

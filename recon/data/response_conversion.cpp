@@ -19,9 +19,9 @@ constexpr double reach_cells = 3;
 constexpr std::ptrdiff_t most_reach = 48;  // maximum half-length of the filter, in points
 // Limit of the ratio between the response width of a run and that of the model. If the ratio is
 // smaller, a model trained for any response uses the run without conversion. In tests with a
-// digital twin, the ratio was taken relative to the response of a Blackman window. At a ratio of
-// .67, the IoU was .49 without conversion and .45 with conversion. At a ratio of .8, the IoU was
-// .44 without conversion and .45 with conversion.
+// digital twin, the reference was the response of a Blackman window. At a ratio of .67, the IoU was
+// .49 without conversion and .45 with conversion. At a ratio of .8, the IoU was .44 without
+// conversion and .45 with conversion.
 constexpr double much_narrower = 0.75;
 // Number of points per range step at which the filtered and the wanted response are compared.
 constexpr int parts = 8;

@@ -10,9 +10,9 @@
 namespace echofuse::recon {
 
 struct SplitOptions {
-  // random: for independent scenes (training to test 9:1, as in Lai et al., 2024). blocked: for
-  // sequences in which successive records are similar. In record order, the blocks are training,
-  // gap, validation, gap and test.
+  // random: for independent scenes (90 % training and 10 % test, as in Lai et al., 2024). blocked:
+  // for sequences in which successive records are similar. In record order, the blocks are
+  // training, gap, validation, gap and test.
   std::string kind = "random";
   double test_share = 0.1;
   double validation_share = 0.05;  // validation records as a fraction of all non-test records

@@ -135,7 +135,8 @@ class RunReconstructor {
   // Reconstructs a complete run. Reads all records before it makes the first map, because notes
   // about the run depend on all of them.
   void take_all(const record::RunReader& run);
-  // Reconstructs the records added to the run since the last call; returns true if there were any.
+  // Reconstructs the records added to the run since the last call, and returns true if there were
+  // any.
   bool take_new(const record::RunReader& run);
   void close() { files_.close(), table_.close(); }
 

@@ -25,10 +25,10 @@ struct ReconstructOptions {
 
 // Reconstructs one run: reads records, predicts maps, and writes files and OUT/records.csv
 // progressively. Reports unusable records (unreadable data, missing or dead sensor) and does not
-// make maps for them. After an interrupt, the maps finished so far are kept. OUT/run.txt contains
-// the run's UUID and path, and states whether the model is calibrated. Throws Error(failed) if the
-// axes do not match those of the model or a requested record is missing; Error(disk) if writing
-// fails; Error(usage) if the folder contains maps of another run, unless options.force is set.
+// make maps for them. After an interrupt, the finished maps are kept. OUT/run.txt contains the
+// run's UUID and path, and states whether the model is calibrated. Throws Error(failed) if the axes
+// do not match those of the model or a requested record is missing; Error(disk) if writing fails;
+// Error(usage) if the folder contains maps of another run, unless options.force is set.
 void reconstruct(const TrainedModel& model, const std::string& run,
                  const ReconstructOptions& options);
 

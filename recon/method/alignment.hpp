@@ -45,8 +45,8 @@ class ShiftCorrelation {
   Matrix blur_;
 };
 
-// Slant ranges of a sensor: value i is at range first_m + i * step_m. For the SPD this is the
-// centre of bin i.
+// Slant ranges of a sensor: value i is at range first_m + i * step_m. For the SPD, this range is
+// the centre of bin i.
 struct AlignmentRanges {
   double first_m, step_m;
 };

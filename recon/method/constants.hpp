@@ -7,11 +7,11 @@ namespace echofuse::recon::method {
 
 // Low quantile of the values in a bin, from which the background of the bin is computed.
 inline constexpr double background_quantile = 0.05;
-// A bin contains only background if its counts vary by less than this number of Poisson standard
-// deviations.
+// A bin is assumed to contain only background if its counts vary by less than this number of
+// Poisson standard deviations.
 inline constexpr double steadiness = 4;
-inline constexpr int centroid_passes =
-    3;  // number of passes; a further pass would change the range by less than 1 mm
+// Number of passes; a further pass would change the range by less than 1 mm.
+inline constexpr int centroid_passes = 3;
 inline constexpr double body_m = 0.8;  // half the depth of a body with outstretched arms, m
 // Minimum number of counts from a body, in units of the standard deviation of all counts.
 inline constexpr double significance = 5;
@@ -46,7 +46,7 @@ inline constexpr int lags_of_parts = 4;  // largest lag of a part; longer lags a
 // Number of directions in the grid search. Their spacing is at most a third of the beam width of
 // eight antennas.
 inline constexpr int directions = 96;
-inline constexpr int refinements =
-    3;  // number of Newton steps from the best grid direction to the beam's maximum
+// Number of Newton steps from the best grid direction to the beam's maximum.
+inline constexpr int refinements = 3;
 
 }  // namespace echofuse::recon::method

@@ -65,7 +65,7 @@ float detected_range_m(std::span<const float> counts, std::span<const float> all
   return detected ? static_cast<float>(first_m + centre * step_m) : 0;
 }
 
-// Equation (3): writes the counts in bins of width `bin_m` around `range_m`; returns their sum.
+// Equation (3): writes the counts in bins of width `bin_m` around `range_m`, and returns their sum.
 // Counts between two edges are differences of the interpolated cumulative sum.
 float counts_about(float range_m, std::span<const float> counts, const Alignment& scene,
                    double bin_m, std::span<float> out) {

@@ -45,8 +45,8 @@ struct BodyModel {
   // [inputs] mean and scale of each input over the training records' views
   std::vector<float> centre, deviation;
   Ensemble place;  // networks that predict lateral position (m) and depth minus range (m)
-  Ensemble
-      shape;  // networks that predict the mask coefficients, followed by the depth coefficients
+  // Networks that predict the mask coefficients, followed by the depth coefficients.
+  Ensemble shape;
   // Principal components of the masks and depths of bodies in the body frame, [components x cells].
   Components masks, depths;
   BodyFrame frame;         // grid that moves with the body
@@ -89,7 +89,7 @@ Shapes shape(const Matrix& standard_views, const BodyModel& model);
 void draw(const std::vector<Place>& places, const Shapes& shapes, const BodyModel& model,
           const Rows& rows, Matrix& maps, SoftMaps* soft = nullptr);
 
-// Runs steps 3 to 5 for n views; returns the maps, [n x pixels] in metres.
+// Runs steps 3 to 5 for n views, and returns the maps, [n x pixels] in metres.
 Matrix reconstruct(const Matrix& views, const BodyModel& model, SoftMaps* soft = nullptr);
 
 }  // namespace echofuse::recon

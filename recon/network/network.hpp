@@ -19,8 +19,8 @@ struct Layer {
 struct Network {
   std::vector<Layer> layers;
   std::size_t parameters = 0;
-  std::size_t weights =
-      0;  // number of weights, equal to the number of multiply-adds in a forward pass
+  // Number of weights, equal to the number of multiply-adds in a forward pass.
+  std::size_t weights = 0;
 };
 
 // Returns a network. `widths`: number of inputs, number of units in each hidden layer, and number

@@ -50,8 +50,8 @@ struct Training {
   std::uint64_t seed;
   bool quiet;
   Redraw redraw = {};  // empty: no augmentation
-  std::vector<float> weights =
-      {};  // weight of the squared errors of each column; if empty, all weights are 1
+  // Weight of the squared errors of each column; if empty, all weights are 1.
+  std::vector<float> weights = {};
   // Weight of the L2 penalty. The penalty is half the squared distance of the network weights from
   // their initial values.
   double l2_penalty = 0;
@@ -69,9 +69,9 @@ struct TrainingState {
   Rng order_rng, redraw_rng;
   TrainingLog log;
   double least;  // lowest validation loss so far
-  std::size_t epoch = 0,
-              row = 0;  // number of completed epochs, and of records processed in the current epoch
-  double squares = 0;   // sum of the squared errors in the current epoch
+  // Number of completed epochs, and of records processed in the current epoch.
+  std::size_t epoch = 0, row = 0;
+  double squares = 0;  // sum of the squared errors in the current epoch
 };
 
 class Regression {

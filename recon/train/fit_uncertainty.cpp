@@ -18,8 +18,8 @@ constexpr std::size_t worse_copies = 3;
 // If there are at least this many records, a model trained on half of them is nearly as good as a
 // model trained on all records.
 constexpr std::size_t enough_for_halves = 2000;
-constexpr double fewest_photons_log10 =
-    -2.5;  // log10 of the smallest fraction of photons that is kept
+// Log10 of the smallest fraction of photons that is kept.
+constexpr double fewest_photons_log10 = -2.5;
 // Range of the log10 of the added radar noise, relative to the peak of the profile.
 constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;
 

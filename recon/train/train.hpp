@@ -35,8 +35,8 @@ struct TrainOptions {
 struct TrainingRows {
   Rows rows;
   std::string left_out;
-  std::vector<std::string>
-      reasons;  // why each row is excluded; empty if the row is used (see Dataset::left_out)
+  // Why each row is excluded; empty if the row is used (see Dataset::left_out).
+  std::vector<std::string> reasons;
 };
 // Returns the records to train with. Throws Error(failed) if a required sensor is missing from all
 // records, or if all records are excluded. Also throws if the fraction of dead or damaged records

@@ -27,8 +27,8 @@ struct DomainShift {
     std::string text;            // e.g. "histogram spread 1.20 +- 0.01 times that in training"
     double standard_errors = 0;  // difference divided by its standard error
   };
-  std::size_t records =
-      0;  // number of records that show a body, or 0 if they are too few for a test
+  // Number of records that show a body, or 0 if they are too few for a test.
+  std::size_t records = 0;
   // P-value: probability that a run that resembles the training data would differ by at least this
   // much.
   double p = 1;
@@ -51,8 +51,8 @@ struct DomainShift {
 // Statistics of the training records, against which a run is tested.
 class DomainReference {
  public:
-  static constexpr std::size_t least_records =
-      20;                                         // minimum number of records in a run to be tested
+  // Minimum number of records in a run to be tested.
+  static constexpr std::size_t least_records = 20;
   static constexpr std::size_t least_known = 50;  // minimum number of training records
 
   DomainReference() = default;

@@ -45,9 +45,8 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
                             std::uint64_t seed);
 
 struct OutOfDistributionScore {
-  double distance = 0,
-         two_bodies =
-             0;         // out of distribution if either value exceeds 1; two_bodies: NaN if unknown
+  // Out of distribution if either value exceeds 1; two_bodies: NaN if unknown.
+  double distance = 0, two_bodies = 0;
   std::string reason;   // empty if the record is in distribution
   std::string details;  // details of the reason; may be empty
   std::string text() const { return details.empty() ? reason : reason + " (" + details + ")"; }
@@ -87,8 +86,8 @@ class OutOfDistributionDetector {
   void use(const Features& sensors, const Alignment& alignment);
   using Limits = std::array<Limit, statistics>;
   struct LimitsAtWidth {
-    double times_wider;  // measured width of the radar response divided by the width that the model
-                         // expects
+    // Measured width of the radar response divided by the width that the model expects.
+    double times_wider;
     Limits limits;
   };
   void learn_components(const Matrix& descriptions, std::uint64_t seed);
@@ -114,8 +113,8 @@ class OutOfDistributionDetector {
   Components components_;     // principal components of the scaled descriptions
   Classifier two_bodies_;
   Limits limits_;
-  std::vector<LimitsAtWidth>
-      brought_;  // limits for converted records, in order of increasing response width
+  // Limits for converted records, in order of increasing response width.
+  std::vector<LimitsAtWidth> brought_;
   double nearest_m_ = 0, farthest_m_ = 0, most_clicks_per_start_ = 0, share_with_body_ = 0;
 };
 

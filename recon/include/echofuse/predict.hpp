@@ -32,11 +32,11 @@ struct DepthMap {
   std::vector<float> deviation_m;
   std::optional<Body> body;  ///< empty if the map contains no body
   std::string fault;         ///< why no map was predicted, e.g. `radar missing`; otherwise empty
-  std::string note;   ///< note on missing sensor data, e.g. `radar lost: SPD alone`; usually empty
-  std::string doubt;  ///< verdict on a sensor that delivered doubtful data, e.g. `SPD weak`;
-                      ///< otherwise empty
-  std::string
-      out_of_distribution;  ///< how the record differs from the training data; usually empty
+  std::string note;  ///< note on missing sensor data, e.g. `radar lost: SPD alone`; usually empty
+  /// Verdict on a sensor that delivered doubtful data, e.g. `SPD weak`; otherwise empty.
+  std::string doubt;
+  /// How the record differs from the training data; usually empty.
+  std::string out_of_distribution;
 };
 
 /// Predicts the map of record `index` in the same way as `echofuse-recon reconstruct`. Applies the
@@ -45,8 +45,8 @@ struct DepthMap {
 /// rules of Run apply.
 DepthMap predict(const Model& model, const Run& run, std::int64_t index);
 
-/// Predicts a map from values that do not come from a run. `counts` contains the numbers of
-/// detections as [Model::zones()][Model::spd_axis().count]. `power` contains
+/// Predicts a map from values that do not come from a run. `counts` contains the number of
+/// detections in each bin, as [Model::zones()][Model::spd_axis().count]. `power` contains
 /// Model::radar_axis().count linear powers, which may be negative after the subtraction of noise.
 /// Range offsets must already be corrected. If `counts` or `power` is empty, the map is predicted
 /// from the other sensor, provided that the model supports this; otherwise `fault` is set. Throws

@@ -71,8 +71,8 @@ class Record {
   /// Returns the state of the depth camera.
   SensorReport camera() const;
 
-  /// Returns the numbers of detections as [Run::zones()][bins of axis `spd`]. They are not
-  /// corrected for background or pile-up. Empty if the detector data are missing.
+  /// Returns the number of detections in each bin, as [Run::zones()][bins of axis `spd`]. The
+  /// numbers are not corrected for background or pile-up. Empty if the detector data are missing.
   std::span<const std::uint32_t> counts() const;
   /// Returns the linear power at each point of axis `radar`, in arbitrary units. Empty if the radar
   /// data are missing.

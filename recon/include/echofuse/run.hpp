@@ -48,7 +48,8 @@ class Run {
   /// Returns the axis called `name`: `spd`, `radar`, `depth_x` or `depth_y`. Empty if the run does
   /// not have this axis.
   std::optional<RunAxis> axis(const std::string& name) const;
-  /// Returns the number of histograms per record: one per detector zone, 1 for a single pixel.
+  /// Returns the number of histograms per record: one per detector zone, or 1 for a single-pixel
+  /// detector.
   std::size_t zones() const;
   /// Returns the grid of the run's depth maps.
   MapGrid grid() const;
