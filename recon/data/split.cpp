@@ -11,7 +11,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::uint64_t split_stream = 0x73706c6974;  // ASCII "split"
+constexpr std::uint64_t split_stream = 0x73706c6974;  // "split" in ASCII
 
 std::size_t share_of(double share, std::size_t n) {
   return static_cast<std::size_t>(std::llround(share * static_cast<double>(n)));

@@ -19,7 +19,7 @@ class Ensemble {
   // correct() calls Regression::correct for each network, and tune() calls Regression::tune.
   void correct(const Examples& train);
   void tune(const Examples& train, Training training, const std::string& title);
-  // Returns the mean output of all networks, one row per row of `inputs`.
+  // Returns the outputs averaged over all networks, with one row for each row of `inputs`.
   Matrix predict(const Matrix& inputs) const;
   Cost cost() const;
   // Reads or writes the networks as groups "0", "1", ...

@@ -10,7 +10,7 @@
 
 namespace echofuse::recon {
 
-// Layer of a network: y = x W + b. W (inputs x outputs, row-major) begins at offset `weights` of
+// Layer of a network: y = x W + b. W (inputs x outputs, row-major) begins at offset `weights` in
 // the parameters, and b begins at offset `biases`.
 struct Layer {
   std::size_t inputs, outputs, weights, biases;
@@ -28,8 +28,8 @@ struct Network {
 Network make_network(const std::vector<std::size_t>& widths);
 
 // Returns random initial parameters: normally distributed weights with variance 2 / inputs (He et
-// al., ICCV 2015). Biases and the weights of the last layer are zero. All outputs are therefore 0
-// at first, which corresponds to the mean of the targets (regression.hpp).
+// al., ICCV 2015). Biases and the weights of the last layer are zero. All outputs are therefore
+// initially 0, which corresponds to the mean of the targets (regression.hpp).
 std::vector<float> initial_parameters(const Network& network, Rng& rng);
 
 // Outputs of each layer for a batch: row-major tables [batch x outputs].
@@ -43,7 +43,7 @@ void forward(const Network& network, const std::vector<T>& parameters, const T* 
              std::size_t batch, Activations<T>& activations);
 
 // Backward pass: adds dL/d(parameters) to the gradient, where L is the loss. An empty gradient is
-// first set to zeros. On entry, activations.back() must contain dL/d(output). Overwrites the
+// first filled with zeros. On entry, activations.back() must contain dL/d(output). Overwrites the
 // activations.
 template <class T>
 void backward(const Network& network, const std::vector<T>& parameters, const T* inputs,

@@ -14,7 +14,7 @@
 namespace echofuse::recon {
 namespace {
 
-// redraw_stream: ASCII "turn"
+// redraw_stream: "turn" in ASCII
 constexpr std::uint64_t weight_stream = 1, order_stream = 2, redraw_stream = 0x7475726e;
 
 // Returns the learning rate at a fraction `progress` of the training: cosine annealing from `rate`
@@ -192,7 +192,7 @@ void Regression::move_centre(const Examples& train) {
   for (std::size_t c = 0; c < sum.size(); ++c) centre_[c] += static_cast<float>(share * sum[c]);
 }
 
-// Adds the gradient of the L2 penalty, which pulls the weights towards their values before the
+// Adds the gradient of the L2 penalty, which pulls the weights towards their values before
 // training.
 void Regression::shrink_to_start(const std::vector<float>& parameters, float l2_penalty) {
   for (std::size_t i = 0; i < parameters.size(); ++i)
@@ -234,7 +234,7 @@ void Regression::end_epoch(const Examples& validation, const Loss& loss, Trainin
   if (score < s.least) s.least = score, s.best = s.parameters, s.log.best_epoch = s.epoch;
 }
 
-// Makes one training step; returns the sum of the squared errors, in units of the spread.
+// Makes one training step, and returns the sum of the squared errors, in units of the spread.
 double Regression::train_batch(const Examples& train, std::span<const std::size_t> rows,
                                const Training& training, TrainingState& s, double learning_rate) {
   batch_inputs_ = take_rows(train.inputs, {rows.begin(), rows.end()});

@@ -49,7 +49,7 @@ struct Training {
   std::size_t batch;
   std::uint64_t seed;
   bool quiet;
-  Redraw redraw = {};  // empty: no augmentation
+  Redraw redraw = {};  // if empty, no augmentation is used
   // Weight of the squared errors of each column; if empty, all weights are 1.
   std::vector<float> weights = {};
   // Weight of the L2 penalty. The penalty is half the squared distance of the network weights from

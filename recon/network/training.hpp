@@ -28,8 +28,8 @@ struct FitOptions {
 // factorised.
 struct TrainingLog {
   std::vector<double> loss, validation_loss;
-  // Epoch that the kept weights come from, counted from 1; 0 if no epoch was better than the mean
-  // of the targets.
+  // Epoch that the kept weights come from, counted from 1; 0 if no epoch was better than predicting
+  // the mean of the targets.
   std::size_t best_epoch = 0;
   bool interrupted = false;
 };
@@ -39,8 +39,8 @@ struct Tuning {
   // L2 penalty: the mean loss is increased by l2_penalty / records times half the squared distance
   // between the new and the old weights. INFINITY keeps the networks unchanged.
   double l2_penalty = 1;
-  // Only used if the networks stay unchanged. True: a model that predicts a body position fits the
-  // offset and scale of the positions, and the mean body, to the new records.
+  // Used only if the networks stay unchanged. If true, a model that predicts a body position fits
+  // the offset and scale of the positions, and the mean body, to the new records.
   bool correct = false;
   std::size_t steps = 200, batch = 64;  // number of steps, and maximum number of records per step
   double learning_rate = 4e-3;          // initial learning rate, which decreases to zero

@@ -14,7 +14,7 @@ namespace echofuse::recon {
 enum class Transpose : bool { no, yes };
 
 // Describes the product C = alpha op(A) op(B) + beta C, where op() is the matrix or its transpose.
-// All matrices are row-major and dense: op(A) is m x k, op(B) is k x n, C is m x n.
+// All matrices are row-major and dense: op(A) is m x k, op(B) is k x n, and C is m x n.
 template <class T>
 struct Product {
   std::size_t m, n, k;

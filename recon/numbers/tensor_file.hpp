@@ -101,7 +101,7 @@ class Archive {
   }
   // Reads or writes a string, which must be one of `allowed`; an empty list allows any string.
   void text(const std::string& name, std::string& value, const std::vector<std::string>& allowed);
-  // Reads or writes whether an optional part exists; returns true if it does.
+  // Reads or writes whether an optional part exists, and returns true if it does.
   bool part(const std::string& name, bool there);
   // When reading, throws Error(failed) unless the file has a tensor of this shape.
   void require_shape(const std::string& name, const TensorShape& shape) const;

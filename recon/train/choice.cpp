@@ -15,7 +15,7 @@ constexpr std::size_t folds = 4;
 // of the records with the smallest lateral errors (0.5 cm), and .510 in the quarter with the
 // largest (7.3 cm). This corresponds to a slope of 2.4 per metre.
 constexpr double iou_a_metre = 2.4;
-constexpr std::uint64_t fold_stream = 0x74756e65;  // ASCII "tune"
+constexpr std::uint64_t fold_stream = 0x74756e65;  // "tune" in ASCII
 
 }  // namespace
 

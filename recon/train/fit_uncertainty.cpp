@@ -12,8 +12,8 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::uint64_t noise_stream = 0x6e6f6973;  // ASCII "nois"
-constexpr std::uint64_t fold_stream = 0x756e6366;   // ASCII "uncf"
+constexpr std::uint64_t noise_stream = 0x6e6f6973;  // "nois" in ASCII
+constexpr std::uint64_t fold_stream = 0x756e6366;   // "uncf" in ASCII
 constexpr std::size_t worse_copies = 3;
 // If there are at least this many records, a model trained on half of them is nearly as good as a
 // model trained on all records.

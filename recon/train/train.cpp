@@ -14,7 +14,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::uint64_t fold_stream = 0x666f6c64;  // ASCII "fold"
+constexpr std::uint64_t fold_stream = 0x666f6c64;  // "fold" in ASCII
 
 // Chooses a model by cross-validation on the training and validation records, never on test
 // records.

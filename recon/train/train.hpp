@@ -12,13 +12,14 @@ struct TrainOptions {
   // Name of a candidate (models/model.hpp), or "auto", which selects the cheapest candidate within
   // one standard error of the best, by cross-validation on the training records.
   std::string model = "mlp", inputs = "fused", scaling = "record";
-  std::vector<std::string> candidates;  // candidates for "auto"; if empty, candidates()
+  // Candidates compared by "auto"; if empty, those of candidates().
+  std::vector<std::string> candidates;
   SplitOptions split;
   FitOptions fit;
   // Optional parts of the model. `fallback`: also train estimators for records without antenna
   // samples or without radar data. `uncertainty`: learn the uncertainty of each estimator.
   bool fallback = false, uncertainty = true;
-  // True: training runs that do not include their radar response may have any response, like the
+  // If true, training runs that do not include their radar response may have any response, like the
   // runs of a digital twin.
   bool any_response = false;
   // How to treat records with a verdict other than "ok" (see doubt_of): "leave" excludes them, and
@@ -29,9 +30,9 @@ struct TrainOptions {
 };
 
 // Records to use for training. `left_out` is a line that contains the number of excluded records
-// for each reason (a sensor is missing, dead or doubtful; duplicate of an earlier record; damaged),
-// and the number of lossy records that are used. It is empty if all records are used and none is
-// lossy.
+// for each reason (a sensor is missing, dead or doubtful; the record is damaged or duplicates an
+// earlier record), and the number of lossy records that are used. It is empty if all records are
+// used and none is lossy.
 struct TrainingRows {
   Rows rows;
   std::string left_out;

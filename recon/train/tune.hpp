@@ -19,7 +19,7 @@ struct TuneOptions {
   SplitOptions split;     // has no validation records, because tuning does not use them
   Tuning tuning;          // its penalty is replaced by the cross-validated penalty
   bool quiet = true;      // false: print each candidate on stderr
-  std::string only = {};  // name of the only candidate to try; empty: all
+  std::string only = {};  // name of the only candidate to try; if empty, all are tried
 };
 
 // A model to start from. `data`: records on the axes of the model (match_for_tuning). `own`: the

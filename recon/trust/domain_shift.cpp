@@ -21,11 +21,11 @@ constexpr std::size_t most_known = 4000;
 // Number of successive records in one block of the permutation test.
 constexpr std::size_t block = 10;
 constexpr int permutations = 4000;
-constexpr std::uint64_t permutation_stream = 0x646f6d61;  // ASCII "doma"
+constexpr std::uint64_t permutation_stream = 0x646f6d61;  // "doma" in ASCII
 // Minimum significance of a difference, in standard errors.
 constexpr double clearly = 4;
 // Differences below these limits are ignored. `least_mean` is in units of the standard deviation
-// between records, `least_square` in units of the variance between records.
+// between records, and `least_square` is in units of the variance between records.
 constexpr double least_mean = 0.1, least_square = 0.3;
 // Squared deviations are clipped to this value, so that a single outlier has little weight.
 constexpr double most_square = 16;
@@ -109,8 +109,8 @@ double p_of(const VectorXd& difference, const MatrixXd& chance, double least_err
   return static_cast<double>(above + 1) / (permutations + 1);
 }
 
-// Returns the standard errors of the difference between two means, from the variance between
-// blocks.
+// Returns the standard errors of the difference between two means, estimated from the variance
+// between blocks.
 ArrayXd standard_errors(const MatrixXd& a, const MatrixXd& b, double least_error) {
   const auto about_mean = [](const MatrixXd& m) -> ArrayXd {
     return (m.rowwise() - m.colwise().mean()).array().square().colwise().sum().transpose();

@@ -32,7 +32,7 @@ struct DomainShift {
   // P-value: probability that a run that resembles the training data would differ by at least this
   // much.
   double p = 1;
-  std::vector<Difference> differences;  // significant differences, greatest first
+  std::vector<Difference> differences;  // significant differences, the largest first
   std::string advice;                   // possible cause and remedy; may be empty
   // Number of records tested individually, and number of those flagged as out of distribution.
   // `reason`: the most frequent reason.
@@ -45,7 +45,7 @@ struct DomainShift {
   // Returns true if most records are flagged. About one in 140 records that resemble the training
   // data is flagged.
   bool mostly_flagged() const;
-  std::string text() const;  // message for the user; empty if not tested
+  std::string text() const;  // message for the user; empty if the run was not tested
 };
 
 // Statistics of the training records, against which a run is tested.

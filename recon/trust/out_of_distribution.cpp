@@ -17,7 +17,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::uint64_t held_stream = 0x68656c64;  // ASCII "held"
+constexpr std::uint64_t held_stream = 0x68656c64;  // "held" in ASCII
 constexpr std::size_t most_components = 36, rows_a_component = 60;
 // Number of folds if there are fewer than `many_records` records, and if there are more. If there
 // are at least `few_records` records, only one fold is used to set the limits.
@@ -26,8 +26,9 @@ constexpr std::size_t few_records = 400, many_records = 3000;
 // Allowed false alarm rate of T^2, of the detection of two bodies, and of the Q statistics of all
 // groups together.
 constexpr double above_limit = 0.002;
-constexpr double nobody = -30;          // log odds of two bodies if a record shows no body
-constexpr double range_reserve = 0.05;  // margin, as a fraction of the span of the training ranges
+constexpr double nobody = -30;  // log odds of two bodies if a record shows no body
+// Margin of the range limits, as a fraction of the training span.
+constexpr double range_reserve = 0.05;
 // A record can be saturated only if its clicks per pulse exceed this factor times the maximum in
 // training.
 constexpr double clicks_reserve = 1.25;

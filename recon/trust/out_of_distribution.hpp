@@ -75,7 +75,7 @@ class OutOfDistributionDetector {
   // Statistics of a record: Q of each group, then T^2, then the log odds of two bodies.
   enum Statistic : std::size_t { t2 = groups, two, statistics };
   struct StatisticValues {
-    std::array<double, statistics> values;  // logarithms of Q and T^2; log odds of two bodies
+    std::array<double, statistics> values;  // logarithms of Q and T^2, and log odds of two bodies
     Group along;                            // group that contributes most to T^2
   };
   // Limit of a statistic, learnt from records that were not used for the fit.
@@ -107,7 +107,7 @@ class OutOfDistributionDetector {
                       const Alignment& alignment) const;
   StatisticValues find(std::span<const float> description) const;
 
-  // Index of the first value of each group, and the end.
+  // Index of the first value of each group, followed by the number of values.
   std::array<std::size_t, groups + 1> first_{};
   std::vector<float> scale_;  // scale factor of each value of a description
   Components components_;     // principal components of the scaled descriptions

@@ -14,8 +14,9 @@ namespace echofuse::recon {
 namespace {
 
 constexpr double least_apart_m = 0.4;  // minimum lateral distance of two bodies, m
-constexpr int most_tries = 20;  // maximum number of attempts to sample two bodies far enough apart
-// ASCII "pair", "turn"
+// Maximum number of attempts to sample two bodies that are far enough apart.
+constexpr int most_tries = 20;
+// "pair" and "turn" in ASCII
 constexpr std::uint64_t pair_stream = 0x70616972, rotation_stream = 0x7475726e;
 constexpr std::size_t most_pairs = 96'000, pairs_a_record = 32;
 constexpr std::size_t most_rotated = 48'000, rotated_per_record = 16;

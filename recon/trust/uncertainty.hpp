@@ -31,8 +31,8 @@ bool side_by_ranges(const Dataset& data, Inputs inputs);
 
 // Returns predictors of the error of a map, which are known without the ground-truth map. Row i
 // belongs to map i and record rows[i]. The columns are: |x/z| of the map's foreground (NaN if the
-// map has none); for the SPD log(1 + clicks above the background, in standard deviations of all
-// clicks); for the radar log(peak over the standard deviation of the weaker half of the profile).
+// map has none); for the SPD, log(1 + clicks above the background, in standard deviations of all
+// clicks); for the radar, log(peak over the standard deviation of the weaker half of the profile).
 // The radar column is corrected if a filter has smoothed the noise.
 Matrix predictors_of(const Matrix& maps, const SceneModel& scene, const Dataset& data,
                      const Rows& rows, Inputs inputs);
