@@ -20,8 +20,8 @@ namespace echofuse::recon {
 //   plain   no scaling
 //   sqrt    square root, after which Poisson counts have the same noise in every bin
 //   raw     no scaling, centre or gains, for models that scale their inputs themselves
-//   record  subtracts the record's median (background) and divides by the sum, which makes inputs
-//           independent of laser power, exposure and radar gain
+//   record  subtraction of the record's median (background) and division by the sum, which make
+//           the inputs independent of laser power, exposure and radar gain
 //   root    square root of "record"; 0 below the background
 inline const std::vector<std::string> scaling_names = {"plain", "sqrt", "record", "root"};
 

@@ -20,17 +20,18 @@ struct DepthSpan {
 
 // Returns the names of the formats of N x N maps (NNNNNN is the record index):
 //   colour  NNNNNN.png: colour picture of the foreground
-//   mm      NNNNNN_mm.png: 16-bit grey, z in millimetres, 0: no return
+//   mm      NNNNNN_mm.png: 16-bit greyscale picture of z in millimetres; 0: no return
 //   ply     NNNNNN.ply: point cloud with x (right), y (down), z (away) in metres, in the
-//           right-handed frame of camera.json and with the colours of the picture. Points are those
-//           of the thresholded map (scene_model.hpp), because a least-squares map has a ripple that
-//           would scatter the points.
-//   npy     maps.npy with all maps: float32 [n, N, N], metres, NaN: no return. records.csv lists
-//           the records of the maps. `evaluate --maps` reads both files.
+//           right-handed frame of camera.json, with the colours of the picture. The points are
+//           those of the thresholded map (scene_model.hpp), because a least-squares map has a
+//           ripple that would scatter the points.
+//   npy     maps.npy with all maps as float32 [n, N, N], in metres; NaN: no return. records.csv
+//           lists the records of the maps. `evaluate --maps` reads both files.
 //   foreground   thresholded.npy, in the format of maps.npy, and share.npy with the foreground
 //                fraction of each pixel (foreground_share in scene_model.hpp)
-//   uncertainty  NNNNNN_sd.png: 16-bit grey, standard deviation of z in millimetres, 0: unknown.
-//                If npy is also requested, also deviation.npy, with NaN instead of 0.
+//   uncertainty  NNNNNN_sd.png: 16-bit greyscale picture of the standard deviation of z in
+//                millimetres; 0: unknown. If npy is also requested, deviation.npy is written as
+//                well, with NaN instead of 0.
 // camera.json is always written. It contains the pinhole camera of the images, in pixels, and the
 // number of grey levels per metre in NNNNNN_mm.png. A new format needs a row in map_files.cpp and a
 // branch in MapFiles::prepare().

@@ -12,7 +12,7 @@ namespace echofuse::recon {
 // Options of a fit. Missing values are replaced by the defaults of the model kind (ModelKind::own).
 struct FitOptions {
   std::optional<std::vector<std::size_t>> hidden = {};  // mlp: width of each hidden layer
-  // pca, factorised: number of components; nearest: number of records.
+  // pca, factorised: number of components; nearest: number of nearest records.
   std::optional<std::size_t> basis = {};
   std::optional<std::size_t> epochs = {};
   std::optional<double> learning_rate = {}, weight_decay = {};

@@ -28,14 +28,14 @@ struct HeldOut {
 UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, const Matrix& views,
                                  const Rows& usual, const std::vector<HeldOut>& judged,
                                  std::uint64_t seed);
-// Returns the uncertainty, or std::nullopt after an interrupt. It is fitted to maps of
+// Returns the uncertainty, or std::nullopt after an interrupt. It is fitted to maps made by
 //   - the model itself, if `split` has at least `enough_validation` validation records;
 //   - otherwise four models, if there are fewer than 2000 training and validation records; `fit`
 //     trains each model on three quarters of these records;
 //   - otherwise one model, which `fit` trains on half of these records.
 // If the split is blocked, the quarters and halves are blocks. The fraction of errors within the
 // 90 % interval has a standard error of .013 if it is estimated from 500 validation records.
-// For the SPD alone, 150 are enough, because its estimator is rarely used.
+// For the SPD alone, 150 records are enough, because its estimator is rarely used.
 std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Dataset& data,
                                                 const Matrix& views, const Split& split,
                                                 const SplitOptions& options,
