@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Reads echofuse runs as NumPy arrays, and predicts depth maps in NumPy. models/method.py
-is a short implementation of the complete method.
+implements the complete reconstruction method in a compact form.
 
 >>> import echofuse
 >>> run = echofuse.open("monday")

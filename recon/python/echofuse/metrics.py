@@ -3,8 +3,9 @@
 of `echofuse-recon evaluate` (recon/metrics).
 
 Each score function takes predicted maps [n, N, N], the ground-truth maps [n, N, N] of the same
-records, and the scene of the training maps. A map contains z, m, from the top left; NaN or 0: no
-return. The function returns float64 [n], with NaN for maps without a defined score.
+records, and the scene of the training maps. A map contains z in metres, starting with the top-left
+pixel; NaN or 0 means no return. The function returns float64 [n], with NaN for maps without a
+defined score.
 
 >>> scene = metrics.Scene.of_maps(run.maps(split.train))
 >>> np.nanmean(metrics.iou(maps, run.maps(split.test), scene))
@@ -23,14 +24,14 @@ from .runs.axis import tangents
 Scores = NDArray[np.float64]
 STEP_M = 0.1  # minimum distance between foreground and background, m
 BEHIND = 0.25  # maximum fraction of the foreground behind the background, weighted by distance
-# near depths (holds_returns()): limit relative to foreground_m, and maximum fraction
+# limits in holds_returns(): depth relative to foreground_m, and fraction of pixels below this depth
 NEAREST, NEARER = 0.125, 0.1
-SIDE_M = 0.3  # minimum |x| of a body for a distinct mirror image, m
+SIDE_M = 0.3  # minimum |x| at which a body and its mirror image are distinct, m
 WINDOW, SIGMA = 11, 1.5  # width and standard deviation of the SSIM window, pixels
 
 
 def pixels(maps: ArrayLike) -> NDArray[np.float32]:
-    """Replaces NaN in maps [n, N, N] by 0. Raises ValueError for any other shape."""
+    """Replaces NaN in maps [n, N, N] with 0. Raises ValueError if the maps have another shape."""
     table = np.nan_to_num(np.asarray(maps, np.float32))
     if table.ndim != 3 or table.shape[1] != table.shape[2]:
         raise ValueError(f"maps: shape {list(table.shape)} (expected [n, N, N])")
@@ -38,7 +39,7 @@ def pixels(maps: ArrayLike) -> NDArray[np.float32]:
 
 
 def ratio(numerator: NDArray[Any], denominator: NDArray[Any], least: float = 0) -> Scores:
-    """Returns numerator / denominator; NaN if the denominator is not greater than `least`."""
+    """Returns numerator / denominator, or NaN where the denominator is not greater than `least`."""
     valid = denominator > least
     return np.where(valid, numerator / np.where(valid, denominator, 1), np.nan)
 
@@ -69,24 +70,25 @@ class Scene:
         return cls(background, mean, half_tangent, far_m)
 
     def true_mask(self, truth: ArrayLike) -> NDArray[np.bool_]:
-        """Returns the foreground mask [n, N, N] of ground-truth maps. A return is foreground if it
-        is more than 0.1 m from the background, or if its pixel has no background."""
+        """Returns the foreground mask [n, N, N] of ground-truth maps. A return belongs to the
+        foreground if it is more than 0.1 m from the background, or if its pixel has no
+        background."""
         z, b = pixels(truth), self.background_m
         return (self.foreground_m > 0) & (z > 0) & ((b <= 0) | (abs(z - b) > np.float32(STEP_M)))
 
     def holds_returns(self, maps: ArrayLike) -> NDArray[np.bool_]:
-        """Returns for each map [n] whether its values are depths of returns, i.e. whether at most
-        10 % of the values in pixels without background are below foreground_m / 8. In these
-        pixels, maps predicted by a regression contain many values near 0."""
+        """For each map [n], returns whether its values are depths of returns, i.e. whether at most
+        10 % of the values in pixels without background are below foreground_m / 8. In these pixels,
+        maps predicted by a regression contain many values near 0."""
         z = pixels(maps)
         open_ = (self.background_m <= 0) & (z > 0)
         nearer = open_ & (z < np.float32(NEAREST) * np.float32(self.foreground_m))
         return np.asarray(nearer.sum((1, 2)) <= NEARER * open_.sum((1, 2)))
 
     def share(self, maps: ArrayLike) -> NDArray[np.float32]:
-        """Returns the relative depth [n, N, N] between background (0) and mean foreground (1).
-        Pixels above 0.5 are foreground. If a pixel has no background, returns in this pixel have
-        the value 1."""
+        """Returns the depth [n, N, N] on a relative scale: 0 is the background, 1 the mean depth of
+        the foreground. Pixels above 0.5 are foreground. In pixels without a background, each return
+        has the value 1."""
         z, b = self.clipped(maps), self.background_m
         if self.foreground_m <= 0:
             return np.zeros_like(z)
@@ -102,7 +104,7 @@ class Scene:
 
 
 def iou(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
-    """Returns the intersection over union of the predicted and the ground-truth foreground [n]."""
+    """Returns the intersection over union [n] of the predicted and the ground-truth foreground."""
     true, found = scene.true_mask(truth), scene.share(maps) > 0.5
     return ratio((true & found).sum((1, 2)), (true | found).sum((1, 2)))
 
@@ -130,16 +132,16 @@ def true_range(truth: ArrayLike, scene: Scene) -> Scores:
 
 def lateral(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
     """Returns the lateral distance [n], m, between the centroids of the predicted and the
-    ground-truth foreground, at the mean z of the ground-truth foreground."""
+    ground-truth foreground, evaluated at the mean z of the ground-truth foreground."""
     true = centroids(scene.true_mask(truth), scene)
     found = centroids(scene.share(maps) > 0.5, scene)
     return np.asarray(abs(found - true) * true_range(truth, scene))
 
 
 def mirror_fraction(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
-    """Returns the fraction of the predicted foreground at the mirrored position [n] (`ghost` in
-    `evaluate`). 0: all of it is at the true position, 1: all of it is mirrored. NaN for `|x|` < 0.3
-    m."""
+    """Returns the fraction [n] of the predicted foreground that is at the mirrored position
+    (`ghost` in `evaluate`). 0: all of it is at the true position; 1: all of it is mirrored; NaN:
+    `|x|` of the ground-truth centroid is less than 0.3 m."""
     true, share = scene.true_mask(truth), scene.share(maps).astype(float)
     mirror = true[:, :, ::-1]
     x_m = abs(centroids(true, scene)) * true_range(truth, scene)
@@ -158,15 +160,15 @@ def blurred(table: Scores) -> Scores:
 
 
 def ssim_fg(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
-    """Returns the mean SSIM [n] over the ground-truth foreground, dilated by the window (Wang et
-    al., IEEE TIP 13, 600, 2004; K1 0.01, K2 0.03, population covariance, data range far_m). NaN for
-    maps smaller than 11 x 11."""
+    """Returns the mean SSIM [n] over the ground-truth foreground dilated by the SSIM window (Wang
+    et al., IEEE TIP 13, 600, 2004; K1 0.01, K2 0.03, population covariance, data range far_m).
+    Returns NaN for maps smaller than 11 x 11."""
     a, b, true = scene.clipped(maps), pixels(truth), scene.true_mask(truth)
     out = np.full(len(a), np.nan)
     if a.shape[1] < WINDOW:
         return out
     c1, c2 = (0.01 * scene.far_m) ** 2, (0.03 * scene.far_m) ** 2
-    for first in range(0, len(a), 64):  # blocks of 64 records limit the memory use
+    for first in range(0, len(a), 64):  # processes 64 records at a time to limit the memory use
         rows = slice(first, first + 64)
         x, y, near = a[rows].astype(float), b[rows].astype(float), true[rows]
         mx, my = blurred(x), blurred(y)

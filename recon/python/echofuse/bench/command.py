@@ -47,7 +47,7 @@ def wide_formatter(prog: str) -> argparse.HelpFormatter:
 
 
 def add_table_options(command: argparse.ArgumentParser) -> None:
-    """Adds the options that all commands with a result table have."""
+    """Adds the options shared by all commands that write a result table."""
     command.add_argument("--out", required=True, metavar="CSV",
                          help="CSV table to write; rows that it already contains are not measured "
                               "again")

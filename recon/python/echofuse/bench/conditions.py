@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Defines the conditions of the stability study. Each axis varies one property. A condition is a
-set of `echofuse-sim dataset` settings, or of changes to a recorded run (derive.py)."""
+"""Defines the conditions of the stability study. Each axis varies one property. A condition is
+either a set of `echofuse-sim dataset` settings or a set of changes to a recorded run
+(derive.py)."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
@@ -19,7 +20,7 @@ class World:
 
     set: tuple[str, ...] = ()  #: simulator settings, each KEY=VALUE
     scenes: str = "records"  #: option of `echofuse-sim dataset` that selects the kind of scene
-    at_x_m: float | None = None  #: |x| of the bodies, m; None: random x
+    at_x_m: float | None = None  #: magnitude of the x coordinate of the bodies, m; None: random
     walk_m: float = 0  #: distance that a person walks during a record, m
     fog_m: float = 0  #: visibility in fog, m; 0: clear air
     records: float = 1  #: number of training records, relative to the base condition
@@ -31,9 +32,11 @@ BASE = World()
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis of the study. `values` maps labels to conditions, in order, and includes BASE."""
+    """An axis of the study. `values` maps each label to its condition, in display order, and
+    includes BASE."""
 
-    # "matched": the training and test conditions are equal; "shifted": the training uses BASE
+    # "matched": models are trained and tested under the same condition; "shifted": they are trained
+    # under BASE
     kind: str
     name: str
     title: str  # title in tables and figures, including the unit
@@ -86,8 +89,8 @@ class _Axes:
         self.axes.append(Axis(kind, name, title, values, tuple(quick)))
 
     def at_resolution(self, m: float) -> tuple[str, ...]:
-        """Returns the settings for a radar resolution. The range span and the number of samples per
-        resolution cell do not change."""
+        """Returns the simulator settings for the given radar resolution. The range span and the
+        number of samples per resolution cell are preserved."""
         step, span = (m * self.base["radar_step_m"] / self.resolution_m,
                       self.base["radar_step_m"] * (self.base["radar_bins"] - 1))
         return (f"radar_resolution_m={m:.9g}", f"radar_step_m={step:.9g}",
@@ -103,7 +106,7 @@ class _Axes:
 
 
 def _matched_sensors(axes: _Axes) -> None:
-    """Adds axes of sensor settings that apply to both the training and the test data."""
+    """Adds axes that vary a sensor setting in both the training and the test data."""
     base = axes.base
     axes.setting("matched", "irf", "SPD impulse response, FWHM (ps)", "irf_fwhm_ps",
                  (2, 50, 200, 500, 1000, 2000), (2, 2000))
@@ -137,8 +140,8 @@ def _matched_sensors(axes: _Axes) -> None:
 
 
 def _matched_scenes(axes: _Axes) -> None:
-    """Adds axes of scenes, slot lengths and rooms. Most of them apply to both the training and the
-    test data."""
+    """Adds axes that vary the scenes, the slot duration or the room. Most of them vary both the
+    training and the test data."""
     base = axes.base
     axes.numeric("matched", "records", "training records (factor)", (6.67, 3, 1, 0.28, 0.07),
                  (0.28,), lambda v: World(records=v), 1)
@@ -162,7 +165,8 @@ def _matched_scenes(axes: _Axes) -> None:
 
 
 def _shifted_instrument(axes: _Axes) -> None:
-    """Adds axes of instrument changes that occur after the training."""
+    """Adds axes that vary the instrument only in the test data, as if it had changed after
+    training."""
     base = axes.base
     gains = (0.25, 0.5, 1, 2, 4)
     axes.setting("shifted", "spd_delay", "SPD delay after calibration (ps)", "spd_delay_ps",
@@ -212,7 +216,7 @@ def _fog(axes: _Axes) -> None:
 
 
 def _surprises(axes: _Axes) -> None:
-    """Adds axes of conditions that do not occur in the training data."""
+    """Adds axes with test conditions that are absent from the training data."""
     base = axes.base
     for sensor in ("radar", "spd"):
         axes.labelled("shifted", f"lost_{sensor}", "radar" if sensor == "radar" else "SPD",
@@ -241,8 +245,8 @@ def simulated_axes(base: dict[str, Any]) -> list[Axis]:
 
 
 def _rooms(at_resolution: Callable[[float], tuple[str, ...]]) -> dict[str, World]:
-    """Returns conditions in different rooms, with and without wall echoes. "RF" and "sound" imitate
-    the radio sensor and the sound sensor of Turpin et al., PRL 126, 174301."""
+    """Returns conditions for different rooms, with and without wall echoes. "RF" and "sound"
+    emulate the radio sensor and the sound sensor of Turpin et al., PRL 126, 174301."""
     echoes = ("multipath_order=2",)
     direct = (*at_resolution(0.044), "radar_wall_scatter=0.1")
     sound = (*at_resolution(0.02), *echoes, "radar_wall_reflectivity=0.97",
@@ -263,7 +267,7 @@ def _rooms(at_resolution: Callable[[float], tuple[str, ...]]) -> dict[str, World
 
 
 def recorded_axes() -> list[Axis]:
-    """Returns the axes that can be derived from recorded runs, without a simulator."""
+    """Returns the axes that can be derived from recorded runs alone, without a simulator."""
     def both(name: str, title: str, base: str, values: dict[str, derive.Change]) -> list[Axis]:
         worlds = {base: BASE} | {label: World(changes=(change,))
                                  for label, change in values.items()}

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Copies a run and degrades the copy: fewer photons, fewer records, more background light, more
-noise, or missing sensors. The copy has a new uuid.
+"""Copies a run and degrades the copy, for example by removing photons, records or sensors, or by
+adding background light or noise. The copy has a new UUID.
 
 >>> from echofuse.bench import derive
 >>> derive.copy("monday.sqlite", "dim.sqlite", derive.thinned(0.1, seed=1))
@@ -24,10 +24,10 @@ class Records:
     """Data of a run that a Change function may edit in place."""
 
     run: runs.Run
-    keep: NDArray[np.bool_] = field(init=False)  #: whether each record is copied [n]
+    keep: NDArray[np.bool_] = field(init=False)  #: True for each record to copy [n]
     spd: NDArray[np.uint32] = field(init=False)  #: counts [n, bins] or [n, zones, bins]
     radar: NDArray[np.float32] = field(init=False)  #: range profiles as stored [n, points]
-    #: whether the data of a sensor are missing in each record [n], by sensor name
+    #: maps each sensor name to flags [n]; True: the record has no data from this sensor
     lost: dict[str, NDArray[np.bool_]] = field(init=False)
     range_offset_m: float = 0
 
@@ -41,9 +41,9 @@ Change = Callable[[Records], None]
 
 
 def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) -> pathlib.Path:
-    """Applies the changes in order and writes the run `out` with `echofuse-acquire import`. The
-    signal checks are disabled, because a change may weaken a sensor on purpose. Raises
-    FileExistsError if `out` exists, and RuntimeError if the import fails."""
+    """Reads a run, applies the changes in order, and writes the result to `out` with
+    `echofuse-acquire import`. The signal checks are disabled, because a change may weaken a sensor
+    on purpose. Raises FileExistsError if `out` exists, and RuntimeError if the import fails."""
     out = pathlib.Path(out)
     if out.exists():
         raise FileExistsError(f"{out}: exists already")
@@ -66,7 +66,7 @@ def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) ->
 
 
 def thinned(share: float, seed: int) -> Change:
-    """Keeps each photon with probability `share` (binomial), like a shorter exposure."""
+    """Keeps each photon with probability `share` (binomial), as a shorter exposure would."""
     def change(records: Records) -> None:
         records.spd = np.random.default_rng(seed).binomial(
             records.spd.astype(np.int64), share).astype(np.uint32)
@@ -74,7 +74,8 @@ def thinned(share: float, seed: int) -> Change:
 
 
 def background(counts: float, seed: int) -> Change:
-    """Adds room light: Poisson counts, on average `counts` per record, uniform over all bins."""
+    """Adds room light: Poisson counts with a mean of `counts` per record, spread uniformly over all
+    bins."""
     def change(records: Records) -> None:
         rate = counts / max(int(np.prod(records.spd.shape[1:])), 1)
         more = np.random.default_rng(seed).poisson(rate, records.spd.shape)
@@ -92,8 +93,8 @@ def fewer(share: float, seed: int) -> Change:
 
 
 def noise(snr_db: float, seed: int) -> Change:
-    """Adds Gaussian noise to each profile of linear power. The standard deviation of the noise is
-    `snr_db` dB below the peak of the profile."""
+    """Adds Gaussian noise to each linear-power profile. The standard deviation of the noise is
+    `snr_db` dB below the peak of that profile."""
     def change(records: Records) -> None:
         require_linear(records)
         peak = np.nanmax(records.radar, axis=1, keepdims=True)
@@ -103,7 +104,7 @@ def noise(snr_db: float, seed: int) -> Change:
 
 
 def range_offset(metres: float) -> Change:
-    """Adds a bias, m, to the calibrated radar ranges."""
+    """Adds a bias in metres to the calibrated radar ranges."""
     def change(records: Records) -> None:
         records.range_offset_m += metres
     return change

@@ -2,11 +2,11 @@
 """Adds fog to simulated histograms. Fog attenuates the signal and scatters light back.
 
 The droplet radii have a gamma distribution, n(r) ~ r^alpha exp(-b r). Its parameters depend on the
-visibility (Shettle and Fenn, AFGL-TR-79-0214, 1979). The extinction at 550 nm is
-3.912 / visibility (Koschmieder, contrast 2 %). The extinction efficiency follows van de Hulst
-(1957), section 11.22. The lidar ratio is taken from O'Connor et al., J. Atmos. Oceanic Technol.
-21, 777 (2004). The model neglects multiple scattering, shadows in the fog, the impulse response
-of the backscatter, and the attenuation of the radar signal (1 %)."""
+visibility (Shettle and Fenn, AFGL-TR-79-0214, 1979). The extinction at 550 nm is 3.912 / visibility
+(Koschmieder, contrast 2 %). The extinction efficiency follows van de Hulst (1957), section 11.22.
+The lidar ratio is taken from O'Connor et al., J. Atmos. Oceanic Technol. 21, 777 (2004). The model
+neglects multiple scattering, shadows in the fog, the broadening of the backscatter by the impulse
+response, and the attenuation of the radar signal (1 %)."""
 from __future__ import annotations
 
 from typing import Any
@@ -24,7 +24,7 @@ MEAN_SCENE_WEIGHT = 0.24 / 3.5**4
 
 
 def extinction_per_m(visibility_m: float) -> float:
-    """Returns the extinction at the laser wavelength, 1/m."""
+    """Returns the extinction coefficient at the laser wavelength, 1/m."""
     classes = ((180, 3, 0.3), (235, 3, 0.375), (350, 6, 1.5), (np.inf, 6, 3))
     alpha, b = next((alpha, b) for limit_m, alpha, b in classes if visibility_m < limit_m)
     radius_um = (alpha + 3) / b * np.arange(1, 4000) / 400
@@ -52,8 +52,8 @@ def add_fog(clear: NDArray[np.uint32], visibility_m: float, settings: dict[str, 
     tangent2 = np.add.outer(*2 * [(edge * (np.arange(cells) + 0.5) / cells) ** 2])
     falloff = np.exp(-settings["spd_falloff"] * tangent2 / edge**2)
     solid_angle_sr = 4 * (edge / cells) ** 2 * np.sum((1 + tangent2) ** -1.5 * falloff)
-    # A Lambertian surface returns the power albedo cos / (pi R^2) per solid angle.
-    # A fog layer of thickness dR returns beta dR / R^2; beta is the backscatter coefficient.
+    # A Lambertian surface returns the power albedo cos(theta) / (pi R^2) per unit solid angle.
+    # A fog layer of thickness dR returns beta dR / R^2, where beta is the backscatter coefficient.
     back = np.pi * extinction / LIDAR_RATIO_SR * solid_angle_sr / MEAN_SCENE_WEIGHT
     near = (range_m > 1) & (range_m < 15)
     rate = np.where(near, back * transmission / range_m**2, 0) * step_ps / PS_PER_M

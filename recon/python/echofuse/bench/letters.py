@@ -2,7 +2,7 @@
 """Recognises ten letters in depth maps. The ground-truth map determines the size and the position
 of the letter plate. Pixels in front of the plate, or up to 20 cm behind it, are resampled to 2 cm
 cells and correlated with templates of the letters. The score of a letter is its highest normalised
-correlation within 8 cm of the plate position."""
+correlation over offsets of up to 8 cm from the plate position."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ LETTERS = "ACEHLNOTUX"
 # width, height and stroke width of the letter plates, m (acquire/measurement/letter.hpp)
 SIZES = ((0.30, 0.40, 0.07), (0.20, 0.30, 0.05))
 CELL_M, MAX_SHIFT_M, NEAR_M = 0.02, 0.08, 0.2
-BLUR_DEPTH_M = 3.0  # templates are blurred by the width of a map pixel at this depth, m
+BLUR_DEPTH_M = 3.0  # depth at which the width of a map pixel sets the blur of the templates, m
 Floats = NDArray[np.float64]
 
 
@@ -38,8 +38,9 @@ def strokes(letter: str, width: float, height: float,
 
 
 def template(letter: str, size: tuple[float, float, float], step: float) -> Floats:
-    """Returns a blurred image of the letter with a margin of one cell [rows, columns]. Each cell is
-    the mean of 4 x 4 samples. `step` is the width of a map pixel, as a tangent."""
+    """Returns a blurred image [rows, columns] of the letter with a margin of one cell on each
+    side. Each cell is the mean of 4 x 4 samples. `step` is the angular width of a map pixel,
+    expressed as a tangent."""
     fine, (width, height, stroke) = 4, size
     shape = [round(length / CELL_M) + 2 for length in (height, width)]
     v, u = ((np.arange(fine * n) + 0.5 - fine * n / 2) * CELL_M / fine for n in shape)
@@ -58,9 +59,9 @@ def template(letter: str, size: tuple[float, float, float], step: float) -> Floa
 
 def near_layer(depth_m: NDArray[np.float32], half_tangent: float, plate: tuple[float, float, float],
                shape: tuple[int, int]) -> Floats:
-    """Resamples a map to cells around a plate. A cell is 1 if the map is in front of the plate or
-    at most NEAR_M behind it, otherwise 0; values between pixels are interpolated. `plate` contains
-    the tangents x and y of the plate centre, and the depth of the plate, m."""
+    """Resamples a map to cells around a plate. A cell is 1 where the map is in front of the plate
+    or at most NEAR_M behind it, and 0 elsewhere; values between pixels are interpolated. `plate` is
+    (x, y, depth): the position of the plate centre as two tangents, and its depth, m."""
     x, y, at_m = plate
     side = len(depth_m)
     near = np.pad(np.nan_to_num(depth_m, nan=np.inf) < at_m + NEAR_M, 1).astype(float)
@@ -78,7 +79,7 @@ def near_layer(depth_m: NDArray[np.float32], half_tangent: float, plate: tuple[f
 
 def match(patch: Floats, pattern: Floats) -> tuple[float, float, float]:
     """Returns the highest normalised correlation of the pattern with the patch, and the offset
-    (right, down) of the pattern from the patch centre, cells."""
+    (right, down) of the pattern from the patch centre, in cells."""
     rows, columns = (n - k + 1 for n, k in zip(patch.shape, pattern.shape))
 
     def correlated(values: Floats, kernel: Floats) -> Floats:
@@ -96,10 +97,11 @@ def match(patch: Floats, pattern: Floats) -> tuple[float, float, float]:
 
 def read(maps: NDArray[np.float32], truth: NDArray[np.float32], labels: Sequence[str],
          half_tangent: float) -> tuple[Floats, NDArray[np.int64]]:
-    """Recognises the letters in maps [n, N, N] (m, NaN: no return). Returns scores [n] and indices
-    into SIZES [n]. The score is 1 if the labelled letter ("letter:A") fits best, 1 / k if it ties
-    with other letters (k in total), and otherwise 0. The chance level is 0.1. Records with other
-    labels get NaN and -1. The background must be more than 20 cm behind the plate."""
+    """Recognises the letters in maps [n, N, N] (m, NaN: no return). Returns the scores [n] and the
+    indices [n] of the plate sizes in SIZES. The score is 1 if the labelled letter ("letter:A") fits
+    best, 1 / k if it ties for best among k letters, and 0 otherwise. The chance level is 0.1. For
+    records with other labels, the score is NaN and the index is -1. The background must be more
+    than 20 cm behind the plate."""
     step, out = 2 * half_tangent / truth.shape[1], np.full(len(maps), np.nan)
     sizes = np.full(len(maps), -1)
     known = [{letter: template(letter, size, step) for letter in LETTERS} for size in SIZES]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Trains and scores the methods of the bench: models of `echofuse-recon train`, Python classes, and
-commands."""
+"""Trains and scores the methods of the bench: models that `echofuse-recon train` offers, Python
+classes, and commands."""
 from __future__ import annotations
 
 import contextlib
@@ -43,7 +43,7 @@ Row = dict[str, Any]
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Converts an OSError into a BenchError with the path and exit code 6."""
+    """Converts an OSError into a BenchError that includes the path and has exit code 6."""
     try:
         yield
     except OSError as error:
@@ -56,16 +56,17 @@ def version() -> str:
 
 
 class Fitted(Protocol):
-    """Interface of a method that is written in Python."""
+    """Interface of a method implemented in Python."""
 
     def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None:
-        """Trains the method on these rows of a run."""
+        """Trains the method on the given rows of a run."""
 
     def predict(self, run: runs.Run) -> NDArray[np.float32]:
-        """Returns a depth map of each record [n, N, N], m; NaN: no return."""
+        """Returns one depth map per record [n, N, N], m, with NaN for no return."""
 
 
-# predict(test, folder) returns arguments for `echofuse-recon evaluate`, and measured costs by name
+# predict(test, folder) returns the arguments for `echofuse-recon evaluate`, and the measured costs
+# by name
 Predict = Callable[[pathlib.Path, pathlib.Path], tuple[list[str], Row]]
 
 
@@ -77,7 +78,7 @@ class Method:
     inputs: str  #: sensors that the method uses; "-": not specified
     #: fit(train, folder, seed, fallback) trains the method; for `fallback` see Cell
     fit: Callable[[pathlib.Path, pathlib.Path, int, bool], Predict]
-    source: str = "-"  #: hash of the code of a user method, otherwise "-"
+    source: str = "-"  #: hash of the source code of a user method; "-" for other methods
     #: whether predict() also receives the ground-truth maps (class attribute `oracle`)
     oracle: bool = False
 
@@ -88,7 +89,7 @@ class Method:
 
     @property
     def is_user_method(self) -> bool:
-        """Whether the method is a Python class or a command that the user provides."""
+        """Whether the method is a Python class or a command provided by the user."""
         return self.inputs == "-" and self.model not in CONSTANT
 
     @property
@@ -97,7 +98,7 @@ class Method:
         return self.is_user_method and not self.oracle
 
     def test_input(self, test: pathlib.Path, folder: pathlib.Path) -> pathlib.Path:
-        """Returns the run that the method predicts: the test run or, if the method is blind, a copy
+        """Returns the run to pass to predict(): the test run or, if the method is blind, a copy
         without the ground-truth maps."""
         if not self.is_blind:
             return test
@@ -105,7 +106,7 @@ class Method:
 
 
 def source_of(*paths: str | None) -> str:
-    """Returns a hash of the contents of these files. Missing files are skipped."""
+    """Returns a hash of the contents of the given files. Missing files are skipped."""
     total = hashlib.sha256()
     for path in paths:
         if path and os.path.isfile(path):
@@ -114,8 +115,8 @@ def source_of(*paths: str | None) -> str:
 
 
 def method(text: str) -> Method:
-    """Returns the method with this name (`echofuse-bench --help` lists the kinds). Raises
-    UsageError if the class is missing."""
+    """Returns the method with the given name; `echofuse-bench --help` describes the valid names.
+    Raises UsageError if the class cannot be imported."""
     if "/" in text:
         words = shlex.split(text)
         return Method(text, "-", lambda train, folder, seed,
@@ -134,8 +135,8 @@ def method(text: str) -> Method:
 
 
 def python_method(name: str, make: Callable[..., Fitted]) -> Method:
-    """Returns a method with this name. `make` is called as make(seed=...) or, if it has no such
-    parameter, as make(). `make` returns a Fitted object."""
+    """Returns a method with the given name. `make` returns a Fitted object; it is called as
+    make(seed=...) or, if it has no such parameter, as make()."""
     module = sys.modules.get(getattr(make, "__module__", ""))
     return Method(name, "-", lambda train, folder, seed, fallback: _by_object(make, train, seed),
                   source_of(getattr(module, "__file__", None)),
@@ -181,8 +182,8 @@ def _by_object(make: Callable[..., Fitted], train: pathlib.Path, seed: int) -> P
 
 
 def timed_predict(fitted: Fitted, run: runs.Run) -> tuple[NDArray[np.float32], float]:
-    """Returns maps [n, N, N], and the total prediction time of all maps, us. The time does not
-    include reading the sensor data."""
+    """Returns the maps [n, N, N] and the total time taken to predict them, us. The time excludes
+    reading the sensor data."""
     for sensor, valid in run.valid.items():
         if valid.any():
             getattr(run, sensor)  # loads the sensor data into memory
@@ -192,7 +193,7 @@ def timed_predict(fitted: Fitted, run: runs.Run) -> tuple[NDArray[np.float32], f
 
 
 def single_record_times(fitted: Fitted, run: runs.Run, max_records: int = 30) -> Row:
-    """Returns the median and the 99th percentile of the prediction time of single records, us.
+    """Returns the median and the 99th percentile of the time taken to predict a single record, us.
     Returns an empty row if the method does not accept single records."""
     rows = np.unique(np.linspace(0, len(run) - 1, min(len(run), max_records)).astype(int)).tolist()
     try:
@@ -225,8 +226,8 @@ def _by_command(text: str, train: pathlib.Path, seed: int) -> Predict:
 def evaluate(predict: Predict, train: pathlib.Path, test: pathlib.Path,
              test_input: pathlib.Path) -> tuple[Row, list[Row]]:
     """Returns the mean metrics and costs, and the scores of each record. `test_input` is the result
-    of Method.test_input(). `echofuse-recon` reports the costs of a model. The prediction time of a
-    Python class is the time of predict() with the sensor data in memory."""
+    of Method.test_input(). For a model, `echofuse-recon` reports the costs. For a Python class, the
+    prediction time is the duration of predict() with the sensor data already in memory."""
     with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
         words, costs = predict(test_input, pathlib.Path(scratch))
         scores = pathlib.Path(scratch, "records.csv")
@@ -238,7 +239,7 @@ def evaluate(predict: Predict, train: pathlib.Path, test: pathlib.Path,
     row: Row = {name: nan_if_none(report["metrics"].get(name, {}).get("mean")) for name in METRICS}
     counts = {"answered": report.get("answered", report["records"]), "records": report["records"],
               "depth_maps": report["metrics"]["depth_mae_m"]["maps"],
-              "threads": 1 if report.get("cost")  # echofuse-recon uses one thread to measure costs
+              "threads": 1 if report.get("cost")  # echofuse-recon measures costs with one thread
               else int(os.environ.get("OMP_NUM_THREADS") or os.cpu_count() or 1)}
     if "answered" not in report:  # `records` excludes records without a predicted map
         counts["records"] += report["left_out"]
@@ -247,8 +248,8 @@ def evaluate(predict: Predict, train: pathlib.Path, test: pathlib.Path,
 
 
 def measure(method: Method, train: Path, test: Path, seed: int = 1) -> Row:
-    """Trains the method on the run `train`. Returns the mean metrics and the costs on the run
-    `test`."""
+    """Trains the method on the run `train`. Returns the mean metrics and the costs measured on the
+    run `test`."""
     train, test = pathlib.Path(train).resolve(), pathlib.Path(test).resolve()
     with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
         folder = pathlib.Path(scratch)

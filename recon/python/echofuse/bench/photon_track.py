@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Creates the runs of the benchmark track that uses measured photon counts. Public TMF8820 files
-are converted into runs with nine zones, and into runs with the sum of all zones. Each NAME.json.gz
-with a mesh is a test set. The training records are rendered with zones that were fitted to a few
-poses. These poses are excluded from the test sets."""
+"""Creates the runs of the benchmark track that uses measured photon counts. Converts public TMF8820
+files into runs with nine zones, and into runs with a single histogram, the sum of all zones. Each
+shape (NAME.json.gz) that has a mesh is a test set. The training records are rendered with zones
+fitted to a few poses. These poses are excluded from the test sets."""
 from __future__ import annotations
 
 import pathlib
@@ -13,7 +13,7 @@ from . import zone_fit
 
 
 class RunPair(NamedTuple):
-    """A training run, and a run to test the models trained on it."""
+    """A training run, and a run for testing the models trained on it."""
 
     shape: str
     zones: str  # "zones", "sum" (sum of all zones), or "1" (single pixel)
@@ -22,7 +22,7 @@ class RunPair(NamedTuple):
 
 
 def mesh_of(data: pathlib.Path, shape: str) -> pathlib.Path | None:
-    """Returns the mesh file of a shape, NAME.stl or NAME.obj; None if it is missing. The shape
+    """Returns the mesh file of a shape (NAME.stl or NAME.obj), or None if it is missing. The shape
     NAME_random uses the mesh of NAME."""
     names = [name + end for name in (shape, shape.removesuffix("_random"))
              for end in (".stl", ".obj")]
@@ -37,7 +37,7 @@ def shapes_in(data: pathlib.Path) -> list[str]:
 
 def make_runs(track: dict[str, Any], folder: pathlib.Path,
               data: pathlib.Path) -> Iterator[RunPair]:
-    """Generates the missing runs of the track, and yields all runs of the track."""
+    """Generates the missing runs of the track, and yields all training and test pairs."""
     # tmf8820 is imported here, because `python3 -m echofuse.bench.tmf8820` would import it twice.
     from . import tmf8820
 

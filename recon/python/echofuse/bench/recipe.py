@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Runs the benchmark that a recipe describes. A track of the benchmark has training and test runs,
-which are generated locally and verified by checksums."""
+"""Runs the benchmark described by a recipe. Each benchmark track has training and test runs. They
+are generated locally and verified by checksums."""
 from __future__ import annotations
 
 import argparse
@@ -18,8 +18,8 @@ from .table import checksum
 
 
 def make_run(track: dict[str, Any], part: str, folder: pathlib.Path) -> pathlib.Path:
-    """Returns the path of the run `part` ("train" or "test") of a track. Generates the run if it is
-    missing. Raises BenchError if the checksum of the run is wrong."""
+    """Returns the path of the training or test run of a track (`part` is "train" or "test").
+    Generates the run if it is missing. Raises BenchError if its checksum is wrong."""
     out = folder / f"{track['name']}-{part}.sqlite"
     if not out.exists():
         plan = track[part]
@@ -57,9 +57,9 @@ def run_pairs(track: dict[str, Any], folder: pathlib.Path,
 
 @functools.cache
 def available_methods(*names: str) -> list[Method]:
-    """Returns the named methods, except those that need a missing library (PyTorch,
-    scikit-learn). Also searches for methods in the folder examples, which is next to the package in
-    the source tree and inside the installed package."""
+    """Returns the methods with the given names, except those that need a library which is not
+    installed (PyTorch, scikit-learn). Also searches for methods in the folder examples, which is
+    next to the package in the source tree and inside the installed package."""
     package = pathlib.Path(__file__).resolve().parents[1]
     sys.path += [str(package / "examples"), str(package.parent / "examples")]
     out = []

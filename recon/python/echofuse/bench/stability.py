@@ -17,7 +17,7 @@ from . import derive, fog, table as tables
 from .conditions import BASE, Axis, World, recorded_axes, simulated_axes
 from .methods import CONSTANT, Method, Row, method, version
 
-TEST_SEEDS = 1000  # offset of the seed of the test records from the seed of the training records
+TEST_SEEDS = 1000  # difference between the seeds of the test and the training records
 
 
 class Simulated:
@@ -32,8 +32,7 @@ class Simulated:
 
     @property
     def source_line(self) -> str:
-        """First line of a result table. It describes the runs on which the results were
-        measured."""
+        """First line of a result table; identifies the data used for the measurements."""
         settings = " ".join(word for word in self.settings if word != "--set")
         return (f"{version()}: {self.records} training and {self.test_records} test records, "
                 f"simulated{'; ' * bool(settings)}{settings}")
@@ -98,8 +97,8 @@ class Simulated:
     def _walkers(self, world: World, records: int, seed: int, out: pathlib.Path,
                  words: Sequence[str]) -> None:
         """Generates records of walking people. Each record combines five short records along the
-        path: photon counts are added, and radar power is averaged. The ground-truth map shows the
-        person at the midpoint of the path."""
+        path by adding their photon counts and averaging their radar power. The ground-truth map
+        shows the person at the midpoint of the path."""
         if self.base["radar_antennas"] > 1:
             raise BenchError("walking people cannot be combined with several antennas")
         steps, rng = 5, np.random.default_rng(seed)
@@ -154,7 +153,7 @@ def cells(source: Simulated | Recorded, axes: Sequence[Axis], methods: Sequence[
           seeds: int,
           quick: bool) -> list[tables.Cell]:
     """Returns one table cell per method, seed and condition. The conditions are the base condition
-    and the values of the axes (all values, or only those of the quick study)."""
+    and the values of the axes (if `quick` is true, only the values in Axis.quick)."""
     places = [("base", "base", BASE, BASE)]
     for axis in axes:
         for label, world in axis.values.items():
@@ -178,9 +177,10 @@ def cells(source: Simulated | Recorded, axes: Sequence[Axis], methods: Sequence[
 
 
 def first_failures(rows: Sequence[Row], axis: Axis) -> dict[str, list[str]]:
-    """Returns for each method the failing axis values that are closest to the base value, one in
-    each direction. A method fails if its IoU does not exceed that of the best baseline (empty room,
-    mean map, nearest record) by more than the standard deviation over the seeds, or is NaN."""
+    """For each method, returns the axis values closest to the base value at which the method fails,
+    at most one in each direction. A method fails if its IoU does not exceed that of the best
+    baseline (empty room, mean map, nearest record) by more than the standard deviation over the
+    seeds, or if its IoU is NaN."""
     def iou(model: str, inputs: str | None, label: str) -> dict[str, float]:
         at = ("base", "base") if axis.values[label] == BASE else (axis.id, label)
         return {row["seed"]: float(row["iou"]) for row in rows

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Measures the rows of the result table, and stores them in a CSV file."""
+"""Measures results, and stores them as rows of a CSV table."""
 from __future__ import annotations
 
 import argparse
@@ -37,10 +37,10 @@ COLUMNS_OF_RECORDS = (*HEAD, "record", *RECORDED)
 
 
 class Table:
-    """Result rows in a CSV file. Axis, value, model, inputs and seed are the key of a row. If a key
-    occurs several times, the last row is valid. An existing row is measured again only if the
-    code of the method changed. Each new row is synced to disk before the next one is measured.
-    A concatenation of tables (cat) is a valid table.
+    """Result rows in a CSV file. Axis, value, model, inputs and seed form the key of a row. If
+    several rows have the same key, the last one counts. An existing row is measured again only if
+    the code of the method has changed. Each new row is synced to disk before the next one is
+    measured. A concatenation of tables (cat) is a valid table.
 
     `source` is the first line, which names the data. A file with a different first line is rejected
     (UsageError). The rows of part (k, n) are in NAME-part-k-of-n.csv; the whole table includes the
@@ -84,7 +84,7 @@ class Table:
         rows = csv.DictReader(line for line in lines if not line.startswith("#"))
         if data and tuple(rows.fieldnames or ()) != COLUMNS:
             raise UsageError(f"{path}: not a bench table; choose another --out")
-        if path == self.path and whole != data:  # removes a partial line
+        if path == self.path and whole != data:  # removes an incomplete last line
             with writing(path), open(path, "r+b") as file:
                 file.truncate(len(whole))
         return {self.key(row): row for row in rows if row["axis"] != "axis"}
@@ -95,8 +95,8 @@ class Table:
         return tuple(str(row[name]) for name in COLUMNS[:5])
 
     def has(self, cell: Cell) -> bool:
-        """Returns whether the table contains the row of this cell. A failed row of a user method
-        does not count."""
+        """Returns whether the table contains a valid row for this cell. The row of a failed user
+        method is not valid."""
         row = self.rows.get(self.key(cell.head))
         return (row is not None and row["source"] == cell.method.source
                 and not (cell.method.is_user_method and np.isnan(float(row["iou"]))))
@@ -115,8 +115,8 @@ class Table:
 
     @contextlib.contextmanager
     def exclusive(self) -> Iterator[None]:
-        """Locks the table for writing, and reads rows that other processes added. Raises BenchError
-        if another process holds the lock."""
+        """Locks the table for writing, and reads the rows added by other processes. Raises
+        BenchError if another process holds the lock."""
         lock = self.path.with_name(f".{self.path.name}.lock")
         with writing(self.path):
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -140,7 +140,7 @@ class Table:
 
     def _append(self, path: pathlib.Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        truncated = ends_without_newline(path)  # a killed process may leave a partial line
+        truncated = ends_without_newline(path)  # a killed process may have left an incomplete line
         with open(path, "a", newline="") as file:
             file.write("\n" * truncated)
             out = csv.DictWriter(file, columns, restval="nan", lineterminator="\n")
@@ -168,7 +168,7 @@ def ends_without_newline(path: pathlib.Path) -> bool:
 
 def read_scores(path: pathlib.Path) -> dict[Key, list[Row]]:
     """Reads the scores of each record, grouped by the values of the columns HEAD. If a record
-    occurs several times, its last line is valid. Partial lines are skipped."""
+    occurs several times, its last line counts. Incomplete lines are skipped."""
     found: dict[Key, dict[str, Row]] = {}
     if path.exists():
         with open(path, newline="", encoding="utf-8") as file:
@@ -180,9 +180,9 @@ def read_scores(path: pathlib.Path) -> dict[Key, list[Row]]:
 
 
 def compare(table: Table, axis: str, best_first: Sequence[Key]) -> dict[Key, Row]:
-    """Returns the results of `echofuse-recon compare` for each method (value, model, inputs): 95 %
-    intervals over the records, and differences from the first method of `best_first`. The score of
-    a record is the mean over the seeds."""
+    """Runs `echofuse-recon compare` and returns its result for each method (value, model, inputs):
+    95 % intervals over the records, and differences from the first method of `best_first`. The
+    score of a record is its mean over the seeds."""
     scores = read_scores(table.records)
     rows = [row for key, row in table.rows.items() if key[0] == axis]
     lines = [(record["record"], k, *(record[name] for name in RECORDED))
@@ -211,8 +211,8 @@ def checksum(path: Path) -> str:
 
 
 def content_hash(path: Path) -> str:
-    """Returns a hash of the sensor data, axes, offsets, record indices and verdicts of a run. The
-    hash does not depend on the times or the uuid."""
+    """Returns a hash of a run's sensor data, axes, offsets, record indices and quality verdicts.
+    The hash does not depend on the recording times or the UUID."""
     with runs.open(path) as run:
         facts = (sorted(map(repr, run.axes.values())), sorted(run.offset_m.items()),
                  run.index.tolist(),
@@ -222,8 +222,8 @@ def content_hash(path: Path) -> str:
 
 
 def source_line(train: Path, test: Path) -> str:
-    """Returns the first line of a table of results measured on these runs: the version, and the
-    content hashes of the runs."""
+    """Returns the first line of a table of results measured on these runs. The line contains the
+    program version and the content hashes of the runs."""
     return f"{version()}: runs {content_hash(train)} {content_hash(test)}"
 
 
@@ -244,12 +244,12 @@ def existing_run(path: Path) -> RunSource:
 
 @dataclass(frozen=True)
 class Cell:
-    """A table row that is to be measured."""
+    """A table row to be measured."""
 
     axis: str  #: name of the property that is varied
     value: str  #: value of this property
     method: Method  #: method to measure
-    seed: int  #: random seed of the training
+    seed: int  #: random seed for training
     train: RunSource  #: training run
     test: RunSource  #: test run
     #: whether a model that uses both sensors also predicts records with only one sensor
@@ -273,7 +273,7 @@ class Cell:
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Keys of all runs and trained methods that the cell uses."""
+        """Keys of all runs and trained methods used by the cell."""
         return self.train.key, self.test.key, self.test_input_key, self.fit_key
 
 
@@ -322,10 +322,10 @@ class Shared:
 
 def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int, int] = (1, 1),
          quiet: bool = False) -> None:
-    """Measures the missing rows of the table, or of part K of N. Cells that use the same trained
-    method are in the same part. If a method fails, its row contains NaN, its traceback is written
-    to the log file, and its error message is printed once. Raises OSError or sqlite3.Error for a
-    missing file or a full disk."""
+    """Measures the missing rows of the table; if part = (K, N), only those in part K of N. Cells
+    that use the same trained method are in the same part. If a method fails, its row contains NaN,
+    its traceback is written to the log file, and its error message is printed once. Raises OSError
+    or sqlite3.Error if, for example, a file is missing or the disk is full."""
     pieces = {key: k for k, key in enumerate(dict.fromkeys(cell.fit_key for cell in cells))}
     printed: set[str] = set()
 
@@ -333,7 +333,7 @@ def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int,
         try:
             row, records = shared.row(cell)
             return cell.head | row, records, None
-        except (UsageError, OSError, sqlite3.Error):  # errors that are not caused by the method
+        except (UsageError, OSError, sqlite3.Error):  # these errors are not caused by the method
             raise
         except Exception as error:  # noqa: BLE001 (user code)
             return cell.head | dict.fromkeys(METRICS + COSTS + COUNTS, float("nan")), [], error
@@ -369,8 +369,8 @@ def pareto_cells(train: Path, test: Path, methods: Iterable[Method], *, seeds: i
                  photons: Sequence[float] = (0.1, 0.01, 0.001),
                  records: Sequence[float] = (0.05, 0.2, 0.5), sweep: Iterable[Method] = (),
                  axis: str = "model") -> list[Cell]:
-    """Returns one cell per method and seed. For the methods in `sweep`, also returns cells with
-    fractions of the photons (`photons`) and of the training records (`records`)."""
+    """Returns one cell per method and seed. For each method in `sweep`, adds cells in which only a
+    fraction of the photons (`photons`) or of the training records (`records`) is used."""
     train_run, test_run = existing_run(train), existing_run(test)
     cells = [Cell(axis, "1", method, seed, train_run, test_run) for method in methods
              for seed in range(1, seeds + 1)]
@@ -394,9 +394,9 @@ def pareto_cells(train: Path, test: Path, methods: Iterable[Method], *, seeds: i
 
 
 def means(table: Table, axis: str = "model") -> list[Row]:
-    """Returns one row per method and value. Each row contains the mean of each metric and cost
-    (NAME), and its standard deviation over the seeds (NAME_spread). "compared" contains the result
-    of `echofuse-recon compare` against the method with the highest IoU."""
+    """Returns one row per method and value. Each row contains the mean of each metric and cost over
+    the seeds (NAME), and its standard deviation (NAME_spread). "compared" is the comparison of the
+    method with the one that has the highest IoU (`echofuse-recon compare`)."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for key, row in table.rows.items():
         if row["axis"] == axis:
@@ -417,7 +417,7 @@ def means(table: Table, axis: str = "model") -> list[Row]:
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """Returns a Markdown table; rows with equal inputs are adjacent."""
+    """Returns a Markdown table, in which the rows are grouped by inputs."""
     head = ("inputs", "method", "answered", "IoU", "95 % interval over the records",
             "IoU difference from the best", "depth error in the overlap (number of maps)",
             "SSIM on the foreground", "lateral error", "mirror fraction", "multiply-adds",
@@ -464,7 +464,8 @@ def markdown(rows: Sequence[Row]) -> str:
 
 def finish(table: Table, args: argparse.Namespace, draw: Callable[[Any], Any],
            axis: str = "model") -> None:
-    """Prints the table as Markdown and draws the figure, each only if an option requests it."""
+    """Prints the table as Markdown if --markdown was given, and draws the figure if --figure was
+    given."""
     if args.markdown:
         print(markdown(means(table, axis)))
     if args.figure:

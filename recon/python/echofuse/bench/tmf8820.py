@@ -4,10 +4,10 @@
 The data set is public (Mu et al., "Towards 3D Vision with Low-Cost Single-Photon Cameras", CVPR
 2024). NAME.json.gz contains 128 records of a shape. Each record has `hists` (9 zones x 128 bins),
 `reference_hist` and `pose` (4 x 4). NAME.stl or NAME.obj is a mesh of the shape and of the table
-under it. `measured` computes the ground-truth maps from the mesh and the poses; the table counts as
-no return. `fit` fits the fields of view, the time zeros and the response of the zones to a few
-poses (zone_fit.py). `rendered` simulates records of random boxes, wedges and cylinders on a table
-with these zones.
+under it. `measured` computes the ground-truth maps from the mesh and the poses; pixels that show
+only the table contain no return. `fit` fits the fields of view, the time zeros and the response of
+the zones to a few poses (zone_fit.py). `rendered` simulates records of random boxes, wedges and
+cylinders on a table with these zones.
 
     python3 -m echofuse.bench.tmf8820 measured tall_block.json.gz tall_block.stl --out test
     python3 -m echofuse.bench.tmf8820 fit block.json.gz block.stl --poses 0,22,44 --out fit.json
@@ -31,11 +31,11 @@ from ..runs.acquire import write_run
 from . import zone_fit
 
 Array = NDArray[np.float64]
-# number of bins, range per bin (m), and bin of range 0; fitted to a block at known poses
+# number of bins, bin width (m), and bin of range 0; fitted to a block at known poses
 BINS, BIN_M, ZERO_BIN = 128, zone_fit.BIN_M, 12.0
-OBJECT_M = 0.003  # minimum height above the table of a hit on the object, m
+OBJECT_M = 0.003  # minimum height of a hit above the table to count as a hit on the object, m
 SIZE, HALF_TANGENT = 32, 0.3  # pixels per map side; tangent of half the field of view of 33 degrees
-# typical record: photons in all zones, and background counts per bin, summed over the zones
+# typical record: total photons in all zones, and total background counts of all zones per bin
 COUNTS, BACKGROUND = 3e6, 600.0
 
 
@@ -91,8 +91,8 @@ def table_height(triangles: Array) -> float:
 def cast(pose: Array, triangles: Array, size: int = SIZE,
          half_tangent: float = HALF_TANGENT) -> tuple[Array, Array, Array]:
     """Casts rays from a pose through size x size pixels, row-major from the top left. The columns
-    of the pose are the x axis, the y axis, the viewing direction and the position. Returns for each
-    ray the depth along the viewing direction (m, inf: no hit), the cosine of the angle of
+    of the pose are the x axis, the y axis, the viewing direction and the position. For each ray,
+    returns the depth along the viewing direction (m, inf: no hit), the cosine of the angle of
     incidence, and the height of the hit, m (Moeller-Trumbore intersection)."""
     x, y = zone_fit.tangents(size, half_tangent)
     rays = np.stack([x, y, np.ones_like(x)], -1).reshape(-1, 3) @ pose[:3, :3].T
@@ -180,8 +180,8 @@ def random_pose(rng: np.random.Generator, high: float) -> Array:
 
 def histograms(depth: Array, gain: Array, fit: zone_fit.ZoneFit, zero_bin: Array,
                response: tuple[Array, int]) -> Array:
-    """Returns the relative counts [zones, 128] from G * G rays. Each ray adds field x gain / r^2 at
-    its range; the sum of all rays is convolved with the response."""
+    """Computes the relative counts [zones, 128] with G * G rays. Each ray adds field weight x gain
+    / r^2 to the histogram at its range; the histogram is then convolved with the response."""
     met = np.isfinite(depth)
     range_m = np.where(met, depth, 1) * zone_fit.slant()
     weights = fit.fields * np.where(met, gain / range_m**2, 0)
@@ -198,9 +198,9 @@ def histograms(depth: Array, gain: Array, fit: zone_fit.ZoneFit, zero_bin: Array
 
 def render_records(fit: zone_fit.ZoneFit, reference: Array, records: int,
                    seed: int) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-    """Renders counts [n, zones, 128] and maps [n, SIZE, SIZE] of random objects. `reference` [128]
-    is the reference histogram of the chip. Albedo, response, time zeros and gains vary at random by
-    more than their fit errors."""
+    """Renders the counts [n, zones, 128] and the maps [n, SIZE, SIZE] of random objects.
+    `reference` [128] is the reference histogram of the chip. The albedo, response, time zeros and
+    gains vary randomly by more than their uncertainties."""
     rng = np.random.default_rng(seed)
     table = np.array([[(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [(-1, -1, 0), (1, 1, 0), (-1, 1, 0)]],
                      float)
@@ -221,7 +221,7 @@ def render_records(fit: zone_fit.ZoneFit, reference: Array, records: int,
 
 
 def hits_from(poses: Array, mesh: str | pathlib.Path) -> zone_fit.Scenes:
-    """Casts G * G rays from each of these poses at the mesh."""
+    """Casts G * G rays from each pose, and returns their first hits on the mesh."""
     triangles = read_mesh(mesh)
     found = [cast(pose, triangles, zone_fit.G, zone_fit.FIELD_TANGENT) for pose in poses]
     depth, cosine, height = (np.array(part) for part in zip(*found))
@@ -230,8 +230,8 @@ def hits_from(poses: Array, mesh: str | pathlib.Path) -> zone_fit.Scenes:
 
 def fit_to_poses(data: str | pathlib.Path, mesh: str | pathlib.Path,
                  poses: Sequence[int]) -> zone_fit.ZoneFit:
-    """Fits the zones of the chip to the records of a shape with these pose numbers. Raises
-    ValueError for an invalid file or pose number."""
+    """Fits the zones of the chip to the records of a shape at the given pose numbers. Raises
+    ValueError if the file or a pose number is invalid."""
     counts, references, places = read_measured(data)
     rows = list(poses)
     if not rows or not all(0 <= row < len(counts) for row in rows):
@@ -241,8 +241,8 @@ def fit_to_poses(data: str | pathlib.Path, mesh: str | pathlib.Path,
 
 def write(out: str | pathlib.Path, counts: NDArray[Any], maps: NDArray[np.float32],
           fit: zone_fit.ZoneFit | None, label: str, notes: str) -> None:
-    """Writes a run of counts [n, zones, 128] and maps. If no fit is given, the counts of all zones
-    are summed."""
+    """Writes a run that contains the counts [n, zones, 128] and the maps. If no fit is given, the
+    counts of all zones are summed."""
     zones = []
     if fit is None:
         counts = counts.sum(1)

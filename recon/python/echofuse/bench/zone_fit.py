@@ -6,8 +6,7 @@ Model of the counts of zone k in bin b:
     r_kb = sum over rays i of  w_ki a_i cos_i / R_i^2  h^g(b - zero_k - R_i / bin)
 where w_ki is the weight of ray i (of G x G) in the field of zone k, a_i the albedo (1 on the
 object), h the reference histogram of the chip, and g the response exponent. w is the non-negative
-least squares solution with Poisson weights (accelerated projected gradient of Beck and
-Teboulle)."""
+least squares solution with Poisson weights (computed by the accelerated projected gradient method of Beck and Teboulle)."""
 from __future__ import annotations
 
 import json
@@ -19,9 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.floating[Any]]
-# rays per side of a field, and tangent at its edge; 14 % of the weight is beyond +-0.3
+# number of rays per side of a field, and tangent at its edge; 14 % of the weight is at tangents
+# beyond +-0.3
 G, FIELD_TANGENT = 30, 0.46
-# A field is a sum of KNOTS x KNOTS hat functions, because few poses cannot determine all weights.
+# A field is a sum of KNOTS x KNOTS hat functions, because a few poses cannot determine the weight
+# of each ray.
 KNOTS = 8
 BIN_M = 0.0138
 FIRST, LAST = 11, 60  # bins FIRST to LAST - 1 are fitted
@@ -43,8 +44,8 @@ def slant() -> Array:
 
 
 def response_of(reference: Array, exponent: float) -> tuple[Array, int]:
-    """Computes the response [bins], normalised to sum 1, and its peak bin from the mean reference
-    histogram."""
+    """Computes the response [bins], normalised to a sum of 1, and the index of its peak bin, from
+    the mean reference histogram."""
     above = np.clip(reference - np.median(reference[-20:]), 0, None)
     response = (above / above.sum()) ** exponent
     return response / response.sum(), int(response.argmax())
@@ -68,8 +69,8 @@ class Scenes:
     is_object: NDArray[np.bool_]
 
     def unit_counts(self, response: tuple[Array, int], zero_bin: float, albedo: float) -> Array:
-        """Returns the counts in the fitted bins from each ray [poses * bins, G * G], for a ray
-        weight of 1. `albedo` is the ratio of the table albedo to the object albedo."""
+        """Returns the counts that each ray adds to the fitted bins [poses * bins, G * G] if its
+        weight is 1. `albedo` is the ratio of the table albedo to the object albedo."""
         taps, peak = response
         fine = np.interp(np.arange(-20, 100, FINE) + peak, np.arange(len(taps)), taps)
         met = np.isfinite(self.depth_m)
@@ -104,7 +105,7 @@ def non_negative(a: Array, y: Array, steps: int) -> Array:
 
 def fitted_field(a: Array, counts: Array, steps: int) -> tuple[Array, float]:
     """Fits the field of one zone to counts [poses, bins]. Returns the field [G * G] and the
-    fraction of the weighted variance that the field explains."""
+    fraction of the weighted variance explained by the field."""
     y = counts[:, FIRST:LAST].ravel()
     weight = 1 / np.sqrt(np.maximum(y, 0) + 0.02 * y.max())
     basis = hats()
@@ -113,7 +114,7 @@ def fitted_field(a: Array, counts: Array, steps: int) -> tuple[Array, float]:
 
 
 def explained(a: Array, field: Array, counts: Array) -> float:
-    """Returns the fraction of the weighted variance of the counts that a field explains."""
+    """Returns the fraction of the weighted variance explained by a field."""
     y = counts[:, FIRST:LAST].ravel()
     weight = 1 / np.sqrt(np.maximum(y, 0) + 0.02 * y.max())
     return float(1 - (((a @ field - y) * weight)**2).sum() / (((y - y.mean()) * weight)**2).sum())
@@ -127,10 +128,10 @@ class ZoneFit:
     zero_bin: Array  #: time zeros [zones], bins
     exponent: float  #: exponent of the response
     albedo: float  #: ratio of the table albedo to the object albedo
-    explained: Array  #: explained fraction of the variance [zones]
+    explained: Array  #: fraction of the variance explained by the fit [zones]
 
     def centres(self) -> Array:
-        """Returns the mean x, the mean y and the standard deviation of each field [zones, 3],
+        """Returns the mean x, the mean y and the standard deviation of each field [zones, 3], as
         tangents."""
         x, y = (part.ravel() for part in tangents(G, FIELD_TANGENT))
         w = self.fields / self.fields.sum(1, keepdims=True)
@@ -153,7 +154,7 @@ class ZoneFit:
 
 
 def load(path: str | pathlib.Path) -> ZoneFit:
-    """Reads a fit that save() wrote. Raises ValueError if the file is invalid."""
+    """Reads a fit written by save(). Raises ValueError if the file is invalid."""
     try:
         facts: dict[str, Any] = json.loads(pathlib.Path(path).read_text())
         fit = ZoneFit(np.array(facts["fields"], float), np.array(facts["zero_bin"], float),
@@ -198,6 +199,6 @@ def fit_zones(counts: Array, reference: Array, scenes: Scenes) -> ZoneFit:
                 best[k] = (share, float(own), field)
     fields = np.array([field for _, _, field in best])
     digits = 5 - int(np.floor(np.log10(max(fields.max(), 1e-30))))
-    # Rounds the fields, so that the rendered records are equal on all machines.
+    # Rounds the fields, so that the rendered records are identical on all machines.
     return ZoneFit(np.round(fields, digits), np.array([zero for _, zero, _ in best]), exponent,
                    albedo, np.array([share for share, _, _ in best]))

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Exports a run to HDF5 (h5py) or netCDF (xarray), or one record to CSV.
 
-The HDF5 file has a NeXus-like layout. Every array has units, and every dimension has a scale. The
-file contains n records in the order of the run:
+The HDF5 file has a NeXus-like layout. Every array has units, and every dimension has a scale. The file contains n records in the same order as the run, in this layout:
   /entry               title, entry_identifier, start_time, end_time, configuration, radar_cfg
   /entry/data          names and units as in to_xarray(): spd u32 [n, bins] or [n, zones, bins];
                        radar f32 [n, bins] linear power; radar_codes f32 [n, bins] as sent by TI
@@ -63,7 +62,7 @@ SIGNALS: dict[str, tuple[list[str], str, str, Callable[[Run], Any]]] = {
               "units of the firmware integers, squared for powers", ARRAY, antennas.values),
     "depth": (["depth_y", "depth_x"], "m", "z of each pixel, NaN: no return",
               lambda part: part.depth)}
-# Names in /entry, and the columns of the table `run` that they contain.
+# name in /entry: column of the table `run` that is stored there
 TEXTS = {"title": "notes", "entry_identifier": "uuid", "start_time": "started_utc",
          "end_time": "ended_utc", "status": "status",
          "operator": "operator", "configuration": "config_resolved", "radar_cfg": "radar_cfg"}
@@ -72,7 +71,7 @@ AXES = {"spd_time": "spd", "radar_range": "radar", "array_range": "array", "dept
 
 
 def units_of(table: str, column: str) -> str:
-    """Returns the units of a column according to the suffix of its name; "1" for counts, flags and
+    """Returns the units of a column, derived from the suffix of its name; "1" for counts, flags and
     ratios."""
     if table in ("antenna", "axis") and column in ("x", "y", "start", "step"):
         return ("half wavelengths" if table == "antenna"
@@ -112,13 +111,13 @@ def attach(data_set: Any, scales: list[Any]) -> None:
 
 
 def write_head(entry: Any, run: Run, tables: dict[str, dict[str, Any]]) -> None:
-    """Writes the metadata of the run, its devices and their calibration."""
+    """Writes the metadata of the run, of its devices and of their calibration."""
     entry.parent.attrs["default"] = "entry"
     entry.attrs.update({"NX_class": "NXentry", "default": "data"})
     for name, key in TEXTS.items():
         put(entry, name, str(run.info[key] or ""))
     put(entry, "program_name", f"echofuse {run.info['version']}")
-    # If a device was reconnected, only the first row of the device is written.
+    # If a device was reconnected, it has several rows, and only the first is written.
     # The ranges in the file are measured ranges: true range = measured range - offset_m.
     for sensor, (table, group) in ((s, t) for s in SENSORS
                                    for t in (("device", "instrument/"),
@@ -138,7 +137,7 @@ def write_head(entry: Any, run: Run, tables: dict[str, dict[str, Any]]) -> None:
 
 
 def make_signals(entry: Any, run: Run) -> list[str]:
-    """Creates an empty array with axes, and an NXdata group, for each sensor of the run. Returns
+    """For each sensor of the run, creates an empty array with axes, and an NXdata group. Returns
     the names of the arrays."""
     data, axes = entry["data"], {name: axis for name, axis in run.axes.items() if axis.count > 0}
     for name, axis in ((name, axes[key]) for name, key in AXES.items() if key in axes):
@@ -162,7 +161,7 @@ def make_signals(entry: Any, run: Run) -> list[str]:
         line = int(np.prod(shape[2:])) * 4
         layout: dict[str, Any] = {"dtype":
                                   "u4"} if name == "spd" else {"dtype": "f4", "fillvalue": np.nan}
-        if shape[0] and line * shape[1] >= 64:  # compression enlarges smaller records
+        if shape[0] and line * shape[1] >= 64:  # compression would enlarge smaller records
             layout |= {"chunks": (1, min(max((16 << 20) // line, 1), shape[1]), *shape[2:]),
                        "shuffle": True, "compression": 1}
         data.create_dataset(name, shape,
@@ -229,8 +228,8 @@ def write_h5(run: Run, path: pathlib.Path, progress: Progress) -> int:
 def export(run: Run, place: pathlib.Path, record: int | None = None,
            progress: Progress = lambda done: None) -> int:
     """Writes the run to NAME.h5 or NAME.nc, or one record to NAME.csv. Returns the number of
-    unreadable records. Raises FileExistsError, ValueError for a missing or damaged record,
-    ImportError for a missing library, and OSError for a full disk."""
+    unreadable records. Raises FileExistsError if the file exists, ValueError if the record is
+    missing or damaged, ImportError if a library is missing, and OSError if the disk is full."""
     for module in {".h5": ["h5py"], ".nc": ["xarray", netcdf.engine()]}.get(place.suffix, []):
         try:
             importlib.import_module(module)
@@ -267,8 +266,8 @@ def main() -> None:
     warnings.showwarning = lambda message, *_: print(f"echofuse-export: {message}", file=sys.stderr)
 
     def end(code: int, text: str) -> NoReturn:
-        """Exits without finalising the interpreter. Otherwise HDF5 would try again to write to the
-        full disk, and crash."""
+        """Prints a message and exits without finalising the interpreter. During finalisation, HDF5
+        would try again to write to the full disk, and crash."""
         print(f"echofuse-export: {text}", file=sys.stderr, flush=True)
         os._exit(code)
 

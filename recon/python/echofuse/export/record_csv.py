@@ -13,9 +13,9 @@ from ..runs.run_files import printable
 
 
 def write(run: Run, index: int, path: pathlib.Path) -> int:
-    """Writes one record as lines "sensor,x,y,value", after header lines ("#") with the units.
-    Returns 0, the number of unreadable records. Raises ValueError if the record is missing or
-    damaged."""
+    """Writes one record as lines "sensor,x,y,value", after header lines (starting with "#") that
+    contain the units. Always returns 0 as the number of unreadable records. Raises ValueError if
+    the record is missing or damaged."""
     if index not in run.index:
         raise ValueError(f"{run.path}: record {index} is missing (the run has {len(run)} records)")
     part = run[np.flatnonzero(run.index == index)[:1]]

@@ -46,16 +46,16 @@ def scaled(t: dict[str, Array], f: dict[str, Any], counts: Array, power: Array) 
 
 
 def normalised(x: Array) -> Array:
-    """Subtracts the upper median from each row [n, d], then divides by the sum of the row."""
+    """Subtracts the upper median of each row [n, d], then divides each row by its sum."""
     x = x - np.sort(x, 1)[:, [x.shape[1] // 2]]
     total = x.sum(1, keepdims=True, dtype=float)
     return np.where(total > 0, x / np.where(total > 0, total, 1), 0)
 
 
 def nearest(inputs: Array, maps: Array, neighbours: int, x: Array) -> Array:
-    """Returns for each record x [n, d] a weighted mean map of the nearest training records, where
-    nearer records have higher weights. `inputs` [m, d] and `maps` [m, pixels] belong to the
-    training records."""
+    """For each record x [n, d], returns a weighted mean of the maps of the nearest training
+    records, in which nearer records have higher weights. `inputs` [m, d] and `maps` [m, pixels]
+    belong to the training records."""
     distance = (inputs.astype(float) ** 2).sum(1) - 2 * x.astype(float) @ inputs.T.astype(float)
     order = np.argsort(distance, 1, kind="stable")[:, :neighbours]
     farther = np.take_along_axis(distance, order, 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Computes the checksum CRC-32C (RFC 3720) with NumPy."""
+"""Computes CRC-32C checksums (RFC 3720) with NumPy."""
 from __future__ import annotations
 
 import numpy as np
@@ -38,8 +38,8 @@ def _applied(matrix: Words, states: Words) -> Words:
 
 
 def crc32c(data: bytes) -> int:
-    """Returns the checksum of four or more bytes. Equal parts are processed in parallel, and their
-    states are combined in pairs."""
+    """Returns the checksum of four or more bytes. The data are split into equal parts, which are
+    processed in parallel; their states are then combined in pairs."""
     values = np.frombuffer(data, np.uint8)
     length = max(1, -(-len(values) // ROWS))
     # Leading zero bytes pad the data, because they do not change a CRC state of 0.

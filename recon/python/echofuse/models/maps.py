@@ -18,13 +18,14 @@ if TYPE_CHECKING:
 
 
 def origin_of(run: Run) -> str:
-    """Returns the text of run.txt, which identifies the run of the maps
+    """Returns the text of run.txt, which identifies the run to which the maps belong
     (recon/maps/written_maps.hpp)."""
     return f"{run.info['uuid']}\n{printable(str(run.path))}\n"
 
 
 def require_indices(maps: NDArray[Any], index: NDArray[Any], run: Run | None) -> None:
-    """Raises ValueError for wrong shapes, or if the indices are not distinct records of the run."""
+    """Raises ValueError if a shape is wrong, or if the indices are not distinct records of the
+    run."""
     if maps.ndim != 3 or maps.shape[1] != maps.shape[2]:
         raise ValueError(f"depth_m: shape {list(maps.shape)} (expected [n, N, N])")
     if index.shape != maps.shape[:1] or (index.size and index.dtype.kind not in "iu"):
@@ -40,9 +41,9 @@ def require_indices(maps: NDArray[Any], index: NDArray[Any], run: Run | None) ->
 
 def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
               origin: str = "", *, run: Run | None = None) -> None:
-    """Writes maps [n, N, N] (m, NaN: no return) of the records with these indices [n]. `run` or
+    """Writes maps [n, N, N] (m, NaN: no return) of the records with the given indices [n]. `run` or
     `origin` (text of run.txt) identifies the run. Raises FileExistsError if the folder contains
-    maps of another run, and ValueError for wrong shapes or indices."""
+    maps of another run, and ValueError if a shape or an index is wrong."""
     folder, maps, indices = pathlib.Path(folder), np.asarray(depth_m), np.asarray(index)
     require_indices(maps, indices, run)
     folder.mkdir(parents=True, exist_ok=True)
@@ -78,8 +79,8 @@ def load_maps(folder: str | pathlib.Path) -> tuple[NDArray[np.float32], NDArray[
 
 
 def span_of(depth_m: ArrayLike) -> tuple[float, float]:
-    """Returns the depth range that contains 96 % of the returns, m, rounded outwards to multiples
-    of 0.5 m. Returns 2.5 and 5 if there are fewer than 50 returns."""
+    """Returns the limits of the depth range that contains 96 % of the returns, m, rounded outwards
+    to multiples of 0.5 m. Returns 2.5 and 5 if there are fewer than 50 returns."""
     returns = np.asarray(depth_m, float)
     returns = np.sort(returns[returns > 0])
     if len(returns) < 50:

@@ -27,7 +27,7 @@ TAPS = np.arange(-7, 9)  # offsets of the interpolation taps, in profile points
 
 
 class Method:
-    """The method with the tensors t, the metadata f and the constants c of one estimator
+    """The method, applied with the tensors t, the metadata f and the constants c of one estimator
     (recon/method/constants.hpp)."""
 
     def __init__(self, t: dict[str, Array], f: dict[str, Any]) -> None:
@@ -36,7 +36,7 @@ class Method:
                   if name.startswith("alignment/config/")}
 
     def axis(self, name: str) -> tuple[int, float, float]:
-        """Returns the count, the start and the step of the axis of a sensor."""
+        """Returns the count, the start and the step of a sensor's axis."""
         return (self.f[f"axes/{name}/count"], self.f[f"axes/{name}/start"],
                 self.f[f"axes/{name}/step"])
 
@@ -47,9 +47,9 @@ class Method:
                                    for record in zip(counts, power, lags, zones)]))
 
     def features(self, counts: Array, power: Array, lags: Array, zones: Array) -> Array:
-        """Returns the network inputs [inputs] of one record, from counts [bins], radar power
-        [points], antenna lags [points, 2 D + 1] and zone counts [zones, bins]. All inputs are 0 if
-        no body is found."""
+        """Returns the network inputs [inputs] of one record, computed from counts [bins], radar
+        power [points], antenna lags [points, 2 D + 1] and zone counts [zones, bins]. All inputs are
+        0 if no body is found."""
         c, (bins, start, step) = self.c, self.axis("spd")
         no_body = np.zeros(self.t["model/centre"].size, np.float32)
         first_m, step_m = (start + 0.5 * step) / PS_PER_M, step / PS_PER_M
@@ -109,9 +109,9 @@ class Method:
         return g / total if total > 0 else g, points
 
     def correlation(self, h: Array, g: Array, points: Array) -> Array:
-        """Equations (5) and (6): convolves the histogram h with the radar response, and returns its
-        normalised correlation with the profile g [k] for each shift [shifts]. The largest shift is
-        first."""
+        """Equations (5) and (6): convolves the histogram h with the radar response, and returns the
+        normalised correlation of the result with the profile g [k] for each shift [shifts],
+        starting with the largest shift."""
         c, apart, step = self.c, points[1] - points[0], self.c["histogram_step_m"]
         near, far = int(np.floor(c["shift_from_m"] / apart)), int(np.ceil(c["shift_to_m"] / apart))
         shifts = far - near + 1
@@ -169,8 +169,8 @@ class Method:
         return np.array(out)
 
     def networks(self, x: Array, group: str) -> Array:
-        """Returns the mean output [n, outputs] of the networks in a group for inputs [n,
-        inputs]."""
+        """Returns the outputs [n, outputs] for the inputs [n, inputs], averaged over the networks
+        of a group."""
         return np.asarray(np.mean([network(self.t, f"{group}/{k}", x)
                                    for k in range(self.f[f"{group}/networks"])], 0))
 
@@ -209,8 +209,8 @@ class Method:
 
 
 def network(t: dict[str, Array], group: str, x: Array) -> Array:
-    """Returns outputs [n, outputs] of a ReLU network for inputs [n, inputs], in the units of the
-    targets."""
+    """Returns the outputs [n, outputs] of a ReLU network for the inputs [n, inputs], in the units
+    of the training targets."""
     layers = t[f"{group}/widths"].size - 1
     for i in range(layers):
         x = x @ t[f"{group}/layer{i}/weights"] + t[f"{group}/layer{i}/biases"]
@@ -219,8 +219,8 @@ def network(t: dict[str, Array], group: str, x: Array) -> Array:
 
 
 def interpolation(at: Array, cells: int) -> Array:
-    """Returns the linear interpolation weights of the cells at each position [pixels, cells]. All
-    weights of a position outside the cells are 0."""
+    """Returns the weights [pixels, cells] for linear interpolation between the cells at each
+    position. At positions outside the cells, all weights are 0."""
     low = np.floor(at).astype(int)
     inside = (low >= 0) & (low + 1 < cells)
     out = np.zeros((len(at), cells))

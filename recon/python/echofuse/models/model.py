@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Predicts maps with a trained model in NumPy. Each record is predicted by the first estimator for
-which all required sensors are valid."""
+"""Predicts maps with a trained model in NumPy. The map of each record is predicted by the first
+estimator for which all required sensors are valid in this record."""
 from __future__ import annotations
 
 import json
@@ -27,7 +27,7 @@ from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_
 
 def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Reads the tensors and the metadata of a model file (recon/numbers/tensor_file.hpp). Raises
-    ValueError for any other kind of file or a wrong checksum."""
+    ValueError if the file is not a model file, or if its checksum is wrong."""
     kinds = {"F32": "<f4", "F64": "<f8", "I64": "<i8", "U32": "<u4", "U8": "u1"}
     contents = pathlib.Path(path).read_bytes()
     if contents.startswith(b"SQLite format 3"):
@@ -61,7 +61,7 @@ class Estimator:
         keys = ("quantity", "unit", "count", "start", "step", "scale")
         required = {"spd": self.inputs != "radar", "radar": self.inputs != "spd",
                     "array": self.inputs == "fused"}
-        #: axes of the required sensors, by sensor name
+        #: axis of each required sensor, by sensor name
         self.axes = {name: {key: self.f[f"axes/{name}/{key}"] for key in keys}
                      for name, is_required in required.items() if is_required
                      and self.f.get(f"axes/{name}/count", 0)}
@@ -85,8 +85,8 @@ class Estimator:
 
 
 class Arrays:
-    """Arrays that replace a run as the input of a model: counts [n, bins], linear power [n, points]
-    and lags [n, points, 2 D + 1] (Run.lags), all at true ranges. All rows are valid."""
+    """Arrays that are passed to a model instead of a run: counts [n, bins], linear power [n,
+    points] and lags [n, points, 2 D + 1] (Run.lags), all at true ranges. All rows are valid."""
 
     def __init__(self, axes: dict[str, Axis], spd: ArrayLike | None, radar: ArrayLike | None,
                  lags: ArrayLike | None) -> None:
@@ -130,12 +130,12 @@ class Arrays:
 
 @dataclass(frozen=True, repr=False)
 class Maps:
-    """Depth maps that a model predicted. maps.depth_m[i] belongs to the record maps.index[i]."""
+    """Depth maps predicted by a model. maps.depth_m[i] is the map of the record maps.index[i]."""
 
-    depth_m: NDArray[np.float32]  #: z [n, N, N], m, from the top left; NaN: no return
+    depth_m: NDArray[np.float32]  #: z [n, N, N], m, top-left pixel first; NaN: no return
     index: NDArray[np.int64]  #: record index of each map [n]
-    depth_x: NDArray[np.float64]  #: x / z of the pixel centres [N], to the right
-    depth_y: NDArray[np.float64]  #: y / z of the pixel centres [N], upwards; top row first
+    depth_x: NDArray[np.float64]  #: x / z of the pixel centres [N], positive to the right
+    depth_y: NDArray[np.float64]  #: y / z of the pixel centres [N], positive upwards; top row first
     #: inputs of the estimator that predicted each map [n]: fused, fused-profile, spd or radar
     inputs: list[str]
     half_tangent: float  #: tangent at the map edges
@@ -152,7 +152,7 @@ class Maps:
 
     def __getitem__(self, rows: Any) -> NDArray[np.float32] | Maps:
         """maps[3] and maps[-1] return one map [N, N], m. maps[10:20], maps[[1, 2]] and maps[mask]
-        return Maps. Raises IndexError."""
+        return Maps. Raises IndexError if a row does not exist."""
         if isinstance(rows, (int, np.integer)):
             return np.asarray(self.depth_m[rows])
         chosen = rows_of(len(self), rows)
@@ -182,9 +182,9 @@ class Maps:
 
 
 class Model:
-    """Model from a file that `echofuse-recon train` wrote. If a sensor is missing in a record, the
-    map is predicted by an estimator for the other sensor if the model contains such an
-    estimator."""
+    """A model that was read from a file written by `echofuse-recon train`. If a sensor is missing
+    in a record, the map is predicted from the other sensor, provided that the model contains an
+    estimator for that sensor."""
 
     def __init__(self, path: str | pathlib.Path) -> None:
         tensors, facts = read_safetensors(path)
@@ -193,9 +193,9 @@ class Model:
         self.response = (Response(facts["response/cell_m"],
                                   tuple(tensors["response/taps"].ravel().tolist()))
                          if facts.get("response/known") else None)
-        #: run, index and part (2: held out) of each record of the training runs
+        #: run number, record index and part (2: held out) of each record of the training runs
         self.split = {key: tensors[f"split/{key}"].ravel() for key in ("run", "index", "part")}
-        #: whether runs with a much narrower response than in training need no conversion
+        #: True: profiles with a much narrower response than in training are not converted
         self.any_response = bool(facts["response/any"])
         self.estimators = [Estimator(tensors, facts, f"{k}/") for k in range(facts["estimators"])]
 
@@ -219,10 +219,10 @@ class Model:
                 range_offset_m: float = 0) -> Maps:
         """Predicts the maps of all records that have the required sensors. The input is a run (or
         its path), or arrays at true ranges: counts `spd` [n, bins], linear power `radar` [n,
-        points] and `lags` (Run.lags). The records of arrays have the indices 0, 1, 2 ... `axes` are
-        the axes of the arrays (default: Model.axes). `range_offset_m` is a radar range bias, m; it
-        is subtracted in addition to the calibration of the run. Raises ValueError for incompatible
-        axes."""
+        points] and `lags` (Run.lags). The records of the arrays are numbered 0, 1, 2 ... `axes` are
+        the axes of the arrays (default: Model.axes). `range_offset_m` is a radar range bias in
+        metres, which is subtracted in addition to the calibrated offset of the run. Raises
+        ValueError if the axes are incompatible."""
         if run is None:
             return self._maps(Arrays(self.axes | (axes or {}), spd, radar, lags), range_offset_m)
         return self._maps(run if isinstance(run, runs.Run) else runs.open(run), range_offset_m)
@@ -294,8 +294,9 @@ class Model:
 
 def zones_of(estimator: Estimator, run: runs.Run | Arrays, photons: NDArray[Any],
              rows: NDArray[np.int64]) -> NDArray[Any]:
-    """Returns the zone counts [n, zones, bins] of these rows, or [n, 0, 0] if the estimator does
-    not use zones. Raises ValueError if the number of zones differs from that of the estimator."""
+    """Returns the zone counts [n, zones, bins] of the given rows, or [n, 0, 0] if the estimator
+    does not use zones. Raises ValueError if the number of zones differs from that of the
+    estimator."""
     zones = estimator.f.get("zones", 0)
     if not zones:
         return np.zeros((len(rows), 0, 0), np.float32)

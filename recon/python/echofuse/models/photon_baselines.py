@@ -20,7 +20,7 @@ def mean_map(maps: Maps) -> Maps:
     """Returns the mean depth [N, N] of the returns in each pixel; NaN if more than half of the maps
     have no return there."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # no warning for pixels without returns
+        warnings.simplefilter("ignore", RuntimeWarning)  # suppresses warnings for pixels without returns
         return np.where(np.isfinite(maps).mean(0) >= 0.5, np.nanmean(maps, 0),
                         np.nan).astype(np.float32)
 
@@ -81,7 +81,8 @@ class FirstReturn:
 
 def peaks(counts: NDArray[np.float32],
           range_m: NDArray[np.float64]) -> list[tuple[float, float]]:
-    """Returns the range, m, and the light (counts x range^2) of each return, nearest first."""
+    """Returns the range, m, and the relative light (counts x range^2) of each return, nearest
+    first."""
     h = np.maximum(counts - np.median(counts), 0)
     out = []
     for b in np.flatnonzero((h[1:-1] >= h[:-2]) & (h[1:-1] > h[2:])) + 1:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Converts radar profiles to the radar response of the training data
+"""Converts radar profiles so that they have the radar response of the training data
 (recon/data/response_conversion.cpp)."""
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ class Response:
         return np.asarray(np.where(place < len(self.taps), amplitude, 0) ** 2, float)
 
     def width_m(self) -> float:
-        """Returns the full width at half maximum, m."""
+        """Returns the full width of the response at half maximum, m."""
         step_m = self.cell_m / TAPS_PER_CELL / 64
         return float(2 * step_m
                      * np.argmax(self.power(step_m * np.arange(64 * (len(self.taps) + 1))) <= .5))
 
 
 def stated_in(meta: Mapping[str, str]) -> Response | None:
-    """Returns the response that the metadata of a run contain; None if it is missing or invalid."""
+    """Returns the response stored in a run's metadata, or None if it is missing or invalid."""
     try:
         return Response(float(meta["radar_cell_m"]),
                         tuple(map(float, meta["radar_taps"].split(" +- ")[0].split())))
@@ -60,8 +60,8 @@ def filter_between(own: Response, target: Response, step_m: float) -> NDArray[np
 
 
 def filtered(table: NDArray[np.float32], weights: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Filters a table [n, points, ...] along the points. Constant rows (dead sensor) are
-    unchanged."""
+    """Filters a table [n, points, ...] along its second dimension. Rows with constant values (dead
+    sensor) are not changed."""
     reach, points = len(weights) // 2, table.shape[1]
     if points == 0:
         return table

@@ -56,7 +56,7 @@ def figure(columns: int = 1, rows: int = 1, wide: float = 4.6, high: float = 3.4
 
 
 def opened(run: runs.Run | Path) -> runs.Run:
-    """Returns the run. If `run` is a path, opens the run first."""
+    """Returns the run. If `run` is a path, opens the run at this path."""
     return run if isinstance(run, runs.Run) else runs.open(run)
 
 
