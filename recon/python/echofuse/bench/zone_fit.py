@@ -6,7 +6,8 @@ Model of the counts of zone k in bin b:
     r_kb = sum over rays i of  w_ki a_i cos_i / R_i^2  h^g(b - zero_k - R_i / bin)
 where w_ki is the weight of ray i (of G x G) in the field of zone k, a_i the albedo (1 on the
 object), h the reference histogram of the chip, and g the response exponent. w is the non-negative
-least squares solution with Poisson weights (computed by the accelerated projected gradient method of Beck and Teboulle)."""
+least squares solution with Poisson weights (computed by the accelerated projected
+gradient method of Beck and Teboulle)."""
 from __future__ import annotations
 
 import json

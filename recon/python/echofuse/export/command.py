@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Exports a run to HDF5 (h5py) or netCDF (xarray), or one record to CSV.
 
-The HDF5 file has a NeXus-like layout. Every array has units, and every dimension has a scale. The file contains n records in the same order as the run, in this layout:
+The HDF5 file has a NeXus-like layout. Every array has units, and every dimension has a scale. The
+file contains n records in the same order as the run, in this layout:
   /entry               title, entry_identifier, start_time, end_time, configuration, radar_cfg
   /entry/data          names and units as in to_xarray(): spd u32 [n, bins] or [n, zones, bins];
                        radar f32 [n, bins] linear power; radar_codes f32 [n, bins] as sent by TI

@@ -20,7 +20,7 @@ def mean_map(maps: Maps) -> Maps:
     """Returns the mean depth [N, N] of the returns in each pixel; NaN if more than half of the maps
     have no return there."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # suppresses warnings for pixels without returns
+        warnings.simplefilter("ignore", RuntimeWarning)  # pixels may have no returns
         return np.where(np.isfinite(maps).mean(0) >= 0.5, np.nanmean(maps, 0),
                         np.nan).astype(np.float32)
 

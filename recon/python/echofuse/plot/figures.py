@@ -106,8 +106,8 @@ MapSource = Union[ArrayLike, models.Maps, runs.Run]
 def map_of(source: MapSource, index: int | None,
            half_tangent: float | None) -> tuple[NDArray[Any], float]:
     """Returns a map [N, N] and the tangent at its edges. The source is an array, Maps, or a run
-    with ground-truth maps; `index` is a record of Maps or of the run. Raises KeyError if the record
-    is missing, and TypeError for an array without half_tangent."""
+    with ground-truth maps; `index` is a record index of Maps or of the run. Raises KeyError if the
+    record is missing, and TypeError if the source is an array and half_tangent is not given."""
     if isinstance(source, models.Maps):
         return source.depth_m[row_of(source, index)], source.half_tangent
     if isinstance(source, runs.Run):
@@ -128,24 +128,24 @@ def map(source: MapSource, half_tangent: float | None = None, *,  # noqa: A001
         index: int | None = None, span: tuple[float, float] | None = None, title: str = "",
         ax: Panels = None) -> Figure:
     """Draws one map. The source is an array [N, N], Maps, or a run with ground-truth maps.
-    `half_tangent` is the tangent at the edges of an array. `index` is a record of Maps or of the
-    run (default: the first record)."""
+    `half_tangent` is the tangent at the edges of an array. `index` is a record index of Maps or of
+    the run (default: that of the first record)."""
     return maps({title: source}, half_tangent, index=index, span=span, ax=ax)
 
 
 def maps(named: dict[str, MapSource], half_tangent: float | None = None, *,
          index: int | None = None, span: tuple[float, float] | None = None,
          ax: Panels = None) -> Figure:
-    """Draws several maps of one record next to each other with a common colour scale, e.g.
-    maps({"truth": run, "ours": maps}, index=7)."""
+    """Draws several maps of one record side by side with a common colour scale, e.g. maps({"truth":
+    run, "ours": maps}, index=7)."""
     found = [map_of(source, index, half_tangent) for source in named.values()]
     span = span or span_of(np.concatenate([np.ravel(values) for values, _ in found]))
     return side_by_side(named.keys(), found, [span] * len(named), ax)
 
 
 def shares(named: dict[str, ArrayLike], half_tangent: float, *, ax: Panels = None) -> Figure:
-    """Draws the ground-truth map, and maps of the relative depth between background (0) and body
-    (1)."""
+    """Draws the ground-truth map next to maps of the relative depth, which is 0 at the background
+    and 1 at the body."""
     found = [(np.asarray(values), half_tangent) for values in named.values()]
     return side_by_side(named.keys(), found, [span_of(found[0][0])] + [None] * (len(named) - 1), ax)
 
@@ -162,8 +162,9 @@ def side_by_side(titles: Iterable[str], found: Sequence[tuple[NDArray[Any], floa
 
 
 def power_by_direction(run: runs.Run, row: int, sines: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the linear power [points, sines] from each azimuth. Uses the horizontal antennas
-    (Bartlett beam)."""
+    """Returns the linear power received from each azimuth [points, sines], computed from the
+    samples of the horizontal antennas (Bartlett beam). `sines` contains the sines of the
+    azimuths."""
     lags = run.lags()[row].astype(float)
     out = np.ones((len(lags), len(sines)))
     axis = run.lags_axis
@@ -180,8 +181,8 @@ def power_by_direction(run: runs.Run, row: int, sines: NDArray[np.float64]) -> N
 
 def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
     """Draws the depth image, the histogram and the range profile of a record. If the run has
-    antenna samples, also draws the power over range and azimuth. Raises KeyError if the record is
-    missing."""
+    antenna samples, also draws the power as a function of range and azimuth. Raises KeyError if the
+    record is missing."""
     run = opened(run)
     rows = np.flatnonzero(run.index == index)
     if not len(rows):
@@ -200,7 +201,7 @@ def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
     else:
         camera.set_title("no depth in this record", fontsize=10)
     if "spd" in run.axes and run.valid["spd"][row]:
-        for counts in np.atleast_2d(run.spd[row]):  # one line per zone
+        for counts in np.atleast_2d(run.spd[row]):  # draws one line per zone
             spd.step(run.axes["spd"].values / runs.PS_PER_M, counts, where="post",
                      color=COLOURS["spd"], lw=0.9)
     spd.set(xlabel="range (m)", ylabel="clicks")
@@ -225,8 +226,8 @@ def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
 
 
 def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
-    """Draws the clock residuals and the sensor rates over the run. Missing data are marked in
-    red."""
+    """Draws the clock residuals and the sensor rates as functions of time. Missing data are marked
+    in red."""
     run = opened(run)
     window = float(run.info["window_s"])
     used = np.array(run.select("SELECT spd_used, radar_used, depth_used FROM record ORDER BY idx"),
@@ -263,8 +264,8 @@ def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
 
 
 def table(path: Path) -> list[dict[str, Any]]:
-    """Reads a table of echofuse-bench. Returns the last row of each method, condition and seed.
-    Numbers are float; NaN if they are missing."""
+    """Reads a table written by echofuse-bench. Returns the last row of each method, condition and
+    seed. Numeric columns contain floats, with NaN for missing values."""
     texts = {"axis", "value", "model", "inputs", "source", "machine", "known"}
 
     def number(text: str) -> float:
@@ -287,8 +288,8 @@ def name_of(row: dict[str, Any]) -> str:
 
 
 def colour_of(name: str, taken: Iterable[str] = ()) -> str:
-    """Returns the default colour of a method. If this colour is in `taken`, returns another colour.
-    A method that uses only one sensor has the colour of the sensor by default."""
+    """Returns the default colour of a method or, if this colour is in `taken`, a different colour.
+    The default colour of a method that uses only one sensor is the colour of this sensor."""
     first = ("spd" if "SPD" in name else "radar" if "radar" in name else "papers"
              if name.startswith("mlp") else
              "both" if name.startswith("factorised") else "grey" if name == "nearest" else "depth")
@@ -305,8 +306,8 @@ def over_seeds(rows: Sequence[dict[str, Any]], metric: str) -> tuple[float, floa
 
 def _costs(panel: Axes, methods: dict[str, list[dict[str, Any]]], cost: str, metric: str,
            unit: float) -> tuple[list[tuple[float, float]], str]:
-    """Draws a metric against a cost. Returns the points, and the names of the methods for which the
-    cost is not known."""
+    """Draws a metric against a cost. Returns the points, and the names of the methods without a
+    known cost."""
     points, without = [], []
     for k, (name, rows) in enumerate(methods.items()):
         costs = [row[cost] for row in rows if row[cost] > 0]
@@ -355,7 +356,7 @@ def _error_by_cost(panel: Axes, methods: dict[str, list[dict[str, Any]]],
 
 def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
            ax: Panels = None) -> Figure:
-    """Draws a table of `echofuse-bench pareto`: IoU against time with the Pareto front, lateral
+    """Draws the results of `echofuse-bench pareto`: IoU against time with the Pareto front, lateral
     error against multiply-adds, and IoU with reduced numbers of photons and training records.
     `bound_m` is a lower bound on the lateral error, m. `axis` is "model", or the name of a
     benchmark track."""
@@ -391,10 +392,10 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
 def stability(path: Path, axis: str, *, base: str | None = None, title: str = "",
               ax: Panels = None) -> Figure:
     """Draws the IoU of each method at each value of an axis, from a table of `echofuse-bench
-    stability`. Draws lines if the values are numbers, otherwise bars. The shaded area is the IoU of
-    the best baseline (empty room, mean map, nearest record). A cross marks a method that does not
-    exceed this IoU by more than the standard deviation over the seeds. `base` is the axis value of
-    the base condition, which the table does not contain."""
+    stability`. Draws lines if the values are numbers, otherwise bars. The upper edge of the shaded
+    area is the IoU of the best baseline (empty room, mean map, nearest record). A cross marks a
+    method that does not exceed this IoU by more than the standard deviation over the seeds. `base`
+    is the axis value of the base condition; the table does not contain this value."""
     rows = [row for row in table(path) if row["axis"] in (axis, "base")]
     values = list(dict.fromkeys(row["value"] for row in rows if row["axis"] == axis))
     values = [base or "base", *values]
@@ -442,8 +443,8 @@ def stability(path: Path, axis: str, *, base: str | None = None, title: str = ""
 
 
 def learning_curve(path: Path, *, ax: Panels = None) -> Figure:
-    """Draws the training and validation losses in a model file. Raises ValueError if the file
-    contains no losses."""
+    """Draws the training and validation losses stored in a model file. Raises ValueError if the
+    file contains no losses."""
     tensors, facts = models.read_safetensors(path)
     fig, (panel, *_) = figure(ax=ax)
     for name, label, colour in (("loss_m", "training", "grey"),

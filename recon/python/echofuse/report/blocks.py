@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Builds the contents of a report as JSON, which the scripts of the live page (recon/web) draw:
+"""Builds the contents of a report as JSON, drawn by the scripts of the live page (recon/web):
     {"title", "verdict", "fails": [text], "more": text, "origin": text, "span": [near_m, far_m],
     "records": [record],
      "first": [block], "sections": [{"id", "heading", "blocks": [block]}]}
@@ -76,12 +76,12 @@ def add_series(block: Block, name: str, colour: str, look: str, x: Iterable[floa
 
 
 def short(value: float) -> float | None:
-    """Rounds to five digits; returns None for NaN and infinity."""
+    """Rounds to five significant digits; returns None for NaN and infinity."""
     return float(f"{value:.5g}") if np.isfinite(value) else None
 
 
 def three_digits(value: float) -> str:
-    """Formats a value with three digits and a decimal prefix, e.g. "103 k"."""
+    """Formats a value with three significant digits and a decimal prefix, e.g. "103 k"."""
     value = float(f"{value:.3g}")
     size, ending = ((1e6, " M") if abs(value) >= 1e6 else (1e3, " k") if abs(value) >= 1e4
                     else (1, ""))
@@ -109,7 +109,7 @@ def html_of(page: Block) -> str:
     def read(name: str) -> str:
         return (PAGE / name).read_text(encoding="utf-8")
 
-    # joins all modules into one script, without import and export
+    # joins all modules into one script without import and export statements
     scripts = "".join(re.sub(r"(?m)^export ", "", re.sub(r"import [^\n]*\n", "", read(name)))
                       for name in ("charts.js", "maps.js", "cloud.js", "report.js"))
     parts = {"styles": "\n" + "".join(read(name) + "\n"

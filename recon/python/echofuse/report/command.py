@@ -62,7 +62,7 @@ TERMS = (
     ("SSIM, RMSE", "structural similarity and root mean square depth error of the whole map."))
 
 
-MAX_FAILING = 6  # maximum number of failing records with pictures
+MAX_FAILING = 6  # maximum number of failing records shown with pictures
 
 
 class Report:
@@ -130,8 +130,8 @@ class Report:
                                  or before else model.inputs]
 
     def add_live(self) -> None:
-        """Adds a record of the recorded run: the record with the median IoU or, if the
-        report has no model, one of the records with the most sensors."""
+        """Adds a record of the recorded run: the record with the median IoU or, if the report has
+        no model, one of the records with valid data from the most sensors."""
         self.story = Story(self.args.live)
         if self.models and self.args.live != self.run:
             self.live = evaluate(self.models[0].files[:1], self.args.live, self.room)

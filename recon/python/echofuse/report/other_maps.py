@@ -32,7 +32,7 @@ def named_folders(arguments: Sequence[str]) -> dict[str, str]:
 
 
 class OtherMaps:
-    """Scores and maps from the folders and, if there is a model, from the first model."""
+    """Scores and maps of the given folders and, if there is a model, of the first model."""
 
     def __init__(self, folders: dict[str, str], run: str, models: Sequence[ReportModel],
                  room: Sequence[str]) -> None:
@@ -70,8 +70,9 @@ class OtherMaps:
                 *([paragraph(result["note"] + ".")] if result["note"] else [])]
 
     def record(self) -> Block | None:
-        """Returns the record with the median IoU of the first folder, with all maps of this record;
-        None if there are no maps because all folders contain PNG files."""
+        """Returns the record with the median IoU among the maps in the first folder, together with
+        all maps of this record. Returns None if there are no maps because all folders contain PNG
+        files."""
         order = self.evaluation.scores[0].order
         index = order[len(order) // 2]
         with runs.open(self.run) as run:
@@ -104,7 +105,8 @@ class OtherMaps:
         return metrics.Scene.of_maps(run.maps(run.valid["depth"]))
 
     def blocks(self, at: int, record: Block | None) -> list[Block]:
-        """Returns tables, and pictures of `record`, which is record number `at` of the page."""
+        """Returns the tables, and pictures of `record`, which has the position `at` in the list of
+        records of the page."""
         if record is None:
             return self.table()
         show = ["truth", *(f"{what} {k}" for k in range(len(record["maps"]))
@@ -114,7 +116,7 @@ class OtherMaps:
 
 def map_block(name: str, depth_m: NDArray[np.float32], scene: metrics.Scene,
               scores: str) -> Block:
-    """Returns the block of a map [1, N, N], which is thresholded as in `evaluate`."""
+    """Returns a block with a map [1, N, N], thresholded as in `evaluate`."""
     share = scene.share(depth_m)[0]
     drawn = np.where(share > 0.5, scene.clipped(depth_m)[0], scene.background_m)
     return {"name": name, "map": packed(drawn, 1e-3, "<u2"), "share": packed(share, 0.005, "u1"),

@@ -28,7 +28,7 @@ Map = dict[str, NDArray[np.float32]]
 
 def record_blocks(run: str, indices: Sequence[int], models: Sequence[ReportModel] = (),
                   scores: Sequence[Scores] = (), room: Sequence[str] = ()) -> dict[int, Block]:
-    """Returns the blocks of records by record index. The maps in the blocks are predicted by the
+    """Returns one block per record, by record index. The maps in the blocks are predicted by the
     first file of each model. `scores` contains the scores of the same files."""
     with runs.open(run) as whole:
         rows = np.flatnonzero(np.isin(whole.index, indices)).tolist()
@@ -42,9 +42,9 @@ def record_blocks(run: str, indices: Sequence[int], models: Sequence[ReportModel
 
 
 def measured(record: runs.Run) -> Block:
-    """Returns the block of one record: title, ground-truth map, clicks [bins] and power [points,
-    dB] at true ranges. "body_m" and "maps" are empty. If the record is damaged, its title contains
-    the error message."""
+    """Returns a block that describes one record: title, ground-truth map, clicks [bins], and power
+    [points], dB, at true ranges. "body_m" and "maps" are empty. If the record is damaged, its title
+    contains the error message."""
     (_, run, faults), = blocks(record)
     truth = run.maps()[0] if "depth_x" in run.axes else np.zeros((64, 64))
     title = ", ".join([run.labels[0] or "no label", f"record {run.index[0]}", *faults.values()])
@@ -73,8 +73,8 @@ def half_tangent(run: runs.Run) -> float:
 
 def reconstruct(model: ReportModel, run: str, indices: Sequence[int],
                 room: Sequence[str]) -> dict[int, tuple[str, Map]]:
-    """Returns the status and the maps of each record by record index, as predicted by the first
-    file of the model."""
+    """For each record index, returns the status and the maps predicted by the first file of the
+    model."""
     calibrated = bool(model.facts[0]["0/calibrated"])
     with tempfile.TemporaryDirectory(prefix="echofuse-report-") as scratch:
         folder = pathlib.Path(scratch)
@@ -91,8 +91,8 @@ def reconstruct(model: ReportModel, run: str, indices: Sequence[int],
 
 
 def map_block(model: ReportModel, scored: Scores, at: int, status: str, maps: Map) -> Block:
-    """Returns the block of a thresholded map, with its uncertainty and warnings. `at` is the row of
-    the record in `scored`."""
+    """Returns a block with a thresholded map, its uncertainty and its warnings. `at` is the
+    position of the record in `scored`."""
     interval_m = scored["lateral_interval_90_m"][at]
     stated = (UNCALIBRATED if "deviation" not in maps else "no lateral interval"
               if np.isnan(interval_m) else f"lateral interval ±{100 * interval_m:.0f} cm (90 %)")
@@ -124,8 +124,9 @@ def map_remarks(block: Block, named: bool) -> str:
 
 
 def median_record(models: Sequence[ReportModel], indices: set[int]) -> int | None:
-    """Returns the index of the most typical record: the record closest to the median rank by IoU
-    for all models with the same inputs as the first model. Returns None if there are no records."""
+    """Returns the index of the most typical record: the one with an IoU rank closest to the median
+    rank in all models with the same inputs as the first model. Returns None if there are no
+    records."""
     distance: dict[int, int] = {}
     for model in models:
         order = [index for index in model.first.order
@@ -137,9 +138,10 @@ def median_record(models: Sequence[ReportModel], indices: set[int]) -> int | Non
 
 def select_records(run: str, models: Sequence[ReportModel], room: Sequence[str],
                    failing: Sequence[int]) -> tuple[list[Block], list[Block], list[Block]]:
-    """Returns three lists of records: the median records with and without a letter, with the maps
-    of all models; the worst, median and best record of the first model; and the failing records of
-    the first model."""
+    """Returns three lists of records. The first contains the median record with the label "person"
+    and that with any other label, with the maps of all models. The second contains the worst,
+    median and best records of the first model. The third contains its failing records that are not
+    in the other lists."""
     first, main, captions = models[0].first, [], []
     common = set.intersection(*(set(model.first.index.tolist()) for model in models))
     for person in (True, False):

@@ -63,7 +63,7 @@ class Count:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % interval of the fraction count / total (Wilson 1927)."""
+        """95 % confidence interval of the fraction count / total (Wilson 1927)."""
         if self.total == 0:
             return 0, 1
         z, n, p = 1.96, self.total, self.count / self.total
@@ -113,8 +113,7 @@ class Scores:
 
     @property
     def inside(self) -> Count:
-        """Number of bodies with a lateral error inside the 90 % interval that the model
-        predicts."""
+        """Number of bodies with a lateral error within the 90 % interval predicted by the model."""
         error, stated = self["lateral_m"], self["lateral_interval_90_m"]
         return Count.where(error <= stated, error, stated)
 
@@ -133,7 +132,7 @@ class Scores:
 
     @property
     def order(self) -> list[int]:
-        """Record indices in the order of increasing IoU."""
+        """Record indices in order of increasing IoU."""
         return list(self.index[np.argsort(np.nan_to_num(self["iou"]), kind="stable")].tolist())
 
 
@@ -142,7 +141,7 @@ class Evaluation(NamedTuple):
 
     scores: list[Scores]
     result: dict[str, Any]  # JSON output of `evaluate`
-    room_note: str  # stderr of `evaluate`, e.g. a warning that the room is not the training room
+    room_note: str  # stderr of `evaluate`, e.g. a warning about a different room
 
     def span(self, wall: float, far_m: float) -> tuple[float, float]:
         """Returns the limits of the common depth scale of all maps, m, with a margin. `wall` is the
@@ -179,7 +178,7 @@ def evaluate(models: Sequence[str], run: str, room: Sequence[str],
 
 @dataclass
 class ReportModel:
-    """A model of the report, trained once or several times. Its maps are predicted by the first
+    """A model in the report, trained once or several times. Its maps are predicted by the first
     model file."""
 
     name: str
@@ -210,15 +209,15 @@ class ReportModel:
 
     @property
     def means(self) -> Means:
-        """Means over the maps. If the model was trained several times, mean and standard error over
-        the trained models."""
+        """Means of the metrics. If the model was trained several times, mean and standard error
+        over the trained models; otherwise over the maps."""
         all_means = [means_of(s.result["metrics"]) for s in self.scores]
         return all_means[0] if len(all_means) == 1 else Means(
             {m: Mean.of(np.array([means[m].mean for means in all_means])) for m in all_means[0]})
 
 
 def sensors_of(facts: dict[str, Any]) -> str:
-    """Returns the names of the sensors of a model as text."""
+    """Returns the names of the sensors used by a model as text."""
     if facts["0/model"] in ("mean", "empty"):
         return "no sensor"
     if not facts["0/inputs"].startswith("fused"):
@@ -231,9 +230,9 @@ def sensors_of(facts: dict[str, Any]) -> str:
 
 
 def read_models(arguments: Sequence[str], compared: bool) -> list[ReportModel]:
-    """Reads models given as FILE or NAME=FILE. Files with equal names are one model that was
-    trained several times. Models with the same inputs are adjacent. Compared models keep their
-    order and names."""
+    """Reads models given as FILE or NAME=FILE. Files with the same name are treated as one model
+    that was trained several times. Models with the same inputs are placed next to each other.
+    Compared models keep their order and names."""
     models: list[ReportModel] = []
     for argument in arguments:
         name, equals, path = argument.partition("=")

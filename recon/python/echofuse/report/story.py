@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Reports a recorded run without a model: sensor data over time, losses and events."""
+"""Describes a recorded run without using a model: sensor data as a function of time, losses and
+events."""
 from __future__ import annotations
 
 import json
@@ -18,17 +19,17 @@ from .records import decibels
 from .scores import Values
 
 SENSORS = {"spd": "SPD", "radar": "radar", "depth": "depth camera"}
-MAX_POINTS = 400  # maximum number of points per curve, because more points cannot be distinguished
+MAX_POINTS = 400  # maximum number of points per curve; more points could not be distinguished
 
 
 def info_of(path: str) -> dict[str, Any]:
-    """Returns the JSON of `echofuse-acquire info`."""
+    """Returns the JSON output of `echofuse-acquire info`."""
     return dict(json.loads(call("echofuse-acquire", "info", "--json", path, ok=(0, 5)).stdout))
 
 
 class Story:
-    """Sensor data, losses and events of a run over time. Times are relative to the first slot, in
-    `unit`."""
+    """Sensor data, losses and events of a run as a function of time. Times are in `unit`, relative
+    to the start of the first slot."""
 
     def __init__(self, path: str) -> None:
         self.path, self.info, self.run = path, info_of(path), runs.open(path)
@@ -63,8 +64,8 @@ class Story:
 
     @property
     def losses(self) -> list[str]:
-        """One sentence about each sensor without data at the end of the run, or without data in
-        more than 5 % of the records. Sensors without any data are omitted."""
+        """One sentence for each sensor that has no data at the end of the run, or in more than 5 %
+        of the records. Sensors without any data are omitted."""
         by_time: dict[str, list[str]] = {}
         out, n = [], self.info["records"]
         for sensor, name in SENSORS.items():
@@ -100,15 +101,15 @@ class Story:
                 "gaps": gaps, "window_s": self.info["window_s"]}
 
     def waterfalls(self) -> list[Block]:
-        """Returns counts and power over the run as images [columns, bins], as on the live page:
-        log(1 + clicks), and radar power in dB above its median. Each column is the mean over
-        neighbouring records. The values have 8 bits: 254 is the maximum (`most`), 255 means no
-        data."""
+        """Returns the counts and the power as images [columns, bins] with time along the columns,
+        as on the live page: log(1 + clicks), and radar power in dB above its median. Each column is
+        the mean over neighbouring records. The pixels are 8-bit values: 254 is the maximum
+        (`most`), and 255 means no data."""
         def over_median(values: NDArray[np.float64]) -> NDArray[np.float64]:
             return np.maximum(values - np.sort(values, 1)[:, [values.shape[1] // 2]], 0)
 
         run, step = self.run[0:len(self.run)], len(self.run) // MAX_POINTS + 1
-        run.valid["depth"][:] = False  # depth images are not read
+        run.valid["depth"][:] = False  # skips reading the depth images
         axes = {sensor: self.run.axes[sensor]
                 for sensor in ("spd", "radar") if sensor in self.run.axes}
         sums = {sensor: np.zeros(((len(run) - 1) // step + 1, axis.count))
@@ -142,8 +143,8 @@ class Story:
                  "tables": out}] if out else []
 
     def typical(self) -> list[int]:
-        """Returns a list with the index of one of the records with the most sensors, from the
-        middle of the run. Returns an empty list if the run has no records."""
+        """Returns a list with one record index, or an empty list if the run has no records. The
+        record is in the middle of the records with data from the most sensors."""
         count = np.sum(list(self.run.valid.values()), 0)
         best: list[int] = self.run.index[count == count.max(initial=0)].tolist()
         return best[len(best) // 2:len(best) // 2 + 1]

@@ -52,7 +52,8 @@ PAPER_SSIM = {"spd": 0.6389, "radar": 0.5266}
 
 
 def plus_minus(means: Means, metric: str) -> str:
-    """Formats a mean with its unit and, for more than four maps, with its standard error."""
+    """Formats a mean with its unit and, if more than four maps contribute, with its standard
+    error."""
     m, form = means[metric], METRICS[metric]
     return form.text(m.mean) + (f" ± {form.text(m.se)}" if m.maps > 4
                                 and not np.isnan(m.se) else "") + form.unit
@@ -106,7 +107,7 @@ def models_verdict(models: Sequence[ReportModel], evaluation: Evaluation, simula
            f"IoU {plus_minus(own.means, 'iou')} ({second}{baseline})")
     out += "".join(f", {METRICS[m].name} {plus_minus(own.means, m)}"
                    for m in FIRST[1:] if own.means[m].maps) + "."
-    for model in models[1:] if len(models) == 2 else []:  # three or more: differences_table()
+    for model in models[1:] if len(models) == 2 else []:  # else differences_table() compares them
         found = [(METRICS[m], model.differences[m])
                  for m in PAIRED if m not in ("ssim_fg", "ghost") and m in model.differences]
         worse = [f"{form.name} ({form.text(d['first'])} against "
@@ -143,13 +144,13 @@ def rows_of(models: Sequence[ReportModel], result: dict[str, Any]) -> list[Row]:
 
 
 def loss(metric: str, value: float) -> float:
-    """Returns a value that is lower for a better score."""
+    """Converts a score to a value that is lower for a better score."""
     return {"more": -value, "less": value, "0": abs(value)}[METRICS[metric].best]
 
 
 def equal_within_errors(a: Row, b: Row, metric: str) -> bool:
-    """Returns whether two means do not differ significantly (95 %). The comparison is paired by
-    record if possible."""
+    """Returns whether two means do not differ significantly (at the 95 % level). The comparison is
+    paired by record if possible."""
     x, y = a.means[metric], b.means[metric]
     difference = abs(loss(metric, x.mean) - loss(metric, y.mean))
     error = np.hypot(np.nan_to_num(x.se), np.nan_to_num(y.se))
@@ -161,7 +162,7 @@ def equal_within_errors(a: Row, b: Row, metric: str) -> bool:
 
 
 def best_of(rows: Sequence[Row], metric: str) -> list[bool]:
-    """Returns for each row whether it is the best row or does not differ significantly from it."""
+    """For each row, returns whether it is the best row or does not differ significantly from it."""
     defined = [row.means[metric].maps > 0 for row in rows]
     best = min((row for row, is_defined in zip(rows, defined) if is_defined),
                key=lambda row: loss(metric, row.means[metric].mean), default=None)
@@ -278,8 +279,8 @@ def labels_table(model: ReportModel) -> list[Block]:
 
 
 def failing(s: Scores) -> list[tuple[str, Count, list[int]]]:
-    """Returns the kinds of failures, the most frequent kind first. Each kind has the indices of its
-    records, the worst record first."""
+    """Returns the kinds of failures, the most frequent kind first. Each kind includes the number
+    and the indices of its records, the worst record first."""
     iou, side, error, stated = (s[name] for name in ("iou", "left_right", "lateral_m",
                                                      "lateral_interval_90_m"))
     known = error + stated
@@ -333,8 +334,8 @@ def uncertainty_table(rows: Sequence[tuple[str, Scores]]) -> Block:
 
 
 def shares_below(values: Values) -> tuple[Values, Values]:
-    """Returns the empirical distribution: at most 200 sorted values, and for each of these values
-    the percentage of all values that do not exceed it."""
+    """Returns the empirical distribution: at most 200 sorted values and, for each of them, the
+    percentage of all values that do not exceed it."""
     values = np.sort(values[~np.isnan(values)])
     at = np.arange(0, len(values), len(values) // 200 + 1)
     return values[at], 100 * (at + 1) / max(len(values), 1)

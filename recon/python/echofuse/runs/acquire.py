@@ -34,15 +34,16 @@ def record(config: str | pathlib.Path | None = None, count: int = 1, *, label: s
            program: str | None = None) -> runs.Run:
     """Records `count` slots and returns the closed run. `settings` override the configuration, e.g.
     {"run.window_s": 1.0}. `program` is the path of echofuse-acquire (default: $ECHOFUSE_ACQUIRE).
-    Raises RuntimeError with the error message of the program. Ctrl-C ends the run after the current
-    slot."""
+    Raises RuntimeError with the program's error message if the program fails. Ctrl-C ends the run
+    after the current slot."""
     words = [acquire_program(program), "run", "--json", "-q", "--count", str(count)]
     settings = dict(settings or {}) | ({} if label is None else {"run.label": label})
     for option, value in (("--config", config), ("--out", out),
                           *(("--set", f"{k}={v}") for k, v in settings.items())):
         words += [option, os.fspath(value)] if value is not None else []
     path = None
-    # The child has its own session: Ctrl-C reaches the child only through send_signal() below.
+    # The child process has its own session, so that Ctrl-C reaches it only through send_signal()
+    # below.
     with tempfile.TemporaryFile("w+") as errors, subprocess.Popen(
             words, stdout=subprocess.PIPE, stderr=errors, text=True,
             start_new_session=True) as child:
@@ -82,9 +83,9 @@ def write_run(path: str | pathlib.Path, *, spd: ArrayLike | None = None, first_b
               labels: Iterable[str] = (),
               notes: str = "", signal: dict[str, float] | None = None,
               program: str | None = None) -> runs.Run:
-    """Writes arrays as a run with `echofuse-acquire import`, and opens the run. If a row of an
-    array is NaN, the sensor is missing in this record. Raises RuntimeError with the error message
-    of the program.
+    """Writes arrays as a run with `echofuse-acquire import`, and opens the run. NaN in all values
+    of a row means that the sensor is missing in this record. Raises RuntimeError with the program's
+    error message if the import fails.
 
     spd: integer counts [n, bins], or [n, zones, bins] with `zones` as in Run.zones. first_bin_ps:
     two-way time at the start of the first bin. radar: linear power [n, points]. first_m: range of
@@ -113,8 +114,8 @@ def import_arrays(out: str | pathlib.Path, sections: dict[str, dict[str, Any]],
                   arrays: dict[str, ArrayLike | None],
                   *options: str, program: str | None = None) -> None:
     """Writes run.toml and the arrays to a temporary folder next to `out`, and imports this folder
-    as the run `out` (acquire/README.md). Raises RuntimeError with the error message of the
-    program."""
+    as the run `out` (acquire/README.md). Raises RuntimeError with the program's error message if
+    the import fails."""
     text = "".join((f"[{name}]\n" if name else "")
                    + "".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items())
                    for name, keys in sections.items())

@@ -27,8 +27,8 @@ def values(run: Run) -> NDArray[np.float32]:
 
 
 def beams(run: Run, sines: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the power [n, bins, sines] from the directions with these sines of the azimuth
-    (Bartlett beam with calibrated gains and phases); NaN for records without antenna samples."""
+    """Returns the power [n, bins, sines] received from the azimuths with the given sines (Bartlett
+    beam with calibrated gains and phases); NaN for records without antenna samples."""
     count, array = len(run.antennas), values(run).astype(float)
     first, last = np.triu_indices(count, 1)
     across, _, gain, phase = np.array(run.antennas).T

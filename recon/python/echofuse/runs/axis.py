@@ -40,7 +40,8 @@ class Axis:
                     and max(abs(start), abs(end)) <= abs(other["step"]))
 
     def is_same(self, other: Axis | None) -> bool:
-        """Returns whether this axis and `other` have equal positions within rounding errors."""
+        """Returns whether the positions on this axis and on `other` are equal, apart from rounding
+        errors."""
         return bool(other and self.quantity == other.quantity and self.count == other.count
                     and np.allclose(self.values, other.values, 0, 1e-3 * abs(self.step)))
 

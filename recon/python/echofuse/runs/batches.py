@@ -13,11 +13,11 @@ from . import antennas
 from .run import Run
 
 MAX_RECORDS, MAX_BYTES = 256, 32 << 20  # maximum number of records and bytes in a block
-Progress = Callable[[int], None]  # called with the number of finished records
+Progress = Callable[[int], None]  # function called with the number of finished records
 
 
 def load(part: Run) -> None:
-    """Loads the arrays of all valid sensors. Raises ValueError for the first unreadable record."""
+    """Loads the arrays of all valid sensors. Raises ValueError at the first unreadable record."""
     for name in (name for name, mask in part.valid.items() if mask.any()):
         getattr(part, name)  # reads and caches the array
     if not part.valid["radar"].any():
@@ -32,7 +32,7 @@ def load(part: Run) -> None:
 
 def blocks(run: Run, progress: Progress = lambda done: None
            ) -> Iterator[tuple[int, Run, dict[int, str]]]:
-    """Yields for each block the number of its first row, a run of its records, and the error
+    """For each block, yields the number of its first row, a run with its records, and the error
     messages of its unreadable rows. Unreadable records are marked as records without a valid
     sensor."""
     count = {name: axis.count for name, axis in run.axes.items()}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Converts errors from damaged files to ValueError with the path."""
+"""Converts errors caused by damaged files to ValueErrors that include the path."""
 from __future__ import annotations
 
 import functools
@@ -15,8 +15,8 @@ FAULTS = (sqlite3.Error, ValueError, TypeError, KeyError, IndexError, AttributeE
 
 
 def errors_with_path(read: F) -> F:
-    """Decorates a method that reads the file self.path. Converts errors from a damaged file to a
-    ValueError that starts with the path."""
+    """Decorates a method that reads the file self.path. Converts any error caused by a damaged file
+    to a ValueError that starts with the path."""
     @functools.wraps(read)
     def wrapped(self: Any, *values: Any, **more: Any) -> Any:
         try:

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 
 def cells(source: Any, target: Any) -> list[tuple[int, int]]:
-    """Returns for each target pixel the interval [first, last) of source pixels with centres inside
-    it. If no centre is inside it, the interval contains the nearest source pixel. Outside the field
-    of view of the camera, the interval is (0, 0). Both axes have the attributes count, start and
-    step (run.Axis)."""
+    """For each target pixel, returns the interval [first, last) of the source pixels with centres
+    inside the target pixel. If it contains none of the centres, the interval contains only the
+    nearest source pixel. Outside the field of view of the camera, the interval is (0, 0). Both axes
+    have the attributes count, start and step (run.Axis)."""
     out = []
     for i in range(target.count):
         a, b, centre = ((target.start + (i + off) * target.step - source.start) / source.step
@@ -34,9 +34,9 @@ def cells(source: Any, target: Any) -> list[tuple[int, int]]:
 
 def to_map(columns: list[tuple[int, int]], rows: list[tuple[int, int]], size: tuple[int, int],
            far_m: float) -> Callable[[NDArray[np.uint16]], NDArray[np.float32]]:
-    """Returns a function that converts an image [size], mm, to a map [rows, columns], m, NaN: no
-    return. A map pixel is the upper median of its valid source pixels, or NaN if fewer than half of
-    the source pixels are valid. Depths above far_m are invalid."""
+    """Returns a function that converts an image [size] (mm) to a map [rows, columns] (m, NaN: no
+    return). A map pixel is the upper median of its valid source pixels, or NaN if fewer than half
+    of the source pixels are valid. Depths above far_m are invalid."""
     limit, shape = round(far_m * 1000), (len(rows), len(columns))
 
     def in_m(mm: NDArray[np.uint16], valid: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -56,7 +56,7 @@ def to_map(columns: list[tuple[int, int]], rows: list[tuple[int, int]], size: tu
 
     def of_cells(image: NDArray[np.uint16]) -> NDArray[np.float32]:
         near = np.append(np.where(image <= limit, image, 0), np.uint16(0))
-        cells = np.sort(near[places], axis=1)  # invalid pixels (0) come first
+        cells = np.sort(near[places], axis=1)  # invalid pixels (0) are sorted first
         valid = np.count_nonzero(cells, axis=1)
         median = cells[first, np.minimum(last - valid + 1 + valid // 2, last)]
         return in_m(median, (valid > 0) & (2 * valid >= count)).reshape(shape)
@@ -65,8 +65,8 @@ def to_map(columns: list[tuple[int, int]], rows: list[tuple[int, int]], size: tu
 
 
 def rows_of(count: int, rows: Any) -> NDArray[np.int64]:
-    """Converts a slice, a mask or a list to row numbers from 0 to count - 1. Raises IndexError for
-    rows outside this range."""
+    """Converts a slice, a mask or a list to row numbers from 0 to count - 1. Raises IndexError if a
+    row is outside this range."""
     selected: slice | NDArray[Any] = rows if isinstance(rows, slice) else np.asarray(rows)
     if isinstance(selected, np.ndarray) and not selected.size:
         selected = selected.astype(int)  # NumPy converts an empty list to floats
@@ -81,7 +81,7 @@ def read_only(table: NDArray[Any]) -> NDArray[Any]:
 
 def shifted(table: NDArray[np.float32], steps: float) -> NDArray[np.float32]:
     """Shifts rows [n, points] towards the start by `steps` points (Lanczos interpolation, eight
-    points, as in recon/data/shift.hpp). Constant rows (dead sensor) are unchanged."""
+    points, as in recon/data/shift.hpp). Rows with constant values (dead sensor) are not changed."""
     if steps == 0 or table.shape[1] == 0:
         return table
     whole, x = int(np.floor(steps)), np.arange(8) - 3 - (steps - np.floor(steps))

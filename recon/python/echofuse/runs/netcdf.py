@@ -61,7 +61,7 @@ def dataset(run: Run) -> Any:
 
 
 def engine() -> str:
-    """Returns the module for netCDF-4 output: h5netcdf, or netCDF4 if only that is installed."""
+    """Returns the module for netCDF-4 output: h5netcdf, or netCDF4 if only netCDF4 is installed."""
     h5netcdf, netcdf4 = (importlib.util.find_spec(name) for name in ("h5netcdf", "netCDF4"))
     return "netCDF4" if netcdf4 and not h5netcdf else "h5netcdf"
 
@@ -72,7 +72,7 @@ def write(run: Run, path: pathlib.Path, progress: Progress) -> int:
     import h5py
     from xarray import conventions
 
-    encoded: Any = conventions.cf_encoder  # xarray does not declare this type
+    encoded: Any = conventions.cf_encoder  # xarray does not declare the type of this function
 
     unreadable = 0
     for first, part, faults in blocks(run, progress):

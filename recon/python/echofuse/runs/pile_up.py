@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Corrects pile-up of a detector with dead time by the method of Coates
+"""Corrects the counts of a detector with dead time for pile-up, by the method of Coates
 (recon/data/pile_up.hpp)."""
 from __future__ import annotations
 

@@ -42,8 +42,8 @@ def not_started(path: str, reason: str) -> UsageError:
 
 def call(program: str, *words: object,
          ok: tuple[int, ...] = (0,)) -> subprocess.CompletedProcess[str]:
-    """Runs a program and returns its output. Raises an error with the last line that the program
-    printed: BenchError for exit code 1, and UsageError for all other nonzero exit codes, because
+    """Runs a program and returns its output. Raises an error with the last line printed by the
+    program: BenchError for exit code 1, and UsageError for all other nonzero exit codes, because
     these are not caused by the method."""
     path = path_of(program)
     try:

@@ -24,13 +24,13 @@ from .run_files import STATISTICS, connect, leftovers, meta_of, status_of, table
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of the column record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # two-way time of flight per metre of range, ps
-MIN_AXIS_LIMIT, MAX_PIXELS = 1 << 16, 1 << 23  # minimum limit of axis points; pixel limit
+MIN_AXIS_LIMIT, MAX_PIXELS = 1 << 16, 1 << 23  # minimum limit for axis points; image size limit
 IMAGES = 64  # maximum number of depth images in memory
 
 
 @dataclass(frozen=True)
 class Record:
-    """One record of a run, e.g. run[3]. The depth image is read at each access."""
+    """One record of a run, e.g. run[3]. The depth image is read from the file at each access."""
 
     run: Run  #: run that contains the record
     row: int  #: row in the arrays of the run
@@ -42,7 +42,7 @@ class Record:
 
     @property
     def label(self) -> str:
-        """Label that the operator set; may be empty."""
+        """Label set by the operator; may be empty."""
         return self.run.labels[self.row]
 
     @property
@@ -52,7 +52,7 @@ class Record:
 
     @property
     def spd(self) -> NDArray[np.uint32]:
-        """Counts [bins], or [zones, bins] of a detector with zones."""
+        """Counts [bins], or [zones, bins] for a detector with zones."""
         return np.asarray(self.run.spd[self.row])
 
     @property
@@ -74,7 +74,7 @@ class Record:
 
 def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (intended name)
     """Opens a run, given its file or the NAME of `echofuse-acquire run --out NAME`. Raises
-    FileNotFoundError, IsADirectoryError, or ValueError if the file is not a run."""
+    FileNotFoundError, IsADirectoryError for a folder, or ValueError if the file is not a run."""
     found = pathlib.Path(path)
     if not found.is_file() and found.suffix != ".sqlite":
         found = pathlib.Path(f"{found}.sqlite")
@@ -89,7 +89,7 @@ def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (intended name)
 
 class Run:
     """Recorded values, one row per record. If a sensor is missing, its row is 0 (counts) or NaN,
-    and `valid` is false. Records that were added after open() or the last refresh() are missing."""
+    and `valid` is false. Records added after open() or the last refresh() are not included."""
 
     def __init__(self, path: pathlib.Path) -> None:
         self.path = path
@@ -112,8 +112,8 @@ class Run:
     def __getitem__(self, rows: slice | Sequence[int] | NDArray[Any]) -> "Run": ...
 
     def __getitem__(self, rows: Any) -> "Record | Run":
-        """run[3] and run[-1] return the record in this row. run[10:20], run[[1, 2]] and run[mask]
-        return a run of these records, with the axes, tables and events of the whole run."""
+        """run[3] and run[-1] return one record. run[10:20], run[[1, 2]] and run[mask] return a run
+        of the selected records, with the axes, tables and events of the whole run."""
         if isinstance(rows, (int, np.integer)):
             return Record(self, range(len(self))[rows])
         chosen, part = rows_of(len(self), rows), copy.copy(self)
@@ -124,7 +124,7 @@ class Run:
         return part
 
     def refresh(self) -> "Run":
-        """Reads the run file again, to include records that were added to it."""
+        """Reads the run file again to include new records."""
         self._forget()
         self._read()
         return self
@@ -192,7 +192,7 @@ class Run:
 
     @errors_with_path
     def of_records(self, columns: str, rows: NDArray[np.int64] | None = None) -> list[Any]:
-        """Returns these columns of the table `record`, for the given rows or for all rows."""
+        """Returns the given columns of the table `record`, for the given rows or for all rows."""
         index = (self.index if rows is None else self.index[rows]).tolist()
         found = {row[0]: row[1:] for row in self.select(
             f"SELECT idx, {columns} FROM record WHERE idx IN (SELECT value FROM json_each(?))",
@@ -207,7 +207,7 @@ class Run:
 
     def to_pandas(self) -> Any:
         """Returns a pandas.DataFrame (python3-pandas) with one row per record: time (UTC), label,
-        NAME_valid of each sensor, and the columns of quality()."""
+        NAME_valid for each sensor, and the columns of quality()."""
         import pandas
 
         valid = {f"{name}_valid": mask for name, mask in self.valid.items()}
@@ -236,8 +236,8 @@ class Run:
 
     @errors_with_path
     def quality(self) -> dict[str, NDArray[Any]]:
-        """Returns columns [n] of the records by name: length_s, and four columns for each sensor,
-        e.g. spd_used, spd_lost, spd_verdict and spd_clock_residual_s."""
+        """Returns a dict of columns [n], with one value per record: length_s, and four columns for
+        each sensor, e.g. spd_used, spd_lost, spd_verdict and spd_clock_residual_s."""
         names = [f"{s}_{name}" for s in SENSORS
                  for name in ("used", "lost", "verdict", "clock_residual_s")]
         rows = self.of_records(", ".join(["(slot_end_ns - slot_start_ns) * 1e-9", *names]))
@@ -267,8 +267,8 @@ class Run:
     @cached_property
     @errors_with_path
     def spd(self) -> NDArray[np.uint32]:
-        """Counts [n, bins], or [n, zones, bins] of a detector with zones. Read-only like all cached
-        arrays."""
+        """Counts [n, bins], or [n, zones, bins] for a detector with zones. Read-only like all
+        cached arrays."""
         table = self._table("spd", "<u4", 0)
         return read_only(table.reshape(len(self), len(self.zones), table.shape[1]
                                        // len(self.zones)) if self.zones else table)
@@ -292,7 +292,7 @@ class Run:
         """z of each pixel of the camera images [n, rows, columns], m; NaN: no return."""
         size, blobs = self._image_size(), self._blobs("depth")
         for _, blob in blobs[:1]:
-            inflated(blob, size)  # checks the image size before the allocation
+            inflated(blob, size)  # raises an error before a large allocation
         out = np.full((len(self), *size), np.nan, np.float32)
         for row, blob in blobs:
             image = inflated(blob, size)
@@ -313,8 +313,8 @@ class Run:
         return images[0][1] if images else np.zeros(self._image_size(), np.uint16)
 
     def maps(self, rows: ArrayLike | None = None) -> NDArray[np.float32]:
-        """Returns the ground-truth maps [n, N, N] of these rows, or of all rows (read-only), on the
-        map grid of the models: z, m; NaN: no return or no depth image. Maps are cached."""
+        """Returns the ground-truth maps [n, N, N] of the given rows, or of all rows (read-only), on
+        the map grid of the models: z, m; NaN: no return or no depth image. Maps are cached."""
         selected = rows_of(len(self), slice(None) if rows is None else rows)
         maps, known = self._truth
         new = np.unique(selected[~known[selected]])
@@ -333,20 +333,20 @@ class Run:
 
     @cached_property
     def _truth(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Cached ground-truth maps [n, N, N], and whether each map was computed [n]."""
+        """Cached ground-truth maps [n, N, N], and whether each map has been computed [n]."""
         columns, rows = self._cells
         return (np.empty((len(self), len(rows), len(columns)), np.float32),
                 np.zeros(len(self), bool))
 
     @errors_with_path
     def _images(self, rows: NDArray[np.int64]) -> list[tuple[int, NDArray[np.uint16]]]:
-        """Returns the row and the depth image, mm, of each of these rows that has an image."""
+        """For each of the given rows that has a depth image, returns the row and the image, mm."""
         size = self._image_size()
         return [(row, inflated(blob, size)) for row, blob in self._blobs("depth", rows)]
 
     @cached_property
     def _cells(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-        """Camera columns in each map column, and camera rows in each map row, as intervals."""
+        """Interval of camera columns for each map column, and of camera rows for each map row."""
         x, y = (self.axes.get(name) for name in ("depth_x", "depth_y"))
         to_x, to_y = (self.axes.get(name) for name in ("map_x", "map_y"))
         if x is None or y is None:
@@ -378,8 +378,8 @@ class Run:
 
     @errors_with_path
     def power(self, range_offset_m: float = 0) -> NDArray[np.float32]:
-        """Returns linear power [n, points] at true ranges; 0 if the radar is missing. If the
-        run contains TI codes, their median is subtracted as noise."""
+        """Returns linear power [n, points] at true ranges; 0 if the radar is missing. If the run
+        contains TI codes, the median power of each profile is subtracted as noise."""
         if "radar" not in self.axes:
             return np.zeros((len(self), 0), np.float32)
         power = np.nan_to_num(self.radar)
@@ -412,8 +412,8 @@ class Run:
 
     @errors_with_path
     def lags(self, range_offset_m: float = 0) -> NDArray[np.float32]:
-        """Returns antenna lags [n, points, 2 D + 1] at true ranges: power, then the real and the
-        imaginary part of the mean correlation at each antenna spacing."""
+        """Returns antenna lags [n, points, 2 D + 1] at true ranges: the power, then the real and
+        imaginary parts of the mean correlation at each antenna spacing."""
         axis = self.lags_axis
         if axis is None:
             return np.zeros((len(self), 0, 1), np.float32)
@@ -440,8 +440,8 @@ class Run:
         return np.moveaxis(shifted(flat, by_m / axis.step).reshape(len(self), -1, axis.count), 1, 2)
 
     def array_bins(self) -> Iterator[tuple[int, NDArray[Any]]]:
-        """Yields each row that has antenna samples, and its bins (see radar_array.hpp): the power,
-        and integers relative to this power. Raises ValueError for invalid samples."""
+        """For each row with antenna samples, yields the row and its bins (radar_array.hpp): the
+        power, and integers relative to this power. Raises ValueError if a bin is invalid."""
         axis, blobs = self.axes["array"], dict(self.of_records("idx, array"))
         count = int(axis.scale)
         stored = np.dtype([("power", "<f4"), ("values", "<i2", count * (count + 2) + 2)])
@@ -460,7 +460,7 @@ class Run:
 
     @cached_property
     def _pairs(self) -> tuple[dict[int, list[tuple[int, int]]], dict[int, list[tuple[int, int]]]]:
-        """Horizontal and vertical antenna pairs by their spacing in half wavelengths."""
+        """Horizontal and vertical antenna pairs, grouped by their spacing in half wavelengths."""
         found: tuple[dict[int, list[tuple[int, int]]], ...] = ({}, {})
         for m, (xm, ym, *_) in enumerate(self.antennas):
             for n, (xn, yn, *_) in enumerate(self.antennas):
@@ -472,14 +472,14 @@ class Run:
         return found[0], found[1] if found[0] else {}
 
     def _clicks(self) -> list[tuple[float, float]]:
-        """Returns for each record its clicks and its clicks per laser pulse (0: unknown)."""
+        """For each record, returns its clicks, and its clicks per laser pulse (0: unknown)."""
         rows = self.of_records("in_range + out_of_range, starts, clicks_a_pulse")
         return [(clicks, known or (clicks / starts if clicks < 0.95 * starts
                                    else 0.0)) for clicks, starts, known in rows]
 
     def _blobs(self, sensor: str,
                rows: NDArray[np.int64] | None = None) -> list[tuple[int, bytes]]:
-        """Returns the row and the blob of each valid row among `rows` (default: all rows)."""
+        """For each valid row in `rows` (default: all rows), returns the row and the blob."""
         valid = self.valid[sensor]
         rows = np.flatnonzero(valid) if rows is None else rows[valid[rows]]
         blobs = self.of_records(

@@ -24,7 +24,7 @@ WAL_KEY = "wal_key"  # key in the JSON object run.meta of an open run
 MAX_RESTARTS = 1 << 16  # maximum difference between the stored key and the key of the -wal file
 TABLES = {"run", "axis", "record", "device", "calibration", "antenna", "anchor", "counter", "event",
           "late", "zone"}
-STATISTICS = {f"sqlite_stat{n}" for n in range(1, 5)}  # tables that SQLite writes for ANALYZE
+STATISTICS = {f"sqlite_stat{n}" for n in range(1, 5)}  # tables created by ANALYZE in SQLite
 KINDS: dict[str, tuple[str, Any]] = {"INTEGER":
                                      ("ifnull(CAST({} AS INTEGER), -9223372036854775807 - 1)",
                                       np.int64),
@@ -49,7 +49,7 @@ class Connection(sqlite3.Connection):
     open until the last connection to the file is closed."""
 
     inode: tuple[int, int] | None = None
-    lacks_wal = False  # whether the run was not closed, is not being recorded, and has no -wal file
+    lacks_wal = False  # True: the run was not closed, is not being recorded, and has no -wal file
 
     def close(self) -> None:
         super().close()
@@ -61,7 +61,7 @@ class Connection(sqlite3.Connection):
 
 
 def hold(path: pathlib.Path) -> tuple[int, int]:
-    """Opens a descriptor of the file, which stays open until release(). Returns the device and the
+    """Opens a descriptor of the file, and keeps it open until release(). Returns the device and the
     inode of the file."""
     with _lock:
         found = path.stat()
@@ -98,14 +98,14 @@ def is_closed(path: pathlib.Path) -> bool:
 
 
 def side_file(path: pathlib.Path, suffix: str) -> pathlib.Path:
-    """Returns the path of the file with this suffix next to a run, after resolving links."""
+    """Returns the path of the file with the given suffix next to a run, after resolving links."""
     real = path.resolve()
     return real.with_name(real.name + suffix)
 
 
 def leftovers(path: pathlib.Path) -> list[pathlib.Path]:
-    """Returns the SQLite files next to a closed run. They do not belong to the run and are not
-    read."""
+    """Returns the SQLite files next to a closed run. These files do not belong to the run and are
+    not read."""
     found = [file for suffix in ("-wal", "-shm", "-journal")
              if (file := side_file(path, suffix)).exists()]
     return found if found and is_closed(path) and not is_written(path) else []
@@ -144,16 +144,16 @@ def wal_header(path: pathlib.Path) -> bytes:
 
 
 def wal_key(path: pathlib.Path) -> int | None:
-    """Returns the key of the -wal file (acquire/record/side_files.hpp); None if its
-    header is invalid."""
+    """Returns the key of the -wal file (acquire/record/side_files.hpp); None if the header of the
+    file is invalid."""
     magic, *_, number, salt, _ = struct.unpack(">6I8x", wal_header(path))
     return (salt - number) % (1 << 32) if magic & ~1 == 0x377F0682 else None
 
 
 def stored_in(path: pathlib.Path) -> tuple[str | None, bool] | None:
-    """Returns the stored key of the -wal file, and whether the run contains records. Reads only the
-    run file, as in acquire/record/side_files.cpp. Returns None if the file is damaged or is not a
-    run."""
+    """Returns the key of the -wal file as stored in the run, and whether the run contains records.
+    Reads only the run file, as in acquire/record/side_files.cpp. Returns None if the file is
+    damaged or is not a run."""
     with closing(opened(path, "mode=ro&immutable=1")) as db:
         try:
             guard(db, path)
@@ -258,7 +258,7 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
 
 
 def status_of(db: Connection, path: pathlib.Path, stored: str) -> str:
-    """Returns the status of a run as a string, like RunReader::info() in C++."""
+    """Returns the status of a run as a string, as RunReader::info() does in C++."""
     if stored != "open":
         return stored
     if db.is_closed():
@@ -269,8 +269,9 @@ def status_of(db: Connection, path: pathlib.Path, stored: str) -> str:
 
 
 def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
-    """Protects against malicious files (acquire/README.md, threat model, 1): rejects code in the
-    schema and limits the run time of statements. Raises ValueError for code in the schema."""
+    """Protects against malicious files (acquire/README.md, threat model, item 1): rejects code in
+    the schema and limits the run time of statements. Raises ValueError if the schema contains
+    code."""
     # One step is 10 000 instructions. A valid run needs less than one instruction per byte.
     left = iter(range(200 + path.stat().st_size * 4 // 10_000))
     db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(max(path.stat().st_size, 16 << 20), 128 << 20))
@@ -299,8 +300,8 @@ def meta_of(path: pathlib.Path, text: Any) -> dict[str, str]:
 
 
 def table(path: pathlib.Path, name: str) -> dict[str, NDArray[Any]]:
-    """Returns all columns of a table except blobs: int64 (NULL: NULL_INTEGER), float64 (NULL: NaN)
-    or UTF-8 (dtype S)."""
+    """Returns all columns of a table except blobs. INTEGER becomes int64 (NULL: NULL_INTEGER), REAL
+    becomes float64 (NULL: NaN), and text becomes UTF-8 bytes (dtype S)."""
     with closing(connect(path)) as db:
         columns = db.execute("SELECT name, type FROM pragma_table_info(?) WHERE type != 'BLOB'",
                              (name,)).fetchall()

@@ -34,7 +34,7 @@ def split(run: Run, kind: str = "random", seed: int = 1, *, inputs: str | None =
     """Returns the split that `echofuse-recon rows` computes. The split excludes doubtful and
     incomplete records, and records with a dead sensor. kind: "random", or "blocked" for sequences
     of similar records. inputs: required sensors, "fused", "spd" or "radar" (default: the sensors of
-    the run). Raises RuntimeError with the error message of the program."""
+    the run). Raises RuntimeError with the program's error message if the program fails."""
     inputs = inputs or usual_inputs(run)
     settings = {"test_share": test_share, "validation_share": validation_share, "gap": gap}
     words = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
