@@ -11,7 +11,8 @@
 
 namespace echofuse::bench {
 
-// Counts the clicks of channel 2 after the starts of channel 1, with libtcspc.
+// Uses libtcspc to compute the histogram of the delays between starts on channel 1 and clicks on
+// channel 2.
 std::vector<std::uint32_t> libtcspc_histogram(std::span<const Tag> tags,
                                               const tdc::HistogramSettings& settings);
 

@@ -20,7 +20,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 double multiply_adds(std::size_t rounds, float& sum) {
   const hn::ScalableTag<float> d;
   const auto x = hn::Set(d, 0.999f), y = hn::Set(d, 1e-3f);
-  // The chains have different initial values, because the compiler would merge equal chains.
+  // The chains have different initial values, because the compiler would merge identical chains.
   auto a = hn::Set(d, 1.f), b = hn::Set(d, 2.f), c = hn::Set(d, 3.f), e = hn::Set(d, 4.f);
   auto f = hn::Set(d, 5.f), g = hn::Set(d, 6.f), h = hn::Set(d, 7.f), i = hn::Set(d, 8.f);
   auto j = hn::Set(d, 9.f), k = hn::Set(d, 10.f), l = hn::Set(d, 11.f), m = hn::Set(d, 12.f);
@@ -62,7 +62,7 @@ HWY_EXPORT(multiply_adds);
 HWY_EXPORT(read);
 HWY_EXPORT(name);
 
-volatile float kept;  // receives the sum, so that the compiler keeps the loop
+volatile float kept;  // receives the sum, so that the compiler does not remove the loop
 
 }  // namespace
 

@@ -28,13 +28,14 @@ double best_s(int rounds, const Work& work) {
 }
 
 const char* instructions();    // name of the vector instruction set
-double multiply_adds_per_s();  // in single precision, with all operands in registers
+double multiply_adds_per_s();  // rate in single precision, with all operands in registers
 // Returns the rate of repeated reads from the same memory block. `of` is its size in bytes.
 double bytes_read_per_s(std::size_t of);
 double bytes_copied_per_s(std::size_t of);
 
-// Prints the measured value of echofuse and the limit of the machine for one benchmark. A unit with
-// "/s" means that the values are rates; otherwise, they are times. The limit 0 means "no limit".
+// Prints the value measured for echofuse by one benchmark, and the limit of the machine. If the
+// unit contains "/s", both values are rates; otherwise, they are times. The limit 0 means "no
+// limit".
 void print_row(const char* path, const char* unit, double ours, double limit, const char* of_what);
 // Prints the value of a peer program in the unit of the benchmark.
 void print_peer(const char* path, const char* peer, double value);

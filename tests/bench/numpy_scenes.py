@@ -18,7 +18,8 @@ def rays(count, half_tangent=0.55):
 
 
 def cast(capsules, ray):
-    """Returns z and albedo * cosine of the nearest capsule that each ray hits; infinity and 0 if it hits none."""
+    """Returns z and albedo * cosine of the nearest capsule hit by each ray; infinity and 0 if a ray
+    hits no capsule."""
     nearest, light = np.full(len(ray), np.inf), np.zeros(len(ray))
     ray2 = np.einsum("ij,ij->i", ray, ray)
     for *ends, radius, albedo in capsules:

@@ -27,16 +27,16 @@ Estimator fitted(const Dataset& data, const std::string& model, std::size_t epoc
   return fit_model(data, split, preprocessing, model, Inputs::fused, "record", fit);
 }
 
-// Measures the time of one epoch with validation, as an eighth of the difference between the times
-// of nine epochs and of one epoch.
+// Measures the duration of one epoch with validation. This is an eighth of the difference between
+// the durations of nine epochs and of one epoch.
 void training(const Dataset& data, double most_per_s) {
   const Split split = make_split(data.usable(Inputs::fused), {});
   std::size_t a_record = 0, a_judgement = 0;
   const auto run = [&](std::size_t epochs) {
     return best_s(4, [&] {
       const Estimator m = fitted(data, "mlp-512-256", epochs);
-      // Counts the multiply-adds of the forward and the backward pass, without the gradient for the
-      // inputs.
+      // Counts the multiply-adds of the forward and backward passes, without the gradient with
+      // respect to the inputs.
       a_judgement = m.model->cost().multiply_adds;
       a_record = 3 * a_judgement - m.features.count() * m.fit.hidden.value().front();
     });
@@ -50,8 +50,8 @@ void training(const Dataset& data, double most_per_s) {
             2e-9 * std::max(most_per_s, multiply_adds_per_s()), "multiply-adds");
 }
 
-// Measures the time that `evaluate` needs for one map. It includes aligning or scaling the inputs,
-// and the prediction.
+// Measures the time that `evaluate` takes for one map, including the alignment or scaling of the
+// inputs.
 void one_map(const Dataset& data, const std::string& name) {
   const Estimator m = fitted(data, name, 1);
   std::size_t row = 0;

@@ -90,7 +90,7 @@ void measure(const char* background) {
   if (sum == 0) std::printf("nothing was seen\n");
 }
 
-// Prints people and their depth maps, so that a second renderer can be compared.
+// Prints people and their depth maps, for comparison with a second renderer.
 void print_people() {
   const Conditions c;
   std::printf("rays %d\n", static_cast<int>(rays_of(c)));

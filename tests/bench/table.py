@@ -30,7 +30,7 @@ def best_s(rounds, work, clock=time.process_time):
 
 
 def run(*command):
-    """Runs a benchmark and adds the rows that it prints to `rows` and `peers`."""
+    """Runs a benchmark, and adds the rows printed by it to `rows` and `peers`."""
     done = subprocess.run([str(word) for word in command], stdout=subprocess.PIPE, text=True, check=True)
     for line in done.stdout.splitlines():
         kind, *words = line.split("\t")

@@ -165,7 +165,7 @@ bool transport() {
       {"bridge block parser",
        [&] {
          bridge::BlockParser parser;
-         for (ByteView rest = blocks; !rest.empty();) {  // pieces of the size that TCP delivers
+         for (ByteView rest = blocks; !rest.empty();) {  // pieces of the size of one TCP read
            const ByteView piece = rest.first(std::min<std::size_t>(rest.size(), 1u << 18));
            parser.feed(piece, [&](const bridge::Block& b) { seen += b.payload.size(); });
            rest = rest.subspan(piece.size());

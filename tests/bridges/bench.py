@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: MIT
 """bench.py BIN_DIR [SECONDS=8]: measures the tag rate of scripts/bridges/timetagger.py and the cost of live runs.
 
-In the first benchmark, the client only reads, and the buffer of the stand-in library is always full. In the live
-runs, every tag that the bridge sends must be in a record of the daemon. Costs are processor times, because these hardly
-depend on the load. The cost of generating tags in the stand-in is listed separately."""
+In the first benchmark, the client only reads, and the buffer of the stand-in library is always
+full. In the live runs, every tag sent by the bridge must be in a record of the daemon. Costs are
+processor times, because wall-clock times depend on the load of the machine. The cost of generating
+tags in the stand-in is listed separately."""
 import os
 import pathlib
 import re
@@ -63,7 +64,7 @@ def live(offered):
                                       stderr=subprocess.PIPE, text=True)
             time.sleep(SLOTS - 2)
             used = cpu_s(program.process), cpu_s(daemon)
-            program.stop()  # the bridge prints the number of tags that it sent
+            program.stop()  # the bridge prints the number of tags sent
             log = daemon.communicate()[1]
             sent, _, dropped = program.sent()
         arrived = int(re.search(r"received: (\d+) tags", log).group(1))

@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""end_to_end.py BIN_DIR: tests that the daemon records every tag and every pixel that bridges send.
+"""end_to_end.py BIN_DIR: tests that the daemon records every tag and every pixel sent by the
+bridges.
 
 The bridges use stand-ins for the vendors' libraries."""
 import csv

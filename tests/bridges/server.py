@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""Tests the common part of all bridges: the framing of blocks and the server for one client."""
+"""Tests the common part of all bridges: the framing of blocks, and the server, which accepts one
+client at a time."""
 import socket
 import time
 import unittest

@@ -81,7 +81,7 @@ class Client:
         return Block(kind=kind, dropped=dropped, payload=payload)
 
     def until(self, kind):
-        """Returns all blocks up to and including the first block of this kind."""
+        """Returns all blocks up to and including the first block of the given kind."""
         blocks = [self.block()]
         while blocks[-1].kind != kind:
             blocks.append(self.block())
@@ -89,7 +89,8 @@ class Client:
 
 
 def connect(address):
-    """Connects until the bridge accepts, and returns the client after its hello block."""
+    """Tries to connect until the bridge accepts the client, and returns the client after its hello
+    block."""
     while True:
         client = Client(address)
         if client.block().kind == 0:
@@ -136,7 +137,8 @@ class Program:
         return self.process.wait(10)
 
     def sent(self):
-        """Returns the totals that the bridge prints on exit: sent items, clients and dropped items."""
+        """Returns the totals printed by the bridge on exit: sent items, clients and dropped
+        items."""
         return tuple(map(int, re.search(r"sent (\d+) \w+ to (\d+) clients, and dropped (\d+)", self.said()).groups()))
 
 

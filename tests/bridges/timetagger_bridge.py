@@ -29,12 +29,12 @@ def options(*arguments):
     return timetagger.parse_arguments(arguments)
 
 
-# Old version of the library without CustomMeasurement.
+# Simulates an old version of the library without CustomMeasurement.
 old_library = types.SimpleNamespace(**{k: v for k, v in vars(library).items() if k != "CustomMeasurement"})
 
 
 def open_tagger(*arguments, which=library):
-    """Opens the stand-in tagger with these options. Returns the tagger and its messages."""
+    """Opens the stand-in tagger with the given options. Returns the tagger and its messages."""
     recorder.reset()
     with contextlib.redirect_stderr(io.StringIO()) as said:
         tagger = timetagger.Tagger(which, options(*arguments))
@@ -130,7 +130,8 @@ class Calls(unittest.TestCase):
 
 class Tags(unittest.TestCase):
     def poll(self, columns, *arguments, which=library):
-        """Sends these tags to the bridge. Returns the outlet with the blocks, the pause and the messages."""
+        """Sends the given tags to the bridge. Returns the outlet with the blocks, the pause and the
+        messages."""
         tagger, _ = open_tagger(*arguments, which=which)
         tagger._stream.stop()
         if which is old_library:

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: MIT
 """tmf8820_bridge.py BIN_DIR: tests scripts/bridges/tmf8820.py.
 
-The bridge reads the log of the chip from a serial port or a file. A recorded run is viewed, used for training and shown
-in a report."""
+The bridge reads the log of the chip from a serial port or a file. The recorded run is then viewed,
+used for training, and summarised in a report."""
 import gzip
 import json
 import os
@@ -28,8 +28,8 @@ SLOTS = 60
 
 
 def measurement(counts, number=1):
-    """Returns the log lines that the manufacturer's program prints for counts [9, 128], preceded by a reference
-    channel."""
+    """Returns the log lines printed by the manufacturer's program for the counts [9, 128], preceded
+    by those of a reference channel."""
     channels = np.vstack([np.full(128, 7), counts]).astype(np.int64)
     lines = [f"#Raw,65,{10 * byte + channel}," + ",".join(str(n >> 8 * byte & 255) for n in row)
              for byte in range(3) for channel, row in enumerate(channels)]

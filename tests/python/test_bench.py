@@ -109,7 +109,7 @@ def test_bench_error_names_the_table_that_cannot_be_written(tmp_path):
 
 
 class Constant:
-    """Predicts the map of the first training record for each test record."""
+    """For each test record, predicts the map of the first training record."""
 
     def fit(self, known, rows):
         self.map = known.maps()[rows[0]]
@@ -162,7 +162,8 @@ def test_true_maps_have_iou_1_even_for_bodies_nearer_than_any_training_body(run,
 
 
 def test_bench_refuses_an_unknown_method_and_a_table_of_another_study(run, tmp_path):
-    """A mistyped method name ends the bench with an error. The table does not get a row of NaN for this method."""
+    """A mistyped method name makes the bench stop with an error. No row of NaN is added to the
+    table for this method."""
     table = bench.Table(tmp_path / "b.csv", "this")
     with pytest.raises(bench.UsageError, match="nearst"):
         bench.fill(table, bench.pareto_cells(run.path, run.path, [bench.method("nearst")], seeds=1), quiet=True)

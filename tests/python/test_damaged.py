@@ -21,7 +21,8 @@ def folder(tmp_path_factory):
 
 
 def mutated(data, rng):
-    """Returns a copy of `data` with flipped bits, with overwritten or repeated bytes, or with a truncated end."""
+    """Returns a copy of `data` with flipped bits, overwritten or repeated bytes, or a truncated
+    end."""
     data = bytearray(data)
     first, length = rng.integers(len(data)), int(rng.integers(1, 200))
     kind = rng.integers(4)
@@ -46,8 +47,8 @@ def read_all(path):
 
 
 def survives(use, path):
-    """Returns True if `use` reads the file, and False after a ValueError or an OSError. Any other exception fails the
-    test."""
+    """Returns True if `use` reads the file, and False if it raises a ValueError or an OSError. Any
+    other exception fails the test."""
     try:
         use(path)
         return True

@@ -151,8 +151,8 @@ def open_run(folder, path):
 
 
 def killed_run(folder, path, records):
-    """Creates the files that kill -9 leaves: an open run, and its -wal file with `records` more records. The run stores
-    the key that identifies the -wal file."""
+    """Creates the files left by kill -9: an open run, and its -wal file with `records` additional
+    records. The run stores the key that identifies the -wal file."""
     live = path.with_suffix(".live")
     with closing(open_run(folder, live)) as db:
         db.execute("UPDATE run SET version = 'killed'")
@@ -228,7 +228,8 @@ def outcome(name, *words):
 
 
 def another_run(folder, path, files):
-    """Creates a run at `path` with the side files that a killed program leaves: -wal and -shm, or a hot -journal."""
+    """Creates a run at `path` with the side files left by a killed program: -wal and -shm, or a hot
+    -journal."""
     path.write_bytes((folder / "monday.sqlite").read_bytes())
     mode = "WAL" if "-wal" in files else "DELETE"
     kill = (f"import os, sqlite3; db = sqlite3.connect({str(path)!r}); db.execute('PRAGMA journal_mode={mode}');"

@@ -291,7 +291,8 @@ def test_export_holds_its_lock_even_if_the_lock_file_is_replaced(tmp_path, monke
     place, flock, late = tmp_path / "a.h5", staging.fcntl.flock, []
 
     def gone(held, how):
-        """Replaces the lock file just before this process locks it, as if two other processes had deleted and created it."""
+        """Replaces the lock file just before this process locks it, as if other processes had
+        deleted and recreated it."""
         if not late:
             late.extend(tmp_path.glob(".*.lock"))
             late[0].unlink()

@@ -17,7 +17,8 @@ SETTINGS = {"half_tangent": 0.55, "spd_field": 1, "spd_falloff": 0, "signal_phot
 
 @pytest.mark.parametrize("visibility_m", [5, 20, 200, 300, 499])
 def test_fog_extinction_matches_the_kim_model_below_500_m_visibility(visibility_m):
-    """For visibilities below 500 m the extinction at 1550 nm equals that at 550 nm (Kim, Proc. SPIE 4214, 26, 2001)."""
+    """At visibilities below 500 m, the extinction at 1550 nm equals that at 550 nm (Kim, Proc. SPIE
+    4214, 26, 2001)."""
     assert fog.extinction_per_m(visibility_m) * visibility_m == pytest.approx(3.912, rel=0.12)
 
 

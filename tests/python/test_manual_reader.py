@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Tests that a reader that is based only on acquire/README.md reads the same values from a run as the Python
-package."""
+"""Tests that a reader based only on acquire/README.md reads the same values from a run as the
+Python package."""
 import math
 import sqlite3
 import subprocess
@@ -16,8 +16,8 @@ C_M_PER_PS = 299_792_458e-12
 
 
 def read(path):
-    """Returns a dictionary per record: index, label, start time (UTC, ns), SPD counts, radar power and depth (m). SPD and
-    radar ranges (m) are corrected by the calibrated offsets."""
+    """Returns one dictionary per record: index, label, start time (UTC, ns), SPD counts, radar
+    power and depth (m). SPD and radar ranges (m) are corrected for the calibrated offsets."""
     db = sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True)
     axes = {name: one for name, *one in db.execute("SELECT name, quantity, count, start, step, scale FROM axis")}
     offset_m = dict(db.execute("SELECT sensor, offset_m FROM calibration"))

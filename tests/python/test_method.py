@@ -43,7 +43,8 @@ def stated(path, taps, cell_m=0.3):
 
 
 def as_the_daemon_writes(path):
-    """Replaces radar power by the logarithmic codes that the daemon stores, and appends five range bins beyond the model axis."""
+    """Replaces radar power with the logarithmic codes stored by the daemon, and appends five range
+    bins beyond the model axis."""
     run = echofuse.open(path)
     codes = np.round(np.log2(np.maximum(run.radar, 1e-3) * 1e6) * 256 * CODES_SCALE / 32)
     codes = np.pad(codes, ((0, 0), (0, 5)), mode="edge").astype("<f4")

@@ -112,7 +112,7 @@ def test_report_is_a_single_page_without_external_resources(here, tmp_path):
     assert [section["id"] for section in page["sections"]] == [
         "failures", "gallery", "errors", "labels", "metrics", "cost", "records", "space", "live", "made", "terms"]
     # The records of the person and the letter have maps of all three models.
-    # The live record and the worst, median and best record have one map each.
+    # The live record and the worst, median and best records have one map each.
     assert [len(record["maps"]) for record in page["records"]][:6] == [3, 3, 1, 1, 1, 1]
     assert of_kind(page["of"]["metrics"], "note")["text"].startswith("Do not use SSIM alone")
     assert ["command", f"echofuse-report {tmp_path}"] == [page["of"]["made"][0]["rows"][3][0], page["of"]["made"][0]["rows"][3][1][:16 + len(str(tmp_path))]]

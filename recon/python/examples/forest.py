@@ -14,7 +14,8 @@ class Forest:
         self.trees = ExtraTreesRegressor(100, min_samples_leaf=3, random_state=seed, n_jobs=1)
 
     def inputs(self, run) -> np.ndarray:
-        """Returns the inputs [n, bins + points]. Each sensor is normalised in each record."""
+        """Returns the inputs [n, bins + points]. In each record, the data of each sensor are
+        normalised separately."""
         counts = run.photons().reshape(len(run), -1)
         parts = [counts] + ([run.power()] if "radar" in run.axes else [])
         return np.hstack([part / (np.abs(part).sum(1, keepdims=True) + 1e-9) for part in parts])
@@ -29,7 +30,7 @@ class Forest:
                        self.components.transform(maps.reshape(len(maps), -1)))
 
     def predict(self, run) -> np.ndarray:
-        """Returns maps [n, N, N], m, NaN: no return."""
+        """Returns the maps [n, N, N], m, with NaN for no return."""
         maps = self.components.inverse_transform(self.trees.predict(self.inputs(run)))
         return np.where(maps > self.nearest, maps,
                         np.nan).reshape(-1, self.size, self.size).astype(np.float32)

@@ -18,7 +18,8 @@ class Network:
         self.epochs = epochs
 
     def inputs(self, run) -> torch.Tensor:
-        """Returns the inputs [n, bins + points]. Each sensor is normalised in each record."""
+        """Returns the inputs [n, bins + points]. In each record, the data of each sensor are
+        normalised separately."""
         counts = run.photons().reshape(len(run), -1)
         parts = [counts] + ([run.power()] if "radar" in run.axes else [])
         # interpolated counts may be negative
@@ -50,7 +51,8 @@ class Network:
                 loss.backward()
                 steps.step()
             rate.step()
-        # Selects the threshold with the highest IoU, because uncertain bodies have wide masks.
+        # Selects the threshold with the highest IoU, because the masks of uncertain bodies are too
+        # wide.
         with torch.no_grad():
             mask = self.net((x - self.mean) / self.scale)[:, :pixels]
         self.least = max(torch.linspace(-2.5, 0.5, 13).tolist(), key=lambda at: float(
@@ -59,7 +61,7 @@ class Network:
 
     @torch.no_grad()
     def predict(self, run) -> np.ndarray:
-        """Returns maps [n, N, N], m, NaN: no return."""
+        """Returns the maps [n, N, N], m, with NaN for no return."""
         mask, off = self.net((self.inputs(run) - self.mean) / self.scale).split(self.size ** 2, 1)
         maps = np.where(mask > self.least, off + self.depth_mean, np.nan)
         return maps.reshape(-1, self.size, self.size).astype(np.float32)

@@ -27,7 +27,7 @@ def dataset(path: pathlib.Path, records: int, seed: int, settings: list[str]) ->
 
 
 def shares(maps: np.ndarray, run: echofuse.Run) -> list[float]:
-    """Returns the fraction of readable letters in the maps of a run, for each letter size."""
+    """For each letter size, returns the fraction of readable letters in the maps of a run."""
     found, sizes = letters.read(maps, run.maps(), run.labels, run.half_tangent)
     return [float(np.mean(found[sizes == k])) for k in range(len(letters.SIZES))]
 

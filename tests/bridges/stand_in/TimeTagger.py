@@ -74,7 +74,7 @@ def freeTimeTagger(tagger):
 class TimeTagger:
     def __init__(self):
         self.batches, self.levels = 0, {}
-        self.most = float("inf")  # number of patterns still to send
+        self.most = float("inf")  # number of patterns still to be sent
 
     @property
     def silent(self):
@@ -149,7 +149,8 @@ if os.environ.get("STAND_IN_LISTEN"):
 
 
 class TimeTaggerVirtual:
-    """Virtual tagger without a model, a serial number and hardware settings, like the vendor's class."""
+    """Virtual tagger without a model, a serial number or hardware settings, like the vendor's
+    class."""
 
     def __init__(self):
         self.batches, self.silent, self.most = 0, False, 0
@@ -244,7 +245,8 @@ class Source:
         self._done = 0  # number of patterns sent
 
     def _next(self):
-        """Returns the number of tags that are due and the time to add to the times of the pattern."""
+        """Returns the number of tags that are due, and the offset to add to the times in the
+        pattern."""
         self._tagger.batches += 1
         if self._tagger.silent:
             return 0, 0

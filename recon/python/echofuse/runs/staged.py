@@ -80,8 +80,8 @@ def publish(source: pathlib.Path, place: pathlib.Path) -> None:
 
 @contextlib.contextmanager
 def replaced(place: pathlib.Path) -> Iterator[pathlib.Path]:
-    """Yields the path of a new file. The new file then replaces `place` atomically. Raises
-    OSError."""
+    """Yields the path of a new file, which atomically replaces `place` when the context exits.
+    Raises OSError if the file cannot be written."""
     new = place.with_name(f"{place.name}.{secrets.token_hex(8)}.part")
     try:
         new.open("xb").close()
@@ -95,10 +95,10 @@ def replaced(place: pathlib.Path) -> Iterator[pathlib.Path]:
 
 @contextlib.contextmanager
 def staged(place: pathlib.Path) -> Iterator[pathlib.Path]:
-    """Yields the path of a temporary file (in $TMPDIR, or hidden next to `place`), which becomes
-    `place` at the end. A lock excludes other processes. Files of killed processes are replaced.
-    Raises FileExistsError if `place` exists, BlockingIOError if another process is creating it, and
-    OSError for other errors."""
+    """Yields the path of a temporary file (in $TMPDIR, or hidden next to `place`), which is moved
+    to `place` when the context exits. A lock excludes other processes. Files left by killed
+    processes are replaced. Raises FileExistsError if `place` exists, BlockingIOError if another
+    process is creating it, and OSError for other errors."""
     refuse_existing(place)
     key = zlib.crc32(os.fsencode(place.absolute()))
     name = f".{place.name}.{socket.gethostname()}-{key:08x}.unfinished"

@@ -36,8 +36,8 @@ class Zone(NamedTuple):
 
 
 def stored(db: sqlite3.Connection) -> list[Zone]:
-    """Returns the zones of a run; an empty list for a single pixel. Raises ValueError for invalid
-    zones."""
+    """Returns the zones of a run, or an empty list for a single pixel. Raises ValueError if a zone
+    is invalid."""
     if not db.execute("SELECT 1 FROM sqlite_schema WHERE name = 'zone'").fetchone():
         return []
     cursor = db.execute("SELECT CAST(x AS REAL), CAST(y AS REAL), CAST(width AS REAL), CAST("

@@ -14,7 +14,7 @@ export class Alarm {
     await (this.on ? this.context.suspend() : this.context.resume());
     this.on = this.context.state === 'running';
     this.button.setAttribute('aria-pressed', this.on);
-    this.button.lastChild.textContent = this.on ? 'ound is on' : 'ound on';  // text after the underlined letter 's'
+    this.button.lastChild.textContent = this.on ? 'ound is on' : 'ound on';  // text after the underlined initial 's'
     this.known.clear();
     if (this.on) this.play([660]);
   }

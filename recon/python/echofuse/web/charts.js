@@ -3,7 +3,7 @@
 /* global uPlot */
 export const metresPerPs = 299792458 / 2e12;
 export const colour = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-// Returns the font size of charts, px. The key f (large type) changes the size.
+// Returns the font size of charts, px. The key f switches to large type, which has a different size.
 export const textSize = () => parseFloat(colour('--chart-text'));
 export const text = () => `${textSize()}px ${getComputedStyle(document.body).fontFamily}`;
 
@@ -16,13 +16,13 @@ export const siNumber = v => Math.abs(v) >= 1e6 ? `${+(v / 1e6).toPrecision(3)}M
   : Math.abs(v) >= 1e3 ? `${+(v / 1e3).toPrecision(3)}k` : `${+v.toPrecision(3)}`;
 export const short = (_, values) => values.map(v => v == null ? '' : siNumber(v));
 
-// A chart that fills its element. The chart is created again when its style changes.
+// A chart that fills its element. It is recreated when its style changes.
 export class Chart {
   constructor(id, height) {
     this.at = document.getElementById(id);
     this.height = height;
     this.data = null;
-    this.gaps = [], this.rules = [];  // gaps: intervals of x that are shaded; rules: labelled lines {at, name, across}
+    this.gaps = [], this.rules = [];  // gaps: shaded intervals of x; rules: labelled lines {at, name, across}
     new ResizeObserver(() => this.plot?.setSize(this.size())).observe(this.at);
   }
   size() {
@@ -75,13 +75,14 @@ export const units = {m: {name: 'range, m', perM: 1, words: m => `${m.toFixed(2)
                       ns: {name: 'two-way time, ns', perM: 1e-3 / metresPerPs, words: m => `${(m * 1e-3 / metresPerPs).toFixed(2)} ns`,
                            width: m => `${+(m * 1e-3 / metresPerPs).toPrecision(3)} ns`}};
 
-// A chart over range, for one record or a sum of records. Drag to zoom this chart and the partner chart; double-click
-// to reset. Two clicks set the cursors A and B. The readout then shows the distance between A and B, and the FWHM of
-// the highest peak between them. If no cursors are set, the readout shows the highest peak in the visible part.
+// A chart with a range axis, for one record or for the sum of several records. Drag to zoom this chart and the partner
+// chart; double-click to reset. Two clicks set the cursors A and B. The readout then shows the distance between A and
+// B, and the FWHM of the highest peak between them. If no cursors are set, the readout shows the highest peak in the
+// visible part.
 class Bench extends Chart {
   constructor(id, height) {
     super(id, height);
-    this.zoom = null, this.marks = [], this.partner = null;  // cursor positions and zoom are in `unit`
+    this.zoom = null, this.marks = [], this.partner = null;  // the cursor positions and the zoom limits are in `unit`
     this.unit = units.m, this.fit = null;
     this.readout = document.getElementById(`${id}-readout`);
   }
@@ -99,7 +100,7 @@ class Bench extends Chart {
   get range() {
     return {time: false, range: () => this.zoom ?? [0, (this.farthest ?? 1) * this.unit.perM]};
   }
-  // Returns the range of the peak fit, m: the interval between the cursors or, if they are not set, the visible part.
+  // Returns the interval for the peak fit, m: the part between the cursors or, if they are not set, the visible part.
   get part() {
     const ends = this.marks.length === 2 ? this.marks.map(mark => mark.at).sort((a, b) => a - b) : this.zoom ?? [-1e6, 1e6];
     return ends.map(at => at / this.unit.perM);
@@ -141,7 +142,7 @@ class Bench extends Chart {
       this.show_part(null);
     });
   }
-  // Returns the index of the highest point in the given range; null if there are no data.
+  // Returns the index of the highest point in the given range, or null if there are no data.
   peak([from, to] = this.part) {
     const [x, y] = this.data ?? [[], []], {perM} = this.unit;
     let top = null;
@@ -172,8 +173,8 @@ class Bench extends Chart {
   }
 }
 
-// Returns the upper end of the y axis. The end rises immediately but falls slowly, so that records can be compared by
-// eye.
+// Returns the upper limit of the y axis. The limit rises immediately but falls slowly, so that records can be compared
+// by eye.
 function calmTop(before, values, least) {
   let top = least;
   for (const v of values) if (v > top) top = v;
@@ -276,8 +277,8 @@ const niceTop = most => {
 const fromZero = {range: (_, low, high) => [0, niceTop(Math.max(high, 1))]};
 const endsOnly = {values: short, size: 52, splits: (u, i, low, high) => [low, high]};
 
-// Rate of a sensor over the run. Marks at the top show when data were lost. The heading shows the number of lost tags
-// or frames.
+// Rate of a sensor as a function of time. Marks at the top show when data were lost. The heading shows the number of
+// lost tags or frames.
 class Strip extends Chart {
   constructor(sensor) {
     super(`strip-${sensor}`, 64);
@@ -303,7 +304,8 @@ export const clock = s => {
 };
 const times = {incrs: [1, 2, 5, 10, 20, 30, ...[1, 2, 5, 10, 20, 30, 60, 120, 180, 360, 720, 1440].map(min => 60 * min)], space: 70,
                values: (_, at) => at.map(clock)};
-// Signal of one sensor over range and time (or direction). Bright colours mean high values; missing data are blank.
+// Signal of one sensor as a function of range and time (or direction). Bright colours mean high values; missing data
+// are blank.
 export class Waterfall extends Chart {
   constructor(id, height = 150, x = {...times}, label = '') {
     super(id, height);
@@ -337,7 +339,7 @@ export class Waterfall extends Chart {
     c.fillText(this.ends[0], bar + 16 * ratio, top + height);
   }
 }
-// A single quantity over the run, e.g. a temperature.
+// A single quantity as a function of time, e.g. a temperature.
 export class Curve extends Chart {
   constructor(id) {
     super(id, 64);

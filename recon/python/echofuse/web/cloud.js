@@ -48,7 +48,7 @@ export class Cloud {
       this.box.textContent = 'Points cannot be drawn, because this browser does not support WebGL.';
       return;
     }
-    // away: viewing distance. Until the first zoom it is null, and the whole floor is visible.
+    // away: viewing distance. It is null until the first zoom, so that the whole floor is visible.
     this.turn = -0.6, this.tilt = 0.3, this.away = null, this.middle = 3.5;
     this.program = program(this.gl);
     this.labels = [2, 3, 4, 5].map(z => {

@@ -77,7 +77,7 @@ export function fill(canvas, image) {
 }
 
 // Returns an image of the error (predicted minus ground-truth depth) at pixels where both maps have a return. Also
-// stores which returns are missed or false.
+// flags the missed and the false returns.
 export function errorPicture(map, truth, rows, columns, span) {
   const both = map.map((v, i) => v > 0 && truth[i] > 0 ? v - truth[i] : NaN), image = picture(both, rows, columns, span, tables.error, 1, true);
   image.missed = map.map((v, i) => truth[i] > 0 && !(v > 0)), image.invented = map.map((v, i) => v > 0 && !(truth[i] > 0));

@@ -82,7 +82,7 @@ export class Plan {
     const places = Array.from({length: track.shape[0]}, (_, i) => track.subarray(4 * i, 4 * i + 4)).filter(place => place[1] === place[1]);
     const line = (from, to, paint, wide) => { c.strokeStyle = paint, c.lineWidth = wide, c.beginPath(), c.moveTo(...from), c.lineTo(...to), c.stroke(); };
     const ends = ([, x, z, interval]) => [at(x - interval, z), at(x + interval, z)];
-    // Draws a light line under the dark line, so that the track is visible on the colours of the antenna power.
+    // Draws a light line under the dark line, so that the track is visible against the colours of the antenna power.
     for (const [paint, wide] of [['--card', 5], ['--bad', 2.5]]) {
       for (let i = places.length - 1; i > 0; --i) line(at(places[i][1], places[i][2]), at(places[i - 1][1], places[i - 1][2]), colour(paint), wide);
       places.forEach((place, i) => { if (place[3] === place[3]) c.globalAlpha = i ? 0.35 : 1, line(...ends(place), colour(paint), i ? wide / 2 : wide); });

@@ -105,7 +105,8 @@ class Plot extends Chart {
     const wide = u.over.clientWidth, high = u.over.clientHeight;
     for (const {x, y, name, colour: ink} of points.sort((a, b) => a.y - b.y)) {
       const at = make(u.over, 'span', {className: 'named', textContent: name}), w = at.offsetWidth, h = at.offsetHeight;
-      // Returns the area of a label at this position that overlaps other items, plus a penalty outside the chart.
+      // Returns the area in which a label at this position overlaps other items, plus a penalty for parts outside the
+      // chart.
       const cost = ([left, top]) => taken.reduce((sum, b) => sum + Math.max(0, Math.min(left + w, b[2]) - Math.max(left, b[0])) * Math.max(0, Math.min(top + h, b[3]) - Math.max(top, b[1])), 0)
         + 1e4 * (Math.max(0, -left) + Math.max(0, left + w - wide) + Math.max(0, -top) + Math.max(0, top + h - high));
       let best = null, least = Infinity;
@@ -336,8 +337,8 @@ const kinds = {
     strips.take(block.arrays, block.window_s);
     redraws.push(() => strips.renew());
   },
-  // Draws the data of each sensor over the run. Each column is a group of records, with the nearest bin first; 255
-  // means no data.
+  // Draws the data of each sensor as a function of time. Each column is a group of records, with the nearest bin first;
+  // 255 means no data.
   waterfalls(parent, {tables: all, unit, end}) {
     const box = make(parent, 'figure', {className: 'card waterfalls'}), head = {spd: ['SPD', 'clicks by range and time'], radar: ['radar', 'power by range and time']};
     for (const {sensor, values, columns, bins, start_m: start, end_m: far, most} of all) {
@@ -410,7 +411,7 @@ const chapters = report.sections.map(({id, heading, blocks}) => {
 const isEmpty = section => [...section.children].every(part => part.matches('h2, details:not([open])')) || section.querySelector('#cloud') !== null;
 if (location.hash) document.getElementById(location.hash.slice(1))?.scrollIntoView();
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
-// Switches printed pages to the light theme and a fixed width.
+// Uses the light theme and a fixed width for printed pages.
 let theme;
 addEventListener('beforeprint', () => {
   theme = root.dataset.theme, root.dataset.theme = 'light', root.classList.add('paper');

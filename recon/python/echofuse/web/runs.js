@@ -6,7 +6,7 @@ import {fill, picture, spanOf, tables} from './maps.js';
 
 const $ = id => document.getElementById(id);
 const side = 112, pause = {all: 5000, more: 100};
-let listed = '';  // list of runs that is displayed, as JSON
+let listed = '';  // displayed list of runs, as JSON
 
 function thumbnail(run, span) {
   const canvas = document.createElement('canvas'), c = canvas.getContext('2d'), high = side * devicePixelRatio;

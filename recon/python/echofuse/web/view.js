@@ -74,7 +74,7 @@ function drawLamps() {
   $('doubts').hidden = false, $('doubts').dataset.none = !state.doubts;
   drawMapsLamp();
 }
-// Shows the worst of the states of the run and its sensors.
+// Shows the most serious state of the run and its sensors.
 function drawStatus(lost, look) {
   const of = list => list.map(name => names[name]).join(', '), words = {open: 'recording', complete: 'complete'};
   const all = sensors.filter(name => state.sensors[name].configured);
@@ -177,7 +177,7 @@ function drawRecord() {
   sheet.point(record.index);
 }
 
-// Draws the sensors, the antenna power and the body from above, with the detector at the origin.
+// Draws a plan view of the sensors, the antenna power and the body, with the detector at the origin.
 function drawPlan() {
   const {beams, track} = record.arrays, made = record.reconstruction, hasBeams = beams?.some(v => v > -Infinity);
   $('card-plan').hidden = !hasBeams && !track?.length;
@@ -266,7 +266,7 @@ const take = {
   sum(message) {
     sum = message;
     setText('rates-of', summed() === 1 || message.why ? message.why ?? '' : `of ${message.records} records from record ${message.from}`);
-    if (summed() === 1) {  // a sum of one record: the message `record` already contains these data
+    if (summed() === 1) {  // for a sum of one record, the message `record` already contains these data
       takeFits(message.fits);
       for (const chart of [histogram, profile]) chart.readOut(null);
     } else drawMeasured(message, {spd: message.why ?? (message.arrays.spd ? '' : 'no data'), radar: message.why ?? (message.arrays.radar ? '' : 'no data')});
