@@ -24,7 +24,7 @@ double best_us(const std::function<void(std::int64_t)>& work) {
          });
 }
 
-// Renders coherent echoes at eight antennas, in range cells of 50 cm and 4.4 cm.
+// Renders coherent echoes for eight antennas, with range cells of 50 cm and 4.4 cm.
 void measure_antennas(const char* background) {
   for (const double cell_m : {0.5, 0.044}) {
     Plan plan;

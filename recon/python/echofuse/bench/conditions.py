@@ -35,8 +35,7 @@ class Axis:
     """An axis of the study. `values` maps each label to its condition, in display order, and
     includes BASE."""
 
-    # "matched": models are trained and tested under the same condition; "shifted": they are trained
-    # under BASE
+    # "matched": the training and test conditions are the same; "shifted": BASE is used for training
     kind: str
     name: str
     title: str  # title in tables and figures, including the unit
@@ -140,8 +139,8 @@ def _matched_sensors(axes: _Axes) -> None:
 
 
 def _matched_scenes(axes: _Axes) -> None:
-    """Adds axes that vary the scenes, the slot duration or the room. Most of them vary both the
-    training and the test data."""
+    """Adds axes that vary the scenes, the slot duration or the room. Most of these axes apply to
+    both the training and the test data."""
     base = axes.base
     axes.numeric("matched", "records", "training records (factor)", (6.67, 3, 1, 0.28, 0.07),
                  (0.28,), lambda v: World(records=v), 1)

@@ -20,7 +20,8 @@ Floats = NDArray[np.float64]
 
 def strokes(letter: str, width: float, height: float,
             stroke: float) -> list[tuple[float, float, float, float]]:
-    """Returns the centre line (u0, v0, u1, v1) of each stroke, m. u points right, v points up."""
+    """Returns the centre line (u0, v0, u1, v1) of each stroke, m. The u axis points to the right,
+    and the v axis upwards."""
     right, top = width / 2, height / 2
     a, b = right - stroke / 2, top - stroke / 2
     foot = -top / 3
@@ -126,7 +127,7 @@ def read(maps: NDArray[np.float32], truth: NDArray[np.float32], labels: Sequence
 
 
 def text(share: Floats, sizes: NDArray[np.int64]) -> str:
-    """Returns a summary with one line for all letters, and one line per size."""
+    """Returns a summary with one line for all letters, and one line for each letter size."""
     lines = []
     for name, rows in [("letters", sizes >= 0),
                        *((f"letters of {100 * high:.0f} x {100 * wide:.0f} cm", sizes == k)

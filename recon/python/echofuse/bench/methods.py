@@ -65,8 +65,7 @@ class Fitted(Protocol):
         """Returns one depth map per record [n, N, N], m, with NaN for no return."""
 
 
-# predict(test, folder) returns the arguments for `echofuse-recon evaluate`, and the measured costs
-# by name
+# predict(test, folder) returns arguments for `echofuse-recon evaluate`, and measured costs by name
 Predict = Callable[[pathlib.Path, pathlib.Path], tuple[list[str], Row]]
 
 

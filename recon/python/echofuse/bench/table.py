@@ -42,10 +42,10 @@ class Table:
     the code of the method has changed. Each new row is synced to disk before the next one is
     measured. A concatenation of tables (cat) is a valid table.
 
-    `source` is the first line, which names the data. A file with a different first line is rejected
-    (UsageError). The rows of part (k, n) are in NAME-part-k-of-n.csv; the whole table includes the
-    rows of all existing parts. NAME.records.csv contains the scores of each record. `failed` is the
-    number of failed rows of user methods; NAME.log contains their tracebacks."""
+    `source` is the first line, which identifies the data. A file with a different first line is
+    rejected (UsageError). The rows of part (k, n) are in NAME-part-k-of-n.csv; the whole table
+    includes the rows of all existing parts. NAME.records.csv contains the scores of each record.
+    `failed` is the number of failed rows of user methods; NAME.log contains their tracebacks."""
 
     def __init__(self, path: Path, source: str = "", part: tuple[int, int] = (1, 1)) -> None:
         whole = pathlib.Path(path)
@@ -102,7 +102,8 @@ class Table:
                 and not (cell.method.is_user_method and np.isnan(float(row["iou"]))))
 
     def add(self, row: Row, records: Sequence[Row] = ()) -> None:
-        """Appends a row and the scores of its records; replaces a row with the same key."""
+        """Appends a row and the scores of its records. The row replaces any existing row with the
+        same key."""
         previous = self.rows.get(self.key(row), {"source": ""})
         self.rows[self.key(row)] = row
         if previous["source"] == row["source"] and np.isnan(float(row["iou"])):
@@ -247,7 +248,7 @@ class Cell:
     """A table row to be measured."""
 
     axis: str  #: name of the property that is varied
-    value: str  #: value of this property
+    value: str  #: value of the varied property
     method: Method  #: method to measure
     seed: int  #: random seed for training
     train: RunSource  #: training run
@@ -278,8 +279,8 @@ class Cell:
 
 
 class Shared:
-    """Runs and trained methods that cells share. Each run or method is created on its first use,
-    and removed after its last use."""
+    """Runs and trained methods shared by several cells. Each run or method is created on its first
+    use, and removed after its last use."""
 
     def __init__(self, cells: Sequence[Cell], folder: pathlib.Path) -> None:
         self.folder, self.lock = folder, threading.Lock()
@@ -369,8 +370,8 @@ def pareto_cells(train: Path, test: Path, methods: Iterable[Method], *, seeds: i
                  photons: Sequence[float] = (0.1, 0.01, 0.001),
                  records: Sequence[float] = (0.05, 0.2, 0.5), sweep: Iterable[Method] = (),
                  axis: str = "model") -> list[Cell]:
-    """Returns one cell per method and seed. For each method in `sweep`, adds cells in which only a
-    fraction of the photons (`photons`) or of the training records (`records`) is used."""
+    """Returns one cell per method and seed. For each method in `sweep`, also returns cells in which
+    only a fraction of the photons (`photons`) or of the training records (`records`) is used."""
     train_run, test_run = existing_run(train), existing_run(test)
     cells = [Cell(axis, "1", method, seed, train_run, test_run) for method in methods
              for seed in range(1, seeds + 1)]

@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 BINS, BIN_M, ZERO_BIN = 128, zone_fit.BIN_M, 12.0
 OBJECT_M = 0.003  # minimum height of a hit above the table to count as a hit on the object, m
 SIZE, HALF_TANGENT = 32, 0.3  # pixels per map side; tangent of half the field of view of 33 degrees
-# typical record: total photons in all zones, and total background counts of all zones per bin
+# typical record: total number of photons, and background counts per bin summed over all zones
 COUNTS, BACKGROUND = 3e6, 600.0
 
 
@@ -145,8 +145,8 @@ def cylinder(radius: float, z: float, sides: int = 16) -> Array:
 
 
 def _hull(corners: Array, n: int) -> Array:
-    """Returns the triangles of the sides and the top of a solid. The first n corners are the lower
-    ring, the next n corners are the upper ring."""
+    """Returns the triangles of the sides and the top of a solid. The first n corners form the lower
+    ring, and the next n corners form the upper ring."""
     faces = [(k, (k + 1) % n, n + k)
              for k in range(n)] + [((k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
     return np.asarray(corners[np.array(faces + [(n, n + k, n + k + 1) for k in range(1, n - 1)])])

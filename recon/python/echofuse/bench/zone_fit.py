@@ -19,11 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.floating[Any]]
-# number of rays per side of a field, and tangent at its edge; 14 % of the weight is at tangents
-# beyond +-0.3
+# number of rays per side of a field; tangent at its edge (14 % of the weight is beyond +-0.3)
 G, FIELD_TANGENT = 30, 0.46
-# A field is a sum of KNOTS x KNOTS hat functions, because a few poses cannot determine the weight
-# of each ray.
+# A field is a sum of KNOTS x KNOTS hat functions. A few poses cannot determine the weight per ray.
 KNOTS = 8
 BIN_M = 0.0138
 FIRST, LAST = 11, 60  # bins FIRST to LAST - 1 are fitted

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Baseline estimators (recon/models), which predict maps from counts and radar power without
-aligning them. t and f are the tensors and the metadata of an estimator. [n, d] means n records with
-d values."""
+aligning them to the range of the body. t and f are the tensors and the metadata of an estimator.
+[n, d] means n records with d values."""
 from __future__ import annotations
 
 from collections.abc import Callable

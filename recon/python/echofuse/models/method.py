@@ -27,7 +27,7 @@ TAPS = np.arange(-7, 9)  # offsets of the interpolation taps, in profile points
 
 
 class Method:
-    """The method, applied with the tensors t, the metadata f and the constants c of one estimator
+    """Applies the method with the tensors t, the metadata f and the constants c of one estimator
     (recon/method/constants.hpp)."""
 
     def __init__(self, t: dict[str, Array], f: dict[str, Any]) -> None:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ..runs import run_files
 
 Block = dict[str, Any]
-PAGE = pathlib.Path(__file__).resolve().parents[1] / "web"  # folder of the scripts and styles
+PAGE = pathlib.Path(__file__).resolve().parents[1] / "web"  # folder with the scripts and styles
 NONE = "\N{EN DASH}"
 
 

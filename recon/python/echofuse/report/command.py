@@ -66,8 +66,8 @@ MAX_FAILING = 6  # maximum number of failing records shown with pictures
 
 
 class Report:
-    """Contents of the page: model scores, data of a recorded run over time, and records with
-    maps."""
+    """Contents of the page: model scores, data of a recorded run as a function of time, and records
+    with maps."""
 
     def __init__(self, args: argparse.Namespace) -> None:
         self.args, self.run = args, args.run or args.live
@@ -185,7 +185,8 @@ class Report:
         return self.live_problems + (tables.problems_of_run(self.first) if self.models else [])
 
     def read_provenance(self) -> dict[str, str]:
-        """Returns information about the program, the host, the run and the models, by title."""
+        """Returns information about the program, the host, the run and the models, keyed by
+        title."""
         info, host, started = self.info, os.uname(), self.info["started_utc"]
         recorded = f"{started[:10]} {started[11:16]} UTC" if started[10:11] == "T" else started
         recorded += (f", echofuse {info['version']}" if info["version"]

@@ -28,8 +28,8 @@ Map = dict[str, NDArray[np.float32]]
 
 def record_blocks(run: str, indices: Sequence[int], models: Sequence[ReportModel] = (),
                   scores: Sequence[Scores] = (), room: Sequence[str] = ()) -> dict[int, Block]:
-    """Returns one block per record, by record index. The maps in the blocks are predicted by the
-    first file of each model. `scores` contains the scores of the same files."""
+    """Returns one block per record, keyed by record index. The maps in the blocks are predicted by
+    the first file of each model. `scores` contains the scores of the same files."""
     with runs.open(run) as whole:
         rows = np.flatnonzero(np.isin(whole.index, indices)).tolist()
         out = {int(whole.index[row]): measured(whole[row:row + 1]) for row in rows}
@@ -139,9 +139,9 @@ def median_record(models: Sequence[ReportModel], indices: set[int]) -> int | Non
 def select_records(run: str, models: Sequence[ReportModel], room: Sequence[str],
                    failing: Sequence[int]) -> tuple[list[Block], list[Block], list[Block]]:
     """Returns three lists of records. The first contains the median record with the label "person"
-    and that with any other label, with the maps of all models. The second contains the worst,
-    median and best records of the first model. The third contains its failing records that are not
-    in the other lists."""
+    and the median record with any other label, with the maps of all models. The second contains the
+    worst, median and best records of the first model. The third contains its failing records that
+    are not in the other lists."""
     first, main, captions = models[0].first, [], []
     common = set.intersection(*(set(model.first.index.tolist()) for model in models))
     for person in (True, False):

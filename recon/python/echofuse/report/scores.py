@@ -209,15 +209,15 @@ class ReportModel:
 
     @property
     def means(self) -> Means:
-        """Means of the metrics. If the model was trained several times, mean and standard error
-        over the trained models; otherwise over the maps."""
+        """Mean and standard error of each metric over the trained models or, if the model was
+        trained only once, over the maps."""
         all_means = [means_of(s.result["metrics"]) for s in self.scores]
         return all_means[0] if len(all_means) == 1 else Means(
             {m: Mean.of(np.array([means[m].mean for means in all_means])) for m in all_means[0]})
 
 
 def sensors_of(facts: dict[str, Any]) -> str:
-    """Returns the names of the sensors used by a model as text."""
+    """Returns a text with the names of the sensors used by a model."""
     if facts["0/model"] in ("mean", "empty"):
         return "no sensor"
     if not facts["0/inputs"].startswith("fused"):

@@ -93,7 +93,7 @@ def comparison_verdict(second: ReportModel, simulated: str) -> str:
 def models_verdict(models: Sequence[ReportModel], evaluation: Evaluation, simulated: str,
                    new_run: bool) -> str:
     """Returns a summary with the scores of the first model and of the best baseline, and with the
-    metrics in which a second model is better. Ignores baselines with IoU 0."""
+    metrics for which a second model is better. Ignores baselines with IoU 0."""
     own = models[0]
     second = "".join(f"{model.short} with the same inputs: {plus_minus(model.means, 'iou')}; "
                      for model in models[1:] if len(models) == 2 and model.sensors == own.sensors)
@@ -107,7 +107,7 @@ def models_verdict(models: Sequence[ReportModel], evaluation: Evaluation, simula
            f"IoU {plus_minus(own.means, 'iou')} ({second}{baseline})")
     out += "".join(f", {METRICS[m].name} {plus_minus(own.means, m)}"
                    for m in FIRST[1:] if own.means[m].maps) + "."
-    for model in models[1:] if len(models) == 2 else []:  # else differences_table() compares them
+    for model in models[1:] if len(models) == 2 else []:  # three or more: see differences_table()
         found = [(METRICS[m], model.differences[m])
                  for m in PAIRED if m not in ("ssim_fg", "ghost") and m in model.differences]
         worse = [f"{form.name} ({form.text(d['first'])} against "
@@ -144,7 +144,7 @@ def rows_of(models: Sequence[ReportModel], result: dict[str, Any]) -> list[Row]:
 
 
 def loss(metric: str, value: float) -> float:
-    """Converts a score to a value that is lower for a better score."""
+    """Converts a score to a loss: a lower value is better."""
     return {"more": -value, "less": value, "0": abs(value)}[METRICS[metric].best]
 
 

@@ -42,8 +42,7 @@ def record(config: str | pathlib.Path | None = None, count: int = 1, *, label: s
                           *(("--set", f"{k}={v}") for k, v in settings.items())):
         words += [option, os.fspath(value)] if value is not None else []
     path = None
-    # The child process has its own session, so that Ctrl-C reaches it only through send_signal()
-    # below.
+    # The child has its own session, so that Ctrl-C reaches it only through send_signal() below.
     with tempfile.TemporaryFile("w+") as errors, subprocess.Popen(
             words, stdout=subprocess.PIPE, stderr=errors, text=True,
             start_new_session=True) as child:
@@ -89,9 +88,9 @@ def write_run(path: str | pathlib.Path, *, spd: ArrayLike | None = None, first_b
 
     spd: integer counts [n, bins], or [n, zones, bins] with `zones` as in Run.zones. first_bin_ps:
     two-way time at the start of the first bin. radar: linear power [n, points]. first_m: range of
-    the first point. radar_cell_m, radar_taps: radar response (run.toml). array: antenna samples
-    [n, bins, values] in the format of antennas.values(), with `antennas` as in Run.antennas.
-    depth_m: z [n, rows, columns] from the top left, NaN or 0: no return; the width spans tangents
+    the first point. radar_cell_m, radar_taps: radar response (run.toml). array: antenna samples [n,
+    bins, values] in the format of antennas.values(), with `antennas` as in Run.antennas. depth_m: z
+    [n, rows, columns] with the top-left pixel first, NaN or 0: no return; the width spans tangents
     of +-half_tangent, and depths above far_m count as no return. began: start of the run, UTC.
     signal: limits of the verdicts, as in lab.toml."""
     radar_keys = {"first_m": float(first_m), "step_m": float(step_m), "cell_m": float(radar_cell_m),

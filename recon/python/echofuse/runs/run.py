@@ -24,7 +24,7 @@ from .run_files import STATISTICS, connect, leftovers, meta_of, status_of, table
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of the column record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # two-way time of flight per metre of range, ps
-MIN_AXIS_LIMIT, MAX_PIXELS = 1 << 16, 1 << 23  # minimum limit for axis points; image size limit
+MIN_AXIS_LIMIT, MAX_PIXELS = 1 << 16, 1 << 23  # lower bound of the axis limit; pixels per image
 IMAGES = 64  # maximum number of depth images in memory
 
 
@@ -292,7 +292,7 @@ class Run:
         """z of each pixel of the camera images [n, rows, columns], m; NaN: no return."""
         size, blobs = self._image_size(), self._blobs("depth")
         for _, blob in blobs[:1]:
-            inflated(blob, size)  # raises an error before a large allocation
+            inflated(blob, size)  # checks the image size before memory is allocated
         out = np.full((len(self), *size), np.nan, np.float32)
         for row, blob in blobs:
             image = inflated(blob, size)

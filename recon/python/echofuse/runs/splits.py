@@ -31,7 +31,7 @@ def usual_inputs(run: Run) -> str:
 
 def split(run: Run, kind: str = "random", seed: int = 1, *, inputs: str | None = None,
           test_share: float = 0.1, validation_share: float = 0.05, gap: int = 0) -> Split:
-    """Returns the split that `echofuse-recon rows` computes. The split excludes doubtful and
+    """Returns the split computed by `echofuse-recon rows`. The split excludes doubtful and
     incomplete records, and records with a dead sensor. kind: "random", or "blocked" for sequences
     of similar records. inputs: required sensors, "fused", "spd" or "radar" (default: the sensors of
     the run). Raises RuntimeError with the program's error message if the program fails."""

@@ -3,7 +3,7 @@
 /* global uPlot */
 export const metresPerPs = 299792458 / 2e12;
 export const colour = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-// Returns the font size of charts, px. The key f switches to large type, which has a different size.
+// Returns the font size of charts, px. The key f toggles between normal and large type.
 export const textSize = () => parseFloat(colour('--chart-text'));
 export const text = () => `${textSize()}px ${getComputedStyle(document.body).fontFamily}`;
 

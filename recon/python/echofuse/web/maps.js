@@ -142,7 +142,7 @@ export class MapView {
     return this.kind === 'sure' ? `±${(100 * z).toFixed(1)} cm; ${where}`
       : `depth ${z.toFixed(3)} m; ${where}; x ${(tangent * z).toFixed(2)} m, z ${z.toFixed(2)} m`;
   }
-  // tangents: [left, right, bottom, top] of the image edges. values: pixel values, in units of `scale` m.
+  // tangents: [left, right, bottom, top] of the image edges. values: pixel values, in units of `scale` metres.
   set(image, tangents, span, values = null, scale = 1) {
     Object.assign(this, {image, tangents, span, values, scale, why: ''});
     this.ratio = (tangents[3] - tangents[2]) / (tangents[1] - tangents[0]);
