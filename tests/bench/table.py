@@ -30,7 +30,7 @@ def best_s(rounds, work, clock=time.process_time):
 
 
 def run(*command):
-    """Runs a benchmark, and adds the rows printed by it to `rows` and `peers`."""
+    """Runs a benchmark, and adds the rows of its output to `rows` and `peers`."""
     done = subprocess.run([str(word) for word in command], stdout=subprocess.PIPE, text=True, check=True)
     for line in done.stdout.splitlines():
         kind, *words = line.split("\t")
@@ -71,8 +71,8 @@ def to_maps(recon, model, recorded, scratch):
 
 
 def torch():
-    """Measures PyTorch with a network of equal size on one thread: the training rate in GFLOP/s and the
-    time of one map in us."""
+    """Measures PyTorch on one thread, with a network of the same size: the training rate in GFLOP/s
+    and the time of one map in us."""
     try:
         import torch as t
     except ImportError:

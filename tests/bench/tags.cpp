@@ -190,8 +190,8 @@ bool checked() {
     const auto add = [&](const TagBlock& block) { histogram.add(block.tags); };
     acquire::TagCheck checks({}, true, [](const std::string&) {});
     for (std::size_t i = 0; i < count; i += tags_a_block) {
-      // In the first second of the stream the check only stores events. Therefore this second
-      // contains only one block.
+      // In the first second of the stream, the check only stores events, so this second contains
+      // only one block.
       const HostTime received{i == 0 ? 0 : 1'000'000'000 + tags[i].time_ps / 1000};
       const TagBlock block{.received = received, .tags = std::span(tags).subspan(i, tags_a_block)};
       check ? checks.take(block, add) : add(block);

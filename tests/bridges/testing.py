@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Common part of the bridge tests: module paths, an independent reader of blocks, and bridges as processes."""
+"""Common parts of the bridge tests: module paths, an independent block reader, and a class that
+runs a bridge as a process."""
 import json
 import os
 import pathlib

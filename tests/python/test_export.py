@@ -79,7 +79,7 @@ def test_hdf5_export_contains_the_arrays_and_marks_unreadable_records(runs, tmp_
         assert [dim.label for dim in data["depth"].dims] == ["record", "depth_y", "depth_x"]
         assert file["entry"].attrs["NX_class"] == "NXentry" and file["entry/depth"].attrs["signal"] == "depth"
         assert file["entry/entry_identifier"].asstr()[()] == run.info["uuid"]
-        # Identifier and labels are stored as fixed-length strings.
+        # The identifier and the labels are stored as fixed-length strings.
         assert file["entry/entry_identifier"].dtype.kind == "S" and data["label"].dtype.kind == "S"
 
 

@@ -51,7 +51,7 @@ class Network:
                 loss.backward()
                 steps.step()
             rate.step()
-        # Selects the threshold with the highest IoU, because masks of uncertain bodies are too wide.
+        # Selects the threshold with the highest IoU. The masks of uncertain bodies are too wide.
         with torch.no_grad():
             mask = self.net((x - self.mean) / self.scale)[:, :pixels]
         self.least = max(torch.linspace(-2.5, 0.5, 13).tolist(), key=lambda at: float(
