@@ -16,15 +16,15 @@ class Chooser {
  public:
   Chooser(std::string folder, const Clock& clock) : folder_(std::move(folder)), clock_(clock) {}
 
-  // Returns the path of the run with this name (without extension) in the folder; empty if it does
-  // not exist.
+  // Returns the path of the run with this name (without extension); empty if the folder does not
+  // contain it.
   std::string path_of(const std::string& name) const;
   // Returns a JSON array with one object per run, newest first. There are three kinds of objects:
-  //   readable run    the fields of `echofuse-acquire list --json` except the path; and data of the
-  //                   record in the middle of the run: `map` (cm, chooser_side x chooser_side
-  //                   pixels, 0: no return) or, if it has no depth map, `histogram` (clicks)
-  //   damaged run     `name`, and the reason in `fault`
-  //   run not read    `name`, and `waits`: true. Each call reads files for at most half a second;
+  //   readable run    all fields of `echofuse-acquire list --json` except the path, and one field
+  //                   taken from the middle record: `map` (cm, chooser_side x chooser_side pixels,
+  //                   0: no return) or, if that record has no depth map, `histogram` (clicks)
+  //   damaged run     `name`, and `fault`, which contains the reason
+  //   run not yet read  `name`, and `waits`: true. Each call reads files for at most half a second;
   //                   call again to read the rest.
   std::string runs();
 

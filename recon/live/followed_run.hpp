@@ -31,19 +31,19 @@ struct SensorState {
   std::string verdict;  // verdict on the newest record
   bool configured = false, valid = false;
   std::optional<UtcTime> last_valid;  // end of the last slot with valid data
-  double used = 0;                    // clicks or frames used in the newest record
+  double used = 0;                    // number of clicks or frames used in the newest record
   // Number of frames received in the slot of the newest record, including unused ones.
   std::optional<std::int64_t> arrived;
   std::uint64_t lost = 0, late = 0;  // number of lost and late samples in the whole run
-  std::uint64_t missing = 0;         // number of records without valid data of this sensor
+  std::uint64_t missing = 0;         // number of records without valid data from this sensor
   std::optional<double> residual_s;
 };
 
 // Properties of a run file that change if its contents change.
 struct FileStamp {
-  std::uint64_t inode = 0, bytes = 0;  // bytes: size of file and WAL
+  std::uint64_t inode = 0, bytes = 0;  // bytes: total size of the run file and its WAL
   std::int64_t changed_ns = 0;
-  // True: a process has the file open for writing (becomes false after a crash).
+  // True while a process has the file open for writing; false again if that process crashes.
   bool written = false;
   bool operator==(const FileStamp&) const = default;
 };
@@ -55,15 +55,15 @@ class FollowedRun {
   // exist yet.
   explicit FollowedRun(std::string target) : target_(std::move(target)) {}
 
-  // Reads new records. Returns true if anything has changed. Takes little time if the file has not
+  // Reads new records. Returns true if anything has changed. Returns quickly if the file has not
   // changed.
   bool refresh();
 
   const std::string& path() const { return path_; }
-  // Returns the reason why the run cannot be read; empty if it can.
+  // Returns the reason why the run cannot be read; empty if it can be read.
   const std::string& trouble() const { return trouble_; }
-  // Returns a number that increases if another run replaces the current run, if the axes or the
-  // status of the run change, or if the run becomes readable again.
+  // Returns a number that increases whenever another run replaces the current run, the axes or the
+  // status of the run change, or the run becomes readable again.
   int edition() const { return edition_; }
   const record::RunInfo& info() const { return info_; }
   const std::vector<Axis>& axes() const { return axes_; }
@@ -71,8 +71,8 @@ class FollowedRun {
   const std::vector<Outline>& outlines() const { return outlines_; }
   const std::string& label() const { return label_; }
   const PerSensor<SensorState>& sensors() const { return sensors_; }
-  // Returns totals over all records: number of records, of doubtful records, and of each verdict
-  // per sensor.
+  // Returns totals over all records: the number of records, the number of doubtful records and, for
+  // each sensor, the number of records with each verdict.
   const record::RunSummary& verdicts() const { return verdicts_; }
   std::optional<std::int64_t> last() const;  // index of the newest record
   bool live() const { return info_.status == "open"; }
@@ -85,7 +85,7 @@ class FollowedRun {
   void with_reader(const ReadAction& use) const;
 
  private:
-  struct FolderEntry {  // entry of a file in the folder
+  struct FolderEntry {  // a file in the followed folder
     FileStamp stamp;
     std::string utc;  // start time of the run; empty if the file is not a run
   };
@@ -107,10 +107,11 @@ class FollowedRun {
   record::RunSummary verdicts_;
 };
 
-// Returns the time since the end of the sensor's last valid slot, s; empty if no slot was valid.
+// Returns the time in seconds since the end of the sensor's last valid slot; empty if no slot was
+// valid.
 std::optional<double> age_s(const SensorState& sensor, UtcTime now);
-// Returns true if the sensor had no valid data for two slot lengths plus 0.5 s. The web page then
-// shows a red status lamp for this sensor.
+// Returns true if the sensor has had no valid data for two slot lengths plus 0.5 s. The web page
+// then shows a red status lamp for this sensor.
 bool is_stale(const SensorState& sensor, double window_s, UtcTime now);
 
 }  // namespace echofuse::view

@@ -30,11 +30,12 @@ struct Caller {
   bool page = false;  // true: `/` is the page of a run; false: it is the list of runs
   bool may_write = false;
 };
-// Checks a request. `socket`: true for a WebSocket upgrade. The path /live accepts only WebSocket
-// upgrades; all other paths reject them.
+// Checks a request and returns its target and access rights. `socket`: true for a WebSocket
+// upgrade. The path /live accepts only WebSocket upgrades; all other paths reject them.
 Caller caller_of(const HttpRequest& request, const Access& access, bool socket);
 
-// Returns the HTTP response. `runs` returns the JSON of /runs for a folder.
+// Returns the HTTP response. If the server shows a folder, `runs` returns the JSON text sent for
+// the path /runs.
 HttpResponse respond(const HttpRequest& request, const Caller& caller,
                      const std::function<std::string()>& runs);
 
@@ -42,6 +43,6 @@ HttpResponse respond(const HttpRequest& request, const Caller& caller,
 struct PageFile {
   std::string_view name, type, contents;
 };
-const PageFile* page_file(std::string_view name);  // null if the file does not exist
+const PageFile* page_file(std::string_view name);  // Returns null if no page file has this name.
 
 }  // namespace echofuse::view

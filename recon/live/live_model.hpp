@@ -17,11 +17,12 @@ struct Reconstruction {
   // requested or the model is not calibrated.
   std::vector<float> map_m, deviation_m;
   record::MapGrid grid;
-  std::string fault;               // reason for a missing map; otherwise empty
-  std::string note;                // missing sensors, or why the record is out of distribution
-  std::optional<double> x_m, z_m;  // position of the body, if the map contains one, m
+  std::string fault;  // reason for a missing map; otherwise empty
+  std::string
+      note;  // names of the missing sensors, or the reason why the record is out of distribution
+  std::optional<double> x_m, z_m;  // position of the body in m, if the map shows one
   std::optional<double> lateral_interval_90_m;
-  std::optional<double> iou, lateral_error_m;  // scores relative to the camera's depth map
+  std::optional<double> iou, lateral_error_m;  // scores of the map against the camera's depth map
 };
 
 class LiveModel {
@@ -39,7 +40,7 @@ class LiveModel {
   // Computes `iou` and `lateral_error_m` if both maps have the same number of pixels.
   void compare(Reconstruction& made, std::span<const float> camera_map_m) const;
   // Returns how these records, as a group, differ from the training data (recon::DomainShift).
-  // Empty if they do not differ, or if they are too few for the test.
+  // Empty if they do not differ, or if there are too few records for the test.
   std::string doubt(const record::RunReader& run, std::int64_t first, std::int64_t count) const;
 
  private:

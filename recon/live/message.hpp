@@ -66,7 +66,7 @@ inline constexpr std::size_t strip_columns = 360, sheet_maps = 48, sheet_side = 
 
 using Message = std::shared_ptr<const Bytes>;
 
-// Returns JSON null if the value is not finite.
+// Returns the value as a JSON number, or null if it is not finite.
 nlohmann::json number(double value);
 
 class MessageWriter {

@@ -8,7 +8,7 @@
 
 namespace echofuse::view {
 
-// Result of a peak fit. Lengths are in units of the axis.
+// Result of a peak fit. Positions and widths are in the units of the axis.
 struct PeakFit {
   double centre = 0, centre_error = 0;  // centre and its standard error
   double fwhm = 0;
@@ -23,7 +23,7 @@ std::optional<PeakFit> fit_peak(std::span<const double> values, const Axis& axis
 
 // Returns the number of bins before the first return, minus a margin of 3. The return begins where
 // the sum of five neighbouring bins significantly exceeds the mean of all previous bins. Returns
-// the number of all bins if no return was found, and 0 if 10 or fewer bins would be left.
+// the total number of bins if no return is found, and 0 if 10 or fewer bins would remain.
 std::size_t bins_before_return(std::span<const double> counts);
 
 }  // namespace echofuse::view

@@ -12,7 +12,7 @@ namespace echofuse::view {
 
 const Axis* find(const std::vector<Axis>& axes, const char* name);  // returns null if not found
 
-// Camera image that contains every k-th row and column, so that each side has at most 320 pixels.
+// Camera image reduced to every k-th row and column, so that each side has at most 320 pixels.
 struct Picture {
   std::vector<std::uint16_t> mm;
   std::size_t height = 0, width = 0;

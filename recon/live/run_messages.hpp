@@ -22,8 +22,8 @@ namespace echofuse::view {
 // cannot be read.
 class RunMessages {
  public:
-  // `model` may be null. `run`, `model` and `clock` must outlive this object. `planned`: planned
-  // number of records.
+  // `model` may be null. `run`, `model` and `clock` must outlive this object. `planned`: number of
+  // records planned for the run.
   RunMessages(FollowedRun& run, const LiveModel* model, std::optional<std::int64_t> planned,
               const Clock& clock)
       : run_(run), model_(model), planned_(planned), clock_(clock) {}
@@ -31,17 +31,19 @@ class RunMessages {
   FollowedRun& run() { return run_; }
   Message about_run(bool may_write);
   Message state();
-  Message record(std::int64_t index, bool live);  // caches the message of the last call
-  // Returns the sum of several records; `index` is the index of the last record.
+  Message record(std::int64_t index,
+                 bool live);  // returns the message for one record; caches the most recent message
+  // Returns the message for the sum of several records; `index` is the index of the last of these
+  // records.
   Message sum(std::int64_t index, const ShowSum& request);
   Message strip() const;
   Message sheet(std::int64_t first, std::int64_t last) const;
-  // Returns the mean histogram of the first minute. Returns null until the first minute or the run
-  // has ended.
+  // Returns the message with the mean histogram of the first minute; null until one minute has
+  // passed or the run has ended.
   Message reference();
 
  private:
-  struct RunSettings {  // settings from the stored configuration of the run
+  struct RunSettings {  // settings read from the configuration stored in the run
     double laser_hz = 0, most_clicks_a_pulse = record::most_clicks_a_pulse;
     record::AlertLimits alert;
   };
@@ -50,7 +52,8 @@ class RunMessages {
   nlohmann::json disk() const;
   nlohmann::json alerts();
   nlohmann::json facts() const;
-  // Returns the trigger levels from the firmware string of the time tagger; may be empty.
+  // Returns the trigger levels contained in the time tagger's firmware string; empty if there are
+  // none.
   std::string trigger_levels() const;
   Message make_record(std::int64_t index, bool live);
   void add_maps(MessageWriter& out, nlohmann::json& head, const record::FusedRecord& record,
@@ -84,7 +87,7 @@ class RunMessages {
   std::int64_t checked_last_ = -1;
 };
 
-// Calls visit(key, value) for each line of a resolved configuration, e.g. with "tdc.bins" and
+// Calls visit(key, value) for each setting in a resolved configuration, e.g. with "tdc.bins" and
 // "336".
 void for_each_setting(const std::string& resolved,
                       const std::function<void(const std::string&, const std::string&)>& visit);

@@ -19,10 +19,10 @@ struct ServerOptions {
   // Run file or folder; may not exist yet. A missing path is treated as a run file. For a folder,
   // the page / lists its runs, /run/NAME/ shows one run, and /newest/ shows the newest one.
   std::string run;
-  // Planned number of records of the run, or of the newest run in a folder.
+  // Number of records planned for the run or, in a folder, for the newest run.
   std::optional<std::int64_t> planned;
   std::string listen;  // address, e.g. "127.0.0.1:8410"; empty: loopback interface, first free port
-  bool until_closed = false;  // true: exit when the run has ended and no browser is connected
+  bool until_closed = false;  // true: exit once the run has ended and no browser is connected
 };
 
 // Threading: must be used from one thread only. For a slow client, only the newest message of each

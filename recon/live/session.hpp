@@ -31,13 +31,13 @@ inline constexpr std::size_t kinds = 9;
 
 class Session;
 
-// Functions of the server that its sessions call.
+// Server functions called by its sessions.
 class SessionOwner {
  public:
   virtual ~SessionOwner() = default;
   virtual const Access& access() const = 0;
   virtual bool has_run(const std::string& name) = 0;
-  virtual std::string runs() = 0;  // JSON list of the runs
+  virtual std::string runs() = 0;  // returns the list of runs as JSON text
   // Called when a WebSocket has been opened.
   virtual void opened(const std::shared_ptr<Session>& session) = 0;
   virtual void closed(const std::shared_ptr<Session>& session) = 0;
@@ -67,7 +67,7 @@ class Session : public std::enable_shared_from_this<Session> {
   const std::string& run() const { return caller_.run; }
 
   bool live = true;       // true: displays the newest record
-  std::int64_t held = 0;  // if not live: index of the displayed record
+  std::int64_t held = 0;  // index of the displayed record if `live` is false
   std::optional<ShowSum> summed;
 
  private:
@@ -92,7 +92,7 @@ class Session : public std::enable_shared_from_this<Session> {
   Message writing_;
   std::array<Message, kinds> waiting_;
   std::optional<Request> record_, sum_, sheet_;  // newest pending request of each kind
-  std::deque<Request> marks_;                    // all pending marks and labels, in order
+  std::deque<Request> marks_;  // pending mark and label requests, in order of arrival
 };
 
 }  // namespace echofuse::view

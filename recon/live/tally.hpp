@@ -36,7 +36,7 @@ class Tally {
   nlohmann::json rates(const Axis& axis, double laser_hz) const;
   std::vector<double> clicks_, power_;
   double spd_records_ = 0, radar_records_ = 0;
-  // Sums over all records with SPD data.
+  // Sums over all records that contain SPD data: slots_s_ in s, the others are counts.
   double slots_s_ = 0, starts_ = 0, all_clicks_ = 0, pulses_ = 0;
 };
 

@@ -14,14 +14,14 @@ namespace echofuse::recon {
 
 // Structural similarity of two depth maps (Wang, Bovik, Sheikh, Simoncelli, IEEE TIP 13, 600,
 // 2004), with an 11 x 11 Gaussian window of sigma 1.5, K1 = 0.01, K2 = 0.03 and the population
-// covariance.
-// Pixels within this distance of the border have no complete window and are cropped.
+// covariance. Pixels less than 5 pixels from the border do not have a complete window and are
+// excluded.
 inline constexpr std::size_t ssim_border = 5;
 
 // Returns the SSIM of two maps of size x size pixels, for each pixel with a complete window:
 // (size-10)^2 values, row-major. `size` must exceed 10. `data_range`: difference between the
-// largest and the smallest value that a map can contain (e.g. 6 m), not between those in the two
-// maps.
+// largest and the smallest value that any map can contain (e.g. 6 m), not the range found in these
+// two maps.
 std::vector<double> ssim_map(std::span<const float> a, std::span<const float> b, std::size_t size,
                              double data_range);
 
@@ -31,15 +31,15 @@ std::vector<double> ssim_map(std::span<const float> a, std::span<const float> b,
 // foreground, only the metrics of raw maps are defined.
 enum Metric : std::size_t {
   metric_iou,          // IoU of the foreground masks; undefined if both are empty
-  metric_ssim,         // raw; mean over the whole map, with the data range of the grid
-  metric_ssim_hard,    // hard; mean over the whole map
-  metric_ssim_fg,      // raw; mean over the ground-truth foreground, dilated by 11 x 11 pixels
+  metric_ssim,         // raw; mean SSIM over the map, with the data range of the grid
+  metric_ssim_hard,    // hard; mean SSIM over the map
+  metric_ssim_fg,      // raw; mean SSIM over the true foreground, dilated by 11 x 11 pixels
   metric_rmse_m,       // raw
-  metric_rmse_fg_m,    // raw; over the ground-truth foreground, m
-  metric_depth_mae_m,  // raw; over the overlap of ground-truth and predicted foreground, m
+  metric_rmse_fg_m,    // raw; RMS error over the ground-truth foreground, m
+  metric_depth_mae_m,  // raw; mean absolute error where true and predicted foreground overlap, m
   metric_abs_rel,      // raw; mean of |v - d| / d over pixels with d > 0 (v predicted, d true)
   metric_delta_125,    // raw; fraction of pixels with max(v/d, d/v) < 1.25 (v predicted, d true)
-  metric_lateral_m,  // difference in x/z of the foreground centroids, times the true mean depth, m
+  metric_lateral_m,    // difference between the centroids' x/z, times the true mean depth, m
   // The next two metrics are undefined if |x| <= 0.3 m, because a body near the axis overlaps its
   // mirror image.
   metric_ghost,       // raw; fraction of the predicted foreground at the mirror image of the body
@@ -78,8 +78,8 @@ struct Summary {
 };
 using Summaries = std::array<Summary, metric_count>;
 Summaries summarise(const std::vector<MapScores>& scores);
-// Returns e.g. "0.483 ± 0.005", with `plus_minus` between the two numbers. Returns "-" if the mean
-// is NaN.
+// Formats the mean and its standard error, e.g. "0.483 ± 0.005", with `plus_minus` between the two
+// numbers. Returns "-" if the mean is NaN.
 std::string formatted(const Summary& summary, const char* plus_minus);
 
 }  // namespace echofuse::recon

@@ -22,8 +22,8 @@
 namespace echofuse::recon {
 
 struct SceneModel {
-  std::vector<float> background;  // b: median over the training maps for each pixel, m
-  std::vector<float> mean_map;    // mean over the training maps for each pixel, m
+  std::vector<float> background;  // b: per-pixel median of the training maps, m
+  std::vector<float> mean_map;    // per-pixel mean of the training maps, m
   float foreground_depth_m = 0;   // mean depth of the foreground, m; 0 if the foreground is empty
   record::MapGrid grid;           // grid of these maps, and of all maps compared with them
 
@@ -57,10 +57,11 @@ bool true_foreground(float depth_m, float background_m);
 // of a body.
 bool holds_returns(std::span<const float> map, const SceneModel& scene);
 
-// Returns the position of each pixel's depth between the background (0) and the mean foreground
-// depth (1). Pixels above 0.5 are foreground. If the map contains returns (holds_returns) and a
-// pixel has no background, its value is 1 for a return and 0 otherwise. For a least-squares
-// prediction, the value estimates the probability of foreground, and may be below 0 or above 1.
+// Returns a value for each pixel that states where its depth lies between the background (0) and
+// the mean foreground depth (1). Pixels above 0.5 are foreground. If the map contains returns
+// (holds_returns) and a pixel has no background, its value is 1 for a return and 0 otherwise. For a
+// least-squares prediction, the value estimates the probability of foreground, and may be below 0
+// or above 1.
 std::vector<float> foreground_share(std::span<const float> prediction, const SceneModel& scene);
 
 // Returns the prediction clipped to the range from 0 to the maximum depth of the grid (`far_m`), as

@@ -46,7 +46,8 @@ class Factorised final : public Model {
   };
   Bodies bodies_in(const Samples& samples) const;
   void learn_scale(const Matrix& views);
-  // Writes the targets of a rotated body. Arguments: its position, its range (m) and the targets.
+  // Writes the targets of a rotated body. Arguments: the position of the body, its range in m, and
+  // the targets to be written.
   using Retarget = std::function<void(const Place&, float, std::span<float>)>;
   Redraw augment(const RotatedBodies& rotated, const Retarget& retarget) const;
   Redraw augment_positions(const RotatedBodies& rotated) const;
@@ -58,7 +59,7 @@ class Factorised final : public Model {
   bool fit_shape(const Bodies& train, const Samples& train_samples, const RotatedBodies& rotated,
                  const Bodies& validation, const Samples& validation_samples,
                  const FitOptions& options);
-  // Returns the masks and depths of the bodies in `which`, in the body frame.
+  // Returns the masks and depths of the bodies selected by `which`, in the body frame.
   Shapes cut(const Bodies& bodies, const Samples& samples, const Rows& which) const;
   Matrix amounts(const Bodies& bodies, const Samples& samples) const;
   void move_mean_body(const Bodies& bodies, const Samples& samples);

@@ -24,7 +24,7 @@ struct Samples {
   const Matrix& inputs;
   const Matrix& maps;  // depth maps, m
   Rows rows;
-  // Background and foreground of the training rows; null if not needed.
+  // scene model learned from the training rows; null if not needed
   const SceneModel* scene = nullptr;
   // Alignment of the inputs, and the recorded radar power and lags; null if the inputs are not
   // aligned.
@@ -41,20 +41,20 @@ class Model {
   // Returns a copy of the trained model that is adapted to a few records from another room. Returns
   // null if this kind of model cannot be fine-tuned.
   virtual std::unique_ptr<Model> tuned(const Samples&, const Tuning&) const { return {}; }
-  // Replaces the background that is drawn behind the body. Returns false if the model does not draw
-  // bodies on a background.
+  // Replaces the background drawn behind the body. Returns false if the model does not draw bodies
+  // on a background.
   virtual bool show_background(std::span<const float>) { return false; }
   // Returns one depth map per row, m. If `soft` is given, models that predict a body position also
   // fill it. Other models leave it empty, because their maps already contain the mean over all
   // positions.
   virtual Matrix predict(const Matrix& inputs, SoftMaps* soft = nullptr) const = 0;
   virtual Cost cost() const = 0;
-  // Returns options for which fit() creates a model of the same size.
+  // Returns the options with which fit() creates a model of the same size.
   virtual FitOptions sizes() const { return {}; }
   // Writes the model to a file. In read mode, reads a model of the given shape and checks it
   // (numbers/tensor_file.hpp).
   struct Shape {
-    std::size_t inputs, outputs;  // values per record; pixels per map
+    std::size_t inputs, outputs;  // number of values per record; number of pixels per map
     record::MapGrid grid;
   };
   virtual void archive(Archive archive, const Shape& shape) = 0;
@@ -67,7 +67,7 @@ struct ModelKind {
     inputs,
     aligned  // see method/alignment.hpp
   };
-  // Meaning of the numbers in a model name.
+  // Meaning of the numbers in a model name, e.g. in "nearest-16".
   enum class Size : std::uint8_t { fixed, hidden, basis };
   std::string name;
   std::unique_ptr<Model> (*make)();
@@ -91,7 +91,7 @@ std::unique_ptr<Model> make_nearest();     // mean map of the nearest training r
 std::unique_ptr<Model> make_ridge();       // ridge regression; the penalty is cross-validated
 std::unique_ptr<Model> make_mlp();         // plain network of Lai et al. (2024)
 std::unique_ptr<Model> make_mlp_mask();    // network that predicts a mask and a depth map
-// The inner model predicts the coefficients of principal components of the maps.
+// The inner model predicts the coefficients of the maps' principal components.
 std::unique_ptr<Model> make_pca(std::unique_ptr<Model> inner);
 std::unique_ptr<Model> make_mean_shape();  // mean body at the predicted position
 std::unique_ptr<Model> make_factorised();  // predicted body shape at the predicted position
@@ -110,8 +110,8 @@ struct Candidate {
 // is invalid.
 Candidate candidate_of(const std::string& name, const FitOptions& base, std::size_t records = 0);
 
-// Properties of model kinds. The models of the empty room and of the mean map ignore their inputs.
-// Models that predict a body position need aligned inputs, including the radar profile.
+// Properties of model kinds. The empty-room and mean-map models ignore their inputs. Models that
+// predict a body position need aligned inputs, including the radar profile.
 bool ignores_inputs(const std::string& name);
 bool wants_alignment(const std::string& name);
 

@@ -9,21 +9,22 @@
 
 namespace echofuse::recon {
 
-// Returns the mean over the records of `empty`, a run without people, on the run's own axes.
-// Excludes and counts dead and doubtful records. Throws Error(failed) if fewer than five records
-// contain valid data of all sensors of the run, or if the counts indicate people in the room.
+// Returns the mean of the records in `empty`, a run recorded without people, on that run's own
+// axes. Excludes and counts dead and doubtful records. Throws Error(failed) if fewer than five
+// records contain valid data from all sensors of the run, or if the counts indicate that people
+// were in the room.
 EmptyRoom empty_room_of(const Dataset& empty, const std::string& path);
 
-// Adapts the estimators of the model to the empty room recorded at `path`. Returns notes for the
-// user; may be empty. If the run has no depth maps, predicted maps keep the walls of the training
-// room. Subtracts `range_offset_m` from the run's radar ranges, like prepare_records(). Throws
-// Error(failed) if the axes of the run and the model differ, no record has all sensors of the
-// model, the run shows people, or the model does not predict a body position.
+// Adapts the model's estimators to the empty room recorded at `path`. Returns notes for the user;
+// may be empty. If the run has no depth maps, predicted maps keep the walls of the training room.
+// Subtracts `range_offset_m` from the run's radar ranges, like prepare_records(). Throws
+// Error(failed) if the axes of the run and the model differ, no record contains data from all
+// sensors of the model, the run shows people, or the model does not predict a body position.
 std::string adapt_to_room(TrainedModel& model, const std::string& path, double range_offset_m = 0);
 
-// Reads the run of the empty room at `path` and stores its mean in data.empty_room, for training.
-// Returns a message with the number of excluded records; may be empty. Throws Error(failed) if the
-// axes differ, and in the cases listed for empty_room_of().
+// Reads the empty-room run at `path` and stores its mean in data.empty_room for training. Returns a
+// message with the number of excluded records; may be empty. Throws Error(failed) if its axes
+// differ from those of `data`, and in the cases listed for empty_room_of().
 std::string state_empty_room(Dataset& data, const std::string& path);
 
 // Corrects the radar values of records from the new room, so that static echoes match those of the

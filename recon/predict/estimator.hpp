@@ -29,29 +29,29 @@ struct Estimator {
   bool knows_empty_room = false;  // true: the training data contained an empty-room run
   double train_s = 0;
 
-  // Returns the views of the given records (steps 1 and 2 in method.hpp), one per row. Returns no
-  // columns if the model does not use views, unless `wanted` is true because the error estimate
-  // needs them.
+  // Returns the views of the given records (steps 1 and 2 in method.hpp), one per row. The result
+  // has no columns if the model does not use views and `wanted` is false. `wanted` is true if the
+  // error estimate needs the views.
   Matrix views(const Dataset& data, const Rows& rows, bool wanted) const;
   // Returns the model's inputs for the given records: `views`, or features (features.hpp) if the
   // model does not use views. Row i of `views` belongs to rows[i]. The result may refer
   // to `scaled`.
   const Matrix& inputs(const Dataset& data, const Rows& rows, const Matrix& views,
                        Matrix& scaled) const;
-  // Returns the predicted map of each row, in metres.
+  // Returns the predicted depth map for each row, in metres.
   Matrix maps(const Dataset& data, const Rows& rows, const Matrix& views,
               SoftMaps* soft = nullptr) const;
   Matrix maps(const Dataset& data, const Rows& rows) const;
-  Cost cost() const;  // cost of one map, including the alignment
+  Cost cost() const;  // returns the cost of predicting one map, including the alignment
   void archive(Archive archive);
 };
 
 // Results of preprocessing, shared by all models with the same training rows and inputs.
 struct Preprocessing {
   SceneModel scene;
-  Alignment alignment;   // empty if not requested or if the SPD is missing
+  Alignment alignment;   // empty if alignment was not requested or SPD data are missing
   Matrix views;          // views of all records in the data set
-  double elapsed_s = 0;  // included in the training time of each model
+  double elapsed_s = 0;  // duration, included in the training time of each model
   Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, SceneModel scene,
                 bool wanted);
 };

@@ -18,9 +18,9 @@ namespace echofuse::recon {
 // Records converted to the axes of a model.
 struct Records {
   Dataset data;          // data on the model's axes
-  std::string antennas;  // note if the run lacks the antennas that the model uses; may be empty
-  std::string response;  // note if the run lacks its radar response; may be empty
-  std::string ranges;    // note on what the error intervals assume about ranges; may be empty
+  std::string antennas;  // note if the run lacks antennas used by the model; otherwise empty
+  std::string response;  // note if the run lacks its radar response; otherwise empty
+  std::string ranges;    // note about the ranges assumed by the error intervals; may be empty
 };
 
 // Tests whether the records as a group differ from the training data. For a run used in training,
@@ -37,16 +37,16 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, double rang
 // arbitrary weights.
 void require_finite(const Matrix& maps);
 
-// Amount of output. Each level includes the previous one: maps, errors per record, errors per
-// pixel.
+// Amount of output: maps, errors per record, or errors per pixel. Each level includes the previous
+// ones.
 enum class PredictionDetail : std::uint8_t { maps, uncertainty, pixels };
 
 struct Prediction {
   Matrix maps;  // predicted depth, m
   // Error estimates, one per row; empty if not requested or if the model is not calibrated.
   std::vector<PredictionUncertainty> uncertainties;
-  // Mean and standard deviation of each pixel, m. No rows unless `pixels` was requested. The
-  // deviation is NaN if the estimator is not calibrated.
+  // Mean and standard deviation of each pixel, m. Both have no rows unless `pixels` was requested.
+  // The deviation is NaN if the estimator is not calibrated.
   Matrix mean, deviation;
 };
 
@@ -59,13 +59,14 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
 struct RecordStatus {
   std::int64_t index = 0;
   std::string fault;  // reason for a missing map; empty if the record has a map
-  std::string note;   // sensors that are missing in the record; may be empty
-  std::string doubt;  // verdict of an input sensor with doubtful data, e.g. "SPD weak"
-  // Delays of a map in follow mode, s: after the end of the slot, and after the record was read.
+  std::string note;   // names of sensors missing from the record; may be empty
+  std::string doubt;  // verdict on an input sensor that delivered doubtful data, e.g. "SPD weak"
+  // Delay of the map in follow mode, s: from the end of the slot, and from the reading of the
+  // record.
   std::optional<double> after_slot_s = {}, after_reading_s = {};
-  // position of the body; empty if the map contains none
+  // position of the body; empty if the map shows no body
   std::optional<BodyPlace> body = {};
-  // errors; empty if the record has no map or the estimator is not calibrated
+  // estimated errors; empty if the map is missing or the estimator is not calibrated
   std::optional<PredictionUncertainty> uncertainty = {};
 };
 
@@ -83,7 +84,8 @@ PredictionDetail fullest_detail(const TrainedModel& model);
 // Predicts the map of each given row.
 std::vector<MappedRecord> map_records(const TrainedModel& model, const Records& records,
                                       std::span<const std::size_t> rows, PredictionDetail detail);
-// Predicts the map of a recorded data set that contains one record. Throws like prepare_records().
+// Predicts the map of a recorded data set that contains one record. Throws the same errors as
+// prepare_records().
 MappedRecord map_record(const TrainedModel& model, Dataset recorded, PredictionDetail detail);
 // Reads record `index` of the run and predicts its map.
 MappedRecord map_record(const TrainedModel& model, const record::RunReader& run, std::int64_t index,

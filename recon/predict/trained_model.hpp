@@ -26,7 +26,7 @@ namespace echofuse::recon {
 enum class Subset : std::uint8_t { train, validation, test };
 
 struct TrainingRecords {
-  std::vector<std::string> runs;    // uuids of the training runs
+  std::vector<std::string> runs;    // UUIDs of the training runs
   std::vector<std::uint32_t> run;   // index of the record's run in `runs`
   std::vector<std::int64_t> index;  // index of the record in its run
   std::vector<std::uint8_t> part;   // Subset that contains the record
@@ -40,18 +40,17 @@ struct TrainedModel {
   std::uint32_t data_hash = 0;
   // Radar response of the training data; unknown if the training runs do not contain it.
   record::RadarResponse radar_response;
-  // TrainOptions::any_response: the training runs may have different radar responses, which the
-  // runs do not specify.
+  // TrainOptions::any_response: the training runs may lack their radar responses, which may differ.
   bool any_response = false;
   // Correction added to the radar values after adapt_to_room().
   std::optional<EmptyRoom> room_change;
 
-  // Access to the first estimator, which is used for all records with complete data.
+  // Returns the first estimator, which is used for all records with complete data.
   const Estimator& first() const { return estimators.front(); }
   Estimator& first() { return estimators.front(); }
   const Estimator* operator->() const { return &first(); }
   Estimator* operator->() { return &first(); }
-  double train_s() const;  // training time of all estimators, s
+  double train_s() const;  // returns the total training time of all estimators, s
 
   // Returns the first estimator that matches the radar antennas of the run.
   const Estimator& for_run(const Dataset& data) const;
@@ -65,7 +64,7 @@ struct TrainedModel {
   // Returns which sensor data were missing for the map, e.g. "radar lost: SPD alone"; empty if the
   // data were complete.
   std::string note_of(const Dataset& data, std::size_t row) const;
-  // Returns why the record has no map; empty if it has one.
+  // Returns the reason why the record has no map; empty if it has a map.
   std::string fault_of(const Dataset& data, std::size_t row) const;
   // Returns the unclipped maps of the given rows, m. within_span() clips them for display. The
   // functions in predict.hpp return more details.
@@ -85,7 +84,7 @@ inline const char* calibration_name(bool calibrated) {
 inline const char* calibration_of(const TrainedModel& model) {
   return calibration_name(model->uncertainty.has_value());
 }
-// Explains what a calibrated model requires.
+// Explains which model and training a calibration requires.
 constexpr const char* why_not_calibrated =
     "calibration needs a model with sensor inputs and an uninterrupted training on at least 50 "
     "records";
@@ -93,11 +92,11 @@ constexpr const char* why_not_calibrated =
 TrainingRecords training_records(const Dataset& data, const Split& split);
 
 // Throws Error(usage) if the file exists, and Error(disk) if it cannot be created. Called before
-// training, because training takes long.
+// training, so that such an error does not waste a long training run.
 void check_can_save(const std::string& path);
 // Writes PATH.part, loads it again, passes the loaded model to `check`, and renames the file to
-// PATH. Throws Error(disk) if writing fails. Throws Error(failed) like load_model(). Throws
-// Error(failed) if PATH exists; both files are then kept.
+// PATH. Throws Error(disk) if writing fails. Throws Error(failed) in the cases listed for
+// load_model(), and if PATH exists; in the latter case, both files are kept.
 void save_model(const TrainedModel& model, const std::string& path,
                 const std::function<void(const TrainedModel&)>& check = {});
 // Loads a model file. Throws Error(failed) with the file name, the object, the fault and the

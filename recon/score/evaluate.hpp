@@ -12,7 +12,7 @@
 
 namespace echofuse::recon {
 
-// One column of a table of scores: a method and its metrics.
+// One method in a table of scores, with its metrics.
 struct ScoredRow {
   std::string name;
   Summaries metrics;
@@ -33,13 +33,13 @@ struct UncertaintyCalibration {
   double within_90 = 0;
   double lateral_interval_90_m = 0;  // mean half-width of the 90 % intervals, m
   double flagged = 0;                // fraction of records flagged as out of distribution
-  // Root mean square over all pixels, m: actual error of the mean map, and its estimated standard
-  // deviation.
+  // Root mean square over all pixels, m, of the actual error of the mean map and of its estimated
+  // standard deviation.
   double error_m = 0, deviation_m = 0;
 };
 
-// Number of records with the label `two_people_label`, and the number of them flagged as out of
-// distribution.
+// Number of records with the label `two_people_label`, and number of these records that are flagged
+// as out of distribution.
 struct TwoPeopleCounts {
   std::size_t records = 0, flagged = 0;
 };
@@ -51,7 +51,7 @@ struct ScoringScene {
   std::string note;  // source of foreground and background; empty: training data
 };
 // Learns the scene from all valid depth maps of the training runs. Throws Error(failed) if there
-// are none.
+// are no such maps.
 ScoringScene scoring_scene(const Dataset& training);
 // Normally returns the scene of the model's training data. Returns a scene learnt from the run
 // itself if the model was not trained on the run, the run has enough depth maps, and the two
@@ -66,36 +66,37 @@ struct Evaluation {
   Rows rows;
   std::vector<MapScores> scores;
   std::vector<PredictionUncertainty> uncertainties;
-  // Number of records that a fallback model predicted, for each message of TrainedModel::note_of.
+  // Number of records predicted by a fallback model, for each message of TrainedModel::note_of.
   std::map<std::string, std::size_t> fallbacks;
-  // Records that have no predicted map, in a run not used in training: total number, and number for
+  // For a run not used in training: number of records without a predicted map, in total and for
   // each reason.
   std::size_t left_out = 0;
   std::map<std::string, std::size_t> faults = {};
   // For a run not used in training: number of records that are copies of training records, and
   // number of all records (`of`). Copies are not scored unless requested.
   std::size_t trained_on = 0, of = 0;
-  std::size_t twice = 0;  // number of records excluded as copies of earlier records of the run
-  // Number of records excluded for each verdict (Dataset::doubt_of), and scores that include these
-  // records.
+  std::size_t twice = 0;  // number of records excluded as copies of earlier records in the run
+  // Number of records excluded for each verdict (Dataset::doubt_of), and the scores if these
+  // records are included.
   std::map<std::string, std::size_t> doubtful;
   Summaries with_doubtful = {};
   ScoringScene scoring;
-  std::string antennas;      // note on the antennas, from Records
-  std::string response;      // note on the radar response, from Records
-  std::string ranges;        // note on the assumptions about ranges, from Records
-  std::string late_truth;    // warning of late_truth(); may be empty
-  DomainShift domain_shift;  // test of the whole run, or of its held-out records
+  std::string antennas;      // note about the antennas (Records::antennas)
+  std::string response;      // note about the radar response (Records::response)
+  std::string ranges;        // note about the assumed ranges (Records::ranges)
+  std::string late_truth;    // warning from late_truth(); may be empty
+  DomainShift domain_shift;  // result of testing the whole run or its held-out records
   std::string tested;        // prefix of the message from domain_shift: "RUN: "
   Summaries metrics;
   std::vector<ScoredRow> baselines;  // scores of the baseline methods
   RunningCost cost;
-  TwoPeopleCounts two_people;  // only computed if the model is calibrated
+  TwoPeopleCounts two_people;  // computed only if the model is calibrated
   // Empty if the model is not calibrated. Values are NaN if no record has an estimated error.
   std::optional<UncertaintyCalibration> calibration;
 };
 
-// Returns the reason why each row is excluded from the evaluation; empty for rows to score.
+// Returns, for each row, the reason why it is excluded from the evaluation; empty for rows to be
+// scored.
 std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const Dataset& data,
                                                 bool all);
 // Returns the rows to score. If the model was trained on the run, these are the held-out rows.
@@ -108,14 +109,14 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
                                   const SceneModel& scene);
 
-// Scores the model on these rows, without baselines and cost. Shows a progress line on stderr if
-// `title` is not empty. `scoring` defaults to scoring_scene(model, run).
+// Scores the model on these rows, without scoring baselines or measuring the cost. Shows a progress
+// line on stderr if `title` is not empty. `scoring` defaults to scoring_scene(model, run).
 Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
                     const std::string& title = {}, const std::optional<ScoringScene>& scoring = {});
 
 // Scores the baselines, which do not need a model: the empty room, the mean map, and the map of the
-// nearest neighbour. Finds the nearest neighbour with the scaling "record", by the sensors that
-// have matching axes in both data sets. Copies of scored records are not used as neighbours. Omits
+// nearest neighbour. The search for the nearest neighbour uses the scaling "record" and the sensors
+// with matching axes in both data sets. Copies of scored records are not used as neighbours. Omits
 // the nearest-neighbour baseline if `neighbours` is empty. `title`: see evaluate().
 std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows,
                                        const SceneModel& scene, const Dataset& neighbours_data,
@@ -136,7 +137,7 @@ std::string mirrored_truth(const Summaries& metrics);
 // Returns the metrics as a text table with one column per method. Lengths are in metres.
 std::string to_table(const std::vector<ScoredRow>& rows);
 std::string to_text(const Evaluation& evaluation);
-// Returns notes on the run and on the scores, one per line; may be empty.
+// Returns notes about the run and the scores, one per line; may be empty.
 std::string notes(const Evaluation& evaluation);
 // Returns the calibration as one line of text.
 std::string to_text(const std::optional<UncertaintyCalibration>& calibration);

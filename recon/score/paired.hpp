@@ -20,7 +20,7 @@ struct MeanInterval {
 MeanInterval mean_interval(const std::vector<MapScores>& scores, Metric metric);
 
 // Mean gain of a second method over a first method. Positive values mean that the second method is
-// better, also for error metrics.
+// better, even for error metrics, for which lower values are better.
 struct PairedDifference : MeanInterval {
   Metric metric{};
   // Means of both methods over the records for which the metric is defined for both.
@@ -33,15 +33,15 @@ std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& f
                                                  const std::vector<MapScores>& second);
 nlohmann::json to_json(const std::vector<PairedDifference>& differences);
 
-// Scores with the same name in a table of `evaluate --per-record`. If a record has several lines
-// (from several training runs), their mean is used.
+// Scores listed under one name in a table written by `evaluate --per-record`. If a record has
+// several lines (from several training runs), the mean of these lines is used.
 struct NamedScores {
   std::string name;
   // Scores by record index; NaN if a metric is undefined.
   std::map<std::int64_t, MapScores> of_record;
 };
 // Returns the scores in the order in which the names first occur. Throws Error(failed) if the file
-// is not a table of `evaluate --per-record`.
+// was not written by `evaluate --per-record`.
 std::vector<NamedScores> read_scores(const std::string& path);
 
 }  // namespace echofuse::recon

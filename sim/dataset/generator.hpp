@@ -15,10 +15,10 @@
 
 namespace echofuse::sim {
 
-// Settings of a data set. The run file contains them as config_resolved.
+// Settings of a simulated data set. The run file stores them as config_resolved.
 struct Plan {
   std::int64_t seed = 1;
-  // Record counts by kind. The defaults are those of Lai et al., COL 22(2) 022701 (2024).
+  // Number of records of each kind. The defaults are those of Lai et al., COL 22(2) 022701 (2024).
   std::int64_t people = 1000, letters = 3000, two_people = 0, empty = 0;
   std::int64_t objects = 0;
   std::string scenes;     // scene list file (sim/scene/scene_list.hpp); replaces the record counts
@@ -86,10 +86,11 @@ class Generator {
   std::vector<Conditions> laboratories_;
   std::vector<SceneSpec> scenes_;
   double mean_peak_ = 0;
-  // Antennas with their simulated errors; a single antenna if the run file stores no antenna data.
+  // antennas with their simulated errors; one antenna if the run file stores no antenna data
   record::Antennas antennas_;
   bool keeps_array_ = false;
-  std::optional<RoomAlone> room_;  // set if the plan has one laboratory and a room
+  std::optional<RoomAlone>
+      room_;  // set if the plan has one laboratory and that laboratory has a room
 };
 
 struct DatasetOptions {
@@ -101,7 +102,7 @@ struct DatasetOptions {
 };
 
 // Writes the run file. Returns the number of records written, which is smaller than requested after
-// an interrupt. The file of a part is visible only when it is complete. If the complete file
+// an interrupt. The file of a part becomes visible only when it is complete. If the complete file
 // already exists, nothing is written.
 std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options);
 

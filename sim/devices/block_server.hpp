@@ -13,8 +13,8 @@
 
 namespace echofuse::sim {
 
-// Threading: use only in the thread of the event loop. The listener and the injector must outlive
-// the server. The device must call poll() from the `on_poll` function of the injector.
+// Threading: must be used only from the thread of the event loop. The listener and the injector
+// must outlive the server. The device must call poll() from the `on_poll` function of the injector.
 class BlockServer {
  public:
   struct QueuedBlock {
@@ -26,9 +26,11 @@ class BlockServer {
     HostTime first{}, last{};
     // The server sets the following members.
     std::uint32_t sequence = 0;
-    const char* what = "sent";  // log entry after sending; a fault may change it
+    const char* what =
+        "sent";  // text of the log entry written after sending; a fault may change it
     HostTime due{}, begun{};
-    std::int64_t damage = -1;  // index of the byte changed by a `corrupt` fault; -1: none
+    std::int64_t damage =
+        -1;  // index of the byte changed by a `corrupt` fault; -1: no byte is changed
   };
   struct Handlers {
     port::Action connected;  // called when a client has connected, before the greeting is sent
@@ -45,10 +47,10 @@ class BlockServer {
   void greet_again();
   // Queues a block for sending. Returns false if the queue is full; the block is then lost.
   bool put(QueuedBlock block);
-  // Increases the number of lost items that the next block reports.
+  // Increases the number of lost items reported in the next block.
   void lose(std::uint64_t items) { lost_ += items; }
   void poll();
-  // Sends a goodbye block to the client. After that, no further clients are accepted.
+  // Sends a goodbye block to the client, then accepts no further clients.
   void stop();
 
   std::uint64_t clients() const { return clients_; }

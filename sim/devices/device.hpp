@@ -68,7 +68,7 @@ class Device {
   // Ends the service. Sends a goodbye message if the protocol of the device defines one. Writes in
   // progress end within one second.
   virtual void stop() = 0;
-  // Returns the number of sent items of each kind, with the name of the kind.
+  // Returns, for each kind of item, the name of the kind and the number of items sent.
   virtual std::vector<std::pair<std::string, std::uint64_t>> sent() const = 0;
 };
 
@@ -80,14 +80,14 @@ struct TdcOptions {
   std::uint64_t seed = 1;
   std::size_t send_queue_bytes = 8 << 20;
   std::chrono::milliseconds tick{5};      // time between two blocks
-  std::chrono::milliseconds longest{20};  // longest time span of the tags in one block
+  std::chrono::milliseconds longest{20};  // maximum time span of the tags in one block
   FaultPlan plan{};
 };
 std::unique_ptr<Device> make_tdc_bridge(port::Loop& loop, ScenePlayer& player,
                                         const TdcOptions& options,
                                         std::unique_ptr<Listener> listener);
 
-// Detector with zones (spd_zones > 1) that sends histograms over the bridge protocol.
+// Single-photon detector with zones (spd_zones > 1) that sends histograms over the bridge protocol.
 std::unique_ptr<Device> make_histogram_bridge(port::Loop& loop, ScenePlayer& player,
                                               const TdcOptions& options,
                                               std::unique_ptr<Listener> listener);
@@ -110,10 +110,9 @@ struct DepthOptions {
   std::string socket_path;
   std::uint32_t width = 320, height = 240;
   double fps = 30;
-  // Tangents of half the field of view. They must be larger than those of the depth maps (default
-  // 0.55).
+  // Tangents of half the field of view. They must exceed those of the depth maps (default 0.55).
   double half_tangent_x = 0.8, half_tangent_y = 0.6;
-  std::uint64_t seed = 1;  // seed of random faults and depth noise
+  std::uint64_t seed = 1;  // seed for random faults and depth noise
   FaultPlan plan{};
 };
 std::unique_ptr<Device> make_depth_feed(port::SystemLoop& loop, ScenePlayer& player,

@@ -34,8 +34,8 @@ class FaultInjector {
   Bytes garbage();
   std::uint64_t noise() { return rng_(); }
   HostTime now() const { return player_.now(); }
-  // Returns the time at which to send data that are ready: the current time or, during a `late`
-  // fault, later.
+  // Returns the time at which data that are ready now must be sent: the current time or, during a
+  // `late` fault, a later time.
   HostTime due() const { return now() + from_seconds(amount(FaultKind::late).value_or(0)); }
 
   void log(HostTime time, const char* what, SentLog::Numbers numbers) {

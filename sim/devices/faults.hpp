@@ -24,8 +24,8 @@ enum class FaultKind : std::uint8_t {
 inline constexpr std::size_t fault_kinds = 10;
 const char* name_of(FaultKind kind);
 
-// Fault that starts `at_s` seconds after the start of the laboratory and lasts `for_s` seconds. Its
-// repetition period is every_s seconds; 0: no repetition. Units of `amount`:
+// Fault that starts `at_s` seconds after the start of the laboratory and lasts `for_s` seconds. It
+// repeats every `every_s` seconds; if `every_s` is 0, it occurs only once. Units of `amount`:
 //   drop, corrupt  fraction of blocks or frames
 //   late           delay, s
 //   garbage        bytes per block or radar frame; camera: fraction of frames
@@ -42,15 +42,16 @@ struct Fault {
 // "name:line:column: mistake".
 std::vector<Fault> read_faults(const std::string& text, const std::string& name);
 
-// Faults of one device as functions of laboratory time. Threading: use in one thread only, because
-// const members update a cache.
+// Faults of one device as functions of laboratory time. Threading: must be used from one thread
+// only, because const member functions update a cache.
 class Faults {
  public:
   Faults() = default;
   Faults(const std::vector<Fault>& all, const std::string& device);
 
   bool empty() const { return faults_.empty(); }
-  // Returns the amount of the fault of this kind that is active at `time_s`, or nothing.
+  // Returns the amount of the fault of this kind active at `time_s`; empty if no such fault is
+  // active.
   std::optional<double> at(FaultKind kind, double time_s) const;
   bool any_at(double time_s) const;
   // Returns the first time after `time_s` at which a fault starts or ends; infinity after the last
@@ -65,7 +66,7 @@ class Faults {
     const Fault* fault;
     bool begins;
   };
-  // Returns the starts and ends of faults in (from_s, to_s], in order of time.
+  // Returns the starts and ends of faults in (from_s, to_s], in chronological order.
   std::vector<FaultChange> changes(double from_s, double to_s) const;
 
  private:
@@ -73,7 +74,7 @@ class Faults {
   // tag.
   struct Segment {
     double from_s = 0, to_s = 0;    // time range of the segment, s; empty before the first use
-    double error_s = 0, slope = 0;  // clock offset at from_s, s, and its drift, s/s
+    double error_s = 0, slope = 0;  // clock offset at from_s, in s, and clock drift, in s/s
     std::array<std::optional<double>, fault_kinds> amounts{};
   };
   const Segment& segment(double time_s) const;

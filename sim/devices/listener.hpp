@@ -11,7 +11,7 @@
 
 namespace echofuse::sim {
 
-// Threading: use only in the thread of the event loop, which also calls the handlers.
+// Threading: must be used only from the thread of the event loop, which also calls the handlers.
 class Listener {
  public:
   struct Handlers {
@@ -20,8 +20,8 @@ class Listener {
   };
   virtual ~Listener() = default;
   virtual void start(Handlers handlers) = 0;
-  // Accepts one client, now or when it connects. Call again after hang_up() to accept the next
-  // client.
+  // Accepts one client, either at once or as soon as one connects. Call again after hang_up() to
+  // accept the next client.
   virtual void accept() = 0;
   // Opens or closes the listening socket. While it is closed, clients cannot connect; a connected
   // client stays connected.

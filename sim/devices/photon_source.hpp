@@ -19,14 +19,13 @@ struct Tagging {
   bool conditional_filter = true;
 };
 
-// Random detections of the current scene. Their number in a window is Poisson distributed, and each
-// detection belongs to a random pulse.
-// A signal photon belongs to a random return k, chosen with probability proportional to its weight.
-// Its delay is 2 R_k/c plus jitter with the distribution of the IRF. Background is uniform over the
-// bins of the histogram, as with a gated detector.
-// If pulses_per_window > 0, the laser rate is pulses_per_window / window_s instead of
-// laser_rate_hz. Only the first detection of each pulse is kept or, if spd_dead_time_ps > 0, each
-// detection after the dead time of the previous one.
+// Random detections of the current scene. The number of detections in a window is
+// Poisson-distributed, and each detection belongs to a random pulse. A signal photon belongs to a
+// random return k, chosen with probability proportional to its weight. Its delay is 2 R_k/c plus
+// jitter with the distribution of the IRF. Background detections are distributed uniformly over the
+// bins of the histogram, as with a gated detector. If pulses_per_window > 0, the laser rate is
+// pulses_per_window / window_s instead of laser_rate_hz. Only the first detection of each pulse is
+// kept or, if spd_dead_time_ps > 0, each detection after the dead time of the previous one.
 class PhotonSource {
  public:
   // Signal and background counts of the conditions are per `window_s` seconds. Throws Error(config)
@@ -40,10 +39,10 @@ class PhotonSource {
   void set_returns(const Returns& returns);
   // Multiplies the signal and background counts of the next draw() by `gain`.
   void set_gain(double gain) { gain_ = gain; }
-  // Appends the tags of all pulses in [first, last) to `out`, in order of time, and returns their
-  // number. Pulse n is emitted at n / laser_rate_hz seconds.
+  // Appends the tags of all pulses in [first, last) to `out`, in chronological order, and returns
+  // their number. Pulse n is emitted at n / laser_rate_hz seconds.
   std::size_t draw(std::int64_t first, std::int64_t last, Bytes& out);
-  // Returns the expected number of tags in this number of pulses.
+  // Returns the expected number of tags from this number of pulses.
   double mean_tags(std::int64_t pulses) const;
 
  private:

@@ -20,8 +20,8 @@ class PtyUart final : public Uart {
   ~PtyUart() override;
 
   void close() override;
-  // Removes the port if `in` is false; otherwise creates a new pty with the same link. Bytes that
-  // are sent while the port is removed are lost.
+  // Removes the port if `in` is false; otherwise creates a new pty with the same link. Bytes sent
+  // while the port is removed are lost.
   void plug(bool in);
 
  private:

@@ -33,8 +33,8 @@ class RadarAntennas {
   // coherent echoes.
   std::vector<std::uint16_t> profile_codes() const;
   RadarTlv tlv() const;
-  // Returns the antenna factors that measureRangeBiasAndRxChanPhase prints: real and imaginary part
-  // per antenna.
+  // Returns the antenna factors printed by measureRangeBiasAndRxChanPhase: a real and an imaginary
+  // part for each antenna.
   std::string coefficients() const;
 
  private:
@@ -48,14 +48,14 @@ class RadarAntennas {
   std::vector<AntennaRadar::TxRxPair> pairs_;
   std::vector<AntennaRadar::TxRxPair> used_pairs_;
   double wavelength_m_ = 0;
-  record::Antennas used_;  // antennas that the chirp uses, in the order of its transmitters
-  // number of antennas at the start of used_ for which samples are sent
+  record::Antennas used_;  // antennas used by the chirp, in the order of the transmitters
+  // number of leading antennas in used_ for which samples are sent
   std::size_t sent_ = 0;
   RadarAxis axis_;
   double chirp_s_ = 0;
   std::int64_t chirps_ = 1;
   std::size_t receivers_used_ = receivers;
-  std::vector<std::size_t> numbers_;  // indices into channels_ of the antennas in used_
+  std::vector<std::size_t> numbers_;  // index in channels_ of each antenna in used_
   double noise_power_ = 0, sampled_s_ = 0;
   std::int64_t scene_ = -1;
   std::optional<AntennaEcho> echo_;

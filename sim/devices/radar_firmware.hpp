@@ -56,13 +56,13 @@ class RadarFirmware {
 
  private:
   using CommandWords = std::vector<std::string>;
-  // State of the demo, with the numbers that queryDemoStatus prints.
+  // State of the demo, with the numbers printed by queryDemoStatus.
   enum class DemoState { init = 0, opened = 1, started = 2, stopped = 3 };
 
   void run_line();
   void prompt();
   void answer(int status);
-  // Returns the status of a command; nothing if the reply is sent later.
+  // Returns the status of a command; empty if the reply is sent later.
   std::optional<int> execute(const CommandWords& words);
   int configure(const CommandWords& words, const std::string& key);
   std::optional<int> sensor_start(const CommandWords& words);
@@ -77,7 +77,7 @@ class RadarFirmware {
   bool refuse_start(bool reconfigure);
   bool changed_latched();
   struct FramePart {
-    // Numbers of the first and last chirp, number of loops over these chirps per frame, and number
+    // Indices of the first and last chirp, number of loops over these chirps per frame, and number
     // of frames (0: unlimited).
     unsigned first, last, loops, frames;
     double period_ms;
@@ -94,7 +94,8 @@ class RadarFirmware {
   bool stopping_ = false, dead_ = false;
   unsigned data_baud_ = 921600;
   std::map<std::string, CommandWords> config_;  // words of the last accepted command of each kind
-  // Commands that cannot change after the first start, with their words at that start.
+  // Commands with arguments that cannot be changed after the first start, and their words at that
+  // start.
   std::map<std::string, CommandWords> latched_;
   std::vector<CommandWords> chirps_;
   // Words of profileCfg by profile number, and of subFrameCfg by subframe number.

@@ -24,15 +24,15 @@ struct RenderedScene {
 struct SceneSchedule {
   std::string kind = "person";  // name of a SceneKind, or mixed
   std::int64_t seed = 1;
-  // Time per scene, s; 0: only the first scene. Scenes change at multiples of `hold_s` on the host
-  // clock, like the slots of the daemon.
+  // Duration of each scene, s; 0: only the first scene is shown. Scenes change at multiples of
+  // `hold_s` on the host clock, as the slots of the daemon do.
   double hold_s = 0;
   std::vector<SceneSpec> list{};  // scenes to show in this order, repeatedly; replaces `kind`
 };
 
 class ScenePlayer {
  public:
-  // The player and all device clocks are at time zero when the player is constructed.
+  // Laboratory time is zero for the player and all device clocks when the player is constructed.
   ScenePlayer(const Clock& clock, const Conditions& conditions, const SceneSchedule& schedule);
 
   const Conditions& conditions() const { return conditions_; }
