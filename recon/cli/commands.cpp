@@ -47,8 +47,8 @@ void add_model_and_run(CLI::App& app, std::string& model, std::string& run) {
   app.add_option("run", run, "run file")->type_name("RUN")->required();
 }
 
-// Prints notes on records to stderr. In follow mode, prints each note immediately. Otherwise prints
-// all notes when the progress bar has ended.
+// Prints notes about records to stderr. In follow mode, prints each note immediately. Otherwise
+// prints all notes once the progress bar has finished.
 class ReconstructReport {
  public:
   ReconstructReport(std::string run, bool follow, bool quiet)

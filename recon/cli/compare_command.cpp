@@ -24,8 +24,8 @@ std::vector<MapScores> all_of(const NamedScores& one) {
   return out;
 }
 
-// Returns the gains of method `one` over method `first`, for the records that have scores of both
-// methods.
+// Returns the gains of method `one` over method `first`, averaged over the records with scores for
+// both methods.
 std::vector<PairedDifference> differences_of(const NamedScores& first, const NamedScores& one) {
   std::vector<MapScores> a, b;
   for (const auto& [index, scores] : one.of_record)

@@ -50,8 +50,8 @@ void put(nlohmann::json json) {
   std::puts(json.dump(2, ' ', true, nlohmann::json::error_handler_t::replace).c_str());
 }
 
-// Returns the mean depth and the mean x of the foreground in a ground-truth depth map, m, as two
-// CSV fields.
+// Returns the mean depth and the mean x of the foreground in a ground-truth depth map, in metres,
+// as two CSV fields.
 std::string place_of(std::span<const float> truth, const SceneModel& scene) {
   const Axis x = scene.grid.x();
   double range_m = 0, side_m = 0, pixels = 0;
@@ -114,7 +114,7 @@ nlohmann::json paired_json(const std::vector<MethodScores>& all) {
   return out;
 }
 
-// Returns the sensors that at least one of `models` needs. Empty if all models return a constant
+// Returns the sensors needed by at least one of `models`; empty if all models return a constant
 // map.
 std::optional<Inputs> asked_by(const std::vector<TrainedModel>& models) {
   std::optional<Inputs> out;
@@ -159,7 +159,8 @@ void print_evaluations(const std::vector<Evaluation>& all, const std::vector<Met
   print(printable_lines(text + paired_text(scored)));
 }
 
-// Evaluates several models on the records that contain the sensors of all these models.
+// Evaluates several models on the records that contain data from all sensors needed by these
+// models.
 ExitCode evaluate_models(const Arguments& a, const Common& common) {
   const std::string& run = a.files.back();
   const std::size_t count = a.files.size() - 1;
@@ -225,7 +226,7 @@ std::vector<std::string> notes_on_truth(const Dataset& data, const std::vector<S
 }
 
 // Marks the records excluded by --rows. `test` keeps only the test records of the default split;
-// `listed` keeps only the records that are listed in the records.csv file of at least one folder.
+// `listed` keeps only the records listed in the records.csv file of at least one folder.
 void leave_out_unasked(const std::string& asked, const std::vector<WrittenMaps>& folders,
                        const Dataset& data, std::vector<std::string>& left_out) {
   if (asked.empty()) return;
@@ -246,7 +247,7 @@ void leave_out_unasked(const std::string& asked, const std::vector<WrittenMaps>&
     if (!wanted.contains(data.index[row])) left_out[row] = "excluded by --rows";
 }
 
-// Returns the reason why each record is not scored; empty if the record is scored.
+// Returns, for each record, the reason why it is not scored; empty if it is scored.
 std::vector<std::string> reasons_left_out(const Arguments& a,
                                           const std::vector<WrittenMaps>& written,
                                           const Dataset& data,
@@ -265,7 +266,7 @@ std::vector<std::string> reasons_left_out(const Arguments& a,
 // Scores of map folders and models on the same records. Folders come before models.
 struct ScoredMaps {
   std::vector<MethodScores> all;
-  std::vector<std::size_t> answered;  // per folder: number of records that have a map
+  std::vector<std::size_t> answered;  // for each folder: number of records with a map
   std::string unanswered;             // messages about folders that lack maps
 };
 

@@ -29,8 +29,8 @@ struct Arguments : TrainOptions {
   bool json = false;
 };
 
-// A record of a run with its part of the split (training, validation or test), or the reason why
-// the record is excluded.
+// A record of a run, and the part of the split to which it belongs (training, validation or test)
+// or the reason why it is excluded.
 struct ListedRow {
   std::string run;
   std::int64_t index = 0;

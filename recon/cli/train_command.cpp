@@ -38,7 +38,8 @@ std::string is_candidate(const std::string& text) {
   }
 }
 
-// Throws Error(usage) if --from is combined with an option that the start model defines.
+// Throws Error(usage) if --from is combined with an option that is already fixed by the start
+// model.
 void check_from(const CLI::App& app, const std::vector<std::string>& assignments) {
   const auto refuse = [](const std::string& what) {
     throw Error(

@@ -45,8 +45,7 @@ void add_picture(Json& out, const record::RunReader& run, std::int64_t first) {
 
 }  // namespace
 
-// Entry of a run in the list. `more`: thumbnail of the run, or the reason why the file cannot be
-// read.
+// One run in the list. `more`: thumbnail of the run, or the reason why the file cannot be read.
 struct Chooser::RunDescription {
   std::optional<record::RunEntry> fields;
   Json more = Json::object();

@@ -10,7 +10,8 @@ std::string_view field(const HttpRequest& request, Name name) {
   return {value.data(), value.size()};
 }
 
-// Returns the host name that the browser displays. Behind a proxy it is in X-Forwarded-Host.
+// Returns the host name displayed by the browser. Behind a proxy, this name is in the header
+// X-Forwarded-Host.
 std::string_view host_of(const HttpRequest& request) {
   const std::string_view forwarded = field(request, "X-Forwarded-Host");
   return forwarded.empty() ? field(request, http::field::host)

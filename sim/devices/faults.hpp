@@ -38,8 +38,8 @@ struct Fault {
   double at_s = 0, for_s = 0, every_s = 0, amount = 0;
 };
 
-// Parses TOML text with [[fault]] tables. Throws Error(config) with all mistakes, one line each:
-// "name:line:column: mistake".
+// Parses TOML text with [[fault]] tables. Throws Error(config) with all mistakes, each on a line of
+// the form "name:line:column: mistake".
 std::vector<Fault> read_faults(const std::string& text, const std::string& name);
 
 // Faults of one device as functions of laboratory time. Threading: must be used from one thread

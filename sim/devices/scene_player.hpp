@@ -44,8 +44,8 @@ class ScenePlayer {
   const RenderedScene& at(double time_s);
   double scene_end_s(double time_s) const;
 
-  // Returns scene `index` of a schedule. The kind "mixed" gives one person scene for every three
-  // letter scenes on average, as in Lai et al. (2024).
+  // Returns scene `index` of a schedule. The kind "mixed" yields, on average, one person scene for
+  // every three letter scenes, as in Lai et al. (2024).
   static SceneSpec spec_of(const SceneSchedule& schedule, std::int64_t index);
 
  private:

@@ -17,9 +17,9 @@ class TagStream {
   void set_gain(double gain) { source_.set_gain(gain); }
   // Starts the stream at the current time. Earlier pulses are skipped.
   void start();
-  // Calls `emit` with blocks of all tags up to the current time. A block contains tags of one scene
-  // and spans at most TdcOptions::longest. If the stream is more than one second late, calls `lose`
-  // with the number of skipped tags.
+  // Calls `emit` with blocks that together contain all tags up to the current time. A block
+  // contains tags of one scene and spans at most TdcOptions::longest. If the stream is more than
+  // one second behind, calls `lose` with the number of skipped tags.
   void advance(const Emit& emit, const Lose& lose);
 
  private:

@@ -26,10 +26,10 @@ class Uart {
 
   using OnSent = std::function<void(bool arrived)>;
 
-  // Queues bytes for sending. Calls `sent` after the last byte; `arrived` means that no byte was
-  // lost.
+  // Queues bytes for sending. Calls `sent` after the last byte, with `arrived` set to true if no
+  // byte was lost.
   void send(ByteView bytes, OnSent sent = {});
-  // Stops sending if `still` is true, otherwise resumes sending. Queued bytes are kept.
+  // Pauses sending if `still` is true, otherwise resumes it. Queued bytes are kept.
   void hold(bool still);
   bool idle() const { return queue_.empty(); }
   unsigned baud() const { return baud_; }
@@ -37,8 +37,7 @@ class Uart {
   virtual void close() { timer_.cancel(); }
 
   std::uint64_t sent() const { return sent_; }
-  // Returns the number of bytes that were lost because the buffer overflowed before the host read
-  // them.
+  // Returns the number of bytes lost because the buffer overflowed before the host read them.
   std::uint64_t lost() const { return lost_; }
 
  private:
@@ -72,8 +71,8 @@ struct RadarBoardOptions {
   FaultPlan plan{};
   unsigned sdk = 5;           // minor version of the mmWave SDK 3.x: 5 for SDK 3.5
   std::string board = "isk";  // TI board: isk, aop or ods
-  // Connects (`in`) or disconnects both ports. The function is called repeatedly, even if nothing
-  // has changed.
+  // Connects both ports if `in` is true, otherwise disconnects them. The function is called
+  // repeatedly, even if nothing has changed.
   std::function<void(bool in)> plug{};
 };
 std::unique_ptr<Device> make_radar_board(port::Loop& loop, ScenePlayer& player,

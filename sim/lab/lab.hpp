@@ -56,8 +56,8 @@ struct LabOptions {
 class Lab {
  public:
   // Starts all devices. The destructor removes links and sockets. Throws Error(usage) if the
-  // directory is in use or contains files that do not belong to a laboratory, and Error(failed),
-  // Error(config) or Error(disk) for other errors.
+  // laboratory's directory is in use or contains other files, and Error(failed), Error(config) or
+  // Error(disk) for other errors.
   Lab(port::SystemLoop& loop, const LabOptions& options);
   ~Lab();
   Lab(const Lab&) = delete;
@@ -70,7 +70,7 @@ class Lab {
   // Runs the devices until `done` returns true. `done` is called at least 50 times per second. Then
   // stops all devices, removes links and sockets, and writes sent.json.
   void serve(const std::function<bool()>& done);
-  // Returns a JSON object with the number of items that each device sent: {device: {name: count}}.
+  // Returns a JSON object with the number of items sent by each device: {device: {name: count}}.
   // The key "play" contains the schedule of scenes and the host time of its start.
   std::string sent() const;
 

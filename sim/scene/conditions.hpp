@@ -16,7 +16,8 @@
 namespace echofuse::sim {
 
 struct Conditions {
-  // Geometry and scenes. The default of `window_s` is that of Lai et al., COL 22(2) 022701 (2024).
+  // Geometry and scenes. The default of `window_s` is the value used by Lai et al., COL 22(2)
+  // 022701 (2024).
   double window_s = 3, baseline_m = 0.5, half_tangent = 0.55, camera_height_m = 1.1;
   double target_x_m = 1.0, target_z_min_m = 3.0, target_z_max_m = 4.0, target_scale = 1.0;
   double person_yaw_deg = 60, letter_yaw_deg = 30;
@@ -110,6 +111,7 @@ RadarAxis radar_response(const Conditions& conditions);
 // Returns the instrument response to store in the run file: nominal values, without
 // `radar_psf_width`.
 record::Response stated_response(const Conditions& conditions);
-double radar_x_m(const Conditions& conditions);  // x of the radar, m, including `baseline_error_m`
+double radar_x_m(const Conditions& conditions);  // returns the x coordinate of the radar, m,
+                                                 // including `baseline_error_m`
 
 }  // namespace echofuse::sim

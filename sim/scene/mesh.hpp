@@ -12,7 +12,7 @@ namespace echofuse::sim {
 
 struct Mesh {
   std::vector<Vec3> points;
-  // vertex indices, from 0; no triangle has zero area
+  // zero-based vertex indices; no triangle has zero area
   std::vector<std::array<std::uint32_t, 3>> triangles;
 };
 
@@ -21,7 +21,8 @@ struct Mesh {
 // NAME:line, the text found and the text expected.
 Mesh read_mesh(const std::string& text, const std::string& name);
 
-// Returns the mesh in a file. The file is read only at the first call. Threading: any thread.
+// Returns the mesh stored in the file. The file is read only once, on the first call. Threading:
+// may be called from any thread.
 const Mesh& mesh_of(const std::string& path);
 
 }  // namespace echofuse::sim

@@ -22,7 +22,7 @@ struct Psf {
   static Psf blackman() { return {0.5 / 0.42, 0.08 / 0.42}; }
   // Interpolates between no window (t = 0) and the Blackman window (t = 1).
   static Psf tapered(double t) { return {t * 0.5 / 0.42, t * t * 0.08 / 0.42}; }
-  // amplitude at this distance from the scatterer, in resolution cells
+  // returns the amplitude at this distance from the scatterer, in resolution cells
   double at(double cells) const;
 
   // The response for this window, at a distance u in resolution cells, is
@@ -50,7 +50,7 @@ struct RadarAxis {
   double start_m = 0;
   double step_m = 0.25;
   std::uint32_t count = 29;
-  double resolution_m = 0.5;  // c / 2B: distance of the first null of the sinc
+  double resolution_m = 0.5;  // c / 2B: distance from the peak of the sinc to its first null
   Psf psf;
 };
 

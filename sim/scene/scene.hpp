@@ -56,8 +56,8 @@ enum class SceneKind : std::uint8_t { person, letter, two_people, empty, reflect
 std::optional<SceneKind> kind_named(std::string_view name);
 std::string kind_names();  // Returns the names of all kinds, separated by commas.
 
-// Kind of a scene, and the position and yaw of its person, letter or object. Values that are not
-// given are random.
+// Kind of a scene, and the position and yaw of its person, letter or object. Unspecified values are
+// random.
 struct SceneSpec {
   SceneKind kind = SceneKind::empty;
   std::optional<double> x_m{}, z_m{}, yaw_deg{};

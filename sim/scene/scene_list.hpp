@@ -14,8 +14,8 @@
 
 namespace echofuse::sim {
 
-// Reads a scene list. Throws Error(config) with all mistakes, one line "NAME:line:column: mistake"
-// each.
+// Reads a scene list. Throws Error(config) with all mistakes, each on a line of the form
+// "NAME:line:column: mistake".
 std::vector<SceneSpec> read_scene_list(const std::string& text, const std::string& name);
 
 }  // namespace echofuse::sim

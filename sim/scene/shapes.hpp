@@ -92,8 +92,8 @@ void light_back(const double* x, const double* y, const double* z, const double*
                 const double* albedo, double factor, double* range, double* weight,
                 std::size_t count);
 
-// Stores the depth and the number of a shape for each ray that meets the shape at a smaller depth
-// than the stored one.
+// Stores the depth and the number of the shape for each ray that meets the shape nearer than the
+// depth stored so far.
 void keep_nearer(const double* met, std::int32_t number, double* z, std::int32_t* shape,
                  std::size_t count);
 

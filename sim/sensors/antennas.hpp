@@ -41,9 +41,8 @@ namespace echofuse::sim {
 // are the pairs of transmitters at (0,0) (2,2) (0,2) and receivers at (1,1) (1,0) (0,1) (0,0), as
 // on TI's IWR6843AOP.
 record::Antennas antennas_in_layout(std::size_t count);
-// Returns antennas with random phase errors and gain errors. Their number is `radar_antennas`. The
-// errors depend only on the seed; their rms values are `radar_phase_error_rad` and
-// `radar_gain_error_db`.
+// Returns `radar_antennas` antennas with random phase and gain errors. The errors depend only on
+// the seed; their rms values are `radar_phase_error_rad` and `radar_gain_error_db`.
 record::Antennas simulated_antennas(const Conditions& conditions, std::uint64_t seed);
 // Returns the antennas to store in the run file. They include the simulated errors only if
 // `radar_array_calibrated` is true.
@@ -62,7 +61,7 @@ class BodyMotion {
 
   // The motion of each person is random and stationary from the start. Sway and twist are
   // critically damped oscillators driven by white noise, with the covariance (1 + wt) exp(-wt) and
-  // w = 2 per second. So the head moves at about 1 cm/s. Breathing is a sine of 0.25 Hz.
+  // w = 2 per second. The head therefore moves at about 1 cm/s. Breathing is sinusoidal at 0.25 Hz.
   BodyMotion(const Conditions& conditions, std::size_t people, Rng& rng);
   void advance(double time_s, Rng& rng);
   // Returns the displacement of each person from the rest position, by mode of motion (m or rad,
@@ -93,17 +92,17 @@ class BodyMotion {
   std::vector<Modes> places_, speeds_;
 };
 
-// Patches that the antennas cannot resolve: the sum of their weights, and the weighted means of the
-// other values. Across a cell (0.03 in direction cosine) the phase difference between the outermost
-// of eight antennas changes by 0.7 rad. Across the height of a cell (0.1 m) the phase of a body
-// that sways by 5 mm at the head changes by 0.7 rad.
+// Group of patches that the antennas cannot resolve: the sum of their weights, and the weighted
+// means of the other values. Across a cell (0.03 in direction cosine), the phase difference between
+// the outermost of eight antennas changes by 0.7 rad. Across the height of a cell (0.1 m), the
+// phase of a body that sways by 5 mm at the head changes by 0.7 rad.
 struct EchoCell {
   double weight = 0, range_m = 0, x = 0, y = 0, height_m = 0;
   std::int32_t person = Returns::still;
 };
 struct EchoCells {
   std::vector<EchoCell> cells;  // sorted by range slot
-  // index of the first cell of each slot, and finally the total number of cells
+  // index of the first cell of each slot, followed by the total number of cells
   std::vector<std::size_t> begin;
   std::vector<double> slot_range_m;  // weighted mean range of the patches in each slot, m
   std::size_t people = 0;
@@ -111,8 +110,8 @@ struct EchoCells {
 // Combines the patches of people and, if `with_room` is true, of the room into cells. Range slots
 // have the length `slot_m`.
 EchoCells echo_cells(const Returns& returns, double slot_m, bool with_room);
-// Combines all patches of one kind (Returns::reflector or Returns::leakage) into a cell. The weight
-// of the cell is 0 if there are no such patches.
+// Combines all patches of one kind (Returns::reflector or Returns::leakage) into one cell. The
+// weight of the cell is 0 if there are no such patches.
 EchoCell cell_of_kind(const Returns& returns, std::int32_t kind);
 
 // Properties of the radar that are the same for all records of a run. `still_seed` determines the
@@ -131,8 +130,8 @@ struct AntennaRadar {
   // otherwise empty.
   std::span<const std::complex<float>> room{};
   // Positions of the transmitter and the receiver of each antenna, m, relative to the mean position
-  // of all transmitters or of all receivers. If `pairs` is empty, the wave of the reflector is
-  // plane. wavelength_m is used only with `pairs`.
+  // of all transmitters and all receivers, respectively. If `pairs` is empty, the wave from the
+  // reflector is treated as plane. wavelength_m is used only with `pairs`.
   struct TxRxPair {
     double tx_x = 0, tx_y = 0, rx_x = 0, rx_y = 0;
   };
@@ -149,8 +148,8 @@ class AntennaEcho {
   AntennaEcho& operator=(AntennaEcho&&) noexcept;
 
   std::size_t samples() const { return points_ * antennas_; }
-  // Writes the samples of the frame `later_s` after the previous one, without noise: [range
-  // point][antenna].
+  // Writes the noise-free samples of the frame that follows the previous frame by `later_s`
+  // seconds: [range point][antenna].
   void frame(double later_s, Rng& rng, std::span<std::complex<float>> samples);
 
  private:
@@ -166,7 +165,7 @@ class AntennaEcho {
 // Returns the coherent samples of the empty room: [range point][antenna].
 std::vector<std::complex<float>> room_echo(const AntennaRadar& radar, const Conditions& conditions);
 
-// Antenna data of a record, which has `radar_frames` frames in `window_s`.
+// Antenna data of a record, which contains `radar_frames` frames in `window_s` seconds.
 struct AntennaRecord {
   std::vector<float> array;   // statistics (ArrayStatistics) of the first `kept_bins` points
   std::vector<double> power;  // power at each range point, averaged over frames and antennas

@@ -11,8 +11,8 @@ namespace echofuse::sim {
 struct Conditions;
 
 struct Gaze {
-  // Rays with directions (x, y, 1), the cosine of incidence, and the number of the shape that each
-  // ray meets. Capsules have the lowest numbers; a negative number is the room.
+  // Rays with directions (x, y, 1), the cosine of incidence, and the number of the shape hit by
+  // each ray. Capsules have the lowest numbers; a negative number denotes the room.
   struct Rays {
     const double *x, *y, *cosine;
     const std::int32_t* shape;
@@ -22,12 +22,12 @@ struct Gaze {
   double falloff = 0, middle_x = 0, half_tangent = 1;
   double lobe = 1, plate_lobe = 1;  // cosine exponents for capsules and other shapes; 1: Lambert
   double sway_m = 0;
-  double room = 1;  // factor of the weights of the room
+  double room = 1;  // factor by which the weights of the room are multiplied
   // Height of the sensor above the floor, m. If it is set, Returns::place is filled.
   std::optional<double> height_m{};
   bool zones = false;  // if true, the tangents of the patches are stored
 
-  // Multiplies the weights of Lambertian surfaces by the falloff and the factor of the room, and
+  // Multiplies the weights of Lambertian surfaces by the falloff and, for the room, by `room`, and
   // replaces the cosine: cos -> (n + 2)/3 cos^n. The factor (n + 2)/3 preserves the integral over
   // the image of a sphere.
   void dim(const Rays& rays, std::int32_t capsules, double* weight, std::size_t count) const;

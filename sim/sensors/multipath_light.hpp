@@ -17,8 +17,8 @@ struct PatchRays {
 
 // Adds the returns of light with 1 to `order` reflections at the room (walls, floor, ceiling,
 // boxes) and one at a body. Uses the radiosity method, bounce by bounce (Goral et al., SIGGRAPH
-// 1984). The laser and the detector have the same position and field of view. So both directions of
-// a path return equal light, and all surfaces must be in the field of view.
+// 1984). The laser and the detector have the same position and field of view. Therefore both
+// directions of a path return equal light, and all surfaces must be in the field of view.
 // Wall patch p receives e_p = cos_p / R_p^2. With form factors F (form_factor()), body patch k
 // receives
 //   E_k  = sum_p albedo_p F_kp e_p                       by one wall reflection,

@@ -27,8 +27,8 @@ struct Way {
   Vec3 arrival;    // unit vector of the path at its end
   double length_m = 0;
 };
-// Returns the path from the sensor to the point `place` by the reflections of `image`. Returns
-// nothing if a reflection point is outside its wall. Ignores obstacles.
+// Returns the path from the sensor to the point `place` via the reflections of `image`; empty if a
+// reflection point is outside its wall. Ignores obstacles.
 std::optional<Way> way_to(const ImageSource& image, Vec3 sensor, Vec3 place);
 
 // Adds the echoes of patches visible to the radar that travel out on path i and back on path j,

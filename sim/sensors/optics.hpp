@@ -22,8 +22,8 @@ std::vector<double> spd_rate(const Returns& returns, const Conditions& condition
 // is detected (Gupta et al., CVPR 2019):
 //   N ~ Multinomial(L, p), p_i = exp(-sum_{j<i} q_j) (1 - exp(-q_i)), q_i = r_i / L
 // If spd_dead_time_ps > 0 too, the detector is free-running. The photons of the L equal laser
-// periods in window_s are processed in order of time. Photons within the dead time of the previous
-// detection are lost.
+// periods in window_s are processed in chronological order. Photons within the dead time of the
+// previous detection are lost.
 std::vector<std::uint32_t> draw_counts(const std::vector<double>& rate,
                                        const Conditions& conditions, Rng& rng);
 

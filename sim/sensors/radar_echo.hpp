@@ -37,20 +37,22 @@ double radar_noise_power(const Conditions& c, double mean_peak);
 // noise: its distribution is exponential, and its mean equals its rms. A mean of 60 or more frames
 // is treated as Gaussian.
 double profile_noise(const Conditions& c, double mean_peak, std::int64_t frames);
-// Adds the noise of a profile averaged over `frames` frames, minus its expected value. So powers
-// may be negative.
+// Adds the noise of a profile averaged over `frames` frames, less the expected value of the noise.
+// Powers may therefore be negative.
 void add_profile_noise(std::vector<double>& power, double mean_peak, const Conditions& conditions,
                        std::int64_t frames, Rng& rng);
 // Adds the noise power of one frame.
 void add_frame_noise(std::vector<double>& power, double mean_peak, const Conditions& conditions,
                      Rng& rng);
 
-// Returns the noise-free power of incoherent echoes at each point: sum_k w_k psf^2. The mean scene
-// as a single point has power 1. antennas.hpp simulates coherent echoes.
+// Returns the noise-free power of incoherent echoes at each point: sum_k w_k psf^2. The power is
+// scaled so that the mean scene, as a single point, has power 1. antennas.hpp simulates coherent
+// echoes.
 std::vector<double> radar_power(const Returns& returns, const RadarAxis& axis);
 
-// Returns the peak power of a noise-free incoherent profile, averaged over a fixed set of scenes of
-// the base condition with this axis and baseline. Takes about 50 ms; call it once per data set.
+// Returns the peak power of a noise-free incoherent profile with this axis and baseline, averaged
+// over a fixed set of scenes under the default conditions. Takes about 50 ms; call it once per data
+// set.
 double mean_peak_power(const RadarAxis& axis, const Conditions& conditions);
 
 }  // namespace echofuse::sim

@@ -78,7 +78,7 @@ struct Placed {
   PointRange columns(std::uint32_t) const { return {x0, x1}; }
 };
 
-// A tilted limb fills only a small part of its bounding box. So its bounds in a row are
+// A tilted limb fills only a small part of its bounding box. Its bounds in a row are therefore
 // interpolated between the bounds a and b of both ends: (1 - t) a + t b. The row determines the
 // range of t.
 template <>
@@ -133,19 +133,19 @@ struct Placed<CapsuleShape> {
 };
 
 inline constexpr std::int32_t nothing = -1;
-// Rendered image: arrays [y][x], padded to a SIMD width. z is infinite where a ray meets nothing.
+// Rendered image: arrays [y][x], padded to a SIMD width. z is infinite where a ray hits no surface.
 struct Image {
   std::vector<double> z, cosine, albedo;
 };
 
-// Rays [from, to) of a row, with directions (x, y, 1), and what they meet. z is infinite where a
-// ray meets nothing. Arrays are padded to a SIMD width.
+// Rays [from, to) of a row, with directions (x, y, 1), and the surfaces hit by these rays. z is
+// infinite where a ray hits no surface. Arrays are padded to a SIMD width.
 struct ScanRow {
   std::uint32_t iy, from, to;
   const double *x, *y, *z;
   const double *cosine, *albedo;  // only for Shading::on
   const std::int32_t* shape;      // shape number; -1: the room
-  // Runs of neighbouring rays that meet something; only for Shading::on.
+  // Runs of neighbouring rays that hit a surface; only for Shading::on.
   const std::vector<PointRange>& met;
 };
 // Calls use(first, last) for each maximal run of neighbours in [from, to) that all satisfy keep(i).
@@ -185,7 +185,7 @@ class Scanner {
       background_ = room_image(*scene.room, sensor_x_m, x, y, sampling);
   }
 
-  // Calls visit(row) for every row in which a ray may meet something.
+  // Calls visit(row) for every row in which a ray may hit a shape or the room.
   template <class Visit>
   void scan(Shading shading, Visit visit) {
     const auto [first, last] = rows();
@@ -209,7 +209,7 @@ class Scanner {
                                                  const Axis& y, Sampling sampling);
 
  private:
-  // Returns the rows in which a ray may meet something.
+  // Returns the rows in which a ray may hit a shape or the room.
   PointRange rows() const {
     if (background_) return {0, y_.count};
     PointRange out{y_.count, 0};
@@ -220,7 +220,7 @@ class Scanner {
     return out;
   }
 
-  // Collects the shapes that rays of row iy may meet, with their columns.
+  // Collects the shapes that rays of row iy may hit, with their columns.
   void find_shapes(std::uint32_t iy) {
     from_ = background_ ? 0 : x_.count;
     to_ = background_ ? x_.count : 0;
@@ -312,7 +312,7 @@ class Scanner {
   std::vector<std::int32_t> shape_;
   std::vector<InRow> in_row_;
   std::vector<PointRange> runs_;
-  std::uint32_t from_ = 0, to_ = 0;  // columns of the current row in which a ray may meet something
+  std::uint32_t from_ = 0, to_ = 0;  // columns of the current row in which a ray may hit a surface
   std::vector<Placed<CapsuleShape>> capsules_;
   std::vector<Placed<PlateShape>> plates_;
   std::vector<Placed<TriangleShape>> triangles_;

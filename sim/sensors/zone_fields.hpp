@@ -19,7 +19,7 @@ inline constexpr double zone_deviation = 0.75;
 // pixel. They do not include `spd_yaw_deg`, because it is unknown in a real laboratory.
 Zones zones_of(const Conditions& conditions);
 
-// Returns the expected detections in each bin during one window (spd_rate) for each zone:
+// Returns the expected number of detections in one window (spd_rate) for each zone and bin:
 // [zone][bin]. The background is divided equally among the zones. If there are several zones,
 // `returns` must include tangents.
 std::vector<double> zone_rates(const Returns& returns, const Conditions& conditions);

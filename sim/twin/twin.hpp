@@ -9,8 +9,8 @@
 
 namespace echofuse::sim {
 
-// Range of a setting in Conditions: uniform in [low, high] or, if `logarithmic`, uniform in the
-// logarithm.
+// Range from which a setting in Conditions is sampled: uniformly in [low, high] or, if
+// `logarithmic` is true, uniformly in the logarithm.
 struct KeyRange {
   std::string key;
   double low = 0, high = 0;
@@ -18,14 +18,14 @@ struct KeyRange {
 };
 
 struct Twin {
-  std::int64_t seed = 1;  // seed of the random values in all laboratories
+  std::int64_t seed = 1;  // seed for the random values of all laboratories
   std::vector<KeyRange> ranges;
 };
 
 // Parses TOML text with lines `key = [low, high]`, `key = [low, high, "log"]` and `seed = 1`.
-// Throws Error(config) with all mistakes. A key must be a real-valued setting in Conditions, but
-// not one that the run file contains (axes, baseline_m), and may occur once. A range must be inside
-// the limits of the setting.
+// Throws Error(config) with all mistakes. A key must be a real-valued setting in Conditions that is
+// not stored in the run file (as axes and baseline_m are), and may occur only once. A range must be
+// inside the limits of the setting.
 Twin read_twin(const std::string& text, const std::string& name);
 // Returns the twin as TOML text for read_twin(), without comments.
 std::string to_text(const Twin& twin);
@@ -37,7 +37,7 @@ Twin twin_named(const std::string& name);
 // Returns the settings sampled for this laboratory number, as `key = value` lines. Each key has its
 // own random stream, so changing one range does not change the other values.
 std::string draws_of(const Twin& twin, std::int64_t laboratory);
-// Returns `nominal` with the values sampled for this laboratory number.
+// Returns a copy of `nominal` that contains the values sampled for this laboratory number.
 Conditions conditions_of(const Twin& twin, std::int64_t laboratory, const Conditions& nominal);
 
 }  // namespace echofuse::sim

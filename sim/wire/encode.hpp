@@ -51,8 +51,8 @@ Bytes radar_frame(const RadarHeader& header, const std::vector<RadarTlv>& tlvs, 
 
 RadarTlv objects_tlv();  // Returns a TLV of type 1 with an empty list of objects.
 RadarTlv range_profile_tlv(const std::vector<std::uint16_t>& codes);  // Returns a TLV of type 2.
-// Returns the heat map as a TLV of type 4 or, if `planar`, type 8. It contains the i16 imaginary
-// and i16 real part of each sample: [range bin][antenna].
+// Returns the heat map as a TLV of type 4 or, if `planar` is true, of type 8. It contains the i16
+// imaginary and i16 real part of each sample: [range bin][antenna].
 RadarTlv heat_map_tlv(bool planar, std::span<const std::complex<float>> samples);
 RadarTlv stats_tlv(const RadarStats& stats);                    // Returns a TLV of type 6.
 RadarTlv temperature_tlv(const RadarTemperature& temperature);  // Returns a TLV of type 9.
