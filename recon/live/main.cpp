@@ -29,7 +29,7 @@ void leave_terminal() {
   const int none = ::open("/dev/null", O_RDWR | O_CLOEXEC);
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
     if (none >= 0) ::dup2(none, stream);
-  std::signal(SIGINT, SIG_IGN);  // ignores Ctrl-C, because it is meant for the acquisition
+  std::signal(SIGINT, SIG_IGN);  // ignores Ctrl-C, which is meant for the acquisition program
 }
 
 ExitCode show(const Options& o) {
@@ -41,7 +41,7 @@ ExitCode show(const Options& o) {
     if (!o.model.empty()) model.emplace(o.model);
   } catch (const Error& e) {
     if (!o.server.until_closed) throw;
-    // Continues without a model, because the page is still useful.
+    // Continues without a model, because the page is useful even without reconstructions.
     std::fprintf(stderr, "echofuse-view: %s; the page shows no reconstructions\n",
                  printable(e.what()).c_str());
   }

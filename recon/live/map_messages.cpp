@@ -66,8 +66,8 @@ RunMessages::TrackPoint RunMessages::place_of(const Reconstruction& made) {
   return {given(made.x_m), given(made.z_m), given(made.lateral_interval_90_m)};
 }
 
-// Returns the track of the body in the minute before the end of record `index`. Each point contains
-// age (s), x, z, and the 90 % interval of x (m).
+// Returns the track of the body over the minute that ends with record `index`. Each point contains
+// the age (s), x, z, and the 90 % interval of x (m).
 std::vector<float> RunMessages::track(const record::RunReader& run, std::int64_t index) {
   std::vector<const Outline*> minute;
   const auto& all = run_.outlines();

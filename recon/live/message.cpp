@@ -100,8 +100,8 @@ Message MessageWriter::finish(Json header) const {
 
 Request parse_request(std::string_view text) {
   if (text.size() > most_request_bytes) return BadRequest{"request too long (limit 1024 bytes)"};
-  // Limits the nesting depth, because deep nesting would use much stack and time. Valid requests
-  // have at most two levels.
+  // Limits the nesting depth, because deep nesting would take much stack space and time. Valid
+  // requests have at most two levels.
   int depth = 0, deepest = 0;
   for (const char c : text) {
     depth += (c == '[' || c == '{') - (c == ']' || c == '}');

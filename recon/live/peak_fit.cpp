@@ -15,8 +15,8 @@ namespace {
 
 using record::fwhm_of_sigma;
 
-// Model of a peak at bins i: height * exp(-(i - centre)^2 / 2 sigma^2) + background. Lengths are in
-// bins.
+// Model of a peak at bins i: height * exp(-(i - centre)^2 / 2 sigma^2) + background. The centre and
+// sigma are in bins.
 struct Gaussian {
   using Parameters = Eigen::Vector4d;  // centre, sigma, height, background
   std::span<const double> values;

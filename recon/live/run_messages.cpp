@@ -20,10 +20,11 @@ constexpr double first_minute_s = 60;
 constexpr std::size_t most_reference_records = 200;
 constexpr std::int64_t checked_records = 100;
 constexpr double check_pause_s = 10;
-// Maximum number of records in a sum since a mark. Reading 20 000 records takes about 0.3 s.
+// Maximum number of records in a sum that starts at a mark. Reading 20 000 records takes about 0.3
+// s.
 constexpr std::int64_t most_since_mark = 20'000;
 constexpr std::size_t most_sums = 4;  // maximum number of cached sums
-// Maximum number of events that are searched for a mark.
+// Maximum number of events searched for a mark.
 constexpr std::size_t most_events_searched = 1000;
 
 Json axis_json(const Axis& a) {
@@ -56,7 +57,7 @@ Message trouble(const std::string& text) {
   return MessageWriter().finish({{"kind", "trouble"}, {"text", text}});
 }
 
-// Returns settings from the stored configuration, which is parsed once per run.
+// Returns settings from the run's stored configuration, which is parsed only once per run.
 const RunMessages::RunSettings& RunMessages::settings() {
   if (std::exchange(settings_edition_, run_.edition()) == run_.edition()) return settings_;
   settings_ = {};
@@ -121,8 +122,8 @@ Json RunMessages::sensors() const {
   return out;
 }
 
-// Returns the free disk space, and the time until the disk is full at the mean data rate of the
-// run.
+// Returns the free disk space, and the time until the disk is full, estimated from the run's mean
+// data rate.
 Json RunMessages::disk() const {
   const auto free = run_.free_bytes();
   if (!free) return nullptr;
@@ -251,8 +252,8 @@ void RunMessages::check_maps() {
 }
 
 // Returns the index of the first record after the newest mark that was set before the end of record
-// `index`. Returns `index` if no record up to `index` started after the mark. Empty if no mark
-// was found.
+// `index`. Returns `index` if no record up to `index` started after the mark. Returns an empty
+// value if no mark was found.
 std::optional<std::int64_t> RunMessages::first_since_mark(std::int64_t index) const {
   const auto& all = run_.outlines();
   const auto shown = std::ranges::find(all, index, &Outline::index);

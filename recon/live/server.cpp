@@ -52,7 +52,7 @@ tcp::endpoint endpoint_of(const std::string& text) {
   return {address, static_cast<unsigned short>(number)};
 }
 
-// A run that is displayed by at least one browser, or the default run.
+// A run displayed by at least one browser, or the default run.
 struct ServedRun {
   ServedRun(const std::string& target, const LiveModel* model, std::optional<std::int64_t> planned,
             const Clock& clock)
@@ -136,7 +136,7 @@ class Server::Impl final : public SessionOwner {
   Message newest(ServedRun& served);
   void send_record(ServedRun& served, Session& session, const Message& record);
   ServedRun& served_run(const Session& session);
-  // Calls action(served) for each run that is displayed by at least one browser.
+  // Calls action(served) for each run displayed by at least one browser.
   template <class Action>
   void each(Action action);
   template <class Make>
@@ -229,7 +229,7 @@ void Server::Impl::opened(const std::shared_ptr<Session>& session) {
   if (!armed_) arm();
 }
 
-// Deletes the state of a run when the last browser disconnects.
+// Deletes the state of a run when the last browser that displays the run disconnects.
 void Server::Impl::closed(const std::shared_ptr<Session>& session) {
   if (!session->run().empty() && !chosen_.contains(session->run())) return;
   ServedRun& served = served_run(*session);

@@ -26,7 +26,7 @@ bool guarded(const std::function<void()>& body) {
   }
 }
 
-// Runs the body of a handler. If it throws, only this session ends.
+// Runs the body of a handler. If the body throws an exception, only this session ends.
 void Session::handle(const std::function<void()>& body) {
   if (!guarded(body)) close();
 }

@@ -43,7 +43,7 @@ Mask found_mask(const std::vector<float>& share) {
   return mask;
 }
 
-// Returns the mean x/z over the foreground pixels.
+// Returns x/z averaged over the foreground pixels.
 double centroid_tangent(const Mask& mask, const record::MapGrid& grid) {
   const Axis x = grid.x();
   std::vector<double> of_column(x.count);

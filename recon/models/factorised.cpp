@@ -14,7 +14,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t cut_at_once = 4096;  // batch size, records; limits the memory use
+constexpr std::size_t cut_at_once = 4096;  // batch size in records; limits memory use
 constexpr float nearest_m = 0.1f;          // minimum range of a body, m
 // Minimum scale of an input, relative to the median of all scales.
 constexpr double least_deviation = 0.05;
@@ -25,7 +25,7 @@ constexpr int least_threshold = 25, most_threshold = 60, threshold_step = 5;
 // Width of the two hidden layers of each network. If there are at least `many_records` records, the
 // networks are wider, and are trained for fewer epochs with larger batches.
 constexpr std::size_t many_records = 10'000, units = 48, units_of_many = 96;
-// Number of networks; their mean is more accurate than one network.
+// Number of networks that are averaged; their mean is more accurate than a single network.
 constexpr std::size_t place_networks = 3;
 constexpr std::size_t shape_networks = 2;  // number of networks; 1 if there are many records
 // Weight of the depth error relative to the lateral error. The depth is almost equal to the range;
@@ -34,7 +34,8 @@ constexpr float depth_weight = 0.1f;
 // If there are at least this many bodies, only half of them are rotated, because rotation is an
 // approximation.
 constexpr std::size_t many_bodies = 40'000;
-constexpr std::size_t component_bodies = 3000;  // more bodies would hardly change the components
+constexpr std::size_t component_bodies =
+    3000;  // number of bodies used to compute the components; more would hardly change them
 
 float intersection_over_union(std::span<const float> map, std::span<const float> truth,
                               std::span<const float> background) {
@@ -143,7 +144,7 @@ Redraw Factorised::augment_positions(const RotatedBodies& rotated) const {
 }
 
 // Keeps the target shapes. The depth camera is at the position of the SPD, so rotation about the
-// SPD does not change the shape that the camera records.
+// SPD does not change the shape recorded by the camera.
 Redraw Factorised::augment_shapes(const RotatedBodies& rotated) const {
   return augment(rotated, [](const Place&, float, std::span<float>) {});
 }
@@ -204,9 +205,8 @@ Shapes Factorised::cut(const Bodies& seen, const Samples& samples, const Rows& w
   return out;
 }
 
-// Returns the coefficients of the principal components of each body. Coefficients of masks precede
-// those of depths. The coefficients of masks and those of depths are each divided by their largest
-// standard deviation.
+// Returns the principal-component coefficients of each body, first those of the mask, then those of
+// the depths. Each of these two groups is divided by its largest standard deviation.
 Matrix Factorised::amounts(const Bodies& seen, const Samples& samples) const {
   const std::size_t records = seen.rows.size(), masks = model_.masks.basis.rows;
   Matrix out(records, masks + model_.depths.basis.rows);

@@ -26,7 +26,7 @@ double best_penalty(const Eigen::VectorXd& s, const Eigen::VectorXd& projected, 
     const double penalty = std::pow(10, 0.25 * quarter_decades) * s(0) * s(0);
     const Eigen::ArrayXd kept = s.array().square() / (s.array().square() + penalty);
     // Computed as a sum of squares, because a difference of large numbers would amplify rounding
-    // errors if the fit is close.
+    // errors if the residual is small.
     const double residual = outside + (projected.array() * (1 - kept).square()).sum();
     const double freedom = records - 1 - kept.sum();  // subtracts 1 for the fitted mean
     if (freedom < 1e-3 * records) continue;

@@ -15,8 +15,8 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::size_t least_records = 5;
-// The run shows people if the variance of its counts divided by the Poisson variance exceeds
-// `most_scatter` + `most_scatter_a_count` x mean count.
+// People are assumed to be in the room if the variance of the counts divided by the Poisson
+// variance exceeds `most_scatter` + `most_scatter_a_count` x mean count.
 constexpr double most_scatter = 4, most_scatter_a_count = 0.002;
 
 std::vector<float> mean_of_rows(const Matrix& table, const Rows& rows) {
@@ -30,7 +30,7 @@ std::vector<float> less(const std::vector<float>& a, const std::vector<float>& b
   return out;
 }
 
-// Replaces the background of the model by the counts of the empty room. Returns the correction to
+// Replaces the background of the model with the counts of the empty room. Returns the correction to
 // add to the radar values of records from that room. `empty` must be on the model's axes.
 EmptyRoom take(Estimator& model, const std::string& path, const Dataset& empty) {
   EmptyRoom now = empty_room_of(empty, path);

@@ -57,7 +57,7 @@ void archive_training(Archive archive, FitOptions& fit, TrainingLog& log) {
   archive.values("loss_m", log.loss, Archive::any);
   archive.values("validation_loss_m", log.validation_loss, log.loss.size());
   archive.count("best_epoch", log.best_epoch, 0, most);
-  // The fit options below are only stored for information, and never read.
+  // The fit options below are stored only for information, and are never read.
   if (archive.reading()) return;
   std::vector<std::int64_t> hidden;
   for (const std::size_t width : fit.hidden.value_or(std::vector<std::size_t>{}))

@@ -16,7 +16,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t at_once = 512;  // batch size, records; limits the memory use
+constexpr std::size_t at_once = 512;  // batch size in records; limits memory use
 
 // Has no early exit, so that the compiler can vectorise the loop.
 ECHOFUSE_CLONES bool all_finite(const float* values, std::size_t count) {
@@ -68,7 +68,7 @@ void put(Prediction& whole, Prediction part, std::span<const std::size_t> places
     whole.uncertainties[places[i]] = std::move(part.uncertainties[i]);
 }
 
-// Returns what the error intervals assume about the ranges. Returns an empty string if the
+// Returns a note about the ranges assumed by the error intervals. Returns an empty string if the
 // calibration of the run provides the range error and the sensor baseline.
 std::string assumption_of(const Estimator& by, const Dataset& data) {
   if (!by.uncertainty || data.radar_axis.count == 0 || !side_by_ranges(data, by.features.inputs))
@@ -210,8 +210,8 @@ std::vector<MappedRecord> map_records(const TrainedModel& model, const Records& 
 }
 
 MappedRecord map_record(const TrainedModel& model, Dataset recorded, PredictionDetail detail) {
-  // Checks for missing sensors first: a run that is being recorded may not have an axis for them
-  // yet.
+  // Checks for missing sensors first, because a run in progress may not yet have an axis for such a
+  // sensor.
   if (std::string fault = model.fault_of(recorded, 0); !fault.empty())
     return {{recorded.index[0], std::move(fault), {}, {}}, {}, {}};
   const Records records = prepare_records(model, std::move(recorded));

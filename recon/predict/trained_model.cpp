@@ -10,7 +10,7 @@
 namespace echofuse::recon {
 namespace {
 
-// Returns the index in training.runs of each run in the data set; -1 if the run was not used in
+// Returns, for each run in the data set, its index in training.runs; -1 if the run was not used in
 // training.
 std::vector<std::int64_t> known_runs(const TrainingRecords& training, const Dataset& data) {
   std::vector<std::int64_t> out;

@@ -19,10 +19,11 @@
 namespace echofuse::recon {
 namespace {
 
-// Minimum number of records for learning the scene of a run.
+// Minimum number of records needed to learn the scene from a run.
 constexpr std::size_t least_of_room = 20;
 
-// Returns the sensors that have matching axes in both data sets; empty if there are none.
+// Returns the sensors that have matching axes in both data sets; empty if no sensor has matching
+// axes.
 std::optional<Inputs> common_inputs(const Dataset& data, const Dataset& other) {
   const bool spd = other.spd_axis.count > 0 && is_near(data.spd_axis, other.spd_axis) &&
                    data.zones.size() == other.zones.size();
@@ -50,7 +51,7 @@ Rows with_depth(const Dataset& data) {
   return rows;
 }
 
-// Returns the rows that have a depth map and no camera verdict that excludes it.
+// Returns the rows with a depth map that is not excluded by the camera verdict.
 Rows with_sound_depth(const Dataset& data) {
   Rows rows = all_rows(data.size());
   std::erase_if(rows, [&](std::size_t row) { return !data.sound_depth(row); });
@@ -101,7 +102,7 @@ struct StatedUncertainty {
   }
 };
 
-// Computes metrics and calibration in batches of records, to limit the memory use.
+// Computes metrics and calibration in batches of records, to limit memory use.
 void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
                        const std::string& title, Evaluation& out) {
   const SceneModel& scoring = out.scoring.scene;

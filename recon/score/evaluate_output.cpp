@@ -127,7 +127,7 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
 std::string mirrored_truth(const Summaries& metrics) {
   constexpr std::size_t least_maps = 10;
   // mirrored_truth() returns a warning if the fraction of bodies predicted on the correct side is
-  // below this limit. Random sides would give 0.5.
+  // below this limit. A random choice of the side would yield 0.5.
   constexpr double most_share = 0.1;
   const Summary& right = metrics[metric_left_right];
   if (right.maps < least_maps || !(right.mean < most_share)) return {};

@@ -25,8 +25,8 @@ namespace {
 using namespace echofuse;
 using Command = std::function<ExitCode(bool quiet)>;
 
-// Returns the instrument response, the axes and the baseline of a calibration file as KEY=VALUE
-// settings. Throws Error(config) if the file has no response.
+// Returns the instrument response, the axes and the baseline stored in a calibration file as
+// KEY=VALUE settings. Throws Error(config) if the file contains no response.
 std::vector<std::string> settings_like(const std::string& path) try {
   std::vector<std::pair<std::string, std::string>> stated;
   const toml::table file = toml::parse(read_config_text(path), path);
