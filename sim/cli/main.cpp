@@ -211,7 +211,7 @@ void add_dataset(CLI::App& app, Command& command) {
 
 struct LabArguments : PlanArguments {
   sim::LabOptions options;
-  // program to run while the laboratory is open, with its arguments
+  // program to run while the laboratory is in operation, and its arguments
   std::vector<std::string> command;
 };
 

@@ -102,7 +102,7 @@ std::string one_line(std::string lines) {
   return out.substr(0, out.size() - std::min<std::size_t>(2, out.size()));
 }
 
-// Returns the instrument response to store in the run file; nothing if the radar responses of the
+// Returns the instrument response to be stored in the run file; empty if the radar responses of the
 // laboratories differ. Omits the IRF width if there are several laboratories.
 std::optional<record::Response> stated_response(const Plan& plan) {
   const auto all = laboratories_of(plan);
@@ -138,7 +138,7 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
   return info;
 }
 
-// Returns the contents of the files that the settings name: the scene list and the mesh.
+// Returns the contents of the files named in the settings: the scene list and the mesh.
 std::string files_of(const Plan& plan) {
   std::string out;
   for (const std::string& path : {plan.scenes, plan.conditions.object})
@@ -292,7 +292,7 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
 
 // Simulates the antenna samples, stores their statistics in the record, and returns the mean power
 // at each range point. Uses a separate random stream, so that the number of antennas does not
-// change the photon counts and the depth map.
+// affect the photon counts or the depth map.
 std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Returns& returns,
                                                    const AntennaRadar& radar,
                                                    record::FusedRecord& r) const {

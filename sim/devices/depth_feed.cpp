@@ -59,7 +59,7 @@ class DepthFeed final : public Device {
   struct DepthFrameOut {
     DepthHeader header;
     std::vector<std::uint16_t> pixels;
-    const char* what;  // log entry after sending: sent, corrupt or garbage
+    const char* what;  // log entry written after sending: sent, corrupt or garbage
     HostTime due;
   };
 
@@ -200,7 +200,8 @@ class DepthFeed final : public Device {
   port::Timer timer_;
   HostTime next_;
   std::list<FeedClient> viewers_;
-  // Depths of the current scene without camera errors, and of the last frame with errors, mm.
+  // Depths in mm: of the current scene without camera errors, and of the last frame with camera
+  // errors.
   std::vector<std::uint16_t> pixels_, last_;
   std::int64_t pictured_ = -1;
   bool stopping_ = false;

@@ -138,8 +138,8 @@ class DepthStream final : public oni::driver::StreamBase {
     return {ONI_PIXEL_FORMAT_DEPTH_1_MM, static_cast<int>(camera_.width),
             static_cast<int>(camera_.height), static_cast<int>(camera_.fps)};
   }
-  // Calls `use` with the value of the property, in the type that OpenNI defines for it. Returns
-  // false if the property is not supported.
+  // Calls `use` with the value of the property, in the type defined for it by OpenNI. Returns false
+  // if the property is not supported.
   template <class Use>
   bool with_property(int property, Use use) const {
     switch (property) {
@@ -249,7 +249,8 @@ class DepthDriver final : public oni::driver::DriverBase {
                        oni::driver::DeviceDisconnectedCallback disconnected,
                        oni::driver::DeviceStateChangedCallback changed, void* cookie) override {
     DriverBase::initialize(connected, disconnected, changed, cookie);
-    connect();  // connects here, because applications list the cameras right after initialisation
+    connect();  // connects here, because applications list the cameras immediately after
+                // initialisation
     reader_ = std::thread([this] { run(); });
     return ONI_STATUS_OK;
   }

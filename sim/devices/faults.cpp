@@ -114,8 +114,8 @@ class FaultReader : TableReader {
   }
 };
 
-// Returns the number of earlier repetitions at `time_s`, and the seconds since the start of the
-// current repetition. Returns nothing before the first start.
+// Returns the number of repetitions completed before `time_s`, and the time in seconds since the
+// start of the current repetition. Returns an empty value before the first start.
 std::optional<std::pair<double, double>> progress(const Fault& f, double time_s) {
   if (time_s < f.at_s) return {};
   const double since = time_s - f.at_s;

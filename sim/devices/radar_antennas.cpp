@@ -11,10 +11,11 @@
 namespace echofuse::sim {
 namespace {
 
-// Factor from amplitudes (mean scene: 1) to the 16-bit integers of the heat map, which saturate at
-// 32 times the amplitude of the mean scene.
+// Factor that converts amplitudes (mean scene: 1) to the 16-bit integers of the heat map, which
+// saturate at 32 times the amplitude of the mean scene.
 constexpr float sample_gain = 1 << 10;
-constexpr unsigned above = 1;  // index of the ISK transmitter outside the row of the other two
+constexpr unsigned above =
+    1;  // index of the ISK transmitter that is not in the row of the other two
 
 constexpr double layout_hz = 62e9;  // antenna positions are in half wavelengths at this frequency
 

@@ -255,7 +255,7 @@ bool RadarFirmware::all_pending() const {
 
 // Prints an error and returns true if sensorStart does not match the configuration. If sensorStart
 // has no argument, it requires a complete new configuration. "sensorStart 0" requires that nothing
-// was configured since the last start.
+// has been configured since the last start.
 bool RadarFirmware::refuse_start(bool reconfigure) {
   const bool first = state_ == DemoState::init || state_ == DemoState::opened;
   if (reconfigure && all_pending()) return false;
@@ -273,9 +273,9 @@ bool RadarFirmware::refuse_start(bool reconfigure) {
   return true;
 }
 
-// The antennas, the ADC and the power mode are configured only at the first start. If they change
-// later, prints the failed assertion of the demo and returns true; the command line then hangs, as
-// on the board.
+// The antennas, the ADC and the power mode are configured only at the first start. If they are
+// changed later, prints the failed assertion of the demo and returns true; the command line then
+// hangs, as on the board.
 bool RadarFirmware::changed_latched() {
   for (const char* name : latched_commands) {
     if (state_ == DemoState::init) latched_[name] = config_[name];
@@ -331,9 +331,9 @@ void RadarFirmware::between_frames() {
   answer(0);
 }
 
-// Returns the chirp of each subframe, or a single chirp if there are no subframes. Returns nothing
-// if a command is missing or the front end would reject the frame. Subframes may differ only in
-// their start frequency, because other differences are not simulated.
+// Returns the chirp of each subframe, or a single chirp if there are no subframes. Returns an empty
+// list if a command is missing or the front end would reject the frame. Subframes may differ only
+// in their start frequency, because other differences are not simulated.
 std::vector<Chirp> RadarFirmware::subframes_configured() {
   constexpr unsigned advanced = 3, most = 4;
   if (whole(config_["dfeDataOutputMode"], 1) != advanced) {
@@ -377,8 +377,8 @@ bool RadarFirmware::ramps_possible() {
 }
 
 // Returns the parameters of a frame with the profile of chirp number `of_chirp` or, if `of_chirp`
-// is empty, with the last configured profile. Returns nothing if the front end would reject the
-// frame.
+// is empty, with the last configured profile. Returns an empty value if the front end would reject
+// the frame.
 std::optional<Chirp> RadarFirmware::chirp(const FramePart& frame,
                                           std::optional<unsigned> of_chirp) {
   const CommandWords channel = config_["channelCfg"];

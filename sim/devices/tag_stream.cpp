@@ -7,8 +7,8 @@
 namespace echofuse::sim {
 namespace {
 
-// Longest time span of tags per call of advance(), s. Tags that are late by more than
-// `device_memory_s` are lost, as in a real device with a full memory.
+// Maximum time span of the tags emitted by one call of advance(), s. Tags that are late by more
+// than `device_memory_s` are lost, as in a real device with a full memory.
 constexpr double longest_tick_s = 0.1, device_memory_s = 1;
 
 }  // namespace

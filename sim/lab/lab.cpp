@@ -39,7 +39,7 @@ const char* const transient[] = {"radar-cli",      "radar-data", "radar-cli.new"
 const char* const lasting[] = {"lab.toml", "radar.cfg", "sent.json"};
 constexpr char lock_name[] = "lab.lock";  // file that exists while a laboratory is running
 
-// Returns true for a partially written file of a laboratory that was killed.
+// Returns true for a partially written file left behind by a laboratory that was killed.
 bool is_unfinished(const std::string& name) {
   return name.ends_with(".part") &&
          std::any_of(std::begin(lasting), std::end(lasting),
@@ -88,7 +88,7 @@ fs::path find_radar_cfg(const LabOptions& options) {
   return data_folder() / ("radar/" + name + ".cfg");
 }
 
-// Folder of the OpenNI2 library that the build found.
+// Folder of the OpenNI2 library found by the build.
 const fs::path openni_folder = ECHOFUSE_OPENNI2_DIR;
 
 // Creates a private copy of OpenNI2: links to the library and to its file driver, and a copy of the

@@ -217,8 +217,8 @@ void bind_depth(Settings& s, Conditions& c) {
         "bias added to the depths of the depth camera, m");
 }
 
-// Returns the amplitudes (square roots) of the powers in radar_flanks. Returns nothing unless the
-// string contains 5 to 128 powers with a maximum of 1.
+// Returns the amplitudes (square roots) of the powers in radar_flanks. Returns an empty list unless
+// the string contains 5 to 128 powers with a maximum of 1.
 std::vector<double> flanks_of(const std::string& text) {
   constexpr std::size_t least = 5, most = 2 * record::RadarResponse::most_taps;
   std::vector<double> out;

@@ -35,8 +35,8 @@ std::int64_t count_binomial(std::int64_t n, double p, Rng& rng) {
   }
 }
 
-// Candidate k of the transformed rejection, from two uniform random numbers and the hat parameters
-// a and b.
+// Candidate k of the transformed-rejection method, computed from two uniform random numbers and the
+// hat parameters a and b.
 struct Proposal {
   double us, v, k;
   Proposal(double a, double b, double centre, Rng& rng) {

@@ -65,7 +65,7 @@ class WordReader {
   std::size_t at_ = 0, line_ = 0;
 };
 
-// Adds a polygon as a triangle fan. Leaves out triangles of zero area.
+// Adds a polygon as a triangle fan. Omits triangles of zero area.
 void add_polygon(Mesh& mesh, const std::vector<std::uint32_t>& corners) {
   for (std::size_t i = 2; i < corners.size(); ++i) {
     const Vec3 a = mesh.points[corners[0]], b = mesh.points[corners[i - 1]],
@@ -84,7 +84,7 @@ void check_size(const Mesh& mesh, const std::string& name) {
                                       " triangles; expected at most one million");
 }
 
-// Returns the index of a vertex, from 0. Indices in the file count from 1 or, if negative,
+// Returns the zero-based index of a vertex. Indices in the file count from 1 or, if negative,
 // backwards from the last vertex.
 std::uint32_t obj_corner(const WordReader& text, std::string_view word, std::size_t points) {
   const auto index = text.number<std::int64_t>(word.substr(0, word.find('/')), "a vertex index");
