@@ -26,8 +26,8 @@ double random_turn(double most_deg, Rng& rng) {
   return uniform(rng, -most_deg, most_deg) * std::numbers::pi / 180;
 }
 
-// Replaces a random position and yaw with the values given in `spec`. The random values are drawn
-// in any case, so that later random numbers do not depend on `spec`.
+// Replaces a random position and yaw with the values given in `spec`. The random values are always
+// drawn, so that later random numbers do not depend on `spec`.
 Stand chosen(const SceneSpec& spec, Stand random) {
   const double degree = std::numbers::pi / 180;
   return {spec.x_m.value_or(random.x_m), spec.z_m.value_or(random.z_m),

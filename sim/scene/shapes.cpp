@@ -15,7 +15,7 @@ namespace {
 constexpr double near_m = 0.05;
 constexpr Interval everything{-INFINITY, INFINITY}, none{INFINITY, -INFINITY};
 
-// Returns the interval of tangents t that a sphere with its centre at (s, z) covers along one axis.
+// Returns the interval of tangents t covered along one axis by a sphere with its centre at (s, z).
 // The limits of the interval are the exact silhouette: (s - t z)^2 = radius^2 (1 + t^2).
 Interval disc_tangents(double s, double z, double radius) {
   if (z - radius < near_m) return everything;

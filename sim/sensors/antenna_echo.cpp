@@ -46,7 +46,8 @@ MatrixXf responses(const RadarAxis& axis, const std::vector<double>& slots) {
 }
 
 // Adds echoes to the samples. `slots` contains the sum of the echoes in each slot (columns) at each
-// antenna (rows), `response` the response of each range point (columns) to each slot (rows).
+// antenna (rows), and `response` contains the response of each range point (columns) to each slot
+// (rows).
 void add_echoes(const MatrixXcf& slots, const MatrixXf& response, EchoSamples& samples) {
   const Eigen::Map<const MatrixXf> from(reinterpret_cast<const float*>(slots.data()),
                                         2 * slots.rows(), slots.cols());
@@ -90,7 +91,7 @@ float turns_of_patch(const Returns& returns, std::size_t k, std::uint64_t seed) 
   return static_cast<float>(mix(seed ^ mix(range ^ mix(x ^ mix(y)))) >> 40) * 0x1p-24f;
 }
 
-// Returns the spherical wave of a near point at each antenna.
+// Returns the spherical wave from a nearby point at each antenna.
 MatrixXcf near_wave(const AntennaRadar& radar, const EchoCell& point) {
   const double z = point.range_m * std::sqrt(1 - point.x * point.x - point.y * point.y);
   const auto way_m = [&](double x, double y) {
@@ -183,8 +184,8 @@ class AntennaEcho::Speckle : public Moving {
     for (Index k = count; k-- > 0;) {
       const EchoCell& cell = cells_.cells[static_cast<std::size_t>(k)];
       u[k] = static_cast<float>(cell.x), v[k] = static_cast<float>(cell.y);
-      // The echo is a complex Gaussian number: its power is exponentially distributed, its phase
-      // uniform.
+      // The echo is a complex Gaussian number: its power is exponentially distributed, and its
+      // phase is uniformly distributed.
       amplitude[k] = static_cast<float>(std::sqrt(-cell.weight * std::log(1 - uniform(rng, 0, 1))));
       ahead[k] = static_cast<float>(uniform(rng, 0, 1));
       const auto person = static_cast<std::size_t>(cell.person);
@@ -232,8 +233,8 @@ class AntennaEcho::Speckle : public Moving {
   }
 
  private:
-  // Multiplies each echo by its fraction in Doppler bin 0. `turns` is the phase change between two
-  // chirps of the same transmitter, turns.
+  // Multiplies each echo by the fraction of its amplitude in Doppler bin 0. `turns` is the phase
+  // change between two chirps of the same transmitter, turns.
   void lose_doppler(const ArrayXf& turns, Eigen::VectorXcf& turned) const {
     for (Index k = 0; k < turns.size(); ++k) {
       const float half = std::numbers::pi_v<float> * turns[k], one = std::sin(half);
@@ -327,7 +328,7 @@ class AntennaEcho::Expectation : public Moving {
 
  private:
   // Replaces a covariance matrix with its Cholesky factor L. If there are fewer sources than
-  // antennas, some pivots contain only rounding errors; their columns are set to 0.
+  // antennas, some pivots contain only rounding errors; the columns of these pivots are set to 0.
   static void take_root(Eigen::Map<Eigen::MatrixXcd>& c) {
     const double trace = c.diagonal().real().sum();
     for (Index b = 0; b < c.cols(); ++b) {

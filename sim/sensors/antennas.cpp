@@ -224,7 +224,7 @@ AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
   AntennaRecord out;
   out.array.reserve(kept_bins * record::values_of_bin(antennas));
   const auto n = static_cast<Index>(antennas);
-  // Samples of one frame in the layout that ArrayStatistics::add_planes() expects.
+  // Samples of one frame in the layout expected by ArrayStatistics::add_planes().
   Eigen::Array<float, lanes, Eigen::Dynamic> planes(lanes, 2 * n);
   const std::span re(planes.data(), lanes * antennas), im(re.data() + re.size(), re.size());
   // Range points are processed in blocks, so that the statistics of a block stay in the cache

@@ -9,7 +9,7 @@
 namespace echofuse::sim {
 namespace {
 
-constexpr std::size_t pairs = 2 * lanes;  // random numbers per step
+constexpr std::size_t pairs = 2 * lanes;  // number of random values generated per step
 
 using Words = std::array<std::uint32_t, lanes>;
 

@@ -120,7 +120,7 @@ class Walls {
 
  private:
   // Calls use(p, path length, light) for each wall patch p that illuminates `to`. The arguments are
-  // the path length to `to` and the light that `to` receives.
+  // the path length to `to` and the light received by `to`.
   template <class Use>
   void send(const Patch& to, Use use) const {
     for (std::size_t p = 0; p < patches_.size(); ++p)

@@ -30,7 +30,7 @@ bool on_wall(const Plate& wall, Vec3 p) {
   return along >= 0 && along <= reach && std::abs(across) <= s.width_m / 2;
 }
 
-// Returns the point where the line segment between the two points crosses the wall; nothing if the
+// Returns the point where the line segment between the two points crosses the wall; empty if the
 // segment does not cross the wall.
 std::optional<Vec3> through(const Plate& wall, Vec3 from, Vec3 to) {
   const Vec3 n = normal_of(wall);
@@ -41,8 +41,8 @@ std::optional<Vec3> through(const Plate& wall, Vec3 from, Vec3 to) {
   return at;
 }
 
-// One path to a patch: its factor in the power of the echo, its length, its direction at the radar,
-// and its number of reflections.
+// One path to a patch: the factor by which it multiplies the power of the echo, its length, its
+// direction at the radar, and its number of reflections.
 struct Arrival {
   double share, length_m;
   Vec3 departure;

@@ -17,7 +17,7 @@
 namespace echofuse::sim {
 namespace {
 
-// Returns the origin of the patch that ray i of the row meets at this range.
+// Returns the origin of the patch hit by ray i of the row at this range.
 Returns::PatchOrigin place_of(const Scene& scene, const ScanRow& row, std::size_t i, double range_m,
                               double sensor_height_m) {
   const double z = row.z[i];
@@ -25,7 +25,7 @@ Returns::PatchOrigin place_of(const Scene& scene, const ScanRow& row, std::size_
           static_cast<float>(row.y[i] * z + sensor_height_m), person_of(scene, row.shape[i])};
 }
 
-// Collects the patches that the rays of each row meet, in the order of the rays.
+// Collects the patches hit by the rays of each row, in the order of the rays.
 class PatchCollector {
  public:
   PatchCollector(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y,

@@ -26,7 +26,7 @@ Vec3 Scanner::normal(std::int32_t shape, Vec3 at) const {
 }
 
 // Returns the image of a static room. The image is rendered once for each sensor and then cached.
-// Threading: any thread.
+// Threading: may be called from any thread.
 std::shared_ptr<const Image> Scanner::room_image(const Room& room, double sensor_x_m, const Axis& x,
                                                  const Axis& y, Sampling sampling) {
   static std::mutex mutex;

@@ -21,7 +21,7 @@ double centre(const Conditions& c, std::size_t i) {
   return (static_cast<double>(i) + 0.5 - static_cast<double>(c.spd_zones) / 2) * pitch(c);
 }
 
-// Returns the fraction of the light from each tangent that each zone along one side receives:
+// Returns the fraction of the light from each tangent received by each zone along one side:
 // [zone][tangent].
 std::vector<double> shares(const std::vector<float>& tangents, double middle, const Conditions& c) {
   const std::size_t side = zones_a_side(c), count = tangents.size();

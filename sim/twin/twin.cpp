@@ -16,7 +16,7 @@
 namespace echofuse::sim {
 namespace {
 
-// Settings that cannot have a range, because the run file contains a single value of each.
+// Settings that cannot have a range, because the run file contains only one value of each setting.
 constexpr std::array stated{"bin_width_ps",     "first_bin_ps", "radar_step_m",
                             "half_tangent",     "baseline_m",   "radar_resolution_m",
                             "map_half_tangent", "map_z_max_m"};
@@ -28,7 +28,7 @@ std::string number_text(double value) {
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }
 
-// Returns the error message for a value outside the limits of a setting; nothing if the value is
+// Returns the error message for a value outside the limits of a setting; empty if the value is
 // valid.
 std::optional<std::string> fault_of(const std::string& key, double value) {
   Conditions conditions;
