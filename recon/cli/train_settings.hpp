@@ -23,15 +23,15 @@ struct TrainSettings {
   bool test_share_given = false;
 };
 
-// Adds the options that determine the model inputs, the training records and their split: --inputs,
-// --seed, --split, --set.
+// Adds the options for the model inputs, the random seed, the split of the records, and other
+// settings: --inputs, --seed, --split, --set.
 void add_split_options(CLI::App& app, TrainOptions& options, std::vector<std::string>& assignments);
 void bind(Settings& settings, TrainSettings& s);
 // Returns all settings in TOML format, each with its meaning, range and default.
 std::string train_settings_help();
-// Applies settings, each given as KEY=VALUE or in a TOML file of this name. Throws Error(config)
-// with a list of all invalid settings. Throws Error(usage) if `candidates` contains an invalid
-// model name.
+// Applies the assignments, each of which is KEY=VALUE or the path of a TOML file with settings.
+// Throws Error(config) with a list of all invalid settings. Throws Error(usage) if `candidates`
+// contains an invalid model name.
 void take(const std::vector<std::string>& assignments, TrainSettings& s);
 
 }  // namespace echofuse::recon

@@ -24,7 +24,7 @@ class Chooser {
   //                   taken from the middle record: `map` (cm, chooser_side x chooser_side pixels,
   //                   0: no return) or, if that record has no depth map, `histogram` (clicks)
   //   damaged run     `name`, and `fault`, which contains the reason
-  //   run not yet read  `name`, and `waits`: true. Each call reads files for at most half a second;
+  //   unread run      `name`, and `waits`: true. Each call reads files for at most half a second;
   //                   call again to read the rest.
   std::string runs();
 

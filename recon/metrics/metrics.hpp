@@ -14,8 +14,7 @@ namespace echofuse::recon {
 
 // Structural similarity of two depth maps (Wang, Bovik, Sheikh, Simoncelli, IEEE TIP 13, 600,
 // 2004), with an 11 x 11 Gaussian window of sigma 1.5, K1 = 0.01, K2 = 0.03 and the population
-// covariance. Pixels less than 5 pixels from the border do not have a complete window and are
-// excluded.
+// covariance. Pixels closer to the border than this have no complete window and are excluded.
 inline constexpr std::size_t ssim_border = 5;
 
 // Returns the SSIM of two maps of size x size pixels, for each pixel with a complete window:

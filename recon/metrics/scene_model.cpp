@@ -14,7 +14,7 @@ namespace {
 
 constexpr float foreground_step_m = 0.1f;
 // The foreground is treated as empty if at least this fraction of its summed depth differences from
-// the background belongs to depths behind the background.
+// the background comes from pixels that lie behind the background.
 constexpr double most_behind = 0.25;
 // Minimum depth of a return, relative to the mean foreground depth.
 constexpr float nearest_share = 0.125f;

@@ -57,8 +57,8 @@ bool true_foreground(float depth_m, float background_m);
 // of a body.
 bool holds_returns(std::span<const float> map, const SceneModel& scene);
 
-// Returns a value for each pixel that states where its depth lies between the background (0) and
-// the mean foreground depth (1). Pixels above 0.5 are foreground. If the map contains returns
+// For each pixel, returns the relative position of its depth between the background (0) and the
+// mean foreground depth (1). Pixels above 0.5 are foreground. If the map contains returns
 // (holds_returns) and a pixel has no background, its value is 1 for a return and 0 otherwise. For a
 // least-squares prediction, the value estimates the probability of foreground, and may be below 0
 // or above 1.

@@ -68,8 +68,8 @@ void put(Prediction& whole, Prediction part, std::span<const std::size_t> places
     whole.uncertainties[places[i]] = std::move(part.uncertainties[i]);
 }
 
-// Returns a note about the ranges assumed by the error intervals. Returns an empty string if the
-// calibration of the run provides the range error and the sensor baseline.
+// Returns a note about errors that the 90 % intervals do not include. Returns an empty string if
+// the calibration of the run provides the range error and the sensor baseline.
 std::string assumption_of(const Estimator& by, const Dataset& data) {
   if (!by.uncertainty || data.radar_axis.count == 0 || !side_by_ranges(data, by.features.inputs))
     return {};

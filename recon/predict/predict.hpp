@@ -20,7 +20,7 @@ struct Records {
   Dataset data;          // data on the model's axes
   std::string antennas;  // note if the run lacks antennas used by the model; otherwise empty
   std::string response;  // note if the run lacks its radar response; otherwise empty
-  std::string ranges;    // note about the ranges assumed by the error intervals; may be empty
+  std::string ranges;    // note about errors not included in the 90 % intervals; may be empty
 };
 
 // Tests whether the records as a group differ from the training data. For a run used in training,
@@ -50,9 +50,9 @@ struct Prediction {
   Matrix mean, deviation;
 };
 
-// Predicts maps from data on the model's axes. If a record lacks sensors of the first estimator, a
-// fallback estimator is used. Throws Error(usage) if `pixels` is requested but the model is not
-// calibrated.
+// Predicts maps from data on the model's axes. If a record lacks data from a sensor of the first
+// estimator, a fallback estimator is used. Throws Error(usage) if `pixels` is requested but the
+// model is not calibrated.
 Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
                    PredictionDetail detail = PredictionDetail::uncertainty);
 
@@ -78,7 +78,7 @@ struct MappedRecord {
   std::vector<float> map_m, deviation_m;
 };
 
-// Returns the highest level of detail that the model supports.
+// Returns the highest level of detail supported by the model.
 PredictionDetail fullest_detail(const TrainedModel& model);
 
 // Predicts the map of each given row.

@@ -40,7 +40,8 @@ struct TrainedModel {
   std::uint32_t data_hash = 0;
   // Radar response of the training data; unknown if the training runs do not contain it.
   record::RadarResponse radar_response;
-  // TrainOptions::any_response: the training runs may lack their radar responses, which may differ.
+  // TrainOptions::any_response: the training runs need not include their radar
+  // responses, which may then differ.
   bool any_response = false;
   // Correction added to the radar values after adapt_to_room().
   std::optional<EmptyRoom> room_change;

@@ -81,10 +81,10 @@ struct Evaluation {
   std::map<std::string, std::size_t> doubtful;
   Summaries with_doubtful = {};
   ScoringScene scoring;
-  std::string antennas;      // note about the antennas (Records::antennas)
-  std::string response;      // note about the radar response (Records::response)
-  std::string ranges;        // note about the assumed ranges (Records::ranges)
-  std::string late_truth;    // warning from late_truth(); may be empty
+  std::string antennas;    // note about the antennas (Records::antennas)
+  std::string response;    // note about the radar response (Records::response)
+  std::string ranges;      // note about errors not included in the 90 % intervals (Records::ranges)
+  std::string late_truth;  // warning from late_truth(); may be empty
   DomainShift domain_shift;  // result of testing the whole run or its held-out records
   std::string tested;        // prefix of the message from domain_shift: "RUN: "
   Summaries metrics;

@@ -249,8 +249,7 @@ class DepthDriver final : public oni::driver::DriverBase {
                        oni::driver::DeviceDisconnectedCallback disconnected,
                        oni::driver::DeviceStateChangedCallback changed, void* cookie) override {
     DriverBase::initialize(connected, disconnected, changed, cookie);
-    connect();  // connects here, because applications list the cameras immediately after
-                // initialisation
+    connect();  // applications list the cameras immediately after initialisation
     reader_ = std::thread([this] { run(); });
     return ONI_STATUS_OK;
   }

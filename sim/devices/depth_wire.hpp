@@ -17,7 +17,7 @@ struct DepthHeader {
   float horizontal_fov_rad = 0, vertical_fov_rad = 0;
   std::uint32_t frame_index = 0;
   std::uint32_t pixel_bytes = 0;
-  std::uint64_t time_us = 0;    // time of the camera clock, us
+  std::uint64_t time_us = 0;    // time on the camera clock, us
   std::uint32_t truncated = 0;  // if nonzero, the module delivers only the first half of the frame
   std::uint32_t reserved = 0;
 };

@@ -56,8 +56,8 @@ struct LabOptions {
 class Lab {
  public:
   // Starts all devices. The destructor removes links and sockets. Throws Error(usage) if the
-  // laboratory's directory is in use or contains other files, and Error(failed), Error(config) or
-  // Error(disk) for other errors.
+  // laboratory's directory is in use or contains files not created by a laboratory, and
+  // Error(failed), Error(config) or Error(disk) for other errors.
   Lab(port::SystemLoop& loop, const LabOptions& options);
   ~Lab();
   Lab(const Lab&) = delete;

@@ -108,10 +108,9 @@ Axis spd_axis(const Conditions& conditions);
 record::MapGrid map_grid(const Conditions& conditions);
 Axis radar_axis(const Conditions& conditions);
 RadarAxis radar_response(const Conditions& conditions);
-// Returns the instrument response to store in the run file: nominal values, without
+// Returns the instrument response to be stored in the run file: nominal values, without
 // `radar_psf_width`.
 record::Response stated_response(const Conditions& conditions);
-double radar_x_m(const Conditions& conditions);  // returns the x coordinate of the radar, m,
-                                                 // including `baseline_error_m`
+double radar_x_m(const Conditions& conditions);  // returns x, m, including `baseline_error_m`
 
 }  // namespace echofuse::sim

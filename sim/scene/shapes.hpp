@@ -20,8 +20,8 @@ inline Interval hull(Interval a, Interval b) {
   return {std::min(a.low, b.low), std::max(a.high, b.high)};
 }
 
-// SIMD width in rays. The scalar remainder of a loop costs as much as several SIMD steps. So rows
-// are padded by `spare_rays`, and ray counts are rounded up to whole steps.
+// SIMD width in rays. The scalar remainder of a loop costs as much as several SIMD steps. Rows are
+// therefore padded by `spare_rays`, and ray counts are rounded up to whole steps.
 inline constexpr std::size_t rays_at_once = 4, spare_rays = 2 * rays_at_once;
 constexpr std::size_t whole_steps(std::size_t rays) {
   return (rays + rays_at_once - 1) / rays_at_once * rays_at_once;
@@ -92,8 +92,8 @@ void light_back(const double* x, const double* y, const double* z, const double*
                 const double* albedo, double factor, double* range, double* weight,
                 std::size_t count);
 
-// Stores the depth and the number of the shape for each ray that meets the shape nearer than the
-// depth stored so far.
+// Stores the depth and the number of the shape for each ray that meets this shape at a smaller
+// depth than all previous shapes.
 void keep_nearer(const double* met, std::int32_t number, double* z, std::int32_t* shape,
                  std::size_t count);
 

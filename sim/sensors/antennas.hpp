@@ -44,7 +44,7 @@ record::Antennas antennas_in_layout(std::size_t count);
 // Returns `radar_antennas` antennas with random phase and gain errors. The errors depend only on
 // the seed; their rms values are `radar_phase_error_rad` and `radar_gain_error_db`.
 record::Antennas simulated_antennas(const Conditions& conditions, std::uint64_t seed);
-// Returns the antennas to store in the run file. They include the simulated errors only if
+// Returns the antennas to be stored in the run file. They include the simulated errors only if
 // `radar_array_calibrated` is true.
 record::Antennas stated_antennas(const record::Antennas& antennas, const Conditions& conditions);
 

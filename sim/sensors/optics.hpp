@@ -27,7 +27,7 @@ std::vector<double> spd_rate(const Returns& returns, const Conditions& condition
 std::vector<std::uint32_t> draw_counts(const std::vector<double>& rate,
                                        const Conditions& conditions, Rng& rng);
 
-// Returns the detector properties to store in the run file; empty at low flux, or if
+// Returns the detector properties to be stored in the run file; empty at low flux, or if
 // `spd_detector_stated` is false.
 record::Detector stated_detector(const Conditions& conditions);
 

@@ -40,8 +40,8 @@ ECHOFUSE_CLONES void add_squared(double weight, const double* psf, double* __res
 }
 
 // Echoes on a range grid much finer than the resolution. Each echo is split linearly between its
-// two neighbouring points, so the echoes of a whole room take no longer to process than a few
-// hundred points. The interpolation of the psf has an error of 5e-5 of its peak.
+// two neighbouring points, so the echoes of a whole room are processed as quickly as a few hundred
+// points. The interpolation of the psf has an error of 5e-5 of its peak.
 template <class Value>
 class FineEcho {
  public:

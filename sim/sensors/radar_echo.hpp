@@ -45,7 +45,7 @@ void add_profile_noise(std::vector<double>& power, double mean_peak, const Condi
 void add_frame_noise(std::vector<double>& power, double mean_peak, const Conditions& conditions,
                      Rng& rng);
 
-// Returns the noise-free power of incoherent echoes at each point: sum_k w_k psf^2. The power is
+// Returns the noise-free power of incoherent echoes at each point: sum_k w_k psf^2. The weights are
 // scaled so that the mean scene, as a single point, has power 1. antennas.hpp simulates coherent
 // echoes.
 std::vector<double> radar_power(const Returns& returns, const RadarAxis& axis);

@@ -42,7 +42,7 @@ inline double golden_offset(std::uint32_t k) {
 }
 
 // Offset of each ray from its point. The offsets in the left and right half are mirror images, so
-// that mirrored scenes give mirrored results.
+// that mirrored scenes yield mirrored results.
 struct Offsets {
   std::vector<double> dx_of_row, x_of_column, dy_of_column;
   std::vector<double> side_of_column;  // -1 left of the middle column, 1 right of it, 0 in it

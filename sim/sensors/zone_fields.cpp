@@ -21,8 +21,8 @@ double centre(const Conditions& c, std::size_t i) {
   return (static_cast<double>(i) + 0.5 - static_cast<double>(c.spd_zones) / 2) * pitch(c);
 }
 
-// Returns the fraction of the light from each tangent received by each zone along one side:
-// [zone][tangent].
+// For each zone along one side and each tangent, returns the fraction of the light from this
+// tangent that falls on the zone: [zone][tangent].
 std::vector<double> shares(const std::vector<float>& tangents, double middle, const Conditions& c) {
   const std::size_t side = zones_a_side(c), count = tangents.size();
   const double deviation = zone_deviation * pitch(c);
