@@ -29,7 +29,7 @@ void add_split_options(CLI::App& app, TrainOptions& options, std::vector<std::st
 void bind(Settings& settings, TrainSettings& s);
 // Returns all settings in TOML format, each with its meaning, range and default.
 std::string train_settings_help();
-// Applies the assignments, each of which is KEY=VALUE or the path of a TOML file with settings.
+// Applies the assignments. Each is KEY=VALUE or the path of a TOML file with settings.
 // Throws Error(config) with a list of all invalid settings. Throws Error(usage) if `candidates`
 // contains an invalid model name.
 void take(const std::vector<std::string>& assignments, TrainSettings& s);

@@ -18,8 +18,8 @@ struct Reconstruction {
   std::vector<float> map_m, deviation_m;
   record::MapGrid grid;
   std::string fault;  // reason for a missing map; otherwise empty
-  std::string
-      note;  // names of the missing sensors, or the reason why the record is out of distribution
+  // Names of the missing sensors, or the reason why the record is out of distribution.
+  std::string note;
   std::optional<double> x_m, z_m;  // position of the body in m, if the map shows one
   std::optional<double> lateral_interval_90_m;
   std::optional<double> iou, lateral_error_m;  // scores of the map against the camera's depth map

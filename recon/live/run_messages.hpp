@@ -31,8 +31,8 @@ class RunMessages {
   FollowedRun& run() { return run_; }
   Message about_run(bool may_write);
   Message state();
-  Message record(std::int64_t index,
-                 bool live);  // returns the message for one record; caches the most recent message
+  // Returns the message for one record; caches the most recent message.
+  Message record(std::int64_t index, bool live);
   // Returns the message for the sum of several records; `index` is the index of the last of these
   // records.
   Message sum(std::int64_t index, const ShowSum& request);

@@ -34,8 +34,8 @@ constexpr float depth_weight = 0.1f;
 // If there are at least this many bodies, only half of them are rotated, because rotation is an
 // approximation.
 constexpr std::size_t many_bodies = 40'000;
-constexpr std::size_t component_bodies =
-    3000;  // number of bodies used to compute the components; more would hardly change them
+// Number of bodies used to compute the components; more would hardly change them.
+constexpr std::size_t component_bodies = 3000;
 
 float intersection_over_union(std::span<const float> map, std::span<const float> truth,
                               std::span<const float> background) {

@@ -89,8 +89,8 @@ class Generator {
   // antennas with their simulated errors; one antenna if the run file stores no antenna data
   record::Antennas antennas_;
   bool keeps_array_ = false;
-  std::optional<RoomAlone>
-      room_;  // set if the plan has one laboratory and that laboratory has a room
+  // Set if the plan has one laboratory and that laboratory has a room.
+  std::optional<RoomAlone> room_;
 };
 
 struct DatasetOptions {

@@ -26,11 +26,11 @@ class BlockServer {
     HostTime first{}, last{};
     // The server sets the following members.
     std::uint32_t sequence = 0;
-    const char* what =
-        "sent";  // text of the log entry written after sending; a fault may change it
+    // Text of the log entry written after sending; a fault may change it.
+    const char* what = "sent";
     HostTime due{}, begun{};
-    std::int64_t damage =
-        -1;  // index of the byte changed by a `corrupt` fault; -1: no byte is changed
+    // Index of the byte changed by a `corrupt` fault; -1: no byte is changed.
+    std::int64_t damage = -1;
   };
   struct Handlers {
     port::Action connected;  // called when a client has connected, before the greeting is sent

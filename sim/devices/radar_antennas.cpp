@@ -14,8 +14,8 @@ namespace {
 // Factor that converts amplitudes (mean scene: 1) to the 16-bit integers of the heat map, which
 // saturate at 32 times the amplitude of the mean scene.
 constexpr float sample_gain = 1 << 10;
-constexpr unsigned above =
-    1;  // index of the ISK transmitter that is not in the row of the other two
+// Index of the ISK transmitter that is not in the row of the other two.
+constexpr unsigned above = 1;
 
 constexpr double layout_hz = 62e9;  // antenna positions are in half wavelengths at this frequency
 

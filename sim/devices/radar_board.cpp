@@ -183,8 +183,8 @@ class RadarBoard final : public Device {
 
   struct FrameIdentity {
     std::uint32_t number = 0, crc = 0;
-    std::int64_t damage =
-        -1;  // index of the byte changed by a `corrupt` fault; -1: no byte is changed
+    // Index of the byte changed by a `corrupt` fault; -1: no byte is changed.
+    std::int64_t damage = -1;
   };
   void log(HostTime begun, const char* done, const FrameIdentity& what) {
     injector_.log(begun, done,

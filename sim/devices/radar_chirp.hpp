@@ -52,8 +52,8 @@ std::vector<std::uint16_t> range_profile_codes(const std::vector<double>& power,
                                                unsigned antennas, const Conditions& conditions,
                                                Rng& rng);
 inline constexpr double radar_gain = 1 << 20;
-double log2_level(
-    double magnitude);  // returns log2(radar_gain * magnitude), or 0 if this is negative
+// Returns log2(radar_gain * magnitude), or 0 if this is negative.
+double log2_level(double magnitude);
 
 // Returns the range bias in the result of measureRangeBiasAndRxChanPhase, m: range of the profile
 // peak, computed with the range step of the firmware, minus target_m. The peak is searched for

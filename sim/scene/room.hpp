@@ -31,8 +31,8 @@ struct Room {
 // direction of the person. Only `closed` and `corridor` have notable multipath (multipath_order).
 const std::vector<Room>& rooms();
 const Room& room();
-const Room* room_named(
-    const std::string& background);  // returns nullptr if the name is "none" or unknown
+// Returns nullptr if the name is "none" or unknown.
+const Room* room_named(const std::string& background);
 // Returns "none" and the names of all rooms.
 std::vector<std::string> room_names();
 Scene empty_room(const Room& of = room());

@@ -13,8 +13,8 @@ namespace {
 
 // Magic word of radar frames: the u16 numbers 0x0102, 0x0304, 0x0506 and 0x0708.
 constexpr std::uint64_t magic = 0x0708050603040102;
-constexpr std::size_t radar_unit =
-    32;  // the length of a radar frame in bytes is a multiple of this number
+// The length of a radar frame in bytes is a multiple of this number.
+constexpr std::size_t radar_unit = 32;
 
 void append(Bytes& out, ByteView bytes) { out.insert(out.end(), bytes.begin(), bytes.end()); }
 
