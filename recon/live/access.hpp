@@ -16,7 +16,7 @@
 namespace echofuse::view {
 
 struct Access {
-  std::string token;         // random; created at each start of the server
+  std::string token;         // random token, created each time the server starts
   bool needs_token = false;  // true: reading requires the token; writing always requires it
   bool loopback = true;      // true: the server listens only on the loopback interface
   bool many = false;         // true: the server shows a folder of runs

@@ -15,7 +15,7 @@
 
 namespace echofuse::view {
 
-// Values of one record that the web page plots over time.
+// Values of one record plotted over time by the web page.
 struct Outline {
   std::int64_t index = 0;
   UtcTime start{}, end{};
@@ -28,7 +28,7 @@ struct Outline {
 
 // State of one sensor after the newest record.
 struct SensorState {
-  std::string verdict;  // verdict on the newest record
+  std::string verdict;  // verdict on the sensor in the newest record
   bool configured = false, valid = false;
   std::optional<UtcTime> last_valid;  // end of the last slot with valid data
   double used = 0;                    // number of clicks or frames used in the newest record
@@ -74,10 +74,11 @@ class FollowedRun {
   // Returns totals over all records: the number of records, the number of doubtful records and, for
   // each sensor, the number of records with each verdict.
   const record::RunSummary& verdicts() const { return verdicts_; }
-  std::optional<std::int64_t> last() const;  // index of the newest record
+  std::optional<std::int64_t> last() const;  // returns the index of the newest record
   bool live() const { return info_.status == "open"; }
   std::uint64_t bytes() const { return stamp_.bytes; }  // size with the WAL
-  std::optional<std::uint64_t> free_bytes() const;  // free space on the disk that contains the run
+  std::optional<std::uint64_t> free_bytes()
+      const;  // returns the free space on the disk that contains the run
 
   // with_reader() opens the run and passes the reader to `use`. It throws Error if the run cannot
   // be read.

@@ -17,7 +17,7 @@ struct Reconstruction {
   // requested or the model is not calibrated.
   std::vector<float> map_m, deviation_m;
   record::MapGrid grid;
-  std::string fault;  // reason for a missing map; otherwise empty
+  std::string fault;  // reason why the map is missing; otherwise empty
   // Names of the missing sensors, or the reason why the record is out of distribution.
   std::string note;
   std::optional<double> x_m, z_m;  // position of the body in m, if the map shows one

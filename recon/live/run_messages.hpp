@@ -18,8 +18,8 @@
 
 namespace echofuse::view {
 
-// Threading: must be used from one thread only. Functions that read a record throw Error if it
-// cannot be read.
+// Threading: must be used from one thread only. Functions that read a record throw Error if the
+// record cannot be read.
 class RunMessages {
  public:
   // `model` may be null. `run`, `model` and `clock` must outlive this object. `planned`: number of

@@ -34,9 +34,9 @@ class Server {
   // used. `model` may be null, and must outlive the server.
   Server(const ServerOptions& options, const LiveModel* model, const Clock& clock);
   ~Server();
-  std::string address() const;  // URL of the page, including the token
-  // Returns the reason why no run can be displayed yet; otherwise empty. Throws Error(failed) if
-  // the file is not a run.
+  std::string address() const;  // returns the URL of the page, including the token
+  // Returns the reason why a run cannot be displayed yet; empty if a run can be displayed. Throws
+  // Error(failed) if the file is not a run.
   std::string missing();
   void run();  // serves until interrupted() is true
 

@@ -41,7 +41,7 @@ class SessionOwner {
   // Called when a WebSocket has been opened.
   virtual void opened(const std::shared_ptr<Session>& session) = 0;
   virtual void closed(const std::shared_ptr<Session>& session) = 0;
-  // Returns null if the request needs no answer.
+  // Returns null if the request does not require an answer.
   virtual Message answer_to(Session& session, const Request& request) = 0;
 };
 
@@ -49,7 +49,8 @@ class SessionOwner {
 // uncaught exception would end the program.
 bool guarded(const std::function<void()>& body);
 
-// One connection. Threading: must be used from the thread of its owner. The owner must outlive it.
+// One connection. Threading: must be used from the thread of its owner. The owner must outlive the
+// connection.
 class Session : public std::enable_shared_from_this<Session> {
  public:
   Session(boost::asio::ip::tcp::socket socket, SessionOwner& owner, int& open)

@@ -59,8 +59,8 @@ MapScores score(std::span<const float> prediction, std::span<const float> truth,
 // Returns x/z of the centroid of the predicted foreground; NaN if the foreground is empty.
 double foreground_tangent(std::span<const float> prediction, const SceneModel& scene);
 
-// Position of the body in a predicted map, m. x points to the right, z away from the detector. NaN
-// if the map contains no body.
+// Position of the body in a predicted map, m. x points to the right, and z points away from the
+// detector. NaN if the map contains no body.
 struct BodyPlace {
   double x_m, z_m;
 };
@@ -71,8 +71,8 @@ double lateral_error(std::span<const float> prediction, std::span<const float> t
                      const SceneModel& scene);
 
 struct Summary {
-  double mean = 0;       // mean over the maps; NaN if the metric is undefined for all maps
-  double se = 0;         // standard error of the mean; NaN if maps < 2
+  double mean = 0;       // mean of the metric; NaN if it is undefined for all maps
+  double se = 0;         // standard error of the mean; NaN for fewer than two maps
   std::size_t maps = 0;  // number of maps for which the metric is defined
 };
 using Summaries = std::array<Summary, metric_count>;

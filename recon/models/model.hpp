@@ -73,7 +73,7 @@ struct ModelKind {
   std::unique_ptr<Model> (*make)();
   InputKind takes;
   Size size;
-  // Default options, chosen on validation records.
+  // Default options, chosen by the scores of validation records.
   FitOptions own;
   const char* scaling = "record";  // default scaling of the inputs (data/features.hpp)
 };

@@ -58,7 +58,7 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
 
 struct RecordStatus {
   std::int64_t index = 0;
-  std::string fault;  // reason for a missing map; empty if the record has a map
+  std::string fault;  // reason why the map is missing; otherwise empty
   std::string note;   // names of sensors missing from the record; may be empty
   std::string doubt;  // verdict on an input sensor that delivered doubtful data, e.g. "SPD weak"
   // Delay of the map in follow mode, s: from the end of the slot, and from the reading of the

@@ -43,12 +43,12 @@ std::vector<Conditions> laboratories_of(const Plan& plan);
 // an object scene has no mesh.
 std::vector<SceneSpec> scenes_of(const Plan& plan);
 
-// Signals of the empty room, computed once because the room is static. A scene in front of the room
-// needs only the change caused by people and objects (RoomReturns::subtracted).
+// Signals from the empty room, computed once because the room is static. A scene in front of the
+// room needs only the change caused by people and objects (RoomReturns::subtracted).
 struct RoomAlone {
-  std::vector<double> light;  // expected detections per bin (spd_rate), without background counts
-  std::vector<double> power;  // radar_power() of the room; empty if echoes are coherent
-  // room_echo(); empty if echoes are incoherent
+  std::vector<double> light;  // expected number of detections per bin, without background counts
+  std::vector<double> power;  // result of radar_power(); empty if echoes are coherent
+  // result of room_echo(); empty if echoes are incoherent
   std::vector<std::complex<float>> echo;
 };
 RoomAlone room_alone(const Conditions& conditions, const AntennaRadar& radar);

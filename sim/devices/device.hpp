@@ -23,9 +23,8 @@ class SystemLoop;
 
 namespace echofuse::sim {
 
-// Log of the data that a laboratory sends. Each line is a JSON object:
-//   {"t": host monotonic ns, "device": "tdc", "what": "sent", NAME: NUMBER...}
-// sim/README.md lists the entries of each device.
+// Log of the data sent by a laboratory. Each line is a JSON object: {"t": host monotonic ns,
+// "device": "tdc", "what": "sent", NAME: NUMBER...} sim/README.md lists the entries of each device.
 class SentLog {
  public:
   using Numbers = std::initializer_list<std::pair<const char*, std::int64_t>>;
@@ -79,7 +78,7 @@ struct TdcOptions {
   double window_s = 3;
   std::uint64_t seed = 1;
   std::size_t send_queue_bytes = 8 << 20;
-  std::chrono::milliseconds tick{5};      // time between two blocks
+  std::chrono::milliseconds tick{5};      // time between successive blocks
   std::chrono::milliseconds longest{20};  // maximum time span of the tags in one block
   FaultPlan plan{};
 };

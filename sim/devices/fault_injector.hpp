@@ -30,7 +30,7 @@ class FaultInjector {
   bool triggers(FaultKind kind);
   // Changes a random byte and returns its index.
   std::size_t corrupt(Bytes& bytes);
-  // Returns the random bytes to send now; empty unless a `garbage` fault is active.
+  // Returns the random bytes to be sent now; empty unless a `garbage` fault is active.
   Bytes garbage();
   std::uint64_t noise() { return rng_(); }
   HostTime now() const { return player_.now(); }

@@ -14,7 +14,7 @@
 
 namespace echofuse::sim {
 
-// Scene with the returns that each sensor receives from it.
+// A scene, and the returns received from it by each sensor.
 struct RenderedScene {
   std::int64_t index = -1;
   Scene scene;
@@ -27,7 +27,7 @@ struct SceneSchedule {
   // Duration of each scene, s; 0: only the first scene is shown. Scenes change at multiples of
   // `hold_s` on the host clock, as the slots of the daemon do.
   double hold_s = 0;
-  std::vector<SceneSpec> list{};  // scenes to show in this order, repeatedly; replaces `kind`
+  std::vector<SceneSpec> list{};  // scenes shown repeatedly in this order; replaces `kind`
 };
 
 class ScenePlayer {

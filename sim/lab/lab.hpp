@@ -26,7 +26,7 @@ namespace echofuse::sim {
 struct LabTagger {
   std::unique_ptr<Device> device;
   std::string address;  // value of tdc.address in lab.toml
-  // Environment variables that a program needs to find the tagger.
+  // Environment variables needed by a program to find the tagger.
   std::vector<std::pair<std::string, std::string>> environment{};
 };
 
@@ -65,7 +65,7 @@ class Lab {
 
   // Returns a shell command that records data from this laboratory.
   std::string daemon_command() const;
-  // Returns the environment variables that a program needs to use the devices.
+  // Returns the environment variables needed by a program to use the devices.
   std::vector<std::pair<std::string, std::string>> environment() const;
   // Runs the devices until `done` returns true. `done` is called at least 50 times per second. Then
   // stops all devices, removes links and sockets, and writes sent.json.

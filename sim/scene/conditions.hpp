@@ -85,14 +85,15 @@ struct Conditions {
 };
 
 inline constexpr double reflector_m = 1;  // z of the calibration reflector, m
-// Tangent of half the field of view of the radar: an antenna beam of +-50 degrees.
+// Tangent of half the radar's field of view, which corresponds to a beam of +-50 degrees.
 inline constexpr double radar_half_tangent = 1.2;
 inline constexpr double radar_carrier_hz = 60.25e9;
 
 // Binds each member to the setting with the same name. Call validate() after the settings have been
 // read.
 void bind(Settings& settings, Conditions& conditions);
-// Throws Error(config) if values contradict each other, or if the mesh of an object cannot be read.
+// Throws Error(config) if settings contradict each other, or if the mesh of an object cannot be
+// read.
 void validate(const Conditions& conditions);
 
 // Returns the number of detector rays across the field of view: `spd_rays` or, if that is 0, a
@@ -111,6 +112,7 @@ RadarAxis radar_response(const Conditions& conditions);
 // Returns the instrument response to be stored in the run file: nominal values, without
 // `radar_psf_width`.
 record::Response stated_response(const Conditions& conditions);
-double radar_x_m(const Conditions& conditions);  // returns x, m, including `baseline_error_m`
+// Returns the x coordinate of the radar, m, including `baseline_error_m`.
+double radar_x_m(const Conditions& conditions);
 
 }  // namespace echofuse::sim

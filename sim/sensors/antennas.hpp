@@ -115,7 +115,7 @@ EchoCells echo_cells(const Returns& returns, double slot_m, bool with_room);
 EchoCell cell_of_kind(const Returns& returns, std::int32_t kind);
 
 // Properties of the radar that are the same for all records of a run. `still_seed` determines the
-// phases of the echoes of the room and of objects.
+// phases of the echoes from the room and from objects.
 struct AntennaRadar {
   RadarAxis axis;
   record::Antennas antennas;

@@ -17,7 +17,7 @@ namespace echofuse::sim {
 class GaussianNoise {
  public:
   explicit GaussianNoise(Rng& seed);
-  // Adds an independent Gaussian number with this rms value to each value.
+  // Adds an independent Gaussian random number with this rms value to each value.
   void add(std::span<float> values, float rms);
 
  private:

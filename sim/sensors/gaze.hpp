@@ -20,7 +20,7 @@ struct Gaze {
 
   double sensor_x_m = 0, extra_m = 0;  // `extra_m` is added to each range
   double falloff = 0, middle_x = 0, half_tangent = 1;
-  double lobe = 1, plate_lobe = 1;  // cosine exponents for capsules and other shapes; 1: Lambert
+  double lobe = 1, plate_lobe = 1;  // cosine exponents for capsules and other shapes; 1: Lambertian
   double sway_m = 0;
   double room = 1;  // factor by which the weights of the room are multiplied
   // Height of the sensor above the floor, m. If it is set, Returns::place is filled.

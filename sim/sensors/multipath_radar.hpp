@@ -23,8 +23,8 @@ struct ImageSource {
 std::vector<ImageSource> image_sources(const Room& room, Vec3 sensor, int order);
 
 struct Way {
-  Vec3 departure;  // unit vector of the path at the sensor
-  Vec3 arrival;    // unit vector of the path at its end
+  Vec3 departure;  // unit vector along the path at the sensor
+  Vec3 arrival;    // unit vector along the path at its end
   double length_m = 0;
 };
 // Returns the path from the sensor to the point `place` via the reflections of `image`; empty if a

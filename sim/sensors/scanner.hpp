@@ -45,7 +45,8 @@ inline double golden_offset(std::uint32_t k) {
 // that mirrored scenes yield mirrored results.
 struct Offsets {
   std::vector<double> dx_of_row, x_of_column, dy_of_column;
-  std::vector<double> side_of_column;  // -1 left of the middle column, 1 right of it, 0 in it
+  std::vector<double>
+      side_of_column;  // -1 left of the middle column, 0 in this column, 1 right of it
 
   Offsets(const Axis& x, const Axis& y, Sampling sampling)
       : dx_of_row(y.count),
