@@ -87,7 +87,8 @@ void write_records(const std::string& path, const Dataset& data, const SceneMode
   write_file(path, Bytes(out.begin(), out.end()));
 }
 
-// Compares method k with the first method. Returns an empty list if their records differ.
+// Compares method k with the first method. Returns an empty list if the two methods have different
+// records.
 std::vector<PairedDifference> differences_of(const std::vector<MethodScores>& all, std::size_t k) {
   if (all[k].rows != all[0].rows) return {};
   return paired_differences(all[0].scores, all[k].scores);

@@ -71,7 +71,7 @@ std::string FollowedRun::newest_file() {
   return newest.second;
 }
 
-// Returns the path of the run file; empty if it does not exist.
+// Returns the path of the run file; empty if the file does not exist.
 std::string FollowedRun::find() {
   std::error_code none;
   if (fs::is_directory(target_, none)) return newest_file();
@@ -179,8 +179,8 @@ std::optional<double> age_s(const SensorState& sensor, UtcTime now) {
   return std::max(0.0, seconds(now - *sensor.last_valid));
 }
 
-// The age limit includes 0.5 s, because the acquisition writes a record 0.5 s after the end of its
-// slot.
+// The age limit includes 0.5 s, because the acquisition program writes a record 0.5 s after the end
+// of its slot.
 bool is_stale(const SensorState& sensor, double window_s, UtcTime now) {
   constexpr double grace_s = 0.5;
   const auto age = age_s(sensor, now);

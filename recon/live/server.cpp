@@ -154,7 +154,7 @@ class Server::Impl final : public SessionOwner {
   Access access_;
   ServedRun home_;  // the only run, or the newest one in the folder
   Chooser chooser_;
-  std::map<std::string, ServedRun> chosen_;  // runs of the folder other than home_, by name
+  std::map<std::string, ServedRun> chosen_;  // runs in the folder other than home_, by name
   bool armed_ = false;
   HostTime begun_{}, last_live_{};
 };

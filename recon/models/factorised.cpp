@@ -27,7 +27,7 @@ constexpr int least_threshold = 25, most_threshold = 60, threshold_step = 5;
 constexpr std::size_t many_records = 10'000, units = 48, units_of_many = 96;
 // Number of networks that are averaged; their mean is more accurate than a single network.
 constexpr std::size_t place_networks = 3;
-constexpr std::size_t shape_networks = 2;  // number of networks; 1 if there are many records
+constexpr std::size_t shape_networks = 2;  // number of shape networks; 1 if there are many records
 // Weight of the depth error relative to the lateral error. The depth is almost equal to the range;
 // with a larger weight, the network learns less about the lateral position.
 constexpr float depth_weight = 0.1f;

@@ -50,8 +50,8 @@ namespace {
 
 bool has_radar(const Dataset& data) { return data.radar_axis.count > 0; }
 
-// Returns true if the run has no radar, the estimator does not use antennas, or the run has the
-// antennas of the estimator.
+// Returns true if the run has no radar, the estimator does not use antennas, or the run contains
+// the antennas used by the estimator.
 bool has_antennas(const Dataset& data, const Estimator& e) {
   return !has_radar(data) || e.features.array_axis.count == 0 ||
          is_near(data.array_axis, e.features.array_axis);

@@ -310,7 +310,8 @@ std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Ret
 
 namespace {
 
-// Writes the records in `range` until done or interrupted. Returns the number of records written.
+// Writes the records in `range` until all are written or the program is interrupted. Returns the
+// number of records written.
 std::int64_t write_records(const Generator& generator, JobPart::IndexRange range,
                            record::RunWriter& writer, const DatasetOptions& options) {
   Progress progress("records", static_cast<std::size_t>(range.size()), options.quiet);

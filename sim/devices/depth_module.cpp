@@ -249,7 +249,8 @@ class DepthDriver final : public oni::driver::DriverBase {
                        oni::driver::DeviceDisconnectedCallback disconnected,
                        oni::driver::DeviceStateChangedCallback changed, void* cookie) override {
     DriverBase::initialize(connected, disconnected, changed, cookie);
-    connect();  // applications list the cameras immediately after initialisation
+    // Connects here, because applications list the cameras immediately after initialisation.
+    connect();
     reader_ = std::thread([this] { run(); });
     return ONI_STATUS_OK;
   }

@@ -38,7 +38,7 @@ class HistogramBridge final : public Device {
         server_(*listener_, injector_, hello_of(zones_of(conditions_)), options.send_queue_bytes,
                 {.connected = [] {},
                  .log = [this](auto time, auto what, auto) { injector_.log(time, what, {}); }}) {
-    // Length of an exposure as a fraction of the window, because expected counts are per window.
+    // Exposure time as a fraction of the window, because expected counts are per window.
     const double share = exposure_s / options.window_s;
     conditions_.pulses_per_window =
         std::llround(share * static_cast<double>(conditions_.pulses_per_window));
@@ -98,7 +98,7 @@ class HistogramBridge final : public Device {
   port::Timer timer_;
   HostTime next_;
   Rng rng_;
-  std::vector<double> rates_;  // expected counts per window for scene number seen_
+  std::vector<double> rates_;  // expected number of counts per window for scene number seen_
   std::int64_t seen_ = -1;
   FaultInjector injector_;
   BlockServer server_;

@@ -114,8 +114,8 @@ void PhotonSource::draw_detections(std::int64_t pulses, double mean, bool signal
   std::uniform_int_distribution<std::int64_t> pulse(0, pulses - 1);
   for (std::int64_t i = 0; i < count; ++i) {
     const double delay = signal ? signal_delay_ps() : background_delay_ps();
-    // Detections outside the laser period would break the time order of the stream. They lie
-    // outside every histogram, so they are dropped.
+    // Detections outside the laser period would violate the chronological order of the stream. They
+    // lie outside every histogram, so they are dropped.
     if (!(delay >= 0 && delay < period_ps_ - 1)) continue;
     // Rounds the delay down, so that a detection stays in its bin if the bin edges are whole
     // picoseconds.

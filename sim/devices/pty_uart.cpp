@@ -14,8 +14,8 @@
 namespace echofuse::sim {
 namespace {
 
-// Time between two deliveries of bytes to the host. The latency timers of USB serial adapters are 1
-// to 16 ms.
+// Time between successive deliveries of bytes to the host. The latency timers of USB serial
+// adapters are 1 to 16 ms.
 constexpr auto chunk_time = std::chrono::milliseconds(4);
 
 [[noreturn]] void fail(const std::string& what) {
