@@ -30,8 +30,8 @@ struct ServerOptions {
 // disconnected.
 class Server {
  public:
-  // Throws Error(usage) if the listening address is invalid, and Error(failed) if it cannot be
-  // used. `model` may be null, and must outlive the server.
+  // Throws Error(usage) if the listening address is invalid, and Error(failed) if this address
+  // cannot be used. `model` may be null; otherwise it must outlive the server.
   Server(const ServerOptions& options, const LiveModel* model, const Clock& clock);
   ~Server();
   std::string address() const;  // returns the URL of the page, including the token

@@ -28,7 +28,7 @@ class Tally {
   // are null. sync_hz: received sync signals per second. pulse_hz: laser pulses per second, which
   // exceed sync_hz if the tagger has a conditional filter; equal to `laser_hz`, or estimated if
   // `laser_hz` is 0. dark_hz: number of clicks in the bins before the first return, divided by the
-  // time for which these bins were open.
+  // total time for which these bins were open.
   nlohmann::json numbers(const std::vector<Axis>& axes, double laser_hz = 0,
                          const FitRange& range = {}) const;
 

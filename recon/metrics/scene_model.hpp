@@ -45,8 +45,8 @@ void archive(Archive archive, SceneModel& scene);
 // Foreground mask of a map, one byte per pixel.
 using Mask = std::vector<std::uint8_t>;
 
-// Learns background and foreground from the given rows of a table of depth maps. `rows` must not be
-// empty; `grid` is the grid of the maps.
+// Learns the background and the foreground from the given rows of a table of depth maps. `rows`
+// must not be empty; `grid` is the grid of the maps.
 SceneModel learn_scene(const Matrix& depth, const Rows& rows, const record::MapGrid& grid);
 
 bool true_foreground(float depth_m, float background_m);

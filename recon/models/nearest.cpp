@@ -46,7 +46,7 @@ class Nearest final : public Model {
       for (const float v : inputs_.row(t)) squares_[t] += v * v;
   }
   // Weights a neighbour by exp(-excess / width). `excess` is its squared distance minus that of the
-  // nearest neighbour; `width` is a third of the mean excess. With a width of the full mean excess,
+  // nearest neighbour; `width` is a third of the mean excess. If `width` were the full mean excess,
   // 16 neighbours would reduce the IoU from .25 to .17.
   void blend(std::span<const float> score, std::span<float> map) const {
     const auto distance = [&](std::size_t t) { return score[t] + squares_[t]; };

@@ -58,7 +58,7 @@ struct Preprocessing {
 
 // Fits the input scaling and the model to the training rows. The scaling "record" selects the
 // default scaling of the model kind. Throws Error(usage) if the model needs both sensors, or a
-// detector with zones, and the data do not contain them.
+// detector with zones, but the data do not contain these.
 Estimator fit_model(const Dataset& data, const Split& split, const Preprocessing& preprocessing,
                     const std::string& name, Inputs inputs, const std::string& scaling,
                     const FitOptions& options);

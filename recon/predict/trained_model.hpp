@@ -59,8 +59,8 @@ struct TrainedModel {
   // model. If the run has no radar and a fallback estimator works without radar, all radar frames
   // are marked as lost.
   void match(Dataset& data) const;
-  // Returns the first estimator that can use the record; null if none can (see fault_of()). The
-  // data must be on the model's axes.
+  // Returns the first estimator that can use the record; null if no estimator can use it (see
+  // fault_of()). The data must be on the model's axes.
   const Estimator* estimator_for(const Dataset& data, std::size_t row) const;
   // Returns which sensor data were missing for the map, e.g. "radar lost: SPD alone"; empty if the
   // data were complete.

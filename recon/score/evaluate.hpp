@@ -99,7 +99,7 @@ struct Evaluation {
 // scored.
 std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const Dataset& data,
                                                 bool all);
-// Returns the rows to score. If the model was trained on the run, these are the held-out rows.
+// Returns the rows to be scored. If the model was trained on the run, these are the held-out rows.
 // Otherwise they are all rows with a depth map and a predicted map; copies of training records are
 // included only if `all` is true. Excludes doubtful records. Throws Error(failed) if no row is
 // left.

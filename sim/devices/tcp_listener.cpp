@@ -87,7 +87,7 @@ class TcpListener final : public Listener {
   tcp::socket socket_;
   Handlers handlers_;
   std::array<std::uint8_t, 256> unread_{};
-  // accept() has been called for the next client; `async_accept` is pending
+  // wanted_: accept() was called; accepting_: async_accept() is pending
   bool wanted_ = false, accepting_ = false;
 };
 

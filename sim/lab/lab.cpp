@@ -140,7 +140,8 @@ std::string detector_lines(const Conditions& conditions) {
              : "\ndetector_dead_time_ps = " + Json(detector.dead_time_ps).dump();
 }
 
-// Returns the text of lab.toml. `label` is the label of the scene; empty if scenes change.
+// Returns the text of lab.toml. `label` is the label of the scene; it is empty if the scene
+// changes.
 std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string& tdc_address,
                      const std::string& label) {
   const record::MapGrid map = map_grid(o.conditions);
