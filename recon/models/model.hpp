@@ -24,7 +24,7 @@ struct Samples {
   const Matrix& inputs;
   const Matrix& maps;  // depth maps, m
   Rows rows;
-  // scene model learned from the training rows; null if not needed
+  // Scene model learned from the training rows; null if not needed.
   const SceneModel* scene = nullptr;
   // Alignment of the inputs, and the recorded radar power and lags; null if the inputs are not
   // aligned.

@@ -86,7 +86,7 @@ class Generator {
   std::vector<Conditions> laboratories_;
   std::vector<SceneSpec> scenes_;
   double mean_peak_ = 0;
-  // antennas with their simulated errors; one antenna if the run file stores no antenna data
+  // Antennas with their simulated errors; one antenna if the run file stores no antenna data.
   record::Antennas antennas_;
   bool keeps_array_ = false;
   // Set if the plan has one laboratory and that laboratory has a room.
