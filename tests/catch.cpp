@@ -11,7 +11,7 @@
 namespace {
 
 // Aborts a test case that hangs. Catch then prints the test case, the section and the last
-// completed check.
+// assertion that was completed.
 struct Deadline : Catch::TestEventListenerBase {
   using TestEventListenerBase::TestEventListenerBase;
   void testCaseStarting(const Catch::TestCaseInfo&) override {

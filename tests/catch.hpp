@@ -3,7 +3,8 @@
 
 namespace echofuse::test {
 
-// Runs the test cases selected by the arguments. Returns the number of failures as exit code.
+// Runs the test cases selected by the arguments. Returns the number of failed test cases as the
+// exit code.
 int run_catch(int argc, char** argv);
 
 }  // namespace echofuse::test

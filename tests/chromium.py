@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Starts Chromium for tests of web pages. If Chromium is not installed, importing this module exits with code 77
-(skipped)."""
+"""Starts Chromium to test web pages. If Chromium is not installed, importing this module exits with code 77 (test
+skipped)."""
 import shutil
 import sys
 
@@ -32,5 +32,5 @@ def resize(browser, width, height):
 
 
 def drawn(browser):
-    """Waits for two animation frames, after which the resized page is drawn."""
+    """Waits for two animation frames, so that the resized page has been drawn."""
     browser.execute_async_script("const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(done))")

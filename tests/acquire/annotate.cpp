@@ -46,7 +46,7 @@ TEST_CASE(
   if (::geteuid() == 0) REQUIRE(::chown(path.c_str(), nobody, nobody) == 0);
   fs::create_symlink("real/a.sqlite", link);
   const struct stat before = status_of(path);
-  const RunReader reader(path);  // an open reader does not delay the note
+  const RunReader reader(path);  // put_note() must work while a reader has the run open
   put_note(link, "door", "me");
   const struct stat now = status_of(path);
   CHECK(now.st_ino != before.st_ino);
@@ -102,8 +102,8 @@ TEST_CASE("killing the annotate command leaves the old or the new file, but no S
     if (child == 0) {
       for (int n = 0;; ++n) put_note(path, std::to_string(n), "me");
     }
-    // The child runs for up to 50 ms. From round 60 on it runs longer, because a busy machine may
-    // start it late.
+    // The child process is killed after at most 50 ms. From round 60 on, the limit grows, because
+    // the child may start late on a busy machine.
     const auto longest_us = 50'000 * (1 + static_cast<unsigned>(round) / 60);
     ::usleep(static_cast<useconds_t>(random() % longest_us));
     ::kill(child, SIGKILL);

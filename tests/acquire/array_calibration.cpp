@@ -22,11 +22,11 @@ constexpr std::size_t bins = 16, reflector = 4;
 struct World {
   std::vector<double> gain{1, 0.8, 1.25, 1, 0.9, 1.1, 1, 0.7};
   std::vector<double> phase{0, 0.4, -2.9, 3.1, 1.5, -0.3, 0.02, 2.2};
-  // `noise` is the standard deviation of the noise, separately in the real and in the imaginary
-  // part.
+  // `noise` is the standard deviation of the noise in each of the real and imaginary parts.
   double amplitude = 2000, noise = 60;
-  double second_wave = 0;   // amplitude of a second wave from the side, relative to the first wave
-  double drift_rad = 0.05;  // phase drift per frame, equal for all antennas
+  double second_wave =
+      0;  // amplitude of a second wave, arriving from the side, relative to that of the first wave
+  double drift_rad = 0.05;  // phase drift per frame, the same for all antennas
 };
 
 std::vector<std::int16_t> frame_of(const World& w, std::mt19937& rng, std::size_t number) {

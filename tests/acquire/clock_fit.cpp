@@ -38,9 +38,9 @@ struct Outcome {
   double worst_s, residual_s, drift_error_ppm, offset_error_s;
 };
 
-// Feeds the fit 90 s of samples. Most are read 0 to 50 ms late, one in twenty up to 550 ms late. A
-// late sample also delays the samples after it. Returns the largest errors of the fit after the
-// first 30 s.
+// Feeds 90 s of samples to the fit. Most samples are read up to 50 ms late, one in twenty up to 550
+// ms late. A late sample also delays the samples after it. Returns the largest errors of the fit
+// after the first 30 s.
 Outcome watch(ClockFit fit, const Device& device, double rate_hz, std::uint64_t seed) {
   Rng rng = make_rng(seed, 7);
   std::uniform_real_distribution<double> uniform(0, 1);
@@ -60,7 +60,8 @@ Outcome watch(ClockFit fit, const Device& device, double rate_hz, std::uint64_t 
           std::abs(state.offset_s - offset_s)};
 }
 
-// Feeds the fit `count` samples at 10 per second from the time t on, each read 1 ms late.
+// Feeds `count` samples at 10 per second to the fit, starting at time t. Each sample is read 1 ms
+// late.
 double feed(ClockFit& fit, const Device& device, double t, int count) {
   for (int i = 0; i < count; ++i, t += 0.1) fit.add(device.ticks(t), host(t + 0.001));
   return t;
@@ -73,8 +74,8 @@ TEST_CASE(
   std::vector<double> worst, residual, drift;
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     const double offset_s = -0.5 + static_cast<double>(seed) / 299, sign = seed % 2 ? 1 : -1;
-    // Sample rates passed to watch(): 10 radar frames, 30 camera frames or 20 tag blocks (weak
-    // signal) per second.
+    // The sample rates passed to watch() correspond to 10 radar frames, 30 camera frames or 20
+    // blocks of time tags (at a weak signal) per second.
     const Device radar{5e-9, offset_s, sign * 200e-6, 0xffff'ffff};
     const Device camera{1e-6, 1000 + offset_s, sign * 200e-6};
     const Device tagger{1e-12, offset_s, sign * 200e-6};
@@ -111,7 +112,7 @@ TEST_CASE("the clock fit is as accurate as the receive times if the delays are s
   CHECK(std::abs(state.drift_ppm - 200) < 1);
   CHECK(std::abs(state.offset_s - (seconds(host_start) + 0.5 - 200 * 200e-6)) < 50e-6);
   CHECK(state.residual_s < 20e-6);
-  // The fit uses the last 128 s. At intervals of 30 ms these are about 4270 samples.
+  // The fit uses the samples of the last 128 s, which are about 4270 samples at intervals of 30 ms.
   CHECK((state.samples > 4000 && state.samples < 4400));
 }
 
@@ -133,7 +134,7 @@ TEST_CASE("a sample is assigned its receive time until the clock fit is valid") 
   feed(fit, device, 3.1, 1);
   CHECK(fit.sound());
   CHECK(fit.taken(device.ticks(1), host(9)) == host(1.001));
-  // a sample time is never later than its receive time
+  // a fitted sample time is never later than the arrival time
   CHECK(fit.taken(device.ticks(4), host(3.9)) == host(3.9));
 }
 
@@ -163,7 +164,7 @@ TEST_CASE("damaged time stamps do not affect the clock fit") {
   for (int i = 0; i < 200; ++i) {
     const std::uint64_t wrong = rng();
     fit.add(wrong, host(t));
-    // The receive time replaces the corrupted time stamp.
+    // The arrival time is used instead of the corrupted time stamp.
     CHECK(fit.taken(wrong, host(t)) == host(t));
     t = feed(fit, device, t, 2);
     REQUIRE(error_s(fit, device, t - 0.1, host(t)) < 0.0011);
@@ -218,6 +219,6 @@ TEST_CASE("the transport delay of a tag block is measured from the last event in
   }
   REQUIRE(clocks[Sensor::spd].sound());
   const auto taken = clocks[Sensor::spd].taken(495'000'000'000, host(1));
-  // Each block is received 0.5 ms after its last event, so 0.5 ms are added to the tag time.
+  // Each block arrives 0.5 ms after its last event, so the fit adds 0.5 ms to the time of each tag.
   CHECK(std::abs(seconds(taken - host(0.4955))) < 1e-6);
 }

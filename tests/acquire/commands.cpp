@@ -16,8 +16,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-// Loopback address without a server. Each test process has its own address, because programs lock
-// devices by address.
+// Loopback address on which no server listens. Each test process uses its own address, because
+// programs lock devices by address.
 const std::string host = [] {
   const auto pid = static_cast<unsigned>(::getpid());
   return "127." + std::to_string(pid >> 16 & 255u) + '.' + std::to_string(pid >> 8 & 255u) + '.' +
@@ -128,7 +128,8 @@ TEST_CASE("commands refuse a FIFO in place of a regular file, and do not block")
   for (const char* beside : {"-wal", "-shm", "-journal"}) {
     const std::string name = folder / "a.sqlite" + beside;
     REQUIRE(::mkfifo(name.c_str(), 0666) == 0);
-    // Reading a closed run does not open a FIFO that has the name of a side file.
+    // Reading a closed run must not open a FIFO that has the name of a SQLite side file (-wal, -shm
+    // or -journal).
     CHECK(acquire("info " + folder / "a.sqlite").code == 0);
     fs::remove(name);
   }
@@ -189,7 +190,7 @@ TEST_CASE("the run command refuses a read-only folder, and metadata that have no
           "--meta a: given twice");
   fs::create_directory(folder / "closed");
   fs::permissions(folder / "closed", fs::perms::owner_read | fs::perms::owner_exec);
-  // If the test runs as root, the command runs without privileges, because root may write to a
+  // If the test runs as root, the command drops its privileges, because root may write to a
   // read-only folder.
   const std::string as_user = geteuid() == 0 ? "setpriv --bounding-set=-all --inh-caps=-all " : "";
   const Outcome o = shell(as_user + echofuse::test::bin_dir + "/echofuse-acquire run --out " +

@@ -13,7 +13,7 @@ using namespace std::chrono_literals;
 
 namespace {
 
-// Bridge that closes its connection after one second.
+// Simulates a bridge that closes its connection after one second.
 class ShortBridge final : public port::BytePort {
  public:
   ShortBridge(port::Loop& loop, const std::string& serial)

@@ -14,7 +14,8 @@ using namespace std::chrono_literals;
 
 namespace {
 
-// Returns the record of a 1 s slot. An empty verdict means that the radar data are missing.
+// Returns the fused record of a 1 s slot. An empty `radar_verdict` means that the slot has no radar
+// data.
 record::FusedRecord record_of(std::int64_t index, const std::string& radar_verdict) {
   record::FusedRecord r;
   r.index = index;
@@ -38,7 +39,7 @@ struct Calls {
                               : program,
               "sh", "two  words; $(id)"},
              limits, [this](const std::string& text) { warnings.push_back(text); }) {}
-  // Runs all waiting programs to completion at the virtual time `now`.
+  // Advances the virtual time to `now` and runs all waiting programs to completion.
   void finish(HostTime now = 0s) {
     for (int i = 0; i < 100; ++i) {
       hook.update(now);

@@ -89,19 +89,20 @@ acquire::Config config_of(const Folder& folder, double window_s = 0.5) {
 
 TEST_CASE("import decodes the .ptu records of all supported PicoQuant devices") {
   using Tags = std::vector<std::pair<std::int32_t, std::int64_t>>;
-  // HydraHarp format 2: a sync event, a click at input 1, three overflows, a marker and a click at
-  // input 3
+  // HydraHarp format 2: a sync event, a click at input 1, a record of three overflows, a marker,
+  // and a click at input 3
   CHECK(tags_of({0x01010204, 1e-12, 0}, {special | t2(0, 7), t2(0, 9), special | t2(63, 3),
                                          special | t2(1, 5), t2(2, 1)}) ==
         Tags{{0, 7}, {1, 9}, {3, 3 * 33'554'432 + 1}});
-  // HydraHarp format 1: an overflow record means one overflow of 33 552 000 time units
+  // HydraHarp format 1: one overflow record means a single overflow after 33 552 000 time units
   CHECK(tags_of({0x00010204, 1e-12, 0}, {special | t2(63, 3), t2(0, 1)}) == Tags{{1, 33'552'001}});
   // MultiHarp T3: two clicks after one pulse, then a click after a later pulse
   CHECK(
       tags_of({0x00010307, 1e-7, 5e-12},
               {t3(0, 20, 4), t3(1, 30, 4), special | t3(63, 0, 2), t3(0, 1, 0)}) ==
       Tags{{0, 400'000}, {1, 400'100}, {2, 400'150}, {0, 2048 * 100'000}, {1, 2048 * 100'000 + 5}});
-  // PicoHarp T2 with 4 ps resolution: a sync event, an overflow, a marker and a click at input 1
+  // PicoHarp T2 with a resolution of 4 ps: a sync event, an overflow, a marker and a click at input
+  // 1
   CHECK(tags_of({0x00010203, 4e-12, 0}, {5, 15u << 28, 15u << 28 | 1, 1u << 28 | 6}) ==
         Tags{{0, 20}, {1, 4 * (210'698'240 + 6)}});
   // PicoHarp T3: a click at input 1, an overflow and a click at input 2
@@ -164,8 +165,8 @@ TEST_CASE("import gives equal records for T2 and T3 recordings of the same photo
 TEST_CASE("import checks the header of a .ptu file against its records") {
   const Folder folder;
   const acquire::Config config = config_of(folder);
-  // Returns T2 records: 1 s of laser pulses at 1 kHz with a click 5 ns after each pulse, then a
-  // period of `dark_ps` without pulses.
+  // Returns the T2 records of 1 s of laser pulses at 1 kHz, with a click 5 ns after each pulse,
+  // followed by a period of `dark_ps` without pulses.
   const auto words = [](std::uint64_t dark_ps, std::uint32_t start, std::uint32_t click) {
     std::vector<std::uint32_t> out;
     std::uint64_t wraps = 0;
@@ -217,14 +218,14 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
        "Measurement_Mode is T3, but TTResultFormat_TTTRRecType is T2");
   says(header(is_t3, 1e-4, 1e-12).whole("Measurement_Mode", 2).end().data(light), ExitCode::failed,
        "Measurement_Mode is T2");
-  // The length of the dark period is computed from its overflow records.
+  // The duration of the dark period is determined by counting overflow records.
   const auto dark = words(3'000'000'000'000, special, 0);
   const auto ended =
       import(header(is_t2, 1e-12, 0).whole("TTResult_StopAfter", 3000).end().data(dark));
   CHECK((has(ended.second, "6 records, spd in 2\n") && !has(ended.second, "duration")));
   says(header(is_t2, 1e-12, 0).whole("TTResult_StopAfter", 5000).end().data(dark), ExitCode::ok,
        "spd: duration: 5 s in the header, 3 s in the records\n");
-  // The recording has an overflow record that spans 1126 s.
+  // The inserted overflow record spans 1126 s.
   auto jumps = light;
   jumps.insert(jumps.begin() + std::ssize(jumps) * 3 / 4, special | t2(63, 0x1ffffff));
   says(header(is_t2, 1e-12, 0).whole("MeasDesc_AcquisitionTime", 1000).end().data(jumps),
@@ -243,7 +244,7 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
        "no events on the input selected by --click 1; inputs with events: 0, 3; did you mean "
        "--start 0 "
        "--click 3?");
-  // The recording has events only in its first 0.05 s, a tenth of a slot.
+  // The recording contains events only in its first 0.05 s, which is a tenth of a slot.
   std::vector<std::uint32_t> begun(light.begin(), light.begin() + std::ssize(light) / 20);
   begun.push_back(special | t2(63, 100'000));
   says(header(is_t2, 1e-12, 0).end().data(begun), ExitCode::failed, "nothing to import: ");
@@ -278,7 +279,8 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
   says(header(is_t2, 1e-12, 0).end().data(swapped), ExitCode::ok,
        "spd: 1000 events out of order by up to 1 us; the events were sorted");
 
-  // If one of two recordings is invalid, the run is written and the exit code is `partial`.
+  // If only one of two recordings is invalid, the run is still written and the exit code is
+  // `partial`.
   write_file(folder / "a.dat", "nothing");
   const auto both = import(header(is_t2, 1e-12, 0).end().data(light), folder / "a.dat");
   CAPTURE(both.second);
@@ -296,7 +298,7 @@ TEST_CASE("import reports an ambiguous local time at the end of summer time") {
   const std::string before = zone ? zone : "";
   ::setenv("TZ", "CET-1CEST,M3.5.0,M10.5.0/3", 1);
   ::tzset();
-  // Local times 02:30 and 05:30 on 29 October 2023; only the first time is ambiguous.
+  // The local times are 02:30 and 05:30 on 29 October 2023. Only the first one is ambiguous.
   for (const double utc_s : {1698546600.0, 1698557400.0}) {
     std::vector<std::uint32_t> words;
     for (std::uint32_t k = 0; k < 1000; ++k) words.push_back(t3(0, 200, k));

@@ -19,8 +19,8 @@ acquire::Config config_of(const Folder& folder) {
   return acquire::load_config(folder / "lab.toml");
 }
 
-// Builds a recording of the data port of a radar with a 200 MHz clock. Each frame has 64 bins. The
-// frame period of 49.9 ms keeps the frames away from slot boundaries.
+// Builds a recording of a radar's data port. The radar clock runs at 200 MHz, and each frame has 64
+// bins. The frame period of 49.9 ms keeps the frames away from slot boundaries.
 struct RadarFile {
   std::uint32_t header = 40, bins = 64, tlv = 2, length_error = 0;
   double period_s = 0.0499;
@@ -48,7 +48,7 @@ struct RadarFile {
 };
 
 struct RadarImport {
-  std::vector<std::uint64_t> used;  // number of frames used in each record of 1 s
+  std::vector<std::uint64_t> used;  // number of frames used in each 1 s record
   std::string said;
 };
 
@@ -112,8 +112,8 @@ TEST_CASE(
   points.frames(1, 59);
   points.tlv = 2;
   check(points.frames(60, 60), {0, 0, 1}, "59 of 60 frames have no range profile");
-  // The frame number of frame 20 is corrupted. Only the value 36 is close enough to 20 to look like
-  // a gap of 16 lost frames.
+  // The frame number of frame 20 is corrupted. Of the tested values, only 36 is close enough to 20
+  // to look like a gap of 16 lost frames.
   for (const std::uint32_t number : {36u, 1044u, 0x80000014u})
     check(RadarFile().frames(1, 19).frame(number, 20 * 0.0499).frames(21, 60), even,
           number == 36 ? "16 frames are missing" : "");

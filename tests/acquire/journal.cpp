@@ -26,7 +26,7 @@ std::unique_ptr<record::RunWriter> open_run(const std::string& path,
 
 port::SystemLoop loop;  // provides the clock and the worker threads
 
-// Keeps a write transaction open, like another program that writes to the run file.
+// Keeps a write transaction open, as another program writing to the run file would.
 class Holder {
  public:
   explicit Holder(const std::string& path) {
@@ -48,7 +48,8 @@ class Holder {
   sqlite3* db_ = nullptr;
 };
 
-// Checks that finish() waits only 2 s, not 30 s, for another program that locks a file of the run.
+// Checks that finish() waits no longer than 2 s (instead of 30 s) for another program that locks a
+// run file.
 void ends_in_time(Journal& journal) {
   const auto start = std::chrono::steady_clock::now();
   const auto [code, text] = error_of([&] { journal.finish("complete"); });
@@ -197,7 +198,7 @@ TEST_CASE(
       std::this_thread::yield();
     holder.ask("INSERT INTO event (level, utc, text) VALUES ('label', '2026', 'door')");
     journal.put(small_record(1));
-    // Writing to the new file does not wait for the old file.
+    // Writing to the new file does not wait until the old file is closed.
     while (journal.written() == 0) std::this_thread::yield();
     holder.let_go();
     while (!journal.label()) std::this_thread::yield();
@@ -231,7 +232,7 @@ TEST_CASE("a run keeps all its records if the next file of the rotation cannot b
   }
   SECTION("the run stops with a disk error if the disk is full") {
     {
-      // An empty run needs 12 pages of 4 KiB, more than this disk can store.
+      // An empty run needs 12 pages of 4 KiB, which do not fit on this disk.
       const echofuse::test::FullDisk disk(40'000);
       rotate(journal, next);
       while (!journal.failed()) std::this_thread::yield();

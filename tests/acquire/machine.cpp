@@ -26,7 +26,7 @@ class Machine {
     fs::create_directories(fs::path(folder_ / name).parent_path());
     write_file(folder_ / name, text);
   }
-  // Adds a radar board at /dev/ttyACM0 and /dev/ttyACM1.
+  // Adds a radar board with the serial ports /dev/ttyACM0 and /dev/ttyACM1.
   void plug_in_radar() {
     const std::string place = "sys/bus/usb/devices/1-2/";
     write(place + "idVendor", "0451\n");
@@ -109,7 +109,7 @@ TEST_CASE("the doctor command checks a configured radar port of an unknown vendo
 }
 
 TEST_CASE("doctor names the missing udev rule or group for an inaccessible device node") {
-  if (::geteuid() == 0) return;  // root may open any file
+  if (::geteuid() == 0) return;  // root may open any file, so the remaining checks would fail
   Machine machine;
   machine.plug_in_radar();
   fs::permissions(machine / "dev/ttyACM0", fs::perms::none);
@@ -117,7 +117,8 @@ TEST_CASE("doctor names the missing udev rule or group for an inaccessible devic
     return of(check_permissions(std::nullopt, machine.roots()), "permissions").advice;
   };
   CHECK(has(advice(), "install config/70-echofuse.rules"));
-  // The finding "permissions" already reports the missing udev rules.
+  // The missing udev rules are already reported by the finding "permissions", so they are not
+  // reported twice.
   for (const auto& finding : check_permissions(std::nullopt, machine.roots()))
     CHECK(finding.check != "udev rules");
   machine.write("etc/udev/rules.d/70-echofuse.rules", "");
@@ -148,7 +149,7 @@ TEST_CASE("doctor compares the kernel's USB memory limit with the buffer of the 
     machine.write("sys/module/usbcore/parameters/usbfs_memory_mb", limit + "\n");
     return check_usb_memory(config, machine.roots()).grade;
   };
-  // The kernel's USB memory limit cannot be read.
+  // The file that contains the kernel's USB memory limit does not exist yet.
   CHECK(check_usb_memory(config, machine.roots()).grade == Grade::warning);
   CHECK(grade_at("16") == Grade::ok);
   CHECK(grade_at("0") == Grade::ok);  // the value 0 means no limit

@@ -19,7 +19,7 @@ constexpr SlotGrid grid{.first = 1000s, .length = 100ms};
 constexpr std::int64_t slots = 100'000;
 
 // Simulates a device that takes a sample every `period_s` or slightly later. The device clock
-// drifts, and restarts when the device reconnects.
+// drifts and restarts whenever the device is reconnected.
 class Device {
  public:
   Device(double period_s, double tick_s, std::uint64_t seed)
@@ -36,7 +36,8 @@ class Device {
   bool reconnected() const { return taken_s_ == plugged_s_ && taken_s_ > 0; }
   bool settled() const { return taken_s_ - plugged_s_ > 30; }
 
-  // Advances to the next sample that arrives. Returns the number of samples lost before it.
+  // Advances to the next sample that arrives. Returns the number of samples lost before that
+  // sample.
   std::uint32_t next() {
     std::uint32_t lost = 0;
     do {
@@ -78,7 +79,7 @@ struct Laboratory {
     HostTime taken;
     bool settled;
   };
-  std::vector<Shot> shots;  // camera frames in the order of their numbers
+  std::vector<Shot> shots;  // camera frames in the order of their frame numbers
   PerSensor<std::uint64_t> sent{}, lost{}, reconnections{}, settled{};
   HostTime worst_error{};
   std::uint32_t number = 0;
@@ -128,7 +129,7 @@ struct Laboratory {
     if (device.taken() >= grid.first + 1s) lost[sensor] += lost_before;
   }
 
-  // Sends a block of four tags from the last 20 ms.
+  // Sends a block of four tags taken during the last 20 ms.
   void put_tags(const Device& device, std::uint32_t lost_before) {
     std::vector<Tag> tags(4);
     for (std::size_t i = 0; i < 4; ++i)

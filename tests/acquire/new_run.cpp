@@ -79,7 +79,7 @@ TEST_CASE("a run killed while being created leaves a complete file or none, and 
   {
     record::RunWriter other(folder / "b.sqlite", {});
     other.put_axis(small_axes()[0]);
-    // Leaves a -wal file without its run file.
+    // Creates a -wal file for which no run file exists.
     fs::copy_file(folder / "b.sqlite-wal", path + "-wal");
   }
   make_run(config, path, {}, "", system_clock)->close("complete");

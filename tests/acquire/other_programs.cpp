@@ -43,7 +43,7 @@ std::unique_ptr<RunWriter> begin(const std::string& path, std::int64_t records) 
   return run;
 }
 
-// Moves committed data from the WAL into the database, as another program may do.
+// Copies the committed data from the WAL to the database, as another program may do at any time.
 void checkpoint(const std::string& path) { sql(open(path), "PRAGMA wal_checkpoint(TRUNCATE)"); }
 
 void overwrite(const std::string& path, std::size_t at, std::size_t size) {
@@ -292,7 +292,8 @@ TEST_CASE(
     CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(3));
     check_whole(path, 6, "complete");
     CHECK(fs::exists(path + "-wal"));
-    // Closes the reader without a checkpoint, as if it had been killed or had no write permission.
+    // Closes the reader without a checkpoint, like a reader that is killed or has no write
+    // permission.
     sqlite3_db_config(reader.get(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   }
   recover(path);
@@ -307,7 +308,7 @@ TEST_CASE("a label that is waiting for access to the run file is refused if the 
   const Database closer = open(path);
   sql(closer, "BEGIN IMMEDIATE; UPDATE run SET status = 'complete'");
   auto label = std::async(std::launch::async, [&] { put_label(path, "door", "me"); });
-  // Waits until put_label() has found that the run is open.
+  // Gives put_label() enough time to find that the run is still open.
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   sql(closer, "COMMIT");
   CHECK(has(error_of([&] { label.get(); }).second, "run is not being recorded"));
@@ -362,13 +363,13 @@ TEST_CASE("a run requires a valid lock file and does not delete it") {
 
 namespace {
 
-// Opens a file through SQLite's own VFS, but without support for shared memory.
+// Opens a file through SQLite's default VFS, but disables support for shared memory.
 int open_without_memory(sqlite3_vfs* self, const char* name, sqlite3_file* file, int flags,
                         int* out) {
   auto* whole = static_cast<sqlite3_vfs*>(self->pAppData);
   const int code = whole->xOpen(whole, name, file, flags, out);
   if (file->pMethods) {
-    // SQLite uses different I/O methods for a database than for its journal.
+    // SQLite uses separate I/O methods for the database and for its journal.
     static std::map<const sqlite3_io_methods*, sqlite3_io_methods> of_kind;
     sqlite3_io_methods& plain = of_kind[file->pMethods] = *file->pMethods;
     plain.iVersion = 1;

@@ -19,10 +19,10 @@ namespace {
 
 constexpr double pi = std::numbers::pi;
 constexpr double step_ps = 10;
-constexpr std::size_t bins = 2000;  // bins of 10 ps that cover ranges of 0 to 3 m
+constexpr std::size_t bins = 2000;  // The bins are 10 ps wide and cover ranges from 0 to 3 m.
 
-// Returns a histogram of photons from `reflectors` {range in m, mean number of photons} over a
-// uniform background. The IRF is Gaussian.
+// Returns a photon histogram with a uniform background and a Gaussian IRF. Each of the `reflectors`
+// is a pair {range in m, mean number of photons}.
 std::vector<std::uint32_t> photons(const std::vector<std::pair<double, double>>& reflectors,
                                    double background, Rng& rng, double fwhm_ps = 200) {
   std::vector<std::uint32_t> counts(bins);
@@ -58,8 +58,8 @@ constexpr unsigned antennas = 12;
 const EchoAxis fine{
     .step_m = 0.044, .resolution_m = 0.0469, .log2_power_step = log2_power_step(antennas)};
 
-// Returns range profiles as firmware codes: integers proportional to the sum over antennas of the
-// log2 magnitudes.
+// Returns range profiles in the format of the radar firmware. Each value is an integer proportional
+// to the sum over antennas of the log2 magnitudes.
 std::vector<std::vector<std::uint16_t>> frames(
     const std::vector<std::pair<double, std::complex<double>>>& reflectors, double noise_db,
     std::size_t count, Rng& rng) {
@@ -127,8 +127,8 @@ TEST_CASE("the scatter of fitted SPD peak positions matches their standard error
 
 TEST_CASE(
     "the scatter of fitted radar peak positions in 4.4 cm bins matches their standard errors") {
-  // For the weakest echo (noise at -15 dB), averaging the logarithms would cause a bias that
-  // exceeds the standard error.
+  // For the weakest echo (noise at -15 dB), averaging the logarithms of the power would cause a
+  // bias larger than the standard error.
   const auto [noise_db, count] =
       GENERATE(table<double, std::size_t>({{-40, 20}, {-25, 40}, {-15, 100}}));
   Rng rng = make_rng(2, 0);
@@ -192,7 +192,7 @@ TEST_CASE("a peak fit refuses data without a reflector peak and reports the reas
              "a cable or fibre delays the clicks, add -33"));
   CHECK_THAT(spd(photons({{1, 5000}, {1.07, 3000}}, 1000, rng)).refusal,
              starts("two peaks: the second peak is at 1.0"));
-  // Echoes outside the search range do not count, however strong they are.
+  // Echoes outside the search range are ignored, however strong they are.
   const Peak before_a_wall = spd(photons({{1, 5000}, {1.3, 20'000}}, 1000, rng));
   CHECK(before_a_wall.refusal == "");
   CHECK(before_a_wall.range_m == Approx(1).margin(2e-3));

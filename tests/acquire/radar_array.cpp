@@ -41,7 +41,8 @@ Axis of(const char* name, const char* quantity, std::uint32_t count, double scal
   return {name, quantity, "m", count, 0, 0.25, scale};
 }
 
-// Writes a run with one record of two bins and eight antennas, and returns the record.
+// Writes a run that contains a single record of two bins and eight antennas, and returns the
+// record.
 FusedRecord write_run(const std::string& path) {
   RunWriter writer(path, RunInfo{});
   writer.put_axis(of("radar", "log2_q8", 2, 8));
@@ -206,8 +207,8 @@ TEST_CASE("beamforming recovers the direction and the power of a wave despite ch
   const auto array = array_of(frames, 8);
   const ArrayBin bin = bin_of(array, 8, 0);
   CHECK(beam_power(bin, antennas, u) == Approx(power).epsilon(1e-4));
-  // At an offset of 0.1 from the direction sine of the wave, the power is given by the Dirichlet
-  // kernel of 8 antennas.
+  // At a distance of 0.1 from the direction sine of the incident wave, the power follows the
+  // Dirichlet kernel of an 8-antenna array.
   const double off = 0.1, half = std::numbers::pi * off / 2;
   CHECK(beam_power(bin, antennas, u + off) ==
         Approx(power * std::pow(std::sin(8 * half) / (8 * std::sin(half)), 2)).epsilon(1e-3));

@@ -64,7 +64,7 @@ TEST_CASE(
   CHECK(refusal(each, 1, 1.0) == "");
   CHECK(refusal(each, 1, 1.08) == "");
   CHECK_THAT(refusal(detector, 1, 1.0), Contains("fits --reflector each (true range 1.000 m"));
-  // 1.05 m is only 5 cm beyond the true range for `--reflector each`, which is 1 m.
+  // A measured range of 1.05 m is only 5 cm longer than 1 m, the true range for `--reflector each`.
   CHECK_THAT(refusal(detector, 1, 1.05), Contains("the reflector is in front of the radar"));
   CHECK_THAT(refusal(each, 1, 1.168), Contains("fits --reflector detector (true range 1.118 m") &&
                                           Contains("the reflector is in front of the detector"));
@@ -91,13 +91,14 @@ TEST_CASE("the wave from the reflector is plane in the far field and spherical i
   CHECK(bent < 0.1);
   const Steering ahead = steering_of({.mounting = Mounting::each}, antennas, wavelength_m);
   CHECK(ahead.sine == 0);
-  // The wave front is symmetric about the array's centre, so the outer antennas have equal phases.
+  // The wave front is symmetric about the centre of the array, so the two outermost antennas have
+  // equal phases.
   CHECK(std::abs(ahead.phase_rad[7]) < 0.01);
   const Steering aside = steering_of({}, antennas, wavelength_m);
   CHECK(aside.sine == Approx(sine));
   CHECK(aside.error_rad[0] == 0);
-  // The position errors are 2.83 mm in x and 2 mm in z. The direction sine x / r has the
-  // derivatives z^2 / r^3 and -x z / r^3, with x = 0.5 m, z = 1 m and r^3 = 1.398 m^3.
+  // The position errors are 2.83 mm in x and 2 mm in z. The derivatives of the direction sine x / r
+  // are z^2 / r^3 and -x z / r^3, where x = 0.5 m, z = 1 m and r^3 = 1.398 m^3.
   const double slope = std::hypot(2.83e-3 / 1.398, 2e-3 * 0.5 / 1.398);
   CHECK(aside.error_rad[7] == Approx(7 * per_place / sine * slope).epsilon(0.05));
 }
@@ -108,7 +109,7 @@ TEST_CASE("an echo from a known side shows whether left and right are swapped in
   for (const auto mounting : {Mounting::detector, Mounting::each})
     for (const bool swapped : {false, true}) {
       const Reflector reflector{.mounting = mounting};
-      // Returns the phases measured on the board. They are mirrored if the antenna row is swapped.
+      // Returns the phases that the board measures. A swapped antenna row mirrors these phases.
       const auto measured = [&](double x_m) {
         AntennaGains out;
         out.phase_rad = steering_phases(antennas, {swapped ? -x_m : x_m, 0, 1}, wavelength_m);

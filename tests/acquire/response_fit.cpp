@@ -20,8 +20,8 @@ namespace {
 constexpr double pi = std::numbers::pi, step_ps = 10;
 constexpr std::size_t bins = 2000;
 
-// Returns a histogram of a reflector at 1 m. A fraction `share` of the photons is delayed by an
-// exponentially distributed time.
+// Returns a histogram for a reflector at 1 m. The delay of a fraction `share` of the photons is
+// increased by an exponentially distributed time.
 std::vector<std::uint32_t> photons(int count, double fwhm_ps, double tail_ps, double share,
                                    Rng& rng) {
   std::vector<std::uint32_t> counts(bins);
@@ -39,7 +39,7 @@ std::vector<std::uint32_t> photons(int count, double fwhm_ps, double tail_ps, do
 constexpr unsigned antennas = 12;
 using Amplitude = std::complex<double>;
 
-// Bin width, resolution cell and range of the reflector, m.
+// Bin width, size of the resolution cell and range of the reflector, all in m.
 struct Place {
   double step_m, cell_m, range_m;
   EchoAxis axis() const {
@@ -50,7 +50,8 @@ constexpr Place fine{0.044, 0.0469, 1.01};
 
 struct NamedWindow {
   const char* name;
-  // Window amplitude. The argument is -1/2 at the start and 1/2 at the end of the sweep.
+  // Returns the window amplitude. The argument is the position within the sweep, from -1/2 (start)
+  // to 1/2 (end).
   std::function<double(double)> at;
   double cubic_rad = 0;  // phase error at the end of the sweep
 };
@@ -110,11 +111,11 @@ Amplitude response(const NamedWindow& window, double cells) {
 }
 
 struct Echo {
-  double beyond_m = 0;  // distance from the reflector to an object behind it
+  double beyond_m = 0;  // distance of an object behind the reflector, measured from the reflector
   Amplitude amplitude = 1;
 };
-// Returns frames of a reflector and of objects behind it. If `adds`, the noise power is added to
-// the signal power; otherwise, noise is added to the amplitudes.
+// Returns range profiles of a reflector and the objects behind it. If `adds` is true, the noise
+// power is added to the signal power. Otherwise, complex noise is added to the amplitudes.
 std::vector<std::vector<std::uint16_t>> frames(const NamedWindow& window, const Place& place,
                                                double noise_db, Rng& rng, bool adds = false,
                                                const std::vector<Echo>& echoes = {{}}) {
@@ -206,7 +207,8 @@ TEST_CASE("radar echoes are fitted with the measured window function") {
 TEST_CASE("the asymmetry of a radar response is reported, and its symmetric part is fitted") {
   Rng rng = make_rng(6, 1);
   constexpr double step = 0.01;
-  constexpr int reach = 400;  // half width of the compared interval: 4 resolution cells
+  constexpr int reach =
+      400;  // half of the width over which responses are compared, equal to 4 resolution cells
   for (const std::size_t name : {1u, 2u})
     for (const double cubic_rad : {4., 6., -6., 8.}) {
       const NamedWindow window{windows[name].name, windows[name].at, cubic_rad};
@@ -265,7 +267,7 @@ TEST_CASE("the response fit refuses an extended reflector and reports the reason
   CHECK_THAT(refusal({0.25, 0.27, 0.5}, {{}}), Catch::Contains("at 3 m for range cells of 50 cm"));
   record::Response found;
   CHECK(fit_radar_response({}, fine.axis(), 1, found).refusal == "fewer than 8 frames received");
-  // The fit excludes a wall behind the reflector.
+  // A wall behind the reflector is excluded from the fit.
   CHECK(fit_radar_response(frames(blackman_window, fine, -35, rng, false, {{}, {0.2, 5}}),
                            fine.axis(), fine.range_m, found)
             .refusal == "");

@@ -22,8 +22,8 @@ void put_axes(RunWriter& run) {
   for (const auto& axis : small_axes()) run.put_axis(axis);
 }
 
-// Runs `body` in a child process and returns its pid. The child exits with 0, or with 1 if `body`
-// throws.
+// Runs `body` in a child process and returns the process ID of the child. The child exits with code
+// 1 if `body` throws, and with code 0 otherwise.
 template <class Body>
 pid_t in_child(Body body) {
   const pid_t child = fork();
@@ -64,7 +64,7 @@ TEST_CASE("records can be read while a run is being written and after it is clos
     CHECK(live.info().status == "open");
     CHECK(live.count() == 2);
     check_same(live.read(0), small_record(0));
-    // An open reader does not block the writer, and the reader finds the new record.
+    // A reader does not block the writer, and finds records that are appended while it is open.
     run.append(small_record(2));
     CHECK(live.count() == 3);
   }
@@ -82,7 +82,7 @@ TEST_CASE("records can be read while a run is being written and after it is clos
   CHECK(same_axis(*read.axis("radar"), small_axes()[1]));
   CHECK(read.devices().at(0).firmware == "3.5");
   CHECK(read.events().at(0).text == "no frames");
-  second.radar.clear();  // invalid radar data are not stored
+  second.radar.clear();  // invalid radar data are not stored, so the expected record has none
   check_same(read.read(1), second);
   check_same(read.read(2), small_record(2));
   CHECK(read.check().empty());

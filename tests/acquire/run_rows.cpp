@@ -101,7 +101,7 @@ FusedRecord record_of(std::int64_t index, const std::vector<Axis>& axes, Random&
   if (r.has(Sensor::radar)) r.radar = random.values<float>(axes[1].count);
   if (r.has(Sensor::radar) && random.coin()) {
     r.array.assign(axes[2].count * values_of_bin(antennas), 0);
-    // Uses integers, because packing stores integers without rounding.
+    // The values are integers, because packing stores integers without rounding.
     for (std::size_t bin = 0; bin < axes[2].count; ++bin)
       std::fill_n(r.array.begin() +
                       static_cast<std::ptrdiff_t>(bin * values_of_bin(antennas) + 2 * antennas),
@@ -112,8 +112,8 @@ FusedRecord record_of(std::int64_t index, const std::vector<Axis>& axes, Random&
   return r;
 }
 
-// Returns the name and the SQLite value of every column, so that columns added later are also
-// compared.
+// Returns the name and the SQLite value of every column. Columns that are added to the table later
+// are thus compared as well.
 std::vector<std::string> values_of(const FusedRecord& r) {
   const std::string name = ":memory:";
   const DatabaseHandle db = open_database(name, "cannot open", SQLITE_OPEN_MEMORY);
@@ -239,7 +239,8 @@ TEST_CASE("the metadata of a run are read back as written") {
   CHECK(run.counters().at(0).value == 9);
 }
 
-// Writes 20 runs, and the values that RunReader reads from each, for tests/python/test_format.py.
+// Writes 20 runs for tests/python/test_format.py, together with the values that RunReader reads
+// from each run.
 TEST_CASE("random runs are written as input for the test of the Python reader", "[.random_runs]") {
   const char* folder = std::getenv("ECHOFUSE_RANDOM_RUNS");
   REQUIRE(folder);

@@ -14,8 +14,8 @@ namespace {
 
 constexpr SlotGrid grid{.first = 100s, .length = 200ms};
 
-// Each run() continues to call tick() every 50 ms up to the time `until`, and returns the slots
-// that became due.
+// Simulates regular calls of tick(). Each run() calls tick() every 50 ms until the time `until` and
+// returns the slots that became due.
 class Ticking {
  public:
   explicit Ticking(Scheduler& scheduler) : scheduler_(scheduler) {}
@@ -45,7 +45,7 @@ TEST_CASE(
   CHECK(first_slot(102s + 1ns, 3s) == 105s);
   CHECK(first_slot(101s, 10s) == 110s);
   CHECK(first_slot(101s, 11s) == 101s);
-  // The slots of two runs that start at different times are aligned.
+  // The slots of two runs are aligned even if the runs start at different times.
   const SlotGrid one{first_slot(100'123ms, 200ms), 200ms},
       other{first_slot(987'654ms, 200ms), 200ms};
   CHECK((other.first - one.first) % one.length == 0ns);
@@ -113,7 +113,7 @@ TEST_CASE("a slot stays open for another grace time if the program is paused whe
   CHECK(scheduler.tick(woken).empty());
   CHECK(scheduler.tick(woken + 40ms).empty());
   CHECK(scheduler.next_deadline() == woken + grace);
-  // A program that is always late still closes its slots.
+  // A program that is always late must still close its slots eventually.
   CHECK(scheduler.tick(woken + 400ms).empty());
   CHECK_FALSE(scheduler.tick(woken + grace).empty());
   CHECK(scheduler.lateness(0, woken + grace) == woken - grid.end(0));
@@ -164,8 +164,8 @@ TEST_CASE("slots missed during a pause wait while the disk is busy, but current 
     backlog.put({{k, false}});
     CHECK(next(true) == -1);
   }
-  // As soon as `most_behind` later slots are due, the slots of the pause are closed even if the
-  // disk is busy.
+  // Once `most_behind` slots have become due after the pause, the slots of the pause are closed
+  // even if the disk is busy.
   backlog.put({{k, false}});
   for (std::int64_t i = 2; i <= k; ++i) REQUIRE(next(true) == i);
   CHECK(backlog.empty());

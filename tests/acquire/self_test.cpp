@@ -18,7 +18,7 @@ Config lab() {
                      {"depth.fps=10", "radar.cfg=radar/xwr68xx_paper_50cm.cfg"});
 }
 
-// Returns a thousand pairs of a start tag and a click that follows after `delay_ps`.
+// Returns a thousand pairs of tags. Each pair consists of a start tag and a click `delay_ps` later.
 std::vector<Tag> pairs(std::int32_t start, std::int32_t click, std::int64_t delay_ps) {
   std::vector<Tag> tags;
   for (std::int64_t k = 0; k < 1000; ++k) {
@@ -31,7 +31,7 @@ std::vector<Tag> pairs(std::int32_t start, std::int32_t click, std::int64_t dela
 Finding spd_verdict(const std::vector<Tag>& tags, std::uint64_t lost_tags = 0) {
   const Config config = lab();
   Capture capture(config.histogram);
-  capture.on_tags({.tags = tags});  // tags before the capture are not counted
+  capture.on_tags({.tags = tags});  // tags received before the capture begins are not counted
   capture.begin();
   if (!tags.empty()) capture.on_tags({.tags = tags, .lost_items = lost_tags});
   capture.end();
@@ -188,7 +188,7 @@ TEST_CASE("the record size is estimated from received frames, or else from the c
 }
 
 TEST_CASE("the doctor command rates the disk's write speed as ok, warning or problem") {
-  // Each record of 1 MB is written twice within 2 s, so the run needs 1 MB/s.
+  // Each 1 MB record is written twice within 2 s, so the run needs a write speed of 1 MB/s.
   const PlannedRun plan{.folder = "/d", .record_bytes = 1e6, .window_s = 2};
   const auto grade = [&](double rate, double median_s, double longest_s) {
     return speed_finding({rate, median_s, longest_s, 1'000'000}, plan).grade;
@@ -216,7 +216,7 @@ TEST_CASE("the doctor command rates the free disk space as ok, warning or proble
   CHECK(space_finding(3.9e9, plan, 86'400).grade == Grade::warning);
   CHECK(record_bytes(small_axes(), {}) == 4 * 8 + 4 * 4 + 2 * 3 * 2);
   CHECK(record_bytes(small_axes(), Zones(9)) == 9 * 4 * 8 + 4 * 4 + 2 * 3 * 2);
-  // A record needs 100 kB including 2048 bytes for its row. A run of 1000 records needs 117 MB
+  // A record needs 100 kB, including 2048 bytes for its row. A run of 1000 records needs 117 MB,
   // including 17 MB for the WAL.
   plan = {.record_bytes = 97'952, .window_s = 3, .count = 1000};
   CHECK(space_finding(117e6, plan).grade == Grade::ok);

@@ -19,7 +19,7 @@ using Json = nlohmann::json;
 
 const std::string tdc = "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n";
 
-// Runs a command as a user with this home folder and no other configuration.
+// Runs a command as a user with `folder` as the home folder and no other configuration.
 Outcome at_home(const Folder& folder, const std::string& environment,
                 const std::string& arguments) {
   return shell("cd " + folder / "" +
@@ -37,7 +37,7 @@ unsigned mode_of(const std::string& path) {
 
 TEST_CASE("the configuration file in the current folder takes precedence over the user's file") {
   const Folder folder;
-  if (fs::exists("/etc/echofuse/lab.toml")) return;  // an installed lab.toml would interfere
+  if (fs::exists("/etc/echofuse/lab.toml")) return;  // an installed lab.toml would be used instead
   const Outcome none = at_home(folder, "", "config check");
   CHECK(none.code == 3);
   CHECK(has(none.text, "searched ./lab.toml, ~/.config/echofuse/lab.toml, /etc/echofuse"));
@@ -149,7 +149,7 @@ TEST_CASE("the list command shows notes that were added during and after a run")
   CHECK(all[1]["valid"]["spd"] == 3);
   CHECK(has(acquire("info " + folder / "monday").text, "  note      20"));
   CHECK(acquire("list " + folder / "none").code == 1);
-  // After a note is added, only the run file remains, as after the end of a run.
+  // Adding a note leaves only the run file behind, as does the end of a run.
   CHECK_FALSE(fs::exists(folder / "monday.sqlite-wal"));
 }
 

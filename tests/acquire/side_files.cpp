@@ -18,7 +18,7 @@ using namespace echofuse;
 using namespace echofuse::record;
 using namespace testing;
 
-// Kills a program during a transaction with journal_mode=DELETE, after the program has written some
+// Starts a transaction with journal_mode=DELETE and kills the program after it has written some
 // pages.
 static void hot_journal(const std::string& path) {
   const pid_t child = fork();
@@ -91,7 +91,8 @@ TEST_CASE("a copy of an open run that lacks its -wal file is refused and not cha
     CHECK(code == ExitCode::failed);
     CHECK(has(text, "a copy without its -wal file"));
   }
-  write_file(path + "-wal", "");  // an empty -wal file, as SQLite creates it for a reader
+  write_file(path + "-wal",
+             "");  // an empty -wal file, like the one that SQLite creates for a reader
   recover(path);
   CHECK(RunReader(path).info().status == crashed_without_wal);
   fs::remove(path + "-wal");
@@ -132,7 +133,7 @@ TEST_CASE("a run killed after its end was stored keeps its status and has no sid
   CHECK(RunReader(path).count() == 3);
 }
 
-// Leaves a run file as if the program had been killed. A checkpoint after every 10 records makes
+// Leaves behind a run file like that of a killed program. A checkpoint after every 10 records makes
 // SQLite restart the -wal file.
 static void killed_run(const std::string& path, int records) {
   RunWriter run(path, {});

@@ -43,8 +43,8 @@ std::vector<Axis> axes() {
            .step = 0.025}};
 }
 
-// Simulates records of a body at 3.5 m in front of all three sensors, with photon, amplifier and
-// pixel noise.
+// Simulates records of an object 3.5 m in front of all three sensors. The simulated noise consists
+// of photon, amplifier and pixel noise.
 class Laboratory {
  public:
   double photons = 1e5, background = 0, radar_snr_db = 20, depth_share = 0.05;
@@ -62,7 +62,8 @@ class Laboratory {
     }
     r.spd_counts.in_range = std::accumulate(r.spd.begin(), r.spd.end(), std::uint64_t{0});
     std::normal_distribution<float> noise(0, 3);
-    for (int i = 0; i < 64; ++i) {  // noise floor at code 5000, 0.0314 dB per code (12 antennas)
+    for (int i = 0; i < 64;
+         ++i) {  // The noise floor is at code 5000. With 12 antennas, one code is 0.0314 dB.
       const double off = (i - 14) / 1.5;
       const double db = 10 * std::log10(1 + std::pow(10, radar_snr_db / 10) * std::exp(-off * off));
       r.radar.push_back(static_cast<float>(5000 + db / 0.0313597) + noise(rng_));
@@ -124,7 +125,7 @@ TEST_CASE("a signal weaker than in the first minute has the verdict weak") {
   SignalCheck check({}, 3);
   for (int i = 0; i < 20; ++i) CHECK(verdicts(check, lab.record()) == all_ok);
   lab.photons = 5e3, lab.radar_snr_db = 9, lab.depth_share = 0.004;
-  for (int i = 0; i < 30; ++i) {  // no weak record becomes the reference
+  for (int i = 0; i < 30; ++i) {  // a weak record must not become the reference
     const auto v = verdicts(check, lab.record());
     CHECK_THAT(v[0], StartsWith("weak: light level is 0.0"));
     CHECK_THAT(v[1], StartsWith("weak: echo power is 0.0"));
@@ -192,12 +193,12 @@ TEST_CASE("sensor data that repeat bit for bit are reported as frozen (verdict: 
   SignalCheck check({}, 3);
   auto r = lab.record();
   CHECK(verdicts(check, r) == all_ok);
-  // Simulates the rounding error of an average over a different number of frames.
+  // Simulates the rounding error that results from averaging a different number of frames.
   for (float& v : r.radar) v += 0.001F;
   for (const auto& v : verdicts(check, r)) CHECK_THAT(v, StartsWith("stands still: "));
   CHECK(verdicts(check, lab.record()) == all_ok);
-  // Data that repeat after a missing record are reported as frozen, but sensors without a signal
-  // are not.
+  // Data that repeat after a missing record are reported as frozen. Sensors without a signal are
+  // not reported as frozen.
   auto gone = lab.record();
   const auto kept = gone;
   CHECK(verdicts(check, gone) == all_ok);
@@ -270,8 +271,8 @@ TEST_CASE("missing start pulses are not reported if the tagger uses a conditiona
   r.spd_counts = {.tags = 20'000, .starts = 10'000, .in_range = 10'000};
   r.signal.clicks_a_pulse = 0.01;
   CHECK(verdicts(check, r)[0] == "ok");
-  // All clicks are dark counts. The tagger's filter passed one start per click: 10 000 of the 1e6
-  // laser pulses.
+  // All clicks are dark counts. The tagger's filter passed one start per click, so 10 000 starts
+  // remain of 1e6 laser pulses.
   r.spd[0] += 1, r.radar[0] += 1, r.depth_mm[0] += 1;
   r.signal.clicks_a_pulse = 1;
   SignalLimits bright;

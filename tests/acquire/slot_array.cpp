@@ -94,7 +94,7 @@ TEST_CASE("array statistics do not pair radar frames across a missing frame or h
     windows.add(without);
   }
   for (const std::uint32_t n : {4u, 5u, 7u, 8u}) windows.add(frame_of(n));
-  windows.add(frame_of(8));  // repeats the frame number 8
+  windows.add(frame_of(8));  // a second frame with the number 8
   const auto r = windows.close({0, false});
   CHECK(r.array_frames == 4);
   CHECK(r.array == expected({{4, 5}, {7, 8}}));
@@ -150,7 +150,7 @@ TEST_CASE("the info command describes the antenna array") {
   CHECK(has(describe_run(path, false),
             "array     8 antennas, 32 bins to 7.75 m, in 2 records of 2 frames and 5376 bytes"));
   CHECK(has(describe_run(path, true), "\"phase_rad\": -0.25"));
-  const auto want = record::RunReader(path).read(0).array;  // the values are rounded in the file
+  const auto want = record::RunReader(path).read(0).array;  // values in the file are rounded
   CHECK(want[0] == Approx(records[0].array[0]).margin(0.1));
 }
 

@@ -35,7 +35,7 @@ TEST_CASE("a change of the system clock during a run is stored, and later UTC ti
   RunLog log(loop);
   log.attach(journal);
   for (int second = 0; second < 60; ++second, loop.run_for(1s)) journal.refresh_anchor(log);
-  loop.step_utc(10ms);  // too small to be reported as an event
+  loop.step_utc(10ms);  // a step too small to be reported as an event
   journal.refresh_anchor(log);
   CHECK(journal.utc_of(1050s) == 1050s + before + 10ms);
   loop.run_for(10s + 200ms);
@@ -74,7 +74,7 @@ TEST_CASE("a slot that is open when the system clock is set keeps its start time
   RunLog log(loop);
   loop.run_for(9s);
   loop.step_utc(24h);
-  journal.refresh_anchor(log);  // called at host time 10 s
+  journal.refresh_anchor(log);  // called when the host time is 10 s
   loop.run_for(60s);
   journal.refresh_anchor(log);
   CHECK(journal.utc_of(9s) == before + 9s);  // the slot began before the clock was set

@@ -43,7 +43,7 @@ TEST_CASE("the status line shows all values in a fixed order") {
   m.times = {};
   CHECK(m.line(std::nullopt) ==
         "record 0  SRD  0:00  0.0 ktag/s  radar 0.0 fps  depth 0.0 fps  lost 0  on disk 0");
-  m.times.elapsed_s = -3;  // 3 s before the first slot
+  m.times.elapsed_s = -3;  // the time is 3 s before the start of the first slot
   CHECK(m.line(std::nullopt).find("  0:00  ") != std::string::npos);
 }
 

@@ -73,7 +73,8 @@ TEST_CASE(
   const Json info = Json::parse(acquire("info --json " + path).text);
   CHECK(info["incomplete"] == 1);
   CHECK(info["policy"] == Json{{"spd", "required"}, {"depth", "optional"}});
-  CHECK(info["clocks"]["spd"]["samples"] == 102);  // value in the last record that has a clock fit
+  CHECK(info["clocks"]["spd"]["samples"] ==
+        102);  // value from the last record that contains a clock fit
   CHECK(info["clocks"]["depth"]["drift_ppm"] == 20);
   CHECK_FALSE(info["clocks"].contains("radar"));
   const std::string text = acquire("info " + path).text;

@@ -18,8 +18,8 @@ constexpr SlotGrid grid{.first = 100s, .length = 1s};
 
 HostTime host(double t) { return HostTime(std::llround(t * 1e9)); }
 
-// Data that arrive at the host time `read`, s. `taken` contains the time at which the device took
-// each item, s. For each item, `places` contains the index of the expected record, or the word
+// Data that arrive at the host time `read`, in s. `taken` contains the times, in s, at which the
+// device took the items. `places` contains one word per item: the index of the expected record, or
 // early, late, outside or twice.
 struct Event {
   double read;
@@ -27,7 +27,7 @@ struct Event {
   std::vector<double> taken;
   const char* places;
   std::uint32_t number = 0;  // frame number
-  std::uint64_t lost = 0;    // number of items lost before this arrival
+  std::uint64_t lost = 0;    // number of items lost before these data arrived
 };
 
 // clang-format off
@@ -35,36 +35,36 @@ const std::vector<Event> events = {
   // read     device   taken                                places           number lost
   { 99.992,  "spd",   {99.980, 99.990},                    "early early"              },
   { 99.993,  "radar", {99.985},                            "early",          1        },
-  {100.004,  "spd",   {99.995, 99.999, 100.001, 100.003},  "early early 0 0"          },  // block divided at the start of slot 0
+  {100.004,  "spd",   {99.995, 99.999, 100.001, 100.003},  "early early 0 0"          },  // block that is split at the start of slot 0
   {100.031,  "radar", {99.9985},                           "early",          2        },  // frame read in slot 0, but taken before slot 0
   {100.300,  "radar", {100.280},                           "0",              3        },
   {100.310,  "depth", {100.290},                           "0",              1        },
-  {100.610,  "depth", {100.490},                           "0",              2        },  // frame nearest to the centre of the slot
+  {100.610,  "depth", {100.490},                           "0",              2        },  // frame nearest to the centre of slot 0
   {100.640,  "depth", {100.620},                           "0",              3        },
   {100.641,  "depth", {100.620},                           "twice",          3        },
   {100.700,  "radar", {100.680},                           "0",              4        },
   {100.701,  "radar", {100.680},                           "twice",          4        },
-  {100.720,  "spd",   {100.600, 100.700, 100.650, 100.719},"0 0 0 0"                  },  // block with tags out of order
+  {100.720,  "spd",   {100.600, 100.700, 100.650, 100.719},"0 0 0 0"                  },  // block in which the tags are out of order
   {100.998,  "spd",   {100.990, 100.997},                  "0 0"                      },
-  {101.120,  "spd",   {100.950, 100.999, 101.001, 101.110},"0 0 1 1"                  },  // block of 100 ms, divided at a slot boundary
-  {101.300,  "radar", {100.900},                           "0",              5        },  // frame 0.4 s late, but slot 0 is still open
+  {101.120,  "spd",   {100.950, 100.999, 101.001, 101.110},"0 0 1 1"                  },  // block that spans 160 ms and is split at the boundary between slots 0 and 1
+  {101.300,  "radar", {100.900},                           "0",              5        },  // frame that is read 0.4 s late, while slot 0 is still open
   {101.310,  "radar", {101.250},                           "1",              7,  1    },
   {101.320,  "radar", {101.200},                           "1",              6        },  // frames out of order
-  {101.449,  "spd",   {100.994},                           "0"                        },  // tag that arrives in the grace time of slot 0
+  {101.449,  "spd",   {100.994},                           "0"                        },  // tag that arrives during the grace time of slot 0
   {101.560,  "spd",   {100.995, 101.500},                  "late 1"                   },
-  {101.570,  "radar", {100.999},                           "late",           8,  2    },  // slot 0 is closed, so the loss counts in slot 1
+  {101.570,  "radar", {100.999},                           "late",           8,  2    },  // slot 0 is already closed, so the lost frames are counted in slot 1
   {101.580,  "depth", {100.500},                           "late",           4        },
   {101.900,  "spd",   {101.850, 101.899},                  "1 1"                      },
   {102.100,  "depth", {101.999},                           "1",              5        },
   {102.110,  "depth", {102.000},                           "2",              6        },
-  {102.200,  "spd",   {},                                  "",               0,  3    },  // no tags, only the number of lost tags
-  // The program stalls from 102.2 to 105.7 s. All data that arrive in this period are read at its
-  // end.
+  {102.200,  "spd",   {},                                  "",               0,  3    },  // block without tags that only reports 3 lost tags
+  // The program stalls from 102.2 s to 105.7 s. All data that arrive during the stall are read at
+  // the end of the stall.
   {105.700,  "spd",   {102.200, 102.900, 103.100, 105.690},"2 2 3 5"                  },
   {105.700,  "radar", {102.500},                           "2",              9        },
   {105.700,  "radar", {105.600},                           "5",             10        },
-  // The radar reconnects with a different clock. Until the fit of this clock is valid, the receive
-  // times are used.
+  // The radar reconnects, and its clock restarts. Arrival times are used until the fit of the new
+  // clock is valid.
   {106.600,  "radar+",{106.100},                           "6",              1        },
   {106.700,  "spd",   {106.100, 106.650},                  "6 6"                      },
   {107.300,  "spd",   {107.001, 107.299},                  "outside outside"          },  // tags after the last slot
@@ -74,8 +74,8 @@ const std::vector<Event> events = {
 struct Verdicts {
   std::int64_t record;
   const char *spd, *radar, *depth;
-  std::uint32_t missing;  // bits of the missing required sensors; only the radar is required
-  std::uint16_t depth_mm;  // frame number of the frame used, which is also its pixel value
+  std::uint32_t missing;  // bit mask of the required sensors that are missing; only the radar is required
+  std::uint16_t depth_mm;  // number of the depth frame used; every pixel of a frame has this number as its value
 };
 const std::vector<Verdicts> verdicts = {
   {0, "ok",                          "ok",                      "ok",                      0, 2},
@@ -83,7 +83,7 @@ const std::vector<Verdicts> verdicts = {
   {2, "ok",                          "ok",                      "ok",                      0, 6},
   {3, "the program stood still",     "the program stood still", "the program stood still", 2, 0},
   {4, "the program stood still",     "the program stood still", "the program stood still", 2, 0},
-  {5, "the program stood still",     "ok",                      "the program stood still", 0, 0},  // the time stamp assigns the radar frame to this record
+  {5, "the program stood still",     "ok",                      "the program stood still", 0, 0},  // the radar frame is assigned to this record by its device time stamp
   {6, "ok",                          "ok",                      "no frames",               0, 0},
 };
 // clang-format on
@@ -95,7 +95,8 @@ struct Device {
   }
 };
 
-// Simulates three devices with clock fits from 20 s of samples, and the daemon on a virtual clock.
+// Simulates three devices and runs the daemon on a virtual clock. Each clock fit starts with 20 s
+// of samples.
 class Bench {
  public:
   Bench() {
@@ -155,8 +156,8 @@ class Bench {
       grid, {.first_bin_ps = 0, .bins = 1}, clocks, SensorSet::from_bits(7), {Sensor::radar}};
   Scheduler scheduler{grid};
   std::vector<record::FusedRecord> records;
-  // Expected number of items of each sensor, by record index or by the word early, late, outside or
-  // twice.
+  // Expected number of items from each sensor. The key is a record index or one of the words early,
+  // late, outside and twice.
   std::map<std::string, std::array<std::uint64_t, 3>> expected;
 
  private:
@@ -213,8 +214,8 @@ TEST_CASE("samples and losses of all devices are assigned to the expected record
   CHECK(unassigned.duplicate == bench.expected["twice"]);
   // Radar frame 6 arrives after frame 7, and frame 1 after frame 10.
   CHECK(unassigned.out_of_order == std::array<std::uint64_t, 3>{0, 2, 0});
-  // A loss counts in the slot of the sample that reveals it, or in the next slot if that slot is
-  // closed.
+  // A loss is counted in the slot of the sample that reveals it. If that slot is closed, the loss
+  // is counted in the next slot.
   CHECK(bench.records[1].sync[Sensor::radar].lost == 1 + 2);
   CHECK(bench.records[2].sync[Sensor::spd].lost == 3);
 }

@@ -41,8 +41,8 @@ inline Outcome acquire(const std::string& arguments) {
   return shell(echofuse::test::bin_dir + "/echofuse-acquire " + arguments);
 }
 
-// Returns the code and the message of the Error that `body` throws, or ok if it does not throw an
-// Error.
+// Returns the exit code and the message of the Error thrown by `body`. Returns ok if `body` does
+// not throw an Error.
 template <class Body>
 std::pair<echofuse::ExitCode, std::string> error_of(Body body) {
   try {
@@ -53,7 +53,7 @@ std::pair<echofuse::ExitCode, std::string> error_of(Body body) {
   return {echofuse::ExitCode::ok, ""};
 }
 
-// Returns axes of 8 SPD bins, 4 radar points and 3 x 2 pixels.
+// Returns axes for 8 SPD bins, 4 radar bins and 3 x 2 depth pixels.
 inline std::vector<echofuse::Axis> small_axes() {
   return {{"spd", "counts", "ps", 8, 13343, 100, 1},
           {"radar", "log2_q8", "m", 4, 0, 0.5, 12},
@@ -61,7 +61,7 @@ inline std::vector<echofuse::Axis> small_axes() {
           {"depth_y", "tangent", "1", 2, 0.1, -0.2, 1}};
 }
 
-// Returns a record with three valid sensors, in which every value depends on the index.
+// Returns a record in which all three sensors are valid and every value depends on `index`.
 inline echofuse::record::FusedRecord small_record(std::int64_t index) {
   using echofuse::HostTime;
   const auto i = static_cast<std::uint32_t>(index);
@@ -88,7 +88,7 @@ inline echofuse::record::FusedRecord small_record(std::int64_t index) {
   return r;
 }
 
-// Checks that all columns and arrays are equal. Defined in run_rows.cpp.
+// Checks that all columns and arrays of the two records are equal. Defined in run_rows.cpp.
 void check_same(const echofuse::record::FusedRecord& read,
                 const echofuse::record::FusedRecord& wrote);
 

@@ -16,7 +16,7 @@ namespace {
 constexpr SlotGrid grid{.first = 10s, .length = 1s};
 constexpr tdc::HistogramSettings tdc_settings{.bin_width_ps = 100, .first_bin_ps = 0, .bins = 50};
 constexpr SensorSet everything = SensorSet::from_bits(7);
-const SensorClocks no_clocks;  // without clock fits, the receive times are used
+const SensorClocks no_clocks;  // arrival times are used because there are no clock fits
 
 DeviceInfo radar_info(std::uint32_t bins = 4, double antennas = 12) {
   DeviceInfo info;
@@ -90,7 +90,8 @@ TEST_CASE("a record with data from all three sensors is complete") {
   CHECK(r.slot_end == 11s);
   CHECK(r.valid == SensorSet::from_bits(7));
   std::vector<std::uint32_t> expected(50, 0);
-  expected[1] = 2;  // clicks 150 and 199 ps after a start, in the bin of 100 to 200 ps
+  expected[1] =
+      2;  // two clicks, 150 ps and 199 ps after a start, fall into the bin from 100 to 200 ps
   expected[2] = 1;
   CHECK(r.spd == expected);
   CHECK(r.spd_counts.tags == 6);
@@ -100,7 +101,7 @@ TEST_CASE("a record with data from all three sensors is complete") {
   CHECK(sync(r, Sensor::spd).offset_s == Approx(-0.05));
   CHECK(r.radar == std::vector<float>{0, 256, 512, 1000});  // a single frame is copied exactly
   CHECK(sync(r, Sensor::radar).offset_s == Approx(-0.1));
-  // The record contains the frame nearest to the slot's centre at 10.5 s.
+  // The record contains the frame nearest to 10.5 s, the centre of the slot.
   CHECK(r.depth_mm == std::vector<std::uint16_t>{3, 4});
   CHECK(sync(r, Sensor::depth).offset_s == Approx(0.05));
   for (const auto& s : r.sync) CHECK(s.verdict == "ok");
@@ -113,15 +114,17 @@ TEST_CASE("the counts of a record account for click delay, dead time and damaged
   Windows windows(grid, settings, no_clocks, {Sensor::spd});
   Tag unknown = start_at(2);
   unknown.type = static_cast<TagType>(9);
-  // Without the click delay of 500 ps, the first click would precede its start.
+  // If the click delay of 500 ps were not added, the first click would precede its start tag.
   feed(windows, 10s, {click_at(650), start_at(1'000), click_at(1'020), click_at(1'119), unknown});
   feed(windows, 10s + 900ms, {start_at(5'000), start_at(4'000), click_at(5'100)});
   const auto r = windows.close({0, false});
   CHECK(r.spd.at(1) == 1);           // 650 ps + 500 ps delay - 1000 ps start = 150 ps
   CHECK(r.spd.at(5) == 1);           // 1020 ps + 500 ps delay - 1000 ps start = 520 ps
-  CHECK(r.spd_counts.removed == 1);  // click at 1119 ps, within 100 ps of the click at 1020 ps
+  CHECK(r.spd_counts.removed == 1);  // the click at 1119 ps is removed because it follows the click
+                                     // at 1020 ps by less than 100 ps
   CHECK(r.spd_counts.bad_tags == 1);
-  CHECK(r.spd_counts.backwards == 0);  // the filter has sorted the tags
+  CHECK(r.spd_counts.backwards ==
+        0);  // the tags are in order because they have been sorted by the filter
   CHECK(r.spd_counts.tags == 8);
   CHECK(parts(r.spd_counts) == r.spd_counts.tags);
 }
@@ -164,7 +167,7 @@ TEST_CASE("a record contains the sum of the counts of two tag blocks") {
   };
   part(10s, 20);
   part(11s, 500);
-  part(10s + 900ms, 3);  // data of slot 0 follow data of slot 1
+  part(10s + 900ms, 3);  // data of slot 0 that arrive after data of slot 1
   const record::FusedRecord r = windows.close({0, false});
   const TagCounts& c = r.spd_counts;
   CHECK(c.tags == 22);
@@ -188,8 +191,8 @@ TEST_CASE("radar frames are averaged in linear power, not in decibels") {
   for (std::uint32_t i = 0; i < 3; ++i) windows.add(radar_frame(10s + i * 100ms, 7 + i, frames[i]));
   const auto r = windows.close({0, false});
   REQUIRE(r.valid == SensorSet::from_bits(2));
-  // TI's code is the sum of 256 log2 |x| over 12 antennas, divided by 16. The power |x|^2 doubles
-  // every 96 codes.
+  // TI's firmware sends the sum of 256 log2 |x| over 12 antennas, divided by 16. The code thus
+  // increases by 96 when the power |x|^2 doubles.
   constexpr double doubling = 256.0 * 12 / 16 / 2;
   for (std::size_t bin = 0; bin < 4; ++bin) {
     double power = 0;
@@ -279,7 +282,7 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
   CHECK(sync(r, Sensor::spd).verdict == spd);
   CHECK(sync(r, Sensor::radar).verdict == radar);
   CHECK(sync(r, Sensor::depth).verdict == depth);
-  // Only the section with "tags cover" sends enough tags for slot 1 to be valid.
+  // Only the section named "tags cover ..." sends enough tags to make slot 1 valid.
   CHECK(windows.close({1, false}).has(Sensor::spd) == spd.starts_with("tags cover"));
 }
 
@@ -315,7 +318,7 @@ TEST_CASE("unconfigured sensors and stalled slots have different verdicts") {
   feed(windows, 10s + 900ms, {start_at(1), click_at(2)});
   const auto r = windows.close({0, true});
   CHECK(r.valid == SensorSet::from_bits(0));
-  CHECK(r.spd_counts.tags == 3);  // tags are counted although they are not used
+  CHECK(r.spd_counts.tags == 3);  // tags are counted even if they are not used
   CHECK(sync(r, Sensor::spd).verdict == "the program stood still");
   CHECK(sync(r, Sensor::radar).verdict == "not configured");
 }
@@ -329,7 +332,7 @@ DeviceInfo board_info(double width_ps = 92.5) {
   return info;
 }
 
-// Returns a histogram with an exposure of 200 ms.
+// Returns a histogram with an exposure time of 200 ms.
 HistogramFrame histogram(HostTime received, std::vector<std::uint32_t> counts,
                          std::uint64_t lost = 0) {
   return {.received = received,
@@ -347,11 +350,14 @@ TEST_CASE(
   Windows windows = make_windows();
   REQUIRE(windows.announce(board_info()));
   CHECK(same_axis(windows.axes().front(), board_info().axes[0]));
-  windows.add(histogram(10s + 50ms, {100, 0, 0}));  // mid-exposure at 9.95 s, before slot 0
+  windows.add(histogram(10s + 50ms,
+                        {100, 0, 0}));  // the middle of the exposure is at 9.95 s, before slot 0
   windows.add(histogram(10s + 150ms, {1, 2, 3}));
   windows.add(histogram(10s + 700ms, {10, 20, 4'000'000'000}, 2));
-  windows.add(histogram(11s + 50ms, {5, 5, 4'000'000'000}));  // mid-exposure at 10.95 s, in slot 0
-  windows.add(histogram(11s + 150ms, {7, 7, 7}));             // mid-exposure at 11.05 s, in slot 1
+  windows.add(histogram(
+      11s + 50ms, {5, 5, 4'000'000'000}));  // the middle of the exposure is at 10.95 s, in slot 0
+  windows.add(
+      histogram(11s + 150ms, {7, 7, 7}));  // the middle of the exposure is at 11.05 s, in slot 1
   const auto r = windows.close({0, false});
   CHECK(r.has(Sensor::spd));
   CHECK(r.spd == std::vector<std::uint32_t>{16, 27, UINT32_MAX});

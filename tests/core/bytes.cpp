@@ -40,7 +40,7 @@ TEST_CASE("two axes are equal if they differ by less than a thousandth of a bin"
   b.start += 0.1;
   CHECK_FALSE(same_axis(a, b));
   b = a;
-  b.step += 0.001;  // shifts the last bin by 0.335 ps (limit 0.1 ps)
+  b.step += 0.001;  // the last bin is shifted by 0.335 ps, more than the limit of 0.1 ps
   CHECK_FALSE(same_axis(a, b));
   b = a;
   b.scale = 8;

@@ -30,7 +30,7 @@ TEST_CASE("the map grid is read from the three map axes of a run, or has default
   CHECK(axes[0].at(0) == Approx(grid.x().at(0)));
   CHECK(axes[1].at(99) == Approx(grid.y().at(99)));
   CHECK(axes[2].at(1) == 23);
-  // Runs without the axis map_z have the default depth range.
+  // Runs that lack the axis map_z use the default depth range.
   CHECK(map_grid_of(std::span(axes).first(2)) == MapGrid{100, 0.3, 6});
   CHECK(map_grid_of({}) == MapGrid{64, 0.55, 6});
   CHECK_FALSE(grid == MapGrid{100, 0.301, 23});
@@ -47,7 +47,7 @@ TEST_CASE("each source pixel is used in exactly one target pixel, and invalid pi
   Image image(256 * 256, 3000);
   for (std::size_t j = 0; j < 256; ++j)
     for (std::size_t i = 0; i < 256; ++i) {
-      // Missing values in a quarter of the pixels have no effect.
+      // A target pixel is not affected if a quarter of its source pixels are missing.
       if (i % 4 == 3) image[j * 256 + i] = 0;
       // A target pixel has no depth if three quarters of its source pixels are missing.
       if (j < 4) image[j * 256 + i] = i % 4 < 3 ? 0 : 2500;

@@ -21,7 +21,7 @@ namespace {
 using test::contents;
 using test::Folder;
 
-// Sets an environment variable while the object exists.
+// Sets an environment variable for the lifetime of the object.
 struct Variable {
   std::string name, before;
   Variable(const char* key, const std::string& value)

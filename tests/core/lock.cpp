@@ -33,7 +33,7 @@ TEST_CASE("a lock excludes other holders and names its holder") {
     const std::string before = contents(path);
     const Lock refused(path, 0644);
     CHECK_FALSE(refused.held());
-    refused.remove(), refused.empty();  // both calls leave the holder's file unchanged
+    refused.remove(), refused.empty();  // neither call changes the file of the lock's holder
     CHECK(contents(path) == before);
     CHECK(Lock::holder(path) == "me\n");
     CHECK(Lock(folder / "y.lock", 0644).held());

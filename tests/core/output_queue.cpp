@@ -64,7 +64,8 @@ TEST_CASE("closing the output queue waits as long as the reader continues to rea
 TEST_CASE("the output queue keeps the newest messages if the reader stops reading") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
-  // The string of 256 KiB does not fit into the 64 KiB buffer of the pipe, even after a read.
+  // A string of 256 KiB does not fit into the pipe's 64 KiB buffer, even after the reader has read
+  // once.
   const std::string filling(1 << 18, '.');
   queue.put(filling);
   while (pipe.read().empty()) std::this_thread::yield();  // waits until the write has begun
@@ -113,7 +114,9 @@ TEST_CASE(
     CHECK(queue.close() == 0);
     CHECK(waited() >= std::chrono::seconds(1));
     CHECK(waited() < std::chrono::seconds(20));
-    std::exchange(pipe.ends[1], -1);  // keeps this end open for the blocked write
+    std::exchange(
+        pipe.ends[1],
+        -1);  // prevents the pipe from closing this end, because the blocked write still uses it
   }
   SECTION("closing the output queue does not wait for a reader that closed its end") {
     Pipe pipe;

@@ -14,8 +14,8 @@ TEST_CASE("printable() converts any string to one line of valid UTF-8 without co
   CHECK(printable("\xc2\x9b"
                   "31m \xe2\x80\xae"
                   "cod.exe \xe2\x80\xa8") == "\\u009b31m \\u202ecod.exe \\u2028");
-  // Sequences that are invalid by RFC 3629: overlong, surrogate, beyond U+10FFFF, truncated, and a
-  // lone continuation byte
+  // Sequences that RFC 3629 forbids: an overlong form, a surrogate, a code point beyond U+10FFFF, a
+  // truncated sequence and a lone continuation byte.
   CHECK(printable("\xc0\xaf \xe0\x80\xaf \xed\xa0\x80 \xf4\x90\x80\x80 \xe2\x82 \x80") ==
         "\\xc0\\xaf \\xe0\\x80\\xaf \\xed\\xa0\\x80 \\xf4\\x90\\x80\\x80 \\xe2\\x82 \\x80");
   CHECK(printable("\xf0\x9f\x98") == "\\xf0\\x9f\\x98");

@@ -97,7 +97,8 @@ TEST_CASE("files that are not regular files are refused") {
     return RegularFile(folder.path / "link", ExitCode::failed).rest<std::string>(most);
   };
   for (const std::size_t most : {5, 6, 100}) CHECK(read(most) == "12345");
-  // rest() returns one byte more than the limit, so that the caller can detect a longer file.
+  // For a file longer than the limit, rest() returns one byte more than the limit, so that the
+  // caller can detect the excess.
   CHECK(read(4) == "12345");
   CHECK(read(1) == "12");
   CHECK(read(0) == "1");
@@ -105,7 +106,7 @@ TEST_CASE("files that are not regular files are refused") {
   const auto large = RegularFile(folder.path / "large", ExitCode::failed).rest<Bytes>();
   CHECK(large.size() == 100'003);
   CHECK(large.back() == 'd');
-  // The kernel reports size 0 for this file.
+  // The kernel reports a size of 0 for this file.
   CHECK(RegularFile("/proc/self/maps", ExitCode::failed).rest<std::string>().size() > 100);
 }
 
@@ -149,13 +150,13 @@ TEST_CASE("a child process starts in the given folder and inherits no file descr
   // `ls` itself uses descriptor 3 to read the folder.
   CHECK(contents(folder.path / "fds") == "0\n1\n2\n3\n");
   CHECK(wait_for_program(*start_program({"sh", "-c", "kill -9 $$"})) == 128 + 9);
-  catch_interrupts();  // the program does not inherit the signal handlers
+  catch_interrupts();  // the signal handlers are not inherited by the child process
   CHECK(wait_for_program(*start_program({"sh", "-c", "kill -PIPE $$"})) == 128 + SIGPIPE);
   CHECK(start_program({"echofuse-no-such-program"}).failure().text() ==
         "echofuse-no-such-program: cannot start: No such file or directory");
 }
 
 TEST_CASE("a test case that hangs is aborted at its deadline",
-          "[.]") {  // tests/catch.cpp aborts this test case
+          "[.]") {  // aborted by the deadline in tests/catch.cpp
   for (;;) ::pause();
 }

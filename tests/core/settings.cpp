@@ -137,7 +137,7 @@ TEST_CASE("invalid TOML lines and repeated keys do not hide later errors") {
     places.push_back(faults.substr(at, std::string("lab.toml:N").size()));
   CHECK(places == std::vector<std::string>{"lab.toml:1", "lab.toml:3", "lab.toml:5", "lab.toml:6",
                                            "lab.toml:8"});
-  // A fault that spans several lines is reported once.
+  // A single fault that spans several lines is reported only once.
   for (const char* text :
        {"[tdc]\naddress = \"\"\"open\nbins = 3\n", "[tdc]\nbins =\n3\nfilter = true\n",
         "window_s = [1 2,\n3\n]\n[tdc]\nbins = 3\n"}) {
@@ -145,7 +145,8 @@ TEST_CASE("invalid TOML lines and repeated keys do not hide later errors") {
     CHECK(faults_of(text).find('\n') == std::string::npos);
     CHECK(faults_of(text).find("not TOML") != std::string::npos);
   }
-  // After a bad section header, later keys are not checked, because their section is unknown.
+  // After an invalid section header, the keys that follow are not checked, because their section is
+  // unknown.
   CHECK(faults_of("[tdc\nbins = 0\n").find('\n') == std::string::npos);
   CHECK(faults_of("[tdc]\nbins = 3\n[tdc]\n").find("lab.toml:3:") == 0);
   std::string lines(1000, '=');

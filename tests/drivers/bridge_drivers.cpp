@@ -15,7 +15,7 @@ using test::run_until;
 
 namespace {
 
-// Bridge server that accepts one connection at a time, only from the driver.
+// Bridge server that accepts one connection at a time. Only the driver connects to it.
 struct Server {
   explicit Server(port::SystemLoop& context, std::uint16_t port = 0)
       : loop(context), acceptor(context.io(), {boost::asio::ip::address_v4::loopback(), port}) {}
