@@ -104,7 +104,8 @@ TEST_CASE("the tagger driver reports missing blocks and items with the next data
   const auto driver = make_tdc(b.loop, {server.address()});
   driver->start(b.sink);
   REQUIRE(server.accept());
-  server.send(test::join({b.golden[0], b.golden[2]}));  // the block golden[1] is missing
+  server.send(test::join(
+      {b.golden[0], b.golden[2]}));  // block 1 (golden[1]) is not sent and counts as lost
   REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
   CHECK(test::counter(*driver, "lost_blocks") == 1);
   CHECK(b.sink.blocks.empty());
@@ -161,7 +162,7 @@ TEST_CASE("a bridge driver can be destroyed at any time") {
   for (int steps = 0; steps < 12; ++steps) {
     auto driver = make_tdc(b.loop, {server.address()});
     driver->start(b.sink);
-    int left = steps;  // number of condition checks before the loop stops
+    int left = steps;  // number of further checks of the condition before the loop stops
     b.loop.run_until([&] { return left-- == 0; }, b.loop.now() + std::chrono::milliseconds(steps));
     driver.reset();
     b.loop.run_for(std::chrono::milliseconds(5));
@@ -189,7 +190,8 @@ TEST_CASE("the camera driver receives depth frames and axes from a bridge") {
   CHECK(b.sink.info.axes[1].step == -0.5);
   CHECK(b.sink.info.model == "Time Tagger Ultra");
   CHECK(b.sink.depth[0].depth_mm == std::vector<std::uint16_t>{0, 1000, 2000, 3000, 4000, 0});
-  CHECK(b.sink.depth[0].lost_before == 6);  // the bridge dropped 5 frames, and block 1 is missing
+  CHECK(b.sink.depth[0].lost_before ==
+        6);  // the bridge dropped 5 frames, and block 1 is missing, so 6 frames are lost
   CHECK(test::counter(*driver, "frames") == 2);
   server.send(b.golden[1]);
   CHECK(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
@@ -206,7 +208,8 @@ TEST_CASE("lost camera frames are counted by the frame index, even across a reco
     return test::make_block(bridge::BlockKind::depth, sequence, payload);
   };
   REQUIRE(server.accept());
-  server.send(test::join({b.golden[0], frame(1, 7), frame(2, 10)}));  // frames 8 and 9 are lost
+  server.send(test::join(
+      {b.golden[0], frame(1, 7), frame(2, 10)}));  // frames 8 and 9 were lost before frame 10
   REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 2; }));
   server.client.reset();
   REQUIRE(server.accept());
@@ -214,7 +217,7 @@ TEST_CASE("lost camera frames are counted by the frame index, even across a reco
   REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 4; }));
   server.client.reset();
   REQUIRE(server.accept());
-  // The frame index restarted, so at least one frame was lost.
+  // The restart of the frame index shows that at least one frame was lost.
   server.send(test::join({b.golden[0], frame(1, 1)}));
   REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 5; }));
   const std::uint32_t lost[] = {0, 2, 29, 2, 1};
@@ -244,7 +247,7 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
     REQUIRE(b.sink.info.axes.size() == 1);
     CHECK(b.sink.info.axes[0].step == 92.5);
     CHECK(b.sink.histograms[0].lost_before == 0);
-    // 3 histograms were dropped, and blocks 2 and 3 are missing.
+    // The bridge dropped 3 histograms, and blocks 2 and 3 are missing, so 5 histograms are lost.
     CHECK(b.sink.histograms[1].lost_before == 5);
     CHECK(test::counter(*driver, "histograms") == 2);
   }
@@ -292,7 +295,7 @@ TEST_CASE("the radar driver receives range profiles from a bridge") {
   Server server(b.loop);
   const auto pieces = test::read_golden("bridge_sensors.hex");
   Bytes later(pieces[2].begin() + bridge::header_bytes, pieces[2].end());
-  later[4] = 45;  // sets the frame number to 45; the first frame has number 42
+  later[4] = 45;  // changes the frame number to 45; the number of the first frame is 42
   RadarConfig config;
   config.address = server.address();
   const auto driver = make_radar(b.loop, config);
@@ -305,5 +308,5 @@ TEST_CASE("the radar driver receives range profiles from a bridge") {
   CHECK(b.sink.info.sensor == Sensor::radar);
   CHECK(b.sink.info.axes.at(0).quantity == "power");
   CHECK(b.sink.radar[0].power == std::vector<float>{1, 0, 2.5F, 1e9F});
-  CHECK(b.sink.radar[1].lost_before == 2);  // frames 43 and 44 are lost
+  CHECK(b.sink.radar[1].lost_before == 2);  // frames 43 and 44 were lost
 }

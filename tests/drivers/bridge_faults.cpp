@@ -14,9 +14,10 @@ using test::tags_block;
 
 namespace {
 
-constexpr std::uint32_t last = 40, hit = 20;  // numbers of the last block and of the faulty block
+constexpr std::uint32_t last = 40,
+                        hit = 20;  // number of the last block, and number of the block with a fault
 
-// Returns a hello block and `last` data blocks.
+// Returns a hello block followed by the data blocks 1 to `last`.
 std::vector<Bytes> sound_stream() {
   std::vector<Bytes> stream = {hello_block()};
   for (std::uint32_t n = 1; n <= last; ++n) stream.push_back(tags_block(n));
@@ -40,7 +41,7 @@ Outcome receive(const std::vector<Bytes>& stream) {
   parser.feed(join(stream), keep);
   out.broken = parser.broken() ? parser.broken() : "";
   out.counts = parser.counts();
-  // The parser must work normally on the next connection.
+  // After a reset, the parser must work normally for the next connection.
   parser.reset();
   CHECK_FALSE(parser.broken());
   const std::size_t before = out.delivered;
@@ -72,7 +73,8 @@ TEST_CASE("each flipped bit in a bridge block is detected, and no later block is
         header_bytes + length > (last + 1 - hit) * stream[hit].size()) {
       const Outcome out = receive(stream);
       CHECK(out.delivered == hit);
-      CHECK(out.broken.empty());  // the parser waits for the rest of the block
+      CHECK(out.broken.empty());  // the flipped bit is in the length, so the parser is still
+                                  // waiting for the rest of the block
     } else {
       check_broken(stream);
     }
@@ -84,7 +86,8 @@ TEST_CASE("a bridge block truncated at any byte is detected") {
     CAPTURE(size);
     auto stream = sound_stream();
     stream[hit].resize(size);
-    // More than 64 KiB must follow, because a block cut after 8 bytes appears to be 64 KiB long.
+    // More than 64 KiB must follow, because a block that is truncated after 8 bytes appears to be
+    // 64 KiB long.
     stream.emplace_back(70'000);
     check_broken(stream);
   }

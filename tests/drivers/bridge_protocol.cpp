@@ -22,7 +22,7 @@ struct ParsedBlock {
   bool operator==(const ParsedBlock&) const = default;
 };
 
-// Feeds the parser the bytes in pieces of the sizes that `piece` returns.
+// Feeds `bytes` to the parser in pieces. `piece` returns the size of the next piece.
 template <class Piece>
 std::vector<ParsedBlock> feed(BlockParser& parser, ByteView bytes, Piece piece) {
   std::vector<ParsedBlock> parsed;
@@ -64,8 +64,8 @@ TEST_CASE("CRC-32C matches the test vectors of RFC 3720 B.4") {
   CHECK(crc32c(down) == 0x113fdb5c);
   CHECK(crc32c(test::view_of("123456789")) == 0xe3069283);
   CHECK(crc32c(ByteView(up).subspan(7), crc32c(ByteView(up).first(7))) == 0x46dd794e);
-  // The CRC of long inputs is computed in three parallel streams, and that of inputs below 8 bytes
-  // by table.
+  // The CRC of long inputs is computed in three parallel streams. The CRC of inputs shorter than 8
+  // bytes is computed with a table.
   Bytes many(100'003);
   for (std::size_t i = 0; i < many.size(); ++i) many[i] = static_cast<std::uint8_t>(i * i >> 3);
   std::uint32_t crc = 0;
@@ -149,7 +149,7 @@ TEST_CASE("bridge payloads with inconsistent sizes are refused") {
   CHECK_FALSE(read_depth(good.first(good.size() - 1)));
   CHECK_FALSE(read_depth(good.first(20)));
   Bytes huge(good.begin(), good.end());
-  std::memset(huge.data(), 0xff, 8);  // image of (2^32 - 1)^2 pixels
+  std::memset(huge.data(), 0xff, 8);  // the image has (2^32 - 1)^2 pixels
   CHECK_FALSE(read_depth(huge));
   Bytes flat(good.begin(), good.end());
   std::memset(flat.data() + 24, 0, 4);  // sets x_step to 0
@@ -213,14 +213,16 @@ TEST_CASE("histogram and range profile blocks are decoded, and impossible ones a
     return bytes;
   };
   CHECK_FALSE(read_histogram(counts.first(counts.size() - 1)));
-  CHECK_FALSE(read_histogram(with(counts, 0, std::uint32_t{0})));   // zero zones
-  CHECK_FALSE(read_histogram(with(counts, 4, std::uint32_t{6})));   // wrong number of bins
+  CHECK_FALSE(read_histogram(with(counts, 0, std::uint32_t{0})));  // zero zones
+  CHECK_FALSE(
+      read_histogram(with(counts, 4, std::uint32_t{6})));  // number of bins does not match the data
   CHECK_FALSE(read_histogram(with(counts, 40, std::uint32_t{0})));  // zero exposure time
-  CHECK_FALSE(read_histogram(with(counts, 32, std::nan(""))));      // bin width is NaN
-  CHECK_FALSE(read_histogram(with(counts, 24, -2e12)));  // first bin at -2 s (limit -1 s)
+  CHECK_FALSE(read_histogram(with(counts, 32, std::nan(""))));      // the bin width is not a number
+  CHECK_FALSE(read_histogram(
+      with(counts, 24, -2e12)));  // the first bin is at -2 s, below the limit of -1 s
   CHECK_FALSE(read_profile(power.first(power.size() - 1)));
   CHECK_FALSE(read_profile(with(power, 20, 0.0F)));           // zero range step
-  CHECK_FALSE(read_profile(with(power, 16, std::nanf(""))));  // first range is NaN
+  CHECK_FALSE(read_profile(with(power, 16, std::nanf(""))));  // the first range is not a number
   CHECK_FALSE(read_profile(with(power, 24, -1.0F)));          // negative power
   CHECK_FALSE(read_profile(with(power, 28, std::nanf(""))));
 }
@@ -311,7 +313,7 @@ TEST_CASE("the buffer of a large bridge block is reused for the next block") {
   CHECK((places[1] == places[0] && places[2] == places[0]));
   CHECK(parser.kept_bytes() >= large.size());
   parser.feed(ByteView(large).first(100), [](const Block&) {});
-  parser.give_back();  // a call within a block has no effect
+  parser.give_back();  // give_back() has no effect while a block is incomplete
   CHECK(parser.kept_bytes() >= large.size());
   parser.reset();
   CHECK(parser.kept_bytes() == 0);

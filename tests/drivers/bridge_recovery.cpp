@@ -21,9 +21,9 @@ using test::run_until;
 
 namespace {
 
-constexpr auto limit = std::chrono::seconds(10);  // time limit for a reconnection
+constexpr auto limit = std::chrono::seconds(10);  // time limit for reconnecting
 
-// Tagger or camera driver with its bridge.
+// A tagger driver or a camera driver, together with its bridge.
 struct Pair {
   Pair(port::VirtualLoop& l, Sensor sensor) : loop(l), kind(sensor), listener(loop) {
     listener.start({.connected = [this] { ++clients, connected = true; },
@@ -98,13 +98,15 @@ TEST_CASE(
   for (std::size_t at = 0; at < drip.size() && !run_until(loop, back, std::chrono::seconds(1));
        ++at)
     if (what == "slow") pair.send({drip[at]});
-  // The driver gives up after four checks without a block, 1 s apart, and reconnects 0.1 s later.
-  // After a hello block the first check succeeds.
+  // The driver gives up after four checks in a row without a block and reconnects 0.1 s later. The
+  // checks are 1 s apart. After a hello block, the first check succeeds, so the driver gives up 1 s
+  // later.
   CHECK(seconds(loop.now() - begin) == Approx(what == "no hello" ? 4.1 : 5.1));
   pair.send(test::join({hello_block(), pair.block(1), pair.block(2)}));
   const std::size_t before = what == "no hello" ? 0 : 1;
   REQUIRE(run_until(loop, [&] { return pair.has(before + 2); }));
-  // If the hello block is missing, this block and the data block after it also count as lost.
+  // If the hello block is missing, it also counts as lost, and so does the data block that follows
+  // it.
   CHECK(pair.lost() == (what == "no hello" ? 3 : 1));
   CHECK(counter(*pair.driver, "connections") == 2);
   CHECK(pair.sink.events.size() == 1);
@@ -164,7 +166,8 @@ TEST_CASE("the bridge driver reconnects after each of 100 disconnections") {
     longest = std::max(longest, loop.now() - begin);
   }
   CHECK(longest == std::chrono::seconds(2));  // longest delay between connection attempts
-  CHECK(pair.lost() == 99);  // one block lost before each of the last 99 data connections
+  CHECK(pair.lost() ==
+        99);  // one block was lost before each of the last 99 connections that delivered data
   CHECK(pair.clients == 101);
   CHECK(counter(*pair.driver, "connections") == 101);
 }

@@ -12,7 +12,7 @@
 #include <string_view>
 #include <thread>
 
-// ONI_EXPORT_DRIVER needs these macros. XnLib, which defines them, is not installed.
+// ONI_EXPORT_DRIVER needs these macros. They are normally defined by XnLib, which is not installed.
 #define XN_NEW(type, arg) new (std::nothrow) type(arg)
 #define XN_DELETE(p) delete (p)
 
@@ -23,7 +23,8 @@ using namespace oni::driver;
 constexpr int base_width = 8, base_height = 6;
 constexpr const char* uris[] = {"test/camera@1/4", "test/camera@1/5"};
 std::atomic<bool> present{true}, stalled{false}, mirrored{false}, tenths{false};
-std::atomic<bool> shifts{false};  // sends raw shifts until a mode is set
+std::atomic<bool> shifts{
+    false};  // whether the camera sends raw shifts instead of depth values until a mode is set
 std::atomic<int> scale{1}, place{0};
 enum class Fault { none, cut, wide, twice, skipped };
 std::atomic<Fault> fault{Fault::none};  // fault that affects every fourth frame
@@ -69,7 +70,8 @@ class Stream final : public StreamBase {
     });
     return status;
   }
-  // OpenNI does not play frames of a recording that lacks STRIDE and CROPPING.
+  // OpenNI does not play the frames of a recording if the STRIDE and CROPPING properties are
+  // missing.
   void notifyAllProperties() override {
     for (const int id :
          {ONI_STREAM_PROPERTY_VIDEO_MODE, ONI_STREAM_PROPERTY_HORIZONTAL_FOV,

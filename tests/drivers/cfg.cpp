@@ -76,7 +76,7 @@ TEST_CASE("the end frequency of a chirp is computed in register steps of the rad
       parse_profile(with(profile, "0 60 84 7 88.89 0 0 45 1 176 2175 0 0 158"), "x.cfg");
   CHECK(p.refusals.empty());
   CHECK(p.carrier_hz == Approx(60e9 + 44.9724e12 * (7 + 0.5 * 176 / 2.175) * 1e-6).epsilon(1e-6));
-  // Tests sweeps over the full bandwidth, rounded as in TI's tool.
+  // Tests sweeps over the full bandwidth. The values are rounded as in TI's tool.
   for (int slope = 20; slope <= 250; ++slope) {
     char text[80];
     std::snprintf(text, sizeof text, "0 60 7 3 %.2f 0 0 %d 1 16 12500 0 0 30", 4e3 / slope, slope);

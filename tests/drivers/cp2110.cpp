@@ -37,11 +37,11 @@ TEST_CASE("the data length in a CP2110 report is limited to the received bytes")
   };
   CHECK(taken(1, 64) == 1);
   CHECK(taken(63, 64) == 63);
-  CHECK(taken(63, 11) == 10);  // the count exceeds the number of received bytes
+  CHECK(taken(63, 11) == 10);  // the report claims more bytes than were received
   CHECK(taken(5, 6) == 5);
   CHECK(taken(5, 1) == 0);
   CHECK(taken(0, 64) == 0);
-  CHECK(taken(64, 64) == 0);  // a report with the ID 64 is not a data report
+  CHECK(taken(64, 64) == 0);  // a report with ID 64 is not a data report
   CHECK(taken(255, 64) == 0);
   CHECK(cp2110::data_of({}).empty());
 }

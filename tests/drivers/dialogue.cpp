@@ -19,8 +19,8 @@ const std::string cfg =
     "sensorStart\r\n";
 const std::string prompt = "mmwDemo:/>";
 
-// Returns the echo, the answer and the prompt as the UART driver of the SDK sends them in text
-// mode.
+// Returns the echo, the answer and the prompt in the format in which the SDK's UART driver sends
+// them in text mode.
 std::string answer(const std::string& command, const std::string& lines) {
   std::string wire = command + "\r\n";
   for (const char c : lines) {
@@ -40,7 +40,7 @@ struct Session {
     now += time;
     d.tick(now);
   }
-  // Runs the dialogue up to the first cfg line.
+  // Runs the dialogue up to the point at which the first cfg line is sent.
   void begin() {
     CHECK(d.take_output() == "\n");
     say("\r\n" + prompt);
@@ -66,7 +66,7 @@ TEST_CASE("radar cfg lines are sent one at a time, each after the board's prompt
   CHECK(s.reported() == std::vector<std::string>{"sensorStop: Ignored: Sensor is already stopped"});
   CHECK(s.d.take_output() == "  flushCfg\n");
   s.say("  flushCfg\r\nDone\n\r");
-  CHECK(s.d.take_output().empty());  // the board has not sent its prompt yet
+  CHECK(s.d.take_output().empty());  // no output, because the board has not sent its prompt yet
   s.say(prompt);
   CHECK(s.d.take_output() == "sensorStart\n");
   CHECK(s.d.state() == State::commanding);
@@ -96,7 +96,7 @@ TEST_CASE("garbage and prompts that the radar sends before the first command are
   s.d.take_output();
   s.say("\x01\xff~?garb\r\n'garb' is not recognized as a CLI command\n\r" + prompt);
   s.wait(40ms);
-  s.say("\n\r" + prompt);  // a second answer restarts the quiet time
+  s.say("\n\r" + prompt);  // a second prompt restarts the quiet period
   s.wait(40ms);
   CHECK(s.d.take_output().empty());
   s.wait(40ms);
@@ -122,8 +122,8 @@ TEST_CASE("the first cfg command is repeated if garbage precedes it") {
 }
 
 namespace {
-// Runs the cfg `text` on a radar with the SDK version `sdk` that answers the last line with
-// `words`.
+// Runs the cfg `text` on a radar with SDK version `sdk`. The radar answers `words` to the last
+// line. Returns the error message.
 std::string refusal(const std::string& text, const std::string& sdk, const std::string& words) {
   Session s(text);
   s.say("\r\n" + prompt);
@@ -153,7 +153,7 @@ TEST_CASE("a radar cfg of another SDK is reported with both SDK versions and the
   CHECK_THAT(refusal("flushCfg\nsensorStart\n", "03.04.00.03", "Error -1\n"),
              Catch::StartsWith("x.cfg:2: sensorStart: Error -1; the chip's front end rejects") &&
                  Catch::Contains("60 to 64 GHz"));
-  // The cause of these failures is not the SDK.
+  // In these cases, the SDK version is not the cause of the failure.
   CHECK_THAT(refusal("flushCfg\nsensorStart\n", "03.04.00.03", partial),
              Catch::EndsWith("Error -1"));
   CHECK_THAT(refusal("calibData 0 0 0\nsensorStart\n", "03.06.00.00", partial),
@@ -262,7 +262,8 @@ TEST_CASE("a calibration line within a command echo is reported and otherwise ig
   Session s("sensorStop\nsensorStart\n");
   const std::string line = "compRangeBiasAndRxChanPhase 0.0123456 1.00000 -0.50000";
   s.d.take_output();
-  s.say(line + "\n\r" + prompt + line + "\n\r");  // the board sends output before the first command
+  s.say(line + "\n\r" + prompt + line +
+        "\n\r");  // the board sends unsolicited output before the first command
   s.wait(100ms);
   CHECK(s.reported() == std::vector<std::string>{line, line});
   CHECK(s.d.take_output() == "version\n");
@@ -325,7 +326,7 @@ TEST_CASE("sensorStop is sent after the prompt of the running command, and the a
     d.receive(test::view_of(prompt));
   }
   CHECK(d.take_output() == "sensorStop\n");
-  d.receive(test::view_of("\r\n" + prompt));  // the prompt after an earlier command
+  d.receive(test::view_of("\r\n" + prompt));  // the prompt that follows an earlier command
   CHECK_FALSE(d.done());
   const std::string wire =
       answer("sensorStop", GENERATE("Done\n", "Ignored: Sensor is already stopped\nDone\n"));

@@ -23,7 +23,8 @@ struct Parsed {
   }
 };
 
-// Feeds the parser pieces of the sizes that `piece` returns. Piece i arrives at i seconds.
+// Feeds `bytes` to the parser in pieces. `piece` returns the size of the next piece. Piece i
+// arrives after i seconds.
 template <class Piece>
 Parsed parse(ByteView bytes, Piece piece) {
   FrameParser parser;
@@ -95,7 +96,8 @@ TEST_CASE("golden radar heat maps are parsed") {
   REQUIRE(p.numbers() == Numbers{301, 302, 303, 304});
   const auto check = [](const RadarFrame& f, std::size_t antennas) {
     REQUIRE(f.array.size() == 2 * 4 * antennas);
-    CHECK(f.array[0] == -32768);  // imaginary part, then real part
+    CHECK(f.array[0] ==
+          -32768);  // each sample is stored as the imaginary part followed by the real part
     CHECK(f.array[1] == 32767);
     CHECK(f.array[2 * (3 * antennas + 5)] == 305);
     CHECK(f.array[2 * (3 * antennas + 5) + 1] == -1305);
@@ -126,10 +128,12 @@ TEST_CASE("radar heat maps with damaged types and lengths are counted, and parsi
       set_u32(frame, 20, 700 + i);
       const auto kind = rng() % 6;
       constexpr std::size_t map_tlv = 40 + 8 + 8;
-      // Sets a random TLV type.
+      // Replaces the TLV type with a random value.
       if (kind == 0) set_u32(frame, map_tlv, static_cast<std::uint32_t>(rng() % 12));
       if (kind == 1)
-        set_u32(frame, map_tlv + 4, static_cast<std::uint32_t>(rng() % 160));  // random TLV length
+        set_u32(frame, map_tlv + 4,
+                static_cast<std::uint32_t>(rng() %
+                                           160));  // replaces the TLV length with a random value
       if (kind == 2) frame[map_tlv + 4 + rng() % 4] ^= static_cast<std::uint8_t>(1u << rng() % 8);
       if (kind == 3) frame.erase(frame.begin() + static_cast<std::ptrdiff_t>(rng() % frame.size()));
       bytes.insert(bytes.end(), frame.begin(), frame.end());
@@ -165,7 +169,8 @@ TEST_CASE(
 }
 
 TEST_CASE("junk before, between and after radar frames is skipped and counted") {
-  const Bytes junk(16, 0xff);  // the firmware sends these bytes after configDataPort with ackPing
+  const Bytes junk(
+      16, 0xff);  // the firmware sends these bytes if configDataPort is called with ackPing
   const auto& g = golden();
   const Parsed p = parse(join({junk, g[0], junk, g[1], junk}));
   CHECK(p.numbers() == Numbers{209, 210});
@@ -214,7 +219,7 @@ TEST_CASE("an excessive length field in a radar header loses only one frame") {
 TEST_CASE("a TLV that exceeds its radar packet invalidates the frame") {
   const auto& g = golden();
   Bytes bad = g[1];
-  set_u32(bad, 44, 5000);  // the range profile TLV claims 5000 bytes
+  set_u32(bad, 44, 5000);  // the header of the range profile TLV specifies a length of 5000 bytes
   const Parsed p = parse(join({bad, g[2]}));
   CHECK(p.numbers() == Numbers{213});
   CHECK(p.counts.bad_tlvs == 1);
@@ -223,7 +228,7 @@ TEST_CASE("a TLV that exceeds its radar packet invalidates the frame") {
 }
 
 TEST_CASE("a radar frame with a TLV count that is one too high keeps its TLVs") {
-  Bytes bad = golden()[1];  // frame with 20 bytes of padding
+  Bytes bad = golden()[1];  // this frame has 20 bytes of padding
   set_u32(bad, 32, 4);
   const Parsed p = parse(bad);
   REQUIRE(p.numbers() == Numbers{210});
@@ -234,7 +239,7 @@ TEST_CASE("a radar frame with a TLV count that is one too high keeps its TLVs") 
 TEST_CASE(
     "radar padding that resembles a magic word is recognised by the next bytes or by silence") {
   Bytes doubtful = golden()[2];
-  doubtful.back() = 2;  // 2 may be the first byte of a magic word
+  doubtful.back() = 2;  // the last byte is 2, which may be the first byte of a magic word
   FrameParser parser;
   std::vector<RadarFrame> frames;
   const auto keep = [&](RadarFrame f) { frames.push_back(std::move(f)); };

@@ -12,7 +12,8 @@
 
 namespace echofuse::test {
 
-// Reads a golden file with lines of hexadecimal bytes. A "#" line before bytes starts a new piece.
+// Reads a golden file, which consists of lines of hexadecimal bytes. A line that begins with "#"
+// starts a new piece.
 inline std::vector<Bytes> read_golden(const std::string& name) {
   const std::string path = echofuse::test::source_dir + "/tests/golden/" + name;
   std::ifstream file(path);

@@ -22,7 +22,7 @@ Tag marker(TagType type, std::int32_t channel = 0, std::uint16_t missed = 0) {
   return {.type = type, .missed_events = missed, .channel = channel};
 }
 
-// Reference implementation that counts tag by tag with 128-bit times.
+// Reference implementation that processes one tag at a time and uses 128-bit times.
 struct Reference {
   HistogramSettings settings;
   std::vector<std::uint32_t> bins;
@@ -64,7 +64,8 @@ struct Reference {
     }
   }
   void add_click(__int128 distance) {
-    if (distance < -(__int128{1} << 63)) distance += __int128{1} << 64;  // the tagger clock wrapped
+    if (distance < -(__int128{1} << 63))
+      distance += __int128{1} << 64;  // the tagger's clock has wrapped around since the start tag
     const bool in = distance >= 0 && distance < __int128{settings.bin_width_ps} * settings.bins;
     ++(in ? counts.in_range : counts.out_of_range);
     if (in) ++bins[static_cast<std::size_t>(distance / settings.bin_width_ps)];
@@ -158,7 +159,7 @@ TEST_CASE("histograms of random tags match a reference implementation, even acro
 }
 
 TEST_CASE("histogram bin edges are exact over the longest time axis") {
-  const std::int64_t width = 67'108'863;  // bin width 2^26 - 1, which is not a power of two
+  const std::int64_t width = 67'108'863;  // the bin width is 2^26 - 1, which is not a power of two
   const std::uint32_t bins = 1u << 24;
   Histogram h({.bin_width_ps = width, .first_bin_ps = 0, .bins = bins});
   std::vector<std::uint32_t> expected(bins);

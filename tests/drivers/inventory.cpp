@@ -47,7 +47,8 @@ class Tree {
     fs::create_directory_symlink("../../../devices/pci0/usb1/" + place,
                                  root_ / "sys/bus/usb/devices" / place);
   }
-  // Adds an interface. `node` is the folder of its device node below the interface, or empty.
+  // Adds an interface. `node` is the path of the device node's folder relative to the interface's
+  // folder. `node` is empty if there is no device node.
   void interface(const std::string& place, const std::string& number, const std::string& node) {
     const fs::path folder =
         root_ / "sys/devices/pci0/usb1" / place / (place + ":1." + std::to_string(stoi(number)));
@@ -77,7 +78,7 @@ TEST_CASE("an XDS110 debug probe is listed with two ports, their roles and stabl
   tree.interface("1-2", "02", "");
   tree.interface("1-2", "03", "tty/ttyACM0");
   tree.by_id("usb-Texas_Instruments_XDS110_R0081038-if00", "ttyACM1");
-  tree.device("1-3", "046d", "c077", "");  // a mouse, which is not listed
+  tree.device("1-3", "046d", "c077", "");  // adds a mouse, which must not be listed
   const auto list = list_attached(tree.roots());
   REQUIRE(list.size() == 1);
   CHECK(list[0].serial == "R0081038");
@@ -89,7 +90,7 @@ TEST_CASE("an XDS110 debug probe is listed with two ports, their roles and stabl
   CHECK(list[0].nodes[0].address ==
         "serial:" + tree.dir("dev/serial/by-id") + "/usb-Texas_Instruments_XDS110_R0081038-if00");
   CHECK(list[0].nodes[1].key == "radar.data");
-  // The port has no udev link.
+  // udev has not created a link for this port.
   CHECK(list[0].nodes[1].address == "serial:" + tree.dir("dev/ttyACM0"));
   CHECK(list[0].nodes[0].missing.empty());
 }
@@ -183,7 +184,7 @@ TEST_CASE("the role of a radar port is derived from its device path") {
   CHECK_FALSE(role(by_id + "XDS110-if"));
   CHECK(role("/dev/ttyACM1") == RadarPort::command);
   CHECK(role("/dev/ttyACM0") == RadarPort::data);
-  CHECK_FALSE(role("/dev/ttyUSB0"));  // port of an unsupported vendor
+  CHECK_FALSE(role("/dev/ttyUSB0"));  // port of a device from an unsupported vendor
   CHECK_FALSE(role("/dev/ttyS0"));
 }
 

@@ -20,11 +20,11 @@ using namespace std::chrono_literals;
 using test::counter;
 using test::run_until;
 
-// Leak detection is off, because OpenNI2 and its unloaded modules leak memory once, and
-// suppressions cannot match these leaks.
+// Leak detection is off, because OpenNI2 leaks some memory and suppressions cannot match leaks in
+// modules that are already unloaded.
 extern "C" const char* __asan_default_options() { return "detect_leaks=0"; }
-// The thread sanitizer does not instrument OpenNI2, and therefore reports false errors for the
-// mutexes of OpenNI2.
+// OpenNI2 is not instrumented, so the thread sanitizer reports false errors for the mutexes in
+// OpenNI2.
 extern "C" const char* __tsan_default_suppressions() {
   return "mutex:libOpenNI2.so\ndeadlock:libOpenNI2.so\nmutex:libOniFile.so\ndeadlock:libOniFile."
          "so\n";
@@ -49,7 +49,8 @@ struct Bench {
   bool reaches(DeviceState state) {
     return run_until(loop, [&] { return sink.state() == state; });
   }
-  // Checks that the pixels have the values 1000 + 100 y + 10 x + index % 10, in the camera's unit.
+  // Checks that the depth of each pixel is 1000 + 100 y + 10 x + frame number % 10 in units of 1 /
+  // `per_mm` mm, rounded to millimetres.
   void check_pixels(std::uint32_t per_mm = 1) const {
     for (const DepthFrame& f : sink.depth) {
       REQUIRE(f.depth_mm.size() == 48);
@@ -65,7 +66,7 @@ struct Bench {
   OpenNiCamera driver;
 };
 
-// Creates a recording of `count` frames with OpenNI's recorder.
+// Uses OpenNI's recorder to create a recording of `count` frames.
 struct Recording {
   explicit Recording(int count)
       : path((std::filesystem::temp_directory_path() /
@@ -349,7 +350,8 @@ TEST_CASE("an OpenNI recording delivers each frame once and then ends") {
 TEST_CASE("a truncated OpenNI recording is refused without a crash") {
   initialize_openni();
   const Recording recording(30);
-  // The first half of the file contains the frames. OpenNI's recorder reserves the rest.
+  // OpenNI's recorder reserves twice the space that it needs, so only the first half of the file
+  // contains frames. A quarter of the file is kept.
   std::filesystem::resize_file(recording.path, std::filesystem::file_size(recording.path) / 4);
   Bench b(recording.path, {.paced = false});
   b.start();

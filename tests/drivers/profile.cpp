@@ -15,8 +15,8 @@ using namespace echofuse::test;
 
 namespace {
 
-// Range step for a chirp slope of 166 MHz/us, which the chip rounds to 4584 register steps.
-// A step is 2.7 GHz * 900 / 2^26 per microsecond.
+// Range step for a chirp slope of 166 MHz/us. The chip rounds this slope to 4584 register steps,
+// each 2.7 GHz * 900 / 2^26 per microsecond.
 constexpr double played_step_m =
     299'792'458.0 * 12.5e6 / (2 * (4584 * 2.7e15 * 900 / (1 << 26)) * 256);
 
@@ -52,11 +52,12 @@ TEST_CASE("the radar range axis is computed from the rounded chirp slope of the 
   const auto step = [](const char* slope) {
     return parse_profile(with("166 1 256", std::string(slope) + " 1 256"), "").range_step_m;
   };
-  CHECK(step("166") == step("165.99"));  // 4584 register steps for both slopes
-  CHECK(step("165.98") == Approx(played_step_m * 4584 / 4583));  // 4583 register steps
+  CHECK(step("166") == step("165.99"));  // both slopes are rounded to 4584 register steps
+  CHECK(step("165.98") ==
+        Approx(played_step_m * 4584 / 4583));  // this slope is rounded to 4583 register steps
   CHECK_THROWS_WITH(step("0.03"), Catch::Contains("below the chip's step"));
   const double nominal_m = 3.0e8 * 12.5e6 / (2 * 166e12 * 256);
-  // The nominal range step causes an error of 4.2 mm at 7 m.
+  // At 7 m, the nominal range step causes a range error of 4.2 mm.
   CHECK(7 * (played_step_m / nominal_m - 1) == Approx(-4.2e-3).epsilon(0.05));
 }
 
@@ -149,7 +150,7 @@ TEST_CASE(
 TEST_CASE("the computed radar frame size matches the firmware's tables") {
   const auto bytes = [](const std::string& from, const std::string& to) {
     std::string text = with(from, to);
-    const std::string fast = "0 100 1 0";  // frame period too short for a heat map
+    const std::string fast = "0 100 1 0";  // this frame period is too short for a heat map
     return parse_profile(text.replace(text.find(fast), fast.size(), "0 200 1 0"), "").frame_bytes;
   };
   const std::string gui = "guiMonitor -1 1 1 0 0 0 1";
@@ -194,13 +195,13 @@ TEST_CASE("the antenna order of a heat map depends on the board and the order of
   const RadarProfile aop = profile(stock, Board::aop), ods = profile(stock, Board::ods);
   CHECK(aop.planar);
   CHECK(aop.frame_bytes == 12928);
-  // Each position occurs once. The 12 antennas lie on a grid that has different gaps on the two
-  // boards.
+  // Each antenna has a position of its own. Each board leaves different positions of the grid
+  // empty.
   const std::vector<AntennaPlace> of_aop{{1, 1}, {1, 0}, {0, 1}, {0, 0}, {1, 3}, {1, 2},
                                          {0, 3}, {0, 2}, {3, 3}, {3, 2}, {2, 3}, {2, 2}};
   const std::vector<AntennaPlace> of_ods{{0, 0}, {0, 1}, {1, 1}, {1, 0}, {2, 2}, {2, 3},
                                          {3, 3}, {3, 2}, {2, 0}, {2, 1}, {3, 1}, {3, 0}};
-  CHECK(aop.array == of_aop);  // the stock cfg uses the transmitters 1, 3, 2 in this order
+  CHECK(aop.array == of_aop);  // the stock cfg uses the transmitters in the order 1, 3, 2
   CHECK(ods.array == of_ods);
 }
 
@@ -234,12 +235,13 @@ TEST_CASE(
   CHECK_THAT(warnings("channelCfg 15 7", "channelCfg 7 5", Board::isk).at(0),
              Catch::StartsWith("x.cfg:4: channelCfg has fewer than 4 receivers"));
   const std::string other =
-      "chirpCfg 1 1 0 0 0 0 0 2\r\nchirpCfg 2 2 0 0 0 0 0 4\r\n";  // transmitter 2 is used second
+      "chirpCfg 1 1 0 0 0 0 0 2\r\nchirpCfg 2 2 0 0 0 0 0 4\r\n";  // transmitter 2 is used before
+                                                                   // transmitter 3
   const std::string usual = "chirpCfg 1 1 0 0 0 0 0 4\r\nchirpCfg 2 2 0 0 0 0 0 2\r\n";
   CHECK_THAT(warnings(usual, other, Board::isk).at(0),
              Catch::StartsWith("x.cfg:8: chirpCfg uses transmitter 2 before 3"));
   CHECK_THAT(refusal("0 100 1 0", Board::ods),
-             Catch::Contains("takes"));  // sending 12.9 kB takes more than 100 ms
+             Catch::Contains("takes"));  // sending a 12.9 kB frame takes more than 100 ms
 }
 
 TEST_CASE("the installed radar cfgs give the expected antennas and frame sizes without warnings") {
@@ -299,9 +301,10 @@ TEST_CASE(
     "radar subframes that differ in slope, samples or antennas are refused with the line number") {
   for (const auto& [from, to] : std::vector<std::pair<std::string, std::string>>{
            {"0 0 18.75 1 60 2000 0 0 30\nchirp",
-            "0 0 15 1 60 2000 0 0 30\nchirp"},                      // changes the slope
-           {"1 60 2000 0 0 30\nchirp", "1 64 2000 0 0 30\nchirp"},  // changes the sample count
-           {"subFrameCfg 3 0 9 3", "subFrameCfg 3 0 9 2"}})         // changes the antenna count
+            "0 0 15 1 60 2000 0 0 30\nchirp"},  // only the slope differs
+           {"1 60 2000 0 0 30\nchirp",
+            "1 64 2000 0 0 30\nchirp"},                      // only the number of samples differs
+           {"subFrameCfg 3 0 9 3", "subFrameCfg 3 0 9 2"}})  // only the number of antennas differs
     CHECK(refusal(changed(from, to)) == "x.cfg:" + std::to_string(33) +
                                             ": subFrameCfg has a different range axis or different "
                                             "antennas than subframe 0; a record "
@@ -319,13 +322,13 @@ TEST_CASE("radar codes are converted to power and back, and doubling the magnitu
       CHECK(code_from_power(power_from_code(code, antennas), antennas) ==
             Approx(code).epsilon(1e-12));
   CHECK(power_from_code(256, 8) == Approx(4.0));
-  // TI's code is the sum of 256 log2 |x| over 12 antennas, divided by 16. For |x| = 2 the
-  // code is 256 * 12 / 16.
+  // TI's firmware sends the sum of 256 log2 |x| over 12 antennas, divided by 16. For |x| = 2, the
+  // code is therefore 256 * 12 / 16.
   CHECK(power_from_code(256 * 3 / 4.0, 12) == Approx(4.0));
   CHECK(power_from_code(0, 12) == 1);
   CHECK(code_from_power(0.2, 12) == 0);
   CHECK(code_from_power(0, 12) == 0);
-  // The SDK converts a CFAR threshold from dB to a code: dB * 256/6 * antennas / 2^ceil(log2
-  // antennas). A power of 1e6 is 60 dB.
+  // The SDK multiplies a CFAR threshold in dB by 256/6 * antennas / 2^ceil(log2 antennas) to obtain
+  // a code. A power of 1e6 corresponds to 60 dB.
   CHECK(code_from_power(1e6, 12) == Approx(60 * 256 / 6.0206 * 12 / 16).epsilon(1e-5));
 }

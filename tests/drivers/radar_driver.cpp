@@ -28,8 +28,8 @@ const std::string cfg =
     "guiMonitor -1 0 1 0 0 0 1\n"
     "sensorStart\n";
 
-// Pseudo-terminal in place of a serial line. The driver opens the other end of the pseudo-terminal
-// by the name `link`.
+// Pseudo-terminal that replaces a serial line. The driver opens the far end of the pseudo-terminal
+// through the symbolic link `link`.
 class Line {
  public:
   Line(port::SystemLoop& loop, const std::string& link) : master_(loop.io()), link_(link) {
@@ -64,13 +64,13 @@ class Line {
  private:
   boost::asio::posix::stream_descriptor master_;
   std::string link_;
-  // Kept open, so that the pseudo-terminal still exists after the driver closes its end.
+  // Kept open so that the pseudo-terminal continues to exist after the driver has closed its end.
   int slave_ = -1;
   std::array<std::uint8_t, 256> buffer_{};
 };
 
-// Simulates the radar's command port, which sends an echo, an answer and a prompt. The answer to
-// unknown lines is Done.
+// Simulates the radar's command port, which sends an echo, an answer and a prompt for each command.
+// Unknown lines are answered with Done.
 struct Board {
   Board(port::SystemLoop& loop, const std::string& dir)
       : cli(loop, dir + "/cli"), data(loop, dir + "/data") {
@@ -123,7 +123,7 @@ TEST_CASE("the radar driver sends the cfg unchanged and then receives frames") {
   Bench b;
   Board board(b.loop, b.dir);
   board.answers["version"] = "mmWave SDK Version      : 03.05.00.04\n\rDone\n\r";
-  // Old bytes are discarded when the port is opened.
+  // Bytes that were waiting before the port is opened are discarded.
   board.data.send(test::view_of("bytes of yesterday"));
   const auto driver = b.make();
   driver->start(b.sink);

@@ -21,7 +21,7 @@ struct Tlv {
   std::size_t bytes;
 };
 
-// Format of frames with the 40-byte header of the demo. Frames are padded to a multiple of `unit`
+// Format of frames that have the demo's 40-byte header. Frames are padded to a multiple of `unit`
 // bytes.
 struct Lab {
   std::uint32_t version = 0x03030002, platform = 0xa6843;
@@ -55,8 +55,8 @@ Bytes frame_of(const Lab& lab, std::uint32_t number) {
   return out;
 }
 
-// Returns a frame of newer people counting demos. The header has 48 bytes and ends with the u16
-// number of TLVs and the u16 checksum.
+// Returns a frame in the format of the newer people-counting demos. The header has 48 bytes and
+// ends with the number of TLVs (u16) and the checksum (u16).
 Bytes frame_48(std::uint32_t number, std::uint32_t track_us) {
   Bytes out;
   put_magic(out);
@@ -72,8 +72,8 @@ Bytes frame_48(std::uint32_t number, std::uint32_t track_us) {
   return out;
 }
 
-// Returns a frame of older people counting demos. The header has 52 bytes, and contains the
-// platform and the time before the length.
+// Returns a frame in the format of the older people-counting demos. The header has 52 bytes. The
+// platform and the time precede the length.
 Bytes frame_52(std::uint32_t number) {
   Bytes out;
   put_magic(out);
@@ -84,13 +84,14 @@ Bytes frame_52(std::uint32_t number) {
   put(out, std::uint16_t{1});
   put(out, static_cast<std::uint16_t>(0x1234 + number));
   put(out, std::uint32_t{7});
-  put(out, std::uint32_t{48});  // TLV length, including the TLV header
+  put(out, std::uint32_t{48});  // the TLV length includes the TLV header
   put_payload(out, 40, number);
   return out;
 }
 
 const Lab demo{.tlvs = {{1, 0}, {2, 512}, {6, 24}, {9, 28}}};
-const Lab azimuth{.tlvs = {{2, 512}, {4, 8192}, {6, 24}, {9, 28}}};  // 256 bins of 8 antennas
+const Lab azimuth{
+    .tlvs = {{2, 512}, {4, 8192}, {6, 24}, {9, 28}}};  // TLV type 4 contains 256 bins of 8 antennas
 const Lab vital_signs{.version = 0x02000004, .platform = 0xa1642, .tlvs = {{6, 128}, {2, 76}}};
 const Lab exact{.tlvs = {{2, 76}, {1010, 30}}, .unit = 1};  // frames without padding
 
@@ -113,7 +114,7 @@ struct Parsed {
   FrameCounts counts;
 };
 
-// Parses the bytes as a whole and in pieces. The results must match, and every byte must be
+// Parses the bytes as a whole and in pieces. Checks that the results match and that every byte is
 // counted.
 Parsed parse(ByteView bytes) {
   std::vector<Parsed> runs;
@@ -178,7 +179,7 @@ TEST_CASE("a stream of heat maps loses one frame if it starts, ends or has a gap
     REQUIRE(late.numbers == from_to(2, 3));
     REQUIRE(early.numbers == from_to(1, 2));
     REQUIRE(late.counts.arrays == 2);
-    Bytes hole = all;  // stream with a gap, as after a buffer overflow
+    Bytes hole = all;  // stream with a gap like that caused by a buffer overflow
     const auto from = hole.begin() + static_cast<std::ptrdiff_t>(at);
     hole.erase(from, from + 256);
     const Parsed s = parse(hole);
@@ -308,17 +309,18 @@ TEST_CASE("a jump in radar frame numbers is accepted if the number of the next f
   using Result = std::pair<std::uint64_t, std::uint64_t>;
   CHECK(lost({7, 8, 11, 12}) == Result{2, 0});
   CHECK(lost({7, 8, 5000, 5001}) == Result{4991, 0});
-  CHECK(lost({7, 8, 5000}) == Result{4991, 0});  // the last number jumps by 4992
-  // A flipped bit in a frame number does not count as a loss.
+  CHECK(lost({7, 8, 5000}) == Result{4991, 0});  // only the last number jumps, by 4992
+  // A flipped bit in a frame number does not cause frames to be counted as lost.
   CHECK(lost({7, 8, 9 + (1u << 18), 10, 11}) == Result{0, 0});
   CHECK(lost({7, 8, 9 + (1u << 30), 10, 11}) == Result{0, 0});
   CHECK(lost({70, 71, 8, 73, 74}) == Result{0, 0});
   CHECK(lost({70, 71, 8, 75, 76}) == Result{2, 0});
-  CHECK(lost({70, 71, 70, 71, 72}) == Result{0, 0});  // repeated numbers do not count as a loss
-  CHECK(lost({500, 501, 1, 2, 3}) == Result{0, 1});   // the board was reset after frame 501
-  // The board was reset, and then frame 2 and the frames 4 to 499 were lost.
+  CHECK(lost({70, 71, 70, 71, 72}) ==
+        Result{0, 0});  // repeated frame numbers are not counted as lost frames
+  CHECK(lost({500, 501, 1, 2, 3}) == Result{0, 1});  // the board was reset after frame 501
+  // The board was reset. After the reset, frames 2 and 4 to 499 were lost.
   CHECK(lost({500, 501, 1, 3, 500, 501}) == Result{1 + 496, 1});
-  CHECK(lost({0xfffffffe, 0xffffffff, 0, 1}) == Result{0, 0});  // the frame counter wraps
+  CHECK(lost({0xfffffffe, 0xffffffff, 0, 1}) == Result{0, 0});  // the frame counter wraps around
 }
 
 TEST_CASE("frames lost at the end of a connection are counted with the next frame that arrives") {

@@ -38,7 +38,7 @@ struct Folder {
 
 std::unique_ptr<Worker> thread() { return SystemLoop().make_worker(); }
 
-// Port that receives `hello` as soon as it is opened.
+// Port that delivers the bytes "hello" as soon as it is opened.
 struct Speaker final : BytePort {
   void open(PortHandlers handlers) override { handlers.bytes(test::view_of("hello")); }
   void write(ByteView bytes) override { written.assign(bytes.begin(), bytes.end()); }
