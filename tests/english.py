@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Counts words that plain technical English avoids (.github/CONTRIBUTING.md), and long sentences.
+"""Counts words that plain technical English avoids (.github/CONTRIBUTING.md), and counts long sentences.
 
-The words are counted in the strings, comments and manuals of each folder. Sentences of more than 25 words are counted in
-manuals. The limits may be lowered but not raised. `english.py --list` prints each place."""
+The words are counted in the strings, comments and manuals of each folder. Sentences longer than 25 words are counted in
+manuals only. The limits may be lowered but not raised. `english.py --list` prints the location of each finding."""
 import io
 import pathlib
 import re
@@ -35,8 +35,8 @@ def of_python(text):
 
 
 def of_manual(text):
-    """Yields the line number and the content of each line of a manual, without code blocks. Inline `code` is replaced
-    with `x`."""
+    """Yields the line number and the content of each line of a manual, leaving out code blocks. Inline code is
+    replaced with `x`."""
     text = re.sub(r"^```.*?^```$", lambda block: "\n" * block[0].count("\n"), text, flags=re.M | re.S)
     for number, line in enumerate(text.splitlines(), 1):
         yield number, re.sub(r"`[^`]*`", "`x`", line)

@@ -23,7 +23,7 @@ struct Folder {
   std::string operator/(const std::string& name) const { return (path / name).string(); }
 };
 
-// Returns the bytes of the file, or an empty string if the file does not exist.
+// Returns the contents of the file, or an empty string if the file does not exist.
 inline std::string contents(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: MIT
 """Checks the rules of this repository.
 
-Each file has an SPDX line and at most 500 lines. C++ files have the layout of clang-format 14, if that is installed.
-Comments do not begin with vague words, and type names are unique. Includes and imports are not circular. Commands,
-options and files named in manuals exist, as well as tests named in CMake. The files of uPlot have the expected hashes."""
+Each file has an SPDX line and at most 500 lines. C++ files have the layout that clang-format 14 produces (not checked if
+clang-format 14 is not installed). Comments do not begin with vague words, and type names are unique. Includes and imports
+are not circular. Commands, options and files named in manuals exist, and so do test cases named in CMake files. The uPlot
+files have the expected hashes."""
 import ast
 import base64
 import fnmatch
@@ -28,8 +29,9 @@ def tracked():
 
 sources = []
 cases = []  # names of the Catch test cases
-types = {}  # files that define a type, by the full name of the type
-# Comments that begin with a vague word, by top folder. Comments begin with a verb or a noun (.github/CONTRIBUTING.md).
+types = {}  # maps the full name of a type to the files that define the type
+# For each top-level folder, the allowed number of comments that begin with a vague word. Comments should begin with a
+# verb or a noun (.github/CONTRIBUTING.md).
 # The limits may be lowered but not raised.
 vague = re.compile(r"(It|They|This|These|Of|What|Where|Whoever|Whose)\b", re.I)
 vague_limits = {"acquire": 0, "drivers": 0, "recon": 0, "sim": 0, "tests": 0}
@@ -57,7 +59,7 @@ for path in tracked():
         namespaces = []
         for number, line in enumerate(lines):
             if opened := re.match(r"(?:inline )?namespace ?([\w:]*) \{(?!.*\})", line):
-                if lines[number + 2] != "}":  # clang-format adds a closing comment only to longer namespaces
+                if lines[number + 2] != "}":  # clang-format adds closing comments only to namespaces that are long enough
                     namespaces.append(opened[1])
             elif re.match(r"\}  // namespace", line) and namespaces:
                 namespaces.pop()
@@ -75,7 +77,7 @@ for path in tracked():
                 vague_counts.setdefault(folder, []).append(f"{name}:{number + 1}")
     cases += ["".join(re.findall(r'"(.*?)"', name))
               for name in re.findall(r'TEST_CASE\(\s*((?:"[^"]*"\s*)+)', "\n".join(lines))]
-    # CMake would split a test name at ";", and Catch would read a leading "-" as an option.
+    # CMake would split a test name at a ";", and Catch would interpret a leading "-" as an option.
     for case in re.findall(r'TEST_CASE\(\s*"(-|[^"]*;)', "\n".join(lines)):
         faults.append(f"{name}: a test case's name has a ; or begins with -, and CTest cannot call it")
 
@@ -84,8 +86,10 @@ for folder, places in vague_counts.items():
         faults.append(f"{folder}: {len(places)} comments begin with It, This, Of, What or the like, at most "
                       f"{vague_limits[folder]} may: {', '.join(places)}")
 
-# Optional parts (.github/ARCHITECTURE.md). At most five product source files outside a part should use its identifiers.
-# Each entry contains a pattern for identifiers, a pattern for the part's own files, and the limit for other files.
+# Optional parts (.github/ARCHITECTURE.md). The identifiers of a part should be used in at most five product source
+# files outside that part.
+# Each entry contains a pattern for identifiers, a pattern for the part's own files, and the maximum number of other
+# files that may use the identifiers.
 # The limits may be lowered but not raised.
 wings = {
     "response": (r"(radar|any|stated|widest|to)_response|RadarResponse|record::Response\b|response_(of|keys|filter|fit)",
@@ -111,7 +115,8 @@ for name, code in product.items():
         elif line == "}" and number - start >= 60 and not re.match(r"struct|class|enum|namespace", lines[start]):
             faults.append(f"{name}:{start + 1}: a function of {number - start + 1} lines; at most 60")
 
-# Source folders ("rooms") have no circular includes, and do not include folders from later entries of `parts`.
+# Source folders ("rooms") have no circular includes. A folder does not include files from folders that come later in
+# `parts`.
 # Modules of the Python package have no circular imports, except for imports within functions.
 # Subpackages have no circular imports, even within functions.
 parts = ("drivers", "acquire", "recon", "sim")
@@ -149,16 +154,17 @@ for start in uses:
     if start in reached:
         faults.append(f"{start} is in a circle of includes or imports, among {', '.join(sorted(reached))}")
 
-# If two types had the same name, the linker would merge their inline functions.
+# If two types had the same name, the linker would merge their inline functions without a warning.
 faults += [f"{name} is defined in {' and '.join(sorted(files))}" for name, files in types.items() if len(files) > 1]
 
-# Checks that Catch test cases named in CMake lists exist, because most of these test cases are slow and run rarely.
+# Checks that the Catch test cases named in CMake lists exist. Most of these test cases are slow and rarely run, so a
+# wrong name would not be noticed soon.
 for path in (root / "tests").rglob("CMakeLists.txt"):
     for names in re.findall(r'--warn NoTests "([^-"][^"]*)"', path.read_text(encoding="utf-8")):
         faults += [f"{path.relative_to(root)}: no test case is named {name}" for name in names.split(",")
                    if not fnmatch.filter(cases, name)]
 
-# Checks the hashes of the uPlot files, because browsers check them in the live page but not in a report.
+# Checks the hashes of the uPlot files. Browsers check these hashes in the live page, but not in a saved report.
 page = root / "recon/web"
 hashes = re.findall(r'"(uPlot[\w.]+)" integrity="sha384-([^"]+)"', (page / "index.html").read_text(encoding="utf-8"))
 faults += [f"recon/web/{name}: is not the file of that hash (index.html)" for name, stated in hashes
@@ -181,9 +187,9 @@ for path in texts:
             faults.append(f"{path.relative_to(root)}: links to {target}, which is not there")
 
 # Checks that programs, subcommands and options in manuals (fenced blocks and `code`) exist.
-if len(sys.argv) > 1:  # the argument is the folder of the built programs
-    typed = []  # command lines in manuals and help texts, each with the name of its source
-    options = {}  # options that a program or command accepts, by the words of the command
+if len(sys.argv) > 1:  # the argument is the folder that contains the built programs
+    typed = []  # command lines found in manuals and help texts, each with the name of the manual or program
+    options = {}  # maps the words of a command to the options that the command accepts
 
     def read_help(words, inherited=frozenset()):
         help_text = subprocess.run([pathlib.Path(sys.argv[1]) / words[0], *words[1:], "--help"], capture_output=True,
@@ -229,7 +235,7 @@ if len(sys.argv) > 1:  # the argument is the folder of the built programs
         elif is_script:
             return faults.append(f"{name}: no such script: {program}")
         elif not code.startswith("--") and not any(program == key[-1] for key in options):
-            return  # the option belongs to a program of another project
+            return  # the command belongs to another project
         else:
             known = anywhere
         faults.extend(f"{name}: {o} of `{code}` does not exist" for o in named if o not in known)
@@ -249,7 +255,7 @@ if len(sys.argv) > 1:  # the argument is the folder of the built programs
             for part in re.split(r" -- | && | \| ", code):
                 check_command(name, part)
 
-# udev ignores invalid rules and reports them only in the journal.
+# udev ignores invalid rules and reports them only in the system journal.
 udev_keys = {"ACTION": "==", "SUBSYSTEM": "==", "ATTR": "==", "ATTRS": "==", "ENV": "== =", "GROUP": "=", "MODE": "=",
              "TAG": "+=", "GOTO": "=", "LABEL": "="}
 rules = (root / "config/70-echofuse.rules").read_text(encoding="utf-8")

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: MIT
 """Tests the pictures in .readme/.
 
-tests/pictures.py texts_are_current BIN_DIR: charts may contain only strings from the current scripts and model names of
-the current programs. page.png and page.webp may contain only headings and buttons of the current page.
-tests/pictures.py texts_do_not_overlap_lines: labels in a sketch may not overlap lines."""
+`tests/pictures.py texts_are_current BIN_DIR` checks that charts contain only strings from the current scripts and model
+names from the current programs. It also checks that page.png and page.webp contain only headings and buttons of the
+current page. `tests/pictures.py texts_do_not_overlap_lines` checks that the labels in a sketch do not overlap lines."""
 import ast
 import pathlib
 import re

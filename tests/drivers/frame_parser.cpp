@@ -228,7 +228,7 @@ TEST_CASE("a TLV that exceeds its radar packet invalidates the frame") {
 }
 
 TEST_CASE("a radar frame with a TLV count that is one too high keeps its TLVs") {
-  Bytes bad = golden()[1];  // this frame has 20 bytes of padding
+  Bytes bad = golden()[1];  // a frame with 20 bytes of padding
   set_u32(bad, 32, 4);
   const Parsed p = parse(bad);
   REQUIRE(p.numbers() == Numbers{210});

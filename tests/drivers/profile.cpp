@@ -54,7 +54,7 @@ TEST_CASE("the radar range axis is computed from the rounded chirp slope of the 
   };
   CHECK(step("166") == step("165.99"));  // both slopes are rounded to 4584 register steps
   CHECK(step("165.98") ==
-        Approx(played_step_m * 4584 / 4583));  // this slope is rounded to 4583 register steps
+        Approx(played_step_m * 4584 / 4583));  // the chip rounds this slope to 4583 register steps
   CHECK_THROWS_WITH(step("0.03"), Catch::Contains("below the chip's step"));
   const double nominal_m = 3.0e8 * 12.5e6 / (2 * 166e12 * 256);
   // At 7 m, the nominal range step causes a range error of 4.2 mm.
@@ -150,7 +150,7 @@ TEST_CASE(
 TEST_CASE("the computed radar frame size matches the firmware's tables") {
   const auto bytes = [](const std::string& from, const std::string& to) {
     std::string text = with(from, to);
-    const std::string fast = "0 100 1 0";  // this frame period is too short for a heat map
+    const std::string fast = "0 100 1 0";  // a frame period that is too short for a heat map
     return parse_profile(text.replace(text.find(fast), fast.size(), "0 200 1 0"), "").frame_bytes;
   };
   const std::string gui = "guiMonitor -1 1 1 0 0 0 1";

@@ -18,8 +18,8 @@ using namespace echofuse;
 
 namespace {
 
-// Returns the file without the first byte, because this byte selects the split of the stream in the
-// fuzzer.
+// Returns the contents of the file except the first byte, which only determines how the fuzzer
+// splits the stream.
 Bytes stream_of(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
   in.get();

@@ -32,7 +32,8 @@ Bytes read(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// Recording of an IWR6843 with the out-of-box demo of SDK 3.3, from TI's industrial toolbox 4.7.
+// Recording of an IWR6843 that runs the out-of-box demo of SDK 3.3. The recording is part of TI's
+// industrial toolbox 4.7.
 const char* const automated_doors = "ti-radar/xwr68xx_oob_automated_doors.dat";
 
 }  // namespace
@@ -50,7 +51,7 @@ TEST_CASE(
       REQUIRE(frame.range_profile.size() == 256);
       REQUIRE(frame.lost_before == 0);
       REQUIRE(frame.stats);
-      // The frame period is 20 million cycles of a 200 MHz clock (100 ms), within 2 ms.
+      // The frame period is 20 million cycles of a 200 MHz clock (100 ms) with a tolerance of 2 ms.
       if (cycles)
         REQUIRE(std::abs(static_cast<int>(frame.time_cpu_cycles - cycles) - 20'000'000) < 400'000);
       cycles = frame.time_cpu_cycles;
@@ -97,8 +98,7 @@ TEST_CASE(
   CHECK(frames == 101);
   CHECK(run.info().started_utc == "2024-02-07T12:00:00.000Z");
   CHECK(run.info().ended_utc == "2024-02-07T12:00:10.000Z");
-  // The frame period in the cfg differs from that of the recording, which has ten frames per
-  // second.
+  // The cfg specifies a frame period of 50 ms, but the recording contains ten frames per second.
   CHECK(run.events().at(0).text.find("frame period 100.0 ms; expected 50.0 ms") !=
         std::string::npos);
 }

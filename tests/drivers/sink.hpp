@@ -9,7 +9,7 @@
 
 namespace echofuse::test {
 
-// Sink that stores all samples and events of a driver.
+// Sink that stores all samples and events received from a driver.
 struct KeepingSink : SampleSink {
   void on_tags(const TagBlock& block) override {
     blocks.push_back(block);
@@ -42,7 +42,8 @@ struct KeepingSink : SampleSink {
   DeviceInfo info;
 };
 
-// Runs the loop until the condition is true. Returns false after `limit`.
+// Runs the loop until the condition is true. Returns false if the condition is still false after
+// `limit`.
 template <class Condition>
 bool run_until(port::Loop& loop, Condition condition,
                std::chrono::milliseconds limit = std::chrono::seconds(10)) {

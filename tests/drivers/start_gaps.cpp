@@ -12,8 +12,9 @@ using namespace echofuse::tdc;
 
 namespace {
 
-// Returns tags of laser pulses every 50 ns with the click probability `chance`. If `filtered`, only
-// starts with a click are included.
+// Returns the tags of laser pulses emitted every 50 ns. Each pulse causes a click with the
+// probability `chance`. If `filtered` is true, starts that are not followed by a click are left
+// out.
 std::vector<Tag> pulses(double chance, bool filtered, std::int64_t count, Rng& rng) {
   std::bernoulli_distribution clicks(chance);
   std::vector<Tag> tags;
@@ -81,7 +82,7 @@ TEST_CASE("clicks per laser pulse are equal with and without a conditional filte
             Approx(chance).epsilon(0.1));
     }
   }
-  // The stream has too few tags for an estimate.
+  // The following streams contain too few tags for an estimate.
   StartGaps few(1);
   CHECK_FALSE(few.clicks_a_pulse(0, 0));
   few.add(pulses(1e-3, true, 100'000, rng));

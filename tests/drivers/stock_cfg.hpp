@@ -8,7 +8,7 @@
 
 namespace echofuse::test {
 
-// Main lines of TI's stock profile for the xwr68xx.
+// Relevant lines of TI's stock profile for the xwr68xx.
 inline const std::string stock =
     "% a comment\r\n"
     "sensorStop\r\n"

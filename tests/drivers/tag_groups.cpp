@@ -41,12 +41,13 @@ void compare(const HistogramSettings& settings, std::span<const Tag> tags, std::
     INFO(hwy::TargetName(target));
     REQUIRE((with(target) == singly));
   }
-  hwy::GetChosenTarget().DeInit();  // makes Highway select the best target again
+  hwy::GetChosenTarget().DeInit();  // lets Highway choose the best target again
 }
 
-// Returns random starts, clicks and other tags, some of them backwards in time. If `near_wrap`, the
-// times are near the wrap-around of the clock. On average, one in `marker_among` tags is a marker
-// or a bad tag. If `marker_among` is 0, there are no such tags.
+// Returns random starts, clicks and other tags. Some of the tags go backwards in time. If
+// `near_wrap` is true, the times are close to the wrap-around of the clock. On average, one in
+// `marker_among` tags is a marker or a bad tag. If `marker_among` is 0, there are no markers or bad
+// tags.
 std::vector<Tag> stream(Rng& rng, std::size_t size, bool near_wrap, std::uint64_t marker_among) {
   std::vector<Tag> tags(size);
   std::uint64_t time = near_wrap ? (std::uint64_t{1} << 63) - 5'000'000 : rng() >> 20;
@@ -91,7 +92,7 @@ TEST_CASE("counting a long tag block in SIMD groups gives the same result as cou
 }
 
 TEST_CASE("histogram bin edges are exact for tags counted in SIMD groups") {
-  const std::int64_t width = 67'108'863;  // bin width 2^26 - 1, which is not a power of two
+  const std::int64_t width = 67'108'863;  // the bin width is 2^26 - 1, which is not a power of two
   const std::uint32_t bins = 1u << 24;
   std::vector<Tag> tags{{.channel = 1, .time_ps = 5}};
   Rng rng = make_rng(3, 4);

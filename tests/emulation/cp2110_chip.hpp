@@ -18,18 +18,19 @@ class Cp2110Chip {
   using Report = std::array<std::uint8_t, 64>;
   static constexpr std::size_t fifo_bytes = 480;
 
-  // `transmit` receives the bytes that the host sends while the UART is on.
+  // `transmit` is called with the bytes that the host sends while the UART is on.
   explicit Cp2110Chip(std::function<void(ByteView)> transmit) : transmit_(std::move(transmit)) {}
 
-  // Host side. The return value false or nullopt means a stalled request.
+  // Functions of the host side. A return value of false or nullopt means that the chip stalls the
+  // request.
   bool set_feature(ByteView report);
   std::optional<Bytes> get_feature(std::uint8_t id);
   bool output(ByteView report);
   // Returns the data of one interrupt IN transfer, or nullopt if no data are waiting.
   std::optional<Report> next_input();
 
-  // UART side. Returns the number of accepted bytes, which is 0 while the UART is off. Rejected
-  // bytes set the overrun flag.
+  // Function of the UART side. Returns the number of bytes accepted, which is 0 while the UART is
+  // off. Rejecting bytes sets the overrun flag.
   std::size_t receive(ByteView bytes);
 
   bool on() const { return on_; }

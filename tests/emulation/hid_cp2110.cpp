@@ -27,7 +27,8 @@ namespace echofuse::sim {
 namespace {
 
 constexpr auto usb_frame = std::chrono::milliseconds(1);
-// The pipe needs one page per packet. The limit of 64 reports is the kernel's HIDRAW_BUFFER_SIZE.
+// The pipe uses one page for each packet. The kernel limits its buffer to 64 reports
+// (HIDRAW_BUFFER_SIZE).
 constexpr int host_buffer_bytes = 64 * 4096;
 
 constexpr std::uint8_t descriptor[] = {0x06, 0x00, 0xFF, 0x09, 0x01, 0xA1, 0x01, 0x85, 0x01,
@@ -42,7 +43,7 @@ std::string hex4(unsigned value) {
   return text.data();
 }
 
-// Returns the folders of the device in /sys, parents first.
+// Returns the folders of the device in /sys. Parent folders come first.
 std::vector<std::string> folders(unsigned number) {
   const std::string port = std::to_string(number + 1);
   const std::string usb = "/devices/pci0000:00/0000:00:14.0/usb1/1-" + port;
@@ -121,7 +122,7 @@ void HidCp2110::Parts::on_plug(int new_fifo) {
   plugged = true;
 }
 
-// The written byte wakes programs in poll(). Their next read() returns EIO.
+// Writes a byte to wake programs that wait in poll(). Their next read() fails with EIO.
 void HidCp2110::Parts::on_unplug() {
   const std::lock_guard lock(mutex);
   plugged = false;
@@ -145,7 +146,7 @@ std::optional<BedNode::Answer> HidCp2110::Parts::on_write(ByteView bytes) {
   return Answer{static_cast<long>(bytes.size())};
 }
 
-// Starts the kernel's buffering of reports for this client.
+// Discards the reports sent before a client opened the node, as the kernel does.
 void HidCp2110::Parts::on_client() {
   const std::lock_guard lock(mutex);
   ++opened;
@@ -174,8 +175,8 @@ void HidCp2110::Parts::pump() {
   }
 }
 
-// Identifies requests by number only, because the size field of most requests depends on the
-// buffer.
+// Identifies requests only by their number, because the size field of most requests depends on the
+// client's buffer.
 BedNode::Answer HidCp2110::Parts::on_ioctl(Client, unsigned long request,
                                            UMockdevIoctlData* argument) {
   const std::lock_guard lock(mutex);

@@ -15,16 +15,16 @@ namespace echofuse::sim {
 class UsbBed;
 
 struct HidOptions {
-  unsigned number = 0;  // the device node is /dev/hidraw<number>
+  unsigned number = 0;  // number in the path of the device node, /dev/hidraw<number>
   std::string serial = "0001";
 };
 
-// Emulates a CP2110. Threading: all functions may be called on any thread. `transmit` is called on
-// the testbed's thread and must not call this object.
+// Emulates a CP2110. All functions may be called on any thread. `transmit` is called on the
+// testbed's thread and must not call functions of this object.
 class HidCp2110 {
  public:
-  // Plugs the device in. `transmit` receives the UART bytes of the host. `bed` must outlive this
-  // object and supports one device per number. Throws Error(failed).
+  // Plugs in the device. `transmit` is called with the UART bytes that the host sends. `bed` must
+  // outlive this object and supports one device per number. Throws Error(failed).
   HidCp2110(UsbBed& bed, HidOptions options, std::function<void(ByteView)> transmit);
   ~HidCp2110();
   HidCp2110(const HidCp2110&) = delete;
@@ -35,13 +35,14 @@ class HidCp2110 {
   // Delivers bytes from the UART line. Returns the number of bytes that fit into the 480-byte
   // buffer. The host fetches 63 bytes per ms from this buffer.
   std::size_t receive(ByteView bytes);
-  // Sends the host a raw report that does not come from the UART, to simulate faults.
+  // Sends a raw report to the host. Used to simulate faults, because the report does not come from
+  // the UART.
   void raw_input(ByteView report);
 
   std::uint32_t baud() const;
-  Bytes config() const;              // last configuration report of the host
+  Bytes config() const;              // last configuration report sent by the host
   bool on() const;                   // true if the UART is enabled
-  std::size_t host_waiting() const;  // bytes of reports that the host has not read
+  std::size_t host_waiting() const;  // number of bytes in reports that the host has not read yet
   // Returns the number of reports dropped because the host's buffer of 64 reports was full.
   std::uint64_t host_dropped() const;
   std::uint64_t output_reports() const;

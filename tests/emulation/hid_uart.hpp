@@ -19,7 +19,7 @@ class HidUart final : public Uart {
  private:
   std::size_t deliver(Bytes chunk) override { return bridge_->receive(chunk); }
 
-  // Cleared by the destructor, because bytes may arrive after the object is destroyed.
+  // Cleared by the destructor, because bytes may still arrive after the object has been destroyed.
   std::shared_ptr<Receive> receive_;
   std::unique_ptr<HidCp2110> bridge_;
 };

@@ -52,8 +52,8 @@ class Tagger final : public TdcUsb {
   }
 
  private:
-  // Answers vendor requests on umockdev's thread: request 1 starts the tagger, and request 2 stops
-  // it.
+  // Answers vendor requests on umockdev's thread. Request 1 starts the tagger, and request 2 stops
+  // the tagger.
   std::optional<Bytes> control(const UsbDevice::Setup& setup) {
     if (setup.request != 1 && setup.request != 2) return std::nullopt;
     wanted_ = restart_ = setup.request == 1;
@@ -107,9 +107,9 @@ class Tagger final : public TdcUsb {
   std::uint32_t sequence_ = 0;
   HostTime next_hello_{};
   std::uint64_t starts_ = 0, tags_ = 0, lost_ = 0, dropped_ = 0;
-  // The control handler writes both flags on its own thread.
+  // Both flags are written by the control handler, which runs on another thread.
   std::atomic<bool> wanted_{false}, restart_{false};
-  UsbDevice usb_;  // last member, because its thread uses the other members
+  UsbDevice usb_;  // must be the last member, because its thread uses the other members
 };
 
 }  // namespace

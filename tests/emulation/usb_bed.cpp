@@ -31,8 +31,8 @@ void UsbBed::enter(char** argv) {
   if (now && std::strstr(now, preload)) return;
   const std::string all = now && *now ? std::string(now) + ":" + preload : preload;
   ::setenv("LD_PRELOAD", all.c_str(), 1);
-  // A sanitizer runtime refuses to start unless it is first in LD_PRELOAD. This check is disabled,
-  // because umockdev works in any order.
+  // The sanitizer runtime refuses to start unless it comes first in LD_PRELOAD. This check is
+  // disabled, because umockdev does not depend on the order.
   const char* options = std::getenv("ASAN_OPTIONS");
   const std::string asan = (options ? std::string(options) + ":" : "") + "verify_asan_link_order=0";
   ::setenv("ASAN_OPTIONS", asan.c_str(), 1);
@@ -52,8 +52,8 @@ std::vector<std::pair<std::string, std::string>> UsbBed::environment() const {
   return {{"LD_PRELOAD", preload}, {"UMOCKDEV_DIR", root_}};
 }
 
-// State of the callbacks on umockdev's thread, which may outlive the node. Every signal handler and
-// every client holds a reference to this state.
+// State used by the callbacks, which may run on umockdev's thread after the node has been
+// destroyed. Every signal handler and every client holds a reference to this state.
 struct BedNode::Callbacks {
   using Share = std::shared_ptr<Callbacks>;
   std::mutex mutex;
@@ -83,8 +83,8 @@ struct BedNode::Callbacks {
     const std::lock_guard lock((*self)->mutex);
     if ((*self)->owner) (*self)->owner->on_client();
   }
-  // Called when umockdev releases the client. In umockdev 0.17.16 no other signal shows that a
-  // client closed the node or exited.
+  // Called when umockdev releases the client. In umockdev 0.17.16, no other signal indicates that a
+  // client has closed the node or exited.
   static void gone(gpointer data, GObject* client) {
     const std::unique_ptr<Share> self(static_cast<Share*>(data));
     const std::lock_guard lock((*self)->mutex);
@@ -140,7 +140,7 @@ void BedNode::make_fifo() {
   if (fifo_ < 0) refuse("open " + path, nullptr);
 }
 
-// Creates the FIFO before the device, because adding the device sends the uevent.
+// The FIFO must be created first, because adding the device also sends the uevent.
 void BedNode::plug() {
   if (std::exchange(plugged_, true)) return;
   make_fifo();

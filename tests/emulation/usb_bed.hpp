@@ -22,16 +22,16 @@ namespace echofuse::sim {
 
 class UsbBed {
  public:
-  // Restarts this program once under umockdev's preload library. Must be called first in main().
+  // Restarts this program once with umockdev's preload library. Must be the first call in main().
   static void enter(char** argv);
 
-  // Throws Error(failed). umockdev supports one testbed per process.
+  // Throws Error(failed). Only one testbed can exist per process, because of a limit in umockdev.
   UsbBed();
   ~UsbBed();
   UsbBed(const UsbBed&) = delete;
   UsbBed& operator=(const UsbBed&) = delete;
 
-  // Returns environment variables for programs that use the emulated devices.
+  // Returns the environment variables that a program needs to use the emulated devices.
   std::vector<std::pair<std::string, std::string>> environment() const;
   const std::string& root() const { return root_; }
   UMockdevTestbed* testbed() const { return testbed_; }
@@ -41,17 +41,17 @@ class UsbBed {
   std::string root_;
 };
 
-// Node in /dev for which a simulated device answers the system calls. A FIFO behind the node makes
-// poll() work. Threading: the owner creates, plugs and unplugs the node on one thread. umockdev's
-// thread calls the on_ functions.
+// Node in /dev. A simulated device answers the system calls made on this node. A FIFO behind the
+// node makes poll() work. The owner must create, plug and unplug the node on a single thread. The
+// on_ functions are called on umockdev's thread.
 class BedNode {
  public:
   struct Answer {
     long result;    // return value of the system call
-    int error = 0;  // errno if the result is -1
+    int error = 0;  // value of errno if `result` is -1
   };
   static Answer fail(int error) { return {-1, error}; }
-  // Identifies the client that opened the node. It is never dereferenced.
+  // Identifies the client that opened the node. The pointer is never dereferenced.
   using Client = const void*;
 
   virtual ~BedNode();
@@ -62,10 +62,10 @@ class BedNode {
   void unplug();
 
  protected:
-  // `description` contains the P:, E:, A:, H: and L: lines for umockdev, but no N: line. `folders`
-  // are the folders of the device below /sys, parents first.
+  // `description` contains the P:, E:, A:, H: and L: lines of a umockdev device description, but no
+  // N: line. `folders` lists the device's folders in /sys, with parent folders first.
   BedNode(UsbBed& bed, std::string node, std::string description, std::vector<std::string> folders);
-  // Ends all callbacks. The destructor of the derived class must call it first.
+  // Ends all callbacks. Must be the first call in the destructor of every derived class.
   void detach();
 
   // on_plug() is called after the FIFO is created and before the device is announced. on_unplug()
@@ -73,7 +73,7 @@ class BedNode {
   virtual void on_plug(int fifo) = 0;
   virtual void on_unplug() = 0;
   virtual Answer on_ioctl(Client client, unsigned long request, UMockdevIoctlData* argument) = 0;
-  // Returns the answer to read(), or nullopt to let the FIFO answer.
+  // Returns the result of read(), or nullopt if the FIFO is to answer the call.
   virtual std::optional<Answer> on_read() { return std::nullopt; }
   virtual std::optional<Answer> on_write(ByteView) { return std::nullopt; }
   virtual void on_client() {}
@@ -92,13 +92,14 @@ class BedNode {
   bool attached_ = false, plugged_ = false;
 };
 
-// Releases the data at the end of the scope.
+// Releases the data when the unique_ptr is destroyed.
 struct DataRelease {
   void operator()(UMockdevIoctlData* data) const;
 };
 using ClientData = std::unique_ptr<UMockdevIoctlData, DataRelease>;
-// Follows the pointer at `offset` in `data` to client memory and returns `bytes` bytes from there,
-// or null if the client has ended. Data written to this memory reach the client with the answer.
+// Follows the pointer stored at `offset` in `data` and returns `bytes` bytes of the client's
+// memory, or null if the client has ended. Changes to these bytes are sent to the client with the
+// answer.
 ClientData resolve(UMockdevIoctlData* data, std::size_t offset, std::size_t bytes);
 
 }  // namespace echofuse::sim

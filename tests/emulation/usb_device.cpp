@@ -35,7 +35,8 @@ std::string interface_of(const UsbIdentity& id) {
   return folder_of(id) + "/1-" + std::to_string(id.number) + ":1.0";
 }
 
-// Returns the descriptors of USB 2.0, chapter 9.6: device, configuration, interface, endpoint.
+// Returns the device, configuration, interface and endpoint descriptors as defined in chapter 9.6
+// of the USB 2.0 specification.
 std::string descriptors(const UsbIdentity& id) {
   return "12010002000000" + std::string("40") + hex16le(id.vendor) + hex16le(id.product) +
          hex16le(id.release_bcd) + "01020301" + "09021900010100" + "8032" + "090400000" + "1ff" +
@@ -125,8 +126,8 @@ bool UsbDevice::claimed() const {
   return owner_ != nullptr;
 }
 
-// Reduces the pipe to one page. While the pipe contains a byte, the client's poll() reports it as
-// not writable. In usbfs this state means that no URB is ready.
+// Reduces the pipe to one page. While the pipe contains a byte, poll() reports to the client that
+// the node is not writable. In usbfs, this state means that no URB is ready.
 void UsbDevice::on_plug(int fifo) {
   const std::lock_guard lock(mutex_);
   fifo_ = fifo;
@@ -139,7 +140,7 @@ void UsbDevice::on_plug(int fifo) {
 void UsbDevice::on_unplug() {
   const std::lock_guard lock(mutex_);
   gone_ = true;
-  // The waiting transfer ends with the data of the unfinished run of packets.
+  // The waiting transfer ends with the data that have been sent of the unfinished run of packets.
   if (!pending_.empty() && !data_.empty()) {
     Transfer transfer = std::move(pending_.front());
     pending_.pop_front();
@@ -298,8 +299,8 @@ void UsbDevice::control(Transfer transfer) {
   finish(std::move(transfer), 0, bytes);
 }
 
-// Answers GET_DESCRIPTOR of type string, the only standard request that libusb passes to the
-// device.
+// Answers requests for string descriptors (GET_DESCRIPTOR). libusb passes no other standard request
+// to the device.
 std::optional<Bytes> UsbDevice::string_descriptor(const Setup& setup) const {
   if (setup.type != 0x80 || setup.request != 6 || setup.value >> 8 != 3) return std::nullopt;
   const unsigned index = setup.value & 0xffu;
@@ -315,15 +316,16 @@ std::optional<Bytes> UsbDevice::string_descriptor(const Setup& setup) const {
   return answer;
 }
 
-// Moves waiting data into waiting transfers. A transfer ends when it is full, or with the packet
-// that ends a run of packets. Full packets are sent immediately, and partial packets wait.
+// Moves waiting data into waiting transfers. A transfer ends when it is full or when it reaches the
+// end of a run of packets. Until then, the data remain waiting.
 void UsbDevice::fill() {
   while (!pending_.empty() && !halted_ && (!data_.empty() || !ends_.empty())) {
     const usbdevfs_urb& urb = urb_of(pending_.front().urb.get());
     const auto room = static_cast<std::size_t>(urb.buffer_length);
     const bool ends = !ends_.empty() && ends_.front() < room;
     const std::size_t bytes = ends ? ends_.front() : std::min(room, data_.size());
-    // A transfer waits if it is neither full nor at the end of a run of packets.
+    // The transfer continues to wait if the data neither fill it nor reach the end of a run of
+    // packets.
     if (!ends && bytes < room) return;
     std::copy_n(data_.begin(), bytes, static_cast<std::uint8_t*>(urb.buffer));
     data_.erase(data_.begin(), data_.begin() + static_cast<std::ptrdiff_t>(bytes));

@@ -21,9 +21,9 @@ struct UsbIdentity {
   unsigned number = 9;  // number of the USB bus
 };
 
-// Threading: one thread creates, plugs, unplugs and destroys the device. send(), halt() and
-// waiting() may be called on any thread. umockdev's thread calls the control handler under the
-// device's lock; the handler may call clear().
+// One thread must create, plug, unplug and destroy the device. send(), halt() and waiting() may be
+// called on any thread. The control handler runs on umockdev's thread and under the device's lock.
+// It may call clear().
 class UsbDevice final : public BedNode {
  public:
   static constexpr std::uint8_t bulk_in = 0x81;
@@ -34,23 +34,22 @@ class UsbDevice final : public BedNode {
     std::uint16_t value, index, length;
     bool in() const { return type & 0x80; }
   };
-  // Returns the answer to a vendor request, which is empty for OUT, or nullopt to stall the
+  // Returns the answer to a vendor request (empty for OUT requests), or nullopt to stall the
   // request.
   using Control = std::function<std::optional<Bytes>(const Setup&)>;
 
   UsbDevice(UsbBed& bed, const UsbIdentity& identity, Control control);
   ~UsbDevice() override;
 
-  // Sends a run of packets. A short or empty packet ends the run.
+  // Sends a complete run of packets. The run ends with a short or empty packet.
   void send(ByteView run);
-  // Sends bytes of a run of packets that continues. A partial packet waits for the bytes that
-  // follow.
+  // Sends part of a run of packets. A partial packet waits for the bytes of the next call.
   void send_more(ByteView bytes);
-  std::size_t waiting() const;  // sent bytes that the host has not read
-  void clear();                 // drops the waiting bytes
+  std::size_t waiting() const;  // number of bytes sent that the host has not read yet
+  void clear();                 // drops the bytes that the host has not read yet
   // Stalls the endpoint until the host clears the halt condition.
   void halt();
-  std::uint64_t fetched() const;  // bytes in completed transfers
+  std::uint64_t fetched() const;  // number of bytes in completed transfers
   bool claimed() const;
 
  private:

@@ -17,7 +17,8 @@ constexpr std::pair<char, const char*> names[] = {{'s', "spd.npy"},   {'r', "rad
 
 constexpr std::uint8_t counts[] = {4, 2, 3, 8, 1, 0, 0, 0}, power[] = {0, 2, 3, 4, 0, 0, 128, 63};
 
-// Returns a run file with three records. run.toml can refer to this file as base.sqlite.
+// Returns the contents of a run file with three records. run.toml can refer to the file by the name
+// base.sqlite.
 const Bytes& base() {
   static const Bytes run = [] {
     const fuzz::Folder folder;

@@ -9,7 +9,7 @@ using fuzz::require;
 
 namespace {
 
-// Returns the only valid encoding of the block.
+// Returns the encoding of the block. A block has only one valid encoding.
 Bytes bytes_of(const Block& block) {
   Bytes bytes;
   for (const char c : {'E', 'F', 'B', 'R'}) put(bytes, c);

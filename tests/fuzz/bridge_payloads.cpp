@@ -49,7 +49,7 @@ void depth(ByteView payload) {
   const auto index = in.get<std::uint32_t>();
   float axes[4];
   for (float& value : axes) value = in.get<float>();
-  // The number of pixels is below 2^31, so that the product does not overflow.
+  // The check keeps the number of pixels below 2^31, so that the product cannot overflow.
   const bool fits = in.ok() && width && height && in.left() / 2 / width == height &&
                     in.left() == std::uint64_t{width} * height * 2;
   const auto lens = [&](std::size_t at, std::uint32_t count) {

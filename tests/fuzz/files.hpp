@@ -17,7 +17,7 @@
 
 namespace echofuse::fuzz {
 
-// Folder in memory if the system has a RAM disk. It is removed at the end of the process.
+// Temporary folder, kept in memory if /dev/shm exists. The destructor removes the folder.
 class Folder {
  public:
   Folder() {
@@ -44,8 +44,8 @@ class Folder {
   std::string path_;
 };
 
-// An input contains several files. Each begins with a line that starts with "@@" and a letter,
-// which names the file.
+// An input contains several files. Each file begins with a line that starts with "@@" and a letter.
+// The letter selects the file name.
 inline constexpr std::string_view file_mark = "\n@@";
 inline std::map<char, ByteView> files_of(ByteView input) {
   std::map<char, ByteView> out;
@@ -59,8 +59,9 @@ inline std::map<char, ByteView> files_of(ByteView input) {
   return out;
 }
 
-// Returns a valid .npy file. The recipe contains the type, the number of dimensions and the size of
-// each dimension, each as a u8. The bytes that follow are repeated or cut to fill the array.
+// Returns a valid .npy file. The recipe begins with the type, the number of dimensions and the size
+// of each dimension, each stored as a u8. The remaining bytes are repeated or truncated to fill the
+// array.
 inline Bytes npy_of(ByteView recipe) {
   constexpr std::array types{"<f4", "<f8", "|u1", "<u2", "<u4", "<i8", "|b1", "<i2"};
   constexpr std::array bytes{4, 8, 1, 2, 4, 8, 1, 2};
@@ -82,14 +83,15 @@ inline Bytes npy_of(ByteView recipe) {
   return out;
 }
 
-// Checks that the error message is printable, and that it has one line unless `lines` is true.
+// Checks that the error message is printable. The message must be a single line unless `lines` is
+// true.
 inline void require_message(const Error& error, bool lines = false) {
   require(*error.what() != '\0' && is_printable(error.what(), lines ? "\n" : ""),
           "a fault can be printed");
 }
 
-// Runs the body. If it throws an Error, the code must be one of `codes`, and the message must have
-// one line unless `lines` is true.
+// Runs `body`. If `body` throws an Error, its code must be one of `codes`. The message must be a
+// single line unless `lines` is true.
 template <class Body>
 void refused_or_done(std::initializer_list<ExitCode> codes, Body body, bool lines = false) {
   try {

@@ -22,7 +22,8 @@ inline void require(bool holds, const char* invariant) {
   std::abort();
 }
 
-// Calls take(piece) for consecutive pieces of 0 to 63 bytes. The seed selects the split.
+// Calls take(piece) for consecutive pieces of 0 to 63 bytes. The seed determines the lengths of the
+// pieces.
 template <class Take>
 void in_pieces(ByteView bytes, std::uint32_t seed, const Take& take) {
   while (!bytes.empty()) {

@@ -14,7 +14,7 @@ using fuzz::require;
 
 namespace {
 
-// File in memory with a path that can be opened.
+// Temporary file that is kept in memory and can be opened by its path.
 class File {
  public:
   explicit File(ByteView bytes) {

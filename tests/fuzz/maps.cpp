@@ -15,7 +15,8 @@ namespace {
 
 constexpr std::uint32_t side = 4;
 
-// Returns a PNG with these filtered rows, cut or zero-padded to the image size.
+// Returns a PNG that contains the filtered rows `rows`, truncated or padded with zeros to the image
+// size.
 Bytes png_of(ByteView rows) {
   constexpr std::size_t to_data = 33, row_bytes = 2 * side + 1;
   const Bytes blank = recon::encode_png16(std::vector<std::uint16_t>(side * side), side, side);
@@ -26,7 +27,7 @@ Bytes png_of(ByteView rows) {
   Bytes out(blank.begin(), blank.begin() + to_data);
   out.insert(out.end(), {0, 0, 0, static_cast<std::uint8_t>(packed.size()), 'I', 'D', 'A', 'T'});
   out.insert(out.end(), packed.begin(), packed.end());
-  // The CRC is zero, because the checksum of the compressed rows protects the data.
+  // The CRC may be zero, because the compressed rows have a checksum of their own.
   out.insert(out.end(), 4, 0);
   out.insert(out.end(), blank.end() - 12, blank.end());
   return out;

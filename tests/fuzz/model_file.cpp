@@ -22,7 +22,8 @@ namespace {
 
 constexpr std::size_t spd_bins = 30, radar_bins_ = 24, pixels = 64 * 64;
 
-// Returns records of a plate at positions that depend on the index. Both sensors detect the plate.
+// Returns records of a flat plate. The position of the plate depends on the record index. Both
+// sensors detect the plate.
 Dataset plates(std::size_t count) {
   Dataset d;
   d.spd_axis = {"spd", "counts", "ps", spd_bins, 16000, 400, 1};
@@ -119,7 +120,7 @@ class Editor {
  private:
   std::uint8_t byte() { return in_.get<std::uint8_t>(); }
 
-  // Returns a special value such as NaN, or a random number.
+  // Returns either a special value, such as NaN, or a random number.
   double number() {
     const std::vector<double> some = {0,    -1,    1,   1e-30,    1e18, -1e18,
                                       3e38, 1e300, NAN, INFINITY, 7,    100};
@@ -166,12 +167,14 @@ class Editor {
     model_.replace(name, type, shape, bytes < (1u << 20) ? bytes : 0, byte());
   }
 
-  // Edits the first value or all values of a tensor.
+  // Changes either the first value or all values of a tensor.
   void value(const std::string& name) {
     const bool all = byte() % 2 == 0;
     const double wanted = number();
     if (!sound(name)) return;
-    const nlohmann::json& type = model_.head[name]["dtype"];  // entry() may have set any type
+    const nlohmann::json& type =
+        model_
+            .head[name]["dtype"];  // `type` may have any value, because entry() may have changed it
     const auto narrow = static_cast<float>(wanted);
     Bytes one;
     if (type == "F32")
@@ -187,7 +190,7 @@ class Editor {
       std::copy(one.begin(), one.end(), model_.values.begin() + static_cast<std::ptrdiff_t>(at));
   }
 
-  // Edits a header field of a tensor.
+  // Changes a header field of a tensor.
   void entry(const std::string& name) {
     const std::vector<const char*> keys = {"dtype", "shape", "data_offsets"};
     const std::string key = one_of(keys, byte());
@@ -202,7 +205,7 @@ class Editor {
     for (int n = 1 << byte() % 14; n > 0; --n) model_.head["z" + std::to_string(n)] = same;
   }
 
-  // Returns true if the position of the tensor can still be computed.
+  // Returns true if the header is valid enough to locate the tensor's values.
   bool sound(const std::string& name) const {
     for (const auto& [other, e] : model_.head.items()) {
       if (!e.contains("data_offsets") || e["data_offsets"].size() != 2) return false;
@@ -221,7 +224,7 @@ class Editor {
 void check_answers(const TrainedModel& model) {
   static const Dataset few = plates(3);
   Dataset data = few;
-  // Without a radar echo, the model uses its fallback.
+  // The record without a radar echo makes the model use its fallback.
   std::fill_n(data.radar.row(2).begin(), radar_bins_, 0.f);
   model.match(data);
   Rows rows;
@@ -269,8 +272,8 @@ void fuzz::run(ByteView input) {
   }
 }
 
-// Trains the models before the first input. With sanitizers, the training takes longer than the
-// time limit of an input.
+// Trains the models before the first input is processed. With sanitizers, training takes longer
+// than the time limit for a single input.
 extern "C" int LLVMFuzzerInitialize(int*, char***) {
   bases();
   return 0;

@@ -52,8 +52,8 @@ struct Session {
   }
 };
 
-// Checks that the host sent empty lines, `version` at most twice, and then the cfg in order. A
-// restart sends two lines before the cfg.
+// Checks that the host sent empty lines first, then `version` at most twice, then the cfg lines in
+// order. After a restart, the host sends two lines before the cfg.
 void check_sent(const Session& s) {
   auto at = s.sent.begin();
   const auto many = [&](const std::string& line, std::size_t most) {

@@ -33,7 +33,8 @@ void attempt(Body body) {
 }
 
 void check_record(const FusedRecord& r, const std::vector<Axis>& axes, std::size_t zones) {
-  std::size_t points[4] = {};  // numbers of points on the axes spd, radar, depth_x and depth_y
+  std::size_t points[4] =
+      {};  // number of points on each of the axes spd, radar, depth_x and depth_y
   for (const Axis& a : axes) {
     const std::string names[] = {"spd", "radar", "depth_x", "depth_y"};
     for (std::size_t i = 0; i < 4; ++i)

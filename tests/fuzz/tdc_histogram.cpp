@@ -14,7 +14,8 @@ using fuzz::require;
 
 namespace {
 
-constexpr std::uint32_t most_bins = 1u << 14;  // more bins would only take more time
+constexpr std::uint32_t most_bins =
+    1u << 14;  // a larger number of bins would only slow down the fuzzer
 
 struct Reference {
   HistogramSettings s;

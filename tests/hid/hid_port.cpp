@@ -23,7 +23,7 @@ using namespace std::chrono_literals;
 
 namespace {
 
-// Emulated CP2110 with a UART that stores the bytes sent by the host.
+// Emulated CP2110 that stores the bytes received from the host over the UART.
 class Bridge {
  public:
   explicit Bridge(const std::string& serial = "A", unsigned number = 0)
@@ -50,7 +50,7 @@ class Bridge {
   sim::HidCp2110 device;
 };
 
-// HID port that records its events.
+// HID port that stores the events and bytes reported to it.
 struct Host {
   void open(const std::string& serial = "", std::uint32_t baud = 115200) {
     opened = gone = 0;
@@ -154,7 +154,7 @@ TEST_CASE("HID reports with a wrong byte count are limited to the received bytes
   Host host;
   host.opens();
   bridge.device.raw_input(
-      Bytes{63, 1, 2, 3});  // the count exceeds the number of bytes in the report
+      Bytes{63, 1, 2, 3});  // the count exceeds the number of bytes that follow it in the report
   bridge.device.raw_input(Bytes(64, 0));
   bridge.device.raw_input(Bytes(64, 200));
   bridge.device.raw_input(Bytes{1, 9, 9, 9});
@@ -243,8 +243,8 @@ TEST_CASE("a CP2110 in use by another program is refused and can be opened later
   CHECK(second.why ==
         "hid:10c4:ea80: cannot open /dev/hidraw0 (in use by another program): Device or resource "
         "busy");
-  // The emulation notices each open() with a delay, and then empties the buffer. Three open() calls
-  // are expected: for the lock, by hidapi and by the second program.
+  // The emulation notices each open() with a delay and then empties the buffer. The three expected
+  // calls of open() are made to lock the device, by hidapi, and by the second program.
   REQUIRE(second.until([&] { return bridge.device.opened() == 3; }));
   bridge.device.receive(pattern(100));
   CHECK(first.until([&] { return first.received == pattern(100); }));
@@ -255,7 +255,7 @@ TEST_CASE("a CP2110 in use by another program is refused and can be opened later
 TEST_CASE("a missing permission is reported with a remedy when a CP2110 is opened or listed") {
   Bridge bridge;
   const std::string root = test::bed().root(), node = root + "/dev/hidraw0";
-  // Every user may access the files of the emulation, except the device node.
+  // Every user is given access to the files of the emulation, but not to the device node.
   std::filesystem::permissions(root, std::filesystem::perms(0755));
   for (const auto& entry : std::filesystem::recursive_directory_iterator(root + "/ioctl"))
     std::filesystem::permissions(entry, std::filesystem::perms(0777));
@@ -285,8 +285,8 @@ TEST_CASE("bytes lost by a slow reader of a HID port are counted") {
   constexpr std::uint64_t reports = 6000, kept = 256 << 10;
   const Bytes report(64, 63);
   for (std::uint64_t i = 0; i < reports; ++i) {
-    // Waits until the port has emptied the kernel's buffer, because this buffer must not overflow
-    // here.
+    // Waits until the port has read most of the reports, because the kernel's buffer must not
+    // overflow in this test.
     while (bridge.device.host_waiting() > 1000) std::this_thread::sleep_for(1ms);
     bridge.device.raw_input(report);
   }
