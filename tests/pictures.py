@@ -32,7 +32,8 @@ def patterns_of(source):
 
 
 def models():
-    """Returns regular expressions for the models in `echofuse-recon train --help`; "mlp[-N]" becomes mlp(-\\d+)*."""
+    """Returns regular expressions that match the models listed by `echofuse-recon train --help`. For example,
+    "mlp[-N]" becomes mlp(-\\d+)*."""
     help_text = subprocess.run([pathlib.Path(sys.argv[2]) / "echofuse-recon", "train", "--help"], capture_output=True,
                                text=True, check=True, env={"COLUMNS": "1000"}).stdout
     listed = re.search(r"--model TEXT +kind of model, one of: (.*), or auto", help_text)[1]

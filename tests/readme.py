@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""readme.py BIN FILE.md [--slow]: runs the ```sh blocks of a manual in order, in one shell.
+"""Runs the ```sh blocks of a manual in order, in a single shell: `readme.py BIN FILE.md [--slow]`.
 
-The current folder contains only scripts/ and config/, and the programs are in PATH. Blocks after
-`<!-- not run: reason -->` are skipped. Blocks after `<!-- slow -->` are skipped unless --slow is given. The first command
-that fails ends the test."""
+The current folder contains only scripts/ and config/, and the programs are in PATH. Blocks that follow
+`<!-- not run: reason -->` are skipped. Blocks that follow `<!-- slow -->` are skipped unless --slow is given. The test ends
+at the first command that fails."""
 import os
 import pathlib
 import re
@@ -22,11 +22,13 @@ assert blocks, f"{sys.argv[2]}: no commands"
 with tempfile.TemporaryDirectory(prefix="readme-") as folder:
     for name in ("scripts", "config"):
         (pathlib.Path(folder) / name).symlink_to(root / name)
-    # The shell reads the blocks from a pipe, because bash would read ahead in a file.
-    # A shell started by a command (`echofuse-sim lab -- bash`) reads the next lines of this pipe, as from a terminal.
-    # BASH_ENV makes the shells that a command starts exit at the first failure.
+    # The shell reads the blocks from a pipe, because bash would read ahead if the blocks were in a file.
+    # A shell started by a command (`echofuse-sim lab -- bash`) reads the following lines from the same pipe, as it
+    # would from a terminal.
+    # Because of BASH_ENV, shells that a command starts also exit at the first failure.
     # Exit code 5 (some bad records) is accepted, because the simulated laboratory may miss slots on a busy machine.
-    # Exit code 4 (no answer from a device) is accepted if the laboratory lacked processor time (waiting.py).
+    # Exit code 4 (a device did not answer) is accepted if the simulated laboratory did not get enough processor time
+    # (waiting.py).
     stop = pathlib.Path(folder) / ".stop"
     starved = f"/usr/bin/python3 {pathlib.Path(__file__).resolve().with_name('waiting.py')}"
     stop.write_text(f"""set -o pipefail

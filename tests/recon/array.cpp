@@ -19,7 +19,8 @@ namespace {
 const record::Antennas line = {{0, 0, 1, 0}, {1, 0, 1.3, 0.4},  {2, 0, 0.8, -1},  {3, 0, 1, 2},
                                {4, 0, 1, 0}, {5, 0, 1.1, -2.5}, {6, 0, 0.9, 0.1}, {7, 0, 1, 1}};
 
-// Returns the covariance of the antenna samples for one point scatterer at direction sines (u, v).
+// Returns the covariance of the antenna samples for a single point scatterer in the direction given
+// by the sines u and v.
 std::vector<float> point(const record::Antennas& antennas, double u, double v, float power) {
   record::ArrayStatistics sums(1, antennas.size());
   std::vector<std::complex<float>> samples;
@@ -41,7 +42,8 @@ Axis lags_of_plates() {
   return lags_axis(record::array_axis(testing::radar_axis(), line.size()), SpatialLags(line));
 }
 
-// Returns the spatial lags of a body that consists of three scatterers at direction sines near u.
+// Returns the spatial lags of an object that consists of three scatterers at direction sines near
+// u.
 std::vector<float> body_lags(double range_m, double u) {
   const Axis axis = lags_of_plates();
   std::vector<float> out;
@@ -121,7 +123,7 @@ TEST_CASE("loading converts antenna samples to spatial lags and reports records 
   CHECK(data.fault_of(2, Inputs::fused_profile).empty());
   CHECK(data.usable(Inputs::fused) == Rows{0, 1, 3});
   Dataset moved = data;
-  // The offset of 0.25 m is one range bin.
+  // The offset of 0.25 m shifts the data by one range bin.
   subtract_range_offset(moved, 0.25);
   for (std::size_t c = 60; c < 90; ++c)
     CHECK(moved.array.row(0)[c] == Approx(data.array.row(0)[c + lag_values(7)]).margin(1e-5));
@@ -238,7 +240,7 @@ TEST_CASE(
   for (const auto& [row, alone] : by)
     for (std::size_t p = 0; p < maps.cols; ++p)
       REQUIRE(maps.row(row)[p] == Approx(alone->row(0)[p]).margin(1e-4));
-  // Each estimator must have fewer inputs than the previous one.
+  // Saving must fail, because each estimator must have fewer inputs than the estimator before it.
   model.estimators[1] = std::move(load_model(dir / "model.h5").first());
   CHECK_THAT(testing::error_of([&] { save_model(model, dir / "chain.h5"); }),
              Catch::Contains("1/inputs") && Catch::Contains("fewer sensors"));

@@ -26,8 +26,8 @@ bool avx512() {
          __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
 }
 
-// Makes OpenBLAS select its kernel for unknown processors. Returns false if this OpenBLAS cannot
-// switch kernels.
+// Makes OpenBLAS use the kernel for unknown processors. Returns false if this build of OpenBLAS
+// cannot switch kernels.
 bool forget_processor() {
   if (!openblas_get_corename || !gotoblas_dynamic_quit || !gotoblas_dynamic_init) return false;
   setenv("OPENBLAS_CORETYPE", "Prescott", 1);

@@ -15,7 +15,7 @@ namespace {
 CrossvalidatedRow row(const std::string& name, double iou, double se, std::size_t multiply_adds) {
   CrossvalidatedRow out{{name, {}}, {multiply_adds, 0}, 0, {}};
   out.metrics[metric_iou] = {iou, se, 100};
-  // If the IoU is NaN, no map was scored, so the RMSE is NaN too.
+  // A NaN IoU means that no map was scored, so the RMSE is also NaN.
   if (std::isnan(iou)) out.metrics[metric_rmse_m] = {iou, iou, 0};
   return out;
 }
@@ -116,7 +116,8 @@ TEST_CASE("the standard error for a sequence of similar records is computed betw
     return out;
   };
   const double none = std::nan("");
-  // Each fold has ten records of one pose, so there are three independent values, not thirty.
+  // All ten records of a fold have the same pose, so there are three independent values rather than
+  // thirty.
   const auto held = [&](double iou) {
     return fold({iou, iou, iou, iou, iou, iou, iou, iou, iou, iou});
   };
@@ -124,8 +125,8 @@ TEST_CASE("the standard error for a sequence of similar records is computed betw
   CHECK(sequence.mean == Approx(0.5));
   CHECK(sequence.se == Approx(0.1 / std::sqrt(3)));
   CHECK(sequence.maps == 30);
-  // The folds have unequal sizes, and one fold has no value. For K = 2 folds and n = 4 values the
-  // mean is 0.4, and the residuals of the fold sums are 0.6 - 3 * 0.4 and 1 - 0.4.
+  // The folds differ in size, and one fold has no value. With K = 2 folds and n = 4 values, the
+  // mean is 0.4. The residuals of the fold sums are 0.6 - 3 * 0.4 and 1 - 0.4.
   const Summary uneven =
       summarise({fold({0.2, 0.2, 0.2}), fold({none}), fold({1.0, none})}, true)[metric_iou];
   CHECK(uneven.mean == Approx(0.4));
@@ -139,7 +140,7 @@ TEST_CASE("blocked cross-validation does not treat repeated records of one pose 
   write_run(dir / "run", 120);
   Dataset data = load({dir / "run"});
   const Rows once = rows_to_train(data, Inputs::fused).rows;
-  // Each record is repeated five times in a row.
+  // `held` contains each record five times in a row.
   Rows held;
   for (std::size_t i = 0; i < 24; ++i) held.insert(held.end(), 5, once[i]);
   TrainOptions options;
@@ -155,7 +156,7 @@ TEST_CASE("blocked cross-validation does not treat repeated records of one pose 
 TEST_CASE("train warns if a network is never better than the mean map") {
   const Folder dir;
   write_run(dir / "moving", 160);
-  // All maps are equal, so the mean map has no error.
+  // All maps of this run are equal, so the mean map predicts them without error.
   write_run(dir / "still", 160, 1, [](record::FusedRecord& r) {
     r.depth_mm.assign(r.depth_mm.size(), 0);
     std::fill_n(r.depth_mm.begin() + 1000, 1000, std::uint16_t{3000});

@@ -18,8 +18,8 @@ using namespace echofuse::testing;
 
 namespace {
 
-// Returns true if echofuse-recon has installed its handler for SIGINT (signal 2). Before exec() the
-// process still has the name and the handlers of the test.
+// Returns true if echofuse-recon has installed its handler for SIGINT (signal 2). Before exec(),
+// the process still has the name and the signal handlers of the test program.
 bool catches_interrupts(pid_t process) {
   const std::string status = contents("/proc/" + std::to_string(process) + "/status");
   if (!status.starts_with("Name:\techofuse-recon\n")) return false;
@@ -104,8 +104,8 @@ TEST_CASE("evaluate --json prints all metrics and costs") {
        {"multiply_adds", "parameters", "infer_us_median", "infer_us_p99", "train_s", "model_bytes"})
     CHECK(json["cost"][name].get<double>() > 0);
   CHECK(json["cost"]["multiply_adds"] == 54 * 32 + 32 * 16 + 16 * 4096);
-  // A new run has no training records in which to search for the nearest neighbour. Option --train
-  // supplies training records.
+  // The run "fresh" has no training records among which to search for the nearest neighbour. The
+  // option --train supplies such records.
   write_run(dir / "fresh", 20, 3);
   const std::string fresh = "evaluate --json " + (dir / "m") + " " + (dir / "fresh");
   CHECK(nlohmann::json::parse(recon_program(fresh).text)["trivial"].size() == 2);
@@ -124,7 +124,7 @@ TEST_CASE("reconstruct continues after a damaged record") {
     if (r.index == 1) r.radar[5] = std::numeric_limits<float>::quiet_NaN();
     if (r.index == 3) r.valid.erase(Sensor::spd), r.spd.clear();
     if (r.index == 4)
-      // The ground-truth map is missing, as in live use.
+      // The ground-truth map is missing, as it would be in live use.
       r.valid.erase(Sensor::depth), r.depth_mm.clear();
   });
   const Outcome o = recon_program("reconstruct " + (dir / "m") + " " + (dir / "mixed") + " --out " +
@@ -177,7 +177,8 @@ TEST_CASE("models with different sensors are compared only on records that all o
   CHECK(all["paired"][0]["metrics"]["iou"]["records"] == 45);
   const std::string table = contents(dir / "table.csv");
   CHECK(std::count(table.begin(), table.end(), '\n') == 1 + 3 * 45);
-  // `compare` computes the same differences as `evaluate`, but from the table of scores per record.
+  // `compare` must compute the same differences as `evaluate`. It reads the scores of each record
+  // from a table.
   const nlohmann::json methods =
       nlohmann::json::parse(recon_program("compare --json " + (dir / "table.csv")).text)["methods"];
   REQUIRE(methods.size() == 3);
@@ -187,8 +188,8 @@ TEST_CASE("models with different sensors are compared only on records that all o
   const nlohmann::json iou = methods[0]["metrics"]["iou"], mean = all["metrics"]["iou"]["mean"];
   CHECK(iou["mean"].get<double>() == Approx(mean.get<double>()));
   CHECK((iou["low"] < mean && mean < iou["high"]));
-  // A model that uses only the SPD can evaluate all 60 records. A model compared with itself has
-  // equal scores.
+  // A model that uses only the SPD can evaluate all 60 records. If a model is compared with itself,
+  // both scores are equal.
   CHECK(judged(dir / "spd ")["records"] == 60);
   const nlohmann::json twice = judged((dir / "fused ") + (dir / "fused "));
   CHECK(twice["rows"][0]["metrics"] == twice["rows"][1]["metrics"]);
@@ -256,8 +257,8 @@ TEST_CASE("training interrupted before the fallback model is fitted saves only t
   const Folder dir;
   write_run(dir / "run", 1000);
   const std::string model = dir / "m";
-  // The ridge fit does not respond to the interrupt, so the interrupt takes effect before the
-  // fallback is fitted.
+  // The ridge fit does not react to the interrupt, so training stops only after this fit, before
+  // the fallback is fitted.
   const pid_t child = start_recon({"train", dir / "run", "--out", model, "-q", "--model", "ridge"});
   while (!catches_interrupts(child)) ::usleep(1'000);
   CHECK(interrupted_code(child) == 130);

@@ -14,8 +14,8 @@
 
 namespace echofuse::crafted {
 
-// Returns a model file that consists of the given header and tensor values. Corrects the checksum
-// in the header if there is one.
+// Returns a model file that consists of the given header and tensor values. If the header contains
+// a checksum, the checksum is corrected.
 inline Bytes sealed(const std::string& header, ByteView values) {
   Bytes out(8 + header.size() + values.size());
   const std::uint64_t length = header.size();
@@ -33,10 +33,10 @@ inline Bytes sealed(const std::string& header, ByteView values) {
   return out;
 }
 
-// Contents of a trained model file, which tests can change.
+// Contents of a trained model file, in a form that tests can modify.
 struct Model {
-  nlohmann::json head;   // tensor entries of the header, by tensor name
-  nlohmann::json facts;  // metadata of the model, by name
+  nlohmann::json head;   // tensor entries of the header; the key is the name of the tensor
+  nlohmann::json facts;  // metadata of the model; the key is the name of the item
   Bytes values;
 
   explicit Model(ByteView file) {
@@ -74,13 +74,14 @@ struct Model {
   void set_first(const std::string& name, T value) {
     std::memcpy(values.data() + begin_of(name), &value, sizeof value);
   }
-  // Adds a header entry for a tensor that uses the bytes from `begin` to `end` of the values.
+  // Adds a header entry for a tensor. The data of the tensor are the bytes from `begin` to `end` in
+  // `values`.
   void add(const std::string& name, const std::string& type, const std::vector<std::size_t>& shape,
            std::size_t begin, std::size_t end) {
     head[name] = {{"dtype", type}, {"shape", shape}, {"data_offsets", {begin, end}}};
   }
-  // Replaces a tensor with one of another type and shape. The new data are `bytes` copies of the
-  // byte `fill` at the end of the values.
+  // Replaces a tensor with a tensor of another type and shape. The new data consist of `bytes`
+  // copies of `fill` and are appended to `values`.
   void replace(const std::string& name, const std::string& type,
                const std::vector<std::size_t>& shape, std::size_t bytes, std::uint8_t fill) {
     const std::size_t from = begin_of(name), length = end_of(name) - from;

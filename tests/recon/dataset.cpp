@@ -77,8 +77,8 @@ TEST_CASE("clicks per laser pulse are read from a record or derived from its cou
     return load({dir / name}).clicks_a_pulse.at(0);
   };
   CHECK(clicks("a", 1020, 1000, 0.02) == 0.02);
-  // Older runs do not store clicks per pulse. If their click and start counts are equal, the laser
-  // rate is unknown.
+  // Older runs do not store the number of clicks per pulse. If such a run contains equal numbers of
+  // clicks and starts, the laser rate is unknown.
   CHECK(clicks("b", 1020, 1000, std::nullopt) == 0);
   CHECK(clicks("c", 999, 1000, std::nullopt) == 0);
   CHECK(clicks("d", 400, 1000, std::nullopt) == 0.4);
@@ -195,7 +195,7 @@ TEST_CASE("a radar axis longer than the model axis is cropped, and other differe
              Catch::EndsWith(": scale is 1, expected 2"));
   CHECK_THAT(refused({"spd", "counts", "ps", 30, 16000, 500, 1}, radar_axis(40), Inputs::spd),
              Catch::Contains("spd axis"));
-  // The radar axis is not checked for a model that uses only the SPD.
+  // For a model that uses only the SPD, the radar axis is not checked.
   CHECK(refused(spd, radar_axis(50), Inputs::spd) == "no error");
 }
 
@@ -240,7 +240,8 @@ TEST_CASE("summing radar power into wider bins preserves the total power") {
     Dataset data = profile({"radar", "power", "m", 256, 0, 0.0625, 1}, power);
     rebin_radar(data, paper);
     REQUIRE(same_axis(data.radar_axis, paper));
-    // Half of the bin at 7 m (point 112) is within the range of the model.
+    // The model's range ends in the middle of the bin at 7 m (point 112), so only half of this bin
+    // counts.
     double sum = 0, expected = power[112] / 2.0;
     for (std::size_t i = 0; i < 112; ++i) expected += power[i];
     for (const float v : data.radar.row(0)) sum += v;
@@ -294,7 +295,7 @@ TEST_CASE("a model trained on binned radar power accepts runs with unbinned powe
        " --out " + model);
   done("evaluate " + model + " " + (dir / "run"));
   done("reconstruct -q " + model + " " + (dir / "run") + " --out " + (dir / "maps"));
-  // The range axis of the run ends at 5.9 m, before the last bin of the model.
+  // The range axis of this run ends at 5.9 m, in front of the model's last bin.
   write_run(dir / "near", 4);
   CHECK(echofuse::testing::recon_program("evaluate " + model + " " + (dir / "near")).code == 1);
 }
@@ -333,7 +334,8 @@ TEST_CASE("scaled inputs have zero mean and the same total variance for each sen
     CAPTURE(scaling);
     CHECK(sum[0] == Approx(27).epsilon(1e-4));
     CHECK(sum[1] == Approx(27).epsilon(1e-4));
-    // The mean of a column is rounded to float, and all 60 rows have this rounding error.
+    // The mean of each column is rounded to a float. This rounding error is the same in all 60
+    // rows.
     CHECK(std::abs(mean) < 60 * size * std::numeric_limits<float>::epsilon());
   }
 }
@@ -351,8 +353,8 @@ TEST_CASE("training, validation and test splits are disjoint, complete and of th
   std::sort(all.begin(), all.end());
   CHECK(all == rows);
   CHECK(make_split(rows, {}).test == s.test);
-  // The rows are sorted by the result of two steps of SplitMix64, seeded with the seed and the row.
-  // Other programs can reproduce this order.
+  // The rows are sorted by the result of two steps of SplitMix64, initialised with the seed and the
+  // row number. Other programs can reproduce this order.
   CHECK(drawn({0, 1, 2, 3, 4, 5, 6, 7}, 1, 0x73706c6974) == Rows{3, 1, 6, 7, 5, 2, 4, 0});
   SplitOptions other;
   other.seed = 2;

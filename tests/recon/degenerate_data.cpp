@@ -98,17 +98,16 @@ TEST_CASE(
     write_run(dir / "others", 6, 2);
     const Dataset data = load({dir / "run"}), others = load({dir / "others"});
     for (const auto& name : names) {
-      // Model selection is slow, because it trains each candidate five times.
+      // Model selection is slow, because each candidate is trained five times.
       if (name == "auto" && set.count > 3) continue;
       CAPTURE(set.name, name);
       TrainOptions o;
       o.model = name, o.scaling = set.scaling;
-      // Two models are enough to test the uncertainty, because the uncertainty is fitted by the
-      // same code for all models.
+      // Two models are enough to test the uncertainty, because all models use the same code to fit
+      // it.
       o.uncertainty = name == "ridge" || name == "factorised";
       o.fit.quiet = true, o.fit.epochs = 3;
-      // One model is enough to test the fallback, because the fallback is fitted by the same code
-      // for all models.
+      // One model is enough to test the fallback, because all models use the same code to fit it.
       o.fallback = name == "ridge";
       if (name.ends_with("mlp")) o.fit.hidden = {24};
       if (name == "auto") o.candidates = {"empty", "mean", "factorised-4", "ridge", "nearest"};
@@ -123,7 +122,7 @@ TEST_CASE(
           // model.
           if (name == "ridge") {
             const Rows seen = model.rows_of(data, Subset::train);
-            // The nearest-neighbour baseline is missing if all evaluated records are copies of
+            // The nearest-neighbour baseline is left out if all evaluated records are copies of
             // training records.
             const auto baselines = score_baselines(*judged, rows, model->scene, data, seen).size();
             CHECK((baselines == 3 || (judged == &data && baselines == 2)));
@@ -134,8 +133,8 @@ TEST_CASE(
         CHECK(error.code() == ExitCode::failed);
         CHECK_THAT(error.what(), Catch::Contains("records") || Catch::Contains("tested: the maps"));
         CHECK_THAT(error.what(), !Catch::Contains("\n"));
-        // Data sets of 40 records are large enough, so the models mean, ridge and mlp must accept
-        // them.
+        // The models mean, ridge and mlp must accept data sets of 40 records, which are large
+        // enough.
         if (set.count == 40) CHECK((name != "mean" && name != "ridge" && name != "mlp"));
       }
     }

@@ -40,7 +40,7 @@ void blur(std::vector<float>& profile) {
   for (std::size_t i = profile.size() - 1; i > 0; --i) profile[i] += profile[i - 1] / 3;
 }
 
-// Replaces the data with noise, as in an empty room with working sensors.
+// Replaces the data with noise like that measured in an empty room by working sensors.
 const Change nobody = [](record::FusedRecord& r) {
   Rng rng = make_rng(7, static_cast<std::uint64_t>(r.index));
   for (auto& v : r.spd) v = 15 + static_cast<std::uint32_t>(rng() % 10);
@@ -62,7 +62,8 @@ TEST_CASE("the domain-shift test detects changed runs and accepts unchanged runs
       alarms += own.found();
       CHECK_THAT(own.text(), Catch::StartsWith("this run matches the training data: p = "));
       CHECK(other.found());
-      // The statistic of the run exceeds those of all 4000 permutations, so p = 1 / (4000 + 1).
+      // The test statistic of the run is larger than in all 4000 permutations, so p = 1 / (4000 +
+      // 1).
       CHECK(other.p == Approx(1. / 4001));
       CHECK_THAT(other.text(),
                  Catch::StartsWith("this run differs from the training data: p < 0.001: ") &&
@@ -115,7 +116,8 @@ TEST_CASE("records are flagged as saturated or empty only if the training record
   training.clicks_a_pulse.assign(training.size(), 0.2), fresh.clicks_a_pulse = {0.2, 0.24, 0.3};
   const auto bright = reasons(training, fresh);
   CHECK(bright[0] != "saturated");
-  // 0.24 clicks per pulse are less than 25 % above the brightest training record, which has 0.2.
+  // 0.24 clicks per pulse is less than 25 % above the 0.2 clicks per pulse of the brightest
+  // training record.
   CHECK(bright[1] != "saturated");
   CHECK(bright[2] == "saturated");
   const Dataset none = plates(3, 3, nobody);
@@ -167,10 +169,10 @@ TEST_CASE("a loaded model gives the same domain-shift result as the saved model"
 }
 
 TEST_CASE("the domain-shift test derives standard errors from the variance between record blocks") {
-  // The reference consists of six blocks of ten records, and the new run of two blocks.
+  // The reference consists of six blocks of ten records. The new run consists of two such blocks.
   const std::size_t known = 60, count = 20;
   const Dataset all = plates(known + count, 50, [&](record::FusedRecord& r) {
-    // The bodies of the new run are 48 cm (8 bins of 6 cm) nearer than those of the reference.
+    // In the new run, the plates are 48 cm (8 bins of 6 cm) nearer than in the reference.
     if (r.index >= std::int64_t(known)) std::rotate(r.spd.begin(), r.spd.begin() + 8, r.spd.end());
   });
   const Rows rows = all_rows(all.size()), before(rows.begin(), rows.begin() + known),
@@ -215,8 +217,8 @@ TEST_CASE("the domain-shift test reports a radar range bias and the option that 
                                  "reflect differently than in training; if the radar is the "
                                  "cause, use --range-offset 0.2") &&
                  Catch::Contains("radar range +"));
-  // Range bias and its standard error, cm, first from the list of differences and then from the
-  // advice.
+  // Range bias and its standard error in cm. The first two values come from the list of
+  // differences, the other two from the advice.
   double cm = 0, cm_error = 0, advised_cm = 0, advised_error = 0;
   const auto at = [&](const char* name) { return shift.text().substr(shift.text().find(name)); };
   CHECK(std::sscanf(at("radar range +").c_str(), "radar range %lf +- %lf", &cm, &cm_error) == 2);
@@ -252,7 +254,7 @@ TEST_CASE("the domain-shift test raises few false alarms for small and large ref
       CHECK_FALSE(shift.found());
       below_5_percent += shift.p < 0.05;
     }
-    // Among 30 runs, p is below 5 % in more than 5 runs by chance only once in 300 tests.
+    // In a test of 30 runs, p is below 5 % in more than 5 runs by chance in only one of 300 tests.
     CHECK(below_5_percent <= 5);
   }
 }

@@ -18,7 +18,7 @@ namespace {
 
 const Axis longer{"spd", "counts", "ps", 60, 16000, 400, 1};
 
-// Wall that is added to the histogram, the range profile and the depth map.
+// Position of a wall in the histogram, the range profile and the depth map.
 struct Wall {
   std::size_t spd_bin, radar_bin;
   std::uint16_t mm;

@@ -34,7 +34,7 @@ TEST_CASE("damaged records are counted, and a run with more than 10 % damaged re
   load_part(record::RunReader(dir / "a"), 0, 20, sensors_of(Inputs::fused),
             [&](std::int64_t index, const std::string&) { bad.push_back(index); });
   CHECK(bad == std::vector<std::int64_t>{4, 19});
-  // More than 300 million clicks in a slot of 3 s exceed the limit of 100 million clicks per
+  // In a slot of 3 s, more than 300 million clicks exceed the limit of 100 million clicks per
   // second.
   write_run(dir / "c", 20, 1, [](record::FusedRecord& r) {
     r.slot_end = r.slot_start + std::chrono::seconds(3);
@@ -116,7 +116,7 @@ TEST_CASE("the rows command prints the split part of each record or the reason f
   CHECK(both[67]["run"] == dir / "b");
   REQUIRE(recon_program("train -q --model mean --seed 3 " + (dir / "a") + " --out " + (dir / "m"))
               .code == 0);
-  // The model was trained with the same split seed, 3.
+  // The model was also trained with the split seed 3, so both splits must agree.
   const nlohmann::json split = rows((dir / "a") + " --seed 3");
   const nlohmann::json own = rows((dir / "a") + " --model " + (dir / "m"));
   std::size_t held_out = 0;
@@ -129,7 +129,7 @@ TEST_CASE("the rows command prints the split part of each record or the reason f
         recon_program("-q evaluate --json " + (dir / "m ") + run).text)["records"];
   };
   CHECK(judged(dir / "a") == held_out);
-  // All records of run b are copies of records of run a, on which the model was trained.
+  // All records of run b are copies of records of run a. The model was trained on run a.
   const nlohmann::json fresh = rows((dir / "b") + " --model " + (dir / "m"));
   std::size_t test = 0;
   for (const auto& row : fresh) {
@@ -150,7 +150,7 @@ TEST_CASE("train and evaluate print the number of excluded records and the reaso
     if (r.index < 8)
       r.sync[Sensor::depth].verdict =
           "stands still: identical to the previous record in every pixel";
-    // The body is moved sideways, so that the maps are not copies.
+    // The object is moved sideways, so that these maps are not copies of other maps.
     if (r.index < 8) std::ranges::rotate(r.depth_mm, r.depth_mm.begin() + 12);
     if (r.index == 8) r.sync[Sensor::spd].verdict = "weak: 12 clicks above the background";
     if (r.index == 9) std::ranges::fill(r.spd, 0u);
@@ -203,8 +203,8 @@ TEST_CASE("copies of a record are used once in training and are excluded from ev
       recon_program(evaluate + (dir / "more")).text,
       Catch::StartsWith("10 records; ") &&
           Catch::Contains("60 of 70 records are copies of training records and are left out\n"));
-  // Run d has nearly the same records as run c. The nearest neighbour of an evaluated record must
-  // not be the copy of this record.
+  // The records of run d are nearly identical to those of run c. The nearest neighbour of an
+  // evaluated record must not be its own copy.
   write_run(dir / "d", 40, 2, [](record::FusedRecord& r) { r.radar[20] += 0.01f; });
   const auto nearest = [&](const std::string& neighbours) {
     return nlohmann::json::parse(
@@ -256,13 +256,13 @@ TEST_CASE(
     }
     if (r.index == 2 || r.index == 3)
       r.sync[Sensor::spd].verdict = r.index == 2 ? "weak: 40 clicks" : "stands still: the same";
-    // The peak of record 4 covers only three bins. Such a peak may recur by chance, so the record
-    // gets no content hash.
+    // The peak of record 4 covers only three bins. The same peak may occur again by chance, so no
+    // content hash is computed for the record.
     if (r.index == 4) {
       std::ranges::fill(r.spd, 0u);
       r.spd[7] = r.spd[9] = 4, r.spd[8] = 300;
     }
-    // Record 5 has only 99 clicks above a bright background, which are too few for a content hash.
+    // Record 5 has only 99 clicks above a bright background, which is too few for a content hash.
     if (r.index == 5) {
       std::ranges::fill(r.spd, 1000u);
       r.spd[8] += 99;
@@ -338,7 +338,7 @@ TEST_CASE("train refuses a sensor that has no data and warns about a random spli
 
 TEST_CASE("train reports repeated scenes for random and for blocked splits") {
   const Folder dir;
-  // Each scene recurs after `scenes` records, with different noise.
+  // The same scene is repeated after `scenes` records, but with different noise.
   const auto recurring = [](std::int64_t scenes) {
     return [scenes](record::FusedRecord& r) {
       Rng rng = make_rng(1, static_cast<std::uint64_t>(r.index % scenes));

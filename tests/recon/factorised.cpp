@@ -32,8 +32,8 @@ const TrainedModel& trained() {
 
 Layout plate_layout() { return {testing::spd_axis(), testing::radar_axis()}; }
 
-// Returns the inputs for one body: a peak in the histogram at range_m and in the radar profile at
-// range_m + shift_m. `offset` is a flat background of the histogram.
+// Returns the inputs for one object, which causes a peak in the histogram at range_m and a peak in
+// the radar profile at range_m + shift_m. `offset` is a constant background added to the histogram.
 std::vector<float> raw_inputs(double range_m, double shift_m, double gain = 1, double offset = 0) {
   std::vector<float> out;
   for (std::uint32_t i = 0; i < testing::spd_axis().count; ++i) {
@@ -47,7 +47,7 @@ std::vector<float> raw_inputs(double range_m, double shift_m, double gain = 1, d
   return out;
 }
 
-// Returns an alignment that was fitted to an empty record, so it contains no background.
+// Returns an alignment that contains no background, because it was fitted to an empty record.
 Alignment blank_alignment() {
   Matrix nothing(1, testing::spd_axis().count + testing::radar_axis().count);
   return {plate_layout(), nothing, {0}};
@@ -82,14 +82,14 @@ TEST_CASE("inputs aligned to the body do not depend on gain, exposure or a flat 
 TEST_CASE("a range difference between radar and histogram shifts the aligned radar profile") {
   const auto a = aligned(raw_inputs(3.3, 0.05)), b = aligned(raw_inputs(3.7, 0.25));
   const double near_m = double{a.back()}, far_m = double{b.back()};
-  // Half of the 6 cm bins are near the body, so the median overestimates the background. The
-  // tolerance of 1 cm covers the resulting error.
+  // Half of the 6 cm bins are near the object, so the median overestimates the background. The
+  // tolerance of 1 cm covers the resulting range error.
   CHECK(near_m == Approx(3.3).margin(0.01));
   CHECK(far_m == Approx(3.7).margin(0.01));
   const std::size_t bins = 35;
   const std::span<const float> profile_a = std::span(a).subspan(bins, a.size() - bins - 1);
   const std::span<const float> profile_b = std::span(b).subspan(bins, b.size() - bins - 1);
-  // The step of the aligned profile is half of a radar bin.
+  // The step of the aligned profile is half a radar bin.
   const double step_m = 0.125;
   CHECK((centroid(profile_b) - centroid(profile_a)) * step_m ==
         Approx(0.2 - (far_m - near_m - 0.4)).margin(0.002));
@@ -133,7 +133,8 @@ TEST_CASE("a body that is extracted from a depth map is redrawn at the same posi
       both += a && b, any += a || b;
       if (a && b) REQUIRE(drawn[p] == Approx(maps.row(row)[p]).margin(1e-3));
     }
-    // The body has 24 x 12 pixels. If each edge is off by half a pixel, the IoU is about 0.88.
+    // The object covers 24 x 12 pixels. If each of its edges is off by half a pixel, the IoU is
+    // about 0.88.
     CHECK(both > 0.85 * any);
   }
 }
@@ -173,7 +174,7 @@ TEST_CASE("clicks in a bin that only one training record uses do not shift the p
   const TrainedModel model = train(data, options);
   const Rows rows = all_rows(50);
   const Matrix before = model.predict(data, rows);
-  // Adds 50 clicks in front of the body, which itself has 1e5 clicks.
+  // Adds 50 clicks in front of the object, which itself causes 1e5 clicks.
   for (const std::size_t row : rows) *(around(row) - 8) = 50;
   const Matrix after = model.predict(data, rows);
   for (const std::size_t row : rows) {

@@ -43,7 +43,7 @@ TEST_CASE("a fused model uses the SPD alone for records without radar data") {
   const Rows rows = {1, 2, 3, 4};
   // The radar data of record 1 are missing.
   lost.valid[1] &= ~2u;
-  // The radar of record 3 is dead: all bins are equal.
+  // The radar fails in record 3, where all bins are equal.
   for (float& v : lost.radar.row(3)) v = 0.5f;
   for (float& v : lost.radar.row(1)) v = 0;
   REQUIRE(model.estimators.size() == 2);
@@ -120,7 +120,7 @@ TEST_CASE("reconstruct and evaluate report maps that were predicted from the SPD
   CHECK_THAT(recon_program("evaluate " + (dir / "m") + " " + (dir / "live")).text,
              Catch::Contains("4 records") && Catch::Contains("1 records: radar lost: SPD alone"));
 
-  // The radar axis of this run has no bins, as if no radar were configured.
+  // The radar axis of this run has no bins, as in a run without a configured radar.
   write_run(dir / "dark", 3, 3, lose_radar, Axis{"radar", "power", "m", 0, 0, 1, 1});
   const auto dark = recon_program("evaluate --json " + (dir / "m") + " " + (dir / "dark"));
   REQUIRE(dark.code == 0);

@@ -12,7 +12,7 @@ using namespace echofuse::testing;
 
 namespace {
 
-// Writes the axes of the map grid into a run.
+// Stores the axes of the map grid in a run file.
 void put_map(const std::string& path, const record::MapGrid& grid) {
   for (const Axis& a : grid.axes()) {
     char row[200];
@@ -37,7 +37,8 @@ TEST_CASE("depth images are resampled to the map grid of the run") {
   const Dataset data = load({dir / "run"});
   CHECK(data.map == record::MapGrid{32, 0.275});
   REQUIRE(data.depth.cols == 32 * 32);
-  // The map covers the central half of the camera's field of view: 32 x 32 of 64 x 64 pixels.
+  // The map covers the central half of the camera's field of view, which is 32 x 32 of the 64 x 64
+  // camera pixels.
   const auto r = record::RunReader(dir / "run").read(1);
   for (std::size_t row = 0; row < 32; ++row)
     for (std::size_t c = 0; c < 32; ++c)

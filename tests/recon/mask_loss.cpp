@@ -23,8 +23,8 @@ TEST_CASE("gradients of the mask loss equal central differences") {
     CAPTURE(i);
     CHECK(slopes[i] == Approx((loss(up) - loss(down)) / (2 * step)).margin(1e-7));
   }
-  // Outputs 6, 9 and 10 are the depths of the three pixels that show no body, so these depths must
-  // not affect the loss.
+  // Outputs 6, 9 and 10 are the predicted depths of the three pixels without an object. These
+  // depths must not affect the loss.
   for (const std::size_t i : {6u, 9u, 10u}) CHECK(slopes[i] == 0);
 }
 

@@ -31,8 +31,8 @@ TEST_CASE("histogram sums with four accumulators equal those of a plain loop") {
         CAPTURE(bins, from, to, negative);
         const BinSums fast = bin_sums(counts, all, from, to, negative);
         BinSums plain;
-        // The tolerance is proportional to the sum of magnitudes, because terms of both signs may
-        // cancel.
+        // The tolerance is proportional to the sum of the magnitudes, because positive and negative
+        // terms may cancel.
         double sizes = 1e-300, moments = 1e-300;
         for (std::size_t i = from; i < to; ++i) {
           const double count = double{counts[i]}, bin = static_cast<double>(i);

@@ -17,8 +17,8 @@ namespace {
 constexpr std::size_t size = 64;
 using Map = std::vector<float>;
 
-// Returns a map with a plate in columns [left, left + 10) and rows 20 to 43 in front of a
-// background.
+// Returns a map of a plate in front of a background. The plate covers columns [left, left + 10) and
+// rows 20 to 43.
 Map plate(std::size_t left, float depth_m, float background_m = 0) {
   Map out(size * size, background_m);
   for (std::size_t r = 20; r < 44; ++r)
@@ -35,7 +35,8 @@ Map average(const Map& a, const Map& b) {
   for (std::size_t p = 0; p < out.size(); ++p) out[p] = (a[p] + b[p]) / 2;
   return out;
 }
-// Adds noise like that of the maps of a regression model to the rows above the plate.
+// Adds noise to the rows above the plate. The noise resembles that in maps predicted by a
+// regression model.
 Map with_ripple(Map map) {
   for (std::size_t p = 0; p < size * 20; ++p) map[p] = 0.05f;
   return map;
@@ -65,14 +66,14 @@ TEST_CASE("the ghost score is 1 for the mirror image of a body and 0.5 for the m
   CHECK(wrong[metric_left_right] == 0);
   CHECK(wrong[metric_iou] == 0);
   CHECK(std::isnan(wrong[metric_depth_mae_m]));
-  // The lateral error is the distance between the body and its mirror image: twice the tangent of
-  // the centroid, times 3.5 m.
+  // The lateral error is the distance between the object and its mirror image. It is twice the
+  // tangent of the centroid, times 3.5 m.
   const double tangent = record::MapGrid{}.x().at(6 + 4.5);
   CHECK(wrong[metric_lateral_m] == Approx(2 * std::abs(tangent) * 3.5).epsilon(1e-9));
   const MapScores both = score(with_ripple(average(truth, ghost)), truth, room());
   CHECK(both[metric_ghost] == Approx(0.5).epsilon(1e-12));
-  // The mean of the map and its mirror image has half the depth of the body. This depth is below
-  // the foreground threshold.
+  // In the mean of the map and its mirror image, the object has half its depth, which is below the
+  // foreground threshold.
   CHECK(std::isnan(both[metric_lateral_m]));
 }
 
@@ -81,13 +82,13 @@ TEST_CASE("body position is the foreground centroid after clipping the map to va
   Map ripple = truth;
   // Negative depths are clipped to 0.
   for (std::size_t p = 40; p < 60; ++p) ripple[p] = -30;
-  // Depths of 0.4 m are not foreground.
+  // Depths of 0.4 m do not count as foreground.
   for (std::size_t p = 64 * 60; p < 64 * 64; ++p) ripple[p] = 0.4f;
   const MapScores s = score(ripple, truth, room());
   CHECK(s[metric_lateral_m] == Approx(0).margin(1e-12));
   CHECK(s[metric_ghost] == 0);
   CHECK(lateral_error(ripple, truth, room()) == s[metric_lateral_m]);
-  // A depth beyond the largest depth of the map grid is scored as that largest depth.
+  // A depth beyond the map grid's largest depth is scored as if it were that largest depth.
   SceneModel far = room();
   far.grid.far_m = 10;
   CHECK(score(plate(6, 30), truth, far)[metric_depth_mae_m] == Approx(6.5));
@@ -95,7 +96,7 @@ TEST_CASE("body position is the foreground centroid after clipping the map to va
 }
 
 TEST_CASE("ghost and left/right scores are undefined for a body near the optical axis") {
-  // The centre of the plate is at column 32.5, only 3 cm from the optical axis.
+  // The centre of the plate is at column 32.5, which is only 3 cm from the optical axis.
   const Map truth = plate(28, 3.5f);
   const MapScores s = score(mirrored(truth), truth, room());
   CHECK(std::isnan(s[metric_ghost]));
@@ -112,7 +113,7 @@ TEST_CASE("a plate predicted at the wrong position and distance has the expected
   CHECK(s[metric_rmse_m] == Approx(std::sqrt(squares / (size * size))));
   CHECK(s[metric_rmse_fg_m] == Approx(std::sqrt((3.5 * 3.5 + 0.5 * 0.5) / 2)));
   CHECK(s[metric_abs_rel] == Approx((1 + 0.5 / 3.5) / 2));
-  // The overlap counts as correct, because 3.5 / 3.0 < 1.25. The missed half of the plate counts as
+  // The plate's visible half counts as correct, because 3.5 / 3.0 < 1.25. The missed half counts as
   // wrong.
   CHECK(s[metric_delta_125] == Approx(0.5));
 }
@@ -132,7 +133,8 @@ TEST_CASE(
     CHECK(score(near, near, room())[metric_iou] == 1);
     CHECK(thresholded_map(near, room()) == near);
   }
-  // Maps of two bodies, one behind the other, and of a near body that fills the field of view.
+  // The first map shows two objects, one behind the other. The second map shows a near object that
+  // fills the field of view.
   Map two = plate(6, 1.2f);
   const Map behind = plate(30, 5.2f), all(size * size, 1.3f);
   for (std::size_t p = 0; p < two.size(); ++p) two[p] += behind[p];
@@ -150,7 +152,7 @@ TEST_CASE("pixels near the background depth are not foreground") {
   CHECK(thresholded_map(plate(10, 4.6f, 5.5f), scene) == empty);
   CHECK(std::isnan(score(empty, empty, scene)[metric_iou]));
   CHECK_FALSE(true_foreground(5.45f, 5.5f));
-  // A depth of 0 means no return, so the surface is unknown.
+  // A depth of 0 means that no light returned, so it is unknown whether there is a surface.
   CHECK_FALSE(true_foreground(0, 5.5f));
 }
 
@@ -167,8 +169,8 @@ TEST_CASE("foreground depth and background are learnt from the training maps") {
   CHECK(scene.background == Map(size * size, 5.0f));
   CHECK(scene.foreground_depth_m == Approx(3.2f));
   CHECK(scene.mean_map[30 * size + 2] == Approx((3.2 + 5 + 5) / 3));
-  // A pixel has a background depth if fewer than 20 % of the maps have no return there. Pixel 0 has
-  // 19 %, pixel 1 has 20 %.
+  // A pixel has a background depth if fewer than 20 % of the maps lack a depth at that pixel. The
+  // fraction is 19 % for pixel 0 and 20 % for pixel 1.
   Matrix holes(0, size * size);
   Rows rows;
   for (std::size_t i = 0; i < 100; ++i) {
@@ -184,7 +186,8 @@ TEST_CASE("foreground depth and background are learnt from the training maps") {
 
 TEST_CASE("foreground scores are undefined if a moving surface replaces the background") {
   Rng rng = make_rng(3, 3);
-  // The distance of the wall is random between `nearest` and 3 m, but 2.9 m in a third of the maps.
+  // In a third of the maps, the wall is at 2.9 m. In the other maps, its distance is random between
+  // `nearest` and 3 m.
   for (const float nearest : {0.5f, 1.8f}) {
     Matrix walls(0, size * size);
     std::uniform_real_distribution<float> z(nearest, 3);
@@ -200,7 +203,7 @@ TEST_CASE("foreground scores are undefined if a moving surface replaces the back
     CHECK(s[metric_ssim] == s[metric_ssim_hard]);
     CHECK(thresholded_map(off, scene) == off);
   }
-  // Maps of a swinging door leaf that covers the left half of the field of view.
+  // The maps show a swinging door leaf that covers the left half of the field of view.
   Matrix leaf(0, size * size);
   for (int i = 0; i < 60; ++i) {
     Map map(size * size, 4.f);
@@ -244,8 +247,8 @@ TEST_CASE("the foreground probability is blurred at body edges by the position u
     CHECK(share(0, middle + static_cast<std::size_t>(k)) ==
           Approx(normal((k + 0.5) / 4)).margin(0.01));
   }
-  // The pixel centre is half a pixel inside the edge, which is one standard deviation. The
-  // tolerance covers the sampling of the edge by pixels.
+  // The blur has a standard deviation of half a pixel. The pixel's centre is half a pixel inside
+  // the edge. The tolerance covers the sampling of the edge by pixels.
   CHECK(share(1, middle) == Approx(normal(1)).margin(0.06));
   CHECK(share(2, middle) == 1);
 }

@@ -21,8 +21,8 @@ const std::vector<std::string> kinds = {"factorised-4", "mean-shape",  "ridge",
                                         "mlp-12-10",    "pca-mlp-6-5", "mlp-mask-8",
                                         "nearest-3",    "empty",       "mean"};
 
-// Returns a folder with a model file of each kind. Only factorised-4 has an uncertainty. Only the
-// MLP has a second estimator, which uses the SPD alone.
+// Returns a folder that contains a model file of each kind. Only the factorised-4 model has an
+// uncertainty. Only the MLP has a second estimator, which uses only the SPD.
 const Folder& models() {
   static const Folder dir;
   static const bool made = [] {
@@ -47,8 +47,8 @@ const Folder& models() {
   return dir;
 }
 
-// Loads a model file and returns the error message, which must be one line. If the file loads, the
-// model must predict maps, and the returned string is empty.
+// Loads a model file and returns the error message, which must be a single line. If the file can be
+// loaded, the model must predict maps, and an empty string is returned.
 std::string fault_of(ByteView file) {
   static const Dataset few = load({models() / "few"});
   try {
@@ -77,8 +77,8 @@ struct Hostile {
   Spoil change;
 };
 
-// Adds a tensor that consists of the bytes [from, to), counted from the end of the values, and
-// appends `more` bytes to the values.
+// Adds a tensor that consists of the bytes [from, to). Both positions are relative to the old end
+// of the values. Also appends `more` bytes to the values.
 Spoil beside(const std::string& type, std::size_t from, std::size_t to, std::size_t more) {
   return [=](crafted::Model& m) {
     const std::size_t end = m.values.size();
@@ -239,7 +239,7 @@ const std::vector<Spoilt> spoilt_files = {
      }},
 };
 
-// Testing all kinds takes a minute, so only scripts/test_slow does it.
+// Testing all kinds of models takes a minute, so it is done only by scripts/test_slow.
 std::vector<std::string> kinds_tried() {
   if (std::getenv("ECHOFUSE_LONG")) return kinds;
   return {"factorised-4"};
@@ -266,8 +266,7 @@ TEST_CASE("loading and saving a model again gives an identical file and identica
     std::filesystem::remove(dir / "twice");
     save_model(again, dir / "twice");
     CHECK(read_file(dir / "twice") == read_file(dir / kind));
-    // The training log may differ from the original, because it is information for the user and is
-    // not loaded.
+    // The training log may differ from the original. It only informs the user and is not loaded.
     crafted::Model first(whole), second(read_file(dir / kind));
     for (crafted::Model* m : {&first, &second})
       for (const std::string& name : m->names_of_facts())
@@ -328,7 +327,7 @@ TEST_CASE("a flipped byte in a model file is detected") {
   std::mt19937_64 random(3);
   for (int i = 0; i < 300; ++i) {
     Bytes file = whole;
-    // A third of the changed bytes are in the header.
+    // In a third of the trials, the changed byte is in the header.
     const std::size_t at = random() % (i % 3 == 0 ? 8 + length : file.size());
     file[at] = static_cast<std::uint8_t>(file[at] ^ (1 + random() % 255));
     CAPTURE(at);
@@ -361,11 +360,11 @@ TEST_CASE("a model file with an array of the wrong type or shape is refused") {
                    m.replace(name, type, {1, 1, 1}, bytes == 0 ? 0 : 4, 0);
                  }),
                  Catch::Contains(name));
-      // Every byte is 0xff, which is NaN in floating-point types.
+      // All bytes are set to 0xff, which gives NaN in floating-point types.
       const std::string fault = after([&](auto& m) { m.replace(name, type, shape, bytes, 0xff); });
       if (type[0] == 'F' && bytes > 0) CHECK_THAT(fault, Catch::Contains(name));
-      // Each dimension is increased by one, decreased by one, or set to zero. Either the file is
-      // rejected, or the model predicts maps.
+      // Each dimension is increased by one, decreased by one, or set to zero. The file must then be
+      // rejected, or the model must predict maps.
       for (const std::size_t by : {std::size_t{1}, ~std::size_t{0}, std::size_t{0}}) {
         std::vector<std::size_t> other = shape;
         std::size_t count = type == "F64" || type == "I64" ? 8 : type == "U8" ? 1 : 4;

@@ -33,7 +33,7 @@ TrainOptions quick(const std::string& model) {
   return options;
 }
 
-// Returns a run of plates, which is loaded once for all test cases.
+// Returns a data set of plates. It is loaded only once and shared by all test cases.
 const Dataset& plates() {
   static const Dataset data = testing::load_plates(600);
   return data;
@@ -74,7 +74,7 @@ TEST_CASE("ridge regression equals a dense linear solve with the chosen penalty"
       worst = std::max(
           worst, std::abs(double{found.row(i)[p]} -
                           expected(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(p))));
-  // The limit is about 40 times the rounding error of single precision for map values of up to 8.
+  // For map values of up to 8, the limit is about 40 times the rounding error of single precision.
   CHECK(worst < 1e-5);
 }
 
@@ -155,9 +155,9 @@ TEST_CASE(
   CHECK(fused[metric_left_right].mean > 0.95);
   CHECK(fused[metric_ghost].mean < spd[metric_ghost].mean / 4);
   CHECK(fused[metric_iou].mean > spd[metric_iou].mean + 0.3);
-  // With SPD data alone, most maps have no foreground. In the other maps the body is on the correct
-  // side in half of the cases (within 4 standard deviations), because the ghost is nearly as strong
-  // as the body.
+  // If only SPD data are used, most maps have no foreground. In the other maps, the object is on
+  // the correct side in half of the cases (within 4 standard deviations), because the ghost is
+  // nearly as strong as the object.
   if (const double n = static_cast<double>(spd[metric_left_right].maps); n > 0)
     CHECK(std::abs(spd[metric_left_right].mean - 0.5) < 4 * 0.5 / std::sqrt(n));
   CHECK(spd[metric_lateral_m].maps < fused[metric_lateral_m].maps / 2);
@@ -193,7 +193,8 @@ TEST_CASE(
     r.index = index;
   });
   Dataset data = load({dir / "same"});
-  // If the content hashes were kept, the identical records would be excluded as copies.
+  // The content hashes are deleted, because identical records would otherwise be excluded as
+  // copies.
   data.content.clear();
   for (const auto& name : model_names()) {
     CAPTURE(name);
@@ -219,8 +220,8 @@ TEST_CASE("evaluation scores the model and three baseline methods on the held-ou
   CHECK(baselines[0].metrics[metric_iou].mean == 0);
   CHECK(baselines[2].metrics[metric_iou].mean > 0.3);
   const Folder dir;
-  // Each pair of records has a plate and its mirror image. Therefore the ghost of one body is at
-  // the position of the other body.
+  // Each pair of records shows a plate and the mirror image of the plate. The ghost of one plate is
+  // therefore at the position of the other plate.
   write_run(dir / "pairs", 60, 5, [](record::FusedRecord& r) {
     Rng rng = make_rng(5, static_cast<std::uint64_t>(r.index / 2));
     std::uniform_real_distribution<double> any_x(-1, 1), any_z(3, 4);

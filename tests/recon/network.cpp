@@ -29,7 +29,7 @@ struct Problem {
     inputs = normal(batch * 7, rng);
     targets = normal(batch * 6, rng);
   }
-  // Returns half the sum of squared errors.
+  // Returns half of the sum of the squared errors.
   double loss(const std::vector<double>& p) const {
     Activations<double> a;
     forward(network, p, inputs.data(), batch, a);
@@ -49,8 +49,8 @@ TEST_CASE("the network gradient equals central differences for every parameter")
   std::vector<double> gradient;
   backward(q.network, q.parameters, q.inputs.data(), q.batch, a, gradient);
   REQUIRE(gradient.size() == q.network.parameters);
-  // The loss is quadratic in each parameter as long as no rectifier changes its state. Central
-  // differences are then exact except for rounding errors of about 1e-16 * loss / step.
+  // The loss is quadratic in each parameter as long as no ReLU switches. Central differences are
+  // then exact, except for rounding errors of about 1e-16 * loss / step.
   constexpr double step = 1e-5;
   const double rounding = 1e-15 * q.loss(q.parameters) / step;
   for (std::size_t i = 0; i < gradient.size(); ++i) {
@@ -62,7 +62,7 @@ TEST_CASE("the network gradient equals central differences for every parameter")
   }
 }
 
-// Products with one row and with several rows use different code.
+// Products with a single row use different code than products with several rows.
 TEST_CASE("matrix products equal plain sums with and without transposition") {
   const std::size_t m = GENERATE(1, 5), n = GENERATE(1, 7), k = 4;
   const auto ta = GENERATE(Transpose::no, Transpose::yes);
