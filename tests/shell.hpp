@@ -14,7 +14,7 @@ namespace echofuse::test {
 
 struct Outcome {
   int code = -1;
-  std::string text;  // stdout and stderr together
+  std::string text;  // combined output of stdout and stderr
 };
 
 inline Outcome shell(const std::string& command) {

@@ -81,7 +81,7 @@ TEST_CASE("matrix products equal plain sums with and without transposition") {
     }
 }
 
-// Covers matrix sizes that occur when a model computes parts of one map.
+// The matrix sizes include those that occur when a model computes parts of a map.
 TEST_CASE("products of a row vector and a matrix equal plain sums for any matrix size") {
   const std::size_t n = GENERATE(1, 2, 7, 48), k = GENERATE(1, 3, 4, 7, 61);
   const float beta = GENERATE(0.f, 1.f, -2.f);

@@ -44,7 +44,7 @@ std::vector<T> values_of(const TensorFile& file, const std::string& name) {
   return {values.begin(), values.end()};
 }
 
-// Returns all weights and biases of a model file.
+// Returns all weights and biases stored in a model file.
 std::vector<float> weights_of(const std::string& path) {
   const TensorFile file = opened(path);
   std::vector<float> out;
@@ -58,7 +58,8 @@ std::vector<float> weights_of(const std::string& path) {
   return out;
 }
 
-// Returns the mean IoU of the held-out records. Fails if a weight or a pixel is not finite.
+// Trains a model and returns the mean IoU of the held-out records. Fails if a weight or a pixel is
+// not finite.
 double iou_of(const TrainOptions& options) {
   const Folder dir;
   const TrainedModel model = train(plates(), options);
@@ -73,7 +74,7 @@ double iou_of(const TrainOptions& options) {
       .mean;
 }
 
-// Network of a model file (class Regression), evaluated in double precision.
+// Evaluates the network stored in a model file (class Regression) in double precision.
 struct DoubleRegression {
   Network network;
   std::vector<double> parameters, centre, spread;
@@ -121,7 +122,7 @@ double farthest(const Matrix& a, const Eigen::MatrixXd& b) {
   return (in_double(a) - b).cwiseAbs().maxCoeff();
 }
 
-// Returns mean + amounts * basis, with mean and basis read from the model file.
+// Returns mean + amounts * basis. The mean and the basis are read from the model file.
 Eigen::MatrixXd composed(TensorFile& file, const std::string& group,
                          const Eigen::MatrixXd& amounts) {
   Components c;
@@ -211,8 +212,8 @@ TEST_CASE("predicted maps in single and double precision agree to 0.1 mm") {
   }
 }
 
-// Compares the networks of the factorised model for position and shape. Predicted maps are not
-// compared, because rounding may move a pixel across the mask threshold.
+// Compares the outputs of the factorised model's position and shape networks. Predicted maps are
+// not compared, because rounding may move a pixel across the mask threshold.
 TEST_CASE("predicted body position and shape agree in single and double precision") {
   const Folder dir;
   TrainOptions o = options_for("factorised", 3, 1);
@@ -285,8 +286,9 @@ TEST_CASE("ridge regression equals the SVD solution for collinear inputs") {
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(random(rows, cols), Eigen::ComputeThinU);
     return svd.matrixU();
   };
-  // The inputs have condition numbers from 1e4 to 1e14 (single precision resolves 1e7), or rank 5
-  // of 12 (condition 0). There are more or fewer records than inputs, with or without noise.
+  // The condition number of the inputs ranges from 1e4 to 1e14, although single precision resolves
+  // only 1e7. If `condition` is 0, the inputs have rank 5 of 12. Tests more and fewer records than
+  // inputs, and maps with and without noise.
   for (const double condition : {1e4, 1e8, 1e14, 0.0})
     for (const Eigen::Index records : {n, d / 2})
       for (const double noise : {0.0, 0.1}) {
@@ -321,7 +323,8 @@ TEST_CASE("ridge regression equals the SVD solution for collinear inputs") {
         const Eigen::MatrixXd w = svd.matrixV() * shrink.asDiagonal() * svd.matrixU().transpose() *
                                   (y.cast<double>().rowwise() - level);
         const double scale = y.cwiseAbs().maxCoeff();
-        // The predictions are compared for training records and for other records.
+        // The predictions are compared for the training records and for records that were not used
+        // in training.
         Matrix others = inputs;
         for (float& v : others.values) v += static_cast<float>(normal(rng));
         for (const Matrix& asked : {inputs, others}) {

@@ -68,7 +68,7 @@ TEST_CASE("reconstruct overwrites the maps of another run only with --force") {
   CHECK_THAT(contents(dir / "maps/run.txt"), Catch::Contains(dir / "run"));
   refuses(maps("other"), "maps: contains maps of another run, " + (dir / "run"));
   CHECK(contents(dir / "maps/000000_mm.png") == first);
-  // Maps of the same run may be overwritten.
+  // Overwriting the maps of the same run is allowed.
   CHECK(recon_program(maps("run")).code == 0);
   CHECK(recon_program(maps("other", " --force")).code == 0);
   CHECK(contents(dir / "maps/000000_mm.png") != first);
@@ -111,7 +111,7 @@ TEST_CASE("reconstruct leaves no partial picture on a full disk and follows no s
     return files;
   };
   {
-    // The limit leaves enough space for the header of the table, but not for an image.
+    // The limit leaves enough space for the table's header, but not for an image.
     const test::FullDisk disk(400);
     const Outcome o = recon_program(command + " --force");
     CAPTURE(o.text);
@@ -119,7 +119,7 @@ TEST_CASE("reconstruct leaves no partial picture on a full disk and follows no s
     CHECK_THAT(o.text, Catch::Contains("000000.png: cannot be written: File too large"));
   }
   CHECK(contents(dir / "victim") == "precious");
-  // The folder contains records.csv, run.txt and camera.json.
+  // The files left in the folder are records.csv, run.txt and camera.json.
   CHECK(left() == 3);
   const Outcome o = recon_program(command);
   CAPTURE(o.text);

@@ -19,8 +19,8 @@ constexpr std::size_t bins = 60;
 constexpr int pulses = 4000;
 constexpr double window_s = 1e-12 * period_ps * pulses;
 
-// Returns the photons per pulse in each bin: a constant background and a peak in bins 30 to 35.
-// `all` is the sum over the bins.
+// Returns the mean number of photons per pulse in each bin. The distribution has a constant
+// background and a peak in bins 30 to 35. `all` is the sum over the bins.
 std::vector<double> photons_a_pulse(double all) {
   std::vector<double> out(bins, 0.3 / bins);
   for (std::size_t i = 30; i < 36; ++i) out[i] += 0.7 / 6;
@@ -28,7 +28,8 @@ std::vector<double> photons_a_pulse(double all) {
   return out;
 }
 
-// Simulates a detector with dead time photon by photon, and returns its counts.
+// Simulates each photon that reaches a detector with a dead time, and returns the detector's
+// counts.
 std::vector<float> detected(const std::vector<double>& q, double dead_ps, Rng& rng) {
   std::vector<float> out(bins);
   double ready_ps = 0;

@@ -46,7 +46,7 @@ int paeth(int a, int b, int c) {
   return pb <= pc ? b : c;
 }
 
-// Filters the rows. Row y has filter (first + y) % 5, but if `first` is 5, all rows have the
+// Filters the rows. Row y uses the filter (first + y) % 5. If `first` is 5, all rows use the
 // invalid filter 5.
 Bytes filtered(const std::vector<std::uint16_t>& pixels, int first) {
   Bytes out, above(row_bytes), row(row_bytes);
@@ -74,7 +74,8 @@ Bytes packed(const Bytes& bytes) {
   return out;
 }
 
-// Returns a PNG file of filtered rows. The compressed rows are split into `parts` chunks.
+// Returns a PNG file that contains the filtered rows. The compressed data are split into `parts`
+// chunks.
 Bytes png_of(const Bytes& rows, std::size_t parts) {
   const Bytes data = packed(rows);
   Bytes out = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'}, head;
@@ -118,7 +119,7 @@ TEST_CASE("a PNG with an extra or a missing byte is refused") {
 TEST_CASE("the PNG decoder does not allocate more memory than the compressed data can fill") {
   CHECK(record::inflated(Bytes(100), std::numeric_limits<std::size_t>::max()).empty());
   const Bytes flat(1 << 20);
-  // The decoder must accept data that are compressed a thousandfold.
+  // The decoder must accept data that have been compressed by a factor of a thousand.
   CHECK(record::inflated(packed(flat), flat.size()) == flat);
 }
 

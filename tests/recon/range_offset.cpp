@@ -47,7 +47,7 @@ TEST_CASE("the calibration offset and --range-offset are applied in one interpol
     CHECK(std::ranges::equal(calibrated.radar.row(row), moved(0.06, row)));
     CHECK(std::ranges::equal(recorded.radar.row(row), moved(0.06 + 0.05, row)));
   }
-  // An offset of 0 must not change the profile.
+  // Subtracting an offset of 0 must not change the profile.
   subtract_range_offset(recorded, 0);
   CHECK(std::ranges::equal(recorded.radar.row(1), moved(0.06 + 0.05, 1)));
 }

@@ -33,7 +33,7 @@ std::vector<float> points_of(const std::string& ply) {
              Catch::Contains("element vertex " + std::to_string(raw.size() / 15) + "\nproperty"));
   CHECK_THAT(ply, Catch::Contains("x right, y down, z away"));
   CHECK(raw.size() % 15 == 0);
-  Bytes places;  // bytes of the coordinates, without the colours
+  Bytes places;  // bytes of the point coordinates only, not of the colours
   for (std::size_t i = 0; i < raw.size(); ++i)
     if (i % 15 < 12) places.push_back(raw[i]);
   return to_values<float>(places);
@@ -227,7 +227,7 @@ TEST_CASE("the written point cloud, array and picture contain the same depth map
   // The plate covers about 240 pixels, each with three coordinates.
   REQUIRE(points.size() > 3 * 50);
   REQUIRE(points.size() < 3 * 800);
-  // Projects each point into the depth image with the pinhole camera model of OpenCV and Open3D.
+  // Uses the pinhole camera model of OpenCV and Open3D to project each point into the depth image.
   const auto pinhole = nlohmann::json::parse(contents(dir / "o/camera.json"));
   const double fx = pinhole["fx"], fy = pinhole["fy"], cx = pinhole["cx"], cy = pinhole["cy"];
   std::size_t strangers = 0;
@@ -309,7 +309,7 @@ TEST_CASE("reconstruct --follow processes a live run until it is closed") {
     r.slot_end = system_clock.now();
     return r;
   };
-  // Record 0 is written before the run contains radar data or a radar axis.
+  // When record 0 is written, the run contains neither radar data nor a radar axis.
   auto first = record(0);
   first.valid.erase(Sensor::radar), first.radar.clear();
   run.append(first);
@@ -336,7 +336,7 @@ TEST_CASE("reconstruct --follow processes a live run until it is closed") {
   int status = 0;
   REQUIRE(waitpid(child, &status, 0) == child);
   REQUIRE(WIFEXITED(status));
-  // Exit code 5 means that a record was excluded, in this test record 0.
+  // Exit code 5 means that at least one record was excluded, which in this test is record 0.
   CHECK(WEXITSTATUS(status) == 5);
   const std::string text = contents(log);
   CHECK_THAT(text, Catch::Contains("record 0: lacks radar, which the model needs") &&

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/recon/report_page.py BIN_DIR: opens report pages in Chromium, light and dark, wide and narrow, and as printed. Checks
-that nothing overflows, overlaps or stays empty, and that the page contacts no server. Maps and charts must show the
-values under the pointer, and untrusted text must be shown but not executed. Exits with 77 if Chromium is missing."""
+"""Opens report pages in Chromium: light and dark, wide and narrow, and as printed. Called as
+`tests/recon/report_page.py BIN_DIR`. Checks that nothing overflows, overlaps or stays empty, and that the page
+contacts no server. Maps and charts must show the values under the pointer. Untrusted text must be shown but not
+executed. Exits with code 77 if Chromium is not installed."""
 import pathlib
 import sqlite3
 import subprocess
@@ -26,10 +27,10 @@ def check(name, holds):
         faults.append(name)
 
 
-# Returns elements beyond the right edge of the page, except elements in scrolling boxes.
+# Returns the elements that extend beyond the right edge of the page, except those in scrolling boxes.
 OUTSIDE = """return [...document.querySelectorAll('main *, header *')].filter(e =>
   e.getBoundingClientRect().right > innerWidth + 1 && !e.closest('.scroll')).map(e => e.outerHTML.slice(0, 80))"""
-# Returns tables that scroll but have no fixed first column or no gradient at the edge.
+# Returns the tables that scroll but do not have both a fixed first column and a gradient at the edge.
 SCROLLED = """return [...document.querySelectorAll('.scroll')].filter(s => s.scrollWidth > s.clientWidth + 1 && !(
   getComputedStyle(s.querySelector('tbody th')).position == 'sticky' && getComputedStyle(s).backgroundImage.includes('gradient')))
   .map(s => s.textContent.slice(0, 60))"""
@@ -44,12 +45,12 @@ return out"""
 NAMES_OUT = """return [...document.querySelectorAll('.named')].filter(n => {
   const a = n.getBoundingClientRect(), b = n.parentElement.getBoundingClientRect();
   return a.left < b.left - 1 || a.right > b.right + 1 || a.top < b.top - 1 || a.bottom > b.bottom + 1; }).map(n => n.textContent)"""
-# Returns canvases that look empty because they have fewer than 8 colours.
+# Returns the canvases with fewer than 8 colours, which are considered empty.
 EMPTY = """return [...document.querySelectorAll('main canvas:not(#cloud)')].filter(c => c.checkVisibility() && c.width).filter(c => {
   const p = c.getContext('2d').getImageData(0, 0, c.width, c.height).data, seen = new Set();
   for (let i = 0; i < p.length; i += 4) seen.add(p[i] << 16 | p[i + 1] << 8 | p[i + 2]);
   return seen.size < 8; }).map(c => c.id || c.parentElement.className)"""
-# Returns the values under the pointer that the maps of the first figure show.
+# Returns the values that the maps of the first figure show for the pixel under the pointer.
 READOUTS = "return [...document.querySelector('.maps').querySelectorAll('.pixel')].map(p => p.textContent)"
 DRAWN = """const gl = document.getElementById('cloud').getContext('webgl'); if (!gl) return -1;
 const p = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
@@ -57,23 +58,23 @@ gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.U
 return p.filter((v, i) => i % 4 == 3 && v > 0).length"""
 
 
-# Counts legends that show values while the pointer is elsewhere.
+# Counts the legends that show values although the pointer is not over their chart.
 LEGENDS = """return [...document.querySelectorAll('.u-live .u-value')].filter(v => getComputedStyle(v).visibility === 'visible').length"""
-# Returns true if the canvas clips the floor below the point cloud.
+# Returns true if the floor below the point cloud is cut off at an edge of the canvas.
 FLOOR = """const c = document.getElementById('cloud'), gl = c.getContext('webgl'), wide = gl.drawingBufferWidth, high = gl.drawingBufferHeight;
 const row = (x, y, w, h) => { const p = new Uint8Array(4 * w * h); gl.readPixels(x, y, w, h, gl.RGBA, gl.UNSIGNED_BYTE, p); return p.some((v, i) => i % 4 === 3 && v > 0); };
 return row(0, 0, wide, 1) || row(0, 0, 1, high) || row(wide - 1, 0, 1, high)"""
-# Returns chapters of the printed page that contain only a heading.
+# Returns the chapters of the printed page that contain nothing but a heading.
 EMPTY_CHAPTERS = """return [...document.querySelectorAll('section')].filter(s => s.checkVisibility() && ![...s.children].some(c =>
   c.tagName !== 'H2' && c.checkVisibility() && !(c.tagName === 'DETAILS' && !c.open))).map(s => s.ariaLabel)"""
-# Returns by how many pixels the first table is wider than its box.
+# Returns the number of pixels by which the first table is wider than its box.
 BEYOND = "const s = document.querySelector('main .scroll'); return s ? s.scrollWidth - s.clientWidth : 0"
 DEAD_LINKS = """return [...document.querySelectorAll('a[href^="#"]')].filter(a => !document.getElementById(a.hash.slice(1))).map(a => a.hash)"""
 UNNAMED = """return [...document.querySelectorAll('.chart, .strip, main canvas[id]')].filter(at => !at.closest('[aria-label]')).map(at => at.id)"""
 
 
 def look(browser, page):
-    """Checks the layout of a page with a light and a dark theme, in a wide and a narrow window, and in print."""
+    """Checks the layout of a page in the light and dark themes, in a wide and a narrow window, and in print."""
     for width in (1280, 390):
         for scheme in ("light", "dark"):
             chromium.resize(browser, width, 900)
@@ -139,7 +140,8 @@ with tempfile.TemporaryDirectory() as folder:
         check("no record's number is a link", browser.execute_script("return document.querySelectorAll('td a[href^=\"#record-\"]').length > 0"))
         labels = browser.execute_script("return document.getElementById('labels').parentElement.textContent")
         check(f"untrusted label is shown as {labels}", "<!--<script>" in labels)
-        # Pointing at one map shows the values of all maps. Dragging zooms all maps; a double click resets the zoom.
+        # Pointing at one map shows the values of all maps. Dragging zooms all maps, and a double click resets the
+        # zoom.
         maps = browser.find_elements("css selector", ".maps")[0].find_elements("css selector", "canvas")
         browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", maps[0])
         quiet = browser.execute_script(READOUTS)
@@ -159,7 +161,7 @@ with tempfile.TemporaryDirectory() as folder:
         ActionChains(browser).move_to_element(plot).perform()
         values = browser.execute_script("return [...document.querySelector('.charts .u-legend').querySelectorAll('.u-value')].map(v => v.textContent)")
         check(f"readout of a chart: {values}", len(values) >= 2 and all(v not in ("", "--", "\N{EN DASH}") for v in values))
-        # The printed page uses the light theme. After printing, the previous theme returns.
+        # The printed page uses the light theme. After printing, the page switches back to the previous theme.
         browser.find_element("id", "theme").click()
         looks = []
         for event in ("", "beforeprint", "afterprint"):

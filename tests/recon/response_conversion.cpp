@@ -10,8 +10,8 @@ using namespace echofuse::recon;
 
 namespace {
 
-// Returns the response to a sweep with the window 1 + a cos(2 pi t) + b cos(4 pi t). The range
-// resolution is 0.5 m.
+// Returns the radar response that results from applying the window 1 + a cos(2 pi t) + b cos(4 pi
+// t) to the sweep. The range resolution is 0.5 m.
 record::RadarResponse windowed(double a, double b) {
   const auto sinc = [](double u) {
     return std::abs(u) < 1e-9 ? 1.0 : std::sin(std::numbers::pi * u) / (std::numbers::pi * u);
@@ -25,8 +25,8 @@ record::RadarResponse windowed(double a, double b) {
 const record::RadarResponse sinc = windowed(0, 0), hann = windowed(1, 0),
                             blackman = windowed(0.5 / 0.42, 0.08 / 0.42);
 
-// Returns the range profile of two point scatterers for a radar response. The first scatterer is at
-// 2.1 m. The second scatterer is at 2.6 m and has half the power.
+// Returns the range profile of two point scatterers measured with a given radar response. The first
+// scatterer is at 2.1 m. The second scatterer is at 2.6 m and has half the power.
 std::vector<float> profile(const record::RadarResponse& response) {
   std::vector<float> out;
   for (int i = 0; i < 29; ++i)
@@ -59,7 +59,7 @@ TEST_CASE("a range profile is converted from a narrow to a wide radar response")
     Dataset data = run_of(own, profile(own));
     bring_to_response(data, wanted);
     CHECK(greatest_difference(data.radar.row(0), profile(wanted)) < 0.02);
-    // The profile of a dead sensor stays zero.
+    // The profile of a sensor that receives nothing must remain zero.
     CHECK(greatest_difference(data.radar.row(1), std::vector<float>(29)) == 0);
     CHECK(data.sources[0].radar_response == wanted);
     Dataset again = data;
@@ -69,8 +69,8 @@ TEST_CASE("a range profile is converted from a narrow to a wide radar response")
 }
 
 TEST_CASE("antenna lags are converted to another radar response like the range profile") {
-  // Spatial correlations of the antennas at lags 0, 1 and 2, relative to the power: one real value
-  // and two complex values.
+  // Spatial correlations of the antennas at lags 0, 1 and 2, relative to the power. Lag 0 has one
+  // real value, and the other lags have complex values.
   const std::vector<float> factors{1, 0.5f, -0.3f, 0.2f, 0.7f};
   const auto lags = [&](const record::RadarResponse& response) {
     std::vector<float> out;

@@ -19,7 +19,7 @@ Alignment blank_alignment(const Axis& radar) {
   return {layout, Matrix(1, layout.inputs()), {0}};
 }
 
-// Returns the inputs of a record with one body at a given SPD range and radar range.
+// Returns the inputs for a record of one object, given its SPD range and its radar range.
 std::vector<float> raw_inputs(double range_m, double radar_range_m, const Axis& radar,
                               double radar_width_m) {
   std::vector<float> out;
@@ -36,7 +36,8 @@ double radar_range_m(const Place& place, double range_m) {
   return std::sqrt(range_m * range_m + baseline_m * baseline_m + 2 * baseline_m * range_m * sine);
 }
 
-// Records of a body at a range of 3.5 m and at different angles across the field of view.
+// Records of an object at a range of 3.5 m. The angle of the object varies across the field of
+// view.
 struct Bodies {
   Alignment alignment = blank_alignment(testing::radar_axis());
   Matrix inputs, radar, array;

@@ -86,8 +86,8 @@ TEST_CASE("the confidence interval widens with fewer records and is undefined be
   for (const std::size_t records : {5u, 9u, 10u, 11u, 40u}) {
     const PairedDifference d = differences(records);
     CAPTURE(records, d.low, d.high);
-    // With a standard deviation of 0.2, a 95 % interval is about 0.8 / sqrt(records) wide. The
-    // lower limit allows for a small sample variance.
+    // For a standard deviation of 0.2, the width of a 95 % interval is about 0.8 / sqrt(records).
+    // The lower limit is smaller, because the variance of a small sample may be low.
     CHECK(d.high - d.low > 0.3 / std::sqrt(records));
     CHECK((d.low < d.mean && d.mean < d.high));
   }

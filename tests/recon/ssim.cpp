@@ -19,7 +19,7 @@ struct Pair {
   std::vector<float> a, b;
 };
 
-// Computes the same maps as maps() of tests/golden/make_ssim.py.
+// Computes the same pair of maps as the function maps() in tests/golden/make_ssim.py.
 Pair make_pair_of_maps(unsigned pair) {
   std::uint32_t state = pair + 1;
   const auto next = [&] {

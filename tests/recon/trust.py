@@ -1,8 +1,9 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""trust.py BIN [--quick] [PART...]: measures on simulated records how well the uncertainty and the warnings of models
-are calibrated, and fails if a value is outside its limits. Parts: intervals, records, runs, two_bodies, windows,
-laboratory. The printed tables are those of recon/RESULTS.md. Option --quick trains fewer models, for the slow tests."""
+"""Uses simulated records to measure how well models' uncertainty and warnings are calibrated. Fails if a value is outside
+its limits. Called as `trust.py BIN [--quick] [PART...]`. The parts are intervals, records, runs, two_bodies, windows and
+laboratory. The printed tables are the tables of recon/RESULTS.md. The option --quick, which trains fewer models, is used
+by the slow tests."""
 import argparse
 import csv
 import json
@@ -63,8 +64,8 @@ def expect(what, value, least, most):
 
 
 def intervals():
-    """The 90 % lateral interval must contain 86 to 94 % of the bodies on average over the draws, and 84
-    to 96 % in each draw. A draw is a pair of a training run and a test run."""
+    """The 90 % lateral interval must contain the true position of 86 to 94 % of the objects on average over the
+    draws, and of 84 to 96 % in each draw. A draw is a pair of a training run and a test run."""
     draws = 2 if arguments.quick else 5
     kinds = [(records, ()) for records in (50, 200, 400, 1000)]
     if not arguments.quick:
@@ -82,8 +83,8 @@ def intervals():
 
 
 def records():
-    """The model must flag 0.3 to 1.2 % of records that are simulated like its training records, even
-    with pile-up."""
+    """The model must flag 0.3 to 1.2 % of the records that are simulated like its training records, even if there is
+    pile-up."""
     for name, settings in (("base", ()), ("pile-up", ("pulses_per_window=300000",)), ("4.4 cm", fine)):
         shares = []
         for _ in range(2 if arguments.quick else 5):
@@ -97,9 +98,9 @@ def runs():
     """The domain-shift test must flag at most 1 % of runs that are simulated like the training run, and
     at least 95 % of runs from other laboratories.
 
-    Ten runs share a reference, which is a training run. With the option --people, p is uniformly distributed. With the
-    option --records, exactly a quarter of the records of each run show people. Therefore run means vary less than in
-    random draws, and p is larger."""
+    Every ten runs are compared with the same training run (the reference). With the option --people, p is uniformly
+    distributed. With the option --records, exactly a quarter of the records in each run show people. The run means
+    therefore vary less than in random draws, and p is larger."""
     references = 4 if arguments.quick else 20
     for kind in ("--people", "--records"):
         for reference in (200, 3600):
@@ -114,7 +115,7 @@ def runs():
                 p = np.array(found[size])
                 print(f"| {kind} | {reference} | {size} | {np.mean(p < .001):.3f} | {np.mean(p < .05):.3f} |")
                 least_of = {.001: 0, .05: .03 if kind == "--people" else 0}
-                # Two standard errors are added to the limits, because the number of references is small.
+                # The limits are widened by two standard errors, because the number of references is small.
                 for limit, most in ((.001, .01), (.05, .07)):
                     error = 2 * (most / references) ** .5
                     expect(f"p < {limit}, {kind}, reference {reference}, runs of {size}", np.mean(p < limit),
@@ -126,7 +127,7 @@ def runs():
 
 
 def two_bodies():
-    """The two-body score must distinguish records of two bodies from records of one body."""
+    """The two-body score must distinguish records that show two objects from records that show one object."""
     for settings in ((), fine):
         model = train(dataset(4000, *settings))
         def scores(run):
@@ -143,7 +144,8 @@ def two_bodies():
 
 
 def taps_of(window):
-    """Returns the setting radar_taps for the radar response to a given window over the sweep."""
+    """Returns the setting radar_taps for the radar response that results from applying a given window to the
+    sweep."""
     t = np.linspace(-.5, .5, 4001)
     values = window(t)
     powers = [abs(np.trapz(values * np.exp(2j * np.pi * u * t), t)) ** 2 for u in np.arange(0, 6, .25)]
@@ -151,8 +153,8 @@ def taps_of(window):
 
 
 def windows():
-    """If the radar response of a run belongs to a wider window than that of the training run, at most 5 % of the
-    records of the run may be flagged, and the lateral intervals must stay valid.
+    """If the sweep window of a run causes a wider radar response than in training, at most 5 % of the run's records
+    may be flagged, and the lateral intervals must remain valid.
 
     The model learns its limits with cos^2n windows, but not with Nuttall and Kaiser windows."""
     nuttall = taps_of(lambda t: .355768 + .487396 * np.cos(2 * np.pi * t) + .144232 * np.cos(4 * np.pi * t) + .012604 * np.cos(6 * np.pi * t))
@@ -167,8 +169,7 @@ def windows():
 
 
 def laboratory():
-    """A run of the simulated laboratory without faults must match a simulated data set of the same slot
-    length."""
+    """A fault-free run of the simulated laboratory must match a simulated data set with the same slot length."""
     for window_s, count in ((.2, 100), (1, 60)) if arguments.quick else ((.2, 200), (1, 100), (3, 60)):
         frames = round(20 * window_s)
         model = train(dataset(2000, f"window_s={window_s}", f"radar_frames={frames}"), "--model", "mean-shape")

@@ -15,7 +15,8 @@ using testing::write_run;
 
 namespace {
 
-// Returns a function that gives each record the depth map of the record `lag` positions earlier.
+// Returns a function that replaces the depth map of each record with the depth map of the record
+// `lag` positions earlier.
 testing::Change late_by(int lag) {
   return [lag, last = std::vector<std::vector<std::uint16_t>>()](record::FusedRecord& r) mutable {
     last.push_back(r.depth_mm);

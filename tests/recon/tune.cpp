@@ -17,8 +17,8 @@ namespace {
 
 constexpr double other_start_m = -0.1;
 
-// Returns plate records. If `other` is true, the radar reports ranges that are 10 cm shorter, as in
-// a room other than the training room.
+// Returns records of plates. If `other` is true, the radar reports ranges that are 10 cm shorter,
+// as it might in another room.
 Dataset plates(std::int64_t count, std::uint64_t seed, bool other) {
   const Folder dir;
   write_run(dir / "run", count, seed);
@@ -68,7 +68,8 @@ TEST_CASE("tuning with few records adapts a model to another room") {
     CHECK(tuned.model->name == kind);
     const double before = iou(old, fresh), after = iou(tuned.model, fresh);
     CAPTURE(before, after, to_text(tuned));
-    // An MLP of this size is inaccurate in both rooms, so its IoU need not increase by 0.03.
+    // An MLP of this size is inaccurate in both rooms, so an improvement of less than 0.03 in IoU
+    // is accepted.
     CHECK(after > before + (kind == "mlp" ? 0 : 0.03));
     CHECK(tuned.chosen > 0);
     CHECK(tuned.table.front().name == "unchanged");
@@ -128,13 +129,13 @@ TEST_CASE("tuning chooses the better of two start models, whatever their order")
     CHECK(iou(far_first.model, fresh) > iou(tune(old, data, all_records()).model, fresh));
     CHECK_THAT(row(tuned({{there, data, data, "there"}, {old, data, data, "far"}})),
                Catch::StartsWith("there: "));
-    // With ten records the difference between two similar models is not significant, so either may
-    // be chosen.
+    // With only ten records, the difference between two similar models is not significant, so
+    // either model may be chosen.
     const auto a = tuned({{there, data, data, "there"}, {twice, data, data, "twice"}}),
                b = tuned({{twice, data, data, "twice"}, {there, data, data, "there"}});
     CAPTURE(to_text(a), to_text(b));
     if (records > 10) CHECK(row(a) == row(b));
-    // If two models are equal, the first is chosen.
+    // If two models are equally good, the first one is chosen.
     const auto equal = tuned({{there, data, data, "first"}, {there, data, data, "same"}});
     CHECK_THAT(row(equal), Catch::StartsWith("first: "));
     CHECK_THAT(to_text(equal), Catch::Contains("+0.000 +- 0.000"));
@@ -159,7 +160,7 @@ TEST_CASE("tuning accepts axes that differ from the model axes by less than a bi
   CHECK(tune(old, near, all_records()).table.front().name == "unchanged");
   CHECK_THAT(error_of([&] { match_for_tuning(old, "m", far); }),
              Catch::EndsWith(": start differs by 1.2 bins (limit 1)"));
-  // The axes start at the same range, but end at different ranges because their steps differ.
+  // The axes start at the same range, but their steps differ, so they end at different ranges.
   Dataset longer = plates(20, 5, false);
   longer.radar_axis.step *= 1 + 1.5 / longer.radar_axis.count;
   CHECK_THAT(error_of([&] { match_for_tuning(old, "m", longer); }),
@@ -191,7 +192,7 @@ TEST_CASE("every tuned model can be saved, loaded and evaluated") {
         TunedModel tuned;
         try {
           tuned = tune(old, data, how);
-          // Tuning may be rejected for models that use only the SPD, and if there are fewer than 50
+          // Tuning may be rejected if the model uses only the SPD or if there are fewer than 50
           // records.
         } catch (const Error&) {
           CHECK((inputs == "spd" || records < 50));
@@ -206,7 +207,7 @@ TEST_CASE("every tuned model can be saved, loaded and evaluated") {
         const Records seen = prepare_records(read, fresh);
         CHECK(evaluate(read, seen, rows_to_evaluate(read, seen.data, false))
                   .calibration.has_value() == read->uncertainty.has_value());
-        // Each estimator predicts maps by itself, with or without an uncertainty.
+        // Each estimator must predict maps on its own, whether or not it has an uncertainty.
         Dataset lost = fresh;
         for (std::uint32_t& valid : lost.valid) valid &= ~2u;
         if (inputs == "spd") continue;
@@ -240,7 +241,8 @@ TEST_CASE("tuning that trains only on new records adopts their axes and their ra
     CAPTURE(only);
     CHECK(model.radar_response == (by_alone ? narrow : wide));
     CHECK(same_axis(model->features.radar_axis, own.radar_axis) == by_alone);
-    // Prediction converts a run to the axes and the radar response of the training data.
+    // Before prediction, a run is converted to the axes and the radar response of the training
+    // data.
     Dataset used = own;
     model.match(used);
     CHECK((used.radar.values == own.radar.values) == by_alone);

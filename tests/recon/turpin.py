@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""turpin.py SIM FOLDER RUN: converts the recordings of Turpin et al. (Optica 7, 900, 2020) to a run. FOLDER contains
-histogram.npy [n, bins] and depth.npy [n, N, N]. Depths are fractions of the largest depth of the scene, which is set to 6 m."""
+"""Converts the recordings of Turpin et al. (Optica 7, 900, 2020) to a run. Called as `turpin.py SIM FOLDER RUN`.
+FOLDER contains histogram.npy [n, bins] and depth.npy [n, N, N]. The depths are fractions of the scene's largest
+depth, which is set to 6 m."""
 import sqlite3
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import numpy
 sim, folder, path = sys.argv[1:]
 radar, depth = (numpy.load(f"{folder}/{name}.npy") for name in ("histogram", "depth"))
 subprocess.run([sim, "dataset", "-q", "--people", "1", "--letters", "0", "--out", path], check=True)
-# Keeps the tables and the map axes of the simulated run, but not its record.
+# Keeps the tables and the map axes of the simulated run, but deletes its record.
 with sqlite3.connect(path) as run:
     for table in ("record", "calibration", "axis WHERE name NOT LIKE 'depth%'"):
         run.execute(f"DELETE FROM {table}")

@@ -17,8 +17,8 @@ namespace {
 struct Plate {
   double x, z;
 };
-// Returns an SPD axis three times as long as that of the plates. On the shorter axis two plates
-// would fill half of the bins, and the background could not be estimated.
+// Returns an SPD axis three times as long as the SPD axis of the plates. On the shorter axis, two
+// plates would fill half of the bins, so that the background could not be estimated.
 Axis long_axis() {
   Axis axis = testing::spd_axis();
   axis.count *= 3;
@@ -32,8 +32,8 @@ record::FusedRecord record_of(std::int64_t index, const Plate& p, Rng& rng) {
 
 constexpr Plate near_left{-0.6, 3.05}, far_right{0.5, 3.85};
 
-// Adds the data of a second body to a record, as if neither body hid the other. The depth map shows
-// the nearer body.
+// Adds the data of a second object to a record. The objects do not hide each other in the sensor
+// data. The depth map shows the nearer object.
 void add(record::FusedRecord& to, const record::FusedRecord& other) {
   for (std::size_t i = 0; i < to.spd.size(); ++i) to.spd[i] += other.spd[i];
   for (std::size_t i = 0; i < to.radar.size(); ++i) to.radar[i] += other.radar[i];
@@ -43,8 +43,8 @@ void add(record::FusedRecord& to, const record::FusedRecord& other) {
   to.label = two_people_label;
 }
 
-// Writes records that show two plates and one plate alternately. If there are two plates, they are
-// one behind the other or side by side.
+// Writes records that alternately show two plates and one plate. Two plates are one behind the
+// other if `behind` is true, and side by side otherwise.
 void write_mixed(const std::string& path, std::int64_t count, bool behind) {
   Rng rng = make_rng(9, 9);
   std::uniform_real_distribution<double> off(-0.1, 0.1);

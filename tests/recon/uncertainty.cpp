@@ -188,20 +188,20 @@ TEST_CASE("outlier detection is fitted to the training records only") {
 
 TEST_CASE("photon thinning keeps the expected fraction of non-integer counts") {
   Dataset data = fresh_plates(100);
-  // Range correction of a calibrated run gives fractional counts.
+  // In a calibrated run, the range correction makes the counts fractional.
   std::fill(data.spd.values.begin(), data.spd.values.end(), 0.75f);
   Rng rng = make_rng(3, 3);
   degrade(data, rng);
   double left = 0;
   for (const float v : data.spd.values) left += double{v};
-  // Counts of 0.75 are rounded to one photon. The expected value is the mean of 10^u for u uniform
-  // between -2.5 and 0.
+  // Counts of 0.75 are rounded to one photon. The expected value is the mean of 10^u, where u is
+  // uniformly distributed between -2.5 and 0.
   CHECK(left / static_cast<double>(data.spd.values.size()) == Approx(0.173).epsilon(0.3));
 }
 
 TEST_CASE("an uncertainty fitted to pure noise covers 90 % of the errors of new records") {
-  // The errors are pure noise. A regression with ten terms explains part of the noise of the 60
-  // records to which it is fitted.
+  // The errors are pure noise. A regression with ten terms explains part of the noise in the 60
+  // records used to fit it.
   std::vector<double> held;
   for (std::uint64_t trial = 0; trial < 200; ++trial) {
     Rng rng = make_rng(trial, 8);
@@ -228,7 +228,7 @@ TEST_CASE("an uncertainty fitted to pure noise covers 90 % of the errors of new 
 
 namespace {
 
-// Returns the radar response of the plate records, with its width multiplied by `times`.
+// Returns the radar response of the plate records with the width multiplied by `times`.
 record::RadarResponse bell(double times) {
   record::RadarResponse out{0.5, {}};
   for (int k = 0; k < 24; ++k) out.taps.push_back(std::exp(-std::pow(k * 0.125 / 0.4 / times, 2)));
@@ -343,8 +343,8 @@ TEST_CASE("the expected depth in an empty room is the depth of the wall") {
   const Folder dir;
   write_run(dir / "walled", 300, 1, [](record::FusedRecord& r) {
     for (auto& mm : r.depth_mm) mm = mm > 0 ? mm : 5000;
-    // One body in ten is invisible to the SPD, so the model learns that a body may be outside its
-    // predicted mask.
+    // The SPD does not detect one object in ten, so the model learns that an object may be outside
+    // the predicted mask.
     for (std::size_t i = 0; i < r.spd.size() && r.index % 10 == 0; ++i) r.spd[i] = 3 + i % 2;
   });
   TrainOptions options;
@@ -374,7 +374,7 @@ TEST_CASE(
   }
   TrainOptions options;
   options.model = "ridge", options.fit.quiet = true;
-  // Only 45 of the 50 records are used for training. This number is too small for an uncertainty.
+  // Only 45 of the 50 records are used for training, which is too few to fit an uncertainty.
   save_model(train(testing::load_plates(50), options), dir / "few");
   const TrainedModel loaded = load_model(dir / "few");
   CHECK_FALSE(loaded->uncertainty);
@@ -427,7 +427,7 @@ TEST_CASE("reconstruct and evaluate report the uncertainty of the predictions") 
   const std::string png = contents(dir / "o/000007_sd.png");
   const auto mm = recon::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
   const auto most = *std::max_element(mm.begin(), mm.end());
-  // A pixel at the edge of a plate at 3500 mm may belong to the plate or to the background, so its
+  // A pixel at the edge of a plate at 3500 mm may show either the plate or the background, so its
   // standard deviation is large.
   CHECK(most > 300);
   CHECK(most < 2500);

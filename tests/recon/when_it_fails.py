@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""when_it_fails.py BIN TABLE: simulates causes of failure from the first table of WHEN_IT_FAILS.md, and checks that the
-programs print the words that the table quotes for each cause."""
+"""Simulates the causes of failure listed in the first table of WHEN_IT_FAILS.md. Checks that the programs print the
+words that the table quotes for each cause. Called as `when_it_fails.py BIN TABLE`."""
 import collections
 import csv
 import pathlib
@@ -43,8 +43,8 @@ class WhenItFails(unittest.TestCase):
             program("recon", "train", "-q", run, "--model", "mean-shape", "--epochs", 30, "--set", "fallback=false", "--out", cls.models[name])
 
     def see(self, beginning, *settings, model="profile", **how):
-        """Simulates the cause and reconstructs the run. Returns the words that the table quotes, the output
-        of the program, and the number of records by reason for flagging."""
+        """Simulates the cause and reconstructs the run. Returns the words quoted in the table, the output of the
+        program, and the number of flagged records for each reason."""
         row = next(cell for cause, cell in rows.items() if cause.startswith(beginning))
         run = dataset(self.folder / f"{len(list(self.folder.iterdir()))}.sqlite", 2, *settings, **how)
         maps = run.with_suffix(".maps")

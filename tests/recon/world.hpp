@@ -31,7 +31,8 @@ using test::contents;
 using test::Folder;
 using test::Outcome;
 
-// Calls `body` and returns the message of the Error that it throws, or "no error".
+// Calls `body`. Returns the message of the Error thrown by `body`, or "no error" if it does not
+// throw.
 inline std::string error_of(const std::function<void()>& body) {
   try {
     body();
@@ -72,8 +73,8 @@ inline record::FusedRecord plate_record(std::int64_t index, double x, double z, 
   return r;
 }
 
-// Adds the samples of a row of antennas at the radar. The left, middle and right part of the plate
-// each have a random phase in every frame.
+// Adds the samples of a row of antennas at the position of the radar. In every frame, the left,
+// middle and right parts of the plate each have a random phase.
 inline void add_array(record::FusedRecord& r, double x, double z, const record::Antennas& antennas,
                       Rng& rng) {
   const Axis axis = record::array_axis(radar_axis(), antennas.size());
@@ -104,8 +105,8 @@ inline void add_array(record::FusedRecord& r, double x, double z, const record::
 
 using Change = std::function<void(record::FusedRecord&)>;
 
-// Writes a run of `count` records, each with a plate at a random position. `change` may modify each
-// record before it is written.
+// Writes a run of `count` records. Each record shows a plate at a random position. `change` may
+// modify each record before the record is written.
 inline void write_run(const std::string& path, std::int64_t count, std::uint64_t seed = 1,
                       const Change& change = {}, const Axis& radar = radar_axis(),
                       const Axis& spd = spd_axis(),
@@ -145,7 +146,7 @@ inline bool all_finite(std::span<const float> values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
 }
 
-// Runs an SQL statement on an SQLite file. Returns the first column with one line per row.
+// Runs an SQL statement on an SQLite file. Returns the values of the first column, one per line.
 inline std::string sql(const std::string& path, const std::string& statement) {
   sqlite3* db = nullptr;
   REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
@@ -165,8 +166,8 @@ inline Outcome recon_program(const std::string& arguments) {
   return test::shell(test::bin_dir + "/echofuse-recon " + arguments);
 }
 
-// Runs echofuse-recon and checks its exit code and error message: one line, or at most three lines
-// with usage for code 2.
+// Runs echofuse-recon and checks its exit code and error message. The message must be a single
+// line, or at most three lines (including the usage) if the code is 2.
 inline void refuses(const std::string& arguments, int code, const std::string& saying) {
   const Outcome o = recon_program(arguments);
   CAPTURE(arguments);

@@ -19,7 +19,7 @@ namespace {
 constexpr std::uint32_t bins = 40;
 const Axis spd{"spd", "counts", "ps", bins, 0, 100, 1};
 
-// Writes a run of one record. Zone z has 100 counts in bin `first` + z.
+// Writes a run with a single record. Zone z has 100 counts in bin `first` + z and none elsewhere.
 void write_zones(const std::string& path, const Zones& zones, std::uint32_t first,
                  double offset_m = 0) {
   record::RunWriter run(path, {});
@@ -104,8 +104,9 @@ TEST_CASE("raw model inputs are all zone histograms, and observations also conta
 
 namespace {
 
-// Returns plates in front of two zones. If `by_side`, the lateral position of the body determines
-// how the zones share the light; otherwise they share it equally.
+// Returns records of plates in front of two zones. If `by_side` is true, the lateral position of
+// the plate determines how the light is shared between the zones. Otherwise, each zone receives
+// half of the light.
 Dataset plates_in_zones(std::size_t records, bool by_side) {
   Dataset data = load_plates(records);
   const Rows rows = all_rows(data.size());
@@ -122,7 +123,7 @@ Dataset plates_in_zones(std::size_t records, bool by_side) {
   return data;
 }
 
-// Returns the mean lateral error, m, of a factorised model that uses only the zones.
+// Returns the mean lateral error in m of a factorised model that uses only the detector zones.
 double lateral_error_m(bool by_side) {
   const Dataset data = plates_in_zones(400, by_side);
   const Rows rows = all_rows(data.size());

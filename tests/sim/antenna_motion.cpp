@@ -28,14 +28,13 @@ TEST_CASE("simulated body sway has a constant variance and the specified correla
   }
   CHECK(std::abs(before - 1) < 4.5 * std::sqrt(2.0 / draws));
   CHECK(std::abs(after - 1) < 4.5 * std::sqrt(2.0 / draws));
-  // The correlation after the time t is (1 + w t) exp(-w t), which is 2 / e for w t = 1.
+  // The correlation after a time t is (1 + w t) exp(-w t), which equals 2 / e for w t = 1.
   const double expected = 2 * std::exp(-1.0);
   CHECK(std::abs(both - expected) < 4.5 * std::sqrt((1 + expected * expected) / draws));
 }
 
 TEST_CASE("sway, twist and breathing of a body change the range by the computed amounts") {
-  // The body axis is vertical and at a distance of 3 m. The patch is 0.2 m to the right of this
-  // axis.
+  // The axis of the body is vertical and 3 m away. The patch is 0.2 m to the right of the axis.
   const double x = 0.2, z = 3, range = std::hypot(x, z);
   const auto modes = BodyMotion::range_per_mode(x / range, 0, 1.65, 0, z, 1);
   CHECK(modes[0] == Approx(x / range));
