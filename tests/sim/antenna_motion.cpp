@@ -52,7 +52,8 @@ TEST_CASE("the number of independent speckle samples per record grows with body 
   const RadarAxis axis = radar_response(c);
   const Returns person = a_person(c, 2);
   const std::size_t peak = peak_of(person, c);
-  // Returns the number of independent looks per record: mean^2 / variance of the peak power.
+  // Returns the number of independent looks per record, estimated as mean^2 / variance of the peak
+  // power.
   const auto looks_at = [&](double sway_m, double twist_deg, double breath_m) {
     c.radar_sway_m = sway_m, c.radar_twist_deg = twist_deg, c.radar_breath_m = breath_m;
     constexpr int records = 250;
@@ -77,7 +78,7 @@ TEST_CASE("the number of independent speckle samples per record grows with body 
 TEST_CASE("motion during a chirp sequence changes antenna phases and reduces the echo power") {
   Conditions c = of_sum("coherent");
   c.radar_sway_m = c.radar_twist_deg = 0;
-  // An amplitude of 10 cm gives speeds of up to 16 cm/s.
+  // Breathing with an amplitude of 10 cm causes speeds of up to 16 cm/s.
   c.radar_breath_m = 0.1;
   AntennaRadar radar{radar_response(c), antennas_in_layout(8), 7};
   radar.chirp_s = 1e-3;
@@ -95,7 +96,7 @@ TEST_CASE("motion during a chirp sequence changes antenna phases and reduces the
     moving.frame(later_s, a, x);
     standing.frame(later_s, b, y);
     const double wavelength = speed_of_light_m_s / radar_carrier_hz;
-    // The rate of change of the range, m/s.
+    // Rate at which the range changes, in m/s.
     const double v = -motion.speeds()[0][3];
     const double f = 2 * v * 2 * radar.chirp_s / wavelength;
     const double loss = std::sin(pi * f * 16) / (16 * std::sin(pi * f));

@@ -21,8 +21,8 @@ Complex wave(const record::Antenna& a, double x, double y = 0) {
   return std::polar(a.gain, pi * (a.x * x + a.y * y) + a.phase_rad);
 }
 
-// Contribution of a patch to a point of the range profile. `turns` are carrier cycles per unit of
-// each motion mode.
+// Contribution of a patch to one point of the range profile. `turns` contains the phase change in
+// carrier cycles per unit of each motion mode.
 struct Part {
   double share;
   BodyMotion::Modes turns;
@@ -134,8 +134,8 @@ TEST_CASE("simulated antenna noise is complex and white and has the specified po
       for (std::size_t n = 0; n < m; ++n) across += std::norm(bin.covariance(m, n)) / 28 / bins;
     }
   }
-  // The power of one sample is exponentially distributed, so the mean of n samples has a relative
-  // standard deviation of 1 / sqrt(n).
+  // The power of a single sample is exponentially distributed, so the mean of n samples has a
+  // relative standard deviation of 1 / sqrt(n).
   CHECK(std::abs(power / noise - 1) < 4.5 / std::sqrt(8 * frames * bins));
   CHECK(std::abs(mean * frames / noise - 1) < 4.5 / std::sqrt(8 * bins));
   CHECK(std::abs(across * frames / (noise * noise) - 1) < 4.5 * 2 / std::sqrt(28 * bins));
@@ -153,7 +153,7 @@ TEST_CASE("the fast Gaussian generator has the moments and tails of a normal dis
     second += v * v / 4;
     fourth += v * v * v * v / 16;
     beyond += std::abs(v) > 2 * 2;
-    // Counts the values beyond 3.6 standard deviations. One standard deviation is 2.
+    // Counts the values that exceed 3.6 standard deviations. The standard deviation is 2.
     last += std::abs(v) > 2 * 3.6;
   }
   const double n = static_cast<double>(x.size());
@@ -171,7 +171,8 @@ TEST_CASE("speckle power has an exponential distribution, and its mean is the in
   const auto array = antennas_in_layout(8);
   const Returns person = a_person(c, 0);
   const std::size_t peak = peak_of(person, c);
-  // The expected values are sums over patches. The simulation sums over cells that group patches.
+  // The expected values are sums over patches, whereas the simulation sums over cells that each
+  // combine several patches.
   double power = 0;
   Complex ends;
   for (std::size_t k = 0; k < person.range_m.size(); ++k) {
@@ -253,10 +254,10 @@ TEST_CASE("the radar echo of an empty room is equal in each record except for sh
   const Samples once = frame_of(empty, 7, 1);
   CHECK(once == frame_of(empty, 7, 2));
   CHECK(once != frame_of(empty, 8, 1));
-  // In bin 0 the leakage has the magnitude sqrt(3). The tolerance covers the side lobes of the
-  // room.
+  // The leakage in bin 0 has a magnitude of sqrt(3). The tolerance accounts for the side lobes of
+  // the room's echo.
   check_near(once[3], std::sqrt(3), 0.3);
-  // A plate that reflects nothing only casts a shadow.
+  // A plate that reflects nothing has no effect other than its shadow.
   Scene shadow = empty;
   shadow.plates.push_back({{0.5, 0, 3}, {1, 0, 0}, {0, 1, 0}, {{-0.2, 0, 0.2, 0, 0.4}}, 0});
   const Samples less = frame_of(shadow, 7, 3);

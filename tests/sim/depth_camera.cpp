@@ -19,7 +19,8 @@ TEST_CASE("depth camera noise is Gaussian, and its width grows with the square o
     std::vector<std::uint16_t> frame(n, static_cast<std::uint16_t>(mm));
     disturb_depth(frame, 400, c, rng);
     const double z_m = mm / 1000.0;
-    // Variance, mm^2: noise with a standard deviation of 2 mm * z^2, and rounding to millimetres.
+    // Variance in mm^2. It is caused by noise with a standard deviation of 2 mm * z^2 and by
+    // rounding to millimetres.
     const double variance = std::pow(2 * z_m * z_m, 2) + 1.0 / 12;
     double sum = 0, squares = 0;
     for (const auto seen : frame) {
@@ -37,7 +38,7 @@ TEST_CASE(
   c.depth_dropout = 0.3;
   Rng rng = make_rng(2, 2);
   constexpr std::size_t width = 100, height = 500;
-  // Each row has four regions: no return, 2 m, 2.05 m and 3 m.
+  // Each row has four regions: one without a return, and three at depths of 2 m, 2.05 m and 3 m.
   std::vector<std::uint16_t> exact(width * height);
   const auto depth_of = [](std::size_t column) -> std::uint16_t {
     return column < 20 ? 0 : column < 40 ? 2000 : column < 60 ? 2050 : 3000;

@@ -11,8 +11,9 @@ using namespace echofuse::sim;
 
 namespace {
 
-// Compares draws with a distribution by Pearson's chi-squared test. Values expected fewer than ten
-// times share one class. Returns the z-score (chi2 - n) / sqrt(2n) for n classes.
+// Compares random draws with a distribution by Pearson's chi-squared test. All values that are
+// expected fewer than ten times are combined into one class. Returns the z-score (chi2 - n) /
+// sqrt(2n), where n is the number of classes.
 double fit_score(int draws, const std::function<std::int64_t()>& draw,
                  const std::function<double(double)>& log_probability, double mean, double sigma) {
   std::map<std::int64_t, int> seen;

@@ -80,7 +80,7 @@ TEST_CASE("a simulated data set with antennas does not depend on the number of t
   plan.conditions.radar_antennas = 8;
   plan.conditions.radar_phase_error_rad = 0.3;
   const Generator generator(plan);
-  // If the echoes are incoherent, adding antennas does not change the other data.
+  // If the echoes are added incoherently, adding antennas does not change the other data.
   check_equal(generator.make(4), plain);
   for (const int threads : {1, 3}) {
     const std::string path = folder / (std::to_string(threads) + ".sqlite");
@@ -230,7 +230,8 @@ std::string rows_of(const std::string& path, const std::string& table) {
 
 namespace {
 
-// Opens the file that has the given suffix as soon as it exists, and holds a read transaction.
+// Waits until a file with the given suffix exists, opens the file, and holds a read transaction
+// open.
 class Reader {
  public:
   Reader(std::filesystem::path folder, std::string end)

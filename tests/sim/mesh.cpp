@@ -57,7 +57,8 @@ TEST_CASE("a box mesh is read with its corners, faces and volume") {
   const Mesh mesh = read_mesh(box_obj, "box.obj");
   REQUIRE(mesh.points.size() == 8);
   REQUIRE(mesh.triangles.size() == 12);
-  // Computes the volume by the divergence theorem, which requires that all faces point outwards.
+  // Computes the volume with the divergence theorem. The result is correct only if all faces point
+  // outwards.
   double volume = 0;
   for (const auto& [a, b, c] : mesh.triangles)
     volume += dot(mesh.points[a], cross(mesh.points[b], mesh.points[c])) / 6;
@@ -89,8 +90,8 @@ TEST_CASE("a box mesh renders exactly like plates at the positions of its faces"
 }
 
 TEST_CASE("rays do not pass between adjacent triangles of a mesh") {
-  // The triangles form a fan around a hub. The rays hit the hub and the edges between triangles
-  // exactly.
+  // The triangles form a fan around a hub. Some rays hit exactly the hub or an edge shared by two
+  // triangles.
   Scene scene;
   const Vec3 hub{0.25, 0.125, 2};
   std::vector<Vec3> rim;
@@ -144,9 +145,9 @@ TEST_CASE("a mesh is placed on the floor, rotated and scaled") {
 
 namespace {
 
-// Letters made of boxes, without mirror symmetry and with a bump on the front at the top left. x
-// points to the right, y up, and z towards the viewer.
-using Bar = std::array<double, 6>;  // first and last coordinate in x, in y and in z
+// Letters made of boxes, without mirror symmetry and with a bump at the top left of the front side.
+// The x axis points to the right, the y axis up, and the z axis towards the viewer.
+using Bar = std::array<double, 6>;  // first and last coordinates in x, y and z
 const std::vector<Bar> letter_l{{0, .3, 0, 1.5, -.1, .1}, {.3, 1, 0, .4, -.1, .1}},
     letter_f{{0, .3, 0, 1.5, -.1, .1}, {.3, 1, 1.2, 1.5, -.1, .1}, {.3, .8, .6, .8, -.1, .1}};
 constexpr Bar bump{0, .3, 1.1, 1.5, .1, .4};
@@ -206,9 +207,9 @@ TEST_CASE("meshes from right-handed files are not mirrored, whatever the up axis
             y{"y", "tangent", "1", 1, y_m / z, 1e-3};
         return double{cast(scene, 0, x, y)[0].z_m};
       };
-      // The outline of the letter is centred at x = 0.5, and its depth is centred 0.15 m behind the
-      // front of the bump.
-      // The depths are those of the front of the bump and of the front of the stem.
+      // The outline of the letter is centred at x = 0.5. In depth, the letter is centred 0.15 m
+      // behind the front of the bump. The first depth is at the front of the bump, the second at
+      // the front of the stem.
       CHECK(depth_m(-0.35, 0.5) == Approx(2.95).margin(1e-3));
       CHECK(depth_m(-0.35, -0.1) == Approx(3.25).margin(1e-3));
       // Only the L has a foot.

@@ -19,7 +19,8 @@ using namespace echofuse;
 using namespace echofuse::sim;
 constexpr double pi = std::numbers::pi;
 
-// Returns a wall as a plate. `u` and `v` are unit vectors along its width and its height.
+// Returns a wall in the form of a plate. `u` and `v` are unit vectors in the directions of the
+// width and the height.
 Plate wall(Vec3 centre, Vec3 u, Vec3 v, double width_m, double height_m, double albedo) {
   return {centre, u, v, {{-width_m / 2, 0, width_m / 2, 0, height_m}}, albedo};
 }
@@ -30,7 +31,7 @@ Room room_of(std::vector<Plate> plates) {
   const std::size_t walls = plates.size();
   return {"test", std::move(plates), walls};
 }
-// Returns a room of 4 x 3 x 5 m with its centre at (0.3, 0.2, 1).
+// Returns a room that measures 4 x 3 x 5 m and is centred at (0.3, 0.2, 1).
 Room box() {
   const Vec3 x{1, 0, 0}, y{0, 1, 0}, z{0, 0, 1}, middle{0.3, 0.2, 1};
   std::vector<Plate> all;
@@ -55,14 +56,14 @@ std::vector<Patch> tiles(const Plate& plate, int n, Vec3 inside) {
              (height * ((k + 0.5) / n - 0.5)) * plate.v;
       p.normal = dot(normal, inside - p.at) > 0 ? normal : -1 * normal;
       p.range_m = p.cosine = 1;
-      // Range and cosine are 1, so the solid angle equals the area.
+      // The range and the cosine are 1, so the solid angle equals the area of the patch.
       p.solid_angle_sr = width * height / (n * n);
       out.push_back(p);
     }
   return out;
 }
 
-// Returns a scene with the given room and a small plate at the position `at` that faces the
+// Returns a scene that consists of the given room and a small plate at `at`. The plate faces the
 // sensors.
 Scene plate_before(const Room& room, Vec3 at, double size_m = 0.1) {
   Scene scene;
@@ -107,17 +108,17 @@ TEST_CASE("an echo via one wall has the path length from the mirror image of the
   const Room room = room_of({side_wall(-1.25, 0)});
   const Vec3 sensor{-0.5, 0, 0}, place{0.3, 0.2, 3};
   const auto images = image_sources(room, sensor, 2);
-  // Two reflections at the same wall map the sensor to itself, so this image is not listed.
+  // Two reflections at the only wall map the sensor to itself. This image is not listed.
   REQUIRE(images.size() == 2);
   CHECK(length(images[1].at - Vec3{-2, 0, 0}) < 1e-12);
   const auto way = way_to(images[1], sensor, place);
   REQUIRE(way);
   CHECK(way->length_m == Approx(std::sqrt(2.3 * 2.3 + 0.2 * 0.2 + 9)));
-  // The departing direction equals the arriving direction with opposite sign of x.
+  // The departure direction is the arrival direction with the sign of x reversed.
   CHECK(length(way->departure - Vec3{-way->arrival.x, way->arrival.y, way->arrival.z}) < 1e-12);
-  // The point is behind the wall.
+  // The target point is behind the wall.
   CHECK_FALSE(way_to(images[1], sensor, {-2, 0, 3}));
-  // The path to this point misses the wall.
+  // The path to the target point misses the wall.
   CHECK_FALSE(way_to(images[1], sensor, {0.3, 0.2, 40}));
 }
 
@@ -128,7 +129,7 @@ TEST_CASE("echo power via one wall equals the analytic value, and open scenes ar
   const double rho = 0.6;
   Conditions direct = with_echoes(0, rho);
   const double d = length(at), mirrored_m = length(at - Vec3{-3, 0, 0});
-  // Ratio of z / distance^3 for the mirror image to z / distance^3 for the sensor.
+  // Value of z / distance^3 for the mirror image, divided by its value for the sensor.
   const double q = std::pow(d / mirrored_m, 3);
   const double whole = total(radar_returns(scene, direct).weight);
   const Returns once = echoes_by_walls(scene, with_echoes(1, rho));
@@ -136,7 +137,8 @@ TEST_CASE("echo power via one wall equals the analytic value, and open scenes ar
   CHECK(total(once.weight) == Approx(4 * rho * q * whole).epsilon(0.01));
   CHECK(total(twice.weight) == Approx((4 * rho * q + rho * rho * q * q) * whole).epsilon(0.01));
   for (const double range : once.range_m) CHECK(range == Approx((d + mirrored_m) / 2).margin(0.06));
-  // If there is no room, the echoes must be equal bit for bit to those computed without multipath.
+  // In a scene without a room, the echoes must be bit-identical to those computed without
+  // multipath.
   Scene open = scene;
   open.room = nullptr;
   CHECK(radar_returns(open, with_echoes(2, rho)).weight == radar_returns(open, direct).weight);
@@ -183,8 +185,8 @@ TEST_CASE("reflections at the walls of a closed box conserve energy") {
 }
 
 TEST_CASE("a Lambertian wall illuminates a patch with the analytic form factor") {
-  // The form factor is B-3 in Howell's catalogue: a patch parallel to a rectangle and opposite one
-  // of its corners.
+  // Form factor B-3 in Howell's catalogue describes a patch that is parallel to a rectangle and
+  // faces one of its corners.
   Patch patch;
   patch.at = {0, 0, 0}, patch.normal = {0, 0, 1};
   patch.range_m = patch.cosine = 1, patch.solid_angle_sr = 1e-4;
@@ -208,7 +210,7 @@ TEST_CASE("light in a closed box decays by the albedo at each reflection") {
     for (const Patch& p : tiles(plate, 16, {0.3, 0.2, 1})) all.push_back(p);
   const double rho = 0.5;
   std::vector<double> exitance(all.size());
-  // Patch 5 emits a power of 1, and the other patches emit no power.
+  // Patch 5 emits a power of 1. The other patches emit no light.
   exitance[5] = 1 / all[5].area_m2();
   for (int n = 1; n <= 3; ++n) {
     std::vector<double> next(all.size());
@@ -249,7 +251,8 @@ TEST_CASE("light reflected via a wall equals the integral over the wall for both
   const double expected = 2 * 0.6 * solid_angle * albedo * integral / mean_scene_weight;
   CHECK(total(fine.weight) == Approx(expected).epsilon(0.02));
   CHECK(total(by_wall.weight) == Approx(expected).epsilon(0.05));
-  // By Fermat's principle no path via the wall is shorter than the path via the mirror image.
+  // By Fermat's principle, no path via the wall is shorter than the straight path from the mirror
+  // image.
   const double shortest = (length(at - Vec3{-2.4, 0, 0}) + length(at)) / 2;
   CHECK(*std::min_element(fine.range_m.begin(), fine.range_m.end()) > shortest - 0.06);
 }
@@ -265,10 +268,10 @@ TEST_CASE("light after two reflections equals the sum over all pairs of wall pat
   };
   const double r2 = dot(at, at), area = 0.01, cosine = at.z / std::sqrt(r2);
   const double direct = 0.6 * area * cosine * cosine / (r2 * r2) / mean_scene_weight;
-  // A flat wall does not illuminate itself, so second-order light takes only the path wall, body,
-  // wall. Let A be the area times the albedo of the body, and E the light that reaches the body via
-  // the wall. The weights are A cos^2 / R^4 (direct), 2 A E cos / R^2 (first order) and A E^2
-  // (second order).
+  // A flat wall does not illuminate itself, so the only second-order path leads from the wall to
+  // the object and back to the wall. Let A be the object's area times its albedo, and E the light
+  // that reaches the object via the wall. The weights are A cos^2 / R^4 (direct), 2 A E cos / R^2
+  // (first order) and A E^2 (second order).
   const Room one = room_of({side_wall(-1.2, 0.7)});
   const double first = total(light(one, 1).weight);
   CHECK(total(light(one, 2).weight) - first == Approx(first * first / (4 * direct)).epsilon(0.02));
@@ -307,7 +310,7 @@ TEST_CASE("unequal side walls break the left-right symmetry of light and radar e
   const Room alike = room_of({side_wall(-1.2, 0), side_wall(1.2, 0)});
   const Room differ = room_of({side_wall(-1.2, 0), side_wall(0.9, 0)});
   Scene scene = make_scene(c, {SceneKind::person}, 3, 0);
-  // The walls have albedo 0, so they have no direct echo.
+  // The albedo of the walls is 0, so the walls themselves cause no direct echo.
   const auto sides = [&](const Room& room, const Conditions& how) {
     scene.room = &room;
     const auto seen = profile(scene, how);
@@ -347,8 +350,8 @@ TEST_CASE(
   for (std::size_t i = 0; i < whole.size(); ++i)
     CHECK(whole[i] == Approx(empty[i] + change[i]).epsilon(1e-6).margin(1e-3));
 
-  // The setting radar_wall_scatter reduces the direct echoes of the walls, with or without a
-  // person.
+  // The setting radar_wall_scatter reduces the direct echoes of the walls, whether or not a person
+  // is present.
   c.multipath_order = 0;
   Conditions smooth = c;
   smooth.radar_wall_scatter = 0.25;

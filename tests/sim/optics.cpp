@@ -50,8 +50,8 @@ Scene turned(Scene scene, double angle) {
   return scene;
 }
 
-// Scores of simulated counts: mean of z^2 over draws and bins, and largest |z| of the mean count of
-// a bin.
+// Scores of simulated counts. `chi2_per_bin` is the mean of z^2 over draws and bins. `worst` is the
+// largest |z| of a bin's mean count.
 struct Scores {
   double chi2_per_bin = 0, worst = 0;
 };
@@ -98,8 +98,8 @@ TEST_CASE("splitting a return linearly between bins stays within the documented 
     c.irf_fwhm_ps = fwhm;
     c.signal_photons = 1;
     // The error is at most step^2 / 8 times the largest second derivative of the fraction in the
-    // bin. Each of the two bin edges contributes max |x phi(x)| / sigma^2 = 0.242 / sigma^2, where
-    // phi is the normal density, and step <= sigma / 16.
+    // bin. Each of the two bin edges contributes at most max |x phi(x)| / sigma^2 = 0.242 / sigma^2
+    // to this derivative, where phi is the normal density. The step is at most sigma / 16.
     const double bound = 2 * 0.242 / 8 / 256;
     for (int k = 0; k < 50; ++k) {
       const double t = c.first_bin_ps + 10'000 + 7.3 * k;
@@ -122,16 +122,16 @@ TEST_CASE("a return keeps its energy when binned, and has the mean and the varia
       const double t = c.first_bin_ps + 9'050;
       const Moments m = moments_of(spd_rate(one_return(t), c), c);
       CHECK(m.sum == Approx(c.signal_photons).epsilon(3e-9));
-      // The bins are too coarse to compute moments.
+      // The bins are too coarse to compute the moments of such a narrow response.
       if (fwhm < 200 && tail < 100) continue;
       const double sigma = sigma_ps(c), w = c.bin_width_ps;
-      // The exponential tail starts with a jump of height f(0) = 1/tail. With the bin width w, this
-      // jump moves the binned mean by at most w^2 f(0) / 12 (Euler-Maclaurin).
+      // The exponential tail starts with a jump of height f(0) = 1/tail. For bins of width w, this
+      // jump moves the mean of the binned values by at most w^2 f(0) / 12 (Euler-Maclaurin).
       CHECK(m.mean ==
             Approx(t + tail).margin(tail > 0 && fwhm < 200 ? w * w / 12 / tail : 1e-3 * w));
-      // Sharing a return between points sigma/16 apart adds at most a quarter of the square of this
-      // distance to the variance. With the bin width w, the start of the tail adds w^2 / 12 times
-      // the change of slope of (t - mean)^2 f(t), which is 2.
+      // Sharing a return between points that are sigma/16 apart adds at most (sigma/16)^2 / 4 to
+      // the variance. For bins of width w, the start of the tail adds w^2 / 12 times the change of
+      // slope of (t - mean)^2 f(t), which is 2.
       const double widening = sigma * sigma / 1024 + (fwhm < 200 ? w * w / 6 : 0);
       CHECK(std::abs(m.variance - sigma * sigma - tail * tail - w * w / 12) < widening);
     }
@@ -140,12 +140,13 @@ TEST_CASE("a return keeps its energy when binned, and has the mean and the varia
 TEST_CASE("light from outside the time axis contributes only where the IRF extends into the axis") {
   Conditions c;
   const double end = c.first_bin_ps + static_cast<double>(c.bins) * c.bin_width_ps;
-  // Half of the return is within the histogram.
+  // The return is centred on an edge of the histogram, so half of its counts are in the histogram.
   for (const double edge : {c.first_bin_ps, end})
     CHECK(total(spd_rate(one_return(edge), c)) == Approx(c.signal_photons / 2).epsilon(1e-6));
   for (const double t : {1000.0, c.first_bin_ps - 2000, end + 2000, 1e6})
     CHECK(total(spd_rate(one_return(t), c)) == 0);
-  // The IRF tail of light that arrives before the first bin extends into the histogram.
+  // Light that arrives before the first bin contributes to the histogram through the tail of the
+  // IRF.
   c.irf_tail_ps = 3000;
   CHECK(
       total(spd_rate(one_return(c.first_bin_ps - 6000), c)) ==
@@ -182,18 +183,20 @@ TEST_CASE("a scene in an asymmetric room and its mirror image have different SPD
     double chi2 = 0;
     for (std::size_t k = 0; k < a.size(); ++k)
       if (a[k] + b[k] > 0) chi2 += (a[k] - b[k]) * (a[k] - b[k]) / (a[k] + b[k]);
-    // The difference is at least 20 standard deviations of the shot noise.
+    // The difference between the mirrored scenes is at least 20 standard deviations of the shot
+    // noise.
     CHECK(chi2 > 20 * 20);
   }
 }
 
 TEST_CASE("rotating a scene about the vertical axis of the SPD does not change its histogram") {
-  // Rays sample the two scenes at different points. The difference decreases with the number of
-  // rays, and the default number keeps it below the shot noise of 1e5 photons.
+  // The rays sample the two scenes at different points. The resulting difference decreases as the
+  // number of rays increases. With the default number of rays, it is below the shot noise of 1e5
+  // photons.
   const auto chi2_per_bin = [](std::int64_t rays) {
     Conditions c;
     c.spd_rays = rays;
-    // People stay in the field of view if they are at its centre.
+    // People are placed at the centre, so that they remain in the field of view after the rotation.
     c.target_x_m = 0;
     double sum = 0;
     int bins = 0;
@@ -210,7 +213,8 @@ TEST_CASE("rotating a scene about the vertical axis of the SPD does not change i
   const double fine = chi2_per_bin(1536);
   CAPTURE(coarse, base, fine);
   CHECK(base < 1);
-  // About four times the number of rays per side reduces the difference by at least a factor of 16.
+  // `base` uses about four times as many rays per side as `coarse`, which reduces the difference by
+  // at least a factor of 16.
   CHECK(base < coarse / 16);
   CHECK(fine < base / 16);
 }
@@ -241,8 +245,8 @@ TEST_CASE("simulated counts without pile-up follow a Poisson distribution") {
   constexpr int draws = 400;
   const Scores s = scores_of(rate, rate, rate, c, draws);
   CHECK(s.worst < 4.5);
-  // The expected value of z^2 is 1. The variance of the mean of z^2 over n independent counts with
-  // the expected value r is (2 + 1/r) / n.
+  // The expected value of z^2 is 1. For n independent counts with expected value r, the variance of
+  // the mean of z^2 is (2 + 1/r) / n.
   double spread = 0;
   for (const double r : rate) spread += 2 + 1 / r;
   const double bins = static_cast<double>(rate.size());
@@ -270,14 +274,15 @@ TEST_CASE("simulated pile-up counts only the first photon of each pulse") {
   constexpr int draws = 300;
   const Scores s = scores_of(rate, mean, variance, c, draws);
   CHECK(s.worst < 4.5);
-  // The counts are multinomial. The correlation of bins i and j is -sqrt(o_i o_j) with o = p / (1 -
-  // p). With the sum `odds` of all o, this adds at most 2 odds^2 to the variance of the sum of z^2.
+  // The counts are multinomial. The correlation of bins i and j is -sqrt(o_i o_j), where o = p / (1
+  // - p). `odds` is the sum of o over all bins. The correlations add at most 2 odds^2 to the
+  // variance of the sum of z^2.
   const double bins = static_cast<double>(rate.size());
   CHECK(std::abs(s.chi2_per_bin - 1) < 4.5 * std::sqrt((spread + 2 * odds * odds) / draws) / bins);
 }
 
-// Coates, J. Phys. E 1, 878 (1968): the rate of a bin is -ln(1 - counts / pulses without an earlier
-// count).
+// Coates, J. Phys. E 1, 878 (1968), estimates the rate of a bin as -ln(1 - counts / n), where n is
+// the number of pulses without an earlier count.
 TEST_CASE("the Coates pile-up correction recovers the simulated rates within its variance") {
   Conditions c;
   c.pulses_per_window = 20'000;
@@ -296,8 +301,8 @@ TEST_CASE("the Coates pile-up correction recovers the simulated rates within its
       waiting -= counts[i];
     }
   }
-  // Each estimate is based on a binomial count, with the pulses that have no earlier count as
-  // trials. The estimates are uncorrelated.
+  // Each estimate is based on a binomial count. The number of trials is the number of pulses
+  // without an earlier count. The estimates are uncorrelated.
   double before = 0, worst = 0, chi2 = 0;
   for (std::size_t i = 0; i < rate.size(); ++i) {
     const double variance = std::expm1(rate[i] / pulses) * pulses * std::exp(before);
@@ -309,16 +314,16 @@ TEST_CASE("the Coates pile-up correction recovers the simulated rates within its
   CHECK(worst < 4.5);
   const double bins = static_cast<double>(rate.size());
   CHECK(std::abs(chi2 - bins) < 4.5 * std::sqrt(2 * bins));
-  // More than one photon per pulse precedes the last bins, so without the correction the last bins
-  // would lose most of their counts.
+  // On average, more than one photon per pulse arrives before the last bins. Without the
+  // correction, the last bins would therefore lose most of their counts.
   CHECK(before > 1);
 }
 
 TEST_CASE(
     "if the dead time exceeds the histogram, only the first photon of each pulse is counted") {
   Conditions c;
-  // The pulse period is 3 s / 2e7 = 150 ns. The dead time of 50 ns exceeds the 34 ns of the
-  // histogram.
+  // The pulse period is 3 s / 2e7 = 150 ns. The dead time of 50 ns is longer than the histogram,
+  // which covers 34 ns.
   c.pulses_per_window = 20'000'000;
   c.spd_dead_time_ps = 50'000;
   c.signal_photons = 1e5;
@@ -353,10 +358,10 @@ TEST_CASE("a free-running detector with dead time tau counts at the rate r / (1 
     double sum = 0;
     for (int d = 0; d < draws; ++d)
       for (const auto n : draw_counts(rate, c, rng)) sum += n;
-    // Renewal process with the rate r and the dead time tau, in which the detector is ready at the
-    // start. The intervals have the mean m = tau + 1/r and the variance 1/r^2, but the first
-    // interval has the mean 1/r. The number of events in the time t has the mean t/m + (1/r^2 +
-    // m^2) / (2 m^2) - 1 / (r m) and the variance t / (r^2 m^3).
+    // The detector is a renewal process with rate r and dead time tau, and is ready at the start.
+    // The intervals have mean m = tau + 1/r and variance 1/r^2, except that the first interval has
+    // mean 1/r. The number of events in a time t has mean t/m + (1/r^2 + m^2) / (2 m^2) - 1 / (r m)
+    // and variance t / (r^2 m^3).
     const double m = 1 + blind;  // mean interval in units of 1/r
     const double mean = draws * (c.background_counts / m + (1 + m * m) / (2 * m * m) - 1 / m);
     CAPTURE(tau_us, sum, mean);

@@ -61,8 +61,8 @@ Corners read_obj(const std::string& name) {
   return out;
 }
 
-// Reads a binary STL file: 80 bytes, the number of triangles, then 12 floats (normal and three
-// corners) and two bytes per triangle.
+// Reads a binary STL file. The file begins with a header of 80 bytes and the number of triangles.
+// Each triangle has 12 floats (the normal and three corners) and two more bytes.
 Corners read_stl(const std::string& name) {
   const std::string text = read_text(name);
   Corners out;
@@ -75,7 +75,7 @@ Corners read_stl(const std::string& name) {
 }
 
 struct Pose {
-  Vec3 x, y, z, place;  // axes and position of the sensor, which faces along z
+  Vec3 x, y, z, place;  // axes and position of the sensor, which looks along the z axis
 };
 
 Pose pose_of(const nlohmann::json& p) {
@@ -93,8 +93,8 @@ Scene seen_from(const Pose& pose, const Corners& corners) {
   return scene;
 }
 
-// Returns the light within a circular field of view. `half_tangent` is the tangent of its half
-// angle.
+// Returns the light received from a circular field of view. `half_tangent` is the tangent of half
+// the opening angle.
 Returns look(const Scene& scene, double half_tangent) {
   constexpr std::uint32_t rays = 256;
   const double step = 2 * half_tangent / rays, first = -half_tangent + step / 2;
@@ -123,8 +123,8 @@ struct Fit {
   double gain = 0, background = 0;
 };
 
-// Fits counts = gain * model + background by least squares. The variances come from the rates of
-// the previous iteration.
+// Fits counts = gain * model + background by weighted least squares. The variances are computed
+// from the rates found in the previous iteration.
 Fit fit(const std::vector<double>& counts, const std::vector<double>& model,
         const std::vector<double>& seen_share) {
   Fit out;
@@ -145,7 +145,7 @@ Fit fit(const std::vector<double>& counts, const std::vector<double>& model,
 }
 
 // Returns the fractional bin number at which the smoothed counts first exceed a third of their
-// peak. Smoothing averages 2 * width + 1 bins.
+// peak. Each smoothed count is the average of 2 * width + 1 bins.
 double first_return(const std::vector<double>& counts, std::size_t from, std::size_t width) {
   std::vector<double> smooth(counts.size());
   for (std::size_t i = width; i + width < counts.size(); ++i)
@@ -220,8 +220,8 @@ TEST_CASE("simulated histograms of a sphere and a soap dish match those of anoth
 class Window {
  public:
   static constexpr std::size_t first = 16, last = 20, bins = 128;
-  // Measures the background of each bin relative to the peak. A low percentile over the poses
-  // excludes the moving object.
+  // Measures the background of each bin relative to the height of the peak. A low percentile over
+  // all poses is used, so that the moving object does not contribute.
   Window(const nlohmann::json& records, std::size_t zone) : seen_(bins), until_(bins + 1) {
     for (std::size_t i = 0; i < bins; ++i) {
       std::vector<double> values;
@@ -245,7 +245,8 @@ class Window {
     return std::accumulate(h.begin() + first, h.begin() + last, 0.0);
   }
   const std::vector<double>& seen() const { return seen_; }
-  // Returns the fraction of the response to light at bin `at` that falls into bin i.
+  // Returns the fraction of the detector response that falls into bin i for light arriving at bin
+  // `at`.
   double share(std::size_t i, double at) const {
     const double begin = static_cast<double>(i) - at + centre_;
     return up_to(begin + 1) - up_to(begin);
@@ -262,8 +263,8 @@ class Window {
   double centre_ = 0;
 };
 
-// Returns the pose of a zone. The zones form a 3 x 3 grid over 33 by 32 degrees, rotated by 180
-// degrees.
+// Returns the pose of a zone. The zones form a 3 x 3 grid that covers 33 by 32 degrees and is
+// rotated by 180 degrees.
 Pose of_zone(Pose pose, std::size_t zone) {
   const double x = (1 - static_cast<double>(zone / 3)) * 2 / 3 * tmf_half_tangent,
                y = (1 - static_cast<double>(zone % 3)) * 2 / 3 * tmf_half_tangent;
@@ -275,8 +276,8 @@ Pose of_zone(Pose pose, std::size_t zone) {
   return pose;
 }
 
-// The bin size of 13.5 mm and the zero bin 12.25 were fitted in advance. The test fits only the
-// delay of each zone.
+// The bin size of 13.5 mm and the zero position at bin 12.25 were fitted in advance. Only the delay
+// of each zone is fitted in the test.
 TEST_CASE("simulated histograms of a block match those measured with a TMF8820") {
   const auto records = read_json("spad-tmf8820/tall_block.json.gz");
   const Corners corners = read_stl("spad-tmf8820/tall_block.stl");

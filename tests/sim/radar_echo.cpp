@@ -125,7 +125,8 @@ TEST_CASE("the radar measures range from its own position") {
     const Returns r = radar_returns(s, c);
     return *std::min_element(r.range_m.begin(), r.range_m.end());
   };
-  // Rays at steps of 1/160 (tangent) miss the nearest point of the sphere by at most this range, m.
+  // Ray directions differ by 1/160 (tangent), so the rays may miss the point of the sphere nearest
+  // to the radar by at most this range, in m.
   const double miss = std::pow(4.0 / 160, 2) / 2 * (1 / 0.1 + 1 / 3.5) / 2;
   CHECK(nearest(scene) >= std::hypot(1.3, 3.5) - 0.1 - 1e-6);
   CHECK(nearest(scene) <= std::hypot(1.3, 3.5) - 0.1 + miss);
@@ -163,7 +164,7 @@ TEST_CASE("simulated radar noise is white and falls with the square root of the 
   }
   const double n = static_cast<double>(power.size());
   CHECK(std::abs(sum) < 4.5 * std::sqrt(n));
-  // The mean of exponentially distributed variables over frames has the kurtosis 3 + 6 / frames.
+  // The mean over frames of an exponentially distributed variable has a kurtosis of 3 + 6 / frames.
   CHECK(std::abs(squares - n) < 4.5 * std::sqrt((2 + 6 / static_cast<double>(frames)) * n));
   CHECK(std::abs(neighbours) < 4.5 * std::sqrt(n));
 }
