@@ -26,8 +26,8 @@ Scene scaled(Scene scene, double s) {
   return scene;
 }
 
-// Returns the weight of a screen at distance d within slant range r: the integral of albedo cos
-// dOmega / R^2.
+// Returns the weight of the part of a screen at distance d that is closer than the slant range r.
+// The weight is the integral of albedo cos dOmega / R^2.
 double screen_weight(double d, double r, double albedo) {
   return albedo * std::numbers::pi / (2 * d * d) * (1 - std::pow(d / r, 4)) / mean_scene_weight;
 }
@@ -40,7 +40,7 @@ TEST_CASE("rays from both sensors hit a sphere at the computed points") {
   scene.capsules = {sphere(centre, 0.3)};
   for (const double sensor_x : {0.0, -0.5}) {
     const Vec3 to_centre = centre - Vec3{sensor_x, 0, 0};
-    // The only ray points exactly at the centre of the sphere.
+    // The scene is rendered with a single ray, which points exactly at the centre of the sphere.
     const Axis x{"x", "tangent", "1", 1, to_centre.x / to_centre.z, 1e-3};
     const Axis y{"y", "tangent", "1", 1, to_centre.y / to_centre.z, 1e-3};
     const Hit hit = cast(scene, sensor_x, x, y)[0];
@@ -51,8 +51,8 @@ TEST_CASE("rays from both sensors hit a sphere at the computed points") {
 }
 
 TEST_CASE("each ray hit is on the capsule surface and has the cosine of the angle of incidence") {
-  // The capsules are tilted either way, level, upright, partly outside of the image, or next to the
-  // sensor.
+  // The capsules are tilted in either direction, level or upright. Some are partly outside the
+  // image or next to the sensor.
   const Capsule capsule = GENERATE(Capsule{{-0.3, -0.5, 3.2}, {0.4, 0.6, 3.9}, 0.15, 0.5},
                                    Capsule{{0.7, -0.5, 2.2}, {-0.4, 0.9, 2.9}, 0.07, 0.5},
                                    Capsule{{-0.9, 0.2, 2}, {0.8, 0.2, 3}, 0.1, 0.5},
@@ -69,8 +69,8 @@ TEST_CASE("each ray hit is on the capsule surface and has the cosine of the angl
     for (std::uint32_t ix = 0; ix < side; ++ix) {
       const Hit& hit = hits[iy * side + ix];
       const Vec3 ray{x.at(ix), y.at(iy), 1}, axis = capsule.b - capsule.a;
-      // Computes the distance of the ray from the axis of the capsule by a fine search, as a
-      // reference.
+      // Searches the axis of the capsule in small steps for its smallest distance from the ray,
+      // which is used as a reference.
       double least = INFINITY;
       for (int k = 0; k <= 400; ++k) {
         const Vec3 p = capsule.a + (k / 400.0) * axis;
@@ -91,7 +91,7 @@ TEST_CASE("each ray hit is on the capsule surface and has the cosine of the angl
 }
 
 TEST_CASE("the strokes of a letter are rendered at their positions with gaps between them") {
-  // The plate is an L of 0.4 x 0.4 m at z = 2 m. Rays pass through chosen points.
+  // The plate is an L of 0.4 x 0.4 m at z = 2 m. The test casts rays through selected points.
   Scene scene;
   scene.plates = {{{0.1, 0, 2},
                    {1, 0, 0},
@@ -159,8 +159,8 @@ TEST_CASE("a flat screen returns the analytic amount of light") {
     double sum = 0;
     for (std::size_t k = 0; k < returns.weight.size(); ++k)
       if (returns.range_m[k] < r) sum += returns.weight[k];
-    // Pixels may be wrong only on the edge of the circle within the range r. At most 8 tangent /
-    // step pixels are on this edge.
+    // Only pixels on the edge of the circle within range r may be wrong. There are at most 8
+    // tangent / step such pixels.
     const double edge = 8 * tangent * step * albedo / (distance * distance * mean_scene_weight);
     CHECK(std::abs(sum - screen_weight(distance, r, albedo)) < edge);
     CHECK(edge < 0.06 * sum);
@@ -174,8 +174,8 @@ TEST_CASE("a sphere returns the analytic amount of light") {
   Scene scene;
   scene.capsules = {sphere({0, 0, d}, a, albedo)};
   const Returns returns = spd_returns(scene, c);
-  // A ray at the angle alpha from the axis hits the sphere at the range R and the angle of
-  // incidence theta. The sphere has the distance d and the radius a, so d^2 = R^2 + a^2 + 2 R a
+  // A ray at angle alpha from the axis hits the sphere at range R with angle of incidence theta.
+  // The sphere has radius a, and its centre is at distance d. Therefore, d^2 = R^2 + a^2 + 2 R a
   // cos(theta) and 2 d R cos(alpha) = d^2 + R^2 - a^2. The weight within range r is the integral of
   // 2 pi albedo cos(theta) / R^2 over cos(alpha).
   const auto integral = [&](double r) {
@@ -188,8 +188,8 @@ TEST_CASE("a sphere returns the analytic amount of light") {
     double sum = 0;
     for (std::size_t i = 0; i < returns.weight.size(); ++i)
       if (returns.range_m[i] < r) sum += returns.weight[i];
-    // Pixels may be wrong only on the edge of the circle within the range r, as in the test of the
-    // flat screen.
+    // As in the test of the flat screen, only pixels on the edge of the circle within range r may
+    // be wrong.
     const double tangent = std::tan(std::acos((d * d + r * r - a * a) / (2 * d * r)));
     const double cosine = (d * d - r * r - a * a) / (2 * r * a);
     const double edge = 8 * tangent * step * albedo * cosine / (r * r * mean_scene_weight);

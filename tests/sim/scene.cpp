@@ -43,7 +43,7 @@ TEST_CASE("simulated people have realistic heights and stand on the floor inside
       trunk_top = std::max(trunk_top, scene.capsules[k].b.y + scene.capsules[k].radius_m);
     CHECK(lowest == Approx(-c.camera_height_m).margin(1e-9));
     const double height = trunk_top - lowest;
-    // People who bend forward with bent knees may be less than 1.55 m high.
+    // The height of people who bend forward with bent knees may be less than 1.55 m.
     CHECK(height > 1.45);
     CHECK(height < 1.91);
     CHECK(scene.capsules[0].albedo >= 0.3);
@@ -63,7 +63,7 @@ TEST_CASE("simulated people hold a letter in both hands, facing the sensors with
     const Plate& plate = scene.plates[0];
     const Capsule& trunk = scene.capsules[6];
     const Vec3 body = 0.5 * (trunk.a + trunk.b), to_sensors{-body.x, 0, -body.z};
-    // For a viewer in front of the plate, u points to the right and v up.
+    // To a viewer in front of the plate, u must point to the right and v upwards.
     const Vec3 facing = cross(plate.v, plate.u);
     CHECK(dot(facing, to_sensors) / length(to_sensors) > std::cos(30.5 * 3.14159265 / 180));
     CHECK(length(plate.centre - body) > 0.5);

@@ -87,7 +87,7 @@ TEST_CASE("a given scene position does not change the other parameters of the sc
     // Capsule 6 is the pelvis.
     const Vec3 middle = 0.5 * (placed.capsules[6].a + placed.capsules[6].b);
     const double height = placed.capsules[11].radius_m / 0.055;
-    // The tolerance is 2 % of the height, because the body may be tilted.
+    // The tolerance is 2 % of the body height, because the body may be tilted.
     CHECK(std::abs(middle.x - 0.3) < 0.02 * height);
   }
 }

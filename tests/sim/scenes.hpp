@@ -12,7 +12,7 @@ inline Capsule sphere(Vec3 centre, double radius_m, double albedo = 0.5) {
   return {centre, centre, radius_m, albedo};
 }
 
-// Returns a wall at distance z that fills the field of view.
+// Returns a wall at a distance of z_m. The wall fills the field of view.
 inline Plate screen(double z_m, double albedo) {
   return {{0, 0, z_m}, {1, 0, 0}, {0, 1, 0}, {{-100, 0, 100, 0, 200}}, albedo};
 }
@@ -21,7 +21,8 @@ inline double total(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0);
 }
 
-// Returns the scene with people and plates mirrored (x -> -x). The room is not mirrored.
+// Returns a mirrored copy (x -> -x) of the scene with its people and plates. The room is not
+// mirrored.
 inline Scene mirrored(const Scene& scene) {
   const auto flipped = [](Vec3 p) { return Vec3{-p.x, p.y, p.z}; };
   Scene image = scene;
@@ -38,7 +39,8 @@ inline Scene mirrored(const Scene& scene) {
   return image;
 }
 
-// Returns a scene with a person (even index) or a person with a letter (odd index).
+// Returns a scene that shows a person if `index` is even, and a person with a letter if `index` is
+// odd.
 inline Scene some_scene(const Conditions& conditions, std::uint64_t index) {
   return make_scene(conditions, index % 2 ? SceneKind::letter : SceneKind::person, 42, index);
 }

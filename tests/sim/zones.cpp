@@ -21,7 +21,7 @@ Conditions with_zones(std::int64_t side) {
   return c;
 }
 
-// Returns the expected counts of each zone, summed over all bins.
+// Returns the expected number of counts in each zone, summed over all bins.
 std::vector<double> light(const Scene& scene, const Conditions& c) {
   const std::vector<double> rates = zone_rates(spd_returns(scene, c), c);
   const auto bins = static_cast<std::size_t>(c.bins);

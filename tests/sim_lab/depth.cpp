@@ -18,7 +18,7 @@ class Reader {
  public:
   Reader(const std::string& lab_dir, const std::string& file, const std::string& arguments) {
     const auto folder = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-    // Suppresses sanitizer reports about OpenNI2, because it leaks memory and is built without
+    // Suppresses sanitizer reports about OpenNI2, because OpenNI2 leaks memory and is built without
     // ThreadSanitizer.
     const std::string sanitizers = "ASAN_OPTIONS=detect_leaks=0 TSAN_OPTIONS=suppressions='" +
                                    echofuse::test::source_dir + "/tests/tsan.supp' ";
@@ -34,7 +34,7 @@ class Reader {
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
 
-  // Returns the next line of the program, or an empty string at the end of its output.
+  // Returns the next line of the program's output, or an empty string at the end of the output.
   std::string line() {
     char text[256];
     if (!std::fgets(text, sizeof text, pipe_)) return {};
@@ -59,8 +59,8 @@ class Reader {
   std::FILE* pipe_;
 };
 
-// Renders the expected depth image with explicit axes for a 320 x 240 camera with half tangents of
-// 0.8 and 0.6. Pixel centres are 0.005 apart.
+// Renders the expected depth image. The explicit axes describe a camera with 320 x 240 pixels and
+// half tangents of 0.8 and 0.6. The pixel centres are 0.005 apart.
 std::vector<std::uint16_t> expected_picture(const sim::LabOptions& options) {
   const Axis x{"depth_x", "tangent", "1", 320, -159.5 * 0.005, 0.005};
   const Axis y{"depth_y", "tangent", "1", 240, 119.5 * 0.005, -0.005};

@@ -49,10 +49,10 @@ TEST_CASE("an encoded radar frame has the documented bytes") {
   const Bytes expected =
       bytes({0x02, 0x01, 0x04, 0x03, 0x06, 0x05, 0x08, 0x07,  // magic word
              0x04, 0x00, 0x05, 0x03,                          // SDK version 3.5.0.4
-             64,   0,    0,    0,     // frame length: 40 + 8 + 4 bytes, padded to 64
+             64,   0,    0,    0,     // frame length of 40 + 8 + 4 bytes, padded to 64 bytes
              0x43, 0x68, 0x0a, 0x00,  // platform 0xA6843
              0x04, 0x03, 0x02, 0x01,  // frame number
-             0xd0, 0xc0, 0xb0, 0xa0,  // time, CPU cycles
+             0xd0, 0xc0, 0xb0, 0xa0,  // time in CPU cycles
              0,    0,    0,    0,     // number of objects
              1,    0,    0,    0,     // number of TLVs
              0,    0,    0,    0,     // subframe number
@@ -83,7 +83,7 @@ TEST_CASE("the padding of radar frames is random and sometimes contains a magic 
   int stale = 0, zero = 0;
   constexpr int frames = 400;
   for (int i = 0; i < frames; ++i) {
-    // The frame has 48 bytes and 16 bytes of padding.
+    // The frame consists of 48 bytes of data and 16 bytes of padding.
     const Bytes frame = radar_frame({}, {objects_tlv()}, junk);
     REQUIRE(frame.size() == 64);
     stale +=
@@ -95,9 +95,9 @@ TEST_CASE("the padding of radar frames is random and sometimes contains a magic 
 }
 
 TEST_CASE("logarithmic range profile codes are computed from the echo magnitude") {
-  // For 8 antennas of magnitude 2^10, the code is 256 * 8 * 10 / 8.
+  // For 8 antennas with magnitudes of 2^10, the code is 256 * 8 * 10 / 8.
   CHECK(log2_q8(8 * 10, 8) == 2560);
-  // For 12 antennas of magnitude 2^10, the code is 256 * 12 * 10 / 16.
+  // For 12 antennas with magnitudes of 2^10, the code is 256 * 12 * 10 / 16.
   CHECK(log2_q8(12 * 10, 12) == 1920);
   CHECK(log2_q8(0, 12) == 0);
   CHECK(log2_q8(-5, 12) == 0);

@@ -43,7 +43,7 @@ amount = 0.25
   CHECK(faults[0].device == "tdc");
   CHECK(faults[0].kind == FaultKind::drop);
   CHECK(faults[0].every_s == 4);
-  // By default the fault drops all data.
+  // By default, the fault drops all data.
   CHECK(faults[0].amount == 1);
   CHECK(faults[1].kind == FaultKind::late);
   CHECK(faults[1].amount == 0.25);

@@ -131,7 +131,7 @@ TEST_CASE("scenes change at the set interval, and 25 % of mixed scenes show peop
   clock.advance(std::chrono::seconds(2));
   CHECK(player.now_s() == 2.0);
   CHECK(player.at(player.now_s()).index == 4);
-  // The laboratory starts during a scene.
+  // The laboratory starts in the middle of a scene.
   clock.set(std::chrono::milliseconds(10'200));
   sim::ScenePlayer later(clock, conditions, {"mixed", 3, 0.5});
   CHECK(later.at(0.299).index == 0);

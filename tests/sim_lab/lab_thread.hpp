@@ -58,7 +58,7 @@ inline std::string read_text(const std::string& path) {
   return text.str();
 }
 
-// Returns the substring between `before` and the next quotation mark.
+// Returns the part of `text` between `before` and the next quotation mark.
 inline std::string quoted_after(const std::string& text, const std::string& before) {
   const std::size_t start = text.find(before) + before.size();
   return text.substr(start, text.find('"', start) - start);

@@ -42,7 +42,8 @@ Stream draw(const Conditions& c, const Tagging& tagging, const Returns& returns,
   return stream;
 }
 
-// Returns the z-score (chi2 - n) / sqrt(2 n) for the n bins with at least 5 expected counts.
+// Returns the z-score (chi2 - n) / sqrt(2 n). Only the n bins with an expected count of at least 5
+// are used.
 double z_of_chi2(const std::vector<double>& counts, const std::vector<double>& expected) {
   double chi2 = 0, n = 0;
   for (std::size_t i = 0; i < counts.size(); ++i) {
@@ -102,7 +103,7 @@ TEST_CASE("a photon stream with dead time gives the same counts as the histogram
   c.signal_photons = 3e4;
   c.background_counts = 1e4;
   c.pulses_per_window = 20'000;
-  // The dead time of 2 ns is shorter than the signal of a person.
+  // The dead time of 2 ns is shorter than the duration of the light signal from a person.
   c.spd_dead_time_ps = 2'000;
   const Returns returns = person(c);
   const Stream stream = draw(c, {}, returns);
@@ -114,16 +115,17 @@ TEST_CASE("a photon stream with dead time gives the same counts as the histogram
     const auto counts = draw_counts(rate, c, rng);
     for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += 1.0 * counts[i] / draws;
   }
-  // The dead time changes the counts considerably.
+  // Without the dead time, the counts would be very different.
   CHECK(z_of_chi2(stream.counts, rate) > 50);
-  // The dead time reduces the scatter below that of a Poisson distribution. The mean over the draws
-  // adds 1/40 to the variance.
+  // Because of the dead time, the scatter is smaller than that of a Poisson distribution. Using a
+  // mean over 40 draws increases the variance by 1/40.
   const double z = z_of_chi2(stream.counts, mean);
   CHECK(z < 5);
   std::int64_t last_ps = -1'000'000;
   for (const Tag& tag : stream.tags) {
     if (tag.channel != 2) continue;
-    // Rounding both time stamps down to picoseconds may reduce the dead time of 2000 ps to 1999 ps.
+    // Both time stamps are rounded down to picoseconds, which may reduce the dead time from 2000 ps
+    // to 1999 ps.
     REQUIRE(tag.time_ps - last_ps >= 1999);
     last_ps = tag.time_ps;
   }

@@ -26,7 +26,8 @@ Moments moments(const std::vector<double>& values) {
   return m;
 }
 
-// Returns the logarithm of the ratio of the peak to the scatter of the weaker half of the bins.
+// Returns the logarithm of the peak-to-scatter ratio. The scatter is computed from the weaker half
+// of the bins.
 double peak_over_scatter(std::vector<double> power) {
   std::sort(power.begin(), power.end());
   const double peak = power.back();
@@ -57,7 +58,7 @@ TEST_CASE(
   for (std::int64_t i = 0; i < generator.records(); ++i) {
     const auto record = generator.make(i).radar;
     of_dataset.push_back(peak_over_scatter({record.begin(), record.end()}));
-    // The frames of a slot are averaged as in the daemon (acquire/run/window.hpp).
+    // The frames of a slot are averaged in the same way as by the daemon (acquire/run/window.hpp).
     const auto echoes = radar_power(radar_returns(generator.scene(i), c), axis);
     std::vector<double> slot(echoes.size());
     for (std::int64_t f = 0; f < frames; ++f) {

@@ -21,7 +21,7 @@ using Complex = std::complex<double>;
 // range step for a slope of 18.75 MHz/us, which the chip rounds to 517 frequency steps
 constexpr double bin_m = 0.25022102542;
 
-// Returns a chirp that gives a range profile of 64 bins.
+// Returns a chirp that results in a range profile of 64 bins.
 Chirp chirp_of(std::vector<unsigned> transmitters) {
   Chirp chirp;
   chirp.samples = 60;
@@ -33,8 +33,8 @@ Chirp chirp_of(std::vector<unsigned> transmitters) {
   return chirp;
 }
 
-// Returns a scene with a point echo of power 1 in bin 12. The echo is a plane wave with the
-// direction sines x and y.
+// Returns a scene with a point echo of power 1 in bin 12. The echo arrives as a plane wave from the
+// direction given by the sines x and y.
 RenderedScene point_at(double x, double y, std::int64_t index = 0) {
   RenderedScene scene;
   scene.index = index;
@@ -57,7 +57,7 @@ Conditions quiet() {
   return c;
 }
 
-// Simulated antennas with coherent echoes and two transmitters.
+// Simulates antennas that have coherent echoes and use two transmitters.
 struct CoherentBoard {
   Conditions conditions = coherent();
   RadarAntennas antennas{conditions, 3};
@@ -109,7 +109,7 @@ TEST_CASE("the simulated planar array sends samples of all antennas with their c
     CHECK(std::abs(samples[12 * 12 + m] -
                    std::polar(2048 * a.gain, pi * (-0.1 * a.x + 0.2 * a.y) + a.phase_rad)) < 1.5);
   }
-  // The coefficients that the firmware reports must compensate the channel errors.
+  // The coefficients reported by the firmware must compensate for the channel errors.
   std::istringstream words(board.coefficients());
   double re = 0, im = 0, first = 0;
   for (std::size_t m = 0; words >> re >> im; ++m) {
@@ -142,7 +142,7 @@ TEST_CASE("radar speckle changes with each new scene and is kept while a scene i
   };
   const Complex first = peak(0, 10), again = peak(0, 10), later = peak(0, 11), other = peak(1, 11);
   CHECK(std::abs(again - first) < 2);
-  // The echo is a single point, so only its phase changes.
+  // The echo comes from a single point, so only its phase changes with time.
   CHECK(std::abs(std::abs(later) - std::abs(first)) < 2);
   CHECK(std::abs(later - first) > 2);
   CHECK(std::abs(std::abs(other) - std::abs(first)) > 2);

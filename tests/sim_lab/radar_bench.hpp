@@ -22,7 +22,7 @@
 
 namespace echofuse::test {
 
-// Simulated radar board that stops immediately and sends frames only on request.
+// Simulated radar board that executes sensorStop immediately and sends frames only on request.
 class RadarBoard {
  public:
   explicit RadarBoard(port::Loop& loop)
@@ -36,7 +36,7 @@ class RadarBoard {
     power_up();
   }
 
-  // Resets the board, which loses its configuration.
+  // Resets the board, so that it loses its configuration.
   void power_up() {
     firmware_.emplace([this](const std::string& text) { cli.send(text); },
                       [this](const std::string& raw) { data.send(raw); });
@@ -55,7 +55,7 @@ class RadarBoard {
         {number, number * 10'000'000, 0},
         {sim::range_profile_tlv(codes), sim::stats_tlv({}), sim::temperature_tlv({})}, rng_);
   }
-  // Returns the non-empty lines that the host has sent since the last call.
+  // Returns the non-empty lines that the host has sent since the previous call.
   std::vector<std::string> heard() { return std::exchange(lines_, {}); }
   std::size_t lines_heard() const { return lines_.size(); }
 
@@ -89,8 +89,8 @@ struct RadarBench {
   std::uint64_t count(const std::string& name) const { return counter(*driver, name); }
   std::size_t frames() const { return sink.radar.size(); }
   DeviceState state() const { return sink.state(); }
-  // Sends a frame every 10 ms while the sensor runs, until the condition is true. Returns false
-  // after the time limit.
+  // Sends a frame every 10 ms while the sensor is running, until the condition is true. Returns
+  // false if the condition is still false after the time limit.
   template <class Condition>
   bool until(Condition condition, std::chrono::milliseconds limit = std::chrono::seconds(10)) {
     const auto end = loop.now() + limit;
@@ -110,7 +110,7 @@ struct RadarBench {
     board.cli.plug(in);
     board.data.plug(in);
   }
-  // Returns the time until the next frame arrives, s.
+  // Returns the time until the next frame arrives, in s.
   double seconds_to_frame() {
     const std::size_t before = frames();
     const HostTime from = loop.now();

@@ -68,7 +68,7 @@ TEST_CASE("after a power cycle the radar board refuses the restart, and the driv
   CHECK(b.count("configured") == 2);
   CHECK(b.reported("restart refused, sending the cfg again: Error: Full"));
   REQUIRE(b.until([&] { return b.frames() > 20; }));
-  // Frame numbers that restart after a power cycle do not cause a reconnection.
+  // The restart of the frame numbers after a power cycle must not cause a reconnection.
   CHECK(b.count("connections") == 2);
 }
 
@@ -129,8 +129,8 @@ TEST_CASE("the command dialogue ignores calibration lines and garbage before the
   b.driver->start(b.sink);
   std::size_t said = 0;
   REQUIRE(b.until([&] {
-    // Sends a calibration line before the first answer and after every answer, and garbage only
-    // before the first answer.
+    // Sends garbage before the first answer. Sends a calibration line before the first answer and
+    // after every answer.
     if (b.board.lines_heard() >= said) {
       b.board.cli.send(said++ == 0 ? garbage : std::string());
       b.board.say(calibration + "\n");
@@ -244,7 +244,8 @@ TEST_CASE("damaged radar data cause the loss of at most one intact frame, and lo
     CHECK(good.size() <= 100);
     const std::size_t sent = std::string_view(name) == "repeated" ? 701 : 601;
     const std::size_t accounted = delivered + twice + b.count("lost_frames");
-    // A flipped bit in a frame number may look like a small gap, which adds to the lost frames.
+    // A flipped bit in a frame number may look like a small gap, and the missing numbers are then
+    // counted as lost frames.
     CHECK((std::string_view(name) == "bit flip" ? accounted >= sent : accounted == sent));
     CHECK(b.count("connections") == 1);
   }
@@ -283,7 +284,7 @@ TEST_CASE("after an unplug the radar driver waits until both ports are back") {
   b.start();
   b.plug(false);
   REQUIRE(b.faulted());
-  // The data port is still missing.
+  // Only the command port is back. The data port is still missing.
   b.board.cli.plug(true);
   REQUIRE(b.until([&] { return b.count("connections") == 1; }));
   b.plug(true);
@@ -319,7 +320,7 @@ TEST_CASE("the radar driver waits longer each time a board fails after its first
     b.plug(true);
     pauses.push_back(b.seconds_to_frame());
   }
-  // Before the five reconnections the driver waits for 0.1, 0.2, 0.4, 0.8 and 1.6 s.
+  // Before the five reconnections, the driver waits for 0.1, 0.2, 0.4, 0.8 and 1.6 s, respectively.
   for (std::size_t i = 0; i < pauses.size(); ++i) CHECK(pauses[i] > 0.1 * (1 << i));
 }
 
@@ -352,15 +353,16 @@ TEST_CASE("the time stamp of a radar frame is the time of its first chirp") {
   const HostTime sent = b.loop.now();
   b.board.data.send(b.board.frame());
   REQUIRE(run_until(b.loop, [&, before = b.frames()] { return b.frames() > before; }));
-  // A frame takes 96 chirps of 47 us. Its 256 bytes are sent as 2560 bits at 921600 baud.
+  // A frame consists of 96 chirps of 47 us each. The 256 bytes of the frame are sent as 2560 bits
+  // at 921600 baud.
   CHECK(seconds(sent - b.sink.radar.back().received) ==
         Approx(96 * 47e-6 + 2560 / 921600.).margin(1e-4));
 }
 
 namespace {
 
-// Radar driver with the command port of one board and the data port of another board, which sends
-// frames.
+// Radar driver connected to the command port of one board and to the data port of another board.
+// The other board sends frames.
 struct TwoBoards : RadarBench {
   TwoBoards() : other(loop) {
     setup.data = other.data.opener();
@@ -428,7 +430,8 @@ TEST_CASE("the radar driver warns once if the frame period differs from the cfg"
   const bool odd = GENERATE(false, true);
   REQUIRE(b.until([&] { return b.board.running(); }));
   for (int i = 0; i < 10; ++i) {
-    // The frames are 10^7 cycles (50 ms) apart as in the cfg, or ten times as far apart if `odd`.
+    // The frames are 10^7 cycles (50 ms) apart, as specified in the cfg. If `odd` is true, the
+    // interval is ten times longer.
     Bytes frame = b.board.frame();
     const auto cycles =
         static_cast<std::uint32_t>(b.board.number * (odd ? 100'000'000 : 10'000'000));

@@ -45,7 +45,7 @@ std::vector<std::string> profile_lines(const std::string& name) {
   return lines;
 }
 
-// Sends a cfg without its last line (sensorStart) and without the lines that begin with `without`.
+// Sends a cfg, leaving out the last line (sensorStart) and all lines that begin with `without`.
 void configure(Console& console, const std::string& without = "none",
                const std::string& name = "xwr68xx_paper_50cm.cfg") {
   auto lines = profile_lines(name);
@@ -77,7 +77,7 @@ TEST_CASE("simulated radar firmware answers a command with an echo, a reply and 
   Console console;
   CHECK(console.send("\n") == "\nmmwDemo:/>");
   CHECK(console.send("flushCfg\n") == "flushCfg\nDone\n\rmmwDemo:/>");
-  // The firmware echoes a carriage return twice and treats it as a line feed, so CR LF gives a
+  // The firmware echoes a carriage return twice and treats it as a line feed, so CR LF causes a
   // second prompt.
   CHECK(console.send("flushCfg\r\n") == "flushCfg\r\nDone\n\rmmwDemo:/>\nmmwDemo:/>");
   CHECK(console.send("% a comment\n") == "% a comment\nSkipped\n\rmmwDemo:/>");
@@ -130,7 +130,7 @@ TEST_CASE("a complete cfg starts the simulated radar and defines its range axis"
     CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
     const RadarAxis axis = console.firmware().running().value().axis({});
     CHECK(axis.count == 64);
-    // The chip rounds 18.75 MHz/us to 517 steps of 36.21 kHz/us.
+    // The chip rounds a slope of 18.75 MHz/us to 517 steps of 36.21 kHz/us each.
     CHECK(axis.step_m == Approx(0.2502210254).epsilon(1e-9));
     CHECK(axis.resolution_m == Approx(64 * axis.step_m / 60).epsilon(1e-12));
     CHECK(console.firmware().running()->firmware_step_m() == 0.25);
@@ -230,7 +230,7 @@ TEST_CASE("the simulated radar starts, stops and restarts on command") {
         "bpmCfg -1 0 0 1\nIgnored: This command is not allowed after sensor has started\n\r"
         "Done\n\rmmwDemo:/>");
 
-  // sensorStop takes effect at the end of the frame. Input received before that is lost.
+  // sensorStop takes effect at the end of the frame. Any input received before the end is lost.
   CHECK(console.send("sensorStop\n") == "sensorStop\n");
   CHECK(console.send("version\n").empty());
   console.firmware().between_frames();
@@ -284,11 +284,12 @@ TEST_CASE("simulated range profile codes of a strong echo and of noise match the
   Rng rng(5);
   const double mean_peak = 0.5;
   std::vector<double> power(4000, 0.0);
-  // The magnitude is 2^19, so the code is 256 * 19 * 12 / 16.
+  // The magnitude of the echo is 2^19, so the code is 256 * 19 * 12 / 16.
   power[0] = 0.25;
   const auto codes = range_profile_codes(power, mean_peak, 12, c, rng);
   CHECK(std::abs(codes[0] - 3648) <= 1);
-  // The expected noise is the noise of the frame, plus a small part of the noise of each antenna.
+  // The expected noise consists of the noise common to a frame and a small part of the noise of
+  // each antenna.
   double mean = 0;
   for (std::size_t i = 1; i < codes.size(); ++i)
     mean += power_from_code(codes[i], 12) / static_cast<double>(codes.size() - 1);
@@ -299,7 +300,7 @@ TEST_CASE("simulated range profile codes of a strong echo and of noise match the
 
 TEST_CASE("simulated radar firmware measures the range bias with a parabola through the peak") {
   std::vector<double> power(40, 1e-6);
-  // The magnitudes are those of a parabola with its peak at bin 10.3.
+  // The magnitudes lie on a parabola with its peak at bin 10.3.
   for (const int i : {9, 10, 11})
     power[static_cast<std::size_t>(i)] = std::pow(5 - std::pow(i - 10.3, 2), 2);
   CHECK(measured_range_bias_m(power, 0.1, 1.0, 0.2) == Approx(0.03).margin(1e-9));
