@@ -308,8 +308,8 @@ TEST_CASE("simulated radar firmware measures the range bias with a parabola thro
 
 namespace {
 
-// Runs the command dialogue with a firmware that answers immediately. Returns the error message, or
-// an empty string if there is no error.
+// Runs the command dialogue against simulated firmware that answers immediately. Returns the error
+// message, or an empty string if there is no error.
 std::string failure_of(const std::string& name, unsigned sdk, RadarDemo demo) {
   std::ifstream file(echofuse::test::source_dir + "/config/radar/" + name);
   const std::string text{std::istreambuf_iterator<char>(file), {}};
@@ -360,7 +360,7 @@ TEST_CASE(
                                   Catch::Contains("Then use config/radar/xwr68xx_"));
         else if (!right_sdk && right_demo)
           CHECK_THAT(failure, Catch::Contains("use a cfg for SDK 3."));
-        // Each file that the error suggests must exist.
+        // Each file suggested by the error message must exist.
         if (const auto at = failure.find("config/radar/"); at != failure.npos) {
           const std::string other = failure.substr(at, failure.find_first_of(" ,;", at) - at);
           CHECK(std::filesystem::exists(echofuse::test::source_dir + "/" + other));

@@ -47,9 +47,10 @@ TEST_CASE("the radar driver counts frames that are lost while it does not read t
   LabThread lab(options);
   Lines lines(options);
   REQUIRE(lines.frames(3));
-  // The board sends 192 kB in 3 s, and the kernel buffers a part of it.
+  // The board sends 192 kB in 3 s. The kernel buffers only part of this amount.
   std::this_thread::sleep_for(3s);
-  // At least half of the 300 frames are lost. On a busy machine the board may send fewer frames.
+  // At least half of the 300 frames are lost. On a busy machine, the board may send fewer than 300
+  // frames.
   REQUIRE(run_until(lines.loop, [&] { return counter(*lines.driver, "lost_frames") > 150; }));
   const std::uint32_t first = lines.sink.radar.front().frame_number;
   const std::uint32_t last = lines.sink.radar.back().frame_number;
@@ -66,7 +67,7 @@ TEST_CASE("the radar driver detects the data port of another board on pseudo-ter
   {
     Lines lines(b);
     REQUIRE(lines.frames(3));
-    // Because of the setting keep_running, the sensor continues to run.
+    // The setting keep_running leaves the sensor running.
     lines.driver->stop();
   }
   Lines mixed(a, b.dir);
@@ -76,7 +77,7 @@ TEST_CASE("the radar driver detects the data port of another board on pseudo-ter
       mixed.sink.events.back(),
       Catch::StartsWith("radar.cli and radar.data are ports of two different boards: frame "));
   mixed.driver.reset();
-  // The board already sends frames when the driver connects.
+  // The board is already sending frames when the driver connects.
   Lines again(b);
   REQUIRE(again.frames(3));
   CHECK(counter(*again.driver, "connections") == 1);

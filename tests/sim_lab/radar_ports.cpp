@@ -44,7 +44,7 @@ class Port {
   void write(const std::string& text) {
     REQUIRE(::write(fd_, text.data(), text.size()) == static_cast<ssize_t>(text.size()));
   }
-  // Reads until `enough` returns true or the time has passed.
+  // Reads until `enough` returns true or `patience_s` has passed.
   template <class Enough>
   std::string read(double patience_s, Enough enough) {
     std::string all;
@@ -80,7 +80,7 @@ struct Frame {
   std::vector<std::uint32_t> types;
 };
 
-// Parses the first frame of `bytes` and removes it.
+// Parses the first frame in `bytes` and removes this frame from `bytes`.
 Frame take_frame(std::string& bytes) {
   REQUIRE(bytes.size() >= 40);
   REQUIRE(std::memcmp(bytes.data(), "\x02\x01\x04\x03\x06\x05\x08\x07", 8) == 0);
@@ -112,8 +112,8 @@ void configure(Port& cli, const std::string& cfg_path) {
   }
 }
 
-// Simulated board on virtual time. A pseudo-terminal would hold only 4 KiB, and a host that reads
-// late would lose the rest.
+// Simulates the board on virtual time. A pseudo-terminal is not used, because it would hold only 4
+// KiB, and the rest would be lost if the test read late.
 struct BoardInMemory {
   class Line final : public sim::Uart {
    public:
@@ -127,7 +127,7 @@ struct BoardInMemory {
     std::string& to_;
   };
 
-  // Sends the cfg for 50 cm resolution after replacing one line, and starts the sensor.
+  // Sends the cfg for a resolution of 50 cm, with one line replaced, and starts the sensor.
   void start(const std::string& instead_of, const std::string& put) {
     std::ifstream cfg(source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
     REQUIRE(cfg);
@@ -172,7 +172,7 @@ TEST_CASE("after sensorStart the simulated radar sends one frame of the scene pe
   options.conditions.radar_snr_db = 40;
   LabThread lab(options);
   Port cli(options.dir + "/radar-cli", B115200), data(options.dir + "/radar-data", B921600);
-  // Discards the end of the banner, if any.
+  // Discards any remaining part of the banner.
   cli.bytes(1 << 20, 0.1);
   CHECK(cli.command("") == "\nmmwDemo:/>");
   CHECK(cli.command("sensorStop") ==
@@ -194,14 +194,14 @@ TEST_CASE("after sensorStart the simulated radar sends one frame of the scene pe
     CHECK(frame.types == std::vector<std::uint32_t>{2, 6, 9});
     REQUIRE(frame.profile.size() == 64);
     for (std::size_t bin = 0; bin < 64; ++bin) mean[bin] += frame.profile[bin] / double(frames);
-    // The cycle counter runs at 200 MHz, and the frames are 50 ms apart. The tolerance allows for
-    // scheduling delays on a busy machine.
+    // The cycle counter runs at 200 MHz, and the frames are 50 ms apart. The tolerance is large,
+    // because scheduling may be delayed on a busy machine.
     if (i > 1) CHECK(std::abs(double(frame.cycles - cycles) / 1e7 - 1) < 0.8);
     cycles = frame.cycles;
   }
 
-  // Far above the noise, the mean code equals the code of the sum of signal and noise power.
-  const double step_m = 0.25022102542;  // range step for the slope of 517 frequency steps
+  // Far above the noise, the mean code is the code of the signal power plus the noise power.
+  const double step_m = 0.25022102542;  // range step for a slope of 517 frequency steps
   sim::RadarAxis axis{0, step_m, 64, 64 * step_m / 60, sim::Psf::blackman()};
   const auto scene = sim::make_scene(options.conditions, sim::SceneKind::person, 11, 0);
   const auto power = sim::radar_power(sim::radar_returns(scene, options.conditions), axis);
@@ -214,11 +214,12 @@ TEST_CASE("after sensorStart the simulated radar sends one frame of the scene pe
   for (std::size_t bin = 0; bin < 64; ++bin) {
     if (power[bin] < 20 * noise) continue;
     const double code = 256 * 12.0 / 16 * 0.5 * std::log2((power[bin] + noise) * std::pow(2.0, 40));
-    // The variance of ln|x|^2 is (noise / power)^2 for the noise of the frame, plus 2 * own / power
-    // for the noise of each of the 12 averaged antennas. The codes are averaged over 20 frames.
+    // The variance of ln|x|^2 is the sum of (noise / power)^2, caused by the noise common to a
+    // frame, and 2 * own / power / 12, caused by the noise of the 12 antennas. The codes are
+    // averaged over 20 frames.
     const double variance = std::pow(noise / power[bin], 2) + 2 * own / power[bin] / 12;
     const double sigma = 256 * 12 / 16.0 * 0.5 / std::log(2.0) * std::sqrt(variance / frames);
-    // The codes are rounded to integers.
+    // The margin of 0.5 allows for the rounding of codes to integers.
     CHECK(std::abs(mean[bin] - code) < 5 * sigma + 0.5);
     ++compared;
   }
@@ -230,15 +231,15 @@ TEST_CASE("after sensorStart the simulated radar sends one frame of the scene pe
   while (!wire.empty()) last = take_frame(wire).number;
   CHECK(cli.command("sensorStart 0") == "sensorStart 0\nDone\n\rmmwDemo:/>");
   wire = data.bytes(frame_bytes, 2);
-  // Frames are numbered from power-up, not from sensorStart.
+  // Frame numbers count from power-up rather than from sensorStart.
   CHECK(take_frame(wire).number == last + 1);
 }
 
 TEST_CASE("the simulated radar sends a heat map if the cfg requests it") {
   BoardInMemory board;
   board.start("guiMonitor", "guiMonitor -1 0 1 0 1 0 1");
-  // The length is 40 + 8 + 128 + 8 + 64 * 8 * 4 + 8 + 24 + 8 + 28 bytes, padded to a multiple of
-  // 32.
+  // The frame length is 40 + 8 + 128 + 8 + 64 * 8 * 4 + 8 + 24 + 8 + 28 bytes, padded to a multiple
+  // of 32 bytes.
   constexpr std::size_t frame_bytes = 2304;
   board.loop.run_for(150ms);
   for (std::uint32_t i = 1; i <= 2; ++i) {

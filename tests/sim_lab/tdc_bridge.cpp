@@ -20,7 +20,7 @@ using namespace echofuse::test;
 
 namespace {
 
-// Computes the CRC bit by bit, independently of the lookup table in the product code.
+// Computes the CRC bit by bit, without the lookup table used by the product code.
 std::uint32_t slow_crc32c(ByteView bytes, std::uint32_t crc) {
   crc = ~crc;
   for (const std::uint8_t b : bytes) {
@@ -206,7 +206,7 @@ TEST_CASE(
 TEST_CASE("the simulated bridge reports tags lost by a slow client in the next block header") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
-  // 4e6 tags (64 MB) per second exceed the capacity of the queue and the socket.
+  // 4e6 tags per second (64 MB/s) exceed the capacity of the queue and the socket.
   options.window_s = 0.05;
   LabThread lab(options);
   Client client(options.dir + "/lab.toml");
@@ -225,8 +225,8 @@ TEST_CASE("the simulated bridge reports tags lost by a slow client in the next b
     if (dropped > 0) gap_ps = more.front().time_ps - last_ps;
     last_ps = more.back().time_ps;
   }
-  // The number of dropped tags equals the tag rate of the scene times the length of the gap between
-  // received tags.
+  // The number of dropped tags must equal the tag rate of the scene multiplied by the duration of
+  // the gap between the received tags.
   const auto returns = sim::spd_returns(
       sim::make_scene(options.conditions, sim::SceneKind::person, 5, 0), options.conditions);
   const double pulses_hz = options.tagging.laser_rate_hz,

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/antennas.py BIN_DIR [TEST]: records a run with a simulated radar that sends antenna samples. Checks that
-each frame arrives complete, and that each record contains the statistics of its frames. The test computes the expected
-statistics from the raw bytes."""
+"""Records a run with a simulated radar that sends antenna samples. Called as `tests/system/antennas.py BIN_DIR
+[TEST]`. Checks that every frame arrives complete, and that each record contains the statistics of its frames. The
+expected statistics are computed from the raw bytes."""
 import json
 import math
 import pathlib
@@ -41,7 +41,8 @@ def crc32c(data):
 
 
 def frames_of(raw):
-    """Returns {frame number: (frame bytes, antenna samples of the kept range bins)}."""
+    """Returns a dictionary that maps each frame number to the frame bytes and the antenna samples of the kept range
+    bins."""
     frames, place = {}, raw.find(MAGIC)
     while place >= 0:
         size, number, tlvs = (struct.unpack_from("<I", raw, place + at)[0] for at in (12, 20, 32)) \
@@ -62,8 +63,8 @@ def frames_of(raw):
 
 
 def unpacked(blob):
-    """Yields the power and the statistics of each range bin. The statistics are relative to the power of the bin,
-    except means, which are relative to the square root of this power."""
+    """Yields the power and the statistics of each range bin. Most statistics are relative to the power of the bin.
+    The means are relative to the square root of the power."""
     size = 4 + 2 * VALUES
     assert len(blob) == KEPT * size
     for start in range(0, len(blob), size):
@@ -83,7 +84,8 @@ def statistics(frames, numbers, b):
     values += [covariance[m][m].real for m in range(ANTENNAS)]
     values += [part for m in range(ANTENNAS) for n in range(m + 1, ANTENNAS)
                for part in (covariance[m][n].real, covariance[m][n].imag)]
-    # The lag-1 correlation averages fewer products than the power, so it may exceed 1. It is stored clipped to [-1, 1].
+    # The lag-1 correlation averages fewer products than the power, so it may exceed 1. It is therefore clipped to
+    # [-1, 1] before it is stored.
     return power, values + [max(-1, min(1, part)) for part in (lag.real, lag.imag)]
 
 
@@ -110,7 +112,7 @@ class Antennas(unittest.TestCase):
         for name in "bad_headers", "bad_tlvs", "bad_arrays", "junk_bytes":
             self.assertEqual(counted.get(name, 0), 0, name)
         frames = frames_of(b"".join(f.read_bytes() for f in sorted((self.dir / "raw").glob("radar-[0-9]*.dat"))))
-        # On a busy machine the simulated radar skips frames.
+        # The simulated radar may skip frames on a busy machine.
         sent, skipped = {}, set()
         for line in (self.dir / "sent.jsonl").read_text().splitlines():
             entry = json.loads(line)
@@ -134,7 +136,7 @@ class Antennas(unittest.TestCase):
                 true_power, true_values = statistics(frames, numbers, b)
                 self.assertAlmostEqual(power, true_power, delta=1e-5 * true_power)
                 worst = max(worst, *(abs(v - t) for v, t in zip(values, true_values)))
-        # The limit is half a step of 1/32767, plus the rounding of the sums.
+        # The limit is half of the quantisation step of 1/32767, plus the rounding error of the sums.
         self.assertLess(worst, 3e-5)
 
     def test_antenna_statistics_of_20_slots_match_the_raw_frames(self):

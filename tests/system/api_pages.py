@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/api_pages.py: tests that scripts/manual --api documents every public name, and that it fails if a
-public name has no description."""
+"""Tests that scripts/manual --api documents every public name and fails if a public name has no description."""
 import pathlib
 import shutil
 import subprocess
@@ -57,7 +56,7 @@ class ApiPages(unittest.TestCase):
         tree = self.copy()
         module = tree / "recon/python/echofuse/runs/axis.py"
         module.write_text(module.read_text().replace("    @property\n    def values", "    hidden: int = 0\n\n    def secret(self) -> None:\n        pass\n\n    @property\n    def values"))
-        # A manual with only one class is built faster than the complete manual.
+        # Only one class is included, so that the manual is built quickly.
         (tree / "recon/python/api/index.rst").write_text("echofuse\n========\n\n.. autoclass:: echofuse.Axis\n")
         done = self.manual(tree)
         self.assertEqual(done.returncode, 1)

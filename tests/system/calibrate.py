@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/calibrate.py BIN_DIR TEST: tests that `calibrate` measures the biases of the simulated laboratory, that
-a run stores them, and that uncorrected biases degrade maps."""
+"""Tests that `calibrate` measures the biases of the simulated laboratory, that a run stores them, and that
+uncorrected biases degrade depth maps. Called as `tests/system/calibrate.py BIN_DIR TEST`."""
 import contextlib
 import json
 import math
@@ -42,11 +42,13 @@ class Calibrate(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         spd, radar = json.loads(done.stdout.splitlines()[-1])["sensors"]
         for sensor, true_m in (spd, SPD_M), (radar, RADAR_M):
-            # On average, the reflector plate is less than 0.02 mm farther away than its centre.
+            # On average, points on the reflector plate are less than 0.02 mm farther away than the centre of the
+            # plate.
             self.assertLess(abs(sensor["offset_m"] - true_m), 5 * sensor["measurement_error_m"] + 2e-5, sensor)
             self.assertLess(sensor["measurement_error_m"], 3e-4)
             self.assertGreater(sensor["snr_db"], 10)
-        # The assumed errors of the distance and the baseline are 2 mm each. The SPD range depends only on the distance.
+        # The distance and the baseline are each assumed to have an error of 2 mm. The SPD range depends only on the
+        # distance.
         self.assertAlmostEqual(spd["reflector_error_m"], 2e-3, 6)
         self.assertAlmostEqual(radar["reflector_error_m"], math.sqrt(1 + .5 * .5 * 2) / math.sqrt(1.25) * 2e-3, 5)
         self.assertAlmostEqual(radar["true_range_m"], math.sqrt(1.25), 6)
@@ -56,12 +58,12 @@ class Calibrate(unittest.TestCase):
         info = json.loads(subprocess.run([bin_dir / "echofuse-acquire", "info", "--json", self.dir / "run.sqlite"],
                                          check=True, stdout=subprocess.PIPE).stdout)
         self.assertEqual([c["sensor"] for c in info["calibrations"]], ["spd", "radar"])
-        # The sensor responses of the simulated laboratory are measured and stored in the run.
+        # The sensor responses of the simulated laboratory must be measured and stored in the run.
         response = json.loads(done.stdout.splitlines()[-1])["response"]
         width, _, error = response["irf_fwhm_ps"].partition(" +- ")
         self.assertLess(abs(float(width) - 200), 5 * float(error), response)
         taps = [float(tap) for tap in response["radar_taps"].partition(" +- ")[0].split()]
-        # The expected taps are those of a Blackman window at quarters of a range cell.
+        # The expected taps are the response of a Blackman window, sampled at quarters of a range cell.
         for tap, blackman in zip(taps, (1, .939, .776, .563)):
             self.assertLess(abs(tap - blackman), .02, response)
         exponent, _, error = response["radar_noise_exponent"].partition(" +- ")
@@ -73,7 +75,7 @@ class Calibrate(unittest.TestCase):
                                          stdout=subprocess.PIPE).stdout)["meta"]
         self.assertEqual(made["radar_taps"].split()[:16], response["radar_taps"].split()[:16])
         self.assertEqual(made["irf_fwhm_ps"], response["irf_fwhm_ps"].partition(" +- ")[0])
-        # Simulated and recorded runs have equal axes, so that a model can be trained on both.
+        # Simulated and recorded runs must have equal axes, so that a model can be trained on both kinds of runs.
         axes = []
         for path in self.dir / "run.sqlite", like:
             with contextlib.closing(sqlite3.connect(path)) as db:
@@ -85,8 +87,8 @@ class Calibrate(unittest.TestCase):
             self.assertAlmostEqual(kept["offset_m"], measured["offset_m"], 12)
 
     def test_calibrate_refuses_a_wrong_reflector_position(self):
-        """A wrong --reflector is rejected, and the error names the position that matches the measurement. Two
-        calibrations, each of one sensor, write to the same file without losing values."""
+        """An incorrect --reflector is rejected, and the error message names the position that matches the
+        measurement. Two calibrations of one sensor each write to the same file, and no values are lost."""
         stored = self.dir / "calibration.toml"
 
         def measure(before, *options, bias_m=.05):
@@ -125,7 +127,8 @@ class Calibrate(unittest.TestCase):
         self.assertIn("baseline_m = 0.4", resolved)
 
     def test_calibrate_detects_a_swapped_antenna_row(self):
-        """An echo on the side named by --side confirms the antenna row. An echo on the other side is rejected."""
+        """An echo on the side given by --side confirms the order of the antenna row. An echo on the other side is
+        rejected."""
         stored = self.dir / "calibration.toml"
 
         def calibrate(before, *options):
@@ -144,8 +147,8 @@ class Calibrate(unittest.TestCase):
         self.assertEqual(calibrate("left", "--side", "right").returncode, 4)
 
     def test_model_for_calibrated_antennas_can_be_used_on_a_recorded_run(self):
-        """A model for eight antennas with phase and gain errors works after a calibration with one reflector in front
-        of the detector."""
+        """If the antennas have phase and gain errors, a model for eight antennas works after a calibration with one
+        reflector in front of the detector."""
         stored, cfg = self.dir / "calibration.toml", config / "xwr68xx_azimuth_50cm.cfg"
         sets = "--set", "radar_phase_error_rad=1", "--set", "radar_gain_error_db=1"
         uses = "--config", self.dir / "lab/lab.toml", "--set", f"run.calibration={stored}"
@@ -169,8 +172,8 @@ class Calibrate(unittest.TestCase):
         self.assertGreater(json.loads(done.stdout)["metrics"]["iou"]["mean"], .4, done.stdout)
 
     def test_calibrate_measures_the_radar_response(self):
-        """The response of a radar with a resolution of 50 cm and a Hann window is measured at 3 m. At a shorter range
-        the response is not measured, and the output gives the reason."""
+        """At 3 m, `calibrate` measures the response of a radar with a resolution of 50 cm and a Hann window. At a
+        shorter range, the response is not measured, and the output gives the reason."""
         hann = " ".join(str(((1, .25)[int(u)] if u in (0, 1) else (math.sin(math.pi * u) / (math.pi * u * (1 - u * u))) ** 2))
                         for u in (k / 4 for k in range(24)))
         for farther_m in 2, -.4:
@@ -190,15 +193,16 @@ class Calibrate(unittest.TestCase):
             self.assertLess(float(error), .04)
 
     def asymmetric(self):
-        """Returns the powers of a Hann window with a cubic phase error of 6 rad, in steps of a quarter cell."""
+        """Returns the power response of a Hann window with a cubic phase error of 6 rad, sampled in steps of a
+        quarter of a range cell."""
         sweep = [(k + .5) / 400 - .5 for k in range(400)]
         powers = [sum((1 + math.cos(2 * math.pi * t)) * math.cos(2 * math.pi * t * u + 48 * t ** 3)
                       for t in sweep) ** 2 for u in (k / 4 for k in range(-20, 17))]
         return [f"{power / max(powers):.5f}" for power in powers]
 
     def test_calibrate_reports_an_asymmetric_radar_response(self):
-        """`calibrate` reports the difference between the flanks of an asymmetric radar response. The range zero agrees
-        with that of the simulator."""
+        """`calibrate` reports the difference between the two flanks of an asymmetric radar response. The measured
+        range zero agrees with the range zero of the simulator."""
         powers = self.asymmetric()
         for flanks, higher in (powers, "far"), (powers[::-1], "near"):
             flanks = f"radar_flanks={' '.join(flanks)}"
@@ -229,7 +233,8 @@ class Calibrate(unittest.TestCase):
                 self.assertLess(abs(float(tap) - float(true)), .05, said)
 
     def test_range_calibration_restores_the_accuracy_of_depth_maps(self):
-        """Range biases degrade the maps of a model. The calibration stored in the run restores their accuracy."""
+        """Range biases degrade the depth maps predicted by a model. Using the calibration stored in the run restores
+        the accuracy."""
         def program(name, *words):
             return subprocess.run([bin_dir / name, *words], check=True, text=True, capture_output=True, cwd=self.dir).stdout
 

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/day.py BIN_DIR: runs programs on a 24 h run with eight antennas and on a tenth of it. Their processor
-time must grow about linearly with the run length, and their memory much more slowly."""
+"""Runs programs on a 24 h run with eight antennas and on a run of a tenth of this length. Called as
+`tests/system/day.py BIN_DIR`. The processor time must grow at most about linearly with the length of the run, and the
+memory much more slowly."""
 import os
 import pathlib
 import shutil
@@ -15,18 +16,19 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "view"))
 from websocket import Client  # noqa: E402
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
-# Numbers of records: simulated, in a tenth of a day, and in a day.
+# Numbers of records in the simulated run, in a tenth of a day, and in a day.
 MADE, TENTH, DAY = 240, 2_880, 28_800
-# Memory, bytes, that a program may keep per record. A record has 8 KiB.
+# Memory in bytes that a program may use per additional record. A record takes 8 KiB.
 MEMORY_A_RECORD = 1024
-# Memory, bytes, for buffers and allocator overhead.
+# Memory in bytes allowed for buffers and allocator overhead.
 RESERVE = 16 << 20
-# For ten times the number of records, a program may need 15 times the processor time, plus a constant time, s.
+# For ten times the number of records, a program may use 15 times the processor time, plus a constant time in s.
 LONGER, START_S = 15, 0.5
 
 
 def grow(run, out, records):
-    """Copies the run and repeats its records, each time shifted by 12 minutes."""
+    """Copies the run and appends copies of its records until there are `records` records. Each copy is shifted by 12
+    minutes relative to the previous copy."""
     shutil.copy(run, out)
     db = sqlite3.connect(out)
     columns = [row[1] for row in db.execute("PRAGMA table_info(record)")]
@@ -56,8 +58,8 @@ class Day(unittest.TestCase):
         cls.folder.cleanup()
 
     def cost(self, command, use=None):
-        """Runs a command and returns its processor time (s) and peak memory (bytes). If `use` is given, it is called
-        with the first output line of the command, and the command is then terminated."""
+        """Runs a command and returns its processor time in s and its peak memory in bytes. If `use` is given, it is
+        called with the command's first output line, and the command is then terminated."""
         with subprocess.Popen([bin_dir / command[0], *command[1:]], stdout=subprocess.PIPE, text=True) as process:
             if use:
                 use(process.stdout.readline().strip())
@@ -91,7 +93,8 @@ class Day(unittest.TestCase):
                 client.ask({"show": records // 2})
                 self.assertEqual(client.until("record", lambda m: not m["live"])["index"], records // 2)
                 client.ask({"sheet": [0, records]})
-                # The viewer sends fewer rows than the run has, because a screen has few pixels.
+                # The viewer sends fewer rows than there are in the run, because a screen has a limited number of
+                # pixels.
                 self.assertLess(len(client.until("sheet")["index"]), TENTH)
                 client.socket.close()
             return use

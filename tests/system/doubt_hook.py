@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/doubt_hook.py BIN_DIR [TEST]: tests the program that alert.on_doubt starts during a run of the simulated
-laboratory."""
+"""Tests the program started by alert.on_doubt during a run of the simulated laboratory. Called as
+`tests/system/doubt_hook.py BIN_DIR [TEST]`."""
 import shutil
 import signal
 import subprocess
@@ -13,13 +13,14 @@ import live
 from live import bin_dir, wait_for
 
 SLOT_S = 5 * live.WINDOW_S
-# Time from the end of a slot until the daemon closes its record, s.
+# Time in s between the end of a slot and the moment when the daemon closes its record.
 GRACE_S = 0.5
 
 
 class DoubtHook(live.Live):
     def hook(self):
-        """Writes a program that appends the time, the argument and the environment of each call to a file."""
+        """Writes an alert program. Each call of the program appends the time, the argument and the environment
+        variables to a file."""
         program, calls = self.dir / "lab/alert", self.dir / "calls"
         program.write_text(f"""#!/bin/sh
 echo to stdout
@@ -35,8 +36,8 @@ echo "$ECHOFUSE_TEXT" >>{calls}
         return [dict(zip(names, row)) for row in rows if len(row) == len(names)]
 
     def test_alert_program_is_called_within_one_slot_of_a_sensor_loss(self):
-        """A sensor that stops is reported once, within one slot of its first missing record. Importing raw data does
-        not start the alert program."""
+        """A sensor that stops sending data is reported once, within one slot of its first missing record. Importing
+        raw data does not start the alert program."""
         file = self.hook()
         config = self.dir / "lab/lab.toml"
         config.write_text(config.read_text() + '\n[alert]\non_doubt = ["./alert", "lab  7; $(id)"]\n')
@@ -65,7 +66,7 @@ echo "$ECHOFUSE_TEXT" >>{calls}
             bit = 1 << ("spd", "radar", "depth").index(sensor)
             self.assertEqual(row["idx"], 1 + max(row["idx"] for row in rows if row["valid"] & bit))
             self.assertEqual(call["TEXT"], row[f"{sensor}_verdict"])
-        # Calls run one at a time, so only the first call is timed.
+        # Only the time of the first call is checked, because later calls wait until the previous call ends.
         call = min(missing().values(), key=lambda call: float(call["TIME"]))
         end_s = rows[int(call["RECORD"])]["slot_utc_ns"] / 1e9 + SLOT_S
         self.assertLess(float(call["TIME"]) - end_s, GRACE_S + SLOT_S, call)
@@ -73,7 +74,7 @@ echo "$ECHOFUSE_TEXT" >>{calls}
         self.assertTrue(all(a != b for s in missing() for a, b in zip(*[[c for c in changes if c[0] == s][k:] for k in (0, 1)])),
                         changes)
 
-        # An import does not start the alert program, even if the stored configuration names one.
+        # An import must not start the alert program, even if the stored configuration contains an alert program.
         kept = self.dir / "raw/lab.toml"
         self.assertNotIn("lab/alert", kept.read_text())
         kept.write_text(kept.read_text().replace("on_doubt = []", f'on_doubt = ["{self.dir}/lab/alert"]'))

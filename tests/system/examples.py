@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/examples.py BIN_DIR TEST: tests that the Python examples run and that README.md links every example."""
+"""Tests that the Python examples run and that README.md links to every example. Called as `tests/system/examples.py
+BIN_DIR TEST`."""
 import importlib.util
 import os
 import pathlib

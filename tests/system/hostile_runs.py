@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/hostile_runs.py BIN_DIR [TEST]: runs commands on malicious run files. Each command must end soon, use
-little memory and return a documented exit code with one error line. Malicious strings from runs and devices must not
-affect a terminal or a spreadsheet."""
+"""Runs commands on malicious run files. Called as `tests/system/hostile_runs.py BIN_DIR [TEST]`. Each command must
+end soon, use little memory, print a single error line and return a documented exit code. Malicious strings from runs
+and devices must not affect a terminal or a spreadsheet."""
 import json
 import os
 import pathlib
@@ -21,7 +21,7 @@ import zlib
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 RECORDS = 12
 sanitized = b"__asan_init" in (bin_dir / "echofuse-acquire").read_bytes()
-# Time limit per command, s. A command usually takes a fraction of a second.
+# Time limit for each command in s. A command usually takes a fraction of a second.
 MOST_S = 60
 MOST_MIB = 4000 if sanitized else 700
 DOCUMENTED = {0, 1, 2, 3, 4, 5, 6}
@@ -37,8 +37,8 @@ def depth(blob, width=None, height=None):
 
 
 def pages_that_repeat(path, table):
-    """Replaces the root page of the table by a tree of six pages, each with 400 links to the next. The table then has
-    4e15 rows."""
+    """Replaces the root page of a table with a tree of six interior pages. Each page contains 400 links to the next
+    page, so that the table appears to have 4e15 rows."""
     db = sqlite3.connect(path)
     root = db.execute("SELECT rootpage FROM sqlite_schema WHERE name = ?", (table,)).fetchone()[0]
     size = db.execute("PRAGMA page_size").fetchone()[0]
@@ -64,7 +64,7 @@ def pages_that_repeat(path, table):
 
 
 def crc32c(data, value=0):
-    """Computes the CRC-32C, as the package python3-crc32c does."""
+    """Computes the CRC-32C in the same way as the package python3-crc32c."""
     value ^= 0xffffffff
     for byte in bytes(data):
         value ^= byte
@@ -135,7 +135,7 @@ class HostileRuns(unittest.TestCase):
         return run
 
     def attack(self, run, *only):
-        """Runs commands on a run file and returns their exit codes by command."""
+        """Runs commands on a run file and returns the exit code of each command."""
         d, codes, self.said = self.dir, {}, ""
         commands = {"info": ["acquire", "info", run], "json": ["acquire", "info", run, "--json"],
                     "export": ["export", run, "--to", d / "x.h5"],
@@ -164,7 +164,7 @@ class HostileRuns(unittest.TestCase):
         for name, (change, why) in cases.items():
             with self.subTest(name):
                 codes = self.attack(self.make(change), "info", "export", "reconstruct", *commands)
-                # The Python export reads a smaller part of the file than the other commands, so it may succeed.
+                # The Python export may succeed, because it reads a smaller part of the file than the other commands.
                 self.assertIn(codes.pop("export"), (0, 1, 5))
                 self.assertTrue(all(c == 1 for c in codes.values()), (codes, self.said))
                 self.assertIn(why, self.said)
