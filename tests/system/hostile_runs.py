@@ -243,7 +243,8 @@ class HostileRuns(unittest.TestCase):
         for name, change in cases.items():
             with self.subTest(name):
                 codes = self.attack(self.make(change), "export", "csv", "evaluate")
-                # The whole run is rejected if an image has more pixels than the file can hold, otherwise only the record.
+                # If an image has more pixels than the file can hold, the whole run is rejected. Other invalid images
+                # cause only the record to be rejected.
                 self.assertEqual((codes["export"], codes["csv"]), (1 if name == "2^30" else 5, 1), (codes, self.said))
                 self.assertIn("depth is not a deflated image of", self.said)
         codes = self.attack(self.make(depth(good)), "export", "csv")
@@ -326,7 +327,7 @@ class HostileRuns(unittest.TestCase):
                            "run.window_s=0.3"], ["info", self.dir / "evil"]):
                 _, out, said = self.command("acquire", *words)
                 text = out.decode("utf-8") + said
-                # Both commands print the model of the device.
+                # Both commands print the model name of the device.
                 if words[0] in ("devices", "info"):
                     self.assertIn("forged", text, words)
                 self.assertNotIn("\nforged", text)

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/installed.py BIN_DIR: tests an installation (`cmake --install`): simulated laboratory, live run, data
-set, bridges, manual pages and completion. If permitted (root, unshare), the build folder is hidden from the installed
-programs."""
+"""Tests an installation made with `cmake --install`. Called as `tests/system/installed.py BIN_DIR`. Tests the
+simulated laboratory, a live run, a data set, the bridges, the manual pages and the shell completion. If permitted
+(root, unshare), the build folder is hidden from the installed programs."""
 import os
 import pathlib
 import re
@@ -27,7 +27,7 @@ class Installed(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-installed-")
         cls.dir = pathlib.Path(cls.folder.name)
-        # The files are staged and then moved, as for a package.
+        # The files are installed in a staging folder and then moved, as is done for a package.
         run("cmake", "--install", build, "--prefix", cls.dir / "opt", env={k: v for k, v in os.environ.items() if k not in ("ECHOFUSE_LOCKS", "XDG_CONFIG_HOME")} | {"DESTDIR": str(cls.dir / "stage")})
         shutil.move(str(cls.dir / "stage") + str(cls.dir / "opt"), cls.dir)
         cls.prefix = cls.dir / "opt"

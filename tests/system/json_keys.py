@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/json_keys.py BIN_DIR TEST: tests that every --json output has exactly the keys that config/schema.json
-documents."""
+"""Tests that every --json output has exactly the keys documented in config/schema.json. Called as
+`tests/system/json_keys.py BIN_DIR TEST`."""
 import json
 import os
 import pathlib
@@ -17,7 +17,7 @@ schema = json.loads((source / "config/schema.json").read_text(encoding="utf-8"))
 
 
 def differences(documented, found, place):
-    """Yields a message for each key that is missing or not documented, and for each value of a wrong type."""
+    """Yields a message for each key that is missing or undocumented, and for each value that has the wrong type."""
     if isinstance(documented, str):
         if isinstance(found, (dict, list)) and place.split(".")[-1] != "rows?[]":
             yield f"{place}: expected a text or number"
@@ -67,7 +67,7 @@ class JsonKeys(unittest.TestCase):
         self.assertEqual(offered | {"scripts/audit_run.py"}, documented)
 
     def test_json_output_of_device_commands_matches_the_schema(self):
-        """Checks the output of commands about devices in the simulated laboratory."""
+        """Checks the output of device commands in the simulated laboratory."""
         lab = ("echofuse-sim", "lab", "--dir", "lab", "--window", "0.3", "--laser-rate-hz", "2e7", "--set", "signal_photons=5e4", "--scene", "reflector", "--",
                "sh", "-c", """cd lab
                    for command in devices "doctor --duration 1s" "calibrate --repeat 3 --time 0.2"; do

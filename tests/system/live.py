@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/live.py BIN_DIR [TEST]: tests the daemon with the simulated laboratory through TCP, two pseudo-terminals
-and the unmodified OpenNI2 library."""
+"""Tests the daemon with the simulated laboratory. Called as `tests/system/live.py BIN_DIR [TEST]`. The daemon uses
+TCP, two pseudo-terminals and the unmodified OpenNI2 library."""
 import fcntl
 import json
 import os
@@ -22,12 +22,12 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
 from waiting import starved, wait_for
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
-# Slots must be longer with sanitizers, which make the programs slower.
+# Sanitizers make the programs slower, so longer slots are needed.
 WINDOW_S = float(os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.2"))
 
 
 class Live(unittest.TestCase):
-    # A scene lasts two slots. The laser rate keeps the clicks per pulse low in short slots.
+    # A scene lasts two slots. With this laser rate, there are few clicks per pulse even in short slots.
     lab_options = ("--hold", str(2 * WINDOW_S), "--laser-rate-hz", "2e7", "--set", "signal_photons=5e4")
 
     def setUp(self):
@@ -43,7 +43,8 @@ class Live(unittest.TestCase):
         self.assertIsNone(self.lab.poll(), (self.dir / "lab.log").read_text())
 
     def tearDown(self):
-        # The daemon must end before the laboratory, because another test may reuse the ptys and needs their locks.
+        # The daemon must end before the laboratory, because another test may reuse the pseudo-terminals and needs to
+        # lock them.
         for process in reversed(self.processes):
             if process.poll() is None:
                 process.kill()
@@ -94,12 +95,12 @@ class Live(unittest.TestCase):
         return [row for row in rows if row["valid"] == 7 and not any(row[f"{s}_lost"] for s in ("spd", "radar", "depth"))]
 
     def enough(self, rows, daemon, complete):
-        """Returns True if enough rows are complete, or if laboratory and daemon get too little processor time to
-        complete them."""
+        """Returns True if enough rows are complete, or if the laboratory and the daemon get too little processor time
+        to complete them."""
         return len(self.complete(rows)) >= complete or (len(rows) >= 4 * complete and starved(self.lab.pid, daemon.pid))
 
     def check_slots(self, rows):
-        """Checks that the rows are consecutive slots, and that each tag is counted once."""
+        """Checks that the rows are consecutive slots, and that each tag is counted exactly once."""
         window_ns = round(WINDOW_S * 1e9)
         for k, row in enumerate(rows):
             self.assertEqual(row["idx"], k)
@@ -112,7 +113,8 @@ class Live(unittest.TestCase):
                 self.assertEqual(sum(counts), row["in_range"])
 
     def test_daemon_records_ten_complete_slots(self):
-        """The daemon records ten complete slots. On a machine that is too busy, completeness is not checked."""
+        """The daemon records ten complete slots. If the machine is too busy, the completeness of the slots is not
+        checked."""
         daemon = self.record("--count", "1000", "--set", "run.label=person", "--set", "depth.map_size=96")
         wait_for("ten complete records", lambda: self.committed() and self.enough(self.rows(), daemon, complete=10),
                  timeout_s=200, pause_s=0.1)
@@ -147,8 +149,8 @@ class Live(unittest.TestCase):
         self.assertLess(max(offsets) - min(offsets), 0.01, info["clocks"])
 
     def test_daemon_writes_a_record_for_each_slot_of_a_stall(self):
-        """After the daemon is stopped for 20 slots, there is a row for each slot. Slots for which all tags were
-        buffered are valid, and the other slots have a verdict."""
+        """If the daemon is paused for the duration of 20 slots, it still writes a row for each slot. A slot is valid
+        if all its tags were buffered. Every other slot has a verdict that gives the reason."""
         daemon = self.record()
         # The clock fits are valid after eight records.
         wait_for("complete records", lambda: self.committed() >= 8 and self.enough(self.rows(), daemon, complete=3), timeout_s=100)
@@ -169,7 +171,7 @@ class Live(unittest.TestCase):
         whole = [row for row in within if row["valid"] & 1]
         for row in whole:
             self.assertGreaterEqual(row["spd_span_s"], 0.9 * WINDOW_S, (row["idx"], log))
-        # On a busy machine the laboratory may send too little data for a slot.
+        # On a busy machine, the laboratory may send too little data for a slot.
         if late:
             self.skipTest("the machine is too busy: complete slots after the stall are not checked")
         self.assertGreaterEqual(len(whole), 1, log)
@@ -177,7 +179,8 @@ class Live(unittest.TestCase):
         self.assertEqual(len(whole) + len(still), len(within), log)
 
     def test_sigterm_ends_a_run_with_long_slots_within_5_s(self):
-        """On SIGTERM a slot that lasts longer than the time limit is dropped, and the run is marked as stopped."""
+        """On SIGTERM, a slot that would last longer than the time limit is discarded, and the run is marked as
+        stopped."""
         daemon = self.record("--set", "run.window_s=60")
         wait_for("run", self.run.exists)
         wait_for("its tables", lambda: subprocess.run([bin_dir / "echofuse-acquire", "info", self.run],
@@ -191,7 +194,7 @@ class Live(unittest.TestCase):
         self.assertEqual((self.info()["status"], self.info()["records"]), ("stopped:interrupted", 0))
 
     def test_terminal_hangup_ends_each_device_command(self):
-        """A hangup of the terminal ends each command in the same way as SIGTERM, and stops the radar."""
+        """When the terminal hangs up, each command ends as it does on SIGTERM and stops the radar."""
         env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}
         config = ("--config", self.dir / "lab/lab.toml")
         commands = {"run": ("run", *config, "--out", self.run.with_suffix(""), "--count", "1000"),
@@ -231,7 +234,7 @@ class Live(unittest.TestCase):
         return (self.dir / "sent.jsonl").read_text().count('"radar"')
 
     def test_blocked_terminal_or_pipe_does_not_stop_a_run(self):
-        """A stopped terminal, a pipe that is not read, or a disconnected reader does not stop a run."""
+        """A run is not stopped by a stopped terminal, by a pipe that is not read, or by a reader that disconnects."""
         for what in "released", "held", "gone":
             master, slave = pty.openpty()
             reader, writer = os.pipe()
@@ -279,7 +282,8 @@ class Live(unittest.TestCase):
             pass
 
     def test_notes_and_labels_can_be_added_to_a_live_run(self):
-        """While the run is written, another process adds notes and labels, reads records and exports the run."""
+        """While the run is being written, another process adds notes and labels, reads records and exports the
+        run."""
         def tool(*command):
             return subprocess.run([str(c) for c in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
@@ -310,8 +314,9 @@ class Live(unittest.TestCase):
         self.assertEqual((late.returncode, "run is not being recorded" in late.stdout), (1, True))
 
     def test_daemon_writes_pending_records_when_a_lock_on_the_run_file_is_released(self):
-        """Another program locks the run file. Records are written when the lock is released. SIGTERM ends the run even
-        while the file is locked, and the last log line counts the unwritten records."""
+        """Another program locks the run file. The daemon writes the waiting records when the lock is released.
+        SIGTERM ends the run even while the file is locked. The last log line then reports the number of unwritten
+        records."""
         daemon = self.record()
         wait_for("records", lambda: self.committed() >= 4)
         reader, writer = (sqlite3.connect(self.run, isolation_level=None) for _ in range(2))
@@ -340,8 +345,8 @@ class Live(unittest.TestCase):
         self.check_slots(self.rows())
 
     def test_run_refuses_radar_ports_of_two_boards(self):
-        """If the data port belongs to another board that sends frames, `devices` reports this and `run` refuses to
-        start."""
+        """If the data port belongs to another board that is sending frames, `devices` reports the mismatch and `run`
+        refuses to start."""
         other = self.dir / "other"
         self.start([bin_dir / "echofuse-sim", "lab", "--dir", other, "--scene", "reflector", "--window", str(WINDOW_S)],
                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

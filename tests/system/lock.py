@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/lock.py BIN_DIR TEST: tests that commands report devices in use by a run and do not disturb the run."""
+"""Tests that commands report the devices in use by a run and do not disturb the run. Called as `tests/system/lock.py
+BIN_DIR TEST`."""
 import json
 import os
 import re
@@ -21,8 +22,8 @@ class Lock(live.Live):
         return "--config", self.dir / "lab/lab.toml"
 
     def test_commands_report_that_a_device_is_in_use_by_a_run(self):
-        """`run`, `calibrate`, `devices` and `doctor` report the run that uses the devices, and the run loses no data.
-        The commands check the camera, which the run does not use."""
+        """`run`, `calibrate`, `devices` and `doctor` report which run is using the devices, and this run loses no
+        data. The commands can still use the camera, which is not part of the run."""
         daemon = self.record("--count", "30", "--set", "depth.address=")
         live.wait_for("records", lambda: self.committed() >= 3)
         holder = f"in use by echofuse-acquire run, pid {daemon.pid}, run {self.run}"
@@ -34,7 +35,8 @@ class Lock(live.Live):
         check(self.acquire("run", *self.config(), "--out", self.dir / "second"), 4)
         self.assertFalse((self.dir / "second.sqlite").exists())
         check(self.acquire("calibrate", *self.config(), "--set", f"run.calibration={self.dir}/c.toml"), 4)
-        # `run` reports the ports as in use even if the configuration contains other paths to them.
+        # `run` reports that the ports are in use even if the configuration contains different paths to the same
+        # ports.
         nodes = [(self.dir / "lab" / name).resolve() for name in ("radar-cli", "radar-data")]
         done = self.acquire("run", *self.config(), "--out", self.dir / "second", "--set", f"radar.cli=serial:{nodes[0]}",
                             "--set", f"radar.data=serial:{nodes[1]}", "--set", "tdc.address=", "--set", "depth.address=",
@@ -65,7 +67,7 @@ class Lock(live.Live):
         # The devices are free after the run.
         done = self.acquire("devices", *self.config(), "--json")
         self.assertEqual([d["state"] for d in json.loads(done.stdout)["configured"]], ["streaming"] * 3)
-        # No frame is lost in transport, but on a busy machine the simulated board skips frames.
+        # No frame is lost in transport, but the simulated board may skip frames on a busy machine.
         self.assertLessEqual(info["lost"]["radar"], self.close_lab()["radar"]["frames_skipped"], log)
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""on_disk.py BIN: checks with strace that files are on the disk when a program exits. The program must call fsync on
-the file, rename it, and call fsync on the folder."""
+"""Uses strace to check that output files have reached the disk when a program exits. Called as `on_disk.py BIN`. The
+program must call fsync on the file, rename the file, and call fsync on the folder."""
 import pathlib
 import re
 import shutil
@@ -15,7 +15,8 @@ MOVED = re.compile(r'(?:rename|link)\w*\((?:AT_FDCWD\S*, )?"([^"]+)", (?:AT_FDCW
 
 
 def traced(folder, *words):
-    """Returns the system calls of a command as tuples: kind of call, and its path or paths."""
+    """Returns the system calls of a command as tuples of the kind of call and the path (or paths) used in the
+    call."""
     log = folder / "strace"
     subprocess.run(["strace", "-f", "-y", "-s", "4096", "-e", CALLS, "-o", log, *map(str, words)], cwd=folder, check=True,
                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -29,7 +30,8 @@ def traced(folder, *words):
 
 
 def check(calls, place):
-    """Checks that `place` was renamed after an fsync of the file and before an fsync of its folder."""
+    """Checks that a file was renamed to `place`. There must be an fsync of the file before the rename, and an fsync
+    of the folder after it."""
     moves = [k for k, (what, path) in enumerate(calls) if what == "move" and path[1] == str(place)]
     assert moves, f"{place}: no rename in {calls}"
     source = calls[moves[-1]][1][0]

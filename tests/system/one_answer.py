@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/one_answer.py BIN_DIR [TEST]: tests that info, list, the live page, Python, HDF5, report and evaluate
-report the same facts about unusual runs: runs with failing sensors, a full disk, a killed daemon, copied records, a
-single record or no record."""
+"""Tests that info, list, the live page, Python, HDF5, report and evaluate report the same facts about unusual runs.
+Called as `tests/system/one_answer.py BIN_DIR [TEST]`. The runs have failing sensors, a full disk, a killed daemon,
+copied records, a single record or no record."""
 import json
 import os
 import pathlib
@@ -34,9 +34,9 @@ try:
 except ImportError as error:
     print(f"skipped: {error} (./scripts/setup --tests)")
     sys.exit(77)
-warnings.simplefilter("ignore")  # Files left by the killed daemon cause warnings.
+warnings.simplefilter("ignore")  # The files left behind by the killed daemon cause warnings.
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}
-# The camera stalls three times, because on a busy machine the run may start after the first stall.
+# The camera stalls three times, because the run may start after the first stall on a busy machine.
 FAULTS = "".join(f'[[fault]]\ndevice = "{device}"\nkind = "{kind}"\nat_s = {at}\nfor_s = {5 * WINDOW_S}\n{amount}\n'
                  for device, kind, at, amount in (*(("depth", "stall", at, "") for at in (3.5, 9, 14)), ("radar", "drop", 5, "amount = 0.5"),
                                                   ("tdc", "gain", 6, "amount = 0.002"), ("depth", "freeze", 7, "")))
@@ -47,13 +47,13 @@ def outcome(name, *words):
 
 
 def kinds(verdicts):
-    """Returns the number of records by verdict, without the figures after the colon."""
+    """Returns the number of records for each kind of verdict. The kind is the text before the colon."""
     return dict(Counter(verdict.partition(":")[0] for verdict in verdicts))
 
 
 def doubtful(verdicts):
-    """Returns the number of records in which the verdict of at least one sensor marks its data as doubtful. `verdicts`
-    lists the verdicts of each sensor."""
+    """Returns the number of records in which at least one sensor's verdict marks the data as doubtful. `verdicts`
+    contains the list of verdicts of each sensor."""
     return sum(any(v.partition(":")[0] not in ("", "ok", "not configured") for v in row) for row in zip(*verdicts.values()))
 
 
@@ -174,8 +174,8 @@ class OneAnswer(live.Live):
         return daemon.returncode
 
     def answers(self, run):
-        """Returns the facts that each program reports about a run. info and report are last, because info closes the
-        run of a killed daemon."""
+        """Returns the facts that each program reports about a run. info and report are called last, because info
+        closes the run of a killed daemon."""
         out = {"list": of_list(run), "view": of_view(run), "Python": of_python(run), "HDF5": of_hdf5(run, self.dir)}
         return out | {"info": of_info(run), "report": of_report(run, self.dir)}
 
@@ -194,8 +194,8 @@ class OneAnswer(live.Live):
         return told["info"]
 
     def check_scored(self):
-        """evaluate scores the records that have a depth map and no data marked as doubtful. It counts the other records
-        as `info` does."""
+        """evaluate scores the records that have a depth map and no data marked as doubtful. The counts of the other
+        records agree with `info`."""
         model, run = self.dir / "m.safetensors", self.dir / "scored.sqlite"
         for name, seed in (("base", 1), ("scored", 5)):
             outcome("echofuse-sim", "dataset", "-q", "--records", 60, "--seed", seed, "--out", self.dir / f"{name}.sqlite")

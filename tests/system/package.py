@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/package.py: tests files of the Debian package without building it: relations, compression and the
-removal script. scripts/check_fresh --package tests built packages."""
+"""Tests files of the Debian package without building the package. Called as `tests/system/package.py`. Tests the
+package relations, the compression and the removal script. scripts/check_fresh --package tests built packages."""
 import os
 import pathlib
 import re
@@ -11,7 +11,7 @@ import unittest
 
 root = pathlib.Path(__file__).resolve().parents[2]
 debian = root / "scripts/debian"
-# dh_compress(1) does not compress these files. Option -X of dh_compress excludes further files.
+# dh_compress(1) does not compress files of these types. The option -X of dh_compress excludes further files.
 NEVER_COMPRESSED = {".png", ".jpg", ".svg"}
 
 
@@ -28,7 +28,8 @@ class Package(unittest.TestCase):
         self.assertIn(".md", left)
 
     def test_package_removal_stops_the_service(self):
-        """The removal script stops the service only on removal, and deletes the bytecode of the bridges."""
+        """The removal script deletes the bytecode of the bridges. It stops the service only when the package is
+        removed."""
         for action, stops in (("remove", True), ("upgrade", False), ("deconfigure", False)):
             with self.subTest(action), tempfile.TemporaryDirectory() as name:
                 folder = pathlib.Path(name)

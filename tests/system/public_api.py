@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/public_api.py BIN_DIR: tests that external programs can use the installed library. The examples are
-built in a clean folder with CMake and pkg-config, and their output is compared with that of the programs."""
+"""Tests that external programs can use the installed library. Called as `tests/system/public_api.py BIN_DIR`. The
+examples are built in a clean folder with CMake and pkg-config. Their output is compared with the output of the
+programs."""
 import os
 import pathlib
 import shutil
@@ -32,7 +33,7 @@ class PublicApi(unittest.TestCase):
         cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-api-")
         cls.dir = pathlib.Path(cls.folder.name)
         cls.prefix = cls.dir / "opt"
-        # The files are staged and then moved, as for a package.
+        # The files are installed in a staging folder and then moved, as is done for a package.
         run("cmake", "--install", bin_dir.parent, "--component", "dev", "--prefix", cls.prefix, cwd=cls.dir, DESTDIR=str(cls.dir / "stage"))
         shutil.move(str(cls.dir / "stage") + str(cls.prefix), cls.dir)
         run("echofuse-sim", "dataset", "-q", "--people", 80, "--letters", 0, "--out", "scenes.sqlite", cwd=cls.dir)

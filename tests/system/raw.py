@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/raw.py BIN_DIR: tests that `import` of a raw capture gives the same records as the live run with
---keep-raw, even after faults and reconnections."""
+"""Tests that importing a raw capture gives the same records as the live run with --keep-raw, even after faults and
+reconnections. Called as `tests/system/raw.py BIN_DIR`."""
 import pathlib
 import re
 import sqlite3
@@ -61,8 +61,8 @@ class Raw(unittest.TestCase):
             return db.execute(text).fetchall()
 
     def counters(self, source):
-        """Returns the counters of a source except totals, because a live run continues to read until its file is
-        closed."""
+        """Returns the counters of a source, leaving out totals, because a live run continues to read until its file
+        is closed."""
         return dict(self.query(f"SELECT name, value FROM counter WHERE source = '{source}' AND name NOT IN "
                                "('bytes', 'blocks', 'frames', 'frame_bytes', 'range_profiles', 'arrays', 'tags', 'outside')"))
 
@@ -82,7 +82,7 @@ class Raw(unittest.TestCase):
         self.run = self.dir / "again.sqlite"
         subprocess.run([bin_dir / "echofuse-acquire", "import", self.raw, "--out", self.run, "-q"], check=True, timeout=60)
         self.assertEqual((self.query(COLUMNS), self.counters("spd"), self.counters("radar")), live, self.log)
-        # Import rejects a damaged slot length, for example 400 s or 1 ns.
+        # Import must reject a damaged slot length, for example 400 s or 1 ns.
         times = (self.raw / "run.times").read_text()
         for length in "400000000000", "4000000000000000000", "-400000000", "1":
             (self.raw / "run.times").write_text(re.sub(r"( slots )\d+", rf"\g<1>{length}", times))

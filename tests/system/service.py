@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/service.py BIN_DIR [TEST]: tests the daemon as config/echofuse-acquire.service starts it: messages on
-the notify socket, lines for the journal, and the checks of systemd for the unit."""
+"""Tests the daemon when it is started by config/echofuse-acquire.service. Called as `tests/system/service.py BIN_DIR
+[TEST]`. Tests the messages on the notify socket, the log lines for the journal, and the checks that systemd makes on
+the unit."""
 import configparser
 import os
 import pathlib
@@ -25,7 +26,7 @@ unit_path = pathlib.Path(__file__).resolve().parents[2] / "config/echofuse-acqui
 
 
 class Unit(configparser.ConfigParser):
-    """Parses the sections and keys of the unit. The last value of a repeated key is used."""
+    """Parses the sections and keys of the service unit. If a key is repeated, its last value is used."""
 
     def __init__(self):
         super().__init__(strict=False, interpolation=None, delimiters=("=",))
@@ -34,7 +35,7 @@ class Unit(configparser.ConfigParser):
 
 
 class NotifySocket:
-    """Reads the notify socket in place of systemd and stores the lines."""
+    """Takes the place of systemd: reads the notify socket and stores the lines received."""
 
     def __init__(self, path):
         self.path = str(path)
@@ -52,7 +53,7 @@ class NotifySocket:
         return self.lines.count(line)
 
     def close(self):
-        """Waits until all sent messages are read, and returns the lines."""
+        """Waits until all messages sent so far have been read, and returns the lines."""
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as end:
             end.sendto(b"", self.path)
         self.thread.join()
@@ -71,7 +72,7 @@ class Service(live.Live):
         super().tearDown()
 
     def serve(self, *options, env=None, **how):
-        """Starts the command line of the unit with the folders and the configuration of the test."""
+        """Runs the unit's command line with the folders and the configuration of the test."""
         line = Unit()["Service"]["ExecStart"].replace("%%", "%").replace("/etc/echofuse", str(self.dir / "lab"))
         command = line.replace("/var/lib/echofuse", str(self.dir)).replace("/usr/local/bin", str(live.bin_dir)).split()
         base = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni"), "NOTIFY_SOCKET": self.notify.path}
@@ -82,8 +83,8 @@ class Service(live.Live):
         return daemon
 
     def test_daemon_sends_a_watchdog_message_to_systemd_for_each_record(self):
-        """systemd gets one heartbeat per record, and none while records cannot be written. The watchdog time of this
-        service is shorter than four slots, so the daemon first requests a longer time."""
+        """systemd receives at most one heartbeat per record, and none while records cannot be written. The watchdog
+        time of this service is shorter than four slots, so the daemon first requests a longer time."""
         daemon = self.serve(env={"WATCHDOG_USEC": "300000"})
         self.assertRegex(self.run.name, r"^run-20\d{6}-\d{6}\.sqlite$")
         wait_for("heartbeats", lambda: self.notify.count("WATCHDOG=1") >= 4)
@@ -91,10 +92,10 @@ class Service(live.Live):
         blocker = sqlite3.connect(self.run, isolation_level=None)
         blocker.execute("BEGIN IMMEDIATE")
         try:
-            # Records that were committed before the lock are reported within this time.
+            # Heartbeats for records that were committed before the lock arrive within this time.
             time.sleep(0.5)
             before = self.notify.count("WATCHDOG=1")
-            # The pause must be shorter than 5 s, because the writer then gives up.
+            # The pause must be shorter than 5 s, after which the writer gives up.
             time.sleep(min(8 * live.WINDOW_S, 3))
             self.assertEqual(self.notify.count("WATCHDOG=1"), before)
             self.assertIsNone(daemon.poll())
@@ -119,8 +120,8 @@ class Service(live.Live):
         self.assertLessEqual(lines.count("WATCHDOG=1"), rows)
 
     def test_daemon_ends_with_exit_code_6_on_a_full_disk(self):
-        """If the disk is full (or on SIGXFSZ), the daemon does not crash. Earlier records are stored, the last
-        heartbeat belongs to the last record, and systemd does not restart the daemon after exit code 6."""
+        """On a full disk (or on SIGXFSZ), the daemon does not crash, and earlier records are stored. No heartbeat
+        follows the last record, and systemd does not restart the daemon after exit code 6."""
         def limit_file_size():
             resource.setrlimit(resource.RLIMIT_FSIZE, (256 << 10, 256 << 10))
 
@@ -143,8 +144,8 @@ class Service(live.Live):
         self.assertEqual(lines[-1], "STOPPING=1")
 
     def test_log_lines_in_the_journal_have_priorities(self):
-        """Log lines have priorities instead of times only if stderr is the journal. For systemd, a stop before the
-        first slot is not a failure."""
+        """Log lines begin with a priority instead of the time only if stderr is the journal. systemd does not treat a
+        stop before the first slot as a failure."""
         command = f'JOURNAL_STREAM="$(stat -Lc %d:%i /proc/self/fd/2)" exec {live.bin_dir}/echofuse-acquire run'
         config = f"--config {self.dir}/lab/lab.toml --set depth.address= --set radar.cli=serial:{self.dir}/none"
         tail = f"--set run.connect_timeout_s=1.5 --count 3 --out {self.dir}/run"
@@ -153,13 +154,13 @@ class Service(live.Live):
         self.assertRegex(done.stderr, r"(?m)^<6>recording to ")
         self.assertRegex(done.stderr, r"(?m)^<4>starting without radar")
         self.assertNotRegex(done.stderr, r"(?m)^<?\d*>?20\d\d-")
-        # The address is unique, because devices are locked by address.
+        # The address must be unique, because the daemon locks devices by address.
         pid = os.getpid()
         missing = "--set", "tdc.policy=required", "--set", (
             f"tdc.address=bridge:tcp://127.{pid >> 16}.{pid >> 8 & 255}.{pid & 255}:1")
         daemon = self.start([live.bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--out",
                              self.dir / "early", *missing], stderr=subprocess.PIPE, text=True)
-        # After its first log line the daemon handles signals.
+        # The daemon handles signals from its first log line on.
         first = daemon.stderr.readline()
         daemon.send_signal(signal.SIGTERM)
         log = first + self.finish(daemon)
@@ -177,13 +178,13 @@ class Service(live.Live):
 
 class Exposure(unittest.TestCase):
     def test_systemd_accepts_the_service_unit(self):
-        """systemd accepts every line of the unit, and rates its sandbox as sufficient."""
+        """systemd accepts every line of the unit and rates the unit's sandbox as sufficient."""
         with tempfile.TemporaryDirectory() as folder:
             copy = pathlib.Path(folder) / unit_path.name
             copy.write_text(unit_path.read_text().replace("/usr/local/bin/echofuse-acquire", "/bin/true"))
             verify = subprocess.run(["systemd-analyze", "verify", copy], capture_output=True, text=True)
             self.assertEqual((verify.returncode, verify.stderr), (0, ""))
-        # The sandbox must allow the system calls that start the program of alert.on_doubt.
+        # The sandbox must allow the system calls that are needed to start the program of alert.on_doubt.
         listed = subprocess.run(["systemd-analyze", "syscall-filter"], capture_output=True, text=True, check=True).stdout
         sets = {name: members.split() for name, members in re.findall(r"^(@\S+)\n((?: .*\n)+)", listed, re.M)}
 

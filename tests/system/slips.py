@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/slips.py BIN_DIR: tests that mistyped commands print the listed message and return the listed exit code,
-which the help of the command must list."""
+"""Tests that mistyped commands print the listed message and return the listed exit code. Called as
+`tests/system/slips.py BIN_DIR`. The command's help must list this exit code."""
 import functools
 import pathlib
 import re
@@ -12,7 +12,7 @@ import sys
 import tempfile
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
-# Each line has a command, its exit code, and a string that the output contains.
+# Each line contains a command, the expected exit code, and a string that the output must contain.
 TABLE = """
 recon trian | 2 | trian: no such command; the most similar name is train
 recon help train | 0 | train a model on one or more runs
@@ -110,7 +110,7 @@ acquire devices --config closed.toml | 4 | Connection refused; is its bridge run
 
 @functools.cache
 def stated_codes(program, *command):
-    """Returns the exit codes that the help of a command lists, or all codes if the help does not list exit codes."""
+    """Returns the exit codes listed in the help of a command, or all exit codes if the help lists none."""
     text = subprocess.run([bin_dir / f"echofuse-{program}", *command, "--help"], capture_output=True, text=True).stdout
     found = re.search(r"^exit codes:(.*(?:\n .*)*)", text, re.M)
     return set(re.findall(r"(?:^|[ ,])(\d+) [a-z]", found[1])) if found and "COMMAND" not in found[1] else set("0123456")
