@@ -136,7 +136,7 @@ with tempfile.TemporaryDirectory() as folder:
     for name in ("seen.sqlite", "dark.sqlite"):
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", written / name, "--records", "12"], check=True)
     with sqlite3.connect(written / "dark.sqlite") as file:
-        # No record has camera data.
+        # removes the camera data from all records
         file.execute("UPDATE record SET valid = valid & 3")
     for line in TABLE.strip().splitlines():
         words, code, says = (part.strip() for part in line.split(" | "))

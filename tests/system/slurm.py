@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/slurm.py BIN_DIR: tests scripts/slurm on an emulated Slurm cluster of two nodes on this machine. One
-node fails during an array job, and the result must be equal bit for bit to that of a single process. Skipped if it is
-not run as root, or if Debian's slurmctld, slurmd, slurm-client or munge is missing."""
+"""Tests scripts/slurm on an emulated Slurm cluster of two nodes on this machine. Called as `tests/system/slurm.py
+BIN_DIR`. One node fails during an array job, and the result must be bit-identical to the result of a single process.
+The test is skipped if it is not run as root, or if Debian's slurmctld, slurmd, slurm-client or munge is not
+installed."""
 import contextlib
 import csv
 import functools
@@ -21,7 +22,7 @@ import unittest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
 import waiting
 
-# Each check starts a program, so the pause between checks is long.
+# Each check starts a program, so the pause between two checks is longer than usual.
 wait_for = functools.partial(waiting.wait_for, pause_s=0.1)
 
 bin_dir = pathlib.Path(sys.argv.pop(1)).resolve()
@@ -95,7 +96,8 @@ class Slurm(unittest.TestCase):
         return subprocess.run(words, text=True, capture_output=True).stdout.strip()
 
     def processes_of(self, *names):
-        """Yields the IDs of the processes that have the configuration of this cluster in their environment."""
+        """Yields the IDs of the processes that were started with the configuration of this cluster. `names` lists
+        further variables that must be in their environment."""
         mark = f"SLURM_CONF={self.dir}/slurm.conf".encode()
         for process in pathlib.Path("/proc").glob("[0-9]*"):
             try:
@@ -115,11 +117,11 @@ class Slurm(unittest.TestCase):
 
     def kill(self, processes):
         for process in processes:
-            with contextlib.suppress(ProcessLookupError):  # The process has already ended.
+            with contextlib.suppress(ProcessLookupError):  # the process has already ended
                 os.kill(process, signal.SIGKILL)
 
     def halted(self, node, program):
-        """Stops the program in a job of the node. Returns True if the program was running."""
+        """Stops the program run by a job on this node. Returns True if the program was running."""
         for process in self.processes_of(f"SLURMD_NODENAME={node}"):
             try:
                 if pathlib.Path(f"/proc/{process}/comm").read_text().strip() == program:
@@ -130,12 +132,12 @@ class Slurm(unittest.TestCase):
         return False
 
     def node_dies(self, node):
-        """Kills the daemon and all jobs of the node immediately, as a power failure does."""
+        """Kills the daemon and all jobs on the node without warning, as a power failure would."""
         os.kill(int((self.dir / f"slurmd.{node}.pid").read_text()), signal.SIGKILL)
         jobs = list(self.processes_of(f"SLURMD_NODENAME={node}"))
         parents = {int(pathlib.Path(f"/proc/{job}/stat").read_text().rpartition(")")[2].split()[1]) for job in jobs}
         keepers = [pid for pid in parents if pathlib.Path(f"/proc/{pid}/comm").read_text().startswith("slurmstepd")]
-        # The parent processes are killed first, because they would report the end of the jobs.
+        # The parent processes are killed first, because they would otherwise report the end of the jobs.
         self.kill([*keepers, *jobs])
         subprocess.run(["scontrol", "update", f"nodename={node}", "state=down", "reason=test"], check=True)
 
@@ -184,7 +186,7 @@ class Slurm(unittest.TestCase):
         subprocess.run([*bench, self.dir / "whole.csv"], check=True, stdout=subprocess.DEVNULL)
 
         def rows(path):
-            """Returns the first line and the rows of a table, without times."""
+            """Returns the first line and the rows of a table, leaving out the measured times."""
             head, *lines = path.read_text().splitlines()
             kept = [{name: value for name, value in row.items() if name not in ("infer_us_median", "infer_us_p99", "infer_us_batch", "train_s")}
                     for row in csv.DictReader(lines)]
@@ -198,7 +200,7 @@ IN_ARRAY = {"SLURM_JOB_ID": "9", "SLURM_ARRAY_TASK_ID": "3", "SLURM_ARRAY_TASK_C
 
 
 class Resubmitted(unittest.TestCase):
-    """Tests the scripts without Slurm, as tasks of a partly resubmitted array."""
+    """Runs the scripts without Slurm as if they were tasks of a partly resubmitted array."""
 
     def task(self, folder, script, *words):
         with tempfile.TemporaryDirectory() as spool:

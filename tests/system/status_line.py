@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/status_line.py BIN_DIR [TEST]: tests the status line of the daemon in pseudo-terminals of different
-widths."""
+"""Tests the daemon's status line in pseudo-terminals of different widths. Called as `tests/system/status_line.py
+BIN_DIR [TEST]`."""
 import fcntl
 import os
 import pty
@@ -21,7 +21,7 @@ SEQUENCES = re.compile(r"\x1b\[[0-9;]*[A-Za-z]|\x07")
 
 
 class Terminal:
-    """Master side of a pseudo-terminal, which stores all output of the program."""
+    """Master side of a pseudo-terminal. Stores all output of the program."""
 
     def __init__(self, columns):
         self.master, self.slave = pty.openpty()
@@ -37,7 +37,7 @@ class Terminal:
         while True:
             try:
                 data = os.read(self.master, 4096)
-            except OSError:  # The last program has closed its end of the pseudo-terminal.
+            except OSError:  # the last program has closed its end of the pseudo-terminal
                 return
             self.text += data.decode()
 
@@ -47,7 +47,7 @@ class Terminal:
         os.close(self.master)
 
     def status_lines(self):
-        """Returns the printed status lines, which are separated by carriage returns."""
+        """Returns the status lines printed so far, which are separated by carriage returns."""
         parts = re.split(r"[\r\n]+", SEQUENCES.sub("", self.text))
         return [part for part in parts if part.startswith("record ")]
 
@@ -77,7 +77,7 @@ class StatusLine(live.Live):
             self.terminal.resize(columns)
             before = len(self.terminal.status_lines())
             wait_for("status", lambda: len(self.terminal.status_lines()) >= before + 3, 40)
-            # The first status line may have been printed before the terminal was resized.
+            # The first of these status lines may have been printed before the terminal was resized.
             drawn[columns] = self.terminal.status_lines()[before + 1:]
         self.assertEqual(self.end(daemon), 0)
         text = self.terminal.text
@@ -95,7 +95,7 @@ class StatusLine(live.Live):
         self.assertEqual([f.split("  ")[0] for f in feeds if f.startswith("record ")], [f"record {records}/{records}"], text)
 
     def test_second_ctrl_c_ends_the_run_immediately(self):
-        """The first Ctrl-C prints a message, and the second ends the run immediately."""
+        """The first Ctrl-C prints a message, and the second Ctrl-C ends the run immediately."""
         daemon = self.run_at_terminal(80, "--set", "run.window_s=3")
         wait_for("a record", lambda: self.committed() >= 1)
         asked = time.monotonic()

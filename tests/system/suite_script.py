@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/suite_script.py: tests the exit status of scripts/test and its list of skipped tests, with a substitute
-for ctest."""
+"""Tests the exit status of scripts/test and its list of skipped tests. Called as `tests/system/suite_script.py`. A
+substitute is used for ctest."""
 import os
 import shutil
 import subprocess
@@ -19,8 +19,7 @@ def executable(path, text):
 
 
 def run(status, output="100% tests passed, 0 tests failed out of 1", ci=""):
-    """Runs scripts/test in a temporary folder with a substitute for ctest, which prints `output` and exits with
-    `status`."""
+    """Runs scripts/test in a temporary folder. A substitute for ctest prints `output` and exits with `status`."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         (root / "scripts/dev").mkdir(parents=True)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/usb.py BIN_DIR: tests that the daemon records through libusb from a laboratory with an emulated USB time
-tagger."""
+"""Tests that the daemon records through libusb from a simulated laboratory with an emulated USB time tagger. Called
+as `tests/system/usb.py BIN_DIR`."""
 import json
 import os
 import pathlib
@@ -14,10 +14,10 @@ import unittest
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 usb_lab = bin_dir.parent / "tests/usb_lab"
 environment = os.environ | {"PATH": f"{bin_dir}:{os.environ['PATH']}"}
-# The number of photons per slot is constant, so longer slots give fewer tags per second.
+# The number of photons per slot is constant, so longer slots reduce the number of tags per second.
 WINDOW_S = float(os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.5"))
 
-# Totals of received data are excluded, because a live run counts data until its file is closed.
+# Totals of received data are excluded, because a live run continues to count data until its file is closed.
 COUNTERS = ("SELECT name, value FROM counter WHERE source = 'spd' AND name NOT IN "
             "('bytes', 'blocks', 'tags', 'outside')")
 
@@ -47,10 +47,10 @@ class Usb(unittest.TestCase):
             db.close()
         self.assertEqual(rows, [(7, 0)] * 10, done.stderr)
         self.assertEqual(devices["spd"], "SIM-USB-1")
-        # Import of the raw capture must give the same counters and histograms as the live run.
+        # Importing the raw capture must give the same counters and histograms as the live run.
         self.assertEqual(imported, counted)
         self.assertEqual((sent["lost"], sent["starts"]), (0, 1))
-        # The device may still hold tags of the last 0.2 s when the daemon stops it.
+        # When the daemon stops the device, the device may still contain the tags of the last 0.2 s.
         arrived = int(done.stderr.split("received: ")[1].split(" tags")[0])
         self.assertLessEqual(arrived, sent["tags"])
         self.assertLess(sent["tags"] - arrived, 0.2 / (10 * WINDOW_S) * sent["tags"], done.stderr)

@@ -16,7 +16,7 @@ namespace {
 
 constexpr char address[] = "usb:1209:0001:T1";
 
-// USB tagger that sends the blocks of the test.
+// Simulates a USB tagger that sends the blocks given by the test.
 struct Bench {
   Bench()
       : device(bed,
@@ -52,7 +52,7 @@ struct Bench {
     device.send(hello_block(sequence++));
     REQUIRE(run_until(loop, [&] { return sink.state() == DeviceState::streaming; }));
   }
-  // Returns a block with the tags 1, 2, 3 and so on. Tag k has time k.
+  // Returns a block of `count` tags. Each tag has a time 1 ps later than the previous tag.
   Bytes tags(std::size_t count) {
     Bytes payload;
     for (std::size_t i = 0; i < count; ++i) put(payload, Tag{.channel = 2, .time_ps = ++sent});
@@ -64,7 +64,7 @@ struct Bench {
   bool faulted() {
     return run_until(loop, [&] { return sink.state() == DeviceState::faulted; });
   }
-  // Checks that the received tags have the times of these ranges, in order.
+  // Checks that the received tags have exactly the times in `ranges`, in this order.
   void check_times(std::vector<std::pair<std::int64_t, std::int64_t>> ranges) const {
     std::vector<std::int64_t> expected, times;
     for (const auto& [first, last] : ranges)
@@ -91,7 +91,7 @@ struct Bench {
   std::unique_ptr<Driver> driver;
 };
 
-// Simulated tagger of the laboratory with a FIFO of this size.
+// Simulated tagger of the laboratory, with a FIFO of `fifo_bytes`.
 struct Simulated {
   explicit Simulated(std::size_t fifo_bytes = sim::TdcOptions{}.send_queue_bytes) {
     options.window_s = 0.5;
@@ -149,7 +149,7 @@ TEST_CASE("all tags of a simulated USB tagger are received") {
 }
 
 TEST_CASE("a USB tagger with a full FIFO reports its lost tags") {
-  Simulated s(22'000);  // 22 kB FIFO, about the data of one transfer
+  Simulated s(22'000);  // The FIFO of 22 kB holds about the data of one transfer.
   CHECK(run_until(s.loop, [&] { return s.sent(1) > 0 && counter(*s.driver, "lost_items") > 0; }));
   CHECK(counter(*s.driver, "lost_items") <= s.sent(1));
   CHECK(s.sink.state() == DeviceState::streaming);
@@ -159,7 +159,8 @@ TEST_CASE("no tags are lost if USB transfers split blocks or if packets are shor
   Bench b;
   b.connect();
   const Bytes all = join({b.tags(50'000), b.tags(0), b.tags(50'000)});
-  // Pieces of 37 000 bytes end within tags, and the long run of packets fills whole transfers.
+  // Pieces of 37 000 bytes end in the middle of tags, and the long run of packets fills entire
+  // transfers.
   const ByteView wire = all;
   for (std::size_t at = 0; at < wire.size(); at += 37'000)
     b.device.send_more(wire.subspan(at, std::min<std::size_t>(37'000, wire.size() - at)));
@@ -209,7 +210,7 @@ TEST_CASE("a USB tagger is reopened after an unplug during a transfer") {
   for (std::size_t i = 1; i <= cycles; ++i) {
     Bytes cut = join({b.tags(1000), b.tags(1000)});
     cut.resize(cut.size() - 5);
-    b.device.send_more(cut);  // the end of the data waits in an incomplete transfer
+    b.device.send_more(cut);  // the last bytes wait in an incomplete transfer
     b.device.unplug();
     REQUIRE(b.faulted());
     CHECK(b.sink.tags.size() == i * 1000 + (i - 1) * 4);
@@ -226,7 +227,8 @@ TEST_CASE("a USB tagger is reopened after an unplug during a transfer") {
 TEST_CASE("data that a slow consumer does not read stay in the USB tagger") {
   Bench b;
   b.connect();
-  constexpr std::size_t runs = 90, per_run = 65'536;  // 90 MiB exceed the limit of queued bytes
+  constexpr std::size_t runs = 90,
+                        per_run = 65'536;  // 90 MiB are more than the limit for queued bytes
   for (std::size_t i = 0; i < runs; ++i) b.device.send(b.tags(per_run));
   std::uint64_t fetched = 1, before = 0;
   for (; fetched != before; fetched = b.device.fetched()) {

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/view/live_view.py BIN_DIR [TEST]: tests echofuse-view with a daemon that records from the simulated
-laboratory."""
+"""Tests echofuse-view with a daemon that records from the simulated laboratory. Called as `tests/view/live_view.py
+BIN_DIR [TEST]`."""
 import json
 import os
 import pathlib
@@ -29,8 +29,8 @@ def processor_s(process):
 
 
 def viewers_of(folder):
-    """Returns the process IDs of viewers of runs in this folder. Ports do not identify them, because another test may
-    reuse a port."""
+    """Returns the process IDs of the viewers that show runs in this folder. Ports do not identify the viewers,
+    because another test may reuse a port."""
     out = []
     for process in pathlib.Path("/proc").glob("[0-9]*"):
         try:
