@@ -36,7 +36,7 @@ def viewers_of(folder):
         try:
             words = (process / "cmdline").read_text(encoding="utf-8", errors="replace").split("\0")
         except OSError:
-            continue  # The process has exited.
+            continue  # the process has already exited
         if pathlib.Path(words[0]).name == "echofuse-view" and words[1].startswith(f"{folder}/"):
             out.append(int(process.name))
     return out
@@ -66,8 +66,8 @@ class LiveView(live.Live):
                                          stdout=subprocess.PIPE).stdout)["runs"]
 
     def test_viewer_follows_a_recording_that_continues_in_new_files(self):
-        """`run --every` reports each new file, and the viewer follows the newest file. If the model is invalid, the
-        viewer shows no maps."""
+        """`run --every` reports each new file, and the viewer follows the newest file. If the model file is invalid,
+        the viewer shows no depth maps."""
         daemon = self.record("--every", f"{3 * WINDOW_S}s", "--count", "5", "--json", "--view", "--model",
                              self.dir / "lab/lab.toml", stdout=subprocess.PIPE)
         client = Browser(daemon.stdout.readline().strip())
@@ -81,7 +81,8 @@ class LiveView(live.Live):
         self.assertIn("not a model file, or truncated; expected a safetensors file; the page shows no reconstructions", log)
 
     def test_viewer_follows_and_annotates_a_live_run(self):
-        """The viewer waits for the run, follows it and adds marks. It shows lost devices and the end of the daemon."""
+        """The viewer waits for a run, follows it and adds marks. It also shows that devices are lost and that the
+        daemon has ended."""
         client = Browser(self.view())
         self.assertIn("the run does not exist yet", client.until("trouble")["text"])
         daemon = self.record("--set", "run.label=empty")
@@ -105,9 +106,9 @@ class LiveView(live.Live):
         client.until("state", lambda m: m["sensors"]["radar"]["valid"])
         self.close_lab()
         closed = time.monotonic()
-        # On a busy machine records arrive late, so a sensor becomes stale before its verdict arrives.
+        # On a busy machine, records arrive late, so a sensor's data may become stale before its verdict arrives.
         client.until("state", lambda m: all(m["sensors"][s]["stale"] for s in ("spd", "radar", "depth")))
-        # The limit covers two slots, the grace time of 0.5 s, and up to one second until the next state message.
+        # The limit includes two slots, the grace time of 0.5 s, and up to one second until the next state message.
         self.assertLess(time.monotonic() - closed, 2 * WINDOW_S + 3)
         client.until("state", lambda m: m["sensors"]["radar"]["verdict"] == "no frames")
         daemon.kill()
@@ -116,7 +117,8 @@ class LiveView(live.Live):
         client.close()
 
     def test_alignment_mode_deletes_its_run_at_the_end(self):
-        """Alignment mode has slots of 0.1 s and deletes its run. Its viewer exits when no browser is connected."""
+        """In alignment mode, the slots last 0.1 s, and the run is deleted at the end. The viewer of the run exits
+        when no browser is connected."""
         daemon = self.start([bin_dir / "echofuse-acquire", "run", "--align", "--config", self.dir / "lab/lab.toml"],
                             env=os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}, stdout=subprocess.PIPE,
                             stderr=subprocess.PIPE, text=True)
@@ -135,7 +137,7 @@ class LiveView(live.Live):
         wait_for("end of the viewer", lambda: not viewers_of(folder), 15)
 
     def test_fifty_viewers_do_not_disturb_a_live_run(self):
-        """A run with 50 viewers and a client that never reads has the same slots and losses as a run without
+        """A run with 50 viewers and a client that never reads must have the same slots and losses as a run without
         viewers."""
         log = self.finish(self.record("--count", str(RECORDS)), 60)
         alone = self.account(log)
@@ -167,8 +169,8 @@ class LiveView(live.Live):
         self.assertEqual(self.account(log), alone)
 
     def account(self, log):
-        """Checks that every difference between the run and the log of the laboratory is explained. Returns the counts
-        of valid, lost and late data and of verdicts, for comparison with another run."""
+        """Checks that every difference between the run and the laboratory's log is explained. Returns the verdicts
+        and the counts of valid, lost and late data, for comparison with another run."""
         self.close_lab()
         self.check_slots(self.rows())
         audit = subprocess.run([sys.executable, SCRIPTS / "audit_run.py", self.run, self.dir / "sent.jsonl"],

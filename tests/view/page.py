@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/view/page.py BIN_DIR: tests the web page of the viewer in Chromium with a live simulated run. Exits with 77 if
-Chromium is missing."""
+"""Uses Chromium to test the viewer's web page with a simulated live run. Called as `tests/view/page.py BIN_DIR`.
+Exits with code 77 if Chromium is not installed."""
 import pathlib
 import re
 import signal
@@ -18,10 +18,11 @@ import live_view
 import proxy
 from live import WINDOW_S, bin_dir, wait_for
 
-PATIENCE_S = 60  # time limit, s; long because a busy machine renders slowly
+PATIENCE_S = 60  # time limit in s, which is long because a busy machine renders slowly
 
 
-# Returns by how many pixels elements move when status and label change from their shortest to their longest string.
+# Returns the number of pixels by which elements move when the status and the label change from the shortest to the
+# longest text.
 header_jumps = """
   const at = () => ['numbers', 'lamps', 'transport', 'card-histogram', 'card-maps'].map(id => document.getElementById(id).getBoundingClientRect()).flatMap(r => [r.left, r.top]);
   const say = words => {
@@ -96,7 +97,7 @@ class Page(live_view.LiveView):
         self.assertFalse(self.js("return document.getElementById('box-reconstruction').hidden"))
         self.assertGreater(self.js("return document.querySelectorAll('#histogram canvas').length"), 0)
 
-        # Narrow and wide pages with light and dark themes must not overflow horizontally.
+        # Narrow and wide pages must not overflow horizontally in the light theme or in the dark theme.
         for width, height, scheme in ((390, 844, "light"), (1280, 800, "dark"), (820, 1180, "light")):
             self.size(width, height)
             self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [
@@ -107,7 +108,7 @@ class Page(live_view.LiveView):
             self.assertEqual(self.contrast_faults(), [], (width, scheme))
         self.size(1280, 800)
 
-        # Keys select another record, return to the live record, and add a mark.
+        # Keys are used to select another record, to return to the live record, and to add a mark.
         self.key("Home")
         self.wait("record 0", lambda: self.text("shown").startswith("record 0,"))
         self.key("ArrowRight")
@@ -124,7 +125,7 @@ class Page(live_view.LiveView):
         self.wait("label", lambda: self.text("label") == "two")
         self.looks()
 
-        # The laboratory stops. Two slots later each lamp must be red and show LOST.
+        # The laboratory is stopped. Two slots later, every lamp must be red and show LOST.
         self.wait("green lamp", lambda: self.lamp("radar") in ("ok", "look"))
         self.wait("lamp of the maps", lambda: self.lamp("maps") in ("ok", "look"))
         self.close_lab()
@@ -143,7 +144,7 @@ class Page(live_view.LiveView):
         daemon.wait()
         self.wait("crash on the page", lambda: self.text("status") == "crashed")
 
-        # The viewer stops. The page must show that the connection is lost.
+        # The viewer is stopped. The page must show that the connection has been lost.
         viewer = self.processes[2]
         self.assertIn("echofuse-view", viewer.args[0])
         viewer.terminate()
@@ -152,7 +153,8 @@ class Page(live_view.LiveView):
         self.view("--listen", address.split("/")[2], "--model", model)
         self.wait("page of the viewer started again", lambda: self.text("status") == "crashed")
 
-        # The page follows a new run with the name of the first run. In the new run the laser is 500 times too weak.
+        # The page must follow a new run that has the same name as the first run. In the new run, the laser is 500
+        # times too weak.
         for file in self.dir.glob("*.sqlite*"):
             file.unlink()
         self.open_again("--set", "signal_photons=100")
@@ -172,7 +174,7 @@ class Page(live_view.LiveView):
         self.wait("end of the run", lambda: self.text("status") == "complete")
         self.assertIn("run has ended", self.text("lamp-spd"))
         self.assertEqual(self.lamp("spd"), "look")
-        # A complete run has a reference for differences, even if it is short.
+        # The difference view is available in a complete run, even if the run is short.
         self.wait("difference", lambda: not self.js("return document.getElementById('difference').disabled"))
         before = self.text("histogram-readout")
         self.key("d")
@@ -184,7 +186,7 @@ class Page(live_view.LiveView):
         self.assertEqual(set(asked), {address.split("/")[2]})
 
     def test_web_page_works_behind_a_reverse_proxy(self):
-        """Behind a reverse proxy the page works below a path, and reports an incomplete proxy configuration."""
+        """Behind a reverse proxy, the page works below a path and reports an incomplete proxy configuration."""
         scenes = self.dir / "scenes.sqlite"
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", scenes, "--records", "8"], check=True)
         process = self.start([bin_dir / "echofuse-view", self.dir, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
@@ -211,8 +213,8 @@ class Page(live_view.LiveView):
         process.wait(10)
 
     def test_web_page_shows_the_histogram_of_each_detector_zone(self):
-        """For a detector with zones the page shows the histogram of each zone at its position, and the sum of all
-        zones."""
+        """For a detector with zones, the page shows each zone's histogram at the position of the zone, and the sum
+        over all zones."""
         for name, side in ("nine", 3), ("one", 1):
             subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", self.dir / f"{name}.sqlite", "--people", "1",
                             "--set", f"spd_zones={side}", "--set", "target_x_m=0"], check=True)
@@ -223,7 +225,7 @@ class Page(live_view.LiveView):
             self.wait("its record", lambda: self.js("return window.framesSeen ?? 0") > 0)
             self.assertEqual(self.js("return document.getElementById('card-zones').hidden"), name == "one")
             self.assertRegex(self.text("histogram-readout"), r"peak \d+\.\d\d m, [\d.]+k clicks")
-        # Counts the pixels with the histogram colour in each cell of the 3 x 3 grid, from the top left.
+        # Counts the pixels in the histogram colour in each cell of the 3 x 3 grid, beginning at the top left.
         self.wait("histograms", lambda: self.canvas_is_drawn("zones"))
         drawn = self.js("""const c = document.getElementById('zones'), p = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
             const [r, g, b] = getComputedStyle(document.body).getPropertyValue('--spd').match(/[0-9a-f]{2}/gi).map(t => parseInt(t, 16));
@@ -235,11 +237,11 @@ class Page(live_view.LiveView):
               }
             return cells;""")
         self.assertGreater(min(drawn), 0, drawn)
-        # The body is in the middle column.
+        # The person is in the middle column.
         self.assertEqual(max(range(9), key=drawn.__getitem__) % 3, 1, drawn)
 
     def chooser(self, scenes):
-        """Checks that a click on a run in the list opens it, and that a link leads back to the list."""
+        """Checks that clicking on a run in the list opens the run, and that a link leads back to the list."""
         process = self.start([bin_dir / "echofuse-view", self.dir, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
         self.browser.get(process.stdout.readline().strip())
         cards = "return [...document.querySelectorAll('.run h2')].map(at => at.textContent)"
@@ -252,7 +254,7 @@ class Page(live_view.LiveView):
             self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
             self.assertLessEqual(self.js("return document.documentElement.scrollWidth"), width)
             self.assertEqual(self.contrast_faults(), [], (width, scheme))
-        # A script performs the click, because the list may be redrawn at any moment.
+        # The click is performed by a script, because the list may be redrawn at any time.
         self.js("document.querySelector('.run').click()")
         self.wait("page of the run", lambda: self.js("return document.getElementById('file')?.textContent") == scenes.name)
         self.wait("its record", lambda: self.js("return window.framesSeen") > 0)
@@ -262,12 +264,12 @@ class Page(live_view.LiveView):
         process.wait(10)
 
     def looks(self):
-        """Checks the keys that change the histogram, the point cloud and the font size, and zooming and measuring in
-        the charts."""
+        """Checks the keys that change the histogram, the point cloud and the font size. Also checks zooming and
+        measuring in the charts."""
         peaks = (("histogram-readout", r"peak \d+\.\d\d m, [\d.]+[kM]? clicks(; centre [\d.]+ m, FWHM [\d.]+ cm)?"),
                  ("profile-readout", r"peak \d+\.\d\d m, [\d.]+ dB(; centre [\d.]+ m, FWHM [\d.]+ cm)?"))
 
-        # Holds the shown record, so that only the keys change the page.
+        # Holds the displayed record, so that the page is changed only by the keys.
         def hold():
             self.key(" ")
             self.wait("held record", lambda: "held" in self.text("shown"))
@@ -316,7 +318,8 @@ class Page(live_view.LiveView):
         self.wait("live record", lambda: "held" not in self.text("shown"))
 
     def contrast_faults(self):
-        """Returns text elements with less contrast than WCAG 2.1 AA requires: a ratio of 4.5, or 3 for large text."""
+        """Returns the text elements with a contrast below the limit of WCAG 2.1 AA. The limit is a ratio of 4.5, or 3
+        for large text."""
         return self.js(r"""
             const part = v => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
             const luminance = ([r, g, b]) => 0.2126 * part(r) + 0.7152 * part(g) + 0.0722 * part(b);

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/view/panels.py BIN_DIR TEST: tests the alerts, rates, sums, plan view and pixel values of the web page in
-Chromium. Exits with 77 if Chromium is missing."""
+"""Uses Chromium to test the alerts, rates, sums, plan view and pixel values on the web page. Called as
+`tests/view/panels.py BIN_DIR TEST`. Exits with code 77 if Chromium is not installed."""
 import contextlib
 import re
 import signal
@@ -16,7 +16,8 @@ import page
 from live import bin_dir
 from selenium.webdriver.common.action_chains import ActionChains
 
-# Shows the longest strings in lamps and status. Returns visible elements that are clipped or outside the window.
+# Shows the longest possible texts in the lamps and the status. Returns the visible elements that are clipped or
+# outside the window.
 CUT = """
   for (const lamp of document.querySelectorAll('.lamp'))
     for (const [part, text] of [['strong', 'CHECK'], ['.verdict', 'weak: 123 clicks above the background (minimum 1000)'], ['.age', 'last data 12.3 s ago']])
@@ -46,7 +47,7 @@ class Panels(page.Page):
                 str(records))
 
     def themes(self):
-        """Checks that no element is clipped or outside the window, in both themes and both font sizes."""
+        """Checks that no element is clipped or outside the window in either theme or font size."""
         for width, height in ((1400, 900), (400, 800)):
             self.size(width, height)
             for key in "", "t", "f", "t", "f":
@@ -59,8 +60,8 @@ class Panels(page.Page):
         self.size(1400, 900)
 
     def test_web_page_shows_alerts_and_plays_alarms(self):
-        """Checks visual and audible alerts for the disk, the sensors and a stopped viewer. Sums and rates must follow
-        the live run."""
+        """Checks the visual and audible alerts for the disk, the sensors and a stopped viewer. The displayed sums and
+        rates must follow the live run."""
         address = self.view()
         viewer = self.processes[-1]
         daemon = self.record("--set", "alert.disk_free_gb=1e6", "--set", "run.label=person", "--set", "signal.clicks_a_pulse=1e-6")
@@ -74,7 +75,8 @@ class Panels(page.Page):
         self.assertEqual(self.text("sound"), "sound is on")
         self.wait("alarm of the disk", lambda: self.js("return window.alarms") > 0)
 
-        # The simulated tagger sends a sync tag only for a pulse with a click, so the page shows filtered sync rates.
+        # The simulated tagger sends a sync tag only if the pulse causes a click, so the page must show the rate as
+        # filtered.
         self.wait("filter", lambda: self.text("sync-name") == "filtered sync")
         for number in "sync-rate", "click-rate", "dark-rate":
             self.wait(number, lambda: re.fullmatch(r"[\d.]+[kM]?/s", self.text(number)))
@@ -91,7 +93,8 @@ class Panels(page.Page):
         self.wait("sum since the mark", lambda: re.fullmatch(r"of [2-9] records from record \d+", self.text("rates-of")))
         self.choose(1)
 
-        # The viewer is stopped. The page must report the stopped viewer instead of missing sensor data.
+        # The viewer process is stopped. The page must report the lost connection to the viewer, not missing sensor
+        # data.
         heard = self.js("return window.alarms")
         self.js("document.getElementById('status').seen = []; new MutationObserver(() => document.getElementById('status').seen.push("
                 "document.getElementById('status').textContent)).observe(document.getElementById('status'), {childList: true})")
@@ -117,8 +120,8 @@ class Panels(page.Page):
         self.wait("silent page", lambda: not self.pressed("sound"))
 
     def test_web_page_shows_peak_fit_plan_view_and_pixel_values(self):
-        """Checks the peak fit in m and ns, the plan view and the value under the pointer for a finished run with a
-        model."""
+        """For a finished run with a model, checks the peak fit in m and ns, the plan view and the value under the
+        pointer."""
         scenes, model = self.dir / "scenes.sqlite", self.dir / "model.h5"
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", scenes, "--people", "60", "--letters", "0", "--set",
                         "radar_antennas=8"], check=True)
@@ -138,7 +141,8 @@ class Panels(page.Page):
         self.assertAlmostEqual(float(re.search(fit, self.text("histogram-readout"))[1]), 6.6713 * float(metres[1]), delta=0.04)
         self.assertIn("ns", self.js("return document.getElementById('unit').textContent"))
         self.key("n")
-        # In the difference view of a sum, the mean of the first minute (20 records) is subtracted from each record.
+        # In the difference view of a sum, the mean over the first minute (20 records) is subtracted from each of the
+        # summed records.
         with contextlib.closing(sqlite3.connect(f"file:{scenes}?mode=ro", uri=True)) as db:
             rows = [struct.unpack(f"<{len(spd) // 4}I", spd) for spd, in db.execute("SELECT spd FROM record ORDER BY idx")]
         expected = max(sum(bins[-10:]) - sum(bins[:20]) / 2 for bins in zip(*rows))
