@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Functions that wait for other processes, and detect processes that lacked processor time."""
+"""Functions that wait for other processes and detect processes that did not get enough processor time."""
 import contextlib
 import os
 import pathlib
@@ -8,7 +8,8 @@ import time
 
 
 def wait_for(what, condition, timeout_s=20, pause_s=0.02):
-    """Waits until condition() is true. `what` is the error message, or a function that returns it."""
+    """Waits until condition() is true. `what` is the error message for a timeout, or a function that returns this
+    message."""
     end = time.monotonic() + timeout_s
     while not condition():
         if time.monotonic() > end:
@@ -17,7 +18,8 @@ def wait_for(what, condition, timeout_s=20, pause_s=0.02):
 
 
 def starved(*pids):
-    """Returns True if a process has waited for a processor for over 1 s and over 10 % of its lifetime."""
+    """Returns True if one of the processes has waited for a processor for more than 1 s and for more than 10 % of its
+    lifetime."""
     uptime_s = float(pathlib.Path("/proc/uptime").read_text().split()[0])
     for pid in pids:
         folder, waited_s = pathlib.Path(f"/proc/{pid}"), 0.0

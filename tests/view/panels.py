@@ -153,7 +153,7 @@ class Panels(page.Page):
         self.key("d")
         self.choose(1)
         self.wait("first fit", lambda: metres[0] in self.text("histogram-readout"))
-        # A zoom limits the peak fit to the zoomed range.
+        # Zooming a chart limits the peak fit to the zoomed range.
         over = self.browser.find_element("css selector", "#histogram .u-over")
         ActionChains(self.browser).move_to_element_with_offset(over, 20, 0).click_and_hold().move_by_offset(100, 0).release().perform()
         self.wait("other fit", lambda: metres[0] not in self.text("histogram-readout"))
@@ -161,7 +161,8 @@ class Panels(page.Page):
         self.wait("first fit", lambda: metres[0] in self.text("histogram-readout") or
                   ActionChains(self.browser).move_to_element(self.browser.find_element("id", "file")).perform())
 
-        # The map and the camera image show the value under the pointer, or the percentage of pixels without a return.
+        # The map and the camera image show the value under the pointer. Without a pointer, they show the percentage
+        # of pixels without a return.
         for view in "map", "camera":
             self.assertRegex(self.text(f"{view}-value"), r"^[\d.]+ % without a return$")
         canvas = self.browser.find_element("id", "camera")
@@ -181,7 +182,7 @@ class Panels(page.Page):
         self.assertAlmostEqual(depth, z, delta=0.01)
         self.assertAlmostEqual(self.js("return Math.tan(arguments[0] * Math.PI / 180)", azimuth) * z, x, delta=0.02)
 
-        # The plan view shows radar and antennas in the coordinates of the detector.
+        # The plan view shows the radar and the antennas in the detector's coordinates.
         self.wait("plan", lambda: self.canvas_is_drawn("plan"))
         seen = self.js("return import('./plan.js').then(m => [...m.fromRadar(-0.5, 3, 0.5), ...m.fromRadar(0.5, 1, 0.5)])")
         self.assertEqual(seen[:2], [3, 0])

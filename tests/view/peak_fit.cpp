@@ -21,8 +21,8 @@ struct Bump {
   double centre_m, sigma_m, clicks;
 };
 
-// Returns the counts of Gaussian peaks on a constant background: Poisson counts, or their means if
-// `seed` is 0.
+// Returns the counts of Gaussian peaks on a constant background. The counts are Poisson
+// distributed, or equal to their means if `seed` is 0.
 std::vector<double> counts_of(const std::vector<Bump>& bumps, double background, unsigned seed) {
   std::mt19937 random(seed);
   std::vector<double> out;
@@ -51,8 +51,8 @@ TEST_CASE("the peak fit recovers the centre and the width within the error that 
     CHECK(fit->fwhm == Approx(2.3548 * 0.06).epsilon(0.1));
     outside += std::abs(fit->centre - 3.217) > 2 * fit->centre_error;
   }
-  // About 5 % of the 50 fits have an error of more than two standard errors. More than 8 such fits
-  // occur by chance once in 1000 tests.
+  // About 5 % of the 50 fits are expected to have an error of more than two standard errors. More
+  // than 8 such fits occur by chance in only one of 1000 tests.
   CHECK(outside <= 8);
 }
 
@@ -92,13 +92,13 @@ TEST_CASE("the dark count rate is estimated from the clicks before the first ret
   const auto numbers = tally.numbers(axes);
   CHECK(numbers["rates"]["sync_hz"] == 500'000);
   CHECK(numbers["rates"]["pulse_hz"] == 500'000);
-  // The given laser rate is used if a filter removes sync tags.
+  // If a filter removes sync tags, the laser rate passed by the caller is used as the pulse rate.
   CHECK(tally.numbers(axes, 2e7)["rates"]["pulse_hz"] == 2e7);
   CHECK(numbers["rates"]["click_hz"] == Approx(all / 2));
   CHECK(numbers["rates"]["clicks_a_pulse"] == Approx(all / 1e6));
   CHECK(numbers["rates"]["dark_hz"].get<double>() == Approx(25 / (1e6 * 100e-12)).epsilon(0.1));
 
-  // Removing a record from the tally leaves the sum of the other records.
+  // After a record is removed from the tally, the sum of the other records must remain.
   record::FusedRecord other = r;
   other.spd.assign(bins, 7);
   tally.add(other, axes);

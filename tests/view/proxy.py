@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""A reverse proxy in front of the viewer, similar to nginx with proxy_pass. /lab/ forwards the headers that the manual
-requires, and /plain/ only the default headers of nginx. Other paths return the 404 page of the proxy."""
+"""A reverse proxy in front of the viewer, similar to nginx with proxy_pass. For /lab/, it forwards the headers
+required by the manual. For /plain/, it forwards only the default headers of nginx. For other paths, it returns its
+own 404 page."""
 import socket
 import threading
 import urllib.parse
@@ -64,8 +65,8 @@ class Proxy:
 
 
 def check_requests(test):
-    """Sends requests as a proxy forwards them. The origin of the requests is the forwarded host, and the Host header
-    contains the address of the server."""
+    """Sends requests like those forwarded by a proxy. The Origin header contains the forwarded host, and the Host
+    header contains the address of the server."""
     here = urllib.parse.urlsplit(test.address).netloc
     for headers, status in ((["X-Forwarded-Host: lab.example.org", "Origin: https://lab.example.org"], 101),
                             (["X-Forwarded-Host: lab.example.org, inner", "Origin: http://lab.example.org"], 101),

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/view/server.py BIN_DIR [TEST]: tests echofuse-view over real sockets with a finished run."""
+"""Tests echofuse-view with a finished run over real sockets. Called as `tests/view/server.py BIN_DIR [TEST]`."""
 import base64
 import contextlib
 import hashlib
@@ -97,7 +97,7 @@ class Server(unittest.TestCase):
         self.assertEqual(len(record["arrays"]["radar"]), run["axes"]["radar"]["count"])
         self.assertEqual(len(record["arrays"]["map"]), run["map"]["size"] ** 2)
         self.assertTrue(any(1 < z < 6 for z in record["arrays"]["map"]))
-        # A sum ends with the shown record, and has fewer records than requested near the start of the run.
+        # A sum ends with the displayed record. Near the start of the run, it contains fewer records than requested.
         spds = [struct.unpack(f"<{len(row[0]) // 4}I", row[0]) for row in rows]
         for count, shown in ((2, 3), (2, 4), (1000, 5)):
             client.ask({"show": shown})
@@ -106,7 +106,7 @@ class Server(unittest.TestCase):
             summed = client.until("sum", lambda m: (m.get("from"), m.get("records")) == (first, shown - first + 1))
             self.assertEqual(summed["arrays"]["spd"], tuple(map(float, map(sum, zip(*spds[first:shown + 1])))))
             self.assertGreater(summed["fits"]["spd"]["fwhm_m"], 0)
-        # The sum of a single record contains no histogram, because the record message contains this histogram.
+        # The sum of a single record contains no histogram, because the record message already contains the histogram.
         client.ask({"sum": [1, -1e6, 1e6]})
         fitted = client.until("sum", lambda m: m.get("records") == 1)
         self.assertEqual((fitted["from"], fitted["arrays"]), (5, {}))
@@ -141,7 +141,7 @@ class Server(unittest.TestCase):
             for index in range(RECORDS):
                 client.ask({"show": index})
                 seen += client.until("record", lambda record: record["index"] == index)["reconstruction"]["seen"]
-            # The model was trained on at least 80 % of the records. The other records are test records.
+            # The model was trained on at least 80 % of the records. The other records were held out for testing.
             self.assertTrue(0 < RECORDS - seen <= 0.2 * RECORDS, seen)
         finally:
             process.terminate()
@@ -149,7 +149,8 @@ class Server(unittest.TestCase):
             process.stdout.close()
 
     def test_track_message_contains_the_body_positions_of_earlier_records(self):
-        """The track message of a record contains the body positions of all records up to that record."""
+        """The track message of a record contains the object positions in all records up to and including that
+        record."""
         run, model = (pathlib.Path(self.folder.name) / "track" / name for name in ("run.sqlite", "model.safetensors"))
         run.parent.mkdir()
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--people", "80", "--letters", "0", "--out", run], check=True,
@@ -194,11 +195,11 @@ class Server(unittest.TestCase):
                                      ("/live", "GET", 426), ("/nothing", "GET", 404), ("/index.html/", "GET", 404)):
             self.assertEqual(self.get(path, method=method)[0].status, status, path)
         proxy.check_requests(self)
-        # A malformed request target is rejected, and other clients are not affected.
+        # A malformed request target is rejected without affecting other clients.
         for target in (b"?", b"?token=1", b"live", b"http://localhost/", b"*"):
             self.assertIn(b" 400 ", self.raw(b"GET " + target + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")[:40], target)
         self.assertEqual(self.get("/")[0].status, 200)
-        # Every user of this machine may read the data, but setting marks requires the token.
+        # Every user of this machine may read the data, but a token is required to set marks.
         client = Client(self.address, token=False)
         client.until("run")
         client.ask({"label": "x"})
@@ -206,7 +207,7 @@ class Server(unittest.TestCase):
         self.assertEqual((answer["ok"], "token" in answer["text"]), (False, True))
 
     def test_viewer_on_a_public_address_requires_the_token(self):
-        """On a public address only the scripts of the page are served without the token."""
+        """On a public address, only the scripts of the page are served to clients without the token."""
         process, address = self.start(self.folder.name, "--listen", "0.0.0.0:0")
         try:
             url = urllib.parse.urlsplit(address)
@@ -227,7 +228,7 @@ class Server(unittest.TestCase):
             process.stdout.close()
 
     def test_viewer_uses_another_port_if_its_default_ports_are_in_use(self):
-        """If the default ports are in use, the viewer uses another port."""
+        """If all default ports are in use, the viewer uses another port."""
         taken = []
         for port in range(8410, 8420):
             taken.append(socket.socket())
@@ -284,7 +285,7 @@ class Server(unittest.TestCase):
         healthy.socket.close()
 
     def test_viewer_accepts_at_most_64_connections(self):
-        """At most 64 connections are open. When one closes, another is accepted."""
+        """At most 64 connections can be open. When one of them closes, another connection is accepted."""
         clients = [Client(self.address) for _ in range(64)]
         for _ in range(3):
             with self.assertRaises((EOFError, ConnectionError)):
@@ -315,7 +316,8 @@ class Server(unittest.TestCase):
         asking.ask({"show": 5})
         asking.until("record", lambda m: m["index"] == 5)
         self.assertLess(time.monotonic() - begun, 5)
-        # Counts the sockets of the server, because unread data hide the end of the connection from the client.
+        # Counts the open sockets of the server, because the client does not notice the end of a connection while
+        # unread data remain.
         def sockets():
             return sum(os.readlink(fd).startswith("socket:") for fd in pathlib.Path(f"/proc/{self.process.pid}/fd").iterdir())
         before = sockets()
@@ -347,8 +349,8 @@ class Server(unittest.TestCase):
                                 else r"wss?://")
 
     def test_viewer_lists_the_runs_of_a_folder(self):
-        """The runs of a folder are listed, and each has its own page and socket. Files of other folders are not
-        served."""
+        """The viewer lists the runs in a folder, and each run has its own page and socket. Files in other folders are
+        not served."""
         with tempfile.TemporaryDirectory(dir=self.folder.name) as folder:
             for name in "one.sqlite", "zwei & drei.sqlite":
                 shutil.copy(self.run_file, pathlib.Path(folder, name))
@@ -376,7 +378,8 @@ class Server(unittest.TestCase):
                                      ("/run/..%2fscenes/", 404), ("/run/../scenes/", 404), ("/run/one/runs", 404),
                                      (f"/run/{urllib.parse.quote(folder, safe='')}%2fone/", 404)):
                     self.assertEqual(get(path)[0], status, path)
-                # Two clients follow two runs at the same time. Each must receive messages of its own run only.
+                # Two clients follow two runs at the same time. Each client must receive only the messages of its own
+                # run.
                 clients = {name: Client(here, path=f"/run/{urllib.parse.quote(name)}/live") for name in ("one", "zwei & drei")}
                 for name, client in clients.items():
                     self.assertEqual(client.until("run")["file"], f"{name}.sqlite")
@@ -391,8 +394,8 @@ class Server(unittest.TestCase):
                 process.stdout.close()
 
     def test_newest_run_in_a_folder_is_the_one_that_started_last(self):
-        """The newest run is the one that started last, even if another file was written later. Other files in the
-        folder are ignored, but are rejected as RUN."""
+        """The newest run is the run that started last, even if another file was written later. Other files in the
+        folder are ignored. If they are given as RUN, they are rejected."""
         fifo, earlier, junk = (pathlib.Path(self.folder.name, f"{name}.sqlite") for name in ("newest", "earlier", "junk"))
         os.mkfifo(fifo)
         shutil.copy(self.run_file, earlier)

@@ -20,15 +20,15 @@ constexpr std::string_view handshake =
     "GET /live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
     "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
 
-// Returns a WebSocket text frame of a client, with a zero mask.
+// Returns a WebSocket text frame as sent by a client, with a mask of zero.
 std::string frame(std::string_view text) {
   REQUIRE(text.size() < 126);
   return std::string("\x81") + static_cast<char>(0x80 | text.size()) + std::string(4, '\0') +
          std::string(text);
 }
 
-// Owner of the sessions under test, which also connects raw clients. Sessions and clients use the
-// same thread.
+// Owns the sessions under test and connects raw clients to them. The sessions and the clients run
+// on the same thread.
 struct Owner final : SessionOwner {
   const Access& access() const override { return access_; }
   bool has_run(const std::string&) override { return true; }
@@ -55,8 +55,8 @@ struct Owner final : SessionOwner {
   static void write(tcp::socket& client, std::string_view bytes) {
     net::write(client, net::buffer(bytes.data(), bytes.size()));
   }
-  // Waits for at most five seconds. A client that does not answer a ping is disconnected only after
-  // ten seconds.
+  // Waits for up to five seconds. The timeout of ten seconds for clients that do not answer pings
+  // is longer.
   template <class Condition>
   bool waits_for(Condition happened) {
     const auto end = std::chrono::steady_clock::now() + 5s;
@@ -77,7 +77,8 @@ TEST_CASE("an exception in a request handler ends only the session of that reque
   Owner owner;
   tcp::socket healthy = owner.connect(handshake);
   REQUIRE(owner.waits_for([&] { return owner.openings == 1; }));
-  // Only a viewer of a folder has a list of runs. Requesting the list throws an exception here.
+  // Only a viewer of a folder has a list of runs. In this test, requesting the list throws an
+  // exception.
   owner.access_.many = true;
   const tcp::socket runs = owner.connect("GET /runs HTTP/1.1\r\nHost: localhost\r\n\r\n");
   CHECK(owner.waits_for([&] { return owner.open == 1; }));
@@ -94,7 +95,7 @@ TEST_CASE("an exception in a request handler ends only the session of that reque
 TEST_CASE(
     "a viewer session queues eight mark requests if answers are not read, and ends at the ninth") {
   Owner owner;
-  // The greeting is larger than the socket buffers, so answers to the marks must wait.
+  // The greeting is larger than the socket buffers, so the answers to mark requests must wait.
   owner.greeting = std::make_shared<Bytes>(64 << 20);
   tcp::socket client = owner.connect(handshake);
   REQUIRE(owner.waits_for([&] { return owner.openings == 1; }));

@@ -132,7 +132,7 @@ TEST_CASE("a sensor is reported as stale two slots after its last valid slot") {
   CHECK_FALSE(is_stale(sensor, 3, now));
   sensor.last_valid = now - std::chrono::milliseconds(6600);
   CHECK(is_stale(sensor, 3, now));
-  // The system clock was set back.
+  // The last valid data appear to be in the future because the system clock was set back.
   sensor.last_valid = now + std::chrono::seconds(1);
   CHECK(age_s(sensor, now) == 0);
 }
@@ -142,7 +142,7 @@ TEST_CASE("the viewer reads and sends a run again if the run was temporarily unr
   const std::string path = folder / "run.sqlite";
   record::RunWriter(path, {}).close("complete");
   const auto time = std::filesystem::last_write_time(path) + std::chrono::seconds(1);
-  // Modifies the file without changing its size or modification time.
+  // Modifies the file but leaves its size and modification time unchanged.
   const auto write_first_byte = [&](char byte) {
     std::fstream(path, std::ios::in | std::ios::out | std::ios::binary).put(byte);
     std::filesystem::last_write_time(path, time);
@@ -156,7 +156,7 @@ TEST_CASE("the viewer reads and sends a run again if the run was temporarily unr
   write_first_byte('X');
   CHECK(run.refresh());
   CHECK_FALSE(run.trouble().empty());
-  // The same problem is reported only once.
+  // A problem that persists is reported only once.
   CHECK_FALSE(run.refresh());
   write_first_byte('S');
   CHECK(run.refresh());

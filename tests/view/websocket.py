@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""WebSocket client (RFC 6455) based on the standard library, and a decoder of echofuse-view messages."""
+"""WebSocket client (RFC 6455) based on the standard library, and decoder for the messages of echofuse-view."""
 import base64
 import json
 import os
@@ -14,7 +14,7 @@ TYPES = {"u8": "B", "u16": "H", "u32": "I", "f32": "f", "f64": "d"}
 
 
 class Refused(Exception):
-    """Raised if the response to the handshake does not have the status code 101."""
+    """Raised if the status code of the handshake response is not 101."""
 
 
 class Client:
@@ -58,8 +58,8 @@ class Client:
         self.frame(1, json.dumps(what).encode())
 
     def message(self):
-        """Returns the next message of the server, and answers pings. Raises EOFError if the server closes the
-        connection."""
+        """Returns the next message from the server. Answers any pings received before it. Raises EOFError if the
+        server closes the connection."""
         while True:
             first, second = self.take(2)
             size = second & 127
@@ -76,8 +76,8 @@ class Client:
                 return decode(payload)
 
     def until(self, kind, condition=lambda message: True, timeout_s=60):
-        """Returns the next message of this kind that meets the condition. Raises TimeoutError with the last
-        problem that the server reported."""
+        """Returns the next message of the given kind that meets the condition. A TimeoutError contains the last
+        problem reported by the server."""
         end, trouble = time.monotonic() + timeout_s, ""
         while time.monotonic() < end:
             message = self.message()
@@ -89,8 +89,8 @@ class Client:
 
 
 class Browser(Client):
-    """Reads in a separate thread, as a browser does, so that pings are answered while a test waits for something
-    else."""
+    """Reads messages in a separate thread, as a browser does. Pings are thus answered even while a test waits for
+    something else."""
 
     def __init__(self, address):
         super().__init__(address)
@@ -114,7 +114,7 @@ class Browser(Client):
         return message
 
     def close(self):
-        # The shutdown ends the reading thread, which would otherwise keep the socket open.
+        # shutdown() ends the reading thread, which would otherwise keep the socket open.
         self.socket.shutdown(socket.SHUT_RDWR)
         self.socket.close()
 

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/virtual/audit.py VIRTUAL_RUN: tests that scripts/audit_run.py detects manipulated counts in a run with faults."""
+"""Tests that scripts/audit_run.py detects manipulated counts in a run that was recorded with faults. Called as
+`tests/virtual/audit.py VIRTUAL_RUN`."""
 import json
 import pathlib
 import shutil

@@ -19,7 +19,7 @@ constexpr std::int64_t ps = 1, ns = 1000 * ps, us = 1000 * ns, s = 1'000'000 * u
 constexpr std::int64_t period = 250 * us;
 
 struct Stream {
-  // Appends the tags of pulse `i` at time `at`.
+  // Appends the tags of pulse number `i`, which is emitted at time `at`, to `out`.
   std::function<void(std::vector<Tag>& out, std::int64_t i, std::int64_t at)> pulse;
   std::function<std::int64_t(std::int64_t)> time = [](std::int64_t t) { return t; };
 };
@@ -35,7 +35,7 @@ void ordinary(std::vector<Tag>& out, std::int64_t i, std::int64_t at) {
   if (i % 25 == 0) out.push_back(tag(2, at + click_after(i)));
 }
 
-// Simulates a tagger with start pulses at 4 kHz, behind the bridge protocol.
+// Simulates a tagger that sends start pulses at 4 kHz through the bridge protocol.
 class Tagger final : public port::BytePort {
  public:
   Tagger(port::Loop& loop, Stream stream) : loop_(loop), timer_(loop), stream_(std::move(stream)) {}
@@ -111,7 +111,8 @@ TEST_CASE("tag times that wrap are unwrapped and cause an event") {
   const int bits = GENERATE(32, 40);
   const Outcome run = run_of(
       {.pulse = ordinary, .time = [=](std::int64_t t) { return t % (std::int64_t{1} << bits); }});
-  CHECK(run.events.size() == 2);  // one event at detection, one with the count at the end
+  CHECK(run.events.size() == 2);  // one event when the wrap is detected, and one event with the
+                                  // count at the end of the run
   CHECK_THAT(run.events.at(0), Catch::Contains("wrap-arounds of the tagger's time at 2^" +
                                                std::to_string(bits) + " ps"));
   for (std::size_t i = 2; i < 10; ++i) {
@@ -136,7 +137,7 @@ TEST_CASE("a tagger clock that drifts from the host clock is reported") {
   CHECK(std::ranges::any_of(run.events, [&, t = std::string(text)](const auto& e) {
     return e.find("the tagger's clock runs at " + t) != std::string::npos;
   }));
-  for (const auto& r : run.records) {  // the receive times are used instead of the tag times
+  for (const auto& r : run.records) {  // arrival times are used instead of tag times
     CHECK(r.has(Sensor::spd));
     CHECK_FALSE(r.clocks[Sensor::spd].has_value());
   }
@@ -185,8 +186,8 @@ TEST_CASE("missing, doubled or too frequent start pulses each cause an event") {
   }});
   CHECK_THAT(faster.events.at(0),
              Catch::Contains("changes of the start rate, from 4 kHz to 8 kHz"));
-  // The pulse rate changes within a 1 s interval. This interval must not be reported as missing
-  // starts.
+  // The pulse rate changes within a 1 s interval. The interval that contains the change must not be
+  // reported as having missing starts.
   CHECK(faster.events.size() == 1);
 }
 
@@ -249,7 +250,7 @@ TEST_CASE("tags that are out of order by up to 1 us are sorted and counted") {
 }
 
 TEST_CASE("tags that are out of order across two blocks are sorted without loss") {
-  // The start of each block's last click arrives in the next block.
+  // The start tag that belongs to the last click of each block arrives only in the next block.
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     if (out.empty() && i > 0) out.push_back(tag(1, at - period));
     if ((i + 1) % 200 == 0) {

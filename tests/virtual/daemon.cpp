@@ -65,7 +65,7 @@ TEST_CASE(
   CHECK(all.back().valid.bits() == 7);
   for (const char* sensor : {"spd", "radar", "depth"}) {
     CHECK(has(b.events(sensor), "not connected to"));
-    // The number of events does not grow with the number of retries.
+    // The number of events must not grow with the number of connection attempts.
     CHECK(b.events(sensor).size() <= 8);
   }
 }
@@ -103,7 +103,7 @@ TEST_CASE("a run needs its required devices, and records that lack their data ar
 }
 
 TEST_CASE("a raw capture with faults and reconnections reproduces the live run bit for bit") {
-  // Slots longer than 10 s are not aligned to multiples of their length.
+  // Slots of 3 s are aligned to multiples of their length. Slots longer than 10 s are not.
   const double window_s = GENERATE(3.0, 12.0);
   Bench b({.window_s = window_s,
            .faults = {fault("tdc", FaultKind::unplug, 30, 5),
@@ -117,8 +117,8 @@ TEST_CASE("a raw capture with faults and reconnections reproduces the live run b
   run.countdown_s = 2;
   CHECK(b.lab->record(run) == ExitCode::ok);
   REQUIRE(acquire::is_kept(run.keep_raw));
-  // The configuration in a raw capture has no run folder, so that the capture can be imported on
-  // any machine.
+  // The configuration in a raw capture contains no run folder, so that the capture can be imported
+  // on any machine.
   CHECK(acquire::kept_config(run.keep_raw, {}).run_folder.empty());
   acquire::import_kept(acquire::kept_config(run.keep_raw, {}), run.keep_raw,
                        b.folder / "again.sqlite");
@@ -180,7 +180,7 @@ TEST_CASE("a raw capture that has no slot, has missing bytes or has damaged time
   }
   std::ofstream(run.keep_raw + "/" + name) << text;
   CHECK_THAT(refusal(), Catch::Contains(why));
-  // A rejected raw capture leaves no run file.
+  // A rejected raw capture must not leave a run file behind.
   for (const auto& file : std::filesystem::directory_iterator(b.folder.path))
     CHECK(file.path().filename().string().find("x.sqlite") == std::string::npos);
 }
@@ -199,7 +199,8 @@ TEST_CASE("the option --countdown of the run command delays the first slot") {
 
 TEST_CASE("a run interrupted before its first slot ends without a record") {
   Bench b;
-  // The signals go to a child process, because a process never resets its count of signals.
+  // The signals are sent to a child process, because a process never resets its count of received
+  // signals.
   const pid_t child = fork();
   REQUIRE(child >= 0);
   if (child == 0) {
@@ -236,7 +237,7 @@ TEST_CASE("a fading laser, a frozen camera and a frozen radar are each reported 
   for (const auto& [sensor, kind] : kinds) {
     const Strings all = b.verdicts(sensor);
     CAPTURE(name_of(sensor));
-    // At least 3 slots of 3 s are fully within the fault of 15 s.
+    // At least three slots of 3 s lie entirely within the 15 s fault.
     CHECK(std::count(all.begin(), all.end(), kind) >= 3);
     CHECK(std::count(all.begin(), all.end(), kind) <= 5);
     CHECK(std::count(all.begin(), all.end(), "ok") + std::count(all.begin(), all.end(), kind) ==
@@ -280,8 +281,8 @@ TEST_CASE("simulated scenes change at slot boundaries") {
                    sum(r.spd.begin(), r.spd.end()));
   }
   for (std::size_t i = 5; i + 1 < near.size(); ++i) {  // the clock fit is valid from record 5 on
-    // The person is always on one side of 3.5 m. The background on the other side contributes less
-    // than 15 % of the counts.
+    // The person is always entirely on one side of 3.5 m. Less than 15 % of the counts, caused by
+    // the background, are on the other side.
     CHECK(std::min(near[i], 1 - near[i]) < 0.15);
     CHECK((near[i] > 0.5) != (near[i + 1] > 0.5));
   }

@@ -30,8 +30,8 @@ using namespace std::chrono_literals;
 
 namespace {
 
-// Proxy between the tagger and the daemon. It refuses connections for a while and buffers the data.
-// On the next connection, it sends the buffered data first.
+// Proxy between the tagger and the daemon. For some time, it refuses connections from the daemon
+// and buffers the tagger's data. When the daemon connects again, it sends the buffered data first.
 class Keeper {
  public:
   Keeper(port::Loop& loop, port::ByteOpener& place) : loop_(loop), down_(loop), up_(place()) {
@@ -86,7 +86,7 @@ class Keeper {
   bool connected_ = false;
 };
 
-// Device behind a bridge that sends a block of this kind every 50 ms.
+// Device behind a bridge. The bridge sends a block of the given kind every 50 ms.
 class BridgedDevice {
  public:
   using Payload = std::function<Bytes(std::uint32_t number)>;
@@ -131,7 +131,8 @@ class BridgedDevice {
   test::MemoryListener listener;
 };
 
-// Returns a range profile with an echo at range_m, in 100 bins of 0.08 m from 0.3 m on.
+// Returns a range profile with an echo at range_m. The profile has 100 bins of 0.08 m and begins at
+// 0.3 m.
 BridgedDevice::Payload echo_at(double range_m) {
   return [range_m, rng = make_rng(3, 1)](std::uint32_t number) mutable {
     constexpr std::uint32_t bins = 100;
@@ -151,7 +152,7 @@ BridgedDevice::Payload echo_at(double range_m) {
 
 constexpr double spd_m = 437 * speed_of_light_m_s / 2e12, radar_m = 0.037;
 
-// Returns a laboratory with a reflector at 1 m and with range offsets of the simulated sensors.
+// Returns a laboratory with a reflector at 1 m. The simulated sensors have range offsets.
 LaboratoryOptions reflector(double more_ps = 0, const std::string& before = "detector") {
   return {.signal_photons = 4e5,
           .scene = "reflector",
@@ -163,7 +164,7 @@ LaboratoryOptions reflector(double more_ps = 0, const std::string& before = "det
           }};
 }
 
-// Returns what the action prints to stdout. The output is stored in a new file `path`.
+// Returns the text that the action prints to stdout. The text is first stored in a new file `path`.
 std::string printed_by(const std::string& path, const std::function<void()>& action) {
   std::fflush(stdout);
   const int before = ::dup(STDOUT_FILENO);
@@ -252,7 +253,7 @@ TEST_CASE("buffered tags are assigned to slots by their time stamps, or counted 
   const double usual = static_cast<double>(tags[tags.size() / 2]);
   for (const auto& r : all) CHECK(static_cast<double>(r.spd_counts.tags) < 1.5 * usual);
   const auto late = static_cast<double>(b.reader().late()[Sensor::spd]);
-  // About four slots of tags (2 s) arrive after their slots are closed.
+  // About four slots of tags (2 s) arrive after their slots have been closed.
   CHECK(late > 2 * usual);
   CHECK(late < 6 * usual);
   CHECK(std::count_if(all.begin(), all.end(), [](auto& r) { return !r.has(Sensor::spd); }) >= 2);
@@ -268,7 +269,8 @@ TEST_CASE("the calibrate command measures and stores offsets, and a run uses the
   for (const auto& [sensor, true_m] : {std::pair{Sensor::spd, spd_m}, {Sensor::radar, radar_m}}) {
     const record::CalibrationEntry* entry = measured.find(sensor);
     REQUIRE(entry);
-    // On average, the reflector plate is less than 0.02 mm farther away than its centre.
+    // On average, points on the reflector plate are less than 0.02 mm farther away than the centre
+    // of the plate.
     CHECK(std::abs(entry->offset_m - true_m) < 5 * entry->standard_error_m + 2e-5);
     CHECK(entry->standard_error_m < 3e-4);
   }
@@ -277,7 +279,7 @@ TEST_CASE("the calibrate command measures and stores offsets, and a run uses the
   const auto named = b.reader().calibrations();
   REQUIRE(named.size() == 2);
   CHECK(named[0].offset_m == measured.entries[0].offset_m);
-  // Calibration of one sensor keeps the entry of the other sensor.
+  // Calibrating one sensor must keep the entry of the other sensor.
   b.lab->set({"radar.cli=", "radar.data="});
   b.lab->loop.run_for(100s);
   REQUIRE(calibrate(*b.lab) == ExitCode::ok);

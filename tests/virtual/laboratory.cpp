@@ -22,7 +22,7 @@ namespace {
 using namespace std::chrono_literals;
 using sim::FaultKind;
 
-// Device addresses are unique per test, because devices are locked by address.
+// Each test must use its own device addresses, because the daemon locks devices by address.
 struct Addresses {
   explicit Addresses(const LaboratoryOptions& o)
       : tagger("bridge:tcp://tagger-" + o.name + ":1"),
@@ -108,7 +108,7 @@ class Camera final : public sim::Device {
     server_.put({.kind = sim::BlockKind::depth, .bytes = std::move(payload), .items = index_});
   }
 
-  // Returns an image that differs from the previous one, as frames of a real camera do.
+  // Returns an image that differs from the previous image, like the frames of a real camera.
   std::vector<std::uint16_t> picture(double time_s) {
     const sim::RenderedScene& rendered = player_.at(time_s);
     if (std::exchange(pictured_, rendered.index) != rendered.index)
@@ -126,7 +126,8 @@ class Camera final : public sim::Device {
   Axis columns_, rows_;
   port::Timer timer_;
   HostTime next_;
-  std::vector<std::uint16_t> pixels_, last_;  // depth map of the scene, and the last frame sent
+  std::vector<std::uint16_t> pixels_,
+      last_;  // depth map of the scene, and pixels of the last frame sent
   std::int64_t pictured_ = -1;
   std::uint32_t index_ = 0;
   sim::FaultInjector injector_;

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/virtual/soak.py VIRTUAL_RUN [--hours H] [--seed N] [--keep DIR]: records in virtual time with random faults.
+"""Records in virtual time with random faults. Called as
+`tests/virtual/soak.py VIRTUAL_RUN [--hours H] [--seed N] [--keep DIR]`.
 
 Several devices may fail at the same time. Every slot must have a record, and scripts/audit_run.py must account for
-every loss. No slot may be late. A second run of the first hour must be equal bit for bit to the first one. Otherwise
-the exit code is 1."""
+every loss. No slot may be late. A second run of the first hour must be bit-identical to the first run. If a condition is
+not met, the exit code is 1."""
 import argparse
 import hashlib
 import importlib.machinery
@@ -18,8 +19,8 @@ import tempfile
 
 scripts = pathlib.Path(__file__).resolve().parents[2] / "scripts"
 WINDOW_S = 3
-folder_in_memory = "/dev/shm" if os.path.isdir("/dev/shm") else None  # excludes the disk from the measured time
-PAUSE_S = 40  # mean time between the starts of two faults of a device
+folder_in_memory = "/dev/shm" if os.path.isdir("/dev/shm") else None  # keeps disk delays out of the measured time
+PAUSE_S = 40  # mean time between the starts of two faults in the same device
 
 
 def load(name):
@@ -30,7 +31,7 @@ def load(name):
 
 
 def faults(seconds, seed):
-    """Draws random faults as scripts/soak does, but without garbage from the depth camera."""
+    """Draws random faults in the same way as scripts/soak, but without garbage data from the depth camera."""
     soak = load("soak")
     soak.PAUSE_S = PAUSE_S
     soak.TROUBLE["depth"] = [trouble for trouble in soak.TROUBLE["depth"] if trouble[0] != "garbage"]
@@ -38,7 +39,7 @@ def faults(seconds, seed):
 
 
 def record(program, folder, fault_text, slots, seed):
-    """Records a run and returns the processor time in seconds."""
+    """Records a run and returns the processor time used, in seconds."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "faults.toml").write_text(fault_text)
     done = subprocess.run([program, "--out", folder / "run.sqlite", "--slots", str(slots), "--window", str(WINDOW_S), "--seed",

@@ -13,7 +13,7 @@
 
 namespace echofuse::test {
 
-// Board side of the ports of one address. It can be unplugged and plugged in again.
+// Board side of the ports of one address. The board can be unplugged and plugged in again.
 class Wire {
  public:
   Wire(port::Loop& loop, std::function<void(ByteView)> to_board)
@@ -22,11 +22,12 @@ class Wire {
   port::ByteOpener opener() {
     return [this] { return std::make_unique<Port>(*this); };
   }
-  // Sends bytes to the host as one read. They are lost if the host does not read.
+  // Sends bytes to the host, which receives them in a single read. The bytes are lost if the host
+  // is not reading.
   void send(ByteView bytes) {
     if (!cut) deliver(bytes);
   }
-  // Sends bytes even if the wire is cut, like a second board on the same wire.
+  // Sends bytes even if the wire is cut, as if a second board were on the same wire.
   void noise(const std::string& text) {
     deliver(ByteView{reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
   }
@@ -44,8 +45,8 @@ class Wire {
     if (std::exchange(plugged_, in) == in) return;
     if (!in) later([](Link& link) { link.fail("read"); });
   }
-  bool cut = false;     // drops all bytes from the board
-  bool choked = false;  // passes only the first byte of each piece
+  bool cut = false;     // true if all bytes sent by the board are dropped
+  bool choked = false;  // true if only the first byte of each piece sent is passed on
 
  private:
   struct Link {
@@ -92,12 +93,13 @@ class Wire {
   bool plugged_ = true;
 };
 
-// Bridge side of a wire. It serves one client at a time, and other clients wait.
+// Bridge side of a wire. The bridge serves one client at a time while other clients wait.
 class MemoryListener final : public sim::Listener {
  public:
   explicit MemoryListener(port::Loop& loop) : loop_(loop) {}
 
-  // Returns an opener for the driver. The listener must outlive the ports.
+  // Returns the function that the driver calls to open its port. The listener must outlive all
+  // ports.
   port::ByteOpener opener() {
     return [this] { return std::make_unique<Port>(*this); };
   }
