@@ -39,7 +39,7 @@ struct Calls {
                               : program,
               "sh", "two  words; $(id)"},
              limits, [this](const std::string& text) { warnings.push_back(text); }) {}
-  // Advances the virtual time to `now` and runs all waiting programs to completion.
+  // Updates the hook at the virtual time `now` until all waiting programs have had time to finish.
   void finish(HostTime now = 0s) {
     for (int i = 0; i < 100; ++i) {
       hook.update(now);

@@ -282,7 +282,7 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
   CHECK(sync(r, Sensor::spd).verdict == spd);
   CHECK(sync(r, Sensor::radar).verdict == radar);
   CHECK(sync(r, Sensor::depth).verdict == depth);
-  // Only the section named "tags cover ..." sends enough tags to make slot 1 valid.
+  // Only the section that expects "tags cover ..." sends enough tags to make slot 1 valid.
   CHECK(windows.close({1, false}).has(Sensor::spd) == spd.starts_with("tags cover"));
 }
 

@@ -14,7 +14,7 @@ using namespace std::chrono_literals;
 
 namespace {
 
-// Writes a run to a sequence of files named 1.sqlite, 2.sqlite and so on.
+// Run options for a run that is written to the files 1.sqlite, 2.sqlite and so on.
 struct Rotation {
   acquire::RunOptions options;
   std::vector<std::string> files;
