@@ -128,7 +128,7 @@ class Measurement {
     return out;
   }
   // Returns the gains and phases of the antennas after removing the phases caused by the direction
-  // of the reflector. Returns no value if the radar cfg has no heat map.
+  // of the reflector. Returns no value if the radar cfg does not enable the heat map.
   std::optional<AntennaFit> antennas() const {
     if (config_.antennas.empty()) return std::nullopt;
     AntennaFit fit = wave();

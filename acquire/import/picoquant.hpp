@@ -90,8 +90,8 @@ class PicoquantTags final : public Recording {
   std::unique_ptr<File> file_;
   PicoquantRecords records_;
   tdc::HistogramSettings use_;
-  // Duration of the measurement and maximum time of a tag, both according to the header, in s; 0 if
-  // unknown.
+  // Values from the header, in s; 0 if unknown: the time at which the measurement stopped, and the
+  // latest tag time that the header allows.
   double stopped_s_ = 0, header_s_ = 0;
   long double last_ps_ = 0;  // time of the latest tag, ps
   std::int64_t first_sync_ps_ = -1, last_sync_ps_ = 0;

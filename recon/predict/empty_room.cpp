@@ -40,8 +40,8 @@ EmptyRoom take(Estimator& model, const std::string& path, const Dataset& empty) 
   if (model.features.zones == 0) now.zone_spd.clear();
   if (model.features.array_count() > 0 && now.array.empty())
     throw Error(ExitCode::failed, printable(path) +
-                                      ": no antenna samples of the radar, but the model "
-                                      "needs them; use a run that contains them");
+                                      ": contains no radar antenna samples, which the model "
+                                      "needs; use a run that contains them");
   const std::vector<float> then = model.alignment.background();
   const auto radar_at = std::ssize(now.spd), array_at = radar_at + std::ssize(now.radar),
              zones_at = std::ssize(then) - std::ssize(now.zone_spd);

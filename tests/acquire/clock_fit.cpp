@@ -97,7 +97,9 @@ TEST_CASE(
   CHECK(drift.back() < 100);
 }
 
-TEST_CASE("the clock fit is as accurate as the receive times if the delays are small") {
+TEST_CASE(
+    "if the transfer delays are small, the clock fit is as accurate as the receive times of the "
+    "host") {
   const Device device{1e-6, -0.5, 200e-6};
   ClockFit fit(1e-6);
   Rng rng = make_rng(1, 0);

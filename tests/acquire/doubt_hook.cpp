@@ -75,7 +75,8 @@ TEST_CASE("the on_doubt alert program is called once per change of verdict, with
 }
 
 TEST_CASE(
-    "the on_doubt program is called after a set time without data or below a set disk space") {
+    "the on_doubt program is called after a set time without data, or if free disk space falls "
+    "below a set limit") {
   Calls calls({.no_data_s = 2.5, .disk_free_gb = 1});
   for (std::int64_t i = 0; i < 5; ++i) {
     calls.hook.take(record_of(i, i == 0 ? "ok" : ""), both, "/runs/a");

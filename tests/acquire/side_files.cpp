@@ -231,7 +231,7 @@ TEST_CASE("a run in WAL mode that lacks a -wal file can be read, even on read-on
   for (const char* beside : {"-wal", "-shm"}) CHECK_FALSE(fs::exists(path + beside));
 }
 
-TEST_CASE("tables made by ANALYZE are accepted, but other tables are refused at the end of a run") {
+TEST_CASE("closing a run accepts the tables made by ANALYZE but refuses any other extra table") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   RunWriter run(path, {});

@@ -216,7 +216,7 @@ def test_copy_of_a_crashed_run_without_its_wal_file_has_status_crashed_no_wal(fo
     assert sorted(file.name for file in tmp_path.glob("copy*")) == ["copy.sqlite", *["copy.sqlite-wal"] * (wal is not None)]
 
 
-def test_vacuum_copy_of_an_open_run_has_status_copy_of_an_open_run(folder, tmp_path):
+def test_status_of_a_vacuum_copy_says_that_it_is_a_copy_of_an_open_run(folder, tmp_path):
     with closing(open_run(folder, tmp_path / "a.sqlite")) as db:
         db.execute("VACUUM INTO ?", (str(tmp_path / "copy.sqlite"),))
     run = echofuse.open(tmp_path / "copy")

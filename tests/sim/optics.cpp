@@ -320,7 +320,8 @@ TEST_CASE("the Coates pile-up correction recovers the simulated rates within its
 }
 
 TEST_CASE(
-    "if the dead time exceeds the histogram, only the first photon of each pulse is counted") {
+    "if the dead time is longer than the time span of the histogram, only the first photon of each "
+    "pulse is counted") {
   Conditions c;
   // The pulse period is 3 s / 2e7 = 150 ns. The dead time of 50 ns is longer than the histogram,
   // which covers 34 ns.

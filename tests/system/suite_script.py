@@ -19,7 +19,8 @@ def executable(path, text):
 
 
 def run(status, output="100% tests passed, 0 tests failed out of 1", ci=""):
-    """Runs scripts/test in a temporary folder. A substitute for ctest prints `output` and exits with `status`."""
+    """Runs scripts/test in a temporary folder. A fake ctest prints `output` and exits with
+    `status`."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         (root / "scripts/dev").mkdir(parents=True)

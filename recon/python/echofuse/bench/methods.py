@@ -73,7 +73,7 @@ Predict = Callable[[pathlib.Path, pathlib.Path], tuple[list[str], Row]]
 class Method:
     """A method that the bench can train and test."""
 
-    model: str  #: name of the model, class or command
+    model: str  #: the name of a model, a class or a command
     inputs: str  #: sensors that the method uses; "-": not specified
     #: fit(train, folder, seed, fallback) trains the method; for `fallback` see Cell
     fit: Callable[[pathlib.Path, pathlib.Path, int, bool], Predict]

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.floating[Any]]
-# number of rays per side of a field; tangent at its edge (14 % of the weight is beyond +-0.3)
+# number of rays per side of a field of view; tangent of its half-angle (14 % of the zone's
+# sensitivity is beyond tangents of +-0.3)
 G, FIELD_TANGENT = 30, 0.46
 # A field is a sum of KNOTS x KNOTS hat functions. A few poses cannot determine the weight per ray.
 KNOTS = 8

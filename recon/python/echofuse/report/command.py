@@ -413,8 +413,8 @@ def main() -> None:
     parser.add_argument("--empty", metavar="RUN",
                         help="run recorded in the empty room; only needed if the room differs from "
                              "the training room")
-    parser.add_argument("--force", action="store_true", help="overwrite a report of another run in "
-                                                             "FOLDER")
+    parser.add_argument("--force", action="store_true",
+                        help="overwrite the report in FOLDER, even if it is on another run")
     stopped = stop_by_signal()
     try:
         args = parser.parse_args()
