@@ -16,8 +16,8 @@ avoided = re.compile(
     r"is no|of which|what is|goes by|bears|stands(?! for\b| still\b| in front\b| \d))\b", re.I)
 ALLOWED = {"### What is a twin worth?"}  # lines that are not checked
 LIMITS = {".github": 0, "README.md": 0, "acquire": 0, "config": 0, "drivers": 0, "recon": 2, "scripts": 0, "sim": 0,
-          "tests": 9}
-LONG_SENTENCES = 43
+          "tests": 8}
+LONG_SENTENCES = 36
 words_limit = 25
 
 
