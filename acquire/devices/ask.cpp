@@ -11,6 +11,7 @@
 #include "drivers/inventory/inventory.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/printable.hpp"
+#include "drivers/util/settings.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -101,9 +102,7 @@ Json find_attached(std::string& camera_fault) {
 std::string text_of(const Json& attached, const std::string& camera_fault) {
   std::string text;
   const auto setting = [&](const std::string& key, const Json& node) {
-    // A JSON string is also a valid TOML string.
-    text += "  " + key + " = " +
-            printable(node["address"].dump(-1, ' ', false, Json::error_handler_t::replace)) + '\n';
+    text += "  " + key + " = " + printable(in_quotes(node["address"].get<std::string>())) + '\n';
   };
   for (const Json& device : attached["usb"]) {
     text += field(device, "kind") + ' ' + field(device, "id") + ": " + names_of(device) + '\n';

@@ -28,21 +28,6 @@ std::string literal(double v) {
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }
 
-// Returns the string as one quoted and escaped line. The TOML library prints some strings on
-// several lines, and cannot read them back.
-std::string in_quotes(const std::string& text) {
-  constexpr char digits[] = "0123456789abcdef";
-  std::string out = "\"";
-  for (const char c : text) {
-    const auto code = static_cast<unsigned char>(c);
-    if (code < 0x20 || code == 0x7f)
-      out.append("\\u00") += {digits[code >> 4], digits[code & 15]};
-    else
-      out.append(c == '"' || c == '\\' ? "\\" : "") += c;
-  }
-  return out + '"';
-}
-
 // Parses a TOML value. A bare word is a string. Throws toml::parse_error if the text is not UTF-8.
 toml::table parse_value(const std::string& value) {
   try {
@@ -99,6 +84,19 @@ bool blank_out(std::string& text, std::size_t n) {
 }
 
 }  // namespace
+
+std::string in_quotes(const std::string& text) {
+  constexpr char digits[] = "0123456789abcdef";
+  std::string out = "\"";
+  for (const char c : text) {
+    const auto code = static_cast<unsigned char>(c);
+    if (code < 0x20 || code == 0x7f)
+      out.append("\\u00") += {digits[code >> 4], digits[code & 15]};
+    else
+      out.append(c == '"' || c == '\\' ? "\\" : "") += c;
+  }
+  return out + '"';
+}
 
 void refuse(const std::vector<std::string>& faults) {
   std::string all;

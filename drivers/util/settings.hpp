@@ -16,6 +16,10 @@ namespace echofuse {
 // Reads a whole configuration file. Throws Error(config) if the file cannot be read.
 std::string read_config_text(const std::string& path);
 
+// Returns `text` as a TOML string on one line, with quotes and escapes. The TOML library prints
+// some strings on several lines, and cannot read them back.
+std::string in_quotes(const std::string& text);
+
 // Maximum number of faults that are reported. A file with more faults is probably not TOML.
 inline constexpr std::size_t max_faults = 20;
 

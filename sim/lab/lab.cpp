@@ -120,8 +120,6 @@ std::int64_t whole_ps(const char* key, double value) {
   return static_cast<std::int64_t>(value);
 }
 
-std::string toml_text(const std::string& text) { return Json(text).dump(); }
-
 std::string shell_word(const std::string& word) {
   const bool plain = std::all_of(word.begin(), word.end(), [](unsigned char c) {
     return std::isalnum(c) || std::strchr("/._-+", c);
@@ -148,16 +146,16 @@ std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string
   std::ostringstream out;
   out << first_line
       << ": simulated devices; start the daemon with LD_LIBRARY_PATH=" << (dir / "openni").string()
-      << "\n[run]\nwindow_s = " << Json(o.window_s).dump() << "\nlabel = " << toml_text(label)
-      << "\n\n[tdc]\naddress = " << toml_text(tdc_address)
+      << "\n[run]\nwindow_s = " << Json(o.window_s).dump() << "\nlabel = " << in_quotes(label)
+      << "\n\n[tdc]\naddress = " << in_quotes(tdc_address)
       << "\nstart_channel = " << o.tagging.sync_channel
       << "\nclick_channel = " << o.tagging.click_channel
       << "\nbin_width_ps = " << whole_ps("bin_width_ps", o.conditions.bin_width_ps)
       << "\nfirst_bin_ps = " << whole_ps("first_bin_ps", o.conditions.first_bin_ps)
       << "\nbins = " << o.conditions.bins << detector_lines(o.conditions)
-      << "\n\n[radar]\ncli = " << toml_text("serial:" + (dir / "radar-cli").string())
-      << "\ndata = " << toml_text("serial:" + (dir / "radar-data").string())
-      << "\ncfg = \"radar.cfg\"\nboard = " << toml_text(o.radar_board)
+      << "\n\n[radar]\ncli = " << in_quotes("serial:" + (dir / "radar-cli").string())
+      << "\ndata = " << in_quotes("serial:" + (dir / "radar-data").string())
+      << "\ncfg = \"radar.cfg\"\nboard = " << in_quotes(o.radar_board)
       << "\nbaseline_m = " << Json(o.conditions.baseline_m).dump()
       << "\n\n[depth]\naddress = \"openni:\"\nmap_size = " << map.size
       << "\nmap_half_tangent = " << Json(map.half_tangent).dump()
