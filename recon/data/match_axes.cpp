@@ -120,10 +120,11 @@ void match_array(Dataset& data, const Axis& array) {
   if (array.count == 0) return drop_array(data);
   const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
   if (data.array_axis.count == 0)
-    throw Error(ExitCode::failed,
-                printable(path) +
-                    ": no antenna samples of the radar, but the model needs them; for such "
-                    "runs train a model with --inputs fused-profile");
+    throw Error(
+        ExitCode::failed,
+        printable(path) +
+            ": contains no radar antenna samples, which the model needs; for such runs train a "
+            "model with --inputs fused-profile");
   if (!covers(data.array_axis, array)) {
     if (!is_near(data.array_axis, array))
       throw axis_error(path, data.array_axis, array, "the model's");

@@ -100,7 +100,7 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, double rang
   Dataset& data = out.data;
   if (&by != &model.first())
     out.antennas =
-        std::string(data.array_axis.count == 0 ? "no antenna samples of the radar"
+        std::string(data.array_axis.count == 0 ? "contains no radar antenna samples"
                                                : "radar antennas differ from those in training") +
         ": only the radar's range profile is used";
   const bool stated = std::ranges::all_of(
