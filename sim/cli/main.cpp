@@ -174,9 +174,8 @@ void add_dataset(CLI::App& app, Command& command) {
       ->required();
   const sim::Plan plan;
   sub->add_option("--records", a->records,
-                  "number of records; a quarter of them show one person, the others a person "
-                  "holding a letter; default: " +
-                      std::to_string(plan.people + plan.letters))
+                  "number of records (default: " + std::to_string(plan.people + plan.letters) +
+                      "); a quarter of them show one person, the others a person holding a letter")
       ->check(count);
   sub->add_option("--people", a->people, "number of records that show one person")->check(count);
   sub->add_option("--letters", a->letters, "number of records that show a person holding a letter")

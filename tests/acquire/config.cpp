@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/config/config.hpp"
 
-#include <algorithm>
-#include <utility>
-
 #include "../paths.hpp"
 #include "testing.hpp"
 
@@ -31,12 +28,10 @@ TEST_CASE("the shipped configuration and its radar cfg can be loaded") {
   CHECK(has(config.resolved, "window_s = 0.5"));
   // The template has placeholders instead of serial numbers in radar.cli and radar.data.
   REQUIRE(config.unfinished.size() == 2);
-  for (const auto& [k, key] : {std::pair{0, "cli"}, std::pair{1, "data"}}) {
-    const auto before = config.text.substr(0, config.text.find(std::string("\n") + key + " = "));
-    const auto line = std::to_string(std::ranges::count(before, '\n') + 2);
-    CHECK(has(config.unfinished[k], "config/lab.toml:" + line + ":1: radar." + key +
-                                        ": still contains the template's XXX"));
-  }
+  CHECK(has(config.unfinished[0],
+            "config/lab.toml:39:1: radar.cli: still contains the template's XXX"));
+  CHECK(has(config.unfinished[1],
+            "config/lab.toml:40:1: radar.data: still contains the template's XXX"));
 }
 
 TEST_CASE(

@@ -28,7 +28,7 @@ acquire run --uot x | 2 | --uot: no such option; the most similar name is --out
 acquire run --count 0 | 2 | --count: Value 0: expected a positive number
 acquire run --count 1e30 | 2 | --count = 1e30: expected a number
 acquire run --meta x | 3 | no configuration
-acquire config check --config TEMPLATE | 3 | :1: radar.cli: still contains the template's XXXXXXXX; echofuse-acquire devices prints
+acquire config check --config TEMPLATE | 3 | lab.toml:39:1: radar.cli: still contains the template's XXXXXXXX; echofuse-acquire devices prints
 acquire | 2 | a command is required
 acquire lst | 2 | lst: no such command; the most similar name is list
 acquire info nofile | 1 | nofile
@@ -96,7 +96,7 @@ bench run --version | 0 | echofuse-bench 0
 view seen.sqlite --model seen.sqlite | 1 | seen.sqlite: is a run; expected a model file
 export --version | 0 | echofuse-export 
 bench --version | 0 | echofuse-bench 
-sim dataset --help | 0 | 4000
+sim dataset --help | 0 | default: 4000
 bench stability --help | 0 | default: nearest mean-shape
 bench run --help | 0 | bench-runs)
 acquire info --version | 0 | echofuse-acquire 
