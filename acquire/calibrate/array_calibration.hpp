@@ -26,8 +26,8 @@ using ArrayFrames = std::vector<std::vector<std::int16_t>>;
 // bin. The result is the principal eigenvector of the covariance matrix of at least 8 frames, so
 // the phase of the echo may differ between frames. The standard error of an antenna's phase and
 // relative gain is s / sqrt(2 N P), combined with that of antenna 0. N is the number of frames and
-// P the echo power at the antenna. The noise power s^2 of an antenna is estimated from the residual
-// of the fit. The rounding error of the samples is added to the standard errors, because it does
+// P the echo power at the antenna. The residual of the fit gives the noise power s^2 of an
+// antenna. The rounding error of the samples is added to the standard errors, because it does
 // not average out.
 AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::size_t bin);
 // Removes the phases caused by the reflector's direction, so that only the phases of the antenna

@@ -127,8 +127,8 @@ class Measurement {
     if (config_.configured().contains(Sensor::radar)) out.push_back(radar());
     return out;
   }
-  // Returns the gains and phases of the antennas after removing the phases caused by the direction
-  // of the reflector. Returns no value if the radar cfg does not enable the heat map.
+  // Returns the antenna gains and phases, without the phases caused by the reflector's direction.
+  // Returns nullopt if the radar cfg does not enable the heat map.
   std::optional<AntennaFit> antennas() const {
     if (config_.antennas.empty()) return std::nullopt;
     AntennaFit fit = wave();

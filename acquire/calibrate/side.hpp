@@ -2,9 +2,9 @@
 // Detects a swapped antenna row from an echo on a known side. Pure functions.
 //
 // If the board is mounted upside down, or radar.board is wrong, a calibration at sin(direction) =
-// u0 adds the phases of 2 u0 to the antennas: an object at u is then found at 2 u0 - u. At u0
-// this error cannot be detected, because 2 u0 - u0 = u0. So the reflector is moved by one baseline
-// to the left or right of its calibration position.
+// u0 adds the phases of 2 u0 to the antennas: an object at u is then found at 2 u0 - u. The
+// error cannot be detected at u0, because 2 u0 - u0 = u0. Therefore the operator moves the
+// reflector by one baseline to the left or right of its calibration position.
 #pragma once
 #include <span>
 #include <string>

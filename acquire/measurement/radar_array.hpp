@@ -69,8 +69,8 @@ class ArrayStatistics {
  public:
   ArrayStatistics(std::size_t bins, std::size_t antennas);
   void add(std::span<const std::complex<float>> frame);
-  // Adds a frame of at most `lanes` bins. `re` contains the real parts and `im` the imaginary parts
-  // of the samples, with `lanes` values for each antenna.
+  // Adds a frame of at most `lanes` bins. `re` contains the real parts of the samples and `im`
+  // their imaginary parts, with `lanes` values for each antenna.
   void add_planes(const float* re, const float* im);
   // Marks a lost frame, so that the frames before and after it are not treated as consecutive.
   void skip() { has_before_ = false; }

@@ -88,9 +88,8 @@ class RunWriter {
   // Stores the status and merges the WAL into the database, so that only one file remains. Returns
   // false if another program is still reading the run after half a second. The last records then
   // remain in the WAL until recover() or a writer merges them. Throws Error(failed) at the end if
-  // another program added tables, because readers would reject the file. `unwritten` is the number
-  // of records that could not be written. It is stored in an event and in the counter
-  // run/unwritten.
+  // another program added tables, because readers would reject the file. `unwritten`: number of
+  // records that could not be written, stored in an event and in the counter run/unwritten.
   bool close(const std::string& status, std::int64_t unwritten = 0);
   // Like close(), but throws Error(failed) instead of returning false.
   void close_as_one_file(const std::string& status);

@@ -117,8 +117,8 @@ bool lacks_wal(const std::string& path) {
 }
 
 // The first write creates the header of the WAL. This write must change the stored key, because
-// SQLite does not write an unchanged value. The TRUNCATE checkpoint raises the checkpoint count of
-// this connection above 0, because SQLite would choose new salts if the count were 0.
+// SQLite does not write an unchanged value. SQLite would choose new salts if the connection's
+// checkpoint count were 0, so a TRUNCATE checkpoint increases the count first.
 void bind_wal(sqlite3* db, const std::string& path) {
   put_key(db, path, "none");
   const std::string key = text_of(wal_key(path));

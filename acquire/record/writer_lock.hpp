@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Lock file RUN-lock, which the process that writes a run holds until it ends. Readers use it to
-// distinguish a live run from a crashed one. It is a separate file, because closing any descriptor
-// of the database file would release SQLite's locks.
+// distinguish a live run from a crashed one. It is a separate file, because SQLite's locks would
+// be released when any descriptor of the database file is closed.
 #pragma once
 #include <string>
 

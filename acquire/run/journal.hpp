@@ -87,8 +87,8 @@ class Journal {
   std::optional<std::uint64_t> free_bytes() const;
 
   // Completes the waiting jobs and closes the run with `status`. If a job failed, closes the run as
-  // "stopped:disk" if the disk was the reason, otherwise as "stopped:failed". Then throws the Error
-  // of that job, with the number of missing records. Returns false if another program that reads
+  // "stopped:disk" if the disk was the reason, otherwise as "stopped:failed". Then throws that
+  // job's Error, with the number of missing records. Returns false if another program that reads
   // the run prevents merging the WAL into the file (RunWriter::close).
   bool finish(const std::string& status);
 

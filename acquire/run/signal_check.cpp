@@ -199,8 +199,8 @@ std::string SignalCheck::assess_depth(record::FusedRecord& r) {
 
 // Returns the verdict "lossy" if too few start pulses or frames arrived; otherwise an empty string.
 // If the nominal frame rate is unknown, expects the median number of received and lost frames per
-// slot in the first minute. Before that median is known, expects the frames received or lost in
-// this slot.
+// slot in the first minute. Until the median is known, uses the number of frames
+// received or lost in the slot itself.
 std::string SignalCheck::assess_losses(const record::FusedRecord& r, Sensor sensor,
                                        std::optional<HostTime> end) {
   const bool spd = sensor == Sensor::spd;

@@ -31,7 +31,7 @@
 namespace echofuse::acquire {
 
 // Returns the number of ticks between two readings of a device counter with 64 - `spare_bits` bits.
-// Of all possible numbers, returns the one nearest to `expected`.
+// If several numbers are possible, returns the one nearest to `expected`.
 std::int64_t ticks_passed(std::uint64_t from, std::uint64_t to, double expected,
                           unsigned spare_bits);
 

@@ -21,8 +21,8 @@ class BridgeDriver : public Driver {
   BridgeDriver(Sensor sensor, port::Loop& loop, std::string address, port::ByteOpener opener);
   virtual void on_block(const Block& block, HostTime received) = 0;
   void announce(std::vector<Axis> axes, const Zones& zones = {});
-  // Returns the number of frames missing before this one, computed from the device's frame numbers.
-  // This includes frames lost before they reached the bridge and frames lost between connections.
+  // Returns the number of frames missing before this one, computed from the device's frame numbers,
+  // including frames lost before they reached the bridge and frames lost between connections.
   // If the frame numbers are implausible, returns the losses counted by the bridge and the
   // protocol.
   std::uint32_t lost_before(std::uint32_t number, const Block& block);

@@ -116,8 +116,7 @@ struct Hello {
   Zones zones;        // zones of the detector; empty if the hello lists no zones
 };
 // Returns nullopt if the payload is not a JSON object, a known key has a value of the wrong type,
-// or a zone is implausible. The payload may have at most 64 KiB, 64 zones, 1024 values and 8 levels
-// of nesting.
+// or a zone is implausible. Limits of the payload: 64 KiB, 64 zones, 1024 values, nesting depth 8.
 std::optional<Hello> read_hello(ByteView payload);
 
 // Returns a view of the tags in the payload if it is suitably aligned, otherwise a view of a copy
