@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cinttypes>
 #include <cstdio>
+#include <deque>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -27,6 +28,7 @@ constexpr std::int64_t most_bytes = 64 << 20;  // largest block that a port deli
 // Limits of the time since the machine was started (36 years) and of UTC (year 2116). Sums and
 // differences of such times fit into 64 bits.
 constexpr std::int64_t longest_ns = std::int64_t{1} << 60, most_value = std::int64_t{1} << 62;
+constexpr std::chrono::hours longest_pause{2};  // longest plausible time between two closed slots
 
 // Reads the file NAME.times in the folder line by line. Ignores a truncated last line.
 class TimesFile {
@@ -143,11 +145,13 @@ class KeptPort final : public port::BytePort {
   std::shared_ptr<PortState> link_;
 };
 
-// Times of the captured run: start of the run, start of the first slot, and UTC minus host time.
+// Times of the captured run: start of the run, start of the first slot, closing of each slot, and
+// UTC minus host time. `closings` ends before the first time that is missing or not plausible.
 struct LiveRun {
   std::optional<HostTime> started, first_slot;
   UtcTime utc_offset{};
   std::int64_t slots = 0, slot_ns = 0;
+  std::deque<ClosedSlot> closings;
 };
 
 LiveRun read_live_run(const std::string& folder) {
@@ -158,7 +162,13 @@ LiveRun read_live_run(const std::string& folder) {
     if (line->what == "start")
       run.started = line->at, run.utc_offset = UtcTime(line->value) - line->at;
     if (line->what == "slots") run.first_slot = line->at, run.slot_ns = line->value;
-    if (line->what == "closed") ++run.slots, ended = std::max(ended, line->at);
+    if (line->what != "closed" && line->what != "stalled") continue;
+    const HostTime last =
+        run.closings.empty() ? run.first_slot.value_or(line->at) : run.closings.back().at;
+    if (line->value == run.slots && std::cmp_equal(run.closings.size(), run.slots) &&
+        line->at >= last && line->at <= last + longest_pause)
+      run.closings.push_back({line->at, line->what == "stalled"});
+    ++run.slots, ended = std::max(ended, line->at);
   }
   if (!run.started || !run.first_slot || run.slots == 0)
     throw Error(ExitCode::failed,
@@ -228,6 +238,7 @@ std::string import_kept(Config config, const std::string& folder, const std::str
   options.meta = {{"imported_from", utf8_text(fs::path(folder).filename().string())}};
   options.quiet = true;
   options.kept_slot = live.first_slot;
+  if (live.slot_ns == from_seconds(config.window_s).count()) options.kept_closings = live.closings;
   record_run(config, options, loop);
   if (interrupted())
     throw Error(ExitCode::interrupted, printable(out) + ": interrupted; nothing was written");

@@ -64,7 +64,7 @@ class Daemon final : private SampleSink {
   struct ActiveRun {
     ActiveRun(const SlotGrid& grid, const Config& config, const RunOptions& options,
               const SensorClocks& clocks, port::Loop& loop, std::unique_ptr<record::RunWriter> file)
-        : scheduler(grid, options.count),
+        : scheduler(grid, options.count, options.kept_closings),
           windows(grid, config.histogram, clocks, config.configured(), config.required()),
           signal(config.signal, config.window_s, config.nominal_hz(), config.map.far_m),
           journal(std::move(file), loop),
@@ -114,7 +114,7 @@ class Daemon final : private SampleSink {
     return !recording_;
   }
   void close_due(HostTime now);
-  void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
+  void close_slot(const DueSlot& due, HostTime now);
   void end();
 
   const Config& config_;
@@ -331,8 +331,7 @@ void Daemon::tick() {
 void Daemon::close_due(HostTime now) {
   ActiveRun& r = *recording_;
   r.due.put(r.scheduler.tick(now));
-  while (const auto due = r.due.next(r.journal.crowded()))
-    close_slot(*due, r.scheduler.lateness(due->index, now));
+  while (const auto due = r.due.next(r.journal.crowded())) close_slot(*due, now);
 }
 
 // Makes the current slot the last one, or the previous slot if the current one would take longer
@@ -351,13 +350,13 @@ void Daemon::interrupt(HostTime now) {
   scheduler.finish(too_long ? now - grid.length : now);
 }
 
-void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
-  if (raw_) raw_->note("run", loop_.now(), "closed", due.index);
+void Daemon::close_slot(const DueSlot& due, HostTime now) {
+  if (raw_) raw_->note("run", now, due.stalled ? "stalled" : "closed", due.index);
   record::FusedRecord record = recording_->windows.close(due);
   recording_->signal.assess(record, recording_->windows.axes());
   record.index -= first_slot_;
   const std::int64_t index = record.index;
-  record.statistics.closed_late_s = seconds(late);
+  record.statistics.closed_late_s = seconds(recording_->scheduler.lateness(due.index, now));
   record.slot_utc = recording_->journal.utc_of(record.slot_start);
   record.label = label_;
   totals_.take(record, config_.configured(), [&](Sensor sensor, Severity severity) {
@@ -372,8 +371,8 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
     log(Severity::error, "run file",
         "record " + std::to_string(index) + ": data dropped, " + recording_->journal.why_late());
   put_late();
-  if (index + 1 == options_.slots_a_file && !recording_->scheduler.done())
-    begin_next(due.index + 1);
+  const bool is_last = recording_->scheduler.done() && recording_->due.empty();
+  if (index + 1 == options_.slots_a_file && !is_last) begin_next(due.index + 1);
 }
 
 // Writes the number of late samples of each record. Late samples that belong to the previous run

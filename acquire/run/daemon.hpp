@@ -2,6 +2,7 @@
 // The `run` command: records devices to a run file in real time.
 #pragma once
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <optional>
 #include <string>
@@ -9,6 +10,7 @@
 #include <vector>
 
 #include "acquire/config/config.hpp"
+#include "acquire/run/scheduler.hpp"
 #include "drivers/port/loop.hpp"
 #include "drivers/util/exit_code.hpp"
 
@@ -33,6 +35,7 @@ struct RunOptions {
   std::string keep_raw;
   // Start of slot 0 when a raw capture is imported; no devices are used in this case.
   std::optional<HostTime> kept_slot{};
+  std::deque<ClosedSlot> kept_closings{};      // slots that the recorded run closed
   std::function<void(std::int64_t)> progress;  // called with the number of records on disk
   // Called with the path of each run file that is opened.
   std::function<void(const std::string&)> opened;

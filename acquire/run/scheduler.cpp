@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/run/scheduler.hpp"
 
+#include <utility>
+
 namespace echofuse::acquire {
 namespace {
 
@@ -8,15 +10,19 @@ constexpr std::chrono::milliseconds longest_pause{100};
 
 }  // namespace
 
-Scheduler::Scheduler(const SlotGrid& grid, std::optional<std::int64_t> count)
-    : grid_(grid), last_tick_(grid.first) {
+Scheduler::Scheduler(const SlotGrid& grid, std::optional<std::int64_t> count,
+                     std::deque<ClosedSlot> recorded)
+    : grid_(grid), last_tick_(grid.first), recorded_(std::move(recorded)) {
   if (count) last_ = *count - 1;
 }
 
 std::vector<DueSlot> Scheduler::tick(HostTime now) {
   note_pause(now);
   std::vector<DueSlot> due;
-  for (; !done() && next_deadline() <= now; ++next_) due.push_back({next_, stalled(next_)});
+  for (; !done() && next_deadline() <= now; ++next_) {
+    due.push_back({next_, recorded_.empty() ? stalled(next_) : recorded_.front().stalled});
+    if (!recorded_.empty()) recorded_.pop_front();
+  }
   return due;
 }
 

@@ -54,17 +54,28 @@ struct DueSlot {
   bool operator==(const DueSlot&) const = default;
 };
 
+// Slot that a recorded run closed at the time `at`.
+struct ClosedSlot {
+  HostTime at{};
+  bool stalled = false;
+};
+
 inline constexpr std::chrono::milliseconds grace{500};
 
 class Scheduler {
  public:
-  // `count` is the number of slots of the run; no value: unlimited.
-  explicit Scheduler(const SlotGrid& grid, std::optional<std::int64_t> count = std::nullopt);
+  // `count` is the number of slots of the run; no value: unlimited. The first slots are closed at
+  // the times in `recorded`, regardless of their deadlines.
+  explicit Scheduler(const SlotGrid& grid, std::optional<std::int64_t> count = std::nullopt,
+                     std::deque<ClosedSlot> recorded = {});
 
   // Returns the slots that must be closed now.
   std::vector<DueSlot> tick(HostTime now);
   // Returns the time at which the next slot becomes due. Undefined if done() is true.
-  HostTime next_deadline() const { return std::max(grid_.end(next_) + grace, held_until_); }
+  HostTime next_deadline() const {
+    if (!recorded_.empty()) return recorded_.front().at;
+    return std::max(grid_.end(next_) + grace, held_until_);
+  }
   // Returns by how much slot k is late if it is closed `now`. The additional grace period after a
   // pause counts as lateness.
   std::chrono::nanoseconds lateness(std::int64_t k, HostTime now) const {
@@ -91,6 +102,7 @@ class Scheduler {
   std::int64_t held_ = -1;  // number of the last slot that got an additional grace period
   // Pauses longer than a slot. Each is kept until all slots that began during it are closed.
   std::vector<Pause> pauses_;
+  std::deque<ClosedSlot> recorded_;
 };
 
 // Slots that are due but not closed. After a pause of the program, many slots are due at the same

@@ -146,6 +146,19 @@ TEST_CASE("the scheduler ends a run after its slot count or after finish()") {
   }
 }
 
+TEST_CASE("slots are closed at recorded times, then at their deadlines") {
+  Scheduler scheduler(grid, 4, {{grid.end(0), false}, {grid.end(5), true}, {grid.end(5), false}});
+  CHECK(scheduler.next_deadline() == grid.end(0));
+  CHECK(scheduler.tick(grid.end(0) - 1ns).empty());
+  CHECK(scheduler.tick(grid.end(0)) == std::vector<DueSlot>{{0, false}});
+  CHECK(scheduler.tick(grid.end(5) - 1ns).empty());
+  CHECK(scheduler.tick(grid.end(5)) == std::vector<DueSlot>{{1, true}, {2, false}});
+  CHECK(scheduler.next_deadline() >= grid.end(3) + grace);
+  CHECK(scheduler.tick(grid.end(9)).empty());
+  CHECK(scheduler.tick(grid.end(9) + grace) == std::vector<DueSlot>{{3, true}});
+  CHECK(scheduler.done());
+}
+
 TEST_CASE("slots missed during a pause wait while the disk is busy, but current slots do not") {
   Backlog backlog;
   const auto next = [&](bool busy) {

@@ -12,7 +12,7 @@ import unittest
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 
-COLUMNS = "SELECT idx, slot_start_ns, valid, tags, in_range, spd_verdict, radar_verdict, radar_used, spd, radar, depth FROM record"
+COLUMNS = "SELECT idx, slot_start_ns, closed_late_s, valid, tags, in_range, spd_verdict, radar_verdict, radar_used, spd, radar, depth FROM record"
 
 FAULTS = """
 [[fault]]
@@ -48,10 +48,12 @@ class Raw(unittest.TestCase):
         self.raw, self.run = self.dir / "raw", self.dir / "run.sqlite"
 
     def record(self, *lab, count):
+        # The run is paused for several slots, as on a busy machine: its slots are closed late, after their deadlines.
+        paused = '"$@" & sleep 5; kill -STOP $!; sleep 1.5; kill -CONT $!; wait $!'
         done = subprocess.run(
             [bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--window", "0.4", "--scene", "mixed", *lab, "--",
-             bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--set", "run.window_s=0.4",
-             "--out", self.run, "--count", str(count), "--keep-raw", self.raw],
+             "sh", "-c", paused, "sh", bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml",
+             "--set", "run.window_s=0.4", "--out", self.run, "--count", str(count), "--keep-raw", self.raw],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=60)
         self.log = done.stdout
         return done.returncode

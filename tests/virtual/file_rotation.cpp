@@ -96,6 +96,16 @@ TEST_CASE("a run that ends at a rotation creates no empty file") {
   for (const auto& file : rotation.files) CHECK(record::RunReader(file).count() == 4);
 }
 
+TEST_CASE("file rotation does not depend on whether the last slots become due together") {
+  Bench b;
+  Rotation rotation(b, 5, 3);
+  rotation.options.kept_closings.assign(5, {b.lab->loop.now() + 120s});
+  CHECK(b.lab->record(rotation.options) == ExitCode::ok);
+  REQUIRE(rotation.files.size() == 2);
+  CHECK(record::RunReader(rotation.files[0]).count() == 3);
+  CHECK(record::RunReader(rotation.files[1]).count() == 2);
+}
+
 TEST_CASE("a device missing at the start of a rotated file is used when it returns") {
   Bench b({.faults = {test::fault("radar", FaultKind::unplug, 20, 30)}});
   Rotation rotation(b, 24, 8);
