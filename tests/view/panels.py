@@ -16,13 +16,15 @@ import page
 from live import bin_dir
 from selenium.webdriver.common.action_chains import ActionChains
 
-# Shows the longest possible texts in the lamps and the status. Returns the visible elements that are clipped or
+# Shows the longest possible texts in the lamps, the status and the table of losses. Returns the visible elements that are clipped or
 # outside the window.
 CUT = """
   for (const lamp of document.querySelectorAll('.lamp'))
     for (const [part, text] of [['strong', 'CHECK'], ['.verdict', 'weak: 123 clicks above the background (minimum 1000)'], ['.age', 'last data 12.3 s ago']])
       lamp.querySelector(part).textContent = text, lamp.classList.remove('long');
   document.getElementById('status').textContent = 'recording; check SPD, radar, depth camera';
+  for (const row of document.querySelectorAll('#losses tr'))
+    ['123.4k clicks', '123.4k', '123.4M', '123.4k', '123.4 ms'].forEach((text, i) => row.cells[i + 1].textContent = text);
   const scrolls = getComputedStyle(document.body).overflowY !== 'hidden', out = [];
   for (const at of document.querySelectorAll('body *')) {
     if (!at.checkVisibility() || at.closest('dialog, svg, noscript') || !at.getClientRects().length) continue;
