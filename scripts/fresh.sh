@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: MIT
-# Functions for check_fresh and package. They install a bare Debian 12 in $root with debootstrap, from the package
-# mirror in this machine's apt configuration. They need root rights and 4 GB of disk space.
+# Functions for check_fresh and package. They install a bare Debian of the release $release (bookworm or trixie) in $root
+# with debootstrap, from the Debian mirror in this machine's apt configuration. debootstrap checks the signature of the
+# release with the keys in the package debian-archive-keyring. They need root rights and 4 GB of disk space.
 # $root is removed when the script ends.
+
+own=$(. /etc/os-release && echo "${VERSION_CODENAME:-}")  # the release of this machine
+release=$own
 
 # fresh_mirror: sets $mirror; prints a message and fails if there is no mirror or the user is not root.
 fresh_mirror() {
@@ -11,9 +15,9 @@ fresh_mirror() {
   fi
   command -v debootstrap >/dev/null || apt-get install -q -y debootstrap >&2 || return 1
   mirror=$(apt-get indextargets --format '$(REPO_URI) $(CODENAME) $(ORIGIN)' 'Created-By: Packages' |
-    awk '$2 == "bookworm" && $3 == "Debian" {print $1; exit}')
+    awk -v own="$own" '$2 == own && $3 == "Debian" {print $1; exit}')
   [ -n "$mirror" ] && return
-  echo "$(basename "$0"): apt on this machine has no Debian 12 (bookworm) mirror" >&2
+  echo "$(basename "$0"): apt on this machine has no Debian mirror" >&2
   return 1
 }
 
@@ -28,7 +32,7 @@ fresh_root() {
   root=$(mktemp -d "${TMPDIR:-/tmp}/echofuse-fresh.XXXXXX")
   trap fresh_cleanup EXIT
   trap 'exit 130' INT TERM
-  debootstrap --variant=minbase bookworm "$root" "$mirror" >"$root.log" 2>&1 ||
+  debootstrap --variant=minbase "$release" "$root" "$mirror" >"$root.log" 2>&1 ||
     { tail "$root.log" >&2; rm "$root.log"; exit 1; }
   rm -f "$root.log"
   chmod 755 "$root"  # mktemp -d gives access to root only
