@@ -1,5 +1,21 @@
 // SPDX-License-Identifier: MIT
+// Includes Catch2, version 2.13 or 3. Defines in version 3 the names of version 2 that the tests
+// use.
 #pragma once
+#if __has_include(<catch2/catch_all.hpp>)
+#include <catch2/catch_all.hpp>
+
+using Catch::Approx;
+namespace Catch {
+using Matchers::EndsWith;
+using Matchers::Matches;
+using Matchers::StartsWith;
+inline auto Contains(const std::string& text) { return Matchers::ContainsSubstring(text); }
+using TestEventListenerBase = EventListenerBase;
+}  // namespace Catch
+#else
+#include <catch2/catch.hpp>
+#endif
 
 namespace echofuse::test {
 

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
 // Temporary folder that is removed at the end of the test.
 #pragma once
-#include <catch2/catch.hpp>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <string>
+
+#include "catch.hpp"
 
 namespace echofuse::test {
 

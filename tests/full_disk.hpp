@@ -3,8 +3,9 @@
 #pragma once
 #include <sys/resource.h>
 
-#include <catch2/catch.hpp>
 #include <csignal>
+
+#include "catch.hpp"
 
 namespace echofuse::test {
 

@@ -160,7 +160,7 @@ faults += [f"{name} is defined in {' and '.join(sorted(files))}" for name, files
 # Checks that the Catch test cases named in CMake lists exist. Most of these test cases are slow and rarely run, so a
 # wrong name would not be noticed soon.
 for path in (root / "tests").rglob("CMakeLists.txt"):
-    for names in re.findall(r'--warn NoTests "([^-"][^"]*)"', path.read_text(encoding="utf-8")):
+    for names in re.findall(r'\${no_tests_fail} "([^-"][^"]*)"', path.read_text(encoding="utf-8")):
         faults += [f"{path.relative_to(root)}: no test case is named {name}" for name in names.split(",")
                    if not fnmatch.filter(cases, name)]
 

@@ -4,10 +4,10 @@
 #include <sys/wait.h>
 
 #include <array>
-#include <catch2/catch.hpp>
 #include <cstdio>
 #include <string>
 
+#include "catch.hpp"
 #include "paths.hpp"
 
 namespace echofuse::test {

@@ -45,10 +45,11 @@ template <class Result>
 Result parse_ids(std::string_view text, std::string_view rest, const char* kind) {
   Result address;
   const bool shape = rest.size() >= 9 && rest[4] == ':' && (rest.size() == 9 || rest[9] == ':');
+  const std::string ids = std::string(kind) + ":VVVV:PPPP";
   if (!shape || !parse_whole(rest.substr(0, 4), 16, address.vendor) ||
       !parse_whole(rest.substr(5, 4), 16, address.product) || rest.size() == 10)
-    refuse(text, std::string(kind) + ":VVVV:PPPP or " + kind +
-                     ":VVVV:PPPP:SERIAL, with four hexadecimal digits for VVVV and for PPPP");
+    refuse(text,
+           ids + " or " + ids + ":SERIAL, with four hexadecimal digits for VVVV and for PPPP");
   if (rest.size() > 10) address.serial = rest.substr(10);
   return address;
 }

@@ -2,10 +2,10 @@
 #include "acquire/stream/clock_fit.hpp"
 
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <vector>
 
+#include "../catch.hpp"
 #include "drivers/core/random.hpp"
 
 using namespace echofuse;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-#include <catch2/catch.hpp>
 #include <memory>
 #include <vector>
 
+#include "../catch.hpp"
 #include "acquire/devices/devices.hpp"
 #include "drivers/bridge/bridge_writer.hpp"
 #include "drivers/port/virtual_loop.hpp"

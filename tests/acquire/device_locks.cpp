@@ -2,11 +2,11 @@
 // Tests how device locks affect other programs.
 #include "acquire/devices/device_locks.hpp"
 
-#include <catch2/catch.hpp>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 
+#include "../catch.hpp"
 #include "../folder.hpp"
 #include "drivers/util/exit_code.hpp"
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/run/doubt_hook.hpp"
 
-#include <catch2/catch.hpp>
 #include <fstream>
 #include <thread>
 
+#include "../catch.hpp"
 #include "../folder.hpp"
 #include "drivers/util/exit_code.hpp"
 

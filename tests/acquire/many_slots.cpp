@@ -2,10 +2,10 @@
 // Tests 100 000 slots on a virtual clock. Each device has its own clock, disconnects and
 // reconnects. Some samples are delayed or lost. Every sample must be accounted for, and its slot
 // must match its true time.
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <numeric>
 
+#include "../catch.hpp"
 #include "acquire/run/window.hpp"
 #include "drivers/core/random.hpp"
 

@@ -2,11 +2,11 @@
 // Tests the position of the calibration reflector, the position errors and the antenna phases.
 #include "acquire/calibrate/reflector.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <complex>
 #include <numbers>
 
+#include "../catch.hpp"
 #include "acquire/calibrate/side.hpp"
 #include "drivers/core/axis.hpp"
 

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/calibrate/response_fit.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <complex>
 #include <functional>
 #include <numbers>
 #include <random>
 
+#include "../catch.hpp"
 #include "drivers/core/axis.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/core/random.hpp"

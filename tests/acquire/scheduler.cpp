@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/run/scheduler.hpp"
 
-#include <catch2/catch.hpp>
 #include <vector>
 
+#include "../catch.hpp"
 #include "drivers/core/random.hpp"
 
 using namespace echofuse;

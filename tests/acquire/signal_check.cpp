@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/run/signal_check.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <numeric>
 #include <random>
 
+#include "../catch.hpp"
 #include "drivers/core/random.hpp"
 
 using namespace echofuse;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/run/status.hpp"
 
-#include <catch2/catch.hpp>
+#include "../catch.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 // Tests the assignment of samples to records, by a table of arriving data with their expected
 // records, and a table of expected verdicts.
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <map>
 #include <sstream>
 
+#include "../catch.hpp"
 #include "acquire/run/window.hpp"
 
 using namespace echofuse;

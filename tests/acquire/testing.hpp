@@ -3,7 +3,6 @@
 #pragma once
 #include <sqlite3.h>
 
-#include <catch2/catch.hpp>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -11,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "../catch.hpp"
 #include "../folder.hpp"
 #include "../shell.hpp"
 #include "acquire/record/run_file.hpp"

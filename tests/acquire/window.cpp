@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/run/window.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <functional>
 
+#include "../catch.hpp"
 #include "drivers/core/log2_codes.hpp"
 
 using namespace echofuse;

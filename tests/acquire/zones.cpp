@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "../folder.hpp"
 #include "acquire/record/run_file.hpp"
 

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/core/bytes.hpp"
 
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "drivers/core/axis.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/core/random.hpp"

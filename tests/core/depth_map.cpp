@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/measurement/depth_map.hpp"
 
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "drivers/util/exit_code.hpp"
 
 using namespace echofuse;

@@ -2,11 +2,11 @@
 // Tests parts of a job array, and files that are published atomically.
 #include "drivers/util/job_part.hpp"
 
-#include <catch2/catch.hpp>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 
+#include "../catch.hpp"
 #include "../folder.hpp"
 #include "../full_disk.hpp"
 #include "drivers/util/exit_code.hpp"

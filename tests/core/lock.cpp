@@ -6,13 +6,13 @@
 
 #include <algorithm>
 #include <atomic>
-#include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <thread>
 #include <vector>
 
+#include "../catch.hpp"
 #include "../folder.hpp"
 #include "drivers/util/exit_code.hpp"
 

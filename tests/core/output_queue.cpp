@@ -5,13 +5,14 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <catch2/catch.hpp>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <string>
 #include <thread>
 #include <utility>
+
+#include "../catch.hpp"
 
 using namespace echofuse;
 

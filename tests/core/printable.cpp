@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/util/printable.hpp"
 
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "drivers/util/console.hpp"
 
 using namespace echofuse;

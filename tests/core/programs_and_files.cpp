@@ -6,12 +6,12 @@
 #include <unistd.h>
 
 #include <atomic>
-#include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <thread>
 
+#include "../catch.hpp"
 #include "../folder.hpp"
 #include "../full_disk.hpp"
 #include "drivers/core/bytes.hpp"

@@ -2,7 +2,8 @@
 #include "drivers/util/settings.hpp"
 
 #include <algorithm>
-#include <catch2/catch.hpp>
+
+#include "../catch.hpp"
 
 using namespace echofuse;
 

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/port/address.hpp"
 
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "drivers/port/backoff.hpp"
 #include "drivers/util/exit_code.hpp"
 

@@ -2,9 +2,9 @@
 // Tests bridge drivers over real TCP connections.
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/write.hpp>
-#include <catch2/catch.hpp>
 #include <optional>
 
+#include "../catch.hpp"
 #include "blocks.hpp"
 #include "drivers/make_driver.hpp"
 #include "sink.hpp"

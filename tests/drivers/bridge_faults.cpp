@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Tests corrupted streams of blocks. The blocks before the corrupted part are delivered, and the
 // corruption is reported.
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "blocks.hpp"
 #include "drivers/core/random.hpp"
 

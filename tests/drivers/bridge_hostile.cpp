@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Tests payloads with wrong values from a faulty sender.
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "blocks.hpp"
 
 using namespace echofuse;

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/bridge/bridge_protocol.hpp"
 
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "blocks.hpp"
 #include "drivers/core/random.hpp"
 

@@ -2,11 +2,11 @@
 // Tests tagger and camera drivers in virtual time with bridges that stop sending, send wrong
 // lengths, close the connection and accept a new one.
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <deque>
 #include <memory>
 #include <vector>
 
+#include "../catch.hpp"
 #include "../virtual/wire.hpp"
 #include "blocks.hpp"
 #include "drivers/depth/bridge_camera.hpp"

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <catch2/catch.hpp>
 #include <cstdio>
 
+#include "../catch.hpp"
 #include "stock_cfg.hpp"
 
 using namespace echofuse::radar;

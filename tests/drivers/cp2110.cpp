@@ -2,8 +2,7 @@
 // Tests CP2110 reports. The expected bytes are from AN434, libsigrok and pyserial.
 #include "drivers/port/cp2110.hpp"
 
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "drivers/port/open_port.hpp"
 #include "drivers/util/exit_code.hpp"
 

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/examples/example_tagger.hpp"
 
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "sink.hpp"
 
 using namespace echofuse;

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/radar/frame_parser.hpp"
 
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "drivers/core/random.hpp"
 #include "hex.hpp"
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/tdc/histogram.hpp"
 
-#include <catch2/catch.hpp>
 #include <limits>
 #include <numeric>
 #include <optional>
 
+#include "../catch.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/tdc/tag_filter.hpp"
 #include "drivers/util/exit_code.hpp"

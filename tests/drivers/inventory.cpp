@@ -6,10 +6,11 @@
 #include <grp.h>
 #include <unistd.h>
 
-#include <catch2/catch.hpp>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+
+#include "../catch.hpp"
 
 using namespace echofuse::inventory;
 namespace fs = std::filesystem;

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/make_driver.hpp"
 
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "drivers/port/loop.hpp"
 #include "drivers/util/exit_code.hpp"
 

@@ -6,11 +6,11 @@
 #include <dlfcn.h>
 #include <unistd.h>
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <filesystem>
 #include <thread>
 
+#include "../catch.hpp"
 #include "drivers/depth/openni_session.hpp"
 #include "sink.hpp"
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/radar/profile.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <fstream>
 
+#include "../catch.hpp"
 #include "../paths.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "stock_cfg.hpp"

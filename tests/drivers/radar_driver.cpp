@@ -5,10 +5,10 @@
 
 #include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/write.hpp>
-#include <catch2/catch.hpp>
 #include <filesystem>
 #include <map>
 
+#include "../catch.hpp"
 #include "drivers/make_driver.hpp"
 #include "hex.hpp"
 #include "sink.hpp"

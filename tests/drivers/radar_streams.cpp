@@ -3,8 +3,7 @@
 // without the encoder of the simulator. They contain different headers with the same magic word,
 // different TLVs, partial frames at the start and at the end, and frames shorter than the length in
 // their header.
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/radar/frame_parser.hpp"
 #include "hex.hpp"

@@ -3,12 +3,12 @@
 
 #include <stdlib.h>
 
-#include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <thread>
 
+#include "../catch.hpp"
 #include "drivers/bridge/bridge_writer.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "drivers/util/exit_code.hpp"

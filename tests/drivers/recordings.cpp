@@ -2,7 +2,6 @@
 // Tests the frame parser and the import with recordings that other people made of real radars. The
 // recordings are not in the repository. If they are missing, this program exits with 77, which
 // ctest shows as skipped.
-#include <catch2/catch.hpp>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>

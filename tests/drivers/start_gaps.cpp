@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
 
+#include "../catch.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/tdc/histogram.hpp"
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
-#include <catch2/catch.hpp>
 #include <string>
 
+#include "../catch.hpp"
 #include "drivers/radar/profile.hpp"
 #include "drivers/util/exit_code.hpp"
 

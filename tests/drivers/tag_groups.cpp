@@ -6,10 +6,10 @@
 
 #include <hwy/highway.h>
 
-#include <catch2/catch.hpp>
 #include <cstdlib>
 #include <limits>
 
+#include "../catch.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/tdc/histogram.hpp"
 

@@ -4,12 +4,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <catch2/catch.hpp>
 #include <chrono>
 #include <filesystem>
 #include <mutex>
 #include <thread>
 
+#include "../catch.hpp"
 #include "../folder.hpp"
 #include "../shell.hpp"
 #include "bed.hpp"

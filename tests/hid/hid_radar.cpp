@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 // Tests the unmodified driver with a simulated radar board behind two CP2110 chips.
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <fstream>
 #include <sstream>
 
+#include "../catch.hpp"
 #include "../drivers/sink.hpp"
 #include "../paths.hpp"
 #include "bed.hpp"

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include <umockdev.h>
 
-#include <catch2/catch.hpp>
 #include <cstdio>
 
 #include "../catch.hpp"
@@ -17,7 +16,7 @@ int main(int argc, char** argv) {
   echofuse::sim::UsbBed::enter(argv);
   echofuse::sim::UsbBed bed;
   if (!umockdev_in_mock_environment()) {
-    std::puts("skipped: umockdev's preload library is not installed (./scripts/setup)");
+    std::puts("skipped: umockdev's preload library is not installed (./scripts/setup --tests)");
     return 77;
   }
   the_bed = &bed;

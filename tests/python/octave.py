@@ -32,7 +32,7 @@ a.tofile('h5read.bin')
 print({'f4': 'single', 'f8': 'double'}.get(a.dtype.str[1:], a.dtype.name), *a.shape[::-1])
 """
 if subprocess.run(["/usr/bin/python3", "-c", "import h5py"], stderr=subprocess.DEVNULL).returncode:
-    print("skipped: python3-h5py is not installed (./scripts/setup)")
+    print("skipped: python3-h5py is not installed (./scripts/setup --tests)")
     sys.exit(77)
 with tempfile.TemporaryDirectory(prefix="octave-") as name:
     folder = pathlib.Path(name)

@@ -2,10 +2,10 @@
 // The tests of BLAS kernels are a separate program, because a process selects its kernels only
 // once, before its first matrix product.
 
-#include <catch2/catch.hpp>
 #include <cstdlib>
 #include <vector>
 
+#include "../catch.hpp"
 #include "../shell.hpp"
 #include "recon/numbers/blas.hpp"
 

@@ -2,9 +2,9 @@
 // Compares the scores of simple maps with values computed by hand.
 #include "recon/metrics/metrics.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 
+#include "../catch.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "drivers/core/random.hpp"
 #include "recon/trust/pixel_error.hpp"

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "recon/network/network.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 
+#include "../catch.hpp"
 #include "recon/network/adam.hpp"
 #include "recon/numbers/blas.hpp"
 

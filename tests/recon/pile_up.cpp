@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "recon/data/pile_up.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <limits>
 #include <random>
 #include <vector>
 
+#include "../catch.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace {

@@ -5,11 +5,11 @@
 #include <zlib.h>
 
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cstdlib>
 #include <limits>
 #include <random>
 
+#include "../catch.hpp"
 #include "acquire/record/deflate.hpp"
 
 using namespace echofuse;

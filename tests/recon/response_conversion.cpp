@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "recon/data/response_conversion.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <numbers>
+
+#include "../catch.hpp"
 
 using namespace echofuse;
 using namespace echofuse::recon;

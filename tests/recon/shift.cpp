@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "recon/data/shift.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <numbers>
 #include <numeric>
+
+#include "../catch.hpp"
 
 using echofuse::recon::Shift;
 

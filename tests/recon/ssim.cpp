@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-#include <catch2/catch.hpp>
 #include <chrono>
 #include <fstream>
 #include <sstream>
 #include <string>
 
+#include "../catch.hpp"
 #include "../paths.hpp"
 #include "recon/metrics/metrics.hpp"
 #include "recon/numbers/statistics.hpp"

@@ -3,8 +3,7 @@
 
 #include <sys/resource.h>
 
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "crafted.hpp"
 
 using namespace echofuse;

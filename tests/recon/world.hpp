@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <complex>
 #include <csignal>
@@ -18,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "../catch.hpp"
 #include "../folder.hpp"
 #include "../shell.hpp"
 #include "acquire/measurement/depth_map.hpp"

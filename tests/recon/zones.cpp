@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "recon/data/dataset.hpp"
 #include "recon/data/features.hpp"
 #include "recon/method/method.hpp"

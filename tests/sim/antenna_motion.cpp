@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Tests the simulated motion of people in front of the radar antennas.
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 
+#include "../catch.hpp"
 #include "antenna_scenes.hpp"
 #include "drivers/core/axis.hpp"
 #include "sim/sensors/antennas.hpp"

@@ -2,12 +2,12 @@
 // Scenes and helpers for tests of the simulated radar antennas.
 #pragma once
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <complex>
 #include <numbers>
 #include <utility>
 #include <vector>
 
+#include "../catch.hpp"
 #include "scenes.hpp"
 #include "sim/sensors/antennas.hpp"
 #include "sim/sensors/radar_echo.hpp"

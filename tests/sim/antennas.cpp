@@ -2,9 +2,9 @@
 #include "sim/sensors/antennas.hpp"
 
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 
+#include "../catch.hpp"
 #include "antenna_scenes.hpp"
 #include "drivers/core/axis.hpp"
 #include "sim/dataset/generator.hpp"

@@ -2,11 +2,11 @@
 // Tests the command line of echofuse-sim: exit codes, error texts and output.
 #include <sys/stat.h>
 
-#include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
 #include <string>
 
+#include "../catch.hpp"
 #include "../folder.hpp"
 #include "../shell.hpp"
 #include "acquire/record/run_file.hpp"

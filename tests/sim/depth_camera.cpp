@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "sim/sensors/depth_camera.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 
+#include "../catch.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "scenes.hpp"
 

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "sim/scene/draw.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <functional>
 #include <map>
+
+#include "../catch.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;

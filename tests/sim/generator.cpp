@@ -5,13 +5,13 @@
 
 #include <algorithm>
 #include <atomic>
-#include <catch2/catch.hpp>
 #include <cstdlib>
 #include <filesystem>
 #include <functional>
 #include <thread>
 #include <utility>
 
+#include "../catch.hpp"
 #include "../folder.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/run_file.hpp"

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "sim/scene/mesh.hpp"
 
-#include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
 
+#include "../catch.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "scenes.hpp"

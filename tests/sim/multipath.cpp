@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <numbers>
 
+#include "../catch.hpp"
 #include "scenes.hpp"
 #include "sim/scene/room.hpp"
 #include "sim/sensors/gaze.hpp"

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "sim/sensors/optics.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <numbers>
 
+#include "../catch.hpp"
 #include "scenes.hpp"
 
 using namespace echofuse;

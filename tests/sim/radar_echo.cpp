@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "sim/sensors/radar_echo.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <numbers>
 
+#include "../catch.hpp"
 #include "drivers/core/axis.hpp"
 #include "scenes.hpp"
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "sim/sensors/render.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <numbers>
 
+#include "../catch.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "scenes.hpp"
 

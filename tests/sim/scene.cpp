@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "sim/scene/scene.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <set>
 
+#include "../catch.hpp"
 #include "scenes.hpp"
 #include "sim/scene/room.hpp"
 #include "sim/sensors/render.hpp"

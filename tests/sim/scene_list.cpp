@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "sim/scene/scene_list.hpp"
 
-#include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
 
+#include "../catch.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "sim/dataset/generator.hpp"

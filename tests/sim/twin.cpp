@@ -2,11 +2,11 @@
 #include "sim/twin/twin.hpp"
 
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "../catch.hpp"
 #include "scenes.hpp"
 #include "sim/dataset/generator.hpp"
 #include "sim/sensors/depth_camera.hpp"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-#include <catch2/catch.hpp>
 #include <cmath>
 
+#include "../catch.hpp"
 #include "../folder.hpp"
 #include "acquire/record/run_file.hpp"
 #include "scenes.hpp"

@@ -2,9 +2,9 @@
 // Reads the simulated depth camera through the real OpenNI2 library, in a separate process.
 #include <sys/wait.h>
 
-#include <catch2/catch.hpp>
 #include <cstdio>
 
+#include "../catch.hpp"
 #include "../paths.hpp"
 #include "drivers/core/bytes.hpp"
 #include "lab_thread.hpp"

@@ -4,11 +4,12 @@
 #include "sim/wire/encode.hpp"
 
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <complex>
 #include <initializer_list>
 #include <vector>
+
+#include "../catch.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;

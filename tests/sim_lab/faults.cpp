@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "sim/devices/faults.hpp"
 
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "lab_thread.hpp"
 

@@ -2,10 +2,10 @@
 // Tests the folder of the simulated laboratory, and the sequence of its scenes.
 #include "sim/lab/lab.hpp"
 
-#include <catch2/catch.hpp>
 #include <optional>
 #include <set>
 
+#include "../catch.hpp"
 #include "../paths.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "lab_thread.hpp"

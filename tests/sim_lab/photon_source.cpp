@@ -2,10 +2,10 @@
 // Compares the simulated photon stream with the expected histogram by a chi-squared test.
 #include "sim/devices/photon_source.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <functional>
 
+#include "../catch.hpp"
 #include "drivers/core/sample.hpp"
 #include "drivers/tdc/histogram.hpp"
 #include "drivers/util/exit_code.hpp"

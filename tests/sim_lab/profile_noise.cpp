@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Tests that the radar of the simulated laboratory has the same noise as a simulated data set.
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 
+#include "../catch.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "sim/dataset/generator.hpp"
 #include "sim/devices/radar_chirp.hpp"

@@ -5,8 +5,7 @@
 #include <termios.h>
 #include <unistd.h>
 
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "drivers/port/loop.hpp"
 #include "lab_thread.hpp"
 

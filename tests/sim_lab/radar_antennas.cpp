@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "sim/devices/radar_antennas.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <complex>
 #include <numbers>
 #include <sstream>
 #include <vector>
 
+#include "../catch.hpp"
 #include "sim/sensors/radar_echo.hpp"
 
 using namespace echofuse;

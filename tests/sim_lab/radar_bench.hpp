@@ -3,13 +3,13 @@
 // the test sends them, and are never lost by the wires.
 #pragma once
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <chrono>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "../catch.hpp"
 #include "../drivers/sink.hpp"
 #include "../paths.hpp"
 #include "../virtual/wire.hpp"

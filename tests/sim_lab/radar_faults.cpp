@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Tests how the radar driver responds to faults of the board and its connection.
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <set>
 
+#include "../catch.hpp"
 #include "lab_thread.hpp"
 #include "radar_bench.hpp"
 

@@ -2,11 +2,11 @@
 // Tests the command dialogue of the simulated firmware with transcripts of host and firmware.
 #include "sim/devices/radar_firmware.hpp"
 
-#include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 
+#include "../catch.hpp"
 #include "../paths.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/radar/command_dialogue.hpp"

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Tests the radar driver on the pseudo-terminals of a simulated laboratory, at real baud rates.
-#include <catch2/catch.hpp>
 #include <optional>
 
+#include "../catch.hpp"
 #include "../drivers/sink.hpp"
 #include "../paths.hpp"
 #include "drivers/port/open_port.hpp"

@@ -6,10 +6,10 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
 
+#include "../catch.hpp"
 #include "../paths.hpp"
 #include "drivers/core/bytes.hpp"
 #include "drivers/port/virtual_loop.hpp"

@@ -6,11 +6,11 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <numeric>
 #include <optional>
 
+#include "../catch.hpp"
 #include "drivers/core/bytes.hpp"
 #include "drivers/core/sample.hpp"
 #include "lab_thread.hpp"

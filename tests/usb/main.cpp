@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // Runs the device and the host in one process, which must run under umockdev.
-#include <catch2/catch.hpp>
 
 #include "../catch.hpp"
 #include "tests/emulation/usb_bed.hpp"

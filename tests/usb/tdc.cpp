@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Tests the unmodified USB tagger driver and libusb with a device emulated below usbfs.
-#include <catch2/catch.hpp>
-
+#include "../catch.hpp"
 #include "../drivers/blocks.hpp"
 #include "../drivers/sink.hpp"
 #include "drivers/inventory/inventory.hpp"

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "recon/live/peak_fit.hpp"
 
-#include <catch2/catch.hpp>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "../catch.hpp"
 #include "recon/live/tally.hpp"
 
 using namespace echofuse;

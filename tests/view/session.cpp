@@ -4,8 +4,9 @@
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
-#include <catch2/catch.hpp>
 #include <stdexcept>
+
+#include "../catch.hpp"
 
 using namespace echofuse;
 using namespace echofuse::view;

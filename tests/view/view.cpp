@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-#include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "../catch.hpp"
 #include "../folder.hpp"
 #include "acquire/record/run_file.hpp"
 #include "recon/live/access.hpp"

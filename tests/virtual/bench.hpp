@@ -5,12 +5,12 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <numeric>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "../catch.hpp"
 #include "../folder.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/util/exit_code.hpp"
