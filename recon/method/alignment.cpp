@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "drivers/util/exit_code.hpp"
-#include "recon/numbers/blas.hpp"
+#include "recon/numbers/row_product.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -245,8 +245,8 @@ std::size_t ShiftCorrelation::cost() const {
 void ShiftCorrelation::operator()(std::span<const float> histogram, std::span<const float> profile,
                                   std::span<float> out) const {
   std::vector<float> expected(blur_.cols), squares(blur_.cols + 1);
-  multiply({1, blur_.cols, histogram.size(), Transpose::no, Transpose::no, 1.f, 1.f},
-           histogram.data(), blur_.values.data(), expected.data());
+  add_row_products(1, blur_.cols, histogram.size(), histogram.data(), blur_.values.data(),
+                   expected.data());
   for (std::size_t g = 0; g < expected.size(); ++g)
     squares[g + 1] = squares[g] + expected[g] * expected[g];
   std::fill(out.begin(), out.end(), 0.f);

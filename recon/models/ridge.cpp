@@ -9,6 +9,7 @@
 
 #include "recon/models/model.hpp"
 #include "recon/numbers/blas.hpp"
+#include "recon/numbers/row_product.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -101,8 +102,8 @@ Matrix Ridge::predict(const Matrix& inputs, SoftMaps*) const {
   Matrix out(inputs.rows, offset_.size());
   for (std::size_t i = 0; i < out.rows; ++i)
     std::copy(offset_.begin(), offset_.end(), out.row(i).begin());
-  multiply({inputs.rows, out.cols, inputs.cols, Transpose::no, Transpose::no, 1.f, 1.f},
-           inputs.values.data(), weights_.values.data(), out.values.data());
+  add_row_products(inputs.rows, out.cols, inputs.cols, inputs.values.data(), weights_.values.data(),
+                   out.values.data());
   return out;
 }
 

@@ -8,6 +8,7 @@
 
 #include "drivers/core/clones.hpp"
 #include "recon/numbers/blas.hpp"
+#include "recon/numbers/row_product.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -34,6 +35,16 @@ ECHOFUSE_CLONES void pass_slopes(const float* x, std::size_t count, float* slope
 }
 void pass_slopes(const double* x, std::size_t count, double* slopes) {
   pass_slopes_each(x, count, slopes);
+}
+
+void add_products(std::size_t batch, const Layer& layer, const float* x, const float* weights,
+                  float* y) {
+  add_row_products(batch, layer.outputs, layer.inputs, x, weights, y);
+}
+void add_products(std::size_t batch, const Layer& layer, const double* x, const double* weights,
+                  double* y) {
+  multiply(Product<double>{batch, layer.outputs, layer.inputs, Transpose::no, Transpose::no, 1, 1},
+           x, weights, y);
 }
 
 }  // namespace
@@ -71,8 +82,7 @@ void forward(const Network& network, const std::vector<T>& parameters, const T* 
     y.resize(batch * layer.outputs);
     for (std::size_t i = 0; i < batch; ++i)
       std::copy_n(parameters.data() + layer.biases, layer.outputs, y.data() + i * layer.outputs);
-    multiply({batch, layer.outputs, layer.inputs, Transpose::no, Transpose::no, T{1}, T{1}}, x,
-             parameters.data() + layer.weights, y.data());
+    add_products(batch, layer, x, parameters.data() + layer.weights, y.data());
     if (l + 1 < network.layers.size())
       for (T& v : y) v = std::max(v, T{0});
     x = y.data();

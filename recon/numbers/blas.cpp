@@ -7,7 +7,6 @@
 #include <cassert>
 #include <vector>
 
-#include "drivers/core/clones.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "recon/numbers/parallel.hpp"
 
@@ -66,34 +65,6 @@ void gemm(CBLAS_TRANSPOSE ta, CBLAS_TRANSPOSE tb, int m, int n, int k, double al
   cblas_dgemm(CblasRowMajor, ta, tb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc);
 }
 
-// Computes y += alpha x B in one pass over B (k x n), for the row vectors x and y. For a small B,
-// the overhead of a BLAS call takes as long as the product itself.
-ECHOFUSE_CLONES void add_row_times(std::size_t k, std::size_t n, float alpha, const float* x,
-                                   const float* b, float* __restrict__ y) {
-  std::size_t i = 0;
-  for (; i + 4 <= k; i += 4, b += 4 * n) {
-    const float x0 = alpha * x[i], x1 = alpha * x[i + 1], x2 = alpha * x[i + 2],
-                x3 = alpha * x[i + 3];
-    for (std::size_t c = 0; c < n; ++c)
-      y[c] += (x0 * b[c] + x1 * b[n + c]) + (x2 * b[2 * n + c] + x3 * b[3 * n + c]);
-  }
-  for (; i < k; ++i, b += n)
-    for (std::size_t c = 0; c < n; ++c) y[c] += alpha * x[i] * b[c];
-}
-
-// Computes y = alpha op(B) x + beta y. B is stored as rows x cols, row-major.
-void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, float alpha, const float* b, const float* x,
-          float beta, float* y) {
-  if (tb == CblasTrans && beta == 1)
-    return add_row_times(static_cast<std::size_t>(rows), static_cast<std::size_t>(cols), alpha, x,
-                         b, y);
-  cblas_sgemv(CblasRowMajor, tb, rows, cols, alpha, b, cols, x, 1, beta, y, 1);
-}
-void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, double alpha, const double* b, const double* x,
-          double beta, double* y) {
-  cblas_dgemv(CblasRowMajor, tb, rows, cols, alpha, b, cols, x, 1, beta, y, 1);
-}
-
 // Selects the kernels (see blas_kernels). Must be called before any BLAS function.
 void choose_kernels() {
   static const bool chosen = one_thread && !blas_kernels().empty();
@@ -104,14 +75,6 @@ template <class T>
 void multiply_parts(const Product<T>& p, const T* a, const T* b, T* c) {
   choose_kernels();
   const bool ta = p.a_transposed == Transpose::yes, tb = p.b_transposed == Transpose::yes;
-  // If A has one row, a matrix-vector product reads each value of B once. A matrix product would
-  // first repack B, which takes 5 times as long as reading it.
-  if (p.m == 1) {
-    const std::size_t rows = tb ? p.n : p.k, cols = tb ? p.k : p.n;
-    gemv(tb ? CblasNoTrans : CblasTrans, static_cast<int>(rows), static_cast<int>(cols), p.alpha, b,
-         a, p.beta, c);
-    return;
-  }
   const std::size_t lda = ta ? p.m : p.k, ldb = tb ? p.k : p.n;
   const auto parts = parts_of(p.m, p.n, p.k);
   for_each_part(parts.size(), [&](std::size_t i) {

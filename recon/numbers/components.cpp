@@ -8,6 +8,7 @@
 
 #include "drivers/core/random.hpp"
 #include "recon/numbers/blas.hpp"
+#include "recon/numbers/row_product.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -91,8 +92,8 @@ Matrix coordinates(const Components& components, const Matrix& table) {
 Matrix from_coordinates(const Components& components, const Matrix& amounts) {
   Matrix out = repeated_row(components.mean, amounts.rows);
   if (amounts.cols > 0)
-    multiply({out.rows, out.cols, amounts.cols, Transpose::no, Transpose::no, 1.f, 1.f},
-             amounts.values.data(), components.basis.values.data(), out.values.data());
+    add_row_products(out.rows, out.cols, amounts.cols, amounts.values.data(),
+                     components.basis.values.data(), out.values.data());
   return out;
 }
 

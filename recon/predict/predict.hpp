@@ -50,9 +50,10 @@ struct Prediction {
   Matrix mean, deviation;
 };
 
-// Predicts maps from data on the model's axes. If a record lacks data from a sensor of the first
-// estimator, a fallback estimator is used. Throws Error(usage) if `pixels` is requested but the
-// model is not calibrated.
+// Predicts maps from data on the model's axes. On one machine, the map of a record is identical bit
+// for bit alone, in a batch of any size, live, and with any number of threads (row_product.hpp). If
+// a record lacks data from a sensor of the first estimator, a fallback estimator is used. Throws
+// Error(usage) if `pixels` is requested but the model is not calibrated.
 Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
                    PredictionDetail detail = PredictionDetail::uncertainty);
 
