@@ -62,6 +62,7 @@ TEST_CASE("the tagger driver receives tags from a bridge and reports each connec
   CHECK(b.sink.blocks[0].received >= before);
   CHECK(b.sink.blocks[0].received <= b.loop.now());
   CHECK(b.sink.tags[1].time_ps == 1'013'443);
+  CHECK(test::counter(*driver, "tags") == 4);
 
   SECTION("a depth block is rejected by the tagger driver") {
     server.send(b.golden[2]);
@@ -223,6 +224,30 @@ TEST_CASE("lost camera frames are counted by the frame index, even across a reco
   const std::uint32_t lost[] = {0, 2, 29, 2, 1};
   for (std::size_t i = 0; i < 5; ++i) CHECK(b.sink.depth[i].lost_before == lost[i]);
   CHECK(test::counter(*driver, "lost_frames") == 34);
+}
+
+TEST_CASE("camera frames that the bridge dropped before it numbered them count as lost") {
+  Bench b;
+  Server server(b.loop);
+  const auto driver = make_depth(b.loop, {server.address()});
+  driver->start(b.sink);
+  REQUIRE(server.accept());
+  Bytes blocks = b.golden[0];
+  // The header of each block states the number of dropped frames. The frame indices of the second
+  // and third block have no gap, and that of the fourth block has a gap of two frames.
+  const std::pair<std::uint32_t, std::uint64_t> sent[] = {{7, 0}, {8, 5}, {9, 0}, {12, 1}};
+  std::uint32_t sequence = 0;
+  for (const auto& [index, dropped] : sent) {
+    const Bytes payload = test::depth_block(index);
+    const Bytes block = test::make_block(bridge::BlockKind::depth, ++sequence,
+                                         ByteView(payload).subspan(bridge::header_bytes), dropped);
+    blocks.insert(blocks.end(), block.begin(), block.end());
+  }
+  server.send(blocks);
+  REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 4; }));
+  const std::uint32_t lost[] = {0, 5, 0, 2};
+  for (std::size_t i = 0; i < 4; ++i) CHECK(b.sink.depth[i].lost_before == lost[i]);
+  CHECK(test::counter(*driver, "lost_frames") == 7);
 }
 
 TEST_CASE("the counting-board driver receives histograms and their axis from a bridge") {

@@ -260,6 +260,27 @@ TEST_CASE("bridge block numbers restart at 0 after reset(), and buffered bytes c
   CHECK(parser.counts().gaps == 0);
 }
 
+TEST_CASE(
+    "after a bridge stream is cut at any byte, the next connection is parsed from its start") {
+  const Bytes all = join(read_golden("bridge.hex"));
+  BlockParser whole;
+  const auto expected = feed(whole, all);
+  for (std::size_t cut = 0; cut <= all.size(); ++cut) {
+    CAPTURE(cut);
+    BlockParser parser;
+    auto first = feed(parser, ByteView(all).first(cut));
+    std::size_t complete = 0;
+    for (const ParsedBlock& block : first) complete += header_bytes + block.payload.size();
+    parser.reset();
+    CHECK(parser.counts().junk_bytes == cut - complete);
+    CHECK(feed(parser, all, [n = std::size_t{0}]() mutable { return 1 + n++ % 40; }) == expected);
+    CHECK(parser.counts().blocks == first.size() + expected.size());
+    CHECK(parser.counts().gaps == 0);
+    first.resize(std::min(first.size(), expected.size()));
+    CHECK(std::equal(first.begin(), first.end(), expected.begin()));
+  }
+}
+
 TEST_CASE("the bridge parser reports the kind of damage") {
   const auto pieces = read_golden("bridge.hex");
   const auto damaged = [&](std::size_t at, std::uint8_t flip) {

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/tdc/histogram.hpp"
 
+#include <algorithm>
+#include <array>
 #include <limits>
 #include <numeric>
 #include <optional>
 
 #include "../catch.hpp"
+#include "drivers/core/bytes.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/tdc/tag_filter.hpp"
 #include "drivers/util/exit_code.hpp"
@@ -92,6 +95,16 @@ std::vector<Tag> random_tags(Rng& rng, const HistogramSettings& s, std::size_t c
                             static_cast<std::uint16_t>(rng())));
   }
   return tags;
+}
+
+// Calls `take` with consecutive blocks of 1 to `most` tags.
+template <class Take>
+void for_random_blocks(Rng& rng, std::span<const Tag> tags, std::size_t most, Take take) {
+  while (!tags.empty()) {
+    const std::size_t n = std::min<std::size_t>(tags.size(), 1 + rng() % most);
+    take(tags.first(n));
+    tags = tags.subspan(n);
+  }
 }
 
 }  // namespace
@@ -210,6 +223,101 @@ TEST_CASE("the tag filter delays and sorts tags and removes tags within the dead
   CHECK(times == std::vector<std::int64_t>{100, 200, 260, 0});
   CHECK(filter.flush().empty());
   CHECK(filter.take_removed() == 1);
+}
+
+TEST_CASE("a tag exactly the dead time after the last kept tag of its channel is kept") {
+  TagFilter filter({.dead_time_ps = 10});
+  std::vector<std::int64_t> clicks;
+  const auto note = [&](std::span<const Tag> out) {
+    for (const Tag& t : out)
+      if (t.channel == 2) clicks.push_back(t.time_ps);
+  };
+  note(filter.feed(std::vector{tag(2, 0), tag(2, 9), tag(1, 9), tag(2, 10), tag(2, 19)}));
+  note(filter.feed(std::vector{tag(2, 20), tag(1, 21), tag(2, 29)}));
+  note(filter.flush());
+  CHECK(clicks == std::vector<std::int64_t>{0, 10, 20});
+  CHECK(filter.take_removed() == 3);
+}
+
+TEST_CASE("tags that are filtered in random blocks equal tags that are filtered in one block") {
+  for (std::uint64_t seed = 0; seed < 60; ++seed) {
+    CAPTURE(seed);
+    Rng rng = make_rng(seed, 3);
+    const HistogramSettings bins{.bin_width_ps = 1000, .bins = 8};
+    const FilterSettings s{.click_delay_ps = std::array{-5000, 0, 7000}[seed % 3],
+                           .dead_time_ps = std::array{0, 2000}[seed % 2]};
+    const auto tags = random_tags(rng, bins, 300);
+    TagFilter at_once(s), in_blocks(s);
+    const auto append = [](std::vector<Tag>& all, std::span<const Tag> more) {
+      all.insert(all.end(), more.begin(), more.end());
+    };
+    std::vector<Tag> expected, found;
+    append(expected, at_once.feed(tags));
+    append(expected, at_once.flush());
+    for_random_blocks(rng, tags, 12, [&](auto block) { append(found, in_blocks.feed(block)); });
+    append(found, in_blocks.flush());
+    const std::uint64_t removed = in_blocks.take_removed();
+    CHECK(removed == at_once.take_removed());
+    CHECK(found.size() + removed == tags.size());
+    CHECK(std::ranges::equal(as_bytes(found), as_bytes(expected)));
+  }
+}
+
+TEST_CASE("the tag filter releases waiting tags if their times stand still") {
+  TagFilter filter({.click_delay_ps = 5});
+  const std::vector<Tag> clicks((1u << 20) + 1, tag(2, 100));
+  CHECK(filter.feed(clicks).size() == clicks.size());
+  CHECK(filter.flush().empty());
+}
+
+TEST_CASE("tags in random blocks and slots are counted like tags in one block of one slot") {
+  for (std::uint64_t seed = 0; seed < 60; ++seed) {
+    CAPTURE(seed);
+    Rng rng = make_rng(seed, 4);
+    // A delay makes slots differ, because tags that wait at the end of a slot are counted there.
+    const bool slots = seed % 2 == 0;
+    const HistogramSettings s{.bin_width_ps = 1000,
+                              .first_bin_ps = -2000,
+                              .bins = 8,
+                              .click_delay_ps = slots ? 0 : std::array{-5000, 7000}[seed % 4 / 2],
+                              .dead_time_ps = std::array{0, 2000, 3000}[seed % 3]};
+    const auto tags = random_tags(rng, s, 600);
+    Histogram expected(s);
+    expected.add(tags);
+    expected.flush();
+    std::vector<Histogram> parts{Histogram(s)};
+    parts.reserve(tags.size() + 1);
+    for_random_blocks(rng, tags, 12, [&](auto block) {
+      if (slots && rng() % 3 == 0) {
+        parts.emplace_back(s);
+        parts.back().follow(parts[parts.size() - 2]);
+      }
+      parts.back().add(block);
+    });
+    parts.back().flush();
+    std::vector<std::uint32_t> counts(s.bins);
+    TagCounts sum;
+    for (const Histogram& part : parts) {
+      for (std::size_t i = 0; i < counts.size(); ++i) counts[i] += part.counts()[i];
+      sum += part.tag_counts();
+    }
+    CHECK(counts == expected.counts());
+    CHECK(sum == expected.tag_counts());
+    CHECK(sum.tags == tags.size());
+  }
+}
+
+TEST_CASE("the dead time also applies to two clicks on either side of a slot border") {
+  const HistogramSettings s{
+      .bin_width_ps = 100, .first_bin_ps = 0, .bins = 200, .dead_time_ps = 10'000};
+  Histogram first(s), second(s);
+  first.add(std::vector{tag(1, 0), tag(2, 5000)});
+  second.follow(first);
+  second.add(std::vector{tag(2, 6000), tag(2, 15'000)});
+  CHECK(first.tag_counts().in_range == 1);
+  CHECK(second.tag_counts().removed == 1);
+  CHECK(second.tag_counts().in_range == 1);
+  CHECK(second.counts()[150] == 1);
 }
 
 TEST_CASE("a cable delay longer than the laser period is compensated") {
