@@ -172,6 +172,13 @@ bool TagCheck::in_order(const TagBlock& block) const {
 // Detects wraps and backward steps. Adds the offset of all previous wraps to the time of the event.
 void TagCheck::repair(Tag& tag) {
   const auto time = static_cast<std::uint64_t>(tag.time_ps);
+  // An event that is out of order may have a time from before the last wrap.
+  const std::uint64_t wrap_ps = std::uint64_t{1} << wrap_bits_;
+  if (offset_ps_ > 0 && last_ps_ && time < wrap_ps &&
+      *last_ps_ + wrap_ps - time <= sorted_within_ps) {
+    tag.time_ps = static_cast<std::int64_t>(time + offset_ps_ - wrap_ps);
+    return;
+  }
   const auto step = static_cast<std::int64_t>(time - last_ps_.value_or(time));
   highest_ps_ = std::max(highest_ps_, time);
   if (step < 0) {

@@ -113,6 +113,11 @@ TEST_CASE("antenna calibration reports larger standard errors if repeated measur
   widen(all, repeats);
   CHECK(all.standard_error[2] == Approx(0.3 * std::sqrt(8.0 / 7) / std::sqrt(8.0)).epsilon(0.1));
   CHECK(all.standard_error[3] == before.standard_error[3]);
+  for (std::uint32_t k = 0; k < 8; ++k)
+    repeats[k].gain[5] *= k % 2 ? std::exp(0.2) : std::exp(-0.2);
+  widen(all, repeats);
+  CHECK(all.standard_error[5] == Approx(0.2 * std::sqrt(8.0 / 7) / std::sqrt(8.0)).epsilon(0.1));
+  CHECK(all.standard_error[6] == before.standard_error[6]);
   CHECK(largest_residual(all, before) == 0);
   AntennaGains slipped = before;
   slipped.phase_rad[3] += 2 * std::numbers::pi + 7 * before.standard_error[3];

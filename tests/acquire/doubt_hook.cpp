@@ -88,6 +88,14 @@ TEST_CASE(
                                  "disk low  999 MB free, limit 1.0 GB /runs/a two  words; $(id)"});
 }
 
+TEST_CASE("the on_doubt program reports a sensor that never delivers data after the set time") {
+  Calls calls({.no_data_s = 2});
+  for (std::int64_t i = 0; i < 4; ++i) calls.hook.take(record_of(i, ""), both, "/runs/a");
+  calls.finish();
+  CHECK(calls.lines() ==
+        std::vector<std::string>{"radar no data 1 no frames /runs/a two  words; $(id)"});
+}
+
 TEST_CASE(
     "an on_doubt program and its child processes are killed after 10 s before the next starts") {
   Calls calls({}, "sleep 60 & sleep 60");

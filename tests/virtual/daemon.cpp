@@ -141,6 +141,19 @@ TEST_CASE("a raw capture with faults and reconnections reproduces the live run b
                        run.keep_raw, b.folder / "short.sqlite");
   CHECK(record::RunReader(b.folder / "short.sqlite").read(0).spd ==
         std::vector(live[0].spd.begin(), live[0].spd.begin() + 10));
+  // Imports the same bytes again with slots of half the length. Each live slot then has two
+  // records.
+  acquire::import_kept(
+      acquire::kept_config(run.keep_raw, {"run.window_s=" + std::to_string(window_s / 2)}),
+      run.keep_raw, b.folder / "half.sqlite");
+  const record::RunReader half(b.folder / "half.sqlite");
+  REQUIRE(half.count() == 24);
+  for (const auto& a : live) {
+    const auto first = half.read(2 * a.index), second = half.read(2 * a.index + 1);
+    CHECK(first.slot_start == a.slot_start);
+    CHECK(second.slot_end == a.slot_end);
+    CHECK(first.spd_counts.starts + second.spd_counts.starts == a.spd_counts.starts);
+  }
 }
 
 TEST_CASE("a raw capture that has no slot, has missing bytes or has damaged times is refused") {

@@ -14,77 +14,23 @@
 #include <random>
 #include <utility>
 
+#include "../drivers/sink.hpp"
 #include "acquire/calibrate/calibrate.hpp"
 #include "acquire/config/calibration.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "bench.hpp"
-#include "drivers/bridge/bridge_protocol.hpp"
+#include "keeper.hpp"
 #include "sim/wire/encode.hpp"
 
 using namespace echofuse;
 using test::Bench;
 using test::has;
+using test::Keeper;
 using test::Laboratory;
 using test::LaboratoryOptions;
 using namespace std::chrono_literals;
 
 namespace {
-
-// Proxy between the tagger and the daemon. For some time, it refuses connections from the daemon
-// and buffers the tagger's data. When the daemon connects again, it sends the buffered data first.
-class Keeper {
- public:
-  Keeper(port::Loop& loop, port::ByteOpener& place) : loop_(loop), down_(loop), up_(place()) {
-    down_.start({.connected = [this] { begin(); }, .left = [this] { leave(); }});
-    down_.accept();
-    place = down_.opener();
-    up_->open(
-        {.opened = [] {},
-         .bytes = [this](ByteView bytes) { parser_.feed(bytes, [this](auto& b) { take(b); }); },
-         .gone = [](auto&) {}});
-  }
-  void away(bool now) {
-    down_.plug(!now);
-    if (!now) return;
-    down_.hang_up();
-    leave();
-  }
-  std::size_t kept = 0;  // number of buffered tag blocks
-
- private:
-  void begin() {
-    connected_ = true;
-    number_ = 0;
-    send(sim::BlockKind::hello, hello_);
-    for (const Bytes& tags : std::exchange(waiting_, {})) send(sim::BlockKind::tags, tags);
-  }
-  void leave() {
-    connected_ = false;
-    down_.accept();
-  }
-  void take(const bridge::Block& block) {
-    Bytes payload(block.payload.begin(), block.payload.end());
-    if (block.kind == bridge::BlockKind::hello) hello_ = payload;
-    if (block.kind != bridge::BlockKind::tags) return;
-    if (connected_) return send(sim::BlockKind::tags, payload);
-    waiting_.push_back(std::move(payload));
-    ++kept;
-  }
-  void send(sim::BlockKind kind, const Bytes& payload) {
-    sent_.push_back(sim::bridge_block(kind, number_++, 0, payload));
-    down_.write(sent_.back(), [](bool) {});
-  }
-
-  port::Loop& loop_;
-  test::MemoryListener down_;
-  std::unique_ptr<port::BytePort> up_;
-  bridge::BlockParser parser_;
-  Bytes hello_;
-  std::vector<Bytes> waiting_;
-  std::deque<Bytes> sent_;
-  std::uint32_t number_ = 0;
-  bool connected_ = false;
-};
 
 // Device behind a bridge. The bridge sends a block of the given kind every 50 ms.
 class BridgedDevice {
@@ -218,6 +164,41 @@ TEST_CASE("a radar that does not answer sensorStop causes a warning and a short 
   choke.after(10s, [&] { b.lab->choke_radar(true); });
   CHECK(b.lab->record(b.run(6)) == ExitCode::ok);
   CHECK(has(b.events("radar"), "the device did not confirm the stop and may still be sending"));
+}
+
+TEST_CASE("the time of a radar frame is earlier than its arrival by the duration of its chirps") {
+  // Returns the time between frame and arrival, without the processing time that the board states.
+  const auto lag_of = [](const std::string& loops) {
+    struct Sink : test::KeepingSink {
+      explicit Sink(port::Loop& l) : loop(l) {}
+      void on_radar(RadarFrame frame) override {
+        REQUIRE(frame.stats);
+        lag = loop.now() - frame.received -
+              std::chrono::microseconds(frame.stats->inter_frame_processing_us);
+        ++frames;
+      }
+      port::Loop& loop;
+      HostTime lag{};
+      int frames = 0;
+    };
+    Bench b;
+    auto config = b.lab->config().radar;
+    const std::string one = "frameCfg 0 2 32 0 250 ";
+    const auto at = config.cfg_text.find(one);
+    REQUIRE(at != std::string::npos);
+    config.cfg_text.replace(at, one.size(), "frameCfg 0 2 " + loops + " 0 250 ");
+    Sink sink(b.lab->loop);
+    const auto driver = make_radar(b.lab->loop, config);
+    driver->start(sink);
+    b.lab->loop.run_until([&] { return sink.frames == 3; }, b.lab->loop.now() + 60s);
+    REQUIRE(sink.frames == 3);
+    driver->stop();
+    b.lab->loop.run_until([&] { return driver->finished(); }, b.lab->loop.now() + 10s);
+    return sink.lag;
+  };
+  // Three chirps of 7 us idle time and 40 us ramp in each loop.
+  CHECK(std::chrono::round<std::chrono::microseconds>(lag_of("64") - lag_of("16")) ==
+        48 * 3 * 47us);
 }
 
 TEST_CASE("a radar cfg for another SDK is reported with the cfg to use") {

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: MIT
 // Tests that run --every writes consecutive run files without losing a slot.
+#include <sqlite3.h>
+
 #include <map>
 #include <set>
 
 #include "../acquire/testing.hpp"
 #include "bench.hpp"
+#include "keeper.hpp"
 #include "recon/live/followed_run.hpp"
 
 using namespace echofuse;
@@ -42,6 +45,21 @@ std::map<std::string, std::uint64_t> counters_of(const std::string& file) {
   std::map<std::string, std::uint64_t> out;
   for (const auto& c : record::RunReader(file).counters()) out[c.source + ' ' + c.name] = c.value;
   return out;
+}
+
+// Returns the number of late tags of each record, and 0 for records without late tags.
+std::vector<std::int64_t> late_tags_of(const std::string& file) {
+  std::vector<std::int64_t> all(static_cast<std::size_t>(record::RunReader(file).count()));
+  sqlite3* db = nullptr;
+  REQUIRE(sqlite3_open(file.c_str(), &db) == SQLITE_OK);
+  const auto put = [](void* counts, int, char** values, char**) {
+    static_cast<std::vector<std::int64_t>*>(counts)->at(std::stoul(values[0])) =
+        std::stoll(values[1]);
+    return 0;
+  };
+  CHECK(sqlite3_exec(db, "SELECT idx, spd FROM late", put, &all, nullptr) == SQLITE_OK);
+  sqlite3_close(db);
+  return all;
 }
 
 }  // namespace
@@ -118,4 +136,43 @@ TEST_CASE("a device missing at the start of a rotated file is used when it retur
   CHECK(records_of(rotation.files[1]).front().valid == SensorSet::from_bits(5));
   CHECK(records_of(rotation.files[2]).back().valid == SensorSet::from_bits(7));
   CHECK(second.axis("radar"));
+}
+
+TEST_CASE("late tags are counted in the record of their slot, also after a file rotation") {
+  const auto late_tags = [](std::int64_t slots_a_file) {
+    Bench b({.window_s = 0.5});
+    test::Keeper keeper(b.lab->loop, b.lab->loop.ports.at(b.lab->config().tdc.address));
+    port::Timer away(b.lab->loop), back(b.lab->loop);
+    away.after(10s, [&] { keeper.away(true); });
+    back.after(12s, [&] { keeper.away(false); });
+    Rotation rotation(b, 40, slots_a_file);
+    CHECK(b.lab->record(rotation.options) == ExitCode::ok);
+    std::vector<std::int64_t> all;
+    for (const std::string& file : rotation.files)
+      for (const std::int64_t n : late_tags_of(file)) all.push_back(n);
+    return all;
+  };
+  const auto expected = late_tags(40);
+  REQUIRE(expected.size() == 40);
+  CHECK(std::ranges::count_if(expected, [](std::int64_t n) { return n > 0; }) >= 2);
+  CHECK(late_tags(16) == expected);
+}
+
+TEST_CASE("the counters of a run include the samples received before its first slot") {
+  Bench b;
+  CHECK(b.lab->record(b.run(3)) == ExitCode::ok);
+  const auto counters = counters_of(b.folder / "run.sqlite");
+  std::map<std::string, std::uint64_t> used;
+  for (const auto& r : b.records()) {
+    used["spd"] += r.spd_counts.tags;
+    used["radar"] += r.statistics.radar_frames;
+    used["depth"] += r.statistics.depth_frames;
+  }
+  for (const auto& [sensor, items] :
+       {std::pair{"spd", "tags"}, {"radar", "frames"}, {"depth", "frames"}}) {
+    CAPTURE(sensor);
+    const auto count = [&](const std::string& what) { return counters.at(sensor + (" " + what)); };
+    CHECK(count("early") > 0);
+    CHECK(used[sensor] + count("early") + count("late") + count("outside") == count(items));
+  }
 }

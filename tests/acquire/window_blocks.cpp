@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: MIT
+// Tests that each tag of a random stream is counted once, and that records do not depend on blocks.
+#include <chrono>
+#include <span>
+#include <vector>
+
+#include "../catch.hpp"
+#include "acquire/run/window.hpp"
+#include "drivers/core/random.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using namespace std::chrono_literals;
+
+namespace {
+
+constexpr SlotGrid grid{.first = 10s, .length = 1s};
+constexpr tdc::HistogramSettings tdc_settings{.bin_width_ps = 100, .first_bin_ps = 0, .bins = 50};
+
+Tag start_at(std::int64_t ps) { return {.channel = 1, .time_ps = ps}; }
+Tag click_at(std::int64_t ps) { return {.channel = 2, .time_ps = ps}; }
+
+}  // namespace
+
+TEST_CASE("each of many random tags is in exactly one record or counted as unassigned") {
+  std::uint64_t late = 0, outside = 0;
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    CAPTURE(seed);
+    Rng rng = make_rng(seed, 5);
+    SensorClocks clocks;
+    Windows windows(grid, tdc_settings, clocks, {Sensor::spd});
+    Scheduler scheduler(grid, 4);
+    TagCounts in_records;
+    std::uint64_t sent = 0, late_by_slot = 0;
+    HostTime now = 9s;
+    std::int64_t time_ps = 0;
+    while (now < 16s) {
+      std::vector<Tag> tags(1 + rng() % 20);
+      for (Tag& tag : tags) {
+        time_ps += static_cast<std::int64_t>(rng() % 2'000'000'000);
+        tag = rng() % 2 ? start_at(time_ps) : click_at(time_ps);
+      }
+      // The tagger's time 0 is 9 s of host time. Some blocks arrive 1 s later than the others.
+      const bool is_late = rng() % 40 == 0;
+      now = std::max(now, 9s + std::chrono::nanoseconds(time_ps / 1000));
+      const TagBlock block{.received = now + (is_late ? 1s : 0s), .tags = tags};
+      sent += tags.size();
+      clocks.observe(block);
+      if (is_late)
+        for (const DueSlot& due : scheduler.tick(now + 1s))
+          in_records += windows.close(due).spd_counts;
+      windows.add(block);
+      for (const DueSlot& due : scheduler.tick(now)) in_records += windows.close(due).spd_counts;
+    }
+    for (const DueSlot& due : scheduler.tick(20s)) in_records += windows.close(due).spd_counts;
+    CHECK(scheduler.closed() == 4);
+    for (const auto& [slot, counts] : windows.take_late()) late_by_slot += counts[Sensor::spd];
+    windows.finish();
+    const auto& lost = windows.unassigned();
+    CHECK(in_records.tags == in_records.starts + in_records.in_range + in_records.out_of_range +
+                                 in_records.without_start + in_records.other);
+    CHECK(in_records.tags + lost.early[Sensor::spd] + lost.late[Sensor::spd] +
+              lost.outside[Sensor::spd] ==
+          sent);
+    CHECK(late_by_slot == lost.late[Sensor::spd]);
+    CHECK(lost.early[Sensor::spd] > 0);
+    late += lost.late[Sensor::spd], outside += lost.outside[Sensor::spd];
+  }
+  CHECK(late > 0);
+  CHECK(outside > 0);
+}
+
+TEST_CASE("tags in random blocks give the same records as one block for each 100 ms") {
+  // The clock fit is given, so the times of the tags do not depend on the blocks.
+  SensorClocks clocks;
+  std::vector<Tag> tags;
+  Rng rng = make_rng(1, 6);
+  for (std::int64_t ms = 0; ms < 1000; ms += 10) {
+    const std::vector<Tag> mark{start_at(ms * 1'000'000'000)};
+    clocks.observe(TagBlock{.received = 10s + std::chrono::milliseconds(ms), .tags = mark});
+  }
+  REQUIRE(clocks[Sensor::spd].sound());
+  for (std::int64_t ps = 0; ps < 3'000'000'000'000;
+       ps += 1'000'000'000 + std::int64_t(rng() % 4000))
+    for (const Tag& tag : {start_at(ps), click_at(ps + std::int64_t(rng() % 6000))})
+      tags.push_back(tag);
+  const auto records = [&](auto size) {
+    auto settings = tdc_settings;
+    settings.dead_time_ps = 1'000'000'000;
+    Windows windows({.first = 10s, .length = 700ms}, settings, clocks, {Sensor::spd});
+    for (std::span<const Tag> rest = tags; !rest.empty();) {
+      const auto block = rest.first(std::min<std::size_t>(rest.size(), size()));
+      const HostTime last(10s + std::chrono::nanoseconds(block.back().time_ps / 1000 + 1000));
+      windows.add(TagBlock{.received = last, .tags = block});
+      rest = rest.subspan(block.size());
+    }
+    std::vector<record::FusedRecord> all;
+    for (std::int64_t k = 0; k < 4; ++k) all.push_back(windows.close({.index = k}));
+    return all;
+  };
+  const auto expected = records([] { return 100u; });
+  for (int round = 0; round < 20; ++round) {
+    const auto found = records([&] { return 1 + rng() % 50; });
+    for (std::size_t k = 0; k < 4; ++k) {
+      CAPTURE(round, k);
+      CHECK(expected[k].spd_counts.removed > 0);
+      CHECK(found[k].spd == expected[k].spd);
+      CHECK(found[k].spd_counts == expected[k].spd_counts);
+      CHECK(found[k].valid == expected[k].valid);
+    }
+  }
+}
