@@ -210,12 +210,18 @@ def test_bench_does_not_overwrite_a_file_that_is_not_a_table(tmp_path, text):
     assert (tmp_path / "notes.txt").read_text(encoding="latin-1") == text
 
 
-def test_content_hash_of_a_run_depends_on_its_verdicts(run, tmp_path):
-    path = tmp_path / "doubtful.sqlite"
+@pytest.mark.parametrize("change", [
+    "UPDATE record SET depth_verdict = 'stands still: the same' WHERE idx = 0",
+    "INSERT INTO calibration VALUES ('radar', '', '', 1, 0.05, 0)",
+    "UPDATE axis SET start = start + 0.1 WHERE name = 'radar'",
+    "UPDATE record SET spd = zeroblob(length(spd)) WHERE idx = 3",
+])
+def test_content_hash_of_a_run_depends_on_its_verdicts_offsets_axes_and_data(run, tmp_path, change):
+    path = tmp_path / "other.sqlite"
     shutil.copy(run.path, path)
     assert content_hash(path) == content_hash(run.path)
     with sqlite3.connect(path) as db:
-        db.execute("UPDATE record SET depth_verdict = 'stands still: the same' WHERE idx = 0")
+        db.execute(change)
     db.close()
     assert content_hash(path) != content_hash(run.path)
 

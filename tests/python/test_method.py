@@ -60,12 +60,16 @@ def runs(tmp_path_factory):
     for name, settings in RUNS.items():
         words = [word for setting in settings for word in ("--set", setting)]
         program("echofuse-sim", "dataset", "-q", "--out", folder / f"{name}.sqlite", "--records", 60, *words)
-    with sqlite3.connect(folder / "calibrated.sqlite") as db:
-        columns = [row[1] for row in db.execute("PRAGMA table_info(calibration)")]
-        for sensor, offset_m in (("spd", 0.031), ("radar", 0.087)):
-            known = {"sensor": sensor, "offset_m": offset_m}
-            db.execute(f"INSERT OR REPLACE INTO calibration VALUES ({', '.join('?' * len(columns))})",
-                       [known.get(column, 0) for column in columns])
+    for name in ("calibrated", "antennas"):
+        with sqlite3.connect(folder / f"{name}.sqlite") as db:
+            columns = [row[1] for row in db.execute("PRAGMA table_info(calibration)")]
+            for sensor, offset_m in (("spd", 0.031), ("radar", 0.087)):
+                known = {"sensor": sensor, "offset_m": offset_m}
+                db.execute(f"INSERT OR REPLACE INTO calibration VALUES ({', '.join('?' * len(columns))})",
+                           [known.get(column, 0) for column in columns])
+    with sqlite3.connect(folder / "piled-up.sqlite") as db:
+        # In every second record, the sync is filtered and the number of clicks per pulse is unknown.
+        db.execute("UPDATE record SET starts = in_range + out_of_range, clicks_a_pulse = NULL WHERE idx % 2 = 1")
     return folder
 
 

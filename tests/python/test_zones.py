@@ -10,6 +10,7 @@ import pytest
 
 import echofuse
 from echofuse.bench import derive
+from echofuse.models.photon_baselines import FirstReturn
 from echofuse.runs import zones
 from programs import BIN
 
@@ -59,6 +60,29 @@ def test_derived_run_keeps_the_detector_zones(tmp_path):
     derive.copy(tmp_path / "own.sqlite", tmp_path / "dim.sqlite", derive.thinned(0.5, seed=1))
     run = echofuse.open(tmp_path / "dim")
     assert run.zones == TWO and run.spd.sum() < counts().sum()
+
+
+def test_room_light_of_a_derived_run_is_shared_by_all_zones_of_a_record(tmp_path):
+    write(tmp_path / "own", spd=counts(records=40, histograms=9))
+    derive.copy(tmp_path / "own.sqlite", tmp_path / "light.sqlite", derive.background(900, seed=1))
+    added = echofuse.open(tmp_path / "light").spd - counts(records=40, histograms=9).astype(float)
+    assert added.min() >= 0 and added.sum((1, 2)).mean() == pytest.approx(900, abs=5 * 30 / 40 ** 0.5)
+    assert added.sum((0, 2)) == pytest.approx(4000, abs=5 * 4000 ** 0.5)
+
+
+def test_first_return_map_shows_a_body_in_the_zone_above_and_to_the_left(tmp_path):
+    nine = [zones.Zone(x, y, 0.2, 0.0) for y in (0.2, 0.0, -0.2) for x in (-0.2, 0.0, 0.2)]
+    spd = np.zeros((2, 9, 60), np.uint32)
+    for record, zone in ((0, 0), (1, 5)):  # above and to the left; in the middle and to the right
+        spd[record, :, 50] = 100
+        spd[record, zone] = 900 * (np.arange(60) == 30)
+    run = write(tmp_path / "own", spd=spd, zones=nine, bin_width_ps=0.05 * 2 / 299_792_458 * 1e12,
+                depth_m=np.full((2, 18, 18), 2.0))
+    method = FirstReturn()
+    method.fit(run, np.arange(2))
+    found = np.isfinite(method.predict(run))
+    assert found[0, :6, :6].any() and not found[0, 8:].any() and not found[0, :, 8:].any()
+    assert found[1, 7:11, 12:].all() and not found[1, :5].any() and not found[1, 13:].any() and not found[1, :, :9].any()
 
 
 @pytest.mark.parametrize("said, arrays", [

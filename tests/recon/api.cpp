@@ -98,6 +98,50 @@ TEST_CASE("the API predicts the same depth map as the model, from a record or fr
   }
 }
 
+TEST_CASE("the API predicts the same depth map from the arrays of three zones as from the record") {
+  const Folder dir;
+  // The position of the plate determines how its light is shared between three unequal zones.
+  const auto write_zones = [&](const std::string& name, std::int64_t count, std::uint64_t seed) {
+    record::RunWriter run(dir / name, {});
+    for (const Axis& axis :
+         {spd_axis(), radar_axis(), record::MapGrid{}.x(), record::MapGrid{}.y()})
+      run.put_axis(axis);
+    run.put_zones({{-0.2, 0.05, 0.15, 0}, {0, -0.05, 0.25, 0}, {0.2, 0, 0.2, 0}});
+    Rng rng = make_rng(seed, 10);
+    std::uniform_real_distribution<double> x(-1, 1), z(3, 4);
+    for (std::int64_t i = 0; i < count; ++i) {
+      const double at = x(rng);
+      record::FusedRecord r = plate_record(i, at, z(rng), rng);
+      std::vector<std::uint32_t> zones(3 * r.spd.size());
+      for (std::size_t b = 0; b < r.spd.size(); ++b) {
+        const auto left = static_cast<std::uint32_t>((0.5 - 0.4 * at) * r.spd[b]);
+        zones[b] = left, zones[r.spd.size() + b] = (r.spd[b] - left) / 3;
+        zones[2 * r.spd.size() + b] = r.spd[b] - left - (r.spd[b] - left) / 3;
+      }
+      r.spd = zones;
+      run.append(r);
+    }
+    run.close("complete");
+  };
+  write_zones("train", 80, 1), write_zones("fresh", 4, 2);
+  const Outcome o = recon_program("train -q --set fallback=false --epochs 3 --model factorised-4 " +
+                                  (dir / "train") + " --out " + (dir / "m"));
+  INFO(o.text);
+  REQUIRE(o.code == 0);
+  const Model model(dir / "m");
+  CHECK(model.zones() == 3);
+  const Run run(dir / "fresh");
+  for (std::int64_t i = 0; i < run.count(); ++i) {
+    const Record record = run.read(i);
+    const std::vector<float> counts(record.counts().begin(), record.counts().end());
+    REQUIRE(counts.size() == 90);
+    const DepthMap map = predict(model, run, i), of_arrays = predict(model, counts, record.power());
+    REQUIRE(map.fault.empty());
+    CHECK(of_arrays.depth_m == map.depth_m);
+    CHECK(of_arrays.deviation_m == map.deviation_m);
+  }
+}
+
 TEST_CASE("the API returns an error message instead of a map if a sensor is missing") {
   const Folder dir;
   const Model model(trained(dir, "mean-shape"));

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Tests model selection: layer sizes in model names, and the one-standard-error rule.
+#include <algorithm>
 #include <cmath>
+#include <sstream>
 
 #include "recon/train/crossvalidate.hpp"
 #include "recon/train/train.hpp"
@@ -90,6 +92,55 @@ TEST_CASE("train --model auto marks the chosen model in a table and refuses unkn
                                     (dir / "m.h5") + " " + (dir / "run"));
   CHECK(bad.code == 2);
   CHECK_THAT(bad.text, Catch::Contains("oracle"));
+}
+
+TEST_CASE("train --model auto does not use the test records to choose the model") {
+  const Folder dir;
+  // Returns the table of candidates without the training times.
+  const auto table = [&](const std::string& name, const Change& change) {
+    write_run(dir / name, 160, 1, change);
+    const Outcome o = recon_program(
+        "train --model auto --split blocked --set candidates=empty,mean,mean-shape,nearest --out " +
+        (dir / "m-") + name + " " + (dir / name));
+    CAPTURE(o.text);
+    REQUIRE(o.code == 0);
+    std::string rows;
+    std::istringstream lines(o.text);
+    for (std::string line; std::getline(lines, line);)
+      if (std::size_t(std::count(line.begin(), line.end(), '.')) >= 4)
+        rows += line.substr(0, line.find_last_not_of(" <-chosen0123456789.")) + '\n';
+    return rows;
+  };
+  // The test records are the last tenth of a blocked split. They show other scenes in the second
+  // run, so that each candidate has other scores on them.
+  const std::string usual = table("usual", {}),
+                    changed = table("changed", [](record::FusedRecord&r) {
+                      if (r.index < 144) return;
+                      std::ranges::reverse(r.spd);
+                      std::ranges::reverse(r.radar);
+                      std::ranges::reverse(r.depth_mm);
+                    });
+  CHECK(std::count(usual.begin(), usual.end(), '\n') >= 4);
+  CHECK(usual == changed);
+}
+
+TEST_CASE("cross-validation of a sequence keeps the gap between training and test records") {
+  const Folder dir;
+  write_run(dir / "run", 120);
+  Dataset data = load({dir / "run"});
+  const Rows once = rows_to_train(data, Inputs::fused).rows;
+  // Each record occurs 15 times in a row, so the borders of the folds at rows 22, 45 and 67 of 90
+  // lie within such a group, except for the second one.
+  Rows held;
+  for (std::size_t i = 0; i < 6; ++i) held.insert(held.end(), 15, once[i]);
+  TrainOptions options;
+  options.candidates = {"nearest"};
+  options.split.kind = "blocked", options.fit.quiet = true;
+  const auto iou = [&](std::size_t gap) {
+    options.split.gap = gap;
+    return crossvalidate(data, held, options).front().metrics[metric_iou].mean;
+  };
+  CHECK(iou(0) > iou(15) + 0.2);
 }
 
 TEST_CASE("model selection uses RMSE if no depth map has foreground") {

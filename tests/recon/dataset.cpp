@@ -361,6 +361,35 @@ TEST_CASE("training, validation and test splits are disjoint, complete and of th
   CHECK(make_split(rows, other).test != s.test);
 }
 
+TEST_CASE("random splits are disjoint and complete, and appended rows do not change their order") {
+  Rng rng = make_rng(3, 1);
+  std::uniform_real_distribution<double> share(0, 0.45);
+  for (std::uint64_t seed = 0; seed < 50; ++seed) {
+    CAPTURE(seed);
+    Rows rows;
+    for (std::size_t row = 0; rows.size() < 20 + seed * 7; row += 1 + rng() % 3)
+      rows.push_back(row);
+    SplitOptions options;
+    options.test_share = share(rng), options.validation_share = share(rng), options.seed = seed;
+    options.kind = seed % 2 ? "blocked" : "random", options.gap = rng() % 4;
+    const Split s = make_split(rows, options);
+    Rows all;
+    for (const Rows* part : {&s.train, &s.validation, &s.test}) {
+      CHECK(std::ranges::is_sorted(*part));
+      all.insert(all.end(), part->begin(), part->end());
+    }
+    std::ranges::sort(all);
+    CHECK(std::ranges::adjacent_find(all) == all.end());
+    CHECK(std::ranges::includes(rows, all));
+    if (options.kind == "random") CHECK(all == rows);
+    Rows longer = rows;
+    for (std::size_t more = 1; more < 30; ++more) longer.push_back(rows.back() + more);
+    Rows order = drawn(longer, seed, 5);
+    std::erase_if(order, [&](std::size_t row) { return row > rows.back(); });
+    CHECK(order == drawn(rows, seed, 5));
+  }
+}
+
 TEST_CASE("loading part of a run reads only the requested sensors") {
   const Folder dir;
   write_run(dir / "run", 3);

@@ -116,10 +116,13 @@ TEST_CASE(
   write_room(dir / "here", here, 60, 1);
   Dataset data = load({dir / "here"});
   std::ranges::fill(data.radar.row(3), 0.f);
-  const std::vector<float> wall(data.radar.cols, 0.5f);
+  const std::vector<float> before(data.radar.row(4).begin(), data.radar.row(4).end());
+  std::vector<float> wall(data.radar.cols, 0.5f);
+  wall[20] = 2;
   exchange_room({{}, wall, {}}, data);
   CHECK(data.fault_of(3, Inputs::fused) == "radar is the same in every bin");
-  CHECK(data.radar.row(4)[0] != 0);
+  CHECK(data.radar.row(4)[0] == before[0] + 0.5f);
+  CHECK(data.radar.row(4)[20] == before[20] + 2);
   write_room(dir / "four", here, 4, 2, false);
   CHECK(error_of([&] { state_empty_room(data, dir / "four"); }) ==
         (dir / "four") + ": 4 records have data of all sensors; expected at least 5");

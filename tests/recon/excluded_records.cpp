@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "recon/data/dataset.hpp"
+#include "recon/train/train.hpp"
 #include "world.hpp"
 
 using namespace echofuse;
@@ -41,6 +42,24 @@ TEST_CASE("damaged records are counted, and a run with more than 10 % damaged re
     if (r.index == 4) r.spd[7] = 300'000'001;
   });
   CHECK(load({dir / "c"}).damaged.size() == 1);
+}
+
+TEST_CASE("dead and damaged records count together for the limit of 10 %") {
+  const Folder dir;
+  const auto error_with = [&](std::int64_t damaged, std::int64_t dead) {
+    write_run(dir / "a", 50, 1, [&](record::FusedRecord& r) {
+      if (r.index < damaged) r.radar[3] = std::numeric_limits<float>::quiet_NaN();
+      if (r.index >= 50 - dead) std::ranges::fill(r.spd, 0u);
+    });
+    const Dataset data = load({dir / "a"});
+    CHECK(data.damaged.size() == static_cast<std::size_t>(damaged));
+    const std::string error = error_of([&] { rows_to_train(data, Inputs::fused); });
+    std::filesystem::remove(dir / "a");
+    return error;
+  };
+  CHECK_THAT(error_with(3, 3), Catch::Contains("6 of 50 records are dead or damaged (limit 10 %)"));
+  CHECK(error_with(3, 2) == "no error");
+  CHECK(error_with(0, 5) == "no error");
 }
 
 TEST_CASE("doubtful records are excluded from training") {

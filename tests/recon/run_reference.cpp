@@ -72,6 +72,23 @@ TEST_CASE("a run with a moving wall but without a body is reported and is scored
   CHECK(stated_m < 2 * error_m);
 }
 
+TEST_CASE(
+    "the gain of a second method is positive if it has the smaller error or mirror fraction") {
+  for (const Metric m : {metric_iou, metric_ssim, metric_ssim_fg, metric_left_right})
+    CHECK(gain(m, 0.2, 0.5) == Approx(0.3));
+  for (const Metric m : {metric_lateral_m, metric_depth_mae_m, metric_rmse_m, metric_ghost})
+    CHECK(gain(m, 0.2, 0.5) == Approx(-0.3));
+  MapScores one, other;
+  one.fill(NAN), other.fill(NAN);
+  one[metric_ghost] = 0.75, other[metric_ghost] = 0.25;
+  const auto differences = paired_differences(std::vector(6, one), std::vector(6, other));
+  REQUIRE(differences.size() == 1);
+  CHECK(differences[0].metric == metric_ghost);
+  CHECK(differences[0].mean == Approx(0.5));
+  CHECK(differences[0].first == Approx(0.75));
+  CHECK(differences[0].second == Approx(0.25));
+}
+
 TEST_CASE("the confidence interval widens with fewer records and is undefined below five") {
   const auto differences = [](std::size_t records) {
     MapScores none;
