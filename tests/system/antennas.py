@@ -13,6 +13,9 @@ import sys
 import tempfile
 import unittest
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+import waiting
+
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 cfg = pathlib.Path(__file__).resolve().parents[2] / "config/radar/xwr68xx_azimuth_50cm.cfg"
 MAGIC = bytes((2, 1, 4, 3, 6, 5, 8, 7))
@@ -96,13 +99,14 @@ class Antennas(unittest.TestCase):
         self.dir = pathlib.Path(folder.name)
 
     def record(self, count):
-        done = subprocess.run(
+        done = waiting.run(
             [bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--window", str(WINDOW_S), "--scene", "mixed", "--hold",
              str(5 * WINDOW_S), "--radar-cfg", cfg, "--log", self.dir / "sent.jsonl", "--set", "radar_sum=coherent", "--set",
              "radar_phase_error_rad=0.3", "--set", "radar_leakage=2", "--", bin_dir / "echofuse-acquire", "run", "--config",
              self.dir / "lab/lab.toml", "--set", f"run.window_s={WINDOW_S}", "--out", self.dir / "run", "--count", str(count),
              "--keep-raw", self.dir / "raw"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=180)
         self.assertEqual(done.returncode, 0, done.stdout)
+        self.starved = done.starved
 
     def check(self, count):
         with sqlite3.connect(f"file:{self.dir / 'run.sqlite'}?mode=ro", uri=True) as db:
@@ -120,11 +124,18 @@ class Antennas(unittest.TestCase):
                 sent[entry["frame"]] = entry["crc"]
             elif entry["device"] == "radar" and entry["what"] == "skipped":
                 skipped.add(entry["frame"])
-        self.assertLess(len(skipped), len(sent) / 10)
+        if self.starved and len(skipped) >= len(sent) / 10:
+            waiting.not_checked(f"rate of the frames ({len(skipped)} skipped, {len(sent)} sent)", self.starved)
+        else:
+            self.assertLess(len(skipped), len(sent) / 10)
         self.assertLessEqual(counted.get("lost_frames", 0), len(skipped))
-        before, worst = None, 0
+        before, worst, compared = None, 0, 0
         for idx, used, last, array_frames, blob in records:
             self.assertEqual(array_frames, used, idx)
+            if used == 0:
+                self.assertIsNone(blob)
+                continue
+            compared += 1
             numbers = sorted(n for n in sent if n <= last)[-used:]
             if before is not None:
                 self.assertLessEqual(set(range(before + 1, numbers[0])), skipped, f"missing frame before record {idx}")
@@ -136,6 +147,7 @@ class Antennas(unittest.TestCase):
                 true_power, true_values = statistics(frames, numbers, b)
                 self.assertAlmostEqual(power, true_power, delta=1e-5 * true_power)
                 worst = max(worst, *(abs(v - t) for v, t in zip(values, true_values)))
+        self.assertGreaterEqual(compared, count / 4 if self.starved else count)
         # The limit is half of the quantisation step of 1/32767, plus the rounding error of the sums.
         self.assertLess(worst, 3e-5)
 

@@ -13,6 +13,9 @@ import tempfile
 import tomllib
 import unittest
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+import waiting
+
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 config = pathlib.Path(__file__).resolve().parents[2] / "config/radar"
 SPD_PS, RADAR_M = 437, 0.037
@@ -26,10 +29,10 @@ class Calibrate(unittest.TestCase):
         self.dir = pathlib.Path(folder.name)
 
     def lab(self, *command, cfg=config / "xwr68xx_44mm.cfg", sets=("--set", f"radar_bias_m={RADAR_M}")):
-        return subprocess.run([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", "reflector", "--window", "1",
-                               "--laser-rate-hz", "4e6", "--radar-cfg", cfg, "--set", f"spd_delay_ps={SPD_PS}", *sets,
-                               "--", bin_dir / "echofuse-acquire", *command], text=True,
-                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=60)
+        return waiting.run([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", "reflector", "--window", "1",
+                            "--laser-rate-hz", "4e6", "--radar-cfg", cfg, "--set", f"spd_delay_ps={SPD_PS}", *sets,
+                            "--", bin_dir / "echofuse-acquire", *command], text=True,
+                           stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=60)
 
     def calibrate(self, *options):
         return self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", "--repeat", "6", "--time",
@@ -66,8 +69,12 @@ class Calibrate(unittest.TestCase):
         # The expected taps are the response of a Blackman window, sampled at quarters of a range cell.
         for tap, blackman in zip(taps, (1, .939, .776, .563)):
             self.assertLess(abs(tap - blackman), .02, response)
-        exponent, _, error = response["radar_noise_exponent"].partition(" +- ")
-        self.assertLess(abs(float(exponent) + .5), 5 * float(error), response)
+        unstated = json.loads(done.stdout.splitlines()[-1]).get("unstated", {})
+        if done.starved and "radar_noise_exponent" in unstated:
+            waiting.not_checked(f"exponent of the radar noise ({unstated['radar_noise_exponent']})", done.starved)
+        else:
+            exponent, _, error = response["radar_noise_exponent"].partition(" +- ")
+            self.assertLess(abs(float(exponent) + .5), 5 * float(error), response)
         self.assertEqual({key: info["meta"][key] for key in response}, response)
         like = self.dir / "like.sqlite"
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", like, "--records", "4", "--like", stored], check=True)

@@ -19,7 +19,7 @@ import time
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
-from waiting import starved, wait_for
+from waiting import not_checked, starved, wait_for
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 # Sanitizers make the programs slower, so longer slots are needed.
@@ -138,7 +138,7 @@ class Live(unittest.TestCase):
         counts = {axis["name"]: axis["count"] for axis in info["axes"]}
         self.assertEqual((counts["depth_x"], counts["map_x"], counts["map_y"]), (320, 96, 96))
         if late:
-            self.skipTest("the machine is too busy: completeness of the slots is not checked")
+            return not_checked("completeness of the slots", late)
         self.assertEqual(len(self.complete(rows)), len(rows), log)
         self.assertEqual(info["events"], {}, log)
         self.assertEqual(sent["tdc"]["dropped"], 0)
@@ -173,7 +173,7 @@ class Live(unittest.TestCase):
             self.assertGreaterEqual(row["spd_span_s"], 0.9 * WINDOW_S, (row["idx"], log))
         # On a busy machine, the laboratory may send too little data for a slot.
         if late:
-            self.skipTest("the machine is too busy: complete slots after the stall are not checked")
+            return not_checked("complete slots after the stall", late)
         self.assertGreaterEqual(len(whole), 1, log)
         still = [row["idx"] for row in within if row["spd_verdict"] == "the program stood still"]
         self.assertEqual(len(whole) + len(still), len(within), log)
@@ -266,7 +266,10 @@ class Live(unittest.TestCase):
             if what == "released":
                 events = [json.loads(line) for line in said[reader].split()]
                 self.assertEqual([events[0]["event"], events[-1]], ["run", events[-1] | {"event": "end", "on_disk": 22, "code": 0}])
-                self.assertEqual([e["on_disk"] for e in events[1:-1]], list(range(1, 23)))
+                # One event may report several records that were written together.
+                counts = [e["on_disk"] for e in events[1:-1]]
+                self.assertEqual(counts, sorted(set(counts)))
+                self.assertEqual(counts[-1], 22)
                 self.assertIn("record 21: committed", said[master])
                 self.assertIn("22 of 22 records, complete", said[master])
                 # The dropped lines are status lines.
