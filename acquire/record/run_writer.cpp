@@ -340,6 +340,7 @@ bool RunWriter::close(const std::string& status, std::int64_t unwritten) {
   const bool folded = fold();
   handle_.reset();
   db_ = nullptr;
+  if (folded) lock_->remove();
   lock_.reset();
   if (!refusal.empty())
     throw Error(ExitCode::failed, refusal + " (" + std::to_string(records_) + " records are kept)");

@@ -115,7 +115,7 @@ void Lock::empty() const {
 }
 
 void Lock::remove() const {
-  if (held_) ::unlink(path_.c_str());
+  if (held_ && stands_at(path_, fd_)) ::unlink(path_.c_str());
 }
 
 std::optional<std::string> Lock::holder(const std::string& path) {

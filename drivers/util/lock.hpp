@@ -28,6 +28,8 @@ class Lock {
   // cannot be reserved, reserves nothing.
   void reserve(off_t bytes) const;
   void empty() const;
+  // Removes the file, but keeps the lock. A process that opened the file before then finds that it
+  // is not at PATH, and creates a new one.
   void remove() const;
 
   // Returns the text written by the lock's holder, or nullopt if the lock is free. Does not take

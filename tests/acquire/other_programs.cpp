@@ -315,7 +315,7 @@ TEST_CASE("a label that is waiting for access to the run file is refused if the 
   CHECK(RunReader(path).events().empty());
 }
 
-TEST_CASE("a run requires a valid lock file and does not delete it") {
+TEST_CASE("a run requires a valid lock file and removes it at its end") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", lock = path + "-lock";
   SECTION("a run is refused if another file occupies the path of its lock") {
@@ -347,13 +347,22 @@ TEST_CASE("a run requires a valid lock file and does not delete it") {
     CHECK(WriterLock::someone_writes(path));
     CHECK_FALSE(WriterLock(path).held());
     CHECK(fs::file_size(lock) == 128 << 10);
-    run->close("complete");
     CHECK(inode(lock) == before);
-    CHECK(fs::file_size(lock) == 0);
+    run->close("complete");
+    CHECK_FALSE(fs::exists(lock));
     CHECK_FALSE(WriterLock::someone_writes(path));
+  }
+  SECTION("the end of a run does not remove a lock file that replaced its own") {
+    auto run = begin(path, 1);
+    fs::remove(lock);
+    const WriterLock other(path);
+    CHECK(other.held());
+    run->close("complete");
+    CHECK(WriterLock::someone_writes(path));
   }
   SECTION("a reader's shared lock does not block the writer's lock") {
     begin(path, 1)->close("complete");
+    write_file(lock, "");
     const int reader = ::open(lock.c_str(), O_RDONLY);
     REQUIRE(flock(reader, LOCK_SH | LOCK_NB) == 0);
     CHECK(WriterLock(path).held());
