@@ -261,8 +261,8 @@ udev_keys = {"ACTION": "==", "SUBSYSTEM": "==", "ATTR": "==", "ATTRS": "==", "EN
 rules = (root / "config/70-echofuse.rules").read_text(encoding="utf-8")
 for number, line in enumerate(rules.splitlines(), 1):
     for item in [] if line.startswith("#") or not line else line.split(", "):
-        token = re.fullmatch(r'([A-Z]+)(\{\w+\})?(==|=|\+=)"([^"]+)"', item)
-        if not token or token[3] not in udev_keys.get(token[1], "").split():
+        token = re.fullmatch(r'([A-Z]+)(\{[\w/]+\})?(==|=|\+=)"([^"]+)"', item)
+        if not token or token[3] not in udev_keys.get(token[1], "").split() + ["="] * (token[2] == "{power/control}"):
             faults.append(f"config/70-echofuse.rules:{number}: not a udev rule: {item}")
     if re.match('SUBSYSTEM=="(tty|video4linux)"', line) and ("GROUP=" in line or 'TAG+="uaccess"' not in line):
         faults.append(f"config/70-echofuse.rules:{number}: its group is the system's; expected uaccess alone")

@@ -11,6 +11,7 @@
 #include "drivers/inventory/inventory.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/printable.hpp"
+#include "drivers/util/program.hpp"
 #include "drivers/util/settings.hpp"
 
 namespace echofuse::acquire {
@@ -166,8 +167,12 @@ std::vector<Answer> ask(const Config& config, port::Loop& loop, const std::strin
 
 ExitCode list_devices(const std::optional<Config>& config, port::Loop& loop, bool json) {
   std::string camera_fault;
-  Json all{{"schema", 1}, {"configured", Json::array()}, {"attached", find_attached(camera_fault)}};
+  Json all{{"schema", 1},
+           {"configured", Json::array()},
+           {"attached", find_attached(camera_fault)},
+           {"instructions", instruction_set()}};
   if (!json) print(text_of(all["attached"], camera_fault));
+  if (!json) print("processor: " + instruction_set());
   std::fflush(stdout);
   SampleSink nobody;
   bool ok = true;

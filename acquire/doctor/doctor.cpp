@@ -189,6 +189,9 @@ ExitCode examine(const std::optional<Config>& config, const DoctorOptions& optio
   report.add(check_permissions(config, options.roots));
   report.add(check_modem_manager(config, options.roots));
   report.add(check_usb_memory(config, options.roots));
+  report.add(check_usb_power(config, options.roots));
+  report.add(check_open_files(open_files_limit()));
+  report.add(processor_finding());
   report.add(check_clock(read_clock()));
   const bool named = config && !config->run_folder.empty();
   PlannedRun plan{.folder = std::filesystem::absolute(named ? config->run_folder : ".").string(),

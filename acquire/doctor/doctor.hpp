@@ -34,6 +34,15 @@ Finding check_modem_manager(const std::optional<Config>& config, const MachineRo
 // tagger.
 Finding check_usb_memory(const std::optional<Config>& config, const MachineRoots& roots);
 
+// Warns if the kernel may suspend the USB device of a configured serial port or of an attached
+// device.
+Finding check_usb_power(const std::optional<Config>& config, const MachineRoots& roots);
+// Warns if this process may open only a few files: a run needs them for its devices and its file.
+Finding check_open_files(std::uint64_t limit);
+std::uint64_t open_files_limit();
+// States the SIMD instructions that the programs use.
+Finding processor_finding();
+
 // State of the system clock, as reported by adjtimex(2).
 struct KernelClock {
   bool readable = false, synchronised = false;

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <sys/resource.h>
 #include <sys/timex.h>
 #include <unistd.h>
 
@@ -12,6 +13,7 @@
 
 #include "acquire/doctor/doctor.hpp"
 #include "drivers/port/open_port.hpp"
+#include "drivers/util/program.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -185,6 +187,44 @@ Finding check_usb_memory(const std::optional<Config>& config, const MachineRoots
           found,
           enough ? "" : "run as root: echo 16 > /sys/module/usbcore/parameters/usbfs_memory_mb",
           {{"limit_mib", limit}, {"needed_mib", needed}}};
+}
+
+Finding check_usb_power(const std::optional<Config>& config, const MachineRoots& roots) {
+  constexpr const char* check = "USB power";
+  std::string found, files;
+  for (const Port& port : ports(config, roots))
+    if (const auto file = inventory::suspension_switch(port.path, roots.devices); !file.empty()) {
+      found += (found.empty() ? "" : ", ") + port.path;
+      if (files.find(file) == files.npos) files += " " + file;
+    }
+  if (found.empty()) return {check, Grade::ok, "no device may be suspended"};
+  return {check, Grade::warning, found + " may be suspended while idle",
+          "install config/70-echofuse.rules and replug the device, or run as root: echo on | tee" +
+              files};
+}
+
+Finding check_open_files(std::uint64_t limit) {
+  constexpr std::uint64_t enough = 64;
+  const double files = static_cast<double>(limit);
+  if (limit >= enough)
+    return {"open files", Grade::ok, "limit is sufficient", "", {{"limit", files}}};
+  return {"open files",
+          Grade::warning,
+          "at most " + std::to_string(limit) + " files (expected at least " +
+              std::to_string(enough) + ")",
+          "raise the limit (ulimit -n 1024; LimitNOFILE= in a service unit), or a run may end when "
+          "it begins a new file",
+          {{"limit", files}}};
+}
+
+std::uint64_t open_files_limit() {
+  rlimit limit{};
+  return ::getrlimit(RLIMIT_NOFILE, &limit) == 0 ? limit.rlim_cur : RLIM_INFINITY;
+}
+
+Finding processor_finding() {
+  return {"processor", Grade::ok,
+          instruction_set() + ", " + std::to_string(usable_cores()) + " usable cores"};
 }
 
 KernelClock read_clock() {

@@ -248,10 +248,14 @@ std::vector<Node> hid_nodes(const UsbDevice& d, const Roots& roots) {
   return out;
 }
 
-std::vector<Node> usb_nodes(const UsbDevice& d, const Roots& roots) {
+std::string usb_path(const UsbDevice& d, const Roots& roots) {
   char place[32];
   std::snprintf(place, sizeof place, "bus/usb/%03u/%03u", d.bus, d.number);
-  Node node = node_of((fs::path(roots.dev) / place).string());
+  return (fs::path(roots.dev) / place).string();
+}
+
+std::vector<Node> usb_nodes(const UsbDevice& d, const Roots& roots) {
+  Node node = node_of(usb_path(d, roots));
   if (streams_tags(d)) {
     node.key = "tdc.address";
     node.address = by_serial("usb", d);
@@ -292,6 +296,19 @@ std::vector<Attached> list_attached(const Roots& roots) {
       out.push_back(describe(*kind, device, roots, same > 1 && !device.serial.empty()));
   }
   return out;
+}
+
+std::string suspension_switch(const std::string& node_path, const Roots& roots) {
+  const std::string node = fs::path(node_path).filename().string();
+  for (const UsbDevice& device : read_usb_tree(roots.sys)) {
+    const bool owner = usb_path(device, roots) == node_path ||
+                       std::ranges::any_of(device.interfaces, [&](const UsbInterface& i) {
+                         return std::ranges::count(i.nodes, node) > 0;
+                       });
+    const fs::path file = fs::path(roots.sys) / "bus/usb/devices" / device.place / "power/control";
+    if (owner && text_of(file) == "auto") return file.string();
+  }
+  return {};
 }
 
 std::string two_boards(const std::string& command_path, const std::string& data_path,

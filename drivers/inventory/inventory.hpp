@@ -35,6 +35,10 @@ struct Attached {
 // empty list if sysfs cannot be read.
 std::vector<Attached> list_attached(const Roots& roots = {});
 
+// Returns the name of the sysfs file that lets the kernel suspend the USB device of a device node.
+// Returns an empty string if the device stays awake, or if the node belongs to no USB device.
+std::string suspension_switch(const std::string& node_path, const Roots& roots = {});
+
 enum class RadarPort { command, data };
 
 // Returns whether `path` (a by-id link or a device node) is the command port or the data port of a

@@ -17,6 +17,7 @@
 #include <utility>
 
 #include "drivers/util/printable.hpp"
+#include "drivers/util/program.hpp"
 
 namespace echofuse {
 namespace {
@@ -204,7 +205,7 @@ std::string human_duration(double seconds) {
 
 const char* version() { return ECHOFUSE_VERSION; }
 std::string version_line(const std::string& program) {
-  return program + " " + version() + " (" + commit() + ")";
+  return program + " " + version() + " (" + commit() + "), " + instruction_set();
 }
 
 }  // namespace echofuse

@@ -69,7 +69,7 @@ const char* version();
 // Returns the commit from which the program was built, for example "d8b7bc3f0". Appends "+" if
 // source files were modified (commit.cmake).
 const char* commit();
-// Returns the output of --version, for example "echofuse-sim 0.1.0 (d8b7bc3f0)".
+// Returns the output of --version, for example "echofuse-sim 0.1.0 (d8b7bc3f0), AVX2".
 std::string version_line(const std::string& program);
 
 }  // namespace echofuse

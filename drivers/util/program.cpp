@@ -14,6 +14,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <sstream>
+#include <string_view>
 #include <thread>
 
 #include "drivers/util/printable.hpp"
@@ -41,6 +42,19 @@ unsigned usable_cores() {
   if (::sched_getaffinity(0, sizeof cores, &cores) != 0)
     return std::max(1u, std::thread::hardware_concurrency());
   return static_cast<unsigned>(CPU_COUNT(&cores));
+}
+
+std::string instruction_set() {
+#if defined(__x86_64__)
+  return __builtin_cpu_supports("avx512vl") ? "AVX-512"
+         : __builtin_cpu_supports("avx2")   ? "AVX2"
+         : __builtin_cpu_supports("avx")    ? "AVX"
+                                            : "SSE";
+#elif defined(__aarch64__)
+  return "NEON";
+#else
+  return "no SIMD";
+#endif
 }
 
 std::string permission_hint(const std::string& node) {
@@ -93,7 +107,11 @@ Result<pid_t> start_program(const std::vector<std::string>& words, const Program
   };
   std::vector<char*> arguments = pointers(words), environment = pointers(options.environment);
   arguments.push_back(nullptr);
-  for (char** variable = environ; *variable; ++variable) environment.push_back(*variable);
+  for (char** inherited = environ; *inherited; ++inherited) {
+    const std::string_view variable = *inherited, name = variable.substr(0, variable.find('=') + 1);
+    if (std::ranges::none_of(options.environment, [&](auto& own) { return own.starts_with(name); }))
+      environment.push_back(*inherited);
+  }
   environment.push_back(nullptr);
   posix_spawn_file_actions_t actions;
   ::posix_spawn_file_actions_init(&actions);

@@ -17,7 +17,7 @@ struct ProgramOptions {
   // If true, the program has its own process group, reads from /dev/null and writes to this
   // program's stderr.
   bool background = false;
-  std::vector<std::string> environment{};  // NAME=value pairs, added to the inherited environment
+  std::vector<std::string> environment{};  // NAME=value pairs, which replace inherited ones
 };
 
 // Returns the folder of the running executable.
@@ -33,6 +33,8 @@ std::filesystem::path here_or_installed(const std::filesystem::path& name,
 std::string login_name();
 // Returns the number of cores available to this program (taskset, cpusets); at least 1.
 unsigned usable_cores();
+// Returns the widest SIMD instruction set of the processor that echofuse uses, for example "AVX2".
+std::string instruction_set();
 // Returns how the user can get access to a device node: by joining the node's group, or by
 // installing echofuse's udev rules.
 std::string permission_hint(const std::string& node);

@@ -247,6 +247,7 @@ TEST_CASE("the devices command lists attached devices if no configuration file e
   CHECK(all["configured"] == Json::array());
   CHECK(all["attached"]["usb"].is_array());
   CHECK(all["attached"]["openni"].is_array());
+  CHECK(has(acquire("--version").text, "), " + all["instructions"].get<std::string>() + "\n"));
   refuses("devices --config " + folder / "none.toml", 3, "none.toml: cannot read");
 }
 

@@ -97,6 +97,35 @@ TEST_CASE("doctor rates a missing device node as a problem only if the device is
   CHECK(grade(with_radar("serial:" + machine / "dev/ttyACM0")) == Grade::problem);
 }
 
+TEST_CASE("the doctor command names devices that the kernel may suspend") {
+  Machine machine;
+  machine.plug_in_radar();
+  machine.write("dev/ttyS7", "");
+  const auto finding = [&] {
+    return check_usb_power(with_radar("serial:" + machine / "dev/ttyS7"), machine.roots());
+  };
+  CHECK(finding().grade == Grade::ok);
+  const std::string control = "sys/bus/usb/devices/1-2/power/control";
+  machine.write(control, "on\n");
+  CHECK(finding().grade == Grade::ok);
+  machine.write(control, "auto\n");
+  CHECK(finding().grade == Grade::warning);
+  CHECK(has(finding().found, machine / "dev/ttyACM0"));
+  CHECK(has(finding().found, machine / "dev/ttyACM1"));
+  CHECK_FALSE(has(finding().found, "ttyS7"));
+  CHECK(has(finding().advice, "echo on | tee " + machine / control));
+  machine.write("sys/bus/usb/devices/1-2/idVendor", "0403\n");  // not a kind that echofuse supports
+  CHECK(finding().grade == Grade::ok);
+  const auto configured = with_radar("serial:" + machine / "dev/ttyACM0");
+  CHECK(check_usb_power(configured, machine.roots()).grade == Grade::warning);
+}
+
+TEST_CASE("the doctor command warns of a limit below 64 open files") {
+  CHECK(check_open_files(64).grade == Grade::ok);
+  CHECK(check_open_files(63).grade == Grade::warning);
+  CHECK(has(check_open_files(16).found, "at most 16 files (expected at least 64)"));
+}
+
 TEST_CASE("the doctor command checks a configured radar port of an unknown vendor") {
   const Machine machine;
   const auto findings =

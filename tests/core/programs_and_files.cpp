@@ -138,6 +138,19 @@ TEST_CASE("a FIFO that replaces a file while it is being opened is detected") {
   CHECK(read <= 20'000);
 }
 
+TEST_CASE("a variable for a child process replaces an inherited variable of this name") {
+  const Folder folder;
+  ::setenv("ECHOFUSE_TEST_WORD", "inherited", 1);
+  ::setenv("ECHOFUSE_TEST_WORDS", "other", 1);
+  const auto program =
+      start_program({"sh", "-c", "env | grep ECHOFUSE_TEST_WORD | sort > out"},
+                    {.folder = folder / "", .environment = {"ECHOFUSE_TEST_WORD=own"}});
+  REQUIRE(program);
+  CHECK(wait_for_program(*program) == 0);
+  ::unsetenv("ECHOFUSE_TEST_WORD"), ::unsetenv("ECHOFUSE_TEST_WORDS");
+  CHECK(contents(folder / "out") == "ECHOFUSE_TEST_WORD=own\nECHOFUSE_TEST_WORDS=other\n");
+}
+
 TEST_CASE("a child process starts in the given folder and inherits no file descriptors") {
   const Folder folder;
   const int mine = ::open("/dev/null", O_RDONLY);
