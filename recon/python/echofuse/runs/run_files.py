@@ -2,7 +2,6 @@
 """Opens run files for reading."""
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import pathlib
@@ -17,6 +16,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    pass
 
 APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 3
 NULL_INTEGER = -1 << 63
@@ -37,6 +41,9 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode()
                    for c in text)
 
+
+# Flags of os.open(); Windows has the last one only.
+READ = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_CLOEXEC", "O_NONBLOCK", "O_BINARY"))
 
 _lock = threading.Lock()
 _descriptors: dict[tuple[int, int], list[int]] = {}  # open file descriptors by device and inode
@@ -66,7 +73,7 @@ def hold(path: pathlib.Path) -> tuple[int, int]:
     with _lock:
         found = path.stat()
         if (found.st_dev, found.st_ino) not in _descriptors:
-            descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+            descriptor = os.open(path, READ)
             found = os.fstat(descriptor)
             _descriptors.setdefault((found.st_dev, found.st_ino), []).append(descriptor)
         _connections[found.st_dev, found.st_ino] += 1
@@ -86,7 +93,13 @@ def release(inode: tuple[int, int] | None) -> None:
 
 def header_is_closed(inode: tuple[int, int] | None) -> bool:
     """Returns whether the file is a closed (immutable) run, in which bytes 18 and 19 are 1."""
-    return inode is not None and os.pread(_descriptors[inode][0], 2, 18) == b"\1\1"
+    if inode is None:
+        return False
+    if hasattr(os, "pread"):
+        return os.pread(_descriptors[inode][0], 2, 18) == b"\1\1"
+    with _lock:  # Windows; threads share the position in the file
+        os.lseek(_descriptors[inode][0], 18, os.SEEK_SET)
+        return os.read(_descriptors[inode][0], 2) == b"\1\1"
 
 
 def is_closed(path: pathlib.Path) -> bool:
@@ -113,17 +126,16 @@ def leftovers(path: pathlib.Path) -> list[pathlib.Path]:
 
 def is_written(path: pathlib.Path) -> bool:
     """Returns whether a process is writing the run, i.e. holds the lock on RUN-lock. Does not take
-    the lock."""
+    the lock. Returns False on systems that cannot record."""
     try:
-        descriptor = os.open(side_file(path, "-lock"),
-                             os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+        descriptor = os.open(side_file(path, "-lock"), READ | getattr(os, "O_NOFOLLOW", 0))
     except OSError:
         return False
     try:
         query = struct.pack("hhqqi", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
         found = fcntl.fcntl(descriptor, fcntl.F_OFD_GETLK, query)
         return bool(struct.unpack_from("h", found)[0] != fcntl.F_UNLCK)
-    except OSError:
+    except (OSError, NameError, AttributeError):  # Windows lacks fcntl, macOS F_OFD_GETLK
         return False
     finally:
         os.close(descriptor)
@@ -132,7 +144,7 @@ def is_written(path: pathlib.Path) -> bool:
 def wal_header(path: pathlib.Path) -> bytes:
     """Returns the first 32 bytes of the -wal file next to a run, padded with zeros."""
     try:
-        descriptor = os.open(side_file(path, "-wal"), os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+        descriptor = os.open(side_file(path, "-wal"), READ)
     except FileNotFoundError:
         return bytes(32)
     try:

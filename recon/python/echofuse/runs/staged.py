@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import os
 import pathlib
 import secrets
@@ -14,6 +13,11 @@ import socket
 import zlib
 from collections.abc import Iterator
 from typing import Any, NoReturn
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    pass
 
 
 def stop_by_signal() -> list[int]:
