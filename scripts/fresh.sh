@@ -40,7 +40,10 @@ fresh_root() {
   mount --bind /dev "$root/dev"
   mount --bind /dev/pts "$root/dev/pts"
   cp /etc/resolv.conf "$root/etc/resolv.conf"
-  cp /etc/apt/apt.conf.d/* "$root/etc/apt/apt.conf.d/"
+  # Copies apt's local settings, but no files of packages, because dpkg would ask which version to keep.
+  for settings in /etc/apt/apt.conf.d/*; do
+    dpkg -S "$settings" >/dev/null 2>&1 || cp "$settings" "$root/etc/apt/apt.conf.d/"
+  done
   in_root "apt-get update -q && apt-get install -q -y --no-install-recommends ca-certificates $*" >/dev/null
 }
 
