@@ -118,17 +118,19 @@ Candidate candidate_of(const std::string& name, const FitOptions& base, std::siz
   const ModelKind& kind = kind_of(out.model);
   const bool hidden = kind.size == ModelKind::Size::hidden;
   const bool basis = kind.size == ModelKind::Size::basis;
-  FitOptions own = kind.own;
+  const FitOptions& own = kind.own;
+  auto batch = own.batch;
+  auto learning_rate = own.learning_rate;
   if (hidden) {  // scales the learning rate with the square root of the batch size
-    if (records >= many_records) *own.batch *= 2;
+    if (records >= many_records) *batch *= 2;
     const double times =
-        static_cast<double>(base.batch.value_or(*own.batch)) / static_cast<double>(*kind.own.batch);
-    *own.learning_rate *= std::sqrt(std::max(times, 1.0));
+        static_cast<double>(base.batch.value_or(*batch)) / static_cast<double>(*own.batch);
+    *learning_rate *= std::sqrt(std::max(times, 1.0));
   }
   fill(out.fit.hidden, own.hidden), fill(out.fit.basis, own.basis);
   fill(out.fit.epochs, own.epochs), fill(out.fit.patience, own.patience);
-  fill(out.fit.learning_rate, own.learning_rate), fill(out.fit.weight_decay, own.weight_decay);
-  fill(out.fit.batch, own.batch);
+  fill(out.fit.learning_rate, learning_rate), fill(out.fit.weight_decay, own.weight_decay);
+  fill(out.fit.batch, batch);
   if (!sized) return out;
   const auto numbers =
       name.back() == '-' ? std::vector<std::size_t>{} : numbers_of(name.substr(digit));
