@@ -12,7 +12,7 @@ namespace {
 // Aborts a test case that hangs. Catch then prints the test case, the section and the last
 // assertion that was completed.
 struct Deadline : Catch::TestEventListenerBase {
-  using TestEventListenerBase::TestEventListenerBase;
+  using Catch::TestEventListenerBase::TestEventListenerBase;
   void testCaseStarting(const Catch::TestCaseInfo&) override {
     const char* limit_s = std::getenv("ECHOFUSE_TEST_DEADLINE_S");
     const unsigned longer = std::getenv("ECHOFUSE_LONG") ? 10 : 1;
