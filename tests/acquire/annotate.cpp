@@ -9,7 +9,7 @@
 #include <random>
 #include <set>
 
-#include "../full_disk.hpp"
+#include "../fixtures/full_disk.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/writer_lock.hpp"
 #include "testing.hpp"

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "../paths.hpp"
+#include "../fixtures/paths.hpp"
 #include "testing.hpp"
 
 using namespace testing;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/config/config.hpp"
 
-#include "../paths.hpp"
+#include "../fixtures/paths.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;

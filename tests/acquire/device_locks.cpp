@@ -7,7 +7,7 @@
 #include <fstream>
 
 #include "../catch.hpp"
-#include "../folder.hpp"
+#include "../fixtures/folder.hpp"
 #include "drivers/util/exit_code.hpp"
 
 using namespace echofuse;

@@ -5,7 +5,7 @@
 #include <thread>
 
 #include "../catch.hpp"
-#include "../folder.hpp"
+#include "../fixtures/folder.hpp"
 #include "drivers/util/exit_code.hpp"
 
 using namespace echofuse;

@@ -6,7 +6,7 @@
 
 #include <future>
 
-#include "../full_disk.hpp"
+#include "../fixtures/full_disk.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "testing.hpp"

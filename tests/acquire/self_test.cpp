@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Tests the ratings of devices and disks by doctor, with artificial samples and figures.
-#include "../paths.hpp"
+#include "../fixtures/paths.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/run/disk.hpp"
 #include "testing.hpp"

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "../catch.hpp"
-#include "../folder.hpp"
-#include "../shell.hpp"
+#include "../fixtures/folder.hpp"
+#include "../fixtures/shell.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/util/exit_code.hpp"
 

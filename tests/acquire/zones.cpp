@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "../catch.hpp"
-#include "../folder.hpp"
+#include "../fixtures/folder.hpp"
 #include "acquire/record/run_file.hpp"
 
 using namespace echofuse;

@@ -7,8 +7,8 @@
 #include <fstream>
 
 #include "../catch.hpp"
-#include "../folder.hpp"
-#include "../full_disk.hpp"
+#include "../fixtures/folder.hpp"
+#include "../fixtures/full_disk.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "drivers/util/new_file.hpp"
 

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "../catch.hpp"
-#include "../folder.hpp"
+#include "../fixtures/folder.hpp"
 #include "drivers/util/exit_code.hpp"
 
 using namespace echofuse;

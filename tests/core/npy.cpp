@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "../catch.hpp"
-#include "../folder.hpp"
+#include "../fixtures/folder.hpp"
 #include "drivers/core/bytes.hpp"
 
 using namespace echofuse;

@@ -12,8 +12,8 @@
 #include <thread>
 
 #include "../catch.hpp"
-#include "../folder.hpp"
-#include "../full_disk.hpp"
+#include "../fixtures/folder.hpp"
+#include "../fixtures/full_disk.hpp"
 #include "drivers/core/bytes.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/exit_code.hpp"

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "../paths.hpp"
+#include "../fixtures/paths.hpp"
 #include "drivers/core/bytes.hpp"
 
 namespace echofuse::test {

@@ -5,7 +5,7 @@
 #include <fstream>
 
 #include "../catch.hpp"
-#include "../paths.hpp"
+#include "../fixtures/paths.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "stock_cfg.hpp"
 

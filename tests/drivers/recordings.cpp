@@ -9,8 +9,8 @@
 #include <iterator>
 
 #include "../catch.hpp"
-#include "../folder.hpp"
-#include "../paths.hpp"
+#include "../fixtures/folder.hpp"
+#include "../fixtures/paths.hpp"
 #include "acquire/import/import.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/radar/frame_parser.hpp"

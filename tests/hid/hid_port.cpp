@@ -10,8 +10,8 @@
 #include <thread>
 
 #include "../catch.hpp"
-#include "../folder.hpp"
-#include "../shell.hpp"
+#include "../fixtures/folder.hpp"
+#include "../fixtures/shell.hpp"
 #include "bed.hpp"
 #include "drivers/inventory/inventory.hpp"
 #include "drivers/port/loop.hpp"

@@ -6,7 +6,7 @@
 
 #include "../catch.hpp"
 #include "../drivers/sink.hpp"
-#include "../paths.hpp"
+#include "../fixtures/paths.hpp"
 #include "bed.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/make_driver.hpp"

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "../catch.hpp"
-#include "../shell.hpp"
+#include "../fixtures/shell.hpp"
 #include "recon/numbers/blas.hpp"
 
 using namespace echofuse;

@@ -3,7 +3,7 @@
 // and that symbolic links are not followed.
 #include <sys/stat.h>
 
-#include "../full_disk.hpp"
+#include "../fixtures/full_disk.hpp"
 #include "recon/predict/trained_model.hpp"
 #include "world.hpp"
 

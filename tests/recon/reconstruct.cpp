@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "../paths.hpp"
+#include "../fixtures/paths.hpp"
 #include "drivers/core/clock.hpp"
 #include "recon/maps/map_files.hpp"
 #include "recon/maps/png.hpp"

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "../catch.hpp"
-#include "../paths.hpp"
+#include "../fixtures/paths.hpp"
 #include "recon/metrics/metrics.hpp"
 #include "recon/numbers/statistics.hpp"
 

@@ -18,8 +18,8 @@
 #include <vector>
 
 #include "../catch.hpp"
-#include "../folder.hpp"
-#include "../shell.hpp"
+#include "../fixtures/folder.hpp"
+#include "../fixtures/shell.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/random.hpp"

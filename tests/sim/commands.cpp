@@ -7,8 +7,8 @@
 #include <string>
 
 #include "../catch.hpp"
-#include "../folder.hpp"
-#include "../shell.hpp"
+#include "../fixtures/folder.hpp"
+#include "../fixtures/shell.hpp"
 #include "acquire/record/run_file.hpp"
 
 namespace {

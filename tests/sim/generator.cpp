@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "../catch.hpp"
-#include "../folder.hpp"
+#include "../fixtures/folder.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "sim/sensors/radar_echo.hpp"

@@ -17,7 +17,7 @@
 #include <numeric>
 
 #include "../catch.hpp"
-#include "../paths.hpp"
+#include "../fixtures/paths.hpp"
 #include "sim/scene/mesh.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/render.hpp"

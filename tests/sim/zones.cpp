@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "../catch.hpp"
-#include "../folder.hpp"
+#include "../fixtures/folder.hpp"
 #include "acquire/record/run_file.hpp"
 #include "scenes.hpp"
 #include "sim/dataset/generator.hpp"

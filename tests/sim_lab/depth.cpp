@@ -5,7 +5,7 @@
 #include <cstdio>
 
 #include "../catch.hpp"
-#include "../paths.hpp"
+#include "../fixtures/paths.hpp"
 #include "drivers/core/bytes.hpp"
 #include "lab_thread.hpp"
 

@@ -6,7 +6,7 @@
 #include <set>
 
 #include "../catch.hpp"
-#include "../paths.hpp"
+#include "../fixtures/paths.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "lab_thread.hpp"
 

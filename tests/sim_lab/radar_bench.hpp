@@ -11,7 +11,7 @@
 
 #include "../catch.hpp"
 #include "../drivers/sink.hpp"
-#include "../paths.hpp"
+#include "../fixtures/paths.hpp"
 #include "../virtual/wire.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/port/loop.hpp"

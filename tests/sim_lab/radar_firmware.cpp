@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "../catch.hpp"
-#include "../paths.hpp"
+#include "../fixtures/paths.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/radar/command_dialogue.hpp"
 

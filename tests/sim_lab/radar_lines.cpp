@@ -4,7 +4,7 @@
 
 #include "../catch.hpp"
 #include "../drivers/sink.hpp"
-#include "../paths.hpp"
+#include "../fixtures/paths.hpp"
 #include "drivers/port/open_port.hpp"
 #include "drivers/radar/radar_driver.hpp"
 #include "lab_thread.hpp"

@@ -10,7 +10,7 @@
 #include <cstring>
 
 #include "../catch.hpp"
-#include "../paths.hpp"
+#include "../fixtures/paths.hpp"
 #include "drivers/core/bytes.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "lab_thread.hpp"

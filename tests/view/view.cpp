@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "../catch.hpp"
-#include "../folder.hpp"
+#include "../fixtures/folder.hpp"
 #include "acquire/record/run_file.hpp"
 #include "recon/live/access.hpp"
 #include "recon/live/followed_run.hpp"

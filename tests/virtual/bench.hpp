@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "../catch.hpp"
-#include "../folder.hpp"
+#include "../fixtures/folder.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "laboratory.hpp"

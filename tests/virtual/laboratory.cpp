@@ -8,7 +8,7 @@
 #include <sstream>
 #include <utility>
 
-#include "../paths.hpp"
+#include "../fixtures/paths.hpp"
 #include "acquire/config/config.hpp"
 #include "drivers/util/settings.hpp"
 #include "sim/devices/block_server.hpp"
