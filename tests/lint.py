@@ -106,6 +106,18 @@ for wing, (identifier, own, limit) in wings.items():
         faults.append(f"{wing} is named in {len(named)} files outside its own, at most {limit} may: "
                       f"{', '.join(named)}")
 
+# Tests write runs with tests/fixtures, so that a change of the run format changes only the fixtures. This counts the lines
+# outside of the fixtures that construct a writer, define the axes, zones, antennas or calibration of a run, or contain SQL
+# that changes a database. The remaining lines test the writer, or damage a file in a way that no other test needs.
+by_hand = re.compile(r"RunWriter [a-z]\w*\(|RunWriter[>\w]*\(\w|put_(axis|zones|antennas|calibration)\(|INSERT (OR \w+ )?INTO|DELETE FROM"
+                     r"|UPDATE \w+ SET|(ALTER|CREATE|DROP) (TABLE|VIEW)|PRAGMA (user_version|application_id) ?=", re.A)
+written = [f"{path.relative_to(root)}:{number}" for path in tracked()
+           if path.is_relative_to(root / "tests") and not path.is_relative_to(root / "tests/fixtures")
+           and path.suffix in (".cpp", ".hpp", ".py") and path != root / "tests/lint.py"
+           for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1) if by_hand.search(line)]
+if len(written) > 20:
+    faults.append(f"{len(written)} lines of tests write a run without tests/fixtures, at most 20 may: {', '.join(written)}")
+
 # Functions in product code (not in tests) have at most 60 lines.
 for name, code in product.items():
     start, lines = 0, code.splitlines()

@@ -16,7 +16,7 @@
 
 using namespace echofuse;
 using namespace echofuse::record;
-using namespace testing;
+using namespace echofuse::test;
 
 namespace {
 
@@ -39,7 +39,7 @@ TEST_CASE(
   const Folder folder;
   fs::create_directory(folder / "real");
   const std::string path = folder / "real/a.sqlite", link = folder / "link.sqlite";
-  write_run(path, 3);
+  a_small_run(3).write(path);
   fs::remove(path + "-lock");
   REQUIRE(::chmod(path.c_str(), 0664) == 0);
   constexpr uid_t nobody = 65534;
@@ -64,7 +64,7 @@ TEST_CASE(
 TEST_CASE("the annotate command waits while another program holds the lock of a closed run") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
-  write_run(path, 3);
+  a_small_run(3).write(path);
   std::future<void> note;
   {
     const WriterLock lock(path);
@@ -80,7 +80,7 @@ TEST_CASE("the annotate command waits while another program holds the lock of a 
 TEST_CASE("the annotate command leaves the run file unchanged if the disk is full") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
-  write_run(path, 3);
+  a_small_run(3).write(path);
   const std::string before = contents(path);
   const auto names = names_in(folder.path);
   {
@@ -94,7 +94,7 @@ TEST_CASE("the annotate command leaves the run file unchanged if the disk is ful
 TEST_CASE("killing the annotate command leaves the old or the new file, but no SQLite side files") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
-  write_run(path, 200);
+  a_small_run(200).write(path);
   std::minstd_rand random(1);
   std::size_t notes = 0;
   for (int round = 0; round < 60 || (notes == 0 && round < 600); ++round) {

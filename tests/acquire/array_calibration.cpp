@@ -13,7 +13,7 @@
 
 using namespace echofuse;
 using namespace echofuse::acquire;
-using namespace testing;
+using namespace echofuse::test;
 
 namespace {
 

@@ -6,7 +6,7 @@
 
 using namespace echofuse;
 using namespace echofuse::acquire;
-using namespace testing;
+using namespace echofuse::test;
 
 TEST_CASE("a calibration file is read back with the values that were written") {
   const Folder folder;

@@ -10,7 +10,7 @@
 #include "../fixtures/paths.hpp"
 #include "testing.hpp"
 
-using namespace testing;
+using namespace echofuse::test;
 
 namespace {
 
@@ -114,7 +114,7 @@ TEST_CASE(
 
 TEST_CASE("commands refuse a FIFO in place of a regular file, and do not block") {
   const Folder folder;
-  write_run(folder / "a.sqlite", 2);
+  a_small_run(2).write(folder / "a.sqlite");
   REQUIRE(::mkfifo((folder / "f.sqlite").c_str(), 0666) == 0);
   const std::string fifo = folder / "f.sqlite", why = "f.sqlite: is a FIFO; expected a regular";
   for (const std::string& command : {"info " + fifo, "annotate " + fifo + " x"})
@@ -138,7 +138,7 @@ TEST_CASE("commands refuse a FIFO in place of a regular file, and do not block")
 
 TEST_CASE("commands exit with an error if standard output cannot be written") {
   const Folder folder;
-  write_run(folder / "a.sqlite", 2);
+  a_small_run(2).write(folder / "a.sqlite");
   write_file(folder / "lab.toml", "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
   for (const std::string& command :
        {"info " + folder / "a", "info --json " + folder / "a",
@@ -254,7 +254,7 @@ TEST_CASE("the devices command lists attached devices if no configuration file e
 TEST_CASE("the info command prints the status, the counts, the labels and the axes of a run") {
   const Folder folder;
   const std::string run = folder / "a.sqlite";
-  write_run(run, 6);
+  a_small_run(6).write(run);
   const Json info = json_of("info --json " + run);
   CHECK(info["records"] == 6);
   CHECK(info["status"] == "complete");
@@ -268,8 +268,8 @@ TEST_CASE("the info command prints the status, the counts, the labels and the ax
 
 TEST_CASE("commands find a run by its file name or by the name given to --out") {
   const Folder folder;
-  write_run(folder / "m1.sqlite", 2);
-  write_run(folder / "plain", 3);
+  a_small_run(2).write(folder / "m1.sqlite");
+  a_small_run(3).write(folder / "plain");
   write_file(folder / "lab.toml", tdc_nowhere);
   CHECK(json_of("info --json " + folder / "m1")["records"] == 2);
   CHECK(json_of("info --json " + folder / "plain")["records"] == 3);
@@ -282,7 +282,7 @@ TEST_CASE("commands find a run by its file name or by the name given to --out") 
 TEST_CASE("a run name that is not UTF-8 is escaped in JSON output and refused for a new run") {
   const Folder folder;
   const std::string name = folder / "m\xff.sqlite";
-  write_run(name, 1);
+  a_small_run(1).write(name);
   write_file(folder / "lab.toml", tdc_nowhere);
   const std::string shown = folder / "m\\xff.sqlite";
   CHECK(json_of("info --json " + name)["file"] == shown);

@@ -11,7 +11,7 @@
 #include "testing.hpp"
 
 using namespace echofuse;
-using testing::error_of, testing::Folder, testing::has, testing::write_file;
+using namespace echofuse::test;
 
 namespace {
 
@@ -152,7 +152,7 @@ TEST_CASE("import gives equal records for T2 and T3 recordings of the same photo
     for (const std::int64_t i : {0, 1}) {
       const record::FusedRecord r = run->read(i);
       CHECK(r.has(Sensor::spd));
-      CHECK(r.spd.at(50) == 100);
+      CHECK(counts(r).at(50) == 100);
       CHECK(r.spd_counts.in_range == 100);
       CHECK(r.spd_counts.starts == (run == &a ? 5000u : 100u));
       CHECK(r.slot_end - r.slot_start == from_seconds(0.5));
@@ -202,7 +202,7 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
       throw Error(ExitCode::ok, said);
     });
     CAPTURE(text);
-    CHECK(testing::fs::exists(name + ".sqlite") ==
+    CHECK(echofuse::test::fs::exists(name + ".sqlite") ==
           (code == ExitCode::ok || code == ExitCode::partial));
     return std::pair{code, text};
   };
@@ -337,12 +337,13 @@ TEST_CASE("import refuses an invalid recording with a one-line message") {
   write_file(folder / "a.ttbin", "");
   config_of(folder);
   const auto refuses = [&](const std::string& file, int code, const std::string& saying) {
-    const testing::Outcome o = testing::acquire("import --config " + folder / "lab.toml" +
-                                                " --out " + folder / "run" + " " + folder / file);
+    const echofuse::test::Outcome o =
+        echofuse::test::acquire("import --config " + folder / "lab.toml" + " --out " +
+                                folder / "run" + " " + folder / file);
     CAPTURE(o.text);
     CHECK(o.code == code);
     CHECK(has(o.text, saying));
-    CHECK_FALSE(testing::fs::exists(folder / "run.sqlite"));
+    CHECK_FALSE(echofuse::test::fs::exists(folder / "run.sqlite"));
   };
   refuses("a.ptu", 1, "does not begin with PQTTTR");
   refuses("b.ptu", 1, "the header is not terminated");
@@ -352,7 +353,7 @@ TEST_CASE("import refuses an invalid recording with a one-line message") {
   refuses("a.ttbin", 2, "only the Time Tagger library can read .ttbin");
   refuses("lab.toml", 2, "expected NAME.dat (radar), NAME.ptu or one folder");
   refuses("nowhere", 2, "nowhere: no such file or folder");
-  testing::fs::create_directory(folder / "kept");
+  echofuse::test::fs::create_directory(folder / "kept");
   refuses("kept --cfg " + folder / "radar.cfg", 2, "--cfg cannot be used with a folder");
   write_file(folder / "kept/run.times", "");
   refuses("kept --began 2026-11-26", 2, "--began cannot be used with raw captures");

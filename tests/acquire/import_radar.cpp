@@ -9,7 +9,7 @@
 #include "testing.hpp"
 
 using namespace echofuse;
-using testing::Folder, testing::has, testing::write_file;
+using namespace echofuse::test;
 
 namespace {
 
@@ -63,7 +63,7 @@ RadarImport import_radar(const Bytes& bytes, const std::string& cfg = "xwr68xx_p
                             .out = folder / "a.sqlite"});
   } catch (const Error& e) {
     CHECK(e.code() == ExitCode::failed);
-    CHECK_FALSE(testing::fs::exists(folder / "a.sqlite"));
+    CHECK_FALSE(echofuse::test::fs::exists(folder / "a.sqlite"));
     return {{}, e.what()};
   }
   const record::RunReader run(folder / "a.sqlite");

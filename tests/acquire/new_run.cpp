@@ -12,7 +12,7 @@
 
 using namespace echofuse;
 using namespace echofuse::acquire;
-using namespace testing;
+using namespace echofuse::test;
 
 TEST_CASE("a run name may contain dots, but percent signs only in time fields such as %Y") {
   const Folder folder;
@@ -77,8 +77,7 @@ TEST_CASE("a run killed while being created leaves a complete file or none, and 
   }
   write_file(path + "-new", "what a kill left");
   {
-    record::RunWriter other(folder / "b.sqlite", {});
-    other.put_axis(small_axes()[0]);
+    const auto other = a_small_run(0).open(folder / "b.sqlite");
     // Creates a -wal file for which no run file exists.
     fs::copy_file(folder / "b.sqlite-wal", path + "-wal");
   }
@@ -89,34 +88,32 @@ TEST_CASE("a run killed while being created leaves a complete file or none, and 
 
 TEST_CASE("the device counters of a run are written completely or not at all") {
   const Folder folder;
-  record::RunWriter run(folder / "a.sqlite", {});
+  const auto run = a_small_run(0).open(folder / "a.sqlite");
   sql(folder / "a.sqlite", "CREATE UNIQUE INDEX once ON counter (name)");
   const std::vector<record::CounterRow> counted{{"spd", "a", 1}, {"radar", "a", 2}};
-  CHECK(has(error_of([&] { run.put_counters(counted); }).second, "UNIQUE"));
+  CHECK(has(error_of([&] { run->put_counters(counted); }).second, "UNIQUE"));
   sql(folder / "a.sqlite", "DROP INDEX once");
   CHECK(record::RunReader(folder / "a.sqlite").counters().empty());
 }
 
 TEST_CASE("SQLite VACUUM INTO copies a run while it is being recorded") {
   const Folder folder;
-  record::RunWriter run(folder / "a.sqlite", {});
-  for (const auto& axis : small_axes()) run.put_axis(axis);
-  for (int i = 0; i < 3; ++i) run.append(small_record(i));
+  const auto run = a_small_run(3).open(folder / "a.sqlite");
   sql(folder / "a.sqlite", "VACUUM INTO '" + folder / "copy.sqlite" + "'");
-  run.append(small_record(3));
+  run->append(small_record(3));
   const record::RunReader copy(folder / "copy.sqlite");
   CHECK(copy.count() == 3);
   CHECK(copy.info().status == record::copy_of_open);
   record::put_note(folder / "copy.sqlite", "door", "me");
   CHECK(record::RunReader(folder / "copy.sqlite").info().status == record::copy_of_open);
-  run.close("complete");
+  run->close("complete");
   CHECK(record::RunReader(folder / "a.sqlite").count() == 4);
 }
 
 TEST_CASE("reading a run header takes only slightly longer than opening the file in SQLite") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
-  write_run(path, 3);
+  a_small_run(3).write(path);
   const auto cpu_s = [](const auto& body) {
     double best = 1e9;
     for (int round = 0; round < 5; ++round) {

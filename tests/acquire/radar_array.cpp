@@ -12,7 +12,7 @@
 
 using namespace echofuse;
 using namespace echofuse::record;
-using namespace testing;
+using namespace echofuse::test;
 
 namespace {
 
@@ -41,28 +41,23 @@ Axis of(const char* name, const char* quantity, std::uint32_t count, double scal
   return {name, quantity, "m", count, 0, 0.25, scale};
 }
 
+const std::vector<Axis> two_bins{of("radar", "log2_q8", 2, 8), of("array", "covariance", 2, 8)};
+
 // Writes a run that contains a single record of two bins and eight antennas, and returns the
 // record.
-FusedRecord write_run(const std::string& path) {
-  RunWriter writer(path, RunInfo{});
-  writer.put_axis(of("radar", "log2_q8", 2, 8));
-  writer.put_axis(of("array", "covariance", 2, 8));
+FusedRecord write_antennas(const std::string& path) {
   Antennas antennas(8);
   for (std::size_t m = 0; m < 8; ++m) antennas[m].x = static_cast<double>(m);
-  writer.put_antennas(antennas);
   antennas[3].phase_rad = 0.5;
-  writer.put_antennas(antennas);
   FusedRecord r;
   r.valid.insert(Sensor::radar);
-  r.radar = {1, 2};
-  r.array = array_of(some_frames(5, 16), 8);
+  power(r) = {1, 2};
+  antenna_data(r) = array_of(some_frames(5, 16), 8);
   r.array_frames = 5;
-  writer.append(r);
-  r.index = 1;
   FusedRecord without = r;
-  without.array.clear(), without.array_frames = 0;
-  writer.append(without);
-  writer.close("complete");
+  without.index = 1;
+  antenna_data(without).clear(), without.array_frames = 0;
+  a_small_run().only_axes(two_bins).antennas(antennas).holding({r, without}).write(path);
   return r;
 }
 
@@ -137,13 +132,14 @@ TEST_CASE("a packed antenna array is accurate to 4e-5 of the power in its bin") 
 
 TEST_CASE("a run file stores the antenna positions and, for each record, the antenna array") {
   const Folder dir;
-  const FusedRecord wrote = write_run(dir / "run");
+  const FusedRecord wrote = write_antennas(dir / "run");
   const RunReader run(dir / "run");
   const FusedRecord r = run.read(0);
   CHECK(r.array_frames == 5);
-  REQUIRE(r.array.size() == wrote.array.size());
-  CHECK(std::abs(r.array[16] - wrote.array[16]) < 1e-4f * bin_of(wrote.array, 8, 0).power());
-  CHECK(run.read(1).array.empty());
+  const auto &found = antenna_data(r), &expected = antenna_data(wrote);
+  REQUIRE(found.size() == expected.size());
+  CHECK(std::abs(found[16] - expected[16]) < 1e-4f * bin_of(expected, 8, 0).power());
+  CHECK(antenna_data(run.read(1)).empty());
   const Antennas antennas = run.antennas();
   REQUIRE(antennas.size() == 8);
   CHECK(antennas[7].x == 7);
@@ -153,10 +149,10 @@ TEST_CASE("a run file stores the antenna positions and, for each record, the ant
 TEST_CASE("a run without antenna arrays is readable, and an invalid array gives a one-line error") {
   const Folder dir;
   const std::string path = dir / "run";
-  const FusedRecord wrote = write_run(path);
-  const auto refused = [&](const std::string& change, const std::string& why) {
-    fs::copy_file(path, dir / "bad", fs::copy_options::overwrite_existing);
-    sql(dir / "bad", change);
+  const FusedRecord wrote = write_antennas(path);
+  const auto refused = [&](const std::string& change, const std::vector<Value>& values,
+                           const std::string& why) {
+    damaged(path, dir / "bad", change, values);
     const auto [code, text] = error_of([&] {
       const RunReader run(dir / "bad");
       run.antennas();
@@ -165,29 +161,27 @@ TEST_CASE("a run without antenna arrays is readable, and an invalid array gives 
     CHECK(code == ExitCode::failed);
     CHECK_THAT(text, Catch::Contains(why));
   };
-  refused("UPDATE record SET array = x'00' WHERE idx = 0", "record 0: array has 1 bytes");
-  refused("UPDATE axis SET scale = 13 WHERE name = 'array'", "expected 1 to 12");
-  refused("UPDATE axis SET scale = 2.5 WHERE name = 'array'", "expected 1 to 12");
-  refused("UPDATE antenna SET gain = -1", "antenna 0 is not valid");
-  refused("UPDATE antenna SET gain = 1e-30", "antenna 0 is not valid");
-  refused("DELETE FROM antenna WHERE rowid = 8", "7 antennas, but its array axis has 8");
-  refused("UPDATE record SET array_frames = -5", "record 0: array_frames is -5");
-  sql(path, "UPDATE record SET array = NULL; DELETE FROM antenna");
+  refused("antenna data of one byte in record ?1", {0}, "record 0: array has 1 bytes");
+  refused("axis ?1 has the scale ?2", {"array", 13}, "expected 1 to 12");
+  refused("axis ?1 has the scale ?2", {"array", 2.5}, "expected 1 to 12");
+  refused("gain of the antennas is ?1", {-1}, "antenna 0 is not valid");
+  refused("gain of the antennas is ?1", {1e-30}, "antenna 0 is not valid");
+  refused("without antenna ?1", {7}, "7 antennas, but its array axis has 8");
+  refused("number of antenna frames is ?1", {-5}, "record 0: array_frames is -5");
+  damage(path, "no antennas");
   const RunReader without(path);
   CHECK(without.antennas().empty());
-  CHECK(without.read(0).radar == wrote.radar);
+  CHECK(power(without.read(0)) == power(wrote));
 }
 
 TEST_CASE("an antenna array that does not match its axis is not written") {
   const Folder dir;
-  RunWriter writer(dir / "run", RunInfo{});
-  writer.put_axis(of("radar", "log2_q8", 2, 8));
-  writer.put_axis(of("array", "covariance", 2, 8));
+  const auto writer = a_small_run(0).only_axes(two_bins).open(dir / "run");
   FusedRecord r;
   r.valid.insert(Sensor::radar);
-  r.radar = {1, 2};
-  r.array.resize(5);
-  const auto [code, text] = error_of([&] { writer.append(r); });
+  power(r) = {1, 2};
+  antenna_data(r).resize(5);
+  const auto [code, text] = error_of([&] { writer->append(r); });
   CHECK(code == ExitCode::failed);
   CHECK_THAT(text, Catch::Contains("record 0: array has 5 values, but its axis has 164"));
 }

@@ -14,13 +14,9 @@
 
 using namespace echofuse;
 using namespace echofuse::record;
-using namespace testing;
+using namespace echofuse::test;
 
 namespace {
-
-void put_axes(RunWriter& run) {
-  for (const auto& axis : small_axes()) run.put_axis(axis);
-}
 
 // Runs `body` in a child process and returns the process ID of the child. The child exits with code
 // 1 if `body` throws, and with code 0 otherwise.
@@ -46,8 +42,8 @@ TEST_CASE("records can be read while a run is being written and after it is clos
   info.config_text = "[run]\n# a comment\n";
   info.radar_cfg = "sensorStart\n";
   info.operator_name = "Ada";
-  RunWriter run(path, info);
-  put_axes(run);
+  const auto open = a_small_run(0).info(info).open(path);
+  RunWriter& run = *open;
   run.put_device({.sensor = Sensor::radar,
                   .address = "serial:/dev/x",
                   .model = "M",
@@ -82,7 +78,7 @@ TEST_CASE("records can be read while a run is being written and after it is clos
   CHECK(same_axis(*read.axis("radar"), small_axes()[1]));
   CHECK(read.devices().at(0).firmware == "3.5");
   CHECK(read.events().at(0).text == "no frames");
-  second.radar.clear();  // invalid radar data are not stored, so the expected record has none
+  power(second).clear();  // invalid radar data are not stored, so the expected record has none
   check_same(read.read(1), second);
   check_same(read.read(2), small_record(2));
   CHECK(read.check().empty());
@@ -91,8 +87,11 @@ TEST_CASE("records can be read while a run is being written and after it is clos
 TEST_CASE("the summary of a run contains counts of records, losses, tags and labels") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
-  write_run(path, 5);
-  sql(path, "UPDATE record SET valid = 3 WHERE idx = 4");
+  a_small_run(5)
+      .each([](FusedRecord& r) {
+        if (r.index == 4) lose(r, Sensor::depth);
+      })
+      .write(path);
   const RunSummary sum = RunReader(path).summary();
   CHECK(sum.records == 5);
   CHECK(sum.all_valid == 4);
@@ -111,10 +110,9 @@ TEST_CASE("committed records are readable after the writing program was killed b
     int acknowledged[2];
     REQUIRE(pipe(acknowledged) == 0);
     const pid_t child = in_child([&] {
-      RunWriter run(path, {});
-      put_axes(run);
+      const auto run = a_small_run(0).open(path);
       for (std::int64_t i = 0;; ++i) {
-        run.append(small_record(i));
+        run->append(small_record(i));
         if (write(acknowledged[1], &i, sizeof i) < 0) return;
       }
     });
@@ -134,7 +132,7 @@ TEST_CASE("committed records are readable after the writing program was killed b
     std::int64_t next = 0;
     run.for_each([&](const FusedRecord& r) {
       REQUIRE(r.index == next);
-      REQUIRE(r.spd == small_record(next++).spd);
+      REQUIRE(counts(r) == counts(small_record(next++)));
       return true;
     });
     CHECK(next == run.count());
@@ -154,10 +152,9 @@ TEST_CASE("a run ended by a full disk keeps its committed records and stores the
     signal(SIGXFSZ, SIG_IGN);
     const rlimit limit{512 * 1024, 512 * 1024};
     setrlimit(RLIMIT_FSIZE, &limit);
-    RunWriter run(path, {});
-    put_axes(run);
+    const auto run = a_small_run(0).open(path);
     const auto [code, text] = error_of([&] {
-      for (std::int64_t i = 0; i < 100'000; ++i) run.append(small_record(i));
+      for (std::int64_t i = 0; i < 100'000; ++i) run->append(small_record(i));
     });
     if (code != ExitCode::disk || !has(text, path)) throw 0;
   });
@@ -166,7 +163,7 @@ TEST_CASE("a run ended by a full disk keeps its committed records and stores the
   CHECK(WEXITSTATUS(status) == 0);
   const RunReader run(path);
   CHECK(run.count() > 10);
-  CHECK(run.read(run.count() - 1).spd == small_record(run.count() - 1).spd);
+  CHECK(counts(run.read(run.count() - 1)) == counts(small_record(run.count() - 1)));
   CHECK(run.check().empty());
 }
 
@@ -188,42 +185,40 @@ TEST_CASE("invalid run files and output files are refused, and the reason is rep
               "is empty: the recording process was killed before the first record, or"));
   }
   SECTION("the database of another program is refused") {
-    sql(path, "CREATE TABLE record (idx)");
+    damage(path, "table of another program");
     CHECK(has(refusal().second, "not an echofuse run file"));
   }
   SECTION("a file with a newer run format is refused") {
-    write_run(path, 1);
-    sql(path, "PRAGMA user_version = 4");
+    a_small_run(1).write(path);
+    damage(path, "run format 4");
     CHECK(has(refusal().second, "run format 4, expected 3; use a newer echofuse"));
   }
   SECTION("a file with an older run format is refused") {
-    write_run(path, 1);
-    sql(path, "PRAGMA user_version = 2");
+    a_small_run(1).write(path);
+    damage(path, "run format 2");
     CHECK(has(refusal().second, "run format 2, expected 3; use the echofuse that recorded it"));
   }
   SECTION("a file with a missing table, an extra column or another column type is refused") {
-    write_run(path, 1);
+    a_small_run(1).write(path);
     for (const char* change :
-         {"DROP TABLE late", "ALTER TABLE record ADD COLUMN x REAL",
-          "DROP TABLE anchor; CREATE TABLE anchor (mono_ns TEXT, utc_ns TEXT)"}) {
-      fs::copy_file(path, folder / "b.sqlite", fs::copy_options::overwrite_existing);
-      sql(folder / "b.sqlite", change);
+         {"without the table late", "extra column", "column of another type"}) {
+      damaged(path, folder / "b.sqlite", change);
       const std::string text = error_of([&] { RunReader run(folder / "b.sqlite"); }).second;
       CHECK((has(text, "has no table late") || has(text, "does not have the expected definition")));
     }
   }
   SECTION("an existing file is not overwritten") {
     write_file(path, "precious");
-    const auto [code, text] = error_of([&] { RunWriter run(path, {}); });
+    const auto [code, text] = error_of([&] { a_small_run().write(path); });
     CHECK(code == ExitCode::failed);
     CHECK(has(text, "exists already"));
     CHECK(fs::file_size(path) == 8);
   }
   SECTION("a file that another program creates at the same time is not overwritten") {
-    write_run(folder / "b.sqlite", 3);
+    a_small_run(3).write(folder / "b.sqlite");
     const auto [code, text] = error_of([&] {
-      RunWriter run(path, {}, system_clock,
-                    [&](RunWriter&) { fs::copy_file(folder / "b.sqlite", path); });
+      const auto copy = [&](RunWriter&) { fs::copy_file(folder / "b.sqlite", path); };
+      RunWriter run(path, {}, system_clock, copy);
     });
     CHECK(code == ExitCode::failed);
     CHECK(has(text, "exists already"));
@@ -240,7 +235,7 @@ TEST_CASE("invalid run files and output files are refused, and the reason is rep
     CHECK_FALSE(fs::exists(path));
   }
   SECTION("a run in a missing folder is refused") {
-    const auto [code, text] = error_of([&] { RunWriter run(folder / "no/a.sqlite", {}); });
+    const auto [code, text] = error_of([&] { a_small_run().write(folder / "no/a.sqlite"); });
     CHECK(code == ExitCode::disk);
     CHECK(has(text, "no/a.sqlite"));
   }
@@ -249,22 +244,22 @@ TEST_CASE("invalid run files and output files are refused, and the reason is rep
 TEST_CASE("an invalid record is refused, and the error contains the record number") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
-  write_run(path, 4);
+  a_small_run(4).write(path);
   std::string expected;
   SECTION("a radar bin with the value NaN is refused") {
-    sql(path, "UPDATE record SET radar = x'00000000000000000000c07f00000000' WHERE idx = 2");
+    damage(path, "radar bin 2 is NaN in record ?1", {2});
     expected = "record 2: radar bin 2 is not a finite number";
   }
   SECTION("a histogram with missing bytes is refused") {
-    sql(path, "UPDATE record SET spd = x'0000' WHERE idx = 2");
+    damage(path, "histogram of two bytes in record ?1", {2});
     expected = "record 2: spd has 2 bytes, but its axis requires 32";
   }
   SECTION("a damaged depth image is refused") {
-    sql(path, "UPDATE record SET depth = x'89504e47' WHERE idx = 2");
+    damage(path, "depth image is not deflated in record ?1", {2});
     expected = "record 2: depth is not a deflated image of 3 x 2";
   }
   SECTION("a negative frame number of the last depth frame is refused") {
-    sql(path, "UPDATE record SET depth_last = -1 WHERE idx = 2");
+    damage(path, "number of the last depth frame is ?2 in record ?1", {2, -1});
     expected = "record 2: depth_last is -1";
   }
   const RunReader run(path);
@@ -277,7 +272,7 @@ TEST_CASE("an invalid record is refused, and the error contains the record numbe
     std::vector<std::int64_t> good, bad;
     run.for_each(
         [&](const FusedRecord& r) {
-          CHECK(r.depth_mm == small_record(r.index).depth_mm);
+          CHECK(depth_mm(r) == depth_mm(small_record(r.index)));
           good.push_back(r.index);
           return true;
         },
@@ -290,13 +285,12 @@ TEST_CASE("an invalid record is refused, and the error contains the record numbe
 
 TEST_CASE("a record that does not match the axes of its run is not written") {
   const Folder folder;
-  RunWriter run(folder / "a.sqlite", {});
-  put_axes(run);
+  const auto run = a_small_run(0).open(folder / "a.sqlite");
   auto record = small_record(0);
-  record.spd.pop_back();
-  CHECK(has(error_of([&] { run.append(record); }).second, "spd has 7 values, but its axis has 8"));
-  run.append(small_record(0));
-  CHECK(run.records() == 1);
+  counts(record).pop_back();
+  CHECK(has(error_of([&] { run->append(record); }).second, "spd has 7 values, but its axis has 8"));
+  run->append(small_record(0));
+  CHECK(run->records() == 1);
 }
 
 TEST_CASE("network file systems are recognised, and only closed runs are read from them") {
@@ -323,11 +317,11 @@ TEST_CASE("network file systems are recognised, and only closed runs are read fr
   const std::string path = folder / "a.sqlite";
   CHECK(network_of(path).empty());
   CHECK(network_of("/nowhere/at/all").empty());
-  write_run(path, 3);
+  a_small_run(3).write(path);
   CHECK(RunReader(path, "NFS").count() == 3);
   CHECK_FALSE(std::filesystem::exists(path + "-shm"));
   const std::string open = folder / "open.sqlite";
-  RunWriter live(open, {});
+  const auto live = a_small_run(0).open(open);
   CHECK(RunReader(open).count() == 0);
   CHECK_THROWS_WITH(RunReader(open, "NFS"),
                     Catch::Contains("is on a network file system (NFS) and is being written, or "

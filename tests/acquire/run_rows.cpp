@@ -10,7 +10,7 @@
 
 using namespace echofuse;
 using namespace echofuse::record;
-using namespace testing;
+using namespace echofuse::test;
 
 namespace {
 
@@ -97,18 +97,18 @@ FusedRecord record_of(std::int64_t index, const std::vector<Axis>& axes, Random&
     for (auto& celsius : temperature.celsius) celsius = static_cast<std::int16_t>(random.real());
   }
   r.array_frames = random.whole<std::uint64_t>(100);
-  if (r.has(Sensor::spd)) r.spd = random.values<std::uint32_t>(axes[0].count);
-  if (r.has(Sensor::radar)) r.radar = random.values<float>(axes[1].count);
+  if (r.has(Sensor::spd)) counts(r) = random.values<std::uint32_t>(axes[0].count);
+  if (r.has(Sensor::radar)) power(r) = random.values<float>(axes[1].count);
   if (r.has(Sensor::radar) && random.coin()) {
-    r.array.assign(axes[2].count * values_of_bin(antennas), 0);
+    antenna_data(r).assign(axes[2].count * values_of_bin(antennas), 0);
     // The values are integers, because packing stores integers without rounding.
     for (std::size_t bin = 0; bin < axes[2].count; ++bin)
-      std::fill_n(r.array.begin() +
+      std::fill_n(antenna_data(r).begin() +
                       static_cast<std::ptrdiff_t>(bin * values_of_bin(antennas) + 2 * antennas),
                   antennas, static_cast<float>(random.whole<int>(100)));
   }
   if (r.has(Sensor::depth))
-    r.depth_mm = random.values<std::uint16_t>(std::size_t{axes[3].count} * axes[4].count);
+    depth_mm(r) = random.values<std::uint16_t>(std::size_t{axes[3].count} * axes[4].count);
   return r;
 }
 
@@ -148,7 +148,7 @@ std::vector<FusedRecord> write_random(const std::string& path, unsigned seed) {
 
 }  // namespace
 
-void testing::check_same(const FusedRecord& read, const FusedRecord& wrote) {
+void echofuse::test::check_same(const FusedRecord& read, const FusedRecord& wrote) {
   CHECK(values_of(read) == values_of(wrote));
   CHECK(read.index == wrote.index);
   CHECK(read.slot_utc == wrote.slot_utc);
@@ -254,9 +254,9 @@ TEST_CASE("random runs are written as input for the test of the Python reader", 
     };
     RunReader(path).for_each([&](const FusedRecord& r) {
       put(as_bytes(std::vector<std::int64_t>{r.index, r.slot_utc.count(), r.valid.bits()}));
-      put(as_bytes(r.spd));
-      put(as_bytes(r.radar));
-      put(as_bytes(r.depth_mm));
+      put(as_bytes(counts(r)));
+      put(as_bytes(power(r)));
+      put(as_bytes(depth_mm(r)));
       return true;
     });
   }

@@ -10,7 +10,7 @@
 #include "drivers/util/program.hpp"
 #include "testing.hpp"
 
-using namespace testing;
+using namespace echofuse::test;
 namespace record = echofuse::record;
 
 namespace {
@@ -107,10 +107,10 @@ TEST_CASE("a live run file is readable by the group, whatever the umask") {
   const Folder folder;
   const mode_t before = ::umask(0077);
   {
-    record::RunWriter run(folder / "a.sqlite", {});
+    const auto run = a_small_run(0).open(folder / "a.sqlite");
     for (const char* name : {"a.sqlite", "a.sqlite-wal", "a.sqlite-shm", "a.sqlite-lock"})
       CHECK(mode_of(folder / name) == 0640);
-    run.close("complete");
+    run->close("complete");
   }
   ::umask(before);
   CHECK(mode_of(folder / "a.sqlite") == 0640);
@@ -118,10 +118,8 @@ TEST_CASE("a live run file is readable by the group, whatever the umask") {
 
 TEST_CASE("the list command shows notes that were added during and after a run") {
   const Folder folder;
-  write_run(folder / "monday.sqlite", 2);
-  write_run(folder / "tuesday.sqlite", 3);
-  sql(folder / "monday.sqlite", "UPDATE run SET started_utc = '2026-11-23T08:00:00.000Z'");
-  sql(folder / "tuesday.sqlite", "UPDATE run SET started_utc = '2026-11-24T08:00:00.000Z'");
+  a_small_run(2).started("2026-11-23T08:00:00.000Z").write(folder / "monday.sqlite");
+  a_small_run(3).started("2026-11-24T08:00:00.000Z").write(folder / "tuesday.sqlite");
   write_file(folder / "other.sqlite", "no database");
   write_file(folder / "text.txt", "no run");
   const auto note = [&](const std::string& text) {
@@ -155,9 +153,7 @@ TEST_CASE("the list command shows notes that were added during and after a run")
 
 TEST_CASE("the list command shows live runs and their state") {
   const Folder folder, locks;
-  record::RunWriter run(folder / "live.sqlite", {});
-  for (const auto& axis : small_axes()) run.put_axis(axis);
-  run.append(small_record(0));
+  const auto run = a_small_run(1).open(folder / "live.sqlite");
   const Json told = Json::parse(
       at_home(folder, "ECHOFUSE_LOCKS=" + locks / "", "list --json " + folder / "" + " | cat")
           .text)["runs"];

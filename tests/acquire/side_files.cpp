@@ -16,7 +16,7 @@
 
 using namespace echofuse;
 using namespace echofuse::record;
-using namespace testing;
+using namespace echofuse::test;
 
 // Starts a transaction with journal_mode=DELETE and kills the program after it has written some
 // pages.
@@ -39,21 +39,19 @@ TEST_CASE("SQLite side files next to a closed run are reported but not read") {
   const std::string path = folder / "a.sqlite", other = folder / "b.sqlite";
   const std::string kind = GENERATE("-wal", "hot -journal", "-shm", "fifo");
   CAPTURE(kind);
-  write_run(path, 3);
+  a_small_run(3).write(path);
   const std::string before = contents(path);
   std::string leftover = path + "-wal";
   if (kind == "hot -journal") {
     leftover = path + "-journal";
-    write_run(other, 14);
+    a_small_run(14).write(other);
     hot_journal(other);
     fs::copy_file(other + "-journal", leftover);
   } else if (kind == "fifo") {
     REQUIRE(::mkfifo(leftover.c_str(), 0666) == 0);
   } else {
     leftover = path + kind;
-    RunWriter run(other, {});
-    for (const auto& axis : small_axes()) run.put_axis(axis);
-    for (int i = 0; i < 14; ++i) run.append(small_record(i));
+    const auto run = a_small_run(14).open(other);
     fs::copy_file(other + kind, leftover);
   }
   recover(path);
@@ -77,9 +75,7 @@ TEST_CASE("a copy of an open run that lacks its -wal file is refused and not cha
   const Folder folder;
   const std::string path = folder / "copy.sqlite";
   {
-    RunWriter run(folder / "a.sqlite", {});
-    for (const auto& axis : small_axes()) run.put_axis(axis);
-    for (int i = 0; i < 3; ++i) run.append(small_record(i));
+    const auto run = a_small_run(3).open(folder / "a.sqlite");
     fs::copy_file(folder / "a.sqlite", path);
     fs::copy_file(folder / "a.sqlite-wal", folder / "kept");
   }
@@ -108,10 +104,9 @@ TEST_CASE("a run killed before its wal_key was stored is opened with the status 
   const std::string path = folder / "a.sqlite";
   for (const char* meta : {R"({"wal_key": "none"})", "{}"}) {
     CAPTURE(meta);
-    { const RunWriter run(folder / "b.sqlite", {}); }
+    a_small_run(0).open(folder / "b.sqlite");
     fs::rename(folder / "b.sqlite", path);
-    sql(path, std::string("UPDATE run SET status = 'open', meta = '") + meta + "'");
-    sql(path, "PRAGMA journal_mode=WAL");
+    damage(path, "open run with the metadata ?1", {meta});
     write_file(path + "-wal", "");
     CHECK(RunReader(path).info().status == "crashed");
     recover(path);
@@ -123,7 +118,7 @@ TEST_CASE("a run killed before its wal_key was stored is opened with the status 
 TEST_CASE("a run killed after its end was stored keeps its status and has no side files") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
-  write_run(path, 3);
+  a_small_run(3).write(path);
   sql(path, "PRAGMA journal_mode=WAL");
   write_file(path + "-wal", "");
   CHECK(RunReader(path).info().status == "complete");
@@ -136,10 +131,9 @@ TEST_CASE("a run killed after its end was stored keeps its status and has no sid
 // Leaves behind a run file like that of a killed program. A checkpoint after every 10 records makes
 // SQLite restart the -wal file.
 static void killed_run(const std::string& path, int records) {
-  RunWriter run(path, {});
-  for (const auto& axis : small_axes()) run.put_axis(axis);
+  const auto run = a_small_run(0).open(path);
   for (int i = 0; i < records; ++i) {
-    run.append(small_record(i));
+    run->append(small_record(i));
     if (i % 10 == 9) sql(path, "PRAGMA wal_checkpoint(TRUNCATE)");
     if (i == 19) put_note(path, "makes the header of the -wal", "me");
   }
@@ -182,7 +176,7 @@ TEST_CASE("an open run with the -journal file of another run is refused") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", other = folder / "b.sqlite";
   killed_run(path, 5);
-  write_run(other, 14);
+  a_small_run(14).write(other);
   hot_journal(other);
   fs::copy_file(other + "-journal", path + "-journal");
   const std::string before = contents(path);
@@ -203,7 +197,7 @@ TEST_CASE("a run in WAL mode that lacks a -wal file can be read, even on read-on
   const Folder folder;
   fs::create_directory(folder / "in");
   const std::string path = folder / "in/a.sqlite";
-  write_run(path, 3);
+  a_small_run(3).write(path);
   std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
   file.seekp(18).write("\2\2", 2);
   file.close();
@@ -234,13 +228,11 @@ TEST_CASE("a run in WAL mode that lacks a -wal file can be read, even on read-on
 TEST_CASE("closing a run accepts the tables made by ANALYZE but refuses any other extra table") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
-  RunWriter run(path, {});
-  for (const auto& axis : small_axes()) run.put_axis(axis);
-  run.append(small_record(0));
+  const auto run = a_small_run(1).open(path);
   SECTION("tables made by ANALYZE are accepted") {
     sql(path, "CREATE INDEX i ON record (label); ANALYZE; DROP INDEX i; PRAGMA optimize");
-    run.append(small_record(1));
-    CHECK(run.close("complete"));
+    run->append(small_record(1));
+    CHECK(run->close("complete"));
     CHECK(RunReader(path).count() == 2);
   }
   SECTION("foreign tables, indexes and views are refused at the end of the run") {
@@ -249,8 +241,8 @@ TEST_CASE("closing a run accepts the tables made by ANALYZE but refuses any othe
                                          {"CREATE INDEX i ON record (label)", "DROP INDEX \"i\""},
                                          {"CREATE VIEW v AS SELECT 1", "DROP VIEW \"v\""}}));
     sql(path, make);
-    run.append(small_record(1));
-    const auto [code, text] = error_of([&] { run.close("complete"); });
+    run->append(small_record(1));
+    const auto [code, text] = error_of([&] { run->close("complete"); });
     CHECK(code == ExitCode::failed);
     CHECK(has(text, "remove it with: " + statement + " (2 records are kept)"));
     CHECK(has(error_of([&] { RunReader reader(path); }).second, statement));

@@ -12,7 +12,7 @@
 
 using namespace echofuse;
 using namespace echofuse::acquire;
-using namespace testing;
+using namespace echofuse::test;
 using namespace std::chrono_literals;
 
 namespace {
@@ -77,9 +77,9 @@ TEST_CASE("a record contains the mean antenna array of the frames in its slot, u
   CHECK(axes.front().count == kept_bins);
   const auto r = windows.close({0, false});
   CHECK(r.array_frames == 3);
-  CHECK(r.array == expected({{1, 2, 3}}));
-  CHECK(record::bin_of(r.array, antennas, 0).mean(1).imag() == Approx(7 + 2));
-  CHECK(record::bin_of(r.array, antennas, 0).mean(1).real() == Approx(499 - 6));
+  CHECK(antenna_data(r) == expected({{1, 2, 3}}));
+  CHECK(record::bin_of(antenna_data(r), antennas, 0).mean(1).imag() == Approx(7 + 2));
+  CHECK(record::bin_of(antenna_data(r), antennas, 0).mean(1).real() == Approx(499 - 6));
   const auto next = windows.close({1, false});
   CHECK(next.array_frames == 2);
   CHECK(next.array == expected({{101, 102}}));
@@ -97,7 +97,7 @@ TEST_CASE("array statistics do not pair radar frames across a missing frame or h
   windows.add(frame_of(8));  // a second frame with the number 8
   const auto r = windows.close({0, false});
   CHECK(r.array_frames == 4);
-  CHECK(r.array == expected({{4, 5}, {7, 8}}));
+  CHECK(antenna_data(r) == expected({{4, 5}, {7, 8}}));
 }
 
 TEST_CASE("a record without usable frames or heat maps contains no antenna samples") {
@@ -109,13 +109,13 @@ TEST_CASE("a record without usable frames or heat maps contains no antenna sampl
   auto r = windows.close({0, false});
   CHECK(r.sync[Sensor::radar].used == 1);
   CHECK(r.array_frames == 1);
-  CHECK(r.array == expected({{2}}));
+  CHECK(antenna_data(r) == expected({{2}}));
   RadarFrame plain = frame_of(101);
   plain.array.clear();
   windows.add(plain);
   r = windows.close({1, false});
   CHECK(r.valid.contains(Sensor::radar));
-  CHECK(r.array.empty());
+  CHECK(antenna_data(r).empty());
   CHECK(r.array_frames == 0);
   Windows old(grid, {}, no_clocks, {Sensor::radar});
   DeviceInfo info = radar_info();
@@ -130,28 +130,21 @@ TEST_CASE("the info command describes the antenna array") {
   const std::string path = folder / "a.sqlite";
   Windows windows = make_windows();
   std::vector<record::FusedRecord> records;
-  {
-    record::RunWriter run(path, {});
-    for (const auto& axis : windows.axes()) run.put_axis(axis);
-    record::Antennas places(antennas);
-    for (std::size_t m = 0; m < antennas; ++m) places[m].x = static_cast<double>(m);
-    places[1].gain = 1.5, places[1].phase_rad = -0.25;
-    run.put_antennas(places);
-    for (const std::uint32_t n : {1u, 2u, 3u, 301u}) windows.add(frame_of(n));
-    for (std::int64_t k = 0; k < 4; ++k) {
-      records.push_back(windows.close({k, false}));
-      run.append(records.back());
-    }
-    run.close("complete");
-  }
+  record::Antennas places(antennas);
+  for (std::size_t m = 0; m < antennas; ++m) places[m].x = static_cast<double>(m);
+  places[1].gain = 1.5, places[1].phase_rad = -0.25;
+  for (const std::uint32_t n : {1u, 2u, 3u, 301u}) windows.add(frame_of(n));
+  for (std::int64_t k = 0; k < 4; ++k) records.push_back(windows.close({k, false}));
+  a_small_run().only_axes(windows.axes()).antennas(places).holding(records).write(path);
   const double bytes = record::array_bytes(windows.axes().front());
   CHECK(bytes == kept_bins * (4 + 2 * 82));
   CHECK(record_bytes(windows.axes(), {}) == bytes + 4 * sent_bins);
   CHECK(has(describe_run(path, false),
             "array     8 antennas, 32 bins to 7.75 m, in 2 records of 2 frames and 5376 bytes"));
   CHECK(has(describe_run(path, true), "\"phase_rad\": -0.25"));
-  const auto want = record::RunReader(path).read(0).array;  // values in the file are rounded
-  CHECK(want[0] == Approx(records[0].array[0]).margin(0.1));
+  const auto want =
+      antenna_data(record::RunReader(path).read(0));  // values in the file are rounded
+  CHECK(want[0] == Approx(antenna_data(records[0])[0]).margin(0.1));
 }
 
 TEST_CASE("the doctor command counts radar heat maps and reports missing ones") {

@@ -11,7 +11,7 @@
 using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace std::chrono_literals;
-using namespace testing;
+using namespace echofuse::test;
 
 namespace {
 
@@ -31,7 +31,7 @@ TEST_CASE("a change of the system clock during a run is stored, and later UTC ti
   const std::chrono::nanoseconds before = 1'700'000'000s;
   port::VirtualLoop loop(before);
   loop.run_for(1000s - loop.now());
-  Journal journal(std::make_unique<record::RunWriter>(path, record::RunInfo{}), loop);
+  Journal journal(a_small_run(0).open(path), loop);
   RunLog log(loop);
   log.attach(journal);
   for (int second = 0; second < 60; ++second, loop.run_for(1s)) journal.refresh_anchor(log);
@@ -69,8 +69,7 @@ TEST_CASE("a slot that is open when the system clock is set keeps its start time
   const Folder folder;
   const std::chrono::nanoseconds before = 1'700'000'000s;
   port::VirtualLoop loop(before);
-  Journal journal(std::make_unique<record::RunWriter>(folder / "a.sqlite", record::RunInfo{}),
-                  loop);
+  Journal journal(a_small_run(0).open(folder / "a.sqlite"), loop);
   RunLog log(loop);
   loop.run_for(9s);
   loop.step_utc(24h);
@@ -85,23 +84,20 @@ TEST_CASE("a slot that is open when the system clock is set keeps its start time
 TEST_CASE("all run readers refuse slot times that overflow, with a one-line error") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
-  write_run(path, 4);
-  const std::string most = std::to_string(std::numeric_limits<std::int64_t>::max()),
-                    least = "-" + most + " - 1";
-  const std::string change =
-      GENERATE_COPY("slot_utc_ns = " + most, "slot_utc_ns = " + least, "slot_utc_ns = 1e300",
-                    "slot_start_ns = " + least + ", slot_end_ns = " + most,
-                    "slot_start_ns = " + most + ", slot_end_ns = " + least,
-                    "slot_start_ns = 0, slot_end_ns = " + most);
+  a_small_run(4).write(path);
+  const std::string change = GENERATE(
+      as<std::string>(), "record 3 has the last UTC", "record 3 has the first UTC",
+      "record 3 has an UTC of 1e300", "record 3 lasts from the first to the last time",
+      "record 3 lasts from the last to the first time", "record 3 lasts from 0 to the last time");
   CAPTURE(change);
-  sql(path, "UPDATE record SET " + change + " WHERE idx = 3");
+  damage(path, change);
   const record::RunReader run(path);
   const std::string expected = "a.sqlite: record 3: its slot is from ";
   CHECK(has(error_of([&] { run.read(3); }).second, expected));
   CHECK(has(error_of([&] { run.outlines(0); }).second, expected));
   CHECK(has(error_of([&] { run.summary(); }).second, expected));
   std::vector<std::int64_t> good, bad;
-  run.for_each([&](const record::FusedRecord& r) { return good.push_back(r.index), true; }, 0,
+  run.for_each([&](const FusedRecord& r) { return good.push_back(r.index), true; }, 0,
                [&](std::int64_t index, const std::string&) { bad.push_back(index); });
   CHECK(good == std::vector<std::int64_t>{0, 1, 2});
   CHECK(bad == std::vector<std::int64_t>{3});
@@ -110,8 +106,11 @@ TEST_CASE("all run readers refuse slot times that overflow, with a one-line erro
 TEST_CASE("a run still ends with its last slot if the system clock is set back") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
-  write_run(path, 4);
-  sql(path, "UPDATE record SET slot_utc_ns = slot_utc_ns - 86400000000000 WHERE idx > 1");
+  a_small_run(4)
+      .each([](FusedRecord& r) {
+        if (r.index > 1) r.slot_utc -= std::chrono::hours(24);
+      })
+      .write(path);
   const record::RunSummary sum = record::RunReader(path).summary();
   CHECK(sum.first_utc == small_record(0).slot_utc);
   CHECK(sum.last_utc == small_record(4).slot_utc - std::chrono::hours(24));
@@ -122,9 +121,7 @@ TEST_CASE("the annotate command reports no time for a note if the slot length is
   const std::string path = folder / "a.sqlite";
   record::RunInfo info;
   info.window_s = GENERATE(1e300, INFINITY, -1, 0, NAN);
-  record::RunWriter run(path, info);
-  for (const Axis& axis : small_axes()) run.put_axis(axis);
-  run.append(small_record(0));
+  const auto run = a_small_run(1).info(info).open(path);
   const std::string number = info.window_s > 0 ? "record 1" : "the current record";
   CHECK(has(annotate_run(path, "hello", {}), "noted in " + number));
 }

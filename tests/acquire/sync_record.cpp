@@ -8,19 +8,15 @@
 
 using namespace echofuse;
 using namespace echofuse::record;
-using namespace testing;
+using namespace echofuse::test;
 
 namespace {
 
 using Json = nlohmann::json;
 
 void write(const std::string& path) {
-  RunWriter run(path, {});
-  for (const auto& axis : small_axes()) run.put_axis(axis);
-  run.put_policy(Sensor::spd, "required");
-  run.put_policy(Sensor::depth, "optional");
-  for (std::int64_t i = 0; i < 3; ++i) {
-    FusedRecord r = small_record(i);
+  const auto change = [](FusedRecord& r) {
+    const std::int64_t i = r.index;
     if (i == 1) r.missing = SensorSet::from_bits(5);
     if (i == 1)
       r.signal = {.clicks_a_pulse = 0.02,
@@ -29,13 +25,16 @@ void write(const std::string& path) {
                   .radar_snr_db = 20.5,
                   .radar_peak_m = 3.25,
                   .depth_share = 0};
-    if (i == 2) r.sync[Sensor::spd].verdict = "weak: 98 clicks";
+    if (i == 2) set_verdict(r, Sensor::spd, "weak: 98 clicks");
     if (i > 0)
       r.clocks[Sensor::spd] = ClockState{1.5, -3, 1e-4, static_cast<std::uint64_t>(100 + i)};
     if (i == 1) r.clocks[Sensor::depth] = ClockState{-7, 20, 2e-3, 64};
-    run.append(r);
-  }
-  run.close("complete");
+  };
+  a_small_run(3)
+      .policy(Sensor::spd, "required")
+      .policy(Sensor::depth, "optional")
+      .each(change)
+      .write(path);
 }
 
 struct Database {

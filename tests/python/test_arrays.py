@@ -10,7 +10,7 @@ import pytest
 import echofuse
 from echofuse.bench import derive
 from echofuse.runs import antennas
-from programs import BIN, program
+from fixtures import BIN, program
 
 ACQUIRE = str(BIN / "echofuse-acquire")
 

@@ -3,7 +3,6 @@
 import errno
 import os
 import shutil
-import sqlite3
 import types
 
 import numpy as np
@@ -15,7 +14,7 @@ from echofuse.bench import derive, letters, stability
 from echofuse.bench.methods import call
 from echofuse.bench.table import content_hash
 from echofuse.models.model import read_safetensors
-from programs import BIN, program
+from fixtures import BIN, change, changed, program
 
 os.environ["ECHOFUSE_BIN"] = str(BIN)
 
@@ -41,10 +40,8 @@ def test_python_split_equals_the_split_of_the_train_command(run, tmp_path, kind,
 
 def test_split_and_user_methods_exclude_doubtful_records(run, tmp_path):
     path = tmp_path / "frozen.sqlite"
-    shutil.copy(run.path, path)
-    with sqlite3.connect(path) as db:
-        db.execute("UPDATE record SET depth_verdict = 'stands still: the same' WHERE idx % 3 = 0")
-        db.execute("UPDATE record SET valid = valid - 2 WHERE idx = 4")
+    changed(run.path, path, "frozen camera in every third record")
+    change(path, "radar is not valid in record ?1", 4)
     sound = [i for i in range(61) if i % 3 and i != 4]
     with echofuse.open(path) as frozen:
         split = echofuse.split(frozen)
@@ -63,10 +60,10 @@ def test_true_maps_in_python_equal_those_of_echofuse_recon(run, tmp_path):
             path = tmp_path / f"{name}{size}.sqlite"
             program("echofuse-sim", "dataset", "-q", "--out", path, "--records", 20, "--set", "map_size=64", "--set", "depth_noise_m=0.03")
             if name == "coarse":
-                with sqlite3.connect(path) as db:
-                    db.execute("UPDATE axis SET count = ?, start = ?, step = ? WHERE name = 'map_x'", (size, half / size - half, 2 * half / size))
-                    db.execute("UPDATE axis SET count = ?, start = ?, step = ? WHERE name = 'map_y'", (size, half - half / size, -2 * half / size))
-                db.close()
+                for axis, sign in ("map_x", 1), ("map_y", -1):
+                    change(path, "axis ?1 has ?2 points", axis, size)
+                    change(path, "axis ?1 starts at ?2", axis, sign * (half / size - half))
+                    change(path, "axis ?1 has the step ?2", axis, sign * 2 * half / size)
             model, maps = tmp_path / f"{name}{size}.model", tmp_path / f"{name}{size}.maps"
             program("echofuse-recon", "-q", "train", path, "--model", "nearest", "--set", "test_share=0", "--set", "validation_share=0",
                     "--out", model)
@@ -210,19 +207,17 @@ def test_bench_does_not_overwrite_a_file_that_is_not_a_table(tmp_path, text):
     assert (tmp_path / "notes.txt").read_text(encoding="latin-1") == text
 
 
-@pytest.mark.parametrize("change", [
-    "UPDATE record SET depth_verdict = 'stands still: the same' WHERE idx = 0",
-    "INSERT INTO calibration VALUES ('radar', '', '', 1, 0.05, 0)",
-    "UPDATE axis SET start = start + 0.1 WHERE name = 'radar'",
-    "UPDATE record SET spd = zeroblob(length(spd)) WHERE idx = 3",
+@pytest.mark.parametrize("damage", [
+    ("frozen camera in the records from ?1 to ?2", 0, 0),
+    ("offset ?2 of the sensor ?1", "radar", 0.05),
+    ("radar axes shifted by ?1 bins", 0.2),
+    ("histograms without counts in the records from ?1 to ?2", 3, 3),
 ])
-def test_content_hash_of_a_run_depends_on_its_verdicts_offsets_axes_and_data(run, tmp_path, change):
+def test_content_hash_of_a_run_depends_on_its_verdicts_offsets_axes_and_data(run, tmp_path, damage):
     path = tmp_path / "other.sqlite"
     shutil.copy(run.path, path)
     assert content_hash(path) == content_hash(run.path)
-    with sqlite3.connect(path) as db:
-        db.execute(change)
-    db.close()
+    change(path, *damage)
     assert content_hash(path) != content_hash(run.path)
 
 

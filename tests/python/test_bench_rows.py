@@ -11,7 +11,7 @@ import pytest
 import echofuse
 from echofuse import bench
 from echofuse.bench import stability
-from programs import BIN, program
+from fixtures import BIN, program
 
 os.environ["ECHOFUSE_BIN"] = str(BIN)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import echofuse
-from programs import program
+from fixtures import change, program
 
 MUTANTS = 300
 
@@ -97,7 +97,6 @@ def test_load_model_refuses_mutated_model_files(folder, tmp_path):
 def test_open_refuses_an_axis_longer_than_the_file(folder, tmp_path):
     path = tmp_path / "run.sqlite"
     path.write_bytes((folder / "run.sqlite").read_bytes())
-    with sqlite3.connect(path) as db:
-        db.execute("UPDATE axis SET count = 1 << 23 WHERE name = 'spd'")
+    change(path, "axis ?1 has ?2 points", "spd", 1 << 23)
     with pytest.raises(ValueError, match="axis spd: 8388608 points"):
         echofuse.open(path)

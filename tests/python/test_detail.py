@@ -6,7 +6,7 @@ import pathlib
 import subprocess
 import sys
 
-from programs import BIN
+from fixtures import BIN
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 

@@ -16,7 +16,7 @@ import pytest
 
 import echofuse
 from echofuse.runs import grid, run_files
-from programs import BIN, program
+from fixtures import BIN, change, program
 
 
 @pytest.fixture(scope="session")
@@ -70,14 +70,12 @@ def test_run_arrays_equal_those_of_the_hdf5_export(folder):
 def test_record_without_data_from_a_sensor_is_marked_as_invalid_for_that_sensor(folder, tmp_path):
     path = tmp_path / "lost.sqlite"
     path.write_bytes((folder / "monday.sqlite").read_bytes())
-    with sqlite3.connect(path) as db:
-        db.execute("UPDATE record SET valid = 4, spd = NULL, radar = NULL WHERE idx = 7")
+    change(path, "no SPD and radar data in record ?1", 7)
     run = echofuse.open(path)
     assert not run.valid["radar"][7] and run.valid["radar"].sum() == 59
     assert np.isnan(run.radar[7]).all() and not np.isnan(run.radar[8]).any()
     assert (run.spd[7] == 0).all()
-    with sqlite3.connect(path) as db:
-        db.execute("UPDATE record SET radar = x'00' WHERE idx = 8")
+    change(path, "radar data of one byte in record ?1", 8)
     with pytest.raises(ValueError, match="record 8: radar has"):
         echofuse.open(path).radar  # noqa: B018
 
@@ -127,9 +125,8 @@ def test_indexing_a_run_gives_a_run_of_the_selected_records(folder, rows):
 def test_logarithmic_radar_codes_are_converted_to_power(folder, tmp_path):
     path = tmp_path / "codes.sqlite"
     path.write_bytes((folder / "monday.sqlite").read_bytes())
-    with sqlite3.connect(path) as db:
-        db.execute("UPDATE axis SET quantity = 'log2_q8', scale = 12 WHERE name = 'radar'")
-        db.execute("UPDATE record SET radar = ?", (np.full(echofuse.open(path).axes["radar"].count, 768, "<f4").tobytes(),))
+    change(path, "radar stores logarithmic codes of ?1 virtual antennas", 12)
+    change(path, "radar data of every record", np.full(echofuse.open(path).axes["radar"].count, 768, "<f4").tobytes())
     assert echofuse.open(path).radar[0, 0] == pytest.approx(2 ** (768 * 2 / 256 * 16 / 12))
 
 
@@ -164,8 +161,7 @@ def open_run(folder, path):
     """Creates an open run of three records in WAL mode. Returns the database connection that can append records."""
     path.write_bytes((folder / "monday.sqlite").read_bytes())
     db = sqlite3.connect(path, isolation_level=None)
-    db.execute("DELETE FROM record WHERE idx >= 3")
-    db.execute("UPDATE run SET status = 'open'")
+    change(db, "open run of three records")
     db.execute("PRAGMA journal_mode = WAL")
     db.execute("ATTACH ? AS whole", (str(folder / "monday.sqlite"),))
     return db
@@ -176,10 +172,10 @@ def killed_run(folder, path, records):
     records. The run stores the key that identifies the -wal file."""
     live = path.with_suffix(".live")
     with closing(open_run(folder, live)) as db:
-        db.execute("UPDATE run SET version = 'killed'")
-        db.execute("UPDATE run SET meta = json_set(meta, '$.wal_key', ?)", (f"{run_files.wal_key(live):08x}",))
+        change(db, "run of the program version ?1", "killed")  # creates the -wal
+        change(db, "-wal key ?1", f"{run_files.wal_key(live):08x}")
         db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-        db.execute("INSERT INTO record SELECT * FROM whole.record WHERE idx BETWEEN 3 AND ?", (records + 2,))
+        change(db, "append the records ?1 to ?2 of the database whole", 3, records + 2)
         for suffix in ("", "-wal"):
             shutil.copy(f"{live}{suffix}", f"{path}{suffix}")
 
@@ -191,9 +187,9 @@ def test_follow_yields_the_records_of_a_growing_run_until_it_is_closed(folder, t
         assert len(run) == len(run.spd) == 3 and run.info["status"] == "open"
         rows = run.follow(pause_s=0.01)
         assert [next(rows) for _ in range(3)] == [0, 1, 2]
-        db.execute("INSERT INTO record SELECT * FROM whole.record WHERE idx IN (3, 4)")
+        change(db, "append the records ?1 to ?2 of the database whole", 3, 4)
         assert next(rows) == 3 and len(run.spd) == 5
-        db.execute("UPDATE run SET status = 'complete'")
+        change(db, "status of the run", "complete")
         assert list(rows) == [4]
     assert "5 of 5" in run._repr_html_() and "<script" not in run._repr_html_()
 
@@ -284,7 +280,7 @@ def test_closing_a_connection_keeps_the_locks_of_other_connections(folder, tmp_p
     path.write_bytes((folder / "monday.sqlite").read_bytes())
     with closing(sqlite3.connect(path)) as db:
         db.execute("PRAGMA journal_mode = WAL")
-        db.execute("UPDATE run SET status = 'open'")
+        change(db, "status of the run", "open")
         db.commit()
         with closing(run_files.connect(path)) as first:
             first.execute("SELECT count(*) FROM record").fetchone()
@@ -311,8 +307,7 @@ def test_open_accepts_sqlite_analyze_tables_and_refuses_unknown_tables(folder, t
     with closing(sqlite3.connect(path)) as db:
         db.executescript("CREATE INDEX i ON record (label); ANALYZE; DROP INDEX i")
     assert echofuse.open(path).tables == echofuse.open(folder / "monday").tables
-    with closing(sqlite3.connect(path)) as db:
-        db.execute('CREATE TABLE "m""y" (a)')
+    change(path, "table with a quotation mark")
     said = outcome("echofuse-acquire", "info", path).stderr
     with pytest.raises(ValueError, match='DROP TABLE "m""y"$') as refused:
         echofuse.open(path)

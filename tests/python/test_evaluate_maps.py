@@ -8,7 +8,7 @@ import pytest
 
 import echofuse
 from echofuse.bench import derive
-from programs import BIN, program
+from fixtures import BIN, program
 
 
 @pytest.fixture(scope="module")

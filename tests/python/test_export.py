@@ -16,7 +16,7 @@ from echofuse.runs import antennas, batches as blocks
 from echofuse.runs import staged as staging
 from echofuse.export.command import export
 from echofuse.runs.run_files import NULL_INTEGER
-from programs import BIN, program
+from fixtures import BIN, change, changed, program
 
 h5py = pytest.importorskip("h5py")
 ACQUIRE = str(BIN / "echofuse-acquire")
@@ -25,13 +25,6 @@ ACQUIRE = str(BIN / "echofuse-acquire")
 def tool(*words, env=None, prefix=()):
     return subprocess.run([*prefix, BIN / "echofuse-export", *map(str, words)], capture_output=True, text=True,
                           env={**os.environ, **(env or {})})
-
-
-def change(path, *statements):
-    with closing(sqlite3.connect(path)) as db:
-        for sql, *values in statements:
-            db.execute(sql, values)
-        db.commit()
 
 
 @pytest.fixture(scope="module")
@@ -46,8 +39,8 @@ def runs(tmp_path_factory):
     echofuse.write_run(folder / "own", program=ACQUIRE, spd=spd, first_bin_ps=13343, bin_width_ps=100,
                        radar=rng.uniform(1, 2, (20, 4)), first_m=0.5, depth_m=depth, labels=[f"person {i}" for i in range(20)])
     bad = np.array([1, np.nan, 1, 1], "<f4")
-    change(folder / "own.sqlite", ("UPDATE record SET radar = ? WHERE idx = 9", bad.tobytes()),
-           ("UPDATE record SET spd = x'0102' WHERE idx = 7",))
+    change(folder / "own.sqlite", "radar data of record ?1", 9, bad.tobytes())
+    change(folder / "own.sqlite", "histogram of two bytes in record ?1", 7)
     program("echofuse-sim", "dataset", "-q", "--out", folder / "far.sqlite", "--records", 8, "--set", "radar_antennas=8",
             "--set", "radar_sum=coherent", "--set", "radar_frames=20")
     program("echofuse-acquire", "annotate", folder / "far.sqlite", "door open, µ")
@@ -174,8 +167,7 @@ def test_export_does_not_depend_on_the_block_size(runs, tmp_path, monkeypatch):
 
 
 def test_export_accepts_a_run_without_records(runs, tmp_path):
-    shutil.copy(runs / "far.sqlite", tmp_path / "none.sqlite")
-    change(tmp_path / "none.sqlite", ("DELETE FROM record",), ("DELETE FROM axis",))
+    changed(runs / "far.sqlite", tmp_path / "none.sqlite", "without a record and an axis")
     assert tool(tmp_path / "none", "--to", tmp_path / "a.h5").returncode == 0
     with h5py.File(tmp_path / "a.h5") as file:
         assert file["entry/data/record"].shape == (0,)
@@ -194,8 +186,7 @@ def test_csv_export_contains_the_sensor_values_of_one_record(runs, tmp_path):
     assert not [line for line in tool(runs / "own", "--record", 3, "--to", tmp_path / "b.csv").stderr.splitlines()]
     assert "\nspd," not in (tmp_path / "b.csv").read_text()
     assert "radar bin 1 is not a finite number" in tool(runs / "own", "--record", 9, "--to", tmp_path / "c.csv").stderr
-    shutil.copy(runs / "own.sqlite", tmp_path / "sly.sqlite")
-    change(tmp_path / "sly.sqlite", ("UPDATE record SET label = ? WHERE idx = 1", "a\n=1+1,;\"\x1b"))
+    changed(runs / "own.sqlite", tmp_path / "sly.sqlite", "label ?2 of record ?1", 1, "a\n=1+1,;\"\x1b")
     tool(tmp_path / "sly", "--record", 1, "--to", tmp_path / "d.csv")
     assert (tmp_path / "d.csv").read_text().splitlines()[0].endswith(r"label a\n=1+1\x2c\x3b\x22\x1b")
 
@@ -273,15 +264,15 @@ def test_export_error_names_the_missing_package(runs, tmp_path, module, name):
 
 @pytest.mark.parametrize("meta", ["[" * 100000, "null", "", 7])
 def test_export_refuses_invalid_metadata(runs, tmp_path, meta):
-    shutil.copy(runs / "far.sqlite", tmp_path / "bad.sqlite")
-    change(tmp_path / "bad.sqlite", ("UPDATE run SET meta = ?", meta))
+    changed(runs / "far.sqlite", tmp_path / "bad.sqlite", "metadata of the run", meta)
     done = tool(tmp_path / "bad", "--to", tmp_path / "a.h5")
     assert (done.returncode, done.stderr) == (1, f"echofuse-export: {tmp_path / 'bad.sqlite'}: meta is not a JSON object of strings\n")
 
 
 def test_export_marks_a_record_as_unreadable_if_a_number_replaces_its_array(runs, tmp_path):
     shutil.copy(runs / "far.sqlite", tmp_path / "bad.sqlite")
-    change(tmp_path / "bad.sqlite", *((f"UPDATE record SET {sensor} = 7 WHERE idx = {row}",) for row, sensor in enumerate(echofuse.runs.SENSORS)))
+    for row, data in enumerate(("histogram", "range profile", "depth image")):
+        change(tmp_path / "bad.sqlite", f"a number instead of the {data} of record ?1", row)
     done = tool(tmp_path / "bad", "--to", tmp_path / "a.h5")
     assert (done.returncode, done.stderr) == (5, f"echofuse-export: 3 records are unreadable; {tmp_path / 'a.h5'} marks them as unreadable\n")
 

@@ -7,7 +7,7 @@ import pytest
 
 from echofuse.bench import derive, fog, stability
 from echofuse.runs.run import PS_PER_M
-from programs import BIN
+from fixtures import BIN
 
 os.environ["ECHOFUSE_BIN"] = str(BIN)
 SETTINGS = {"half_tangent": 0.55, "spd_field": 1, "spd_falloff": 0, "signal_photons": 1e5,

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: MIT
 """Tests that Python and C++ read the same arrays from 20 random runs, and that Python rejects runs in other formats."""
 import os
-import sqlite3
 import subprocess
 
 import numpy as np
 import pytest
 
 import echofuse
-from programs import BIN
+from fixtures import BIN, change
 
 
 def test_python_reads_arrays_of_random_runs_written_by_cpp(tmp_path):
@@ -36,7 +35,6 @@ def test_open_refuses_another_run_format_version_and_gives_advice(tmp_path):
     path = tmp_path / "run.sqlite"
     subprocess.run([BIN / "echofuse-sim", "dataset", "-q", "--records", "2", "--out", path], check=True)
     for version, advice in ((2, "expected 3; use the echofuse that recorded it"), (4, "expected 3; use a newer echofuse")):
-        with sqlite3.connect(path) as db:
-            db.execute(f"PRAGMA user_version = {version}")
+        change(path, f"run format {version}")
         with pytest.raises(ValueError, match=f"run format {version}, {advice}"):
             echofuse.open(path)

@@ -2,6 +2,7 @@
 """Tests that a reader based only on acquire/README.md reads the same values from a run as the
 Python package."""
 import math
+import shutil
 import sqlite3
 import subprocess
 import zlib
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 import echofuse
-from programs import BIN, program
+from fixtures import BIN, change, plates, scenes
 
 C_M_PER_PS = 299_792_458e-12
 
@@ -48,20 +49,16 @@ def read(path):
     return records
 
 
-@pytest.mark.parametrize("kind", ["plain", "zones", "codes"])
+@pytest.mark.parametrize("kind", ["one_pixel", "nine_zones", "codes"])
 def test_reader_written_from_the_manual_returns_the_same_arrays_as_the_package(tmp_path, kind):
     path = tmp_path / "run.sqlite"
-    program("echofuse-sim", "dataset", "-q", "--out", path, "--records", 6, *(["--set", "spd_zones=3"] if kind == "zones" else []))
+    shutil.copyfile(scenes(6) if kind == "codes" else plates(kind, 6), path)
     if kind == "codes":
-        with sqlite3.connect(path) as db:
-            db.execute("UPDATE axis SET quantity = 'log2_q8', scale = 12 WHERE name = 'radar'")
-            count, = db.execute("SELECT count FROM axis WHERE name = 'radar'").fetchone()
-            db.execute("UPDATE record SET radar = ?", (np.linspace(0, 3000, count, dtype="<f4").tobytes(),))
-            columns = [row[1] for row in db.execute("PRAGMA table_info(calibration)")]
-            for sensor, offset_m in (("spd", 0.3), ("radar", 0.5)):
-                db.execute(f"INSERT INTO calibration VALUES ({', '.join('?' * len(columns))})",
-                           [{"sensor": sensor, "offset_m": offset_m}.get(column, 0) for column in columns])
-        db.close()
+        change(path, "radar stores logarithmic codes of ?1 virtual antennas", 12)
+        change(path, "radar data of every record",
+               np.linspace(0, 3000, echofuse.open(path).axes["radar"].count, dtype="<f4").tobytes())
+        for sensor, offset_m in (("spd", 0.3), ("radar", 0.5)):
+            change(path, "offset ?2 of the sensor ?1", sensor, offset_m)
     run, found = echofuse.open(path), read(path)
     assert [one["index"] for one in found] == run.index.tolist() and [one["label"] for one in found] == run.labels
     assert [one["utc"] for one in found] == run.time.astype(np.int64).tolist()

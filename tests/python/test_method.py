@@ -3,14 +3,14 @@
 same foreground, and depths that agree within 0.1 mm."""
 import dataclasses
 import json
-import sqlite3
+import shutil
 import subprocess
 
 import numpy as np
 import pytest
 
 import echofuse
-from programs import BIN, program
+from fixtures import BIN, change, plates, program
 
 # Simulator settings of each run, by run name.
 RUNS = {
@@ -32,14 +32,15 @@ KINDS = {
     "piled-up": [["factorised-8"]],
     "calibrated": [["factorised-8"]],
     "zones": [["factorised-8"], ["factorised-8", "--inputs", "spd"], ["mlp-64"]],
+    "one_pixel": [["factorised-8"], ["mlp-64"]],
+    "nine_zones": [["factorised-8"], ["factorised-8", "--inputs", "spd"], ["mlp-64"]],
 }
 CODES_SCALE = 12  # A code is log2(power) in steps of 1 / (8 CODES_SCALE), as in TI's range profile of one transmitter.
 
 
 def stated(path, taps, cell_m=0.3):
-    with sqlite3.connect(path) as db:
-        for key, value in (("radar_cell_m", cell_m), ("radar_taps", " ".join(f"{v:.6g}" for v in taps) + " +- 0.01")):
-            db.execute("UPDATE run SET meta = json_set(meta, '$.' || ?, ?)", (key, str(value)))
+    change(path, "metadata entry ?1 with the value ?2", "radar_cell_m", str(cell_m))
+    change(path, "metadata entry ?1 with the value ?2", "radar_taps", " ".join(f"{v:.6g}" for v in taps) + " +- 0.01")
 
 
 def as_the_daemon_writes(path):
@@ -48,10 +49,10 @@ def as_the_daemon_writes(path):
     run = echofuse.open(path)
     codes = np.round(np.log2(np.maximum(run.radar, 1e-3) * 1e6) * 256 * CODES_SCALE / 32)
     codes = np.pad(codes, ((0, 0), (0, 5)), mode="edge").astype("<f4")
-    with sqlite3.connect(path) as db:
-        db.execute("UPDATE axis SET quantity = 'log2_q8', scale = ?, count = count + 5 WHERE name = 'radar'", (CODES_SCALE,))
-        for index, row in zip(run.index.tolist(), codes):
-            db.execute("UPDATE record SET radar = ? WHERE idx = ?", (row.tobytes(), index))
+    change(path, "radar stores logarithmic codes of ?1 virtual antennas", CODES_SCALE)
+    change(path, "five more range bins")
+    for index, row in zip(run.index.tolist(), codes):
+        change(path, "radar data of record ?1", index, row.tobytes())
 
 
 @pytest.fixture(scope="module")
@@ -61,32 +62,27 @@ def runs(tmp_path_factory):
         words = [word for setting in settings for word in ("--set", setting)]
         program("echofuse-sim", "dataset", "-q", "--out", folder / f"{name}.sqlite", "--records", 60, *words)
     for name in ("calibrated", "antennas"):
-        with sqlite3.connect(folder / f"{name}.sqlite") as db:
-            columns = [row[1] for row in db.execute("PRAGMA table_info(calibration)")]
-            for sensor, offset_m in (("spd", 0.031), ("radar", 0.087)):
-                known = {"sensor": sensor, "offset_m": offset_m}
-                db.execute(f"INSERT OR REPLACE INTO calibration VALUES ({', '.join('?' * len(columns))})",
-                           [known.get(column, 0) for column in columns])
-    with sqlite3.connect(folder / "piled-up.sqlite") as db:
-        # In every second record, the sync is filtered and the number of clicks per pulse is unknown.
-        db.execute("UPDATE record SET starts = in_range + out_of_range, clicks_a_pulse = NULL WHERE idx % 2 = 1")
+        for sensor, offset_m in (("spd", 0.031), ("radar", 0.087)):
+            change(folder / f"{name}.sqlite", "offset ?2 of the sensor ?1", sensor, offset_m)
+    change(folder / "piled-up.sqlite", "filtered sync and unknown clicks per pulse in every second record")
+    for name in ("one_pixel", "nine_zones"):
+        shutil.copyfile(plates(name, 60), folder / f"{name}.sqlite")
     return folder
 
 
 @pytest.mark.parametrize("name", ["50cm", "antennas"])
-@pytest.mark.parametrize("change", ["codes", "response", "axes"])
-def test_python_predictions_equal_those_of_echofuse_recon_for_runs_with_other_units_or_axes(runs, tmp_path, name, change):
+@pytest.mark.parametrize("difference", ["codes", "response", "axes"])
+def test_python_predictions_equal_those_of_echofuse_recon_for_runs_with_other_units_or_axes(runs, tmp_path, name, difference):
     """The run has logarithmic radar codes, a radar response that differs from that of the training run, or axes that
     are shifted by less than a bin."""
     trained, run, model = tmp_path / "trained.sqlite", tmp_path / "run.sqlite", tmp_path / "model"
     for copy in (trained, run):
         copy.write_bytes((runs / f"{name}.sqlite").read_bytes())
     stated(trained, np.exp(-np.arange(8) ** 2 / 14))
-    if change == "axes":
-        with sqlite3.connect(run) as db:
-            db.execute("UPDATE axis SET start = start + 0.3 * step WHERE name = 'spd'")
-            db.execute("UPDATE axis SET start = start - 0.4 * step WHERE name IN ('radar', 'array')")
-    elif change == "response":
+    if difference == "axes":
+        change(run, "SPD axis shifted by ?1 bins", 0.3)
+        change(run, "radar axes shifted by ?1 bins", -0.4)
+    elif difference == "response":
         stated(run, np.exp(-np.arange(8) ** 2 / 5))
     elif name == "50cm":
         as_the_daemon_writes(run)

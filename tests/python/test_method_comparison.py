@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 from echofuse import bench
-from programs import BIN, program
+from fixtures import BIN, program
 
 EXAMPLES = pathlib.Path(__file__).parents[2] / "recon/python/examples"
 OWN = """

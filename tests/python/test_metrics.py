@@ -7,7 +7,7 @@ import pytest
 
 import echofuse
 from echofuse import metrics
-from programs import program
+from fixtures import program
 
 COLUMNS = {"iou": metrics.iou, "depth_mae_m": metrics.depth_mae, "lateral_m": metrics.lateral, "ssim_fg": metrics.ssim_fg,
            "ghost": metrics.mirror_fraction}

@@ -12,7 +12,7 @@ import zipfile
 import pytest
 
 import echofuse
-from programs import BIN, program
+from fixtures import BIN, program
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2] / "recon/python"
 AWAY = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "ECHOFUSE_BIN", "ECHOFUSE_ACQUIRE")}

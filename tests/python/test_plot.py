@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("matplotlib")
 import echofuse
 from echofuse import plot
-from programs import program
+from fixtures import program
 
 
 @pytest.fixture(scope="session")

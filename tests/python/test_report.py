@@ -6,7 +6,6 @@ import json
 import os
 import shutil
 import signal
-import sqlite3
 import subprocess
 import time
 
@@ -20,7 +19,7 @@ from echofuse.report import story as report_story
 from echofuse.report import blocks
 from echofuse.report import tables
 from echofuse.report.scores import Count, Means, Mean, ReportModel, Scores, sensors_of
-from programs import BIN, program
+from fixtures import BIN, change, changed, program
 
 BIN = BIN.resolve()
 os.environ["ECHOFUSE_BIN"] = str(BIN)
@@ -181,9 +180,7 @@ def test_report_shows_the_period_without_data_from_a_sensor(here, tmp_path):
         records.lost["radar"][40:] = True
 
     lost = derive.copy(here / "fresh.sqlite", tmp_path / "lost.sqlite", lose)
-    with sqlite3.connect(lost) as db:
-        db.execute("UPDATE record SET radar_verdict = 'no frames: 0 of 60' WHERE NOT valid & 2")
-    db.close()
+    change(lost, "verdict ?1 of the radar in records without radar data", "no frames: 0 of 60")
     code, said = report(tmp_path, "--live", lost)
     assert code == 0 and "40 with all three sensors; 20 of 60 doubtful: radar no frames 20." in said
     assert "no data from radar after 120 s." in said
@@ -191,12 +188,10 @@ def test_report_shows_the_period_without_data_from_a_sensor(here, tmp_path):
 
 
 def test_report_contains_every_note_of_the_evaluate_command(here, tmp_path):
-    shutil.copy(here / "fresh.sqlite", tmp_path / "odd.sqlite")
-    with sqlite3.connect(tmp_path / "odd.sqlite") as db:
-        db.execute("UPDATE record SET depth_verdict = 'stands still: the same', depth = (SELECT depth FROM record WHERE idx = 0) WHERE idx < 25")
-        db.execute("UPDATE record SET valid = valid - 2 WHERE idx = 40")
-        db.execute("UPDATE record SET spd = (SELECT spd FROM record WHERE idx = 51) WHERE idx = 50")
-    db.close()
+    odd = changed(here / "fresh.sqlite", tmp_path / "odd.sqlite", "frozen camera in the records from ?1 to ?2", 0, 24)
+    change(odd, "same depth image in the records from ?1 to ?2", 0, 24)
+    change(odd, "radar is not valid in record ?1", 40)
+    change(odd, "record ?1 has the histogram of record ?2", 50, 51)
     notes_of_evaluate = evaluated(here / "body", tmp_path / "odd.sqlite")["notes"].splitlines()
     for part in ("camera frozen 25; including them: IoU", "twice in the run 1", "1 records with a depth map left out: missing sensor 1"):
         assert any(part in line for line in notes_of_evaluate), notes_of_evaluate
@@ -207,20 +202,14 @@ def test_report_contains_every_note_of_the_evaluate_command(here, tmp_path):
 
 
 def test_report_refuses_a_run_with_only_doubtful_records(here, tmp_path):
-    shutil.copy(here / "fresh.sqlite", tmp_path / "frozen.sqlite")
-    with sqlite3.connect(tmp_path / "frozen.sqlite") as db:
-        db.execute("UPDATE record SET depth_verdict = 'stands still: the same'")
-    db.close()
+    changed(here / "fresh.sqlite", tmp_path / "frozen.sqlite", "frozen camera in the records from ?1 to ?2", 0, 59)
     code, said = report(tmp_path / "page", "--run", tmp_path / "frozen.sqlite", "--model", here / "body")
     assert code == 1 and "60 of 60 records left out: camera frozen 60" in said and not (tmp_path / "page/report.html").exists()
 
 
 def test_report_lists_an_unreadable_record_with_the_reason(here, tmp_path):
     """The unreadable record is record 30, because the report shows the middle record if no model is given."""
-    shutil.copy(here / "fresh.sqlite", tmp_path / "bad.sqlite")
-    with sqlite3.connect(tmp_path / "bad.sqlite") as db:
-        db.execute("UPDATE record SET spd = x'00' WHERE idx = 30")
-    db.close()
+    changed(here / "fresh.sqlite", tmp_path / "bad.sqlite", "histogram of one byte in record ?1", 30)
     for words in ([], ["--run", tmp_path / "bad.sqlite", "--model", here / "body"]):
         code, said = report(tmp_path / "page", "--live", tmp_path / "bad.sqlite", *words)
         assert code == 0, said

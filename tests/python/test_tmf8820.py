@@ -14,7 +14,7 @@ import pytest
 import echofuse
 from echofuse.bench import photon_track, tmf8820, zone_fit
 from echofuse.models import photon_baselines
-from programs import BIN, program
+from fixtures import BIN, program
 
 os.environ["ECHOFUSE_BIN"] = str(BIN)
 REFERENCE = 1e5 * np.exp(-(((np.arange(128) - 14) / 1.2) ** 2)) + 5

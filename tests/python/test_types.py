@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from programs import BIN
+from fixtures import BIN
 
 PACKAGE = pathlib.Path(__file__).parents[2] / "recon/python"
 SCRIPT = """

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Tests runs from detectors with several zones: import, zone directions, export, and rejection of invalid zones."""
 import pathlib
-import sqlite3
 import subprocess
 import sys
 
@@ -12,7 +11,7 @@ import echofuse
 from echofuse.bench import derive
 from echofuse.models.photon_baselines import FirstReturn
 from echofuse.runs import zones
-from programs import BIN
+from fixtures import BIN, change
 
 ROOT = pathlib.Path(__file__).parents[2]
 ACQUIRE = str(BIN / "echofuse-acquire")
@@ -99,24 +98,22 @@ def test_write_run_refuses_zones_that_do_not_match_the_histogram_array(tmp_path,
     assert said in str(refused.value)
 
 
-MILLION = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 1000000) "
 TABLE = "table zone: expected at most 64 zones, each with a centre, a width and a time-zero offset"
 
 
-@pytest.mark.parametrize("sql, said", [
-    ("UPDATE zone SET x = NULL", TABLE),
-    ("UPDATE zone SET y = NULL", TABLE),
-    ("UPDATE zone SET width = 0", TABLE),
-    ("UPDATE zone SET width = 9e999", TABLE),
-    ("UPDATE zone SET zero_ps = -9e999", TABLE),
-    (f"INSERT INTO zone {MILLION} SELECT 0, 0, 1, 0 FROM n", TABLE),
-    ("INSERT INTO zone SELECT * FROM zone LIMIT 1", "record 0: spd has 240 bytes, but its axis requires 360"),
-    ("UPDATE axis SET count = 31 WHERE name = 'spd'", "record 0: spd has 240 bytes, but its axis requires 248"),
+@pytest.mark.parametrize("damage, said", [
+    ("zone without x", TABLE),
+    ("zone without y", TABLE),
+    ("zone of width 0", TABLE),
+    ("zone of infinite width", TABLE),
+    ("zone with an infinite time-zero offset", TABLE),
+    ("a million zones", TABLE),
+    ("one more zone", "record 0: spd has 240 bytes, but its axis requires 360"),
+    ("one more time bin", "record 0: spd has 240 bytes, but its axis requires 248"),
 ])
-def test_cpp_and_python_readers_refuse_a_malicious_zone_table(tmp_path, sql, said):
+def test_cpp_and_python_readers_refuse_a_malicious_zone_table(tmp_path, damage, said):
     write(tmp_path / "own", spd=counts(), zones=TWO)
-    with sqlite3.connect(tmp_path / "own.sqlite") as db:
-        db.execute(sql)
+    change(tmp_path / "own.sqlite", damage)
     told = subprocess.run([BIN / "echofuse-recon", "rows", "--inputs", "spd", tmp_path / "own.sqlite"], text=True,
                           capture_output=True)
     assert told.returncode == 1 and said in told.stderr, told

@@ -9,12 +9,12 @@
 #include "world.hpp"
 
 using namespace echofuse;
-using namespace echofuse::testing;
+using namespace echofuse::test;
 
 namespace {
 
 std::string trained(const Folder& dir, const std::string& model) {
-  write_run(dir / "train", 80);
+  a_run(80).write(dir / "train");
   const Outcome o = recon_program("train -q --set fallback=false --model " + model + " " +
                                   (dir / "train") + " --out " + (dir / "m"));
   INFO(o.text);
@@ -26,11 +26,11 @@ std::string trained(const Folder& dir, const std::string& model) {
 
 TEST_CASE("records read through the API contain the values of the run file") {
   const Folder dir;
-  write_run(dir / "run", 3, 1, [](record::FusedRecord& r) {
+  a_run(3, 1, [](FusedRecord& r) {
     if (r.index != 1) return;
-    r.valid.erase(Sensor::spd), r.spd.clear();
-    r.sync[Sensor::spd].verdict = "missing: no tags";
-  });
+    r.valid.erase(Sensor::spd), counts(r).clear();
+    set_verdict(r, Sensor::spd, "missing: no tags");
+  }).write(dir / "run");
   const Run run(dir / "run");
   const record::RunReader reader(dir / "run");
   CHECK(run.facts().uuid == reader.info().uuid);
@@ -64,8 +64,7 @@ TEST_CASE("the API converts logarithmic radar codes to linear power") {
   const Folder dir;
   Axis codes = radar_axis();
   codes.quantity = "log2_q8", codes.scale = 8;
-  write_run(
-      dir / "run", 1, 1, [](record::FusedRecord& r) { r.radar.assign(24, 2560); }, codes);
+  a_run(1, 1, [](FusedRecord& r) { power(r).assign(24, 2560); }).radar(codes).write(dir / "run");
   const Run run(dir / "run");
   CHECK(run.axis("radar")->quantity == "power");
   CHECK(run.read(0).power()[3] == Approx(power_from_code(2560, 8)));
@@ -75,7 +74,7 @@ TEST_CASE("the API predicts the same depth map as the model, from a record or fr
   const Folder dir;
   const Model model(trained(dir, "mean-shape"));
   const recon::TrainedModel whole = recon::load_model(dir / "m");
-  write_run(dir / "fresh", 4, 2);
+  a_run(4, 2).write(dir / "fresh");
   const Run run(dir / "fresh");
   const recon::Records records =
       recon::prepare_records(whole, recon::load_recorded({dir / "fresh"}));
@@ -100,30 +99,8 @@ TEST_CASE("the API predicts the same depth map as the model, from a record or fr
 
 TEST_CASE("the API predicts the same depth map from the arrays of three zones as from the record") {
   const Folder dir;
-  // The position of the plate determines how its light is shared between three unequal zones.
-  const auto write_zones = [&](const std::string& name, std::int64_t count, std::uint64_t seed) {
-    record::RunWriter run(dir / name, {});
-    for (const Axis& axis :
-         {spd_axis(), radar_axis(), record::MapGrid{}.x(), record::MapGrid{}.y()})
-      run.put_axis(axis);
-    run.put_zones({{-0.2, 0.05, 0.15, 0}, {0, -0.05, 0.25, 0}, {0.2, 0, 0.2, 0}});
-    Rng rng = make_rng(seed, 10);
-    std::uniform_real_distribution<double> x(-1, 1), z(3, 4);
-    for (std::int64_t i = 0; i < count; ++i) {
-      const double at = x(rng);
-      record::FusedRecord r = plate_record(i, at, z(rng), rng);
-      std::vector<std::uint32_t> zones(3 * r.spd.size());
-      for (std::size_t b = 0; b < r.spd.size(); ++b) {
-        const auto left = static_cast<std::uint32_t>((0.5 - 0.4 * at) * r.spd[b]);
-        zones[b] = left, zones[r.spd.size() + b] = (r.spd[b] - left) / 3;
-        zones[2 * r.spd.size() + b] = r.spd[b] - left - (r.spd[b] - left) / 3;
-      }
-      r.spd = zones;
-      run.append(r);
-    }
-    run.close("complete");
-  };
-  write_zones("train", 80, 1), write_zones("fresh", 4, 2);
+  const Zones three{{-0.2, 0.05, 0.15, 0}, {0, -0.05, 0.25, 0}, {0.2, 0, 0.2, 0}};
+  a_run(80, 1).zones(three).write(dir / "train"), a_run(4, 2).zones(three).write(dir / "fresh");
   const Outcome o = recon_program("train -q --set fallback=false --epochs 3 --model factorised-4 " +
                                   (dir / "train") + " --out " + (dir / "m"));
   INFO(o.text);
@@ -145,8 +122,9 @@ TEST_CASE("the API predicts the same depth map from the arrays of three zones as
 TEST_CASE("the API returns an error message instead of a map if a sensor is missing") {
   const Folder dir;
   const Model model(trained(dir, "mean-shape"));
-  write_run(dir / "fresh", 1, 2,
-            [](record::FusedRecord& r) { r.valid.erase(Sensor::radar), r.radar.clear(); });
+  a_run(1, 2, [](FusedRecord& r) {
+    r.valid.erase(Sensor::radar), power(r).clear();
+  }).write(dir / "fresh");
   const DepthMap map = predict(model, Run(dir / "fresh"), 0);
   CHECK_THAT(map.fault, Catch::Contains("radar"));
   CHECK(map.depth_m.empty());
@@ -181,9 +159,7 @@ TEST_CASE("follow() visits the records of a growing run until it is closed") {
   const Folder dir;
   Rng rng = make_rng(1, 1);
   std::atomic<std::int64_t> seen = 0;
-  record::RunWriter writer(dir / "run", {});
-  for (const Axis& axis : {spd_axis(), radar_axis(), record::MapGrid{}.x(), record::MapGrid{}.y()})
-    writer.put_axis(axis);
+  const auto writer = a_run(0).open(dir / "run");
   std::vector<std::int64_t> indices;
   std::thread reader([&] {
     follow(dir / "run", [&](const Run& run, const Record& record) {
@@ -192,12 +168,12 @@ TEST_CASE("follow() visits the records of a growing run until it is closed") {
     });
   });
   for (std::int64_t i = 0; i < 3; ++i) {
-    writer.append(plate_record(i, 0, 3, rng));
+    writer->append(plate_record(i, 0, 3, rng));
     for (int wait = 0; wait < 2000 && seen <= i; ++wait)
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
   CHECK(seen == 3);
-  writer.close("complete");
+  writer->close("complete");
   reader.join();
   CHECK(indices == std::vector<std::int64_t>{0, 1, 2});
   int visits = 0;
@@ -211,12 +187,13 @@ TEST_CASE("follow() visits the records of a growing run until it is closed") {
 
 TEST_CASE("the API throws on a damaged record, or skips it if an error handler is given") {
   const Folder dir;
-  write_run(dir / "run", 4);
-  sql(dir / "run", "UPDATE record SET spd = x'00' WHERE idx IN (1, 3)");
-  std::vector<std::int64_t> seen, damaged;
+  a_run(4).write(dir / "run");
+  for (const std::int64_t index : {1, 3})
+    damage(dir / "run", "histogram of one byte in record ?1", {index});
+  std::vector<std::int64_t> seen, bad;
   const auto on_damaged = [&](std::int64_t index, const std::string& fault) {
     CHECK_FALSE(fault.empty());
-    damaged.push_back(index);
+    bad.push_back(index);
   };
   const auto visit = [&](const Record& record) { return seen.push_back(record.index()), true; };
   const auto visit_live = [&](const Run&, const Record& record) { return visit(record); };
@@ -227,7 +204,7 @@ TEST_CASE("the API throws on a damaged record, or skips it if an error handler i
     follow(dir / "run", visit_live, 0, {}, on_damaged);
   }
   CHECK(seen == std::vector<std::int64_t>{0, 2});
-  CHECK(damaged == std::vector<std::int64_t>{1, 3});
+  CHECK(bad == std::vector<std::int64_t>{1, 3});
   CHECK_THAT(error_of([&] { Run(dir / "run").for_each(visit); }), Catch::Contains("record 1: "));
   CHECK_THAT(error_of([&] { follow(dir / "run", visit_live); }), Catch::Contains("record 1: "));
 }

@@ -10,9 +10,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using echofuse::testing::Folder;
-using echofuse::testing::recon_program;
-using echofuse::testing::write_run;
+using namespace echofuse::test;
 
 namespace {
 
@@ -33,13 +31,15 @@ std::vector<float> point(const record::Antennas& antennas, double u, double v, f
 }
 
 void write_plates(const std::string& path, std::int64_t count, std::uint64_t seed,
-                  const testing::Change& change = {}, double wrong_offset_m = 0) {
-  write_run(path, count, seed, change, testing::radar_axis(), testing::spd_axis(),
-            {{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, wrong_offset_m, 0.001}}, line);
+                  const Change& change = {}, double wrong_offset_m = 0) {
+  a_run(count, seed, change)
+      .calibration({Sensor::radar, "2026-01-01T00:00:00Z", "", 1, wrong_offset_m, 0.001})
+      .antennas(line)
+      .write(path);
 }
 
 Axis lags_of_plates() {
-  return lags_axis(record::array_axis(testing::radar_axis(), line.size()), SpatialLags(line));
+  return lags_axis(record::array_axis(radar_axis(), line.size()), SpatialLags(line));
 }
 
 // Returns the spatial lags of an object that consists of three scatterers at direction sines near
@@ -112,8 +112,8 @@ TEST_CASE("a planar array has horizontal and vertical lags, and a single antenna
 
 TEST_CASE("loading converts antenna samples to spatial lags and reports records without samples") {
   const Folder dir;
-  write_plates(dir / "run", 4, 1, [](record::FusedRecord& r) {
-    if (r.index == 2) r.array.clear(), r.array_frames = 0;
+  write_plates(dir / "run", 4, 1, [](FusedRecord& r) {
+    if (r.index == 2) antenna_data(r).clear(), r.array_frames = 0;
   });
   const Dataset data = load({dir / "run"});
   CHECK(data.array_axis.quantity == "lags");
@@ -135,7 +135,7 @@ TEST_CASE("loading converts antenna samples to spatial lags and reports records 
   CHECK(part_of(other, {1}).array.values.size() == 5 * lag_values(7));
   match_array(other, {});
   CHECK(other.array_axis.count == 0);
-  CHECK_THAT(testing::error_of([&] { match_array(other, shorter); }),
+  CHECK_THAT(error_of([&] { match_array(other, shorter); }),
              Catch::Contains("contains no radar antenna samples") &&
                  Catch::Contains("--inputs fused-profile"));
 }
@@ -160,7 +160,7 @@ TEST_CASE("a model trained with antenna samples requires such samples and tolera
   write_plates(dir / "train", 500, 1);
   write_plates(dir / "fresh", 60, 2);
   write_plates(dir / "biased", 60, 2, {}, 0.1);
-  write_run(dir / "profile", 60, 2);
+  a_run(60, 2).write(dir / "profile");
   TrainedModel model = train(load({dir / "train"}), factorised());
   CHECK(model->features.array_axis.count > 0);
   CHECK(model->alignment.array_features() > 0);
@@ -190,30 +190,29 @@ TEST_CASE("records with wrong antenna metadata are flagged as out of distributio
   options.uncertainty = true, options.split.validation_share = 0.3, options.fit.epochs = 2;
   save_model(train(load({dir / "train"}), options), dir / "model.h5");
   const TrainedModel model = load_model(dir / "model.h5");
-  const auto flagged = [&](const char* change) {
-    testing::sql(dir / "fresh", change);
+  const auto flagged = [&] {
     const Dataset data = load({dir / "fresh"});
     double count = 0;
     for (const auto& u : predict(model, data, all_rows(200)).uncertainties)
       count += !u.out_of_distribution.reason.empty();
     return count / 200;
   };
-  CHECK(flagged("SELECT 1") < 0.04);
-  CHECK(flagged("UPDATE antenna SET x = (x + 4) % 8") > 0.6);
-  CHECK(flagged(
-            "UPDATE antenna SET x = rowid - 1, phase_rad = phase_rad + (rowid - 1) * 3 % 8 * 0.3") >
-        0.9);
+  CHECK(flagged() < 0.04);
+  damage(dir / "fresh", "antennas are shifted by 4 places");
+  CHECK(flagged() > 0.6);
+  damage(dir / "fresh", "phase errors of the antennas");
+  CHECK(flagged() > 0.9);
 }
 
 TEST_CASE(
     "a model uses the range profile if antenna data are missing, or the SPD if radar is missing") {
   const Folder dir;
   write_plates(dir / "train", 200, 1);
-  write_plates(dir / "fresh", 6, 2, [](record::FusedRecord& r) {
-    if (r.index >= 2) r.array.clear(), r.array_frames = 0;
-    if (r.index == 4) r.radar.clear(), r.valid.erase(Sensor::radar);
+  write_plates(dir / "fresh", 6, 2, [](FusedRecord& r) {
+    if (r.index >= 2) antenna_data(r).clear(), r.array_frames = 0;
+    if (r.index == 4) power(r).clear(), r.valid.erase(Sensor::radar);
   });
-  write_run(dir / "old", 6, 2);
+  a_run(6, 2).write(dir / "old");
   TrainOptions options = factorised();
   options.fit.epochs = 5, options.fallback = true;
   save_model(train(load({dir / "train"}), options), dir / "model.h5");
@@ -242,7 +241,7 @@ TEST_CASE(
       REQUIRE(maps.row(row)[p] == Approx(alone->row(0)[p]).margin(1e-4));
   // Saving must fail, because each estimator must have fewer inputs than the estimator before it.
   model.estimators[1] = std::move(load_model(dir / "model.h5").first());
-  CHECK_THAT(testing::error_of([&] { save_model(model, dir / "chain.h5"); }),
+  CHECK_THAT(error_of([&] { save_model(model, dir / "chain.h5"); }),
              Catch::Contains("1/inputs") && Catch::Contains("fewer sensors"));
 }
 
@@ -250,27 +249,24 @@ TEST_CASE("a model uses only the range profile if a run has no antennas or diffe
   const Folder dir;
   write_plates(dir / "new", 60, 1, [](record::FusedRecord&) {});
   write_plates(dir / "fresh", 8, 2, [](record::FusedRecord&) {});
-  write_run(dir / "old", 60, 3);
-  write_run(dir / "four", 8, 3, {}, testing::radar_axis(), testing::spd_axis(), {},
-            {line.begin(), line.begin() + 4});
+  a_run(60, 3).write(dir / "old");
+  a_run(8, 3).antennas({line.begin(), line.begin() + 4}).write(dir / "four");
   const auto train = [&](const std::string& rest) {
-    const testing::Outcome o =
-        testing::recon_program("train --model factorised --epochs 3 " + rest);
+    const Outcome o = recon_program("train --model factorised --epochs 3 " + rest);
     CAPTURE(rest, o.text);
     REQUIRE(o.code == 0);
     return o.text;
   };
   train("-q " + (dir / "new") + " --out " + (dir / "a.h5"));
-  CHECK(testing::recon_program("evaluate --json " + (dir / "a.h5") + " " + (dir / "fresh")).code ==
-        0);
+  CHECK(recon_program("evaluate --json " + (dir / "a.h5") + " " + (dir / "fresh")).code == 0);
   for (const auto& [run, why] : {std::pair{"old", "contains no radar antenna samples"},
                                  std::pair{"four", "antennas differ from those in training"}}) {
     const std::string files = (dir / "a.h5") + " " + (dir / run);
-    const testing::Outcome o = testing::recon_program("evaluate " + files);
+    const Outcome o = recon_program("evaluate " + files);
     CHECK(o.code == 0);
     CHECK_THAT(o.text, Catch::Contains(why) && Catch::Contains("factorised fused-profile"));
-    const testing::Outcome maps =
-        testing::recon_program("reconstruct -q " + files + " --out " + (dir / run) + "-maps");
+    const Outcome maps =
+        recon_program("reconstruct -q " + files + " --out " + (dir / run) + "-maps");
     CHECK(maps.code == 0);
     CHECK_THAT(maps.text, Catch::Contains(std::string(why) + ": only the radar's range profile"));
   }
@@ -279,7 +275,7 @@ TEST_CASE("a model uses only the range profile if a run has no antennas or diffe
   train("-q --inputs fused-profile " + (dir / "new") + " --out " + (dir / "c.h5"));
   for (const char* model : {"b.h5", "c.h5"})
     for (const char* run : {"fresh", "old"})
-      CHECK(testing::recon_program("reconstruct -q --force " + (dir / model) + " " + (dir / run) +
-                                   " --out " + (dir / "maps"))
+      CHECK(recon_program("reconstruct -q --force " + (dir / model) + " " + (dir / run) +
+                          " --out " + (dir / "maps"))
                 .code == 0);
 }

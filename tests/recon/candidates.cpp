@@ -10,7 +10,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using namespace echofuse::testing;
+using namespace echofuse::test;
 
 namespace {
 
@@ -80,7 +80,7 @@ TEST_CASE("model selection chooses the cheapest model within one standard error 
 
 TEST_CASE("train --model auto marks the chosen model in a table and refuses unknown candidates") {
   const Folder dir;
-  write_run(dir / "run", 160);
+  a_run(160).write(dir / "run");
   const Outcome o =
       recon_program("train --model auto --set candidates=empty,mean,mean-shape,nearest --out " +
                     (dir / "m.h5") + " " + (dir / "run"));
@@ -98,7 +98,7 @@ TEST_CASE("train --model auto does not use the test records to choose the model"
   const Folder dir;
   // Returns the table of candidates without the training times.
   const auto table = [&](const std::string& name, const Change& change) {
-    write_run(dir / name, 160, 1, change);
+    a_run(160, 1, change).write(dir / name);
     const Outcome o = recon_program(
         "train --model auto --split blocked --set candidates=empty,mean,mean-shape,nearest --out " +
         (dir / "m-") + name + " " + (dir / name));
@@ -116,9 +116,9 @@ TEST_CASE("train --model auto does not use the test records to choose the model"
   const std::string usual = table("usual", {}),
                     changed = table("changed", [](record::FusedRecord&r) {
                       if (r.index < 144) return;
-                      std::ranges::reverse(r.spd);
-                      std::ranges::reverse(r.radar);
-                      std::ranges::reverse(r.depth_mm);
+                      std::ranges::reverse(counts(r));
+                      std::ranges::reverse(power(r));
+                      std::ranges::reverse(depth_mm(r));
                     });
   CHECK(std::count(usual.begin(), usual.end(), '\n') >= 4);
   CHECK(usual == changed);
@@ -126,7 +126,7 @@ TEST_CASE("train --model auto does not use the test records to choose the model"
 
 TEST_CASE("cross-validation of a sequence keeps the gap between training and test records") {
   const Folder dir;
-  write_run(dir / "run", 120);
+  a_run(120).write(dir / "run");
   Dataset data = load({dir / "run"});
   const Rows once = rows_to_train(data, Inputs::fused).rows;
   // Each record occurs 15 times in a row, so the borders of the folds at rows 22, 45 and 67 of 90
@@ -188,7 +188,7 @@ TEST_CASE("the standard error for a sequence of similar records is computed betw
 
 TEST_CASE("blocked cross-validation does not treat repeated records of one pose as independent") {
   const Folder dir;
-  write_run(dir / "run", 120);
+  a_run(120).write(dir / "run");
   Dataset data = load({dir / "run"});
   const Rows once = rows_to_train(data, Inputs::fused).rows;
   // `held` contains each record five times in a row.
@@ -206,12 +206,12 @@ TEST_CASE("blocked cross-validation does not treat repeated records of one pose 
 
 TEST_CASE("train warns if a network is never better than the mean map") {
   const Folder dir;
-  write_run(dir / "moving", 160);
+  a_run(160).write(dir / "moving");
   // All maps of this run are equal, so the mean map predicts them without error.
-  write_run(dir / "still", 160, 1, [](record::FusedRecord& r) {
-    r.depth_mm.assign(r.depth_mm.size(), 0);
-    std::fill_n(r.depth_mm.begin() + 1000, 1000, std::uint16_t{3000});
-  });
+  a_run(160, 1, [](FusedRecord& r) {
+    depth_mm(r).assign(depth_mm(r).size(), 0);
+    std::fill_n(depth_mm(r).begin() + 1000, 1000, std::uint16_t{3000});
+  }).write(dir / "still");
   const auto train = [&](const std::string& run) {
     return recon_program("train --model mlp-64 --epochs 20 --out " + (dir / "of-") + run + " " +
                          (dir / run));

@@ -14,7 +14,7 @@
 #include "world.hpp"
 
 using namespace echofuse;
-using namespace echofuse::testing;
+using namespace echofuse::test;
 
 namespace {
 
@@ -46,47 +46,42 @@ TEST_CASE("echofuse-recon prints its help and its version") {
 
 TEST_CASE("train refuses a data set that exceeds the memory before reading it") {
   const Folder dir;
-  write_run(dir / "run", 3);
+  a_run(3).write(dir / "run");
   const auto pages = static_cast<double>(sysconf(_SC_PHYS_PAGES));
   const auto records = pages * static_cast<double>(sysconf(_SC_PAGESIZE)) / 25e3;
   const auto add_records = [&](double until) {
-    sql(dir / "run", "WITH RECURSIVE n(i) AS (SELECT 1000 UNION ALL SELECT i + 1 FROM n LIMIT " +
-                         std::to_string(std::lround(until)) +
-                         ") INSERT OR IGNORE INTO record (idx, valid) SELECT i, 0 FROM n");
+    damage(dir / "run", "?1 empty records from 1000 on", {std::llround(until)});
   };
   add_records(records);
   refuses("train " + (dir / "run") + " --out " + (dir / "m"), 1,
           "of memory, but this machine has ");
-  sql(dir / "run", "DELETE FROM record WHERE idx > 1000");
+  damage(dir / "run", "without the records after ?1", {1000});
   CHECK(recon_program("train -q --model mean " + (dir / "run") + " --out " + (dir / "m")).code ==
         0);
 }
 
 TEST_CASE("too few records, damaged records or different axes cause a one-line error") {
   const Folder dir;
-  write_run(dir / "one", 1);
+  a_run(1).write(dir / "one");
   refuses("train " + (dir / "one") + " --out " + (dir / "m"), 1, "1 usable records");
-  write_run(dir / "bad", 8, 1, [](record::FusedRecord& r) {
-    if (r.index == 6) r.radar[0] = std::numeric_limits<float>::infinity();
-  });
+  a_run(8, 1, [](FusedRecord& r) {
+    if (r.index == 6) power(r)[0] = std::numeric_limits<float>::infinity();
+  }).write(dir / "bad");
   refuses("train " + (dir / "bad") + " --out " + (dir / "m"), 1, "record 6");
   CHECK_FALSE(std::filesystem::exists(dir / "m"));
-  write_run(dir / "run", 40);
-  REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
-                        (dir / "m"))
-              .code == 0);
-  write_run(dir / "other", 4, 1, {}, {"radar", "power", "m", 24, 0, 0.3, 1});
-  refuses("evaluate " + (dir / "m") + " " + (dir / "other"), 1, "radar axis");
-  refuses("reconstruct " + (dir / "m") + " " + (dir / "other") + " --out " + (dir / "o"), 1,
+  const std::string model = made_model("ridge", 40);
+  a_run(4).radar({"radar", "power", "m", 24, 0, 0.3, 1}).write(dir / "other");
+  refuses("evaluate " + model + " " + (dir / "other"), 1, "radar axis");
+  refuses("reconstruct " + model + " " + (dir / "other") + " --out " + (dir / "o"), 1,
           "radar axis");
-  refuses("evaluate " + (dir / "m") + " " + (dir / "bad"), 1, "record 6");
-  write_run(dir / "one more", 1, 2);
-  CHECK(recon_program("evaluate " + (dir / "m") + " '" + (dir / "one more") + "'").code == 0);
+  refuses("evaluate " + model + " " + (dir / "bad"), 1, "record 6");
+  a_run(1, 2).write(dir / "one more");
+  CHECK(recon_program("evaluate " + model + " '" + (dir / "one more") + "'").code == 0);
 }
 
 TEST_CASE("evaluate --json prints all metrics and costs") {
   const Folder dir;
-  write_run(dir / "run", 120);
+  a_run(120).write(dir / "run");
   REQUIRE(recon_program("train " + (dir / "run") + " --out " + (dir / "m") + quick).code == 0);
   const auto json = nlohmann::json::parse(
       recon_program("evaluate --json " + (dir / "m") + " " + (dir / "run")).text);
@@ -106,7 +101,7 @@ TEST_CASE("evaluate --json prints all metrics and costs") {
   CHECK(json["cost"]["multiply_adds"] == 54 * 32 + 32 * 16 + 16 * 4096);
   // The run "fresh" has no training records among which to search for the nearest neighbour. The
   // option --train supplies such records.
-  write_run(dir / "fresh", 20, 3);
+  a_run(20, 3).write(dir / "fresh");
   const std::string fresh = "evaluate --json " + (dir / "m") + " " + (dir / "fresh");
   CHECK(nlohmann::json::parse(recon_program(fresh).text)["trivial"].size() == 2);
   const auto lent = nlohmann::json::parse(recon_program(fresh + " --train " + (dir / "run")).text);
@@ -116,19 +111,17 @@ TEST_CASE("evaluate --json prints all metrics and costs") {
 
 TEST_CASE("reconstruct continues after a damaged record") {
   const Folder dir;
-  write_run(dir / "run", 60);
-  REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
-                        (dir / "m"))
-              .code == 0);
-  write_run(dir / "mixed", 6, 2, [](record::FusedRecord& r) {
-    if (r.index == 1) r.radar[5] = std::numeric_limits<float>::quiet_NaN();
-    if (r.index == 3) r.valid.erase(Sensor::spd), r.spd.clear();
+  const std::string run = made_run(60);
+  const std::string model = made_model("ridge", 60);
+  a_run(6, 2, [](FusedRecord& r) {
+    if (r.index == 1) power(r)[5] = std::numeric_limits<float>::quiet_NaN();
+    if (r.index == 3) r.valid.erase(Sensor::spd), counts(r).clear();
     if (r.index == 4)
       // The ground-truth map is missing, as it would be in live use.
-      r.valid.erase(Sensor::depth), r.depth_mm.clear();
-  });
-  const Outcome o = recon_program("reconstruct " + (dir / "m") + " " + (dir / "mixed") + " --out " +
-                                  (dir / "maps"));
+      r.valid.erase(Sensor::depth), depth_mm(r).clear();
+  }).write(dir / "mixed");
+  const Outcome o =
+      recon_program("reconstruct " + model + " " + (dir / "mixed") + " --out " + (dir / "maps"));
   CHECK(o.code == 5);
   CHECK_THAT(o.text, Catch::Contains("record 1") && Catch::Contains("record 3"));
   const std::string csv = contents(dir / "maps/records.csv");
@@ -141,15 +134,15 @@ TEST_CASE("reconstruct continues after a damaged record") {
   const auto mm = recon::decode_png16(bytes, 64, 64);
   REQUIRE(mm.size() == 4096);
   CHECK(*std::max_element(mm.begin(), mm.end()) > 1500);
-  CHECK(recon_program("reconstruct -q --format mm " + (dir / "m") + " " + (dir / "run") +
-                      " --out " + (dir / "good"))
-            .code == 0);
+  CHECK(
+      recon_program("reconstruct -q --format mm " + model + " " + run + " --out " + (dir / "good"))
+          .code == 0);
   CHECK_FALSE(std::filesystem::exists(dir / "good/000000.png"));
 }
 
 TEST_CASE("models with different sensors are compared only on records that all of them can use") {
   const Folder dir;
-  write_run(dir / "run", 120, 1, {}, radar_axis(32));
+  a_run(120).radar(radar_axis(32)).write(dir / "run");
   const auto train = [&](const std::string& name, const std::string& rest) {
     REQUIRE(recon_program("train -q --model ridge --set fallback=false " + (dir / "run") +
                           " --out " + (dir / name) + rest)
@@ -158,12 +151,12 @@ TEST_CASE("models with different sensors are compared only on records that all o
   };
   const std::string models = train("fused", " --set radar_bin_m=0.5") +
                              train("spd", " --inputs spd") + train("radar", " --inputs radar");
-  write_run(
-      dir / "fresh", 60, 8,
-      [](record::FusedRecord& r) {
-        if (r.index % 4 == 0) r.radar.clear(), r.valid.erase(Sensor::radar);
-      },
-      radar_axis(32));
+  a_run(60, 8,
+        [](FusedRecord& r) {
+          if (r.index % 4 == 0) power(r).clear(), r.valid.erase(Sensor::radar);
+        })
+      .radar(radar_axis(32))
+      .write(dir / "fresh");
   const auto judged = [&](const std::string& words) {
     const Outcome o = recon_program("-q evaluate --json " + words + (dir / "fresh") +
                                     " --per-record " + (dir / "table.csv"));
@@ -215,7 +208,7 @@ TEST_CASE(
 
 TEST_CASE("the nearest-neighbour baseline does not depend on the evaluated model") {
   const Folder dir;
-  write_run(dir / "run", 100);
+  a_run(100).write(dir / "run");
   const auto nearest = [&](const std::string& how) {
     std::filesystem::remove(dir / "m");
     REQUIRE(recon_program("train -q --set fallback=false " + (dir / "run") + " --out " +
@@ -231,7 +224,7 @@ TEST_CASE("the nearest-neighbour baseline does not depend on the evaluated model
 
 TEST_CASE("train refuses to overwrite its input run") {
   const Folder dir;
-  write_run(dir / "run", 60);
+  a_run(60).write(dir / "run");
   const auto refused = [](const std::string& arguments, const std::string& why) {
     const Outcome o = recon_program(arguments);
     CAPTURE(o.text);
@@ -244,7 +237,7 @@ TEST_CASE("train refuses to overwrite its input run") {
 
 TEST_CASE("interrupted training saves the best model so far") {
   const Folder dir;
-  write_run(dir / "run", 200);
+  a_run(200).write(dir / "run");
   const std::string run = dir / "run", model = dir / "m";
   const pid_t child = start_recon({"train", run, "--out", model, "-q", "--epochs", "100000"});
   while (!catches_interrupts(child)) ::usleep(10'000);
@@ -255,7 +248,7 @@ TEST_CASE("interrupted training saves the best model so far") {
 
 TEST_CASE("training interrupted before the fallback model is fitted saves only the main model") {
   const Folder dir;
-  write_run(dir / "run", 1000);
+  a_run(1000).write(dir / "run");
   const std::string model = dir / "m";
   // The ridge fit does not react to the interrupt, so training stops only after this fit, before
   // the fallback is fitted.

@@ -9,23 +9,23 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using namespace echofuse::testing;
+using namespace echofuse::test;
 
 namespace {
 
-void without(record::FusedRecord& r, Sensor s) {
+void without(FusedRecord& r, Sensor s) {
   r.valid.erase(s);
-  if (s == Sensor::spd) r.spd.clear();
-  if (s == Sensor::radar) r.radar.clear();
-  if (s == Sensor::depth) r.depth_mm.clear();
+  if (s == Sensor::spd) counts(r).clear();
+  if (s == Sensor::radar) power(r).clear();
+  if (s == Sensor::depth) depth_mm(r).clear();
 }
 
 }  // namespace
 
 TEST_CASE("two runs are loaded as one data set, but a run and its copy are refused") {
   const Folder dir;
-  write_run(dir / "a", 3, 1);
-  write_run(dir / "b", 2, 2);
+  a_run(3).write(dir / "a");
+  a_run(2, 2).write(dir / "b");
   const Dataset data = load({dir / "a", dir / "b"});
   REQUIRE(data.size() == 5);
   CHECK(data.spd.rows == 5);
@@ -38,9 +38,9 @@ TEST_CASE("two runs are loaded as one data set, but a run and its copy are refus
   CHECK(data.sources[1].first == 3);
   CHECK(data.sources[0].uuid != data.sources[1].uuid);
   const record::FusedRecord r = record::RunReader(dir / "b").read(1);
-  CHECK(data.spd.row(4)[10] == static_cast<float>(r.spd[10]));
-  CHECK(data.radar.row(4)[10] == r.radar[10]);
-  CHECK(data.depth.row(4)[30 * 64 + 32] == Approx(r.depth_mm[30 * 64 + 32] * 1e-3));
+  CHECK(data.spd.row(4)[10] == static_cast<float>(counts(r)[10]));
+  CHECK(data.radar.row(4)[10] == power(r)[10]);
+  CHECK(data.depth.row(4)[30 * 64 + 32] == Approx(depth_mm(r)[30 * 64 + 32] * 1e-3));
   CHECK(load({dir / "a"}).hash == load({dir / "a"}).hash);
   CHECK(load({dir / "a"}).hash != load({dir / "b"}).hash);
   std::filesystem::copy_file(dir / "a", dir / "copy");
@@ -50,12 +50,10 @@ TEST_CASE("two runs are loaded as one data set, but a run and its copy are refus
 
 TEST_CASE("loading a calibrated run subtracts the calibration offsets from the ranges") {
   const Folder dir;
-  write_run(dir / "a", 2, 1);
+  a_run(2).write(dir / "a");
   const Dataset raw = load({dir / "a"});
   const double bins = 2, spd_m = bins * raw.spd_axis.step * speed_of_light_m_s / 2e12;
-  write_run(
-      dir / "b", 2, 1, {}, radar_axis(), echofuse::testing::spd_axis(),
-      {{Sensor::spd, "", "", 1, spd_m, 0}, {Sensor::radar, "", "", 1, -raw.radar_axis.step, 0}});
+  a_run(2).offset(Sensor::spd, spd_m).offset(Sensor::radar, -raw.radar_axis.step).write(dir / "b");
   const Dataset moved = load({dir / "b"});
   CHECK(same_axis(moved.spd_axis, raw.spd_axis));
   for (std::size_t i = 0; i + 2 < raw.spd.cols; ++i)
@@ -70,10 +68,10 @@ TEST_CASE("clicks per laser pulse are read from a record or derived from its cou
   const Folder dir;
   const auto clicks = [&](const char* name, std::uint64_t in_range, std::uint64_t starts,
                           std::optional<double> recorded) {
-    write_run(dir / name, 1, 1, [&](record::FusedRecord& r) {
+    a_run(1, 1, [&](FusedRecord& r) {
       r.spd_counts = {.starts = starts, .in_range = in_range};
       r.signal.clicks_a_pulse = recorded;
-    });
+    }).write(dir / name);
     return load({dir / name}).clicks_a_pulse.at(0);
   };
   CHECK(clicks("a", 1020, 1000, 0.02) == 0.02);
@@ -87,8 +85,8 @@ TEST_CASE("clicks per laser pulse are read from a record or derived from its cou
 
 TEST_CASE("loading refuses two runs with different axes") {
   const Folder dir;
-  write_run(dir / "a", 2);
-  write_run(dir / "b", 2, 1, {}, {"radar", "power", "m", 24, 0, 0.5, 1});
+  a_run(2).write(dir / "a");
+  a_run(2).radar({"radar", "power", "m", 24, 0, 0.5, 1}).write(dir / "b");
   const std::string text = error_of([&] { load({dir / "a", dir / "b"}); });
   CHECK_THAT(text, Catch::Contains(dir / "b") && Catch::Contains("radar axis") &&
                        Catch::Contains(dir / "a"));
@@ -96,11 +94,11 @@ TEST_CASE("loading refuses two runs with different axes") {
 
 TEST_CASE("records with a missing sensor keep their row and are excluded from training") {
   const Folder dir;
-  write_run(dir / "a", 8, 1, [](record::FusedRecord& r) {
+  a_run(8, 1, [](FusedRecord& r) {
     if (r.index == 2) without(r, Sensor::spd);
     if (r.index == 3) without(r, Sensor::radar);
     if (r.index == 5) without(r, Sensor::depth);
-  });
+  }).write(dir / "a");
   const Dataset data = load({dir / "a"});
   CHECK(data.size() == 8);
   CHECK(data.usable(Inputs::fused) == Rows{0, 1, 4, 6, 7});
@@ -112,7 +110,7 @@ TEST_CASE("a run is interpolated to the axes of another run if they differ by le
   const Folder dir;
   Axis near = radar_axis();
   near.start += 0.1;
-  write_run(dir / "a", 2, 1), write_run(dir / "b", 2, 1, {}, near);
+  a_run(2).write(dir / "a"), a_run(2).radar(near).write(dir / "b");
   const Dataset data = load({dir / "a", dir / "b"});
   CHECK(same_axis(data.radar_axis, radar_axis()));
   const auto first = data.radar.row(0), moved = data.radar.row(2);
@@ -123,13 +121,13 @@ TEST_CASE(
     "depths beyond the map range are treated as no return, and a wrong depth unit is refused") {
   const Folder dir;
   const auto scaled = [](double by, std::int64_t every) {
-    return [by, every](record::FusedRecord& r) {
-      for (auto& mm : r.depth_mm)
+    return [by, every](FusedRecord& r) {
+      for (auto& mm : depth_mm(r))
         if (r.index % every == 0) mm = static_cast<std::uint16_t>(std::lround(mm * by));
     };
   };
   const auto said = [&](const std::string& name, const Change& change) {
-    write_run(dir / name, 40, 1, change);
+    a_run(40, 1, change).write(dir / name);
     return recon_program("train --model ridge --out " + (dir / name) + "-m " + (dir / name));
   };
   CHECK_THAT(said("good", {}).text, !Catch::Contains("median"));
@@ -139,9 +137,10 @@ TEST_CASE(
              Catch::Contains("far: 20 of 40 records have depths beyond 6 m, treated as no "
                              "return (") &&
                  Catch::Contains("map_z_max_m"));
-  sql(dir / "far", "INSERT INTO axis VALUES ('map_z', 'depth', 'm', 1, 0, 14, 1)");
-  CHECK(load({dir / "far"}).map.far_m == 14);
-  CHECK(load({dir / "far"}).depth.row(0)[32 * 64 + 32] < 14);
+  const Dataset farther =
+      load({a_run(40, 1, scaled(3, 2)).map({64, 0.55, 14}).write(dir / "farther")});
+  CHECK(farther.map.far_m == 14);
+  CHECK(std::ranges::max(farther.depth.row(0)) > 6);
   const Outcome millimetres = said("mm", scaled(1e-3, 1));
   CHECK(millimetres.code == 1);
   CHECK_THAT(millimetres.text,
@@ -155,12 +154,13 @@ TEST_CASE(
 
 TEST_CASE("logarithmic codes of TI radars are converted to linear power above the noise floor") {
   const Folder dir;
-  write_run(dir / "a", 2, 1,
-            [](record::FusedRecord& r) {
-              r.radar.assign(24, r.index ? 60000.f : 0.f);
-              r.radar[7] += 512;
-            },
-            {"radar", "log2_q8", "m", 24, 0, 0.25, 8});
+  a_run(2, 1,
+        [](FusedRecord& r) {
+          power(r).assign(24, r.index ? 60000.f : 0.f);
+          power(r)[7] += 512;
+        })
+      .radar({"radar", "log2_q8", "m", 24, 0, 0.25, 8})
+      .write(dir / "a");
   CHECK_THAT(error_of([&] { load({dir / "a"}); }), Catch::Contains("record 1"));
   const Dataset data = load_part(record::RunReader(dir / "a"), 0, 2, sensors_of(Inputs::radar),
                                  [](std::int64_t, const std::string&) {});
@@ -171,7 +171,7 @@ TEST_CASE("logarithmic codes of TI radars are converted to linear power above th
 
 TEST_CASE("a radar axis longer than the model axis is cropped, and other differences are refused") {
   const Folder dir;
-  write_run(dir / "long", 2, 1, {}, radar_axis(40));
+  a_run(2).radar(radar_axis(40)).write(dir / "long");
   Dataset data = load({dir / "long"});
   const Dataset before = data;
   match_axes(data, data.spd_axis, radar_axis(24), Inputs::fused);
@@ -280,14 +280,14 @@ TEST_CASE("summing radar power into wider bins preserves the total power") {
 
 TEST_CASE("a model trained on binned radar power accepts runs with unbinned power") {
   const Folder dir;
-  write_run(dir / "run", 60, 1, {}, radar_axis(40));
+  a_run(60).radar(radar_axis(40)).write(dir / "run");
   Dataset data = load({dir / "run"});
   match_axes(data, data.spd_axis, radar_bins(0.5), Inputs::fused);
   CHECK(data.radar.cols == 14);
   CHECK(data.radar_axis.quantity == "binned_power");
   const std::string model = dir / "m";
   const auto done = [&](const std::string& arguments) {
-    const auto outcome = echofuse::testing::recon_program(arguments);
+    const auto outcome = recon_program(arguments);
     INFO(outcome.text);
     CHECK(outcome.code == 0);
   };
@@ -296,13 +296,13 @@ TEST_CASE("a model trained on binned radar power accepts runs with unbinned powe
   done("evaluate " + model + " " + (dir / "run"));
   done("reconstruct -q " + model + " " + (dir / "run") + " --out " + (dir / "maps"));
   // The range axis of this run ends at 5.9 m, in front of the model's last bin.
-  write_run(dir / "near", 4);
-  CHECK(echofuse::testing::recon_program("evaluate " + model + " " + (dir / "near")).code == 1);
+  a_run(4).write(dir / "near");
+  CHECK(recon_program("evaluate " + model + " " + (dir / "near")).code == 1);
 }
 
 TEST_CASE("inputs scaled per record do not depend on sensor gains or a flat background") {
   const Folder dir;
-  write_run(dir / "a", 40);
+  a_run(40).write(dir / "a");
   const Dataset data = load({dir / "a"});
   const Rows rows = data.usable(Inputs::fused);
   const Features f = fit_features(data, rows, Inputs::fused, "record");
@@ -318,7 +318,7 @@ TEST_CASE("inputs scaled per record do not depend on sensor gains or a flat back
 
 TEST_CASE("scaled inputs have zero mean and the same total variance for each sensor") {
   const Folder dir;
-  write_run(dir / "a", 60);
+  a_run(60).write(dir / "a");
   const Dataset data = load({dir / "a"});
   const Rows rows = data.usable(Inputs::fused);
   for (const auto& scaling : scaling_names) {
@@ -392,7 +392,7 @@ TEST_CASE("random splits are disjoint and complete, and appended rows do not cha
 
 TEST_CASE("loading part of a run reads only the requested sensors") {
   const Folder dir;
-  write_run(dir / "run", 3);
+  a_run(3).write(dir / "run");
   const record::RunReader run(dir / "run");
   const Dataset data = load_part(run, 1, 5, sensors_of(Inputs::spd), {});
   REQUIRE(data.size() == 2);
@@ -402,7 +402,7 @@ TEST_CASE("loading part of a run reads only the requested sensors") {
   CHECK(data.radar_axis.count == 0);
   CHECK(data.radar.values.empty());
   CHECK(data.depth.values.empty());
-  CHECK(data.spd.values.size() == 2 * testing::spd_axis().count);
+  CHECK(data.spd.values.size() == 2 * spd_axis().count);
 }
 
 TEST_CASE("blocked splits and folds leave gaps between training and test records") {

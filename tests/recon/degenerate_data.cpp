@@ -6,24 +6,20 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using echofuse::testing::all_finite;
-using echofuse::testing::Folder;
-using echofuse::testing::Outcome;
-using echofuse::testing::recon_program;
-using echofuse::testing::write_run;
+using namespace echofuse::test;
 
 namespace {
 
 struct Peculiar {
   const char* name;
   std::int64_t count;
-  testing::Change change;
+  Change change;
   const char* scaling = "record";
 };
 
 record::FusedRecord plate(std::uint64_t seed, double x, double z) {
   Rng rng = make_rng(seed, 1);
-  return testing::plate_record(0, x, z, rng);
+  return plate_record(0, x, z, rng);
 }
 
 const std::vector<Peculiar> peculiar_sets = {
@@ -31,58 +27,58 @@ const std::vector<Peculiar> peculiar_sets = {
     {"two records", 2, {}},
     {"three records", 3, {}},
     {"one record, repeated", 12,
-     [](record::FusedRecord& r) {
+     [](FusedRecord& r) {
        const auto same = plate(1, 0.5, 3.5);
-       r.spd = same.spd, r.radar = same.radar, r.depth_mm = same.depth_mm;
+       counts(r) = same.spd, power(r) = same.radar, depth_mm(r) = same.depth_mm;
      }},
     {"equal inputs, different maps", 12,
-     [](record::FusedRecord& r) {
+     [](FusedRecord& r) {
        const auto same = plate(1, 0.5, 3.5);
-       r.spd = same.spd, r.radar = same.radar;
+       counts(r) = same.spd, power(r) = same.radar;
      }},
     {"equal maps, different inputs", 12,
-     [](record::FusedRecord& r) { r.depth_mm = plate(1, 0.5, 3.5).depth_mm; }},
+     [](FusedRecord& r) { depth_mm(r) = plate(1, 0.5, 3.5).depth_mm; }},
     {"empty maps", 12,
-     [](record::FusedRecord& r) { std::fill(r.depth_mm.begin(), r.depth_mm.end(), 0); }},
+     [](FusedRecord& r) { std::fill(depth_mm(r).begin(), depth_mm(r).end(), 0); }},
     {"maps of one depth", 12,
-     [](record::FusedRecord& r) { std::fill(r.depth_mm.begin(), r.depth_mm.end(), 3000); }},
+     [](FusedRecord& r) { std::fill(depth_mm(r).begin(), depth_mm(r).end(), 3000); }},
     {"constant bins", 40,
-     [](record::FusedRecord& r) {
-       for (std::size_t i = 0; i < r.spd.size(); i += 2) r.spd[i] = 3;
-       for (std::size_t i = 0; i < r.radar.size(); i += 2) r.radar[i] = 0.5f;
+     [](FusedRecord& r) {
+       for (std::size_t i = 0; i < counts(r).size(); i += 2) counts(r)[i] = 3;
+       for (std::size_t i = 0; i < power(r).size(); i += 2) power(r)[i] = 0.5f;
      },
      "plain"},
     {"one click per record", 12,
-     [](record::FusedRecord& r) {
-       std::fill(r.spd.begin(), r.spd.end(), 0);
-       r.spd[static_cast<std::size_t>(r.index) % r.spd.size()] = 1;
+     [](FusedRecord& r) {
+       std::fill(counts(r).begin(), counts(r).end(), 0);
+       counts(r)[static_cast<std::size_t>(r.index) % counts(r).size()] = 1;
      }},
-    {"one label", 12, [](record::FusedRecord& r) { r.label = "person"; }},
+    {"one label", 12, [](FusedRecord& r) { r.label = "person"; }},
     {"counts at the limit", 40,
-     [](record::FusedRecord& r) {
-       for (auto& n : r.spd) n = n > 1000 ? 0xfffffffeu : n;
+     [](FusedRecord& r) {
+       for (auto& n : counts(r)) n = n > 1000 ? 0xfffffffeu : n;
      },
      "plain"},
     {"huge powers", 40,
-     [](record::FusedRecord& r) {
-       for (auto& v : r.radar) v *= 1e30f;
+     [](FusedRecord& r) {
+       for (auto& v : power(r)) v *= 1e30f;
      },
      "plain"},
     {"tiny powers", 40,
-     [](record::FusedRecord& r) {
-       for (auto& v : r.radar) v *= 1e-30f;
+     [](FusedRecord& r) {
+       for (auto& v : power(r)) v *= 1e-30f;
      },
      "plain"},
     {"negative powers", 40,
-     [](record::FusedRecord& r) {
-       for (auto& v : r.radar) v = -v;
+     [](FusedRecord& r) {
+       for (auto& v : power(r)) v = -v;
      },
      "plain"},
     {"empty room in half of the records", 40,
-     [](record::FusedRecord& r) {
+     [](FusedRecord& r) {
        if (r.index % 2 == 0) return;
-       for (auto& n : r.spd) n = static_cast<std::uint32_t>(&n - r.spd.data()) % 2;
-       std::fill(r.depth_mm.begin(), r.depth_mm.end(), 0);
+       for (auto& n : counts(r)) n = static_cast<std::uint32_t>(&n - counts(r).data()) % 2;
+       std::fill(depth_mm(r).begin(), depth_mm(r).end(), 0);
      }},
 };
 
@@ -94,8 +90,8 @@ TEST_CASE(
   names.insert(names.end(), {"nearest-16", "auto"});
   for (const auto& set : peculiar_sets) {
     const Folder dir;
-    write_run(dir / "run", set.count, 1, set.change);
-    write_run(dir / "others", 6, 2);
+    a_run(set.count, 1, set.change).write(dir / "run");
+    a_run(6, 2).write(dir / "others");
     const Dataset data = load({dir / "run"}), others = load({dir / "others"});
     for (const auto& name : names) {
       // Model selection is slow, because each candidate is trained five times.
@@ -145,9 +141,9 @@ TEST_CASE(
     "train, evaluate and reconstruct accept tiny or half-empty runs or give a one-line error") {
   const auto& half = peculiar_sets.back();
   const Folder dir;
-  write_run(dir / "1", 1);
-  write_run(dir / "2", 2);
-  write_run(dir / "half", half.count, 1, half.change);
+  a_run(1).write(dir / "1");
+  a_run(2).write(dir / "2");
+  a_run(half.count, 1, half.change).write(dir / "half");
   const auto train_on = [&](const std::string& model, const std::string& run) {
     std::filesystem::remove(dir / "m");
     return recon_program("train -q --model " + model +

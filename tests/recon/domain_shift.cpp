@@ -10,13 +10,13 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using namespace echofuse::testing;
+using namespace echofuse::test;
 
 namespace {
 
 Dataset plates(std::int64_t count, std::uint64_t seed, const Change& change = {}) {
   const Folder dir;
-  write_run(dir / "run", count, seed, change);
+  a_run(count, seed, change).write(dir / "run");
   return load({dir / "run"});
 }
 
@@ -41,13 +41,13 @@ void blur(std::vector<float>& profile) {
 }
 
 // Replaces the data with noise like that measured in an empty room by working sensors.
-const Change nobody = [](record::FusedRecord& r) {
+const Change nobody = [](FusedRecord& r) {
   Rng rng = make_rng(7, static_cast<std::uint64_t>(r.index));
-  for (auto& v : r.spd) v = 15 + static_cast<std::uint32_t>(rng() % 10);
-  for (float& v : r.radar) v = 1 + static_cast<float>(rng() % 100) / 100;
+  for (auto& v : counts(r)) v = 15 + static_cast<std::uint32_t>(rng() % 10);
+  for (float& v : power(r)) v = 1 + static_cast<float>(rng() % 100) / 100;
 };
 
-const Change blurred = [](record::FusedRecord& r) { blur(r.radar); };
+const Change blurred = [](FusedRecord& r) { blur(power(r)); };
 
 }  // namespace
 
@@ -76,9 +76,9 @@ TEST_CASE("the domain-shift test detects changed runs and accepts unchanged runs
 TEST_CASE("the domain-shift test ignores sensor gains and skips runs with few records") {
   const TrainedModel& model = trained("mean-shape", "fused");
   CHECK_FALSE(shift_of(model, plates(100, 10,
-                                     [](record::FusedRecord& r) {
-                                       for (float& v : r.radar) v *= 5;
-                                       for (auto& v : r.spd) v *= 3;
+                                     [](FusedRecord& r) {
+                                       for (float& v : power(r)) v *= 5;
+                                       for (auto& v : counts(r)) v *= 3;
                                      }))
                   .found());
   CHECK_FALSE(shift_of(model, plates(15, 11)).tested());
@@ -92,7 +92,7 @@ TEST_CASE("a run with mostly flagged records is reported as different from the t
   CHECK(all.found());
   CHECK_THAT(all.text(), Catch::StartsWith("this run differs from the training data: ") &&
                              Catch::Contains("of 30 records are unusual ("));
-  const DomainShift half = shift_of(model, plates(60, 11, [&](record::FusedRecord& r) {
+  const DomainShift half = shift_of(model, plates(60, 11, [&](FusedRecord& r) {
                                       if (r.index % 3 == 0) nobody(r);
                                     }));
   CHECK(half.flagged >= 20);
@@ -122,7 +122,7 @@ TEST_CASE("records are flagged as saturated or empty only if the training record
   CHECK(bright[2] == "saturated");
   const Dataset none = plates(3, 3, nobody);
   CHECK(reasons(plates(200, 1), none)[0] == "empty");
-  const Change often = [](record::FusedRecord& r) {
+  const Change often = [](FusedRecord& r) {
     if (r.index % 3 == 0) nobody(r);
   };
   CHECK(reasons(plates(200, 1, often), none)[0] != "empty");
@@ -130,9 +130,9 @@ TEST_CASE("records are flagged as saturated or empty only if the training record
 
 TEST_CASE("the domain-shift test reports a 1 % wider radar profile in a run of 400 records") {
   const DomainShift slight =
-      shift_of(trained("mean-shape", "fused"), plates(400, 77, [](record::FusedRecord& r) {
-                 for (std::size_t i = r.radar.size() - 1; i > 0; --i)
-                   r.radar[i] += 0.025f * r.radar[i - 1];
+      shift_of(trained("mean-shape", "fused"), plates(400, 77, [](FusedRecord& r) {
+                 for (std::size_t i = power(r).size() - 1; i > 0; --i)
+                   power(r)[i] += 0.025f * power(r)[i - 1];
                }));
   CHECK(slight.found());
   CHECK_THAT(slight.text(), Catch::Contains("radar profile width 1.01 +- 0.00 times"));
@@ -142,8 +142,9 @@ TEST_CASE("the domain-shift test measures radar power out to half the range of t
   const TrainedModel& model = trained("ridge", "radar");
   // The echoes of the plates begin in bin 12.
   const auto said = [&](std::size_t from, std::size_t to) {
-    const DomainShift shift = shift_of(model, plates(100, 10, [=](record::FusedRecord& r) {
-                                         for (std::size_t i = from; i < to; ++i) r.radar[i] += 0.3f;
+    const DomainShift shift = shift_of(model, plates(100, 10, [=](FusedRecord& r) {
+                                         for (std::size_t i = from; i < to; ++i)
+                                           power(r)[i] += 0.3f;
                                        }));
     CHECK(shift.found());
     return shift.text();
@@ -161,7 +162,7 @@ TEST_CASE("a loaded model gives the same domain-shift result as the saved model"
   const DomainShift a = shift_of(model, data), b = shift_of(load_model(dir / "m"), data);
   CHECK(a.p == b.p);
   CHECK(a.text() == b.text());
-  write_run(dir / "other", 60, 12, blurred);
+  a_run(60, 12, blurred).write(dir / "other");
   for (const std::string& command :
        {"evaluate " + (dir / "m") + " " + (dir / "other"),
         "reconstruct " + (dir / "m") + " " + (dir / "other") + " --out " + (dir / "o")})
@@ -171,9 +172,10 @@ TEST_CASE("a loaded model gives the same domain-shift result as the saved model"
 TEST_CASE("the domain-shift test derives standard errors from the variance between record blocks") {
   // The reference consists of six blocks of ten records. The new run consists of two such blocks.
   const std::size_t known = 60, count = 20;
-  const Dataset all = plates(known + count, 50, [&](record::FusedRecord& r) {
+  const Dataset all = plates(known + count, 50, [&](FusedRecord& r) {
     // In the new run, the plates are 48 cm (8 bins of 6 cm) nearer than in the reference.
-    if (r.index >= std::int64_t(known)) std::rotate(r.spd.begin(), r.spd.begin() + 8, r.spd.end());
+    if (r.index >= std::int64_t(known))
+      std::rotate(counts(r).begin(), counts(r).begin() + 8, counts(r).end());
   });
   const Rows rows = all_rows(all.size()), before(rows.begin(), rows.begin() + known),
              now(rows.begin() + known, rows.end());
@@ -206,8 +208,8 @@ TEST_CASE("the domain-shift test derives standard errors from the variance betwe
 TEST_CASE("the domain-shift test reports a radar range bias and the option that corrects it") {
   const TrainedModel& model = trained("mean-shape", "fused");
   // Moves the echo by one bin of 25 cm.
-  const auto farther = [](record::FusedRecord& r) {
-    std::rotate(r.radar.begin(), r.radar.end() - 1, r.radar.end());
+  const auto farther = [](FusedRecord& r) {
+    std::rotate(power(r).begin(), power(r).end() - 1, power(r).end());
   };
   const DomainShift shift = shift_of(model, plates(200, 30, farther));
   CHECK(shift.found());
@@ -229,7 +231,7 @@ TEST_CASE("the domain-shift test reports a radar range bias and the option that 
   // The radar profiles are also blurred, because the advice must be given even if other quantities
   // differ from the training data.
   const DomainShift more =
-      shift_of(model, plates(200, 30, [&](record::FusedRecord& r) { farther(r), blur(r.radar); }));
+      shift_of(model, plates(200, 30, [&](FusedRecord& r) { farther(r), blur(power(r)); }));
   CHECK(more.differences.size() > 1);
   CHECK_THAT(more.text(), Catch::Contains("if the radar is the cause, use --range-offset "));
   CHECK(shift_of(model, plates(200, 31)).advice.empty());
@@ -261,17 +263,16 @@ TEST_CASE("the domain-shift test raises few false alarms for small and large ref
 
 TEST_CASE("the domain-shift test excludes training records and their copies") {
   const Folder dir;
-  write_run(dir / "a", 300, 1), write_run(dir / "more", 360, 1);
-  write_run(dir / "copies", 300, 1, [](record::FusedRecord& r) { r.label = "other"; });
-  REQUIRE(recon_program("train -q --model ridge --set fallback=false " + (dir / "a") + " --out " +
-                        (dir / "m"))
-              .code == 0);
-  const TrainedModel model = load_model(dir / "m");
-  CHECK(shift_of(model, load_recorded({dir / "a"})).records == 30);
+  const std::string first = made_run(300);
+  a_run(360).write(dir / "more");
+  a_run(300, 1, [](FusedRecord& r) { r.label = "other"; }).write(dir / "copies");
+  const std::string model_file = made_model("ridge", 300);
+  const TrainedModel model = load_model(model_file);
+  CHECK(shift_of(model, load_recorded({first})).records == 30);
   CHECK(shift_of(model, load_recorded({dir / "more"})).records == 60 + 30);
   CHECK(shift_of(model, load_recorded({dir / "copies"})).records == 30);
-  CHECK_THAT(recon_program("evaluate -q " + (dir / "m") + " " + (dir / "a")).text,
-             Catch::Contains("\n" + (dir / "a") + ", held-out records: this run "));
-  CHECK_THAT(recon_program("evaluate -q " + (dir / "m") + " " + (dir / "more")).text,
+  CHECK_THAT(recon_program("evaluate -q " + model_file + " " + first).text,
+             Catch::Contains("\n" + first + ", held-out records: this run "));
+  CHECK_THAT(recon_program("evaluate -q " + model_file + " " + (dir / "more")).text,
              Catch::Contains("\n" + (dir / "more") + ": this run "));
 }

@@ -12,7 +12,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using namespace echofuse::testing;
+using namespace echofuse::test;
 
 namespace {
 
@@ -28,23 +28,23 @@ constexpr Wall here{42, 20, 5000}, elsewhere{50, 22, 5600};
 void write_room(const std::string& path, const Wall& wall, std::int64_t count, std::uint64_t seed,
                 bool people = true, double longer_m = 0) {
   Rng rng = make_rng(seed, 9);
-  write_run(
-      path, count, seed,
-      [=](record::FusedRecord& r) mutable {
-        if (!people) {
-          std::fill(r.spd.begin(), r.spd.end(), 0u);
-          std::fill(r.radar.begin(), r.radar.end(), 0.f);
-          std::fill(r.depth_mm.begin(), r.depth_mm.end(), std::uint16_t{0});
-        }
-        std::poisson_distribution<std::uint32_t> light(30'000);
-        std::normal_distribution<float> echo(2, 0.002f);
-        for (std::size_t i = 0; i < 3; ++i) r.spd[wall.spd_bin + i] += light(rng);
-        r.radar[wall.radar_bin] += echo(rng);
-        for (std::uint16_t& mm : r.depth_mm)
-          if (mm == 0) mm = wall.mm;
-        if (longer_m != 0) r.radar = Shift(-longer_m / radar_axis().step).apply(r.radar);
-      },
-      radar_axis(), longer);
+  a_run(count, seed,
+        [=](FusedRecord& r) mutable {
+          if (!people) {
+            std::fill(counts(r).begin(), counts(r).end(), 0u);
+            std::fill(power(r).begin(), power(r).end(), 0.f);
+            std::fill(depth_mm(r).begin(), depth_mm(r).end(), std::uint16_t{0});
+          }
+          std::poisson_distribution<std::uint32_t> light(30'000);
+          std::normal_distribution<float> echo(2, 0.002f);
+          for (std::size_t i = 0; i < 3; ++i) counts(r)[wall.spd_bin + i] += light(rng);
+          power(r)[wall.radar_bin] += echo(rng);
+          for (std::uint16_t& mm : depth_mm(r))
+            if (mm == 0) mm = wall.mm;
+          if (longer_m != 0) power(r) = Shift(-longer_m / radar_axis().step).apply(power(r));
+        })
+      .spd(longer)
+      .write(path);
 }
 
 double iou_of(const TrainedModel& model, const std::string& path) {
@@ -131,10 +131,10 @@ TEST_CASE(
 TEST_CASE("dead and doubtful records of an empty-room run are excluded and counted") {
   const Folder dir;
   write_room(dir / "here", here, 20, 1), write_room(dir / "empty", here, 20, 2, false);
-  const auto spoil = [&](const std::string& values, const std::string& rows) {
-    std::filesystem::copy_file(dir / "empty", dir / "bad",
-                               std::filesystem::copy_options::overwrite_existing);
-    testing::sql(dir / "bad", "UPDATE record SET " + values + " WHERE " + rows);
+  const auto spoil = [&](std::int64_t first, std::int64_t last, bool dead) {
+    damaged(dir / "empty", dir / "bad", "weak SPD in the records from ?1 to ?2", {first, last});
+    if (dead)
+      damage(dir / "bad", "histograms without counts in the records from ?1 to ?2", {first, last});
     Dataset data = load({dir / "here"});
     const std::string text = state_empty_room(data, dir / "bad");
     return std::pair(text, data.empty_room.spd);
@@ -144,11 +144,10 @@ TEST_CASE("dead and doubtful records of an empty-room run are excluded and count
   for (std::size_t row = 0; row < 20; ++row)
     if (row < 3 || row >= 15) rows.push_back(row);
   const std::vector<float> mean = empty_room_of(part_of(sound, rows), "sound").spd;
-  const std::string dead = "spd = zeroblob(length(spd))", of = "idx >= 3 AND idx < 15";
-  CHECK(spoil(dead + ", spd_verdict = 'weak: 0 clicks'", of) ==
+  CHECK(spoil(3, 14, true) ==
         std::pair((dir / "bad") + ": 12 of 20 records left out: SPD weak 12", mean));
-  CHECK(spoil("spd_verdict = 'weak: 0 clicks'", of).second == mean);
-  CHECK_THAT(error_of([&] { spoil("spd_verdict = 'weak: 0 clicks'", "idx < 17"); }),
+  CHECK(spoil(3, 14, false).second == mean);
+  CHECK_THAT(error_of([&] { spoil(0, 16, false); }),
              Catch::Contains("17 of 20 records left out: SPD weak 17"));
 }
 
@@ -186,7 +185,7 @@ TEST_CASE("a model that uses no background cannot be adapted to another room") {
 TEST_CASE("an empty-room run is refused if its axes differ from those of the training runs") {
   const Folder dir;
   write_room(dir / "here", here, 20, 1);
-  write_run(dir / "other", 5);
+  a_run(5).write(dir / "other");
   Dataset data = load({dir / "here"});
   CHECK_THAT(error_of([&] { state_empty_room(data, dir / "other"); }),
              Catch::StartsWith((dir / "other") + ": spd axis is 30 x ") &&

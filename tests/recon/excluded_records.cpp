@@ -10,16 +10,16 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using namespace echofuse::testing;
+using namespace echofuse::test;
 
 TEST_CASE("damaged records are counted, and a run with more than 10 % damaged records is refused") {
   const Folder dir;
   const auto spoil = [&](const std::string& name, std::int64_t from) {
-    write_run(dir / name, 20, 1, [&](record::FusedRecord& r) {
+    a_run(20, 1, [&](FusedRecord& r) {
       r.slot_end = r.slot_start + std::chrono::seconds(3);
-      if (r.index >= from) r.radar[3] = std::numeric_limits<float>::quiet_NaN();
-      if (r.index == 4) r.spd[7] = 4'294'967'295u;
-    });
+      if (r.index >= from) power(r)[3] = std::numeric_limits<float>::quiet_NaN();
+      if (r.index == 4) counts(r)[7] = 4'294'967'295u;
+    }).write(dir / name);
   };
   spoil("a", 19);
   const Dataset data = load({dir / "a"});
@@ -37,20 +37,20 @@ TEST_CASE("damaged records are counted, and a run with more than 10 % damaged re
   CHECK(bad == std::vector<std::int64_t>{4, 19});
   // In a slot of 3 s, more than 300 million clicks exceed the limit of 100 million clicks per
   // second.
-  write_run(dir / "c", 20, 1, [](record::FusedRecord& r) {
+  a_run(20, 1, [](FusedRecord& r) {
     r.slot_end = r.slot_start + std::chrono::seconds(3);
-    if (r.index == 4) r.spd[7] = 300'000'001;
-  });
+    if (r.index == 4) counts(r)[7] = 300'000'001;
+  }).write(dir / "c");
   CHECK(load({dir / "c"}).damaged.size() == 1);
 }
 
 TEST_CASE("dead and damaged records count together for the limit of 10 %") {
   const Folder dir;
   const auto error_with = [&](std::int64_t damaged, std::int64_t dead) {
-    write_run(dir / "a", 50, 1, [&](record::FusedRecord& r) {
-      if (r.index < damaged) r.radar[3] = std::numeric_limits<float>::quiet_NaN();
-      if (r.index >= 50 - dead) std::ranges::fill(r.spd, 0u);
-    });
+    a_run(50, 1, [&](FusedRecord& r) {
+      if (r.index < damaged) power(r)[3] = std::numeric_limits<float>::quiet_NaN();
+      if (r.index >= 50 - dead) std::ranges::fill(counts(r), 0u);
+    }).write(dir / "a");
     const Dataset data = load({dir / "a"});
     CHECK(data.damaged.size() == static_cast<std::size_t>(damaged));
     const std::string error = error_of([&] { rows_to_train(data, Inputs::fused); });
@@ -64,12 +64,12 @@ TEST_CASE("dead and damaged records count together for the limit of 10 %") {
 
 TEST_CASE("doubtful records are excluded from training") {
   const Folder dir;
-  write_run(dir / "a", 8, 1, [](record::FusedRecord& r) {
-    if (r.index == 1) r.sync[Sensor::depth].verdict = "stands still: the same as before";
-    if (r.index == 2) r.sync[Sensor::radar].verdict = "weak: the echo is 0.05 of the usual";
-    if (r.index == 3) r.sync[Sensor::spd].verdict = "no peak: no bins clearly exceed the mean";
-    if (r.index == 4) r.sync[Sensor::spd].verdict = "saturated: 0.2 clicks per laser pulse";
-  });
+  a_run(8, 1, [](FusedRecord& r) {
+    if (r.index == 1) set_verdict(r, Sensor::depth, "stands still: the same as before");
+    if (r.index == 2) set_verdict(r, Sensor::radar, "weak: the echo is 0.05 of the usual");
+    if (r.index == 3) set_verdict(r, Sensor::spd, "no peak: no bins clearly exceed the mean");
+    if (r.index == 4) set_verdict(r, Sensor::spd, "saturated: 0.2 clicks per laser pulse");
+  }).write(dir / "a");
   const Dataset data = load({dir / "a"});
   CHECK(data.doubt_of(0, Inputs::fused).empty());
   CHECK(data.doubt_of(1, Inputs::fused) == "camera frozen");
@@ -81,13 +81,13 @@ TEST_CASE("doubtful records are excluded from training") {
 
 TEST_CASE("records with lost frames are counted, and are used unless a setting excludes them") {
   const Folder dir;
-  write_run(dir / "a", 40, 1, [](record::FusedRecord& r) {
+  a_run(40, 1, [](FusedRecord& r) {
     if (r.index == 1)
-      r.sync[Sensor::depth].verdict = "lossy: 50 % of the 90 expected frames received";
+      set_verdict(r, Sensor::depth, "lossy: 50 % of the 90 expected frames received");
     if (r.index == 2)
-      r.sync[Sensor::radar].verdict = "lossy: 50 % of the 60 expected frames received";
-    if (r.index == 3) r.sync[Sensor::spd].verdict = "weak: 12 clicks above the background";
-  });
+      set_verdict(r, Sensor::radar, "lossy: 50 % of the 60 expected frames received");
+    if (r.index == 3) set_verdict(r, Sensor::spd, "weak: 12 clicks above the background");
+  }).write(dir / "a");
   Dataset data = load({dir / "a"});
   CHECK(data.usable(Inputs::fused).size() == 39);
   const std::string train = "train --model mean " + (dir / "a") + " --out ";
@@ -102,7 +102,7 @@ TEST_CASE("records with lost frames are counted, and are used unless a setting e
 
 TEST_CASE("a copied record has the same content hash in every run") {
   const Folder dir;
-  write_run(dir / "a", 6, 1), write_run(dir / "b", 3, 1), write_run(dir / "c", 3, 2);
+  a_run(6).write(dir / "a"), a_run(3).write(dir / "b"), a_run(3, 2).write(dir / "c");
   const Dataset a = load({dir / "a"});
   const Dataset b = load({dir / "b"}), c = load({dir / "c"});
   CHECK(b.content == std::vector<std::int64_t>(a.content.begin(), a.content.begin() + 3));
@@ -111,13 +111,13 @@ TEST_CASE("a copied record has the same content hash in every run") {
 
 TEST_CASE("the rows command prints the split part of each record or the reason for its exclusion") {
   const Folder dir;
-  const auto change = [](record::FusedRecord& r) {
-    if (r.index == 2) r.sync[Sensor::depth].verdict = "stands still: the same as before";
+  const auto change = [](FusedRecord& r) {
+    if (r.index == 2) set_verdict(r, Sensor::depth, "stands still: the same as before");
     if (r.index == 3) r.valid.erase(Sensor::radar);
-    if (r.index == 4) r.radar[3] = std::numeric_limits<float>::quiet_NaN();
-    if (r.index == 5) std::ranges::fill(r.spd, 7u);
+    if (r.index == 4) power(r)[3] = std::numeric_limits<float>::quiet_NaN();
+    if (r.index == 5) std::ranges::fill(counts(r), 7u);
   };
-  write_run(dir / "a", 60, 1, change), write_run(dir / "b", 8, 1);
+  a_run(60, 1, change).write(dir / "a"), a_run(8).write(dir / "b");
   const auto rows = [&](const std::string& words) {
     const Outcome o = recon_program("-q rows --json " + words);
     CAPTURE(o.text);
@@ -165,18 +165,18 @@ TEST_CASE("the rows command prints the split part of each record or the reason f
 
 TEST_CASE("train and evaluate print the number of excluded records and the reasons") {
   const Folder dir;
-  const auto doubtful = [](record::FusedRecord& r) {
+  const auto doubtful = [](FusedRecord& r) {
     if (r.index < 8)
       r.sync[Sensor::depth].verdict =
           "stands still: identical to the previous record in every pixel";
     // The object is moved sideways, so that these maps are not copies of other maps.
-    if (r.index < 8) std::ranges::rotate(r.depth_mm, r.depth_mm.begin() + 12);
-    if (r.index == 8) r.sync[Sensor::spd].verdict = "weak: 12 clicks above the background";
-    if (r.index == 9) std::ranges::fill(r.spd, 0u);
-    if (r.index == 10) r.spd[5] = 4'294'967'295u;
+    if (r.index < 8) std::ranges::rotate(depth_mm(r), depth_mm(r).begin() + 12);
+    if (r.index == 8) set_verdict(r, Sensor::spd, "weak: 12 clicks above the background");
+    if (r.index == 9) std::ranges::fill(counts(r), 0u);
+    if (r.index == 10) counts(r)[5] = 4'294'967'295u;
     if (r.index == 11) r.valid.erase(Sensor::radar);
   };
-  write_run(dir / "run", 60, 1, doubtful);
+  a_run(60, 1, doubtful).write(dir / "run");
   const std::string train = "train --model ridge --set fallback=false " + (dir / "run") + " --out ";
   const Outcome left = recon_program(train + (dir / "m"));
   CHECK(left.code == 0);
@@ -185,22 +185,22 @@ TEST_CASE("train and evaluate print the number of excluded records and the reaso
                             Catch::Contains("record 10: spd bin 5 contains 4294967295 clicks"));
   const Outcome taken = recon_program(train + (dir / "all") + " --set doubtful=take");
   CHECK_THAT(taken.text, Catch::Contains("3 of 60 records left out: damaged 1, radar missing 1, "));
-  write_run(dir / "fresh", 30, 2, [&](record::FusedRecord& r) {
+  a_run(30, 2, [&](FusedRecord& r) {
     if (r.index < 8) doubtful(r);
-  });
+  }).write(dir / "fresh");
   const Outcome judged = recon_program("evaluate -q " + (dir / "m") + " " + (dir / "fresh"));
   CHECK_THAT(judged.text,
              Catch::StartsWith("22 records; ") &&
                  Catch::Contains("doubtful records left out: camera frozen 8; including them: "
                                  "IoU 0."));
-  write_run(dir / "frozen", 4, 2, doubtful);
+  a_run(4, 2, doubtful).write(dir / "frozen");
   refuses("evaluate -q " + (dir / "m") + " " + (dir / "frozen"), 1,
           (dir / "frozen") + ": 4 of 4 records left out: camera frozen 4");
   refuses("train -q " + (dir / "frozen") + " --out " + (dir / "no"), 1,
           (dir / "frozen") + ": 4 of 4 records left out: camera frozen 4");
-  write_run(dir / "dead", 60, 1, [](record::FusedRecord& r) {
-    if (r.index % 8 == 3) std::ranges::fill(r.radar, 1.f);
-  });
+  a_run(60, 1, [](FusedRecord& r) {
+    if (r.index % 8 == 3) std::ranges::fill(power(r), 1.f);
+  }).write(dir / "dead");
   refuses("train -q " + (dir / "dead") + " --out " + (dir / "no"), 1,
           "record 3: radar is the same in every bin; the sensor is dead, or the room is empty and "
           "dark; 8 of 60 records");
@@ -208,8 +208,8 @@ TEST_CASE("train and evaluate print the number of excluded records and the reaso
 
 TEST_CASE("copies of a record are used once in training and are excluded from evaluation") {
   const Folder dir;
-  write_run(dir / "a", 60, 1), write_run(dir / "b", 20, 1), write_run(dir / "c", 20, 2);
-  write_run(dir / "more", 70, 1);
+  a_run(60).write(dir / "a"), a_run(20).write(dir / "b"), a_run(20, 2).write(dir / "c");
+  a_run(70).write(dir / "more");
   const std::string train = "train --model ridge --set fallback=false --set test_share=0 ";
   CHECK_THAT(recon_program(train + (dir / "a") + " " + (dir / "b") + " " + (dir / "c") + " --out " +
                            (dir / "abc"))
@@ -224,7 +224,7 @@ TEST_CASE("copies of a record are used once in training and are excluded from ev
           Catch::Contains("60 of 70 records are copies of training records and are left out\n"));
   // The records of run d are nearly identical to those of run c. The nearest neighbour of an
   // evaluated record must not be its own copy.
-  write_run(dir / "d", 40, 2, [](record::FusedRecord& r) { r.radar[20] += 0.01f; });
+  a_run(40, 2, [](FusedRecord& r) { power(r)[20] += 0.01f; }).write(dir / "d");
   const auto nearest = [&](const std::string& neighbours) {
     return nlohmann::json::parse(
                recon_program(evaluate + "--json " + (dir / "c") + " --train " + (dir / neighbours))
@@ -240,84 +240,84 @@ TEST_CASE("copies of a record are used once in training and are excluded from ev
 TEST_CASE(
     "a record with identical photon counts is recognised as a copy even if other data differ") {
   const Folder dir;
-  write_run(dir / "a", 60, 1);
+  a_run(60).write(dir / "a");
   const std::string model = dir / "m";
   REQUIRE(recon_program("train -q --model ridge --set fallback=false --set test_share=0 " +
                         (dir / "a") + " --out " + model)
               .code == 0);
-  const auto change = [](const std::string& how, record::FusedRecord& r) {
+  const auto change = [](const std::string& how, FusedRecord& r) {
     if (how == "scaled")
-      for (float& power : r.radar) power *= 2;
-    if (how == "dropped") r.valid.erase(Sensor::radar), r.radar.clear();
+      for (float& power : power(r)) power *= 2;
+    if (how == "dropped") r.valid.erase(Sensor::radar), power(r).clear();
     if (how == "label") r.label = "other";
   };
   for (const std::string how : {"scaled", "dropped", "label"}) {
     CAPTURE(how);
-    write_run(dir / how, 60, 1, [&](record::FusedRecord& r) { change(how, r); });
+    a_run(60, 1, [&](FusedRecord& r) { change(how, r); }).write(dir / how);
     CHECK(load({dir / how}).content == load({dir / "a"}).content);
   }
   refuses("evaluate -q " + model + " " + (dir / "scaled"), 1, "are copies of training records");
-  Axis longer = testing::spd_axis();
+  Axis longer = spd_axis();
   longer.count += 4;
-  write_run(
-      dir / "padded", 60, 1, [](record::FusedRecord& r) { std::fill_n(r.spd.end() - 4, 4, 0u); },
-      testing::radar_axis(), longer);
+  a_run(60, 1, [](FusedRecord& r) { std::fill_n(counts(r).end() - 4, 4, 0u); })
+      .spd(longer)
+      .write(dir / "padded");
   CHECK(load({dir / "padded"}).content == load({dir / "a"}).content);
 }
 
 TEST_CASE(
     "records that have few clicks or bins, or weak or frozen counts, are not treated as copies") {
   const Folder dir;
-  write_run(dir / "run", 9, 1, [](record::FusedRecord& r) {
+  a_run(9, 1, [](FusedRecord& r) {
     if (r.index < 2) {
-      std::ranges::fill(r.spd, 0u);
-      r.spd[3] = 99;
+      std::ranges::fill(counts(r), 0u);
+      counts(r)[3] = 99;
     }
     if (r.index == 2 || r.index == 3)
-      r.sync[Sensor::spd].verdict = r.index == 2 ? "weak: 40 clicks" : "stands still: the same";
-    // The peak of record 4 covers only three bins. The same peak may occur again by chance, so no
-    // content hash is computed for the record.
+      set_verdict(r, Sensor::spd, r.index == 2 ? "weak: 40 clicks" : "stands still: the same");
+    // The peak of record 4 covers only three bins. The same peak may occur again by chance, so
+    // no content hash is computed for the record.
     if (r.index == 4) {
-      std::ranges::fill(r.spd, 0u);
-      r.spd[7] = r.spd[9] = 4, r.spd[8] = 300;
+      std::ranges::fill(counts(r), 0u);
+      counts(r)[7] = counts(r)[9] = 4, counts(r)[8] = 300;
     }
-    // Record 5 has only 99 clicks above a bright background, which is too few for a content hash.
+    // Record 5 has only 99 clicks above a bright background, which is too few for a content
+    // hash.
     if (r.index == 5) {
-      std::ranges::fill(r.spd, 1000u);
-      r.spd[8] += 99;
+      std::ranges::fill(counts(r), 1000u);
+      counts(r)[8] += 99;
     }
-  });
+  }).write(dir / "run");
   const Dataset data = load({dir / "run"});
   for (std::size_t row = 0; row < 9; ++row) CHECK((data.content[row] == 0) == (row < 6));
 }
 
 TEST_CASE("evaluate refuses a run with dead held-out records, and train refuses an empty run") {
   const Folder dir;
-  write_run(dir / "a", 40);
-  REQUIRE(recon_program("train -q --model mean " + (dir / "a") + " --out " + (dir / "m")).code ==
-          0);
-  REQUIRE(recon_program("evaluate " + (dir / "m") + " " + (dir / "a")).code == 0);
-  sql(dir / "a", "UPDATE record SET spd = zeroblob(length(spd))");
-  const Outcome dead = recon_program("evaluate " + (dir / "m") + " " + (dir / "a"));
+  const std::string first = a_run(40).write(dir / "a");
+  const std::string model = dir / "m";
+  REQUIRE(recon_program("train -q --model mean " + first + " --out " + model).code == 0);
+  REQUIRE(recon_program("evaluate " + model + " " + first).code == 0);
+  damage(first, "histograms without counts in the records from ?1 to ?2", {0, 39});
+  const Outcome dead = recon_program("evaluate " + model + " " + first);
   CAPTURE(dead.text);
   CHECK(dead.code == 1);
   CHECK_THAT(dead.text, Catch::Contains("no valid held-out record is left"));
-  sql(dir / "a", "DELETE FROM record");
-  const Outcome none =
-      recon_program("train -q --model mean " + (dir / "a") + " --out " + (dir / "n"));
+  damage(first, "without records");
+  const Outcome none = recon_program("train -q --model mean " + first + " --out " + (dir / "n"));
   CHECK(none.code == 1);
   CHECK_THAT(none.text, Catch::Contains("contains no record to train on"));
 }
 
 TEST_CASE("a record that occurs twice in a run is used once") {
   const Folder dir;
-  const auto twice = [](record::FusedRecord& r) {
+  const auto twice = [](FusedRecord& r) {
     Rng rng = make_rng(3, static_cast<std::uint64_t>(r.index % 30));
     std::uniform_real_distribution<double> x(-1, 1), z(3, 4);
     const double at_x = x(rng), at_z = z(rng);
-    r = testing::plate_record(r.index, at_x, at_z, rng);
+    r = plate_record(r.index, at_x, at_z, rng);
   };
-  write_run(dir / "twice", 60, 1, twice), write_run(dir / "a", 60, 2);
+  a_run(60, 1, twice).write(dir / "twice"), a_run(60, 2).write(dir / "a");
   const std::string train = "train --model ridge --set fallback=false ";
   CHECK_THAT(recon_program(train + (dir / "twice") + " --out " + (dir / "no")).text,
              Catch::Contains("30 of 60 records left out: twice in the run 30\n"));
@@ -329,20 +329,20 @@ TEST_CASE("a record that occurs twice in a run is used once") {
 TEST_CASE("train refuses a sensor that has no data and warns about a random split of a sequence") {
   const Folder dir;
   const auto run = [&](const std::string& name, Sensor lost) {
-    write_run(dir / name, 12, 1, [&](record::FusedRecord& r) { r.valid.erase(lost); });
+    a_run(12, 1, [&](FusedRecord& r) { r.valid.erase(lost); }).write(dir / name);
     return "train " + (dir / name) + " --out " + (dir / "m");
   };
   refuses(run("blind", Sensor::radar), 1, "no record has radar data; use --inputs spd");
   refuses(run("dark", Sensor::spd), 1, "no record has SPD data; use --inputs radar");
   refuses(run("without_maps", Sensor::depth), 1, "no record has a depth map");
-  const auto held = [](record::FusedRecord& r) {
+  const auto held = [](FusedRecord& r) {
     Rng rng = make_rng(1, static_cast<std::uint64_t>(r.index) / 12);
     std::uniform_real_distribution<double> x(-1, 1), z(3, 4);
     const double at_x = x(rng), at_z = z(rng);
     Rng of_record = make_rng(2, static_cast<std::uint64_t>(r.index));
-    r = testing::plate_record(r.index, at_x, at_z, of_record);
+    r = plate_record(r.index, at_x, at_z, of_record);
   };
-  write_run(dir / "held", 240, 1, held), write_run(dir / "free", 240, 1);
+  a_run(240, 1, held).write(dir / "held"), a_run(240).write(dir / "free");
   const auto says = [&](const std::string& name, const std::string& more) {
     std::filesystem::remove(dir / "m");
     return recon_program("train --model mean --set fallback=false " + (dir / name) + " --out " +
@@ -359,20 +359,20 @@ TEST_CASE("train reports repeated scenes for random and for blocked splits") {
   const Folder dir;
   // The same scene is repeated after `scenes` records, but with different noise.
   const auto recurring = [](std::int64_t scenes) {
-    return [scenes](record::FusedRecord& r) {
+    return [scenes](FusedRecord& r) {
       Rng rng = make_rng(1, static_cast<std::uint64_t>(r.index % scenes));
       std::uniform_real_distribution<double> x(-1, 1), z(3, 4);
       const double at_x = x(rng), at_z = z(rng);
       Rng of_record = make_rng(2, static_cast<std::uint64_t>(r.index));
       std::normal_distribution<double> noise_m(0, 0.003);
-      r = testing::plate_record(r.index, at_x, at_z + noise_m(of_record), of_record);
+      r = plate_record(r.index, at_x, at_z + noise_m(of_record), of_record);
     };
   };
-  write_run(dir / "recurring", 240, 1, recurring(30));
-  write_run(dir / "pairs", 240, 1, recurring(120)), write_run(dir / "free", 240, 1);
-  write_run(dir / "empty", 240, 1, [](record::FusedRecord& r) {
-    if (r.index % 3) std::ranges::fill(r.depth_mm, std::uint16_t{0});
-  });
+  a_run(240, 1, recurring(30)).write(dir / "recurring");
+  a_run(240, 1, recurring(120)).write(dir / "pairs"), a_run(240).write(dir / "free");
+  a_run(240, 1, [](FusedRecord& r) {
+    if (r.index % 3) std::ranges::fill(depth_mm(r), std::uint16_t{0});
+  }).write(dir / "empty");
   for (const std::string split : {"random", "blocked"}) {
     CAPTURE(split);
     const auto said = [&](const std::string& name) {

@@ -9,13 +9,12 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using echofuse::testing::Folder;
-using echofuse::testing::write_run;
+using namespace echofuse::test;
 
 namespace {
 
 const Dataset& plates() {
-  static const Dataset data = testing::load_plates(400);
+  static const Dataset data = load_plates(400);
   return data;
 }
 
@@ -30,26 +29,26 @@ const TrainedModel& trained() {
   return model;
 }
 
-Layout plate_layout() { return {testing::spd_axis(), testing::radar_axis()}; }
+Layout plate_layout() { return {spd_axis(), radar_axis()}; }
 
 // Returns the inputs for one object, which causes a peak in the histogram at range_m and a peak in
 // the radar profile at range_m + shift_m. `offset` is a constant background added to the histogram.
 std::vector<float> raw_inputs(double range_m, double shift_m, double gain = 1, double offset = 0) {
   std::vector<float> out;
-  for (std::uint32_t i = 0; i < testing::spd_axis().count; ++i) {
-    const double at = testing::spd_axis().at(i + 0.5) / ps_per_m;
+  for (std::uint32_t i = 0; i < spd_axis().count; ++i) {
+    const double at = spd_axis().at(i + 0.5) / ps_per_m;
     out.push_back(
         static_cast<float>(gain * 1e4 * std::exp(-std::pow((at - range_m) / 0.2, 2)) + offset));
   }
-  for (std::uint32_t i = 0; i < testing::radar_axis().count; ++i)
+  for (std::uint32_t i = 0; i < radar_axis().count; ++i)
     out.push_back(static_cast<float>(
-        gain * std::exp(-std::pow((testing::radar_axis().at(i) - range_m - shift_m) / 0.4, 2))));
+        gain * std::exp(-std::pow((radar_axis().at(i) - range_m - shift_m) / 0.4, 2))));
   return out;
 }
 
 // Returns an alignment that contains no background, because it was fitted to an empty record.
 Alignment blank_alignment() {
-  Matrix nothing(1, testing::spd_axis().count + testing::radar_axis().count);
+  Matrix nothing(1, spd_axis().count + radar_axis().count);
   return {plate_layout(), nothing, {0}};
 }
 
@@ -103,7 +102,7 @@ TEST_CASE("no body is detected in the histograms of an empty room") {
   int seen = 0;
   for (int trial = 0; trial < 1000; ++trial) {
     std::vector<float> record = raw_inputs(3.5, 0, 0);
-    for (std::uint32_t i = 0; i < testing::spd_axis().count; ++i)
+    for (std::uint32_t i = 0; i < spd_axis().count; ++i)
       record[i] = static_cast<float>(counts(rng));
     const auto features = aligned(record);
     seen += shows_body(features);
@@ -158,7 +157,7 @@ TEST_CASE("the factorised model places bodies on the correct side for any sensor
 }
 
 TEST_CASE("clicks in a bin that only one training record uses do not shift the predicted body") {
-  Dataset data = testing::load_plates(200);
+  Dataset data = load_plates(200);
   const auto around = [&](std::size_t row) {
     const auto clicks = data.spd.row(row);
     return std::max_element(clicks.begin(), clicks.end());

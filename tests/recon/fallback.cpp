@@ -9,15 +9,12 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using echofuse::testing::contents;
-using echofuse::testing::Folder;
-using echofuse::testing::recon_program;
-using echofuse::testing::write_run;
+using namespace echofuse::test;
 
 namespace {
 
 const Dataset& plates() {
-  static const Dataset data = testing::load_plates(160);
+  static const Dataset data = load_plates(160);
   return data;
 }
 
@@ -30,8 +27,8 @@ TrainedModel trained_with(const std::string& model) {
   return train(plates(), options);
 }
 
-void lose_radar(record::FusedRecord& r) {
-  r.radar.clear();
+void lose_radar(FusedRecord& r) {
+  power(r).clear();
   r.valid.erase(Sensor::radar);
 }
 
@@ -93,23 +90,20 @@ TEST_CASE("the domain-shift test counts only records that have a predicted uncer
   REQUIRE(model.estimators.size() == 2);
   model.estimators[1].uncertainty.reset();
   const Folder dir;
-  write_run(dir / "run", 30, 2, [](record::FusedRecord& r) {
+  a_run(30, 2, [](FusedRecord& r) {
     if (r.index % 3 == 0) lose_radar(r);
-  });
+  }).write(dir / "run");
   CHECK(domain_shift_of(model, load({dir / "run"})).judged == 20);
 }
 
 TEST_CASE("reconstruct and evaluate report maps that were predicted from the SPD alone") {
   const Folder dir;
-  write_run(dir / "run", 100);
-  REQUIRE(
-      recon_program("train -q --model ridge --epochs 10 " + (dir / "run") + " --out " + (dir / "m"))
-          .code == 0);
-  write_run(dir / "live", 4, 2, [](record::FusedRecord& r) {
+  const std::string model = made_model("ridge", 100, 1, {"--epochs", "10"});
+  a_run(4, 2, [](FusedRecord& r) {
     if (r.index == 2) lose_radar(r);
-  });
+  }).write(dir / "live");
   const auto o =
-      recon_program("reconstruct " + (dir / "m") + " " + (dir / "live") + " --out " + (dir / "o"));
+      recon_program("reconstruct " + model + " " + (dir / "live") + " --out " + (dir / "o"));
   CHECK(o.code == 5);
   CHECK_THAT(
       o.text,
@@ -117,12 +111,12 @@ TEST_CASE("reconstruct and evaluate report maps that were predicted from the SPD
   CHECK(std::filesystem::exists(dir / "o/000002.png"));
   CHECK_THAT(contents(dir / "o/records.csv"),
              Catch::Contains("\n1,\"ok\",") && Catch::Contains("\n2,\"radar lost: SPD alone\","));
-  CHECK_THAT(recon_program("evaluate " + (dir / "m") + " " + (dir / "live")).text,
+  CHECK_THAT(recon_program("evaluate " + model + " " + (dir / "live")).text,
              Catch::Contains("4 records") && Catch::Contains("1 records: radar lost: SPD alone"));
 
   // The radar axis of this run has no bins, as in a run without a configured radar.
-  write_run(dir / "dark", 3, 3, lose_radar, Axis{"radar", "power", "m", 0, 0, 1, 1});
-  const auto dark = recon_program("evaluate --json " + (dir / "m") + " " + (dir / "dark"));
+  a_run(3, 3, lose_radar).radar(Axis{"radar", "power", "m", 0, 0, 1, 1}).write(dir / "dark");
+  const auto dark = recon_program("evaluate --json " + model + " " + (dir / "dark"));
   REQUIRE(dark.code == 0);
   CHECK(nlohmann::json::parse(dark.text.substr(dark.text.find('{')))["fallback_records"] == 3);
 }
@@ -132,10 +126,10 @@ TEST_CASE("evaluate counts but does not score records for which the model predic
   const TrainedModel model = trained_with("ridge");
   REQUIRE(model.estimators.size() == 2);
   save_model(model, dir / "m");
-  write_run(dir / "live", 6, 2, [](record::FusedRecord& r) {
+  a_run(6, 2, [](FusedRecord& r) {
     if (r.index >= 3) lose_radar(r);
-    if (r.index >= 4) std::fill(r.spd.begin(), r.spd.end(), 2);
-  });
+    if (r.index >= 4) std::fill(counts(r).begin(), counts(r).end(), 2);
+  }).write(dir / "live");
   const auto o = recon_program("evaluate --json " + (dir / "m") + " " + (dir / "live"));
   REQUIRE(o.code == 0);
   const auto json = nlohmann::json::parse(o.text);

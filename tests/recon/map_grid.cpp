@@ -8,25 +8,13 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using namespace echofuse::testing;
+using namespace echofuse::test;
 
 namespace {
 
-// Stores the axes of the map grid in a run file.
-void put_map(const std::string& path, const record::MapGrid& grid) {
-  for (const Axis& a : grid.axes()) {
-    char row[200];
-    std::snprintf(row, sizeof row,
-                  "INSERT INTO axis VALUES ('%s', '%s', '%s', %u, %.17g, %.17g, 1)", a.name.c_str(),
-                  a.quantity.c_str(), a.unit.c_str(), a.count, a.start, a.step);
-    sql(path, row);
-  }
-}
-
 void write_mapped(const std::string& path, std::int64_t count, const record::MapGrid& grid,
                   std::uint64_t seed = 1) {
-  write_run(path, count, seed);
-  put_map(path, grid);
+  a_run(count, seed).map(grid).write(path);
 }
 
 }  // namespace
@@ -43,12 +31,12 @@ TEST_CASE("depth images are resampled to the map grid of the run") {
   for (std::size_t row = 0; row < 32; ++row)
     for (std::size_t c = 0; c < 32; ++c)
       REQUIRE(data.depth.row(1)[row * 32 + c] ==
-              Approx(r.depth_mm[(row + 16) * 64 + c + 16] * 1e-3));
+              Approx(depth_mm(r)[(row + 16) * 64 + c + 16] * 1e-3));
 }
 
 TEST_CASE("loading refuses runs with different map grids and runs with invalid map axes") {
   const Folder dir;
-  write_run(dir / "a", 2, 1);
+  a_run(2).write(dir / "a");
   write_mapped(dir / "b", 2, {32, 0.55}, 2);
   CHECK(error_of([&] {
           load({dir / "a", dir / "b"});
@@ -56,19 +44,17 @@ TEST_CASE("loading refuses runs with different map grids and runs with invalid m
                   dir / "a" + " has 64 x 64 pixels, |x/z| up to 0.55, depth up to 6 m");
   write_mapped(dir / "same", 2, {}, 3);
   CHECK(load({dir / "a", dir / "same"}).size() == 4);
-  const auto refused = [&](const std::string& statement) {
-    std::filesystem::copy_file(dir / "same", dir / "bad",
-                               std::filesystem::copy_options::overwrite_existing);
-    sql(dir / "bad", statement);
+  const auto refused = [&](const std::string& change, const std::vector<Value>& values) {
+    damaged(dir / "same", dir / "bad", change, values);
     CHECK_THAT(error_of([&] { load({dir / "bad"}); }),
                Catch::Contains("bad: axes map_x, map_y and map_z: expected 3 to 256 pixels"));
   };
-  refused("UPDATE axis SET count = 8 WHERE name LIKE 'map__'");
-  refused("UPDATE axis SET step = 70 WHERE name = 'map_z'");
-  refused("UPDATE axis SET count = 300 WHERE name LIKE 'map__'");
-  refused("DELETE FROM axis WHERE name = 'map_y'");
-  refused("UPDATE axis SET step = -step WHERE name = 'map_y'");
-  refused("UPDATE axis SET start = 0 WHERE name = 'map_x'");
+  refused("map axes have ?1 points", {8});
+  refused("axis ?1 has the step ?2", {"map_z", 70});
+  refused("map axes have ?1 points", {300});
+  refused("without axis ?1", {"map_y"});
+  refused("axis ?1 has the step ?2", {"map_y", record::MapGrid{}.step()});
+  refused("axis ?1 starts at ?2", {"map_x", 0});
 }
 
 TEST_CASE(
@@ -76,7 +62,7 @@ TEST_CASE(
   const Folder dir;
   const record::MapGrid grid{24, 0.55};
   write_mapped(dir / "run", 200, grid);
-  write_run(dir / "other", 8, 2);
+  a_run(8, 2).write(dir / "other");
   const std::string out = " --out " + (dir / "maps") + " --format mm,npy,ply,uncertainty --force ";
   for (const std::string kind : {"ridge", "factorised-4"}) {
     CAPTURE(kind);

@@ -7,6 +7,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
+using namespace echofuse::test;
 
 TEST_CASE("gradients of the mask loss equal central differences") {
   const std::vector<float> truth = {0, 1.2f, 3, 0, 5, 2.5f}, background = {0, 0, 0, 5, 5, 5};
@@ -38,7 +39,7 @@ TEST_CASE("the mask loss in single precision matches that in double precision") 
 }
 
 TEST_CASE("a network with mask and depth outputs scores better than a depth regression") {
-  const Dataset data = testing::load_plates(600);
+  const Dataset data = load_plates(600);
   const auto scores = [&](const char* model) {
     TrainOptions options;
     options.uncertainty = false;

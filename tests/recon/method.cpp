@@ -12,6 +12,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
+using namespace echofuse::test;
 
 TEST_CASE("histogram sums with four accumulators equal those of a plain loop") {
   Rng rng = make_rng(1, 0);
@@ -61,7 +62,7 @@ TEST_CASE("histogram sums count negative bins as zero if negative values are exc
 
 TEST_CASE(
     "a model file stores the method's constants and is refused if those of the program differ") {
-  const Layout layout{testing::spd_axis(), testing::radar_axis()};
+  const Layout layout{spd_axis(), radar_axis()};
   Alignment alignment(layout, Matrix(1, layout.inputs()), {0});
   TensorFile file;
   alignment.archive({file, Archive::Direction::write}, layout);
@@ -69,7 +70,7 @@ TEST_CASE(
   CHECK(std::get<std::int64_t>(file.facts.at("config/directions")) == method::directions);
   const auto fault_of = [&](const TensorFile& written) {
     TensorFile read("a model", written.to_bytes());
-    return testing::error_of([&] { alignment.archive({read, Archive::Direction::read}, layout); });
+    return error_of([&] { alignment.archive({read, Archive::Direction::read}, layout); });
   };
   CHECK(fault_of(file) == "no error");
   for (const auto& [key, value] : {std::pair<const char*, TensorFile::Fact>{"histogram_m", 0.9},

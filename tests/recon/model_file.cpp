@@ -13,7 +13,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using namespace echofuse::testing;
+using namespace echofuse::test;
 
 namespace {
 
@@ -26,7 +26,7 @@ const std::vector<std::string> kinds = {"factorised-4", "mean-shape",  "ridge",
 const Folder& models() {
   static const Folder dir;
   static const bool made = [] {
-    write_run(dir / "run", 500);
+    a_run(500).write(dir / "run");
     const Dataset data = load({dir / "run"});
     for (const std::string& kind : kinds) {
       TrainOptions o;
@@ -40,7 +40,7 @@ const Folder& models() {
       }
       save_model(model, dir / kind);
     }
-    write_run(dir / "few", 4, 5);
+    a_run(4, 5).write(dir / "few");
     return true;
   }();
   REQUIRE(made);

@@ -9,8 +9,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using echofuse::testing::Folder;
-using echofuse::testing::write_run;
+using namespace echofuse::test;
 
 namespace {
 
@@ -35,7 +34,7 @@ TrainOptions quick(const std::string& model) {
 
 // Returns a data set of plates. It is loaded only once and shared by all test cases.
 const Dataset& plates() {
-  static const Dataset data = testing::load_plates(600);
+  static const Dataset data = load_plates(600);
   return data;
 }
 
@@ -186,12 +185,12 @@ TEST_CASE("diverged training is refused with an error that names the learning ra
 TEST_CASE(
     "training on identical records gives finite maps, or an error if the model needs bodies") {
   const Folder dir;
-  write_run(dir / "same", 12, 1, [](record::FusedRecord& r) {
+  a_run(12, 1, [](FusedRecord& r) {
     Rng rng = make_rng(1, 1);
     const auto index = r.index;
-    r = testing::plate_record(0, 0.5, 3.5, rng);
+    r = plate_record(0, 0.5, 3.5, rng);
     r.index = index;
-  });
+  }).write(dir / "same");
   Dataset data = load({dir / "same"});
   // The content hashes are deleted, because identical records would otherwise be excluded as
   // copies.
@@ -222,17 +221,17 @@ TEST_CASE("evaluation scores the model and three baseline methods on the held-ou
   const Folder dir;
   // Each pair of records shows a plate and the mirror image of the plate. The ghost of one plate is
   // therefore at the position of the other plate.
-  write_run(dir / "pairs", 60, 5, [](record::FusedRecord& r) {
+  a_run(60, 5, [](FusedRecord& r) {
     Rng rng = make_rng(5, static_cast<std::uint64_t>(r.index / 2));
     std::uniform_real_distribution<double> any_x(-1, 1), any_z(3, 4);
     const double x = any_x(rng), z = any_z(rng);
     Rng noise = make_rng(6, static_cast<std::uint64_t>(r.index));
-    r = testing::plate_record(r.index, r.index % 2 ? -x : x, z, noise);
-  });
+    r = plate_record(r.index, r.index % 2 ? -x : x, z, noise);
+  }).write(dir / "pairs");
   const Dataset pairs = load({dir / "pairs"});
   const auto both =
       score_baselines(pairs, rows_to_evaluate(model, pairs, true), model->scene, plates(), seen);
   CHECK(both[1].metrics[metric_ghost].mean == Approx(0.5).epsilon(1e-6));
-  write_run(dir / "fresh", 10, 9);
+  a_run(10, 9).write(dir / "fresh");
   CHECK(rows_to_evaluate(model, load({dir / "fresh"}), false).size() == 10);
 }

@@ -14,13 +14,12 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using echofuse::testing::all_finite;
-using echofuse::testing::Folder;
+using namespace echofuse::test;
 
 namespace {
 
 const Dataset& plates() {
-  static const Dataset data = testing::load_plates(240);
+  static const Dataset data = load_plates(240);
   return data;
 }
 

@@ -9,7 +9,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using namespace echofuse::testing;
+using namespace echofuse::test;
 
 namespace {
 
@@ -30,7 +30,7 @@ std::string trained(const Folder& dir, const std::string& model, const std::stri
 
 TEST_CASE("train never overwrites an existing file") {
   const Folder dir;
-  write_run(dir / "run", 40);
+  a_run(40).write(dir / "run");
   REQUIRE(recon_program(trained(dir, "m")).code == 0);
   for (const std::string name : {"m", "run"}) {
     const std::string before = contents(dir / name);
@@ -42,7 +42,7 @@ TEST_CASE("train never overwrites an existing file") {
 
 TEST_CASE("a model file created by another process during training is kept") {
   const Folder dir;
-  write_run(dir / "run", 40);
+  a_run(40).write(dir / "run");
   REQUIRE(recon_program(trained(dir, "a")).code == 0);
   REQUIRE(recon_program(trained(dir, "m")).code == 0);
   const std::string before = contents(dir / "m");
@@ -56,8 +56,8 @@ TEST_CASE("a model file created by another process during training is kept") {
 
 TEST_CASE("reconstruct overwrites the maps of another run only with --force") {
   const Folder dir;
-  write_run(dir / "run", 40);
-  write_run(dir / "other", 3, 2);
+  a_run(40).write(dir / "run");
+  a_run(3, 2).write(dir / "other");
   REQUIRE(recon_program(trained(dir, "m")).code == 0);
   const auto maps = [&](const std::string& run, const std::string& options = "") {
     return "reconstruct -q " + (dir / "m") + " " + (dir / run) + " --format mm --out " +
@@ -78,28 +78,22 @@ TEST_CASE("reconstruct overwrites the maps of another run only with --force") {
 
 TEST_CASE("a FIFO given as a run or a model is refused without blocking") {
   const Folder dir;
-  write_run(dir / "run", 60);
-  REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
-                        (dir / "m"))
-              .code == 0);
+  const std::string run = made_run(60);
+  const std::string model = made_model("ridge", 60);
   REQUIRE(::mkfifo((dir / "f").c_str(), 0666) == 0);
   for (const std::string& command :
-       {"evaluate " + (dir / "m") + " " + (dir / "f"),
-        "evaluate " + (dir / "f") + " " + (dir / "run"),
-        "reconstruct -q " + (dir / "m") + " " + (dir / "f") + " --out " + (dir / "o"),
-        "reconstruct -q " + (dir / "f") + " " + (dir / "run") + " --out " + (dir / "o"),
+       {"evaluate " + model + " " + (dir / "f"), "evaluate " + (dir / "f") + " " + run,
+        "reconstruct -q " + model + " " + (dir / "f") + " --out " + (dir / "o"),
+        "reconstruct -q " + (dir / "f") + " " + run + " --out " + (dir / "o"),
         "train -q " + (dir / "f") + " --out " + (dir / "n")})
     refuses(command, "f: is a FIFO; expected a regular file", 1);
 }
 
 TEST_CASE("reconstruct leaves no partial picture on a full disk and follows no symbolic links") {
   const Folder dir;
-  write_run(dir / "run", 60);
-  REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
-                        (dir / "m"))
-              .code == 0);
-  const std::string command =
-      "reconstruct -q " + (dir / "m") + " " + (dir / "run") + " --out " + (dir / "maps");
+  const std::string run = made_run(60);
+  const std::string model = made_model("ridge", 60);
+  const std::string command = "reconstruct -q " + model + " " + run + " --out " + (dir / "maps");
   std::filesystem::create_directory(dir / "maps");
   std::ofstream(dir / "victim") << "precious";
   for (const char* name : {"000000.png", "000000_mm.png", "records.csv", "run.txt"})
@@ -112,7 +106,7 @@ TEST_CASE("reconstruct leaves no partial picture on a full disk and follows no s
   };
   {
     // The limit leaves enough space for the table's header, but not for an image.
-    const test::FullDisk disk(400);
+    const FullDisk disk(400);
     const Outcome o = recon_program(command + " --force");
     CAPTURE(o.text);
     CHECK(o.code == 6);

@@ -11,29 +11,26 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using echofuse::testing::contents;
-using echofuse::testing::Folder;
-using echofuse::testing::recon_program;
-using echofuse::testing::write_run;
+using namespace echofuse::test;
 
 namespace {
 
 const Axis wide_bins = {"radar", "binned_power", "m", 11, 0.25, 0.5, 1};
 
 // Returns a function that shifts the radar profile of a record to longer ranges.
-testing::Change longer_by(double metres) {
-  return [metres](record::FusedRecord& r) {
-    r.radar = Shift(-metres / testing::radar_axis().step).apply(r.radar);
-  };
+Change longer_by(double metres) {
+  return
+      [metres](FusedRecord& r) { power(r) = Shift(-metres / radar_axis().step).apply(power(r)); };
 }
 
 }  // namespace
 
 TEST_CASE("the calibration offset and --range-offset are applied in one interpolation") {
   const Folder dir;
-  write_run(dir / "run", 3, 1, {}, testing::radar_axis(), testing::spd_axis(),
-            {{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0.06, 0.001}});
-  write_run(dir / "plain", 3, 1);
+  a_run(3)
+      .calibration({Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0.06, 0.001})
+      .write(dir / "run");
+  a_run(3).write(dir / "plain");
   const Dataset plain = load({dir / "plain"});
   const auto moved = [&](double metres, std::size_t row) {
     const auto profile = plain.radar.row(row);
@@ -54,12 +51,12 @@ TEST_CASE("the calibration offset and --range-offset are applied in one interpol
 
 TEST_CASE("a dead radar is detected after range calibration, offset correction and binning") {
   const Folder dir;
-  write_run(dir / "run", 3, 1,
-            [](record::FusedRecord& r) {
-              if (r.index == 1) std::fill(r.radar.begin(), r.radar.end(), 0.25f);
-            },
-            testing::radar_axis(), testing::spd_axis(),
-            {{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0.06, 0.001}});
+  a_run(3, 1,
+        [](FusedRecord& r) {
+          if (r.index == 1) std::fill(power(r).begin(), power(r).end(), 0.25f);
+        })
+      .calibration({Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0.06, 0.001})
+      .write(dir / "run");
   Dataset data = load({dir / "run"});
   for (int corrected = 0; corrected < 2; ++corrected) {
     CHECK(data.fault_of(0, Inputs::fused).empty());
@@ -73,9 +70,9 @@ TEST_CASE("a dead radar is detected after range calibration, offset correction a
 
 TEST_CASE("evaluate and reconstruct subtract the value of --range-offset from radar ranges") {
   const Folder dir;
-  write_run(dir / "train", 200);
-  write_run(dir / "fresh", 100, 2);
-  write_run(dir / "long", 100, 2, longer_by(0.06));
+  a_run(200).write(dir / "train");
+  a_run(100, 2).write(dir / "fresh");
+  a_run(100, 2, longer_by(0.06)).write(dir / "long");
   REQUIRE(recon_program("train " + dir / "train" + " --out " + dir / "m" +
                         " --model factorised-4 --set fallback=false -q")
               .code == 0);

@@ -14,13 +14,13 @@
 #include "world.hpp"
 
 using namespace echofuse;
-using namespace echofuse::testing;
+using namespace echofuse::test;
 
 namespace {
 
 // Runs one line of Python with NumPy and returns its output.
 std::string numpy(const std::string& line) {
-  return test::shell("/usr/bin/python3 -c \"import numpy as n; " + line + "\"").text;
+  return shell("/usr/bin/python3 -c \"import numpy as n; " + line + "\"").text;
 }
 
 std::vector<float> points_of(const std::string& ply) {
@@ -67,46 +67,43 @@ TEST_CASE("NumPy can read an array that was written row by row") {
 
 TEST_CASE("the status of a predicted map names the doubtful input sensors") {
   const Folder dir;
-  write_run(dir / "run", 60);
-  REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
-                        (dir / "m"))
-              .code == 0);
-  write_run(dir / "fresh", 4, 2, [](record::FusedRecord& r) {
-    if (r.index == 1) r.sync[Sensor::spd].verdict = "weak: 12 clicks above the background";
-    if (r.index == 2) r.sync[Sensor::depth].verdict = "stands still: the same as before";
-    if (r.index == 3) r.sync[Sensor::radar].verdict = "no peak: no bins clearly exceed the mean";
-  });
-  const Outcome o = recon_program("reconstruct --format npy " + (dir / "m") + " " +
-                                  (dir / "fresh") + " --out " + (dir / "o"));
+  const std::string run = made_run(60);
+  const std::string model = made_model("ridge", 60);
+  a_run(4, 2, [](FusedRecord& r) {
+    if (r.index == 1) set_verdict(r, Sensor::spd, "weak: 12 clicks above the background");
+    if (r.index == 2) set_verdict(r, Sensor::depth, "stands still: the same as before");
+    if (r.index == 3) set_verdict(r, Sensor::radar, "no peak: no bins clearly exceed the mean");
+  }).write(dir / "fresh");
+  const Outcome o = recon_program("reconstruct --format npy " + model + " " + (dir / "fresh") +
+                                  " --out " + (dir / "o"));
   CHECK(o.code == 0);
   CHECK_THAT(o.text, Catch::Contains(
                          "4 records reconstructed, 0 left out; 1 with doubtful data: SPD weak"));
   const std::string csv = contents(dir / "o/records.csv");
   for (const char* line : {"\n0,\"ok\",", "\n1,\"ok; SPD weak\",", "\n2,\"ok\",", "\n3,\"ok\","})
     CHECK_THAT(csv, Catch::Contains(line));
-  CHECK(recon_program("-q evaluate --maps " + (dir / "o") + " " + (dir / "fresh") + " --train " +
-                      (dir / "run"))
-            .code == 0);
+  CHECK(
+      recon_program("-q evaluate --maps " + (dir / "o") + " " + (dir / "fresh") + " --train " + run)
+          .code == 0);
 }
 
 TEST_CASE("written maps get the same scores as their model, and invalid map files are refused") {
   const Folder dir;
-  write_run(dir / "run", 120);
-  write_run(dir / "fresh", 20, 2);
-  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
-          0);
-  REQUIRE(recon_program("reconstruct -q --format npy,mm " + (dir / "m") + " " + (dir / "fresh") +
+  const std::string run = made_run(120);
+  a_run(20, 2).write(dir / "fresh");
+  const std::string model_file = made_model("ridge", 120, 1, {});
+  REQUIRE(recon_program("reconstruct -q --format npy,mm " + model_file + " " + (dir / "fresh") +
                         " --out " + (dir / "o"))
               .code == 0);
   const auto judged = [&](const std::string& what) {
-    const Outcome o = recon_program("-q evaluate --json " + what + " " + (dir / "fresh") +
-                                    " --train " + (dir / "run"));
+    const Outcome o =
+        recon_program("-q evaluate --json " + what + " " + (dir / "fresh") + " --train " + run);
     CAPTURE(o.text);
     REQUIRE(o.code == 0);
     const auto json = nlohmann::json::parse(o.text.substr(o.text.find("{\n")));
     return std::pair(json["metrics"], json["trivial"]);
   };
-  const auto model = judged(dir / "m"), maps = judged("--maps " + (dir / "o"));
+  const auto model = judged(model_file), maps = judged("--maps " + (dir / "o"));
   CHECK(model == maps);
   const auto refused = [&](const std::string& script, const std::string& said) {
     std::filesystem::remove_all(dir / "bad");
@@ -148,16 +145,15 @@ TEST_CASE("written maps get the same scores as their model, and invalid map file
 
 TEST_CASE("reconstruct --rows processes only the listed or the held-out records") {
   const Folder dir;
-  write_run(dir / "run", 120);
-  write_run(dir / "fresh", 4, 2);
-  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
-          0);
+  const std::string trained_on = made_run(120);
+  const std::string fresh = a_run(4, 2).write(dir / "fresh");
+  const std::string model = made_model("ridge", 120, 1, {});
   const auto reconstruct = [&](const std::string& run, const std::string& words) {
-    return recon_program("reconstruct -q --format npy,foreground " + (dir / "m") + " " +
-                         (dir / run) + " " + words);
+    return recon_program("reconstruct -q --format npy,foreground " + model + " " + run + " " +
+                         words);
   };
-  REQUIRE(reconstruct("run", "--out " + (dir / "all")).code == 0);
-  REQUIRE(reconstruct("run", "--rows 7,3 --out " + (dir / "few")).code == 0);
+  REQUIRE(reconstruct(trained_on, "--out " + (dir / "all")).code == 0);
+  REQUIRE(reconstruct(trained_on, "--rows 7,3 --out " + (dir / "few")).code == 0);
   const std::string names =
       "a = lambda f, k: n.load('" + (dir / "") + "' + f + '/' + k + '.npy'); ";
   CHECK(numpy(names + "print([n.array_equal(a('all', k)[[3, 7]], a('few', k), equal_nan=True) for "
@@ -168,35 +164,35 @@ TEST_CASE("reconstruct --rows processes only the listed or the held-out records"
   const std::string csv = contents(dir / "few/records.csv");
   CHECK(std::count(csv.begin(), csv.end(), '\n') == 3);
   CHECK_THAT(csv, Catch::Contains("\n3,\"ok\",") && Catch::Contains("\n7,\"ok\","));
-  REQUIRE(reconstruct("run", "--rows test --out " + (dir / "test")).code == 0);
+  REQUIRE(reconstruct(trained_on, "--rows test --out " + (dir / "test")).code == 0);
   const std::string held_out = contents(dir / "test/records.csv");
-  const Outcome judged = recon_program("-q evaluate --json " + (dir / "m") + " " + (dir / "run"));
+  const Outcome judged = recon_program("-q evaluate --json " + model + " " + trained_on);
   CHECK(nlohmann::json::parse(judged.text)["records"] ==
         std::count(held_out.begin(), held_out.end(), '\n') - 1);
   const auto refused = [&](const std::string& run, const std::string& rows, int code,
                            const std::string& text) {
-    const Outcome o = reconstruct(run, "--rows " + rows + " --out " + (dir / ("not-" + run)));
+    const Outcome o = reconstruct(
+        run, "--rows " + rows + " --out " + (dir / (run == fresh ? "not-fresh" : "not-run")));
     CAPTURE(rows);
     CHECK(o.code == code);
     CHECK_THAT(o.text, Catch::Contains(text));
   };
-  refused("run", "3,x", 2, "--rows: \"x\": expected record indices, e.g. 3,7, or test");
-  refused("run", "3,900", 1, "--rows: the run has no record 900");
-  refused("fresh", "test", 1, "the model was not trained on this run");
-  refused("run", "3 --follow", 2, "--rows cannot be combined with --follow");
+  refused(trained_on, "3,x", 2, "--rows: \"x\": expected record indices, e.g. 3,7, or test");
+  refused(trained_on, "3,900", 1, "--rows: the run has no record 900");
+  refused(fresh, "test", 1, "the model was not trained on this run");
+  refused(trained_on, "3 --follow", 2, "--rows cannot be combined with --follow");
 }
 
 TEST_CASE("a model compared with maps is scored only on records that were not used to train it") {
   const Folder dir;
-  write_run(dir / "run", 120);
-  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
-          0);
-  REQUIRE(recon_program("reconstruct -q --format npy " + (dir / "m") + " " + (dir / "run") +
-                        " --out " + (dir / "o"))
-              .code == 0);
+  const std::string run = made_run(120);
+  const std::string model = made_model("ridge", 120, 1, {});
+  REQUIRE(
+      recon_program("reconstruct -q --format npy " + model + " " + run + " --out " + (dir / "o"))
+          .code == 0);
   const auto judged = [&](const std::string& options) {
-    const Outcome o = recon_program("-q evaluate --json " + options + " " + (dir / "m") + " " +
-                                    (dir / "run") + " --train " + (dir / "run"));
+    const Outcome o = recon_program("-q evaluate --json " + options + " " + model + " " + run +
+                                    " --train " + run);
     CAPTURE(o.text);
     REQUIRE(o.code == 0);
     return nlohmann::json::parse(o.text.substr(o.text.find("{\n")));
@@ -210,12 +206,9 @@ TEST_CASE("a model compared with maps is scored only on records that were not us
 
 TEST_CASE("the written point cloud, array and picture contain the same depth map") {
   const Folder dir;
-  write_run(dir / "run", 240);
-  REQUIRE(recon_program("train -q --model mlp-48-24 --epochs 90 " + (dir / "run") + " --out " +
-                        (dir / "m"))
-              .code == 0);
-  write_run(dir / "live", 3, 2);
-  REQUIRE(recon_program("reconstruct -q --format mm,ply,npy " + (dir / "m") + " " + (dir / "live") +
+  const std::string model = made_model("mlp-48-24", 240, 1, {"--epochs", "90"});
+  a_run(3, 2).write(dir / "live");
+  REQUIRE(recon_program("reconstruct -q --format mm,ply,npy " + model + " " + (dir / "live") +
                         " --out " + (dir / "o"))
               .code == 0);
   CHECK_FALSE(std::filesystem::exists(dir / "o/000000.png"));
@@ -253,16 +246,13 @@ TEST_CASE("the written point cloud, array and picture contain the same depth map
 
 TEST_CASE("reconstruct excludes and lists records with a dead sensor") {
   const Folder dir;
-  write_run(dir / "run", 60);
-  REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
-                        (dir / "m"))
-              .code == 0);
-  write_run(dir / "dead", 5, 2, [](record::FusedRecord& r) {
-    if (r.index == 2) std::fill(r.spd.begin(), r.spd.end(), 0u);
-    if (r.index == 4) std::fill(r.radar.begin(), r.radar.end(), 0.25f);
-  });
+  const std::string model = made_model("ridge", 60);
+  a_run(5, 2, [](FusedRecord& r) {
+    if (r.index == 2) std::fill(counts(r).begin(), counts(r).end(), 0u);
+    if (r.index == 4) std::fill(power(r).begin(), power(r).end(), 0.25f);
+  }).write(dir / "dead");
   const Outcome o =
-      recon_program("reconstruct " + (dir / "m") + " " + (dir / "dead") + " --out " + (dir / "o"));
+      recon_program("reconstruct " + model + " " + (dir / "dead") + " --out " + (dir / "o"));
   CHECK(o.code == 5);
   CHECK_THAT(o.text, Catch::Contains("record 2: spd is the same in every bin") &&
                          Catch::Contains("record 4: radar is the same in every bin"));
@@ -270,17 +260,14 @@ TEST_CASE("reconstruct excludes and lists records with a dead sensor") {
 
 TEST_CASE("reconstruct writes body positions to records.csv and summarises repeated messages") {
   const Folder dir;
-  write_run(dir / "run", 120);
-  REQUIRE(recon_program("train -q --set fallback=false --model mean-shape " + (dir / "run") +
-                        " --out " + (dir / "m"))
-              .code == 0);
-  write_run(dir / "fresh", 16, 2, [](record::FusedRecord& r) {
+  const std::string model = made_model("mean-shape", 120);
+  a_run(16, 2, [](FusedRecord& r) {
     Rng rng = make_rng(2, static_cast<std::uint64_t>(r.index));
-    if (r.index == 0) r = testing::plate_record(0, 0.5, 3.5, rng);
-    if (r.index >= 4) std::ranges::fill(r.spd, 0u);
-  });
+    if (r.index == 0) r = plate_record(0, 0.5, 3.5, rng);
+    if (r.index >= 4) std::ranges::fill(counts(r), 0u);
+  }).write(dir / "fresh");
   const Outcome o =
-      recon_program("reconstruct " + (dir / "m") + " " + (dir / "fresh") + " --out " + (dir / "o"));
+      recon_program("reconstruct " + model + " " + (dir / "fresh") + " --out " + (dir / "o"));
   CHECK_THAT(o.text,
              Catch::Contains("12 records between 4 and 15: spd is the same in every bin\n"));
   CHECK_FALSE(o.text.find("record 4:") != std::string::npos);
@@ -295,14 +282,12 @@ TEST_CASE("reconstruct writes body positions to records.csv and summarises repea
 
 TEST_CASE("reconstruct --follow processes a live run until it is closed") {
   const Folder dir;
-  write_run(dir / "run", 60);
+  a_run(60).write(dir / "run");
   const std::string model = dir / "m", live = dir / "live", out = dir / "o", log = dir / "log";
   REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
                         model)
               .code == 0);
-  record::RunWriter run(live, {});
-  for (const Axis& axis : {spd_axis(), record::MapGrid{}.x(), record::MapGrid{}.y()})
-    run.put_axis(axis);
+  const auto run = a_run(0).without_axis(Sensor::radar).open(live);
   Rng rng = make_rng(4, 4);
   const auto record = [&](std::int64_t index) {
     record::FusedRecord r = plate_record(index, 0.3, 3.5, rng);
@@ -311,28 +296,27 @@ TEST_CASE("reconstruct --follow processes a live run until it is closed") {
   };
   // When record 0 is written, the run contains neither radar data nor a radar axis.
   auto first = record(0);
-  first.valid.erase(Sensor::radar), first.radar.clear();
-  run.append(first);
+  lose(first, Sensor::radar);
+  run->append(first);
 
   const pid_t child = fork();
   REQUIRE(child >= 0);
   if (child == 0) {
     if (!std::freopen(log.c_str(), "w", stderr)) _exit(126);
-    execl((echofuse::test::bin_dir + "/echofuse-recon").c_str(), "echofuse-recon", "reconstruct",
-          model.c_str(), live.c_str(), "--out", out.c_str(), "--follow", "--format", "mm,npy",
-          nullptr);
+    execl((bin_dir + "/echofuse-recon").c_str(), "echofuse-recon", "reconstruct", model.c_str(),
+          live.c_str(), "--out", out.c_str(), "--follow", "--format", "mm,npy", nullptr);
     _exit(127);
   }
   wait_for("record 0",
            [&] { return contents(out + "/records.csv").find("\n0,") != std::string::npos; });
-  run.put_axis(radar_axis());
+  run->put_axis(radar_axis());
   for (std::int64_t i = 1; i <= 3; ++i) {
-    run.append(record(i));
+    run->append(record(i));
     const std::string name = out + "/00000" + std::to_string(i) + "_mm.png";
     wait_for(name, [&] { return std::filesystem::exists(name); });
   }
   CHECK(waitpid(child, nullptr, WNOHANG) == 0);
-  run.close("complete");
+  run->close("complete");
   int status = 0;
   REQUIRE(waitpid(child, &status, 0) == child);
   REQUIRE(WIFEXITED(status));

@@ -5,13 +5,14 @@
 contacts no server. Maps and charts must show the values under the pointer. Untrusted text must be shown but not
 executed. Exits with code 77 if Chromium is not installed."""
 import pathlib
-import sqlite3
 import subprocess
 import sys
 import tempfile
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import chromium
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
+import fixtures  # noqa: E402
 from selenium.webdriver.common.action_chains import ActionChains
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
@@ -113,8 +114,7 @@ def fits(browser, name):
 with tempfile.TemporaryDirectory() as folder:
     folder = pathlib.Path(folder)
     run("echofuse-sim", "dataset", "-q", "--out", folder / "run.sqlite", "--records", 240)
-    with sqlite3.connect(folder / "run.sqlite") as records:
-        records.execute("UPDATE record SET label = '<!--<script>' WHERE label = 'person'")
+    fixtures.change(folder / "run.sqlite", "label <!--<script> instead of person")
     for inputs in ("fused", "spd"):
         run("echofuse-recon", "train", "-q", folder / "run.sqlite", "--model", "ridge", "--set", "fallback=false", "--inputs", inputs, "--out",
             folder / f"{inputs}.h5")

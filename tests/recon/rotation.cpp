@@ -7,6 +7,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
+using namespace echofuse::test;
 
 namespace {
 
@@ -15,7 +16,7 @@ constexpr double baseline_m = 0.5;
 double bump(double off_m, double width_m) { return std::exp(-std::pow(off_m / width_m, 2)); }
 
 Alignment blank_alignment(const Axis& radar) {
-  const Layout layout{testing::spd_axis(), radar};
+  const Layout layout{spd_axis(), radar};
   return {layout, Matrix(1, layout.inputs()), {0}};
 }
 
@@ -23,9 +24,8 @@ Alignment blank_alignment(const Axis& radar) {
 std::vector<float> raw_inputs(double range_m, double radar_range_m, const Axis& radar,
                               double radar_width_m) {
   std::vector<float> out;
-  for (std::uint32_t i = 0; i < testing::spd_axis().count; ++i)
-    out.push_back(
-        static_cast<float>(1e4 * bump(testing::spd_axis().at(i + 0.5) / ps_per_m - range_m, 0.2)));
+  for (std::uint32_t i = 0; i < spd_axis().count; ++i)
+    out.push_back(static_cast<float>(1e4 * bump(spd_axis().at(i + 0.5) / ps_per_m - range_m, 0.2)));
   for (std::uint32_t i = 0; i < radar.count; ++i)
     out.push_back(static_cast<float>(bump(radar.at(i) - radar_range_m, radar_width_m)));
   return out;
@@ -39,14 +39,14 @@ double radar_range_m(const Place& place, double range_m) {
 // Records of an object at a range of 3.5 m. The angle of the object varies across the field of
 // view.
 struct Bodies {
-  Alignment alignment = blank_alignment(testing::radar_axis());
+  Alignment alignment = blank_alignment(radar_axis());
   Matrix inputs, radar, array;
   std::vector<Place> places;
   Rows rows;
   static constexpr double range_m = 3.5;
   Bodies() {
-    Matrix raw(0, testing::spd_axis().count + testing::radar_axis().count);
-    radar = Matrix(0, testing::radar_axis().count);
+    Matrix raw(0, spd_axis().count + radar_axis().count);
+    radar = Matrix(0, radar_axis().count);
     for (int i = -20; i <= 20; ++i) {
       const auto tangent = static_cast<float>(i) * 0.015f;
       const auto depth_m = static_cast<float>(range_m / std::hypot(1.0, double{tangent}));
@@ -58,7 +58,7 @@ struct Bodies {
     rows = all_rows(raw.rows);
   }
   static std::vector<float> of(const Place& place) {
-    return raw_inputs(range_m, radar_range_m(place, range_m), testing::radar_axis(), 0.4);
+    return raw_inputs(range_m, radar_range_m(place, range_m), radar_axis(), 0.4);
   }
 };
 
@@ -82,7 +82,7 @@ TEST_CASE("the bin width of an aligned radar profile is that of the radar, but a
     for (std::size_t j = 0; j < profile.size(); ++j)
       REQUIRE(double{profile[j]} == Approx(at(j) / sum).margin(0.005 / sum));
   };
-  check(testing::radar_axis(), 0.4, 0.125);
+  check(radar_axis(), 0.4, 0.125);
   check({"radar", "power", "m", 319, 0, 0.022, 1}, 0.04, 0.022);
   check({"radar", "power", "m", 1400, 0, 0.005, 1}, 0.04, 0.02);
 }
@@ -132,7 +132,7 @@ TEST_CASE("model inputs of a rotated body equal those of a body at the rotated p
         rotated.rotate(static_cast<std::size_t>(i) % bodies.rows.size(), rng, inputs);
     CHECK(double{place.depth_m} * std::hypot(1.0, double{place.tangent}) ==
           Approx(Bodies::range_m).margin(1e-3));
-    Matrix raw(0, testing::spd_axis().count + testing::radar_axis().count);
+    Matrix raw(0, spd_axis().count + radar_axis().count);
     raw.add_row(Bodies::of(place));
     const Matrix expected = align(raw, bodies.alignment);
     for (std::size_t c = 0; c < inputs.size(); ++c)

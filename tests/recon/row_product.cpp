@@ -14,6 +14,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
+using namespace echofuse::test;
 
 namespace {
 
@@ -64,7 +65,7 @@ TEST_CASE("a row of a product does not depend on the other rows, and equals the 
 }
 
 TEST_CASE("the map of a record is the same bit for bit in a batch of any size") {
-  const Dataset data = testing::load_plates(257);
+  const Dataset data = load_plates(257);
   Rng rng = make_rng(12, 0);
   for (const std::string kind : {"mean-shape", "factorised-4", "ridge", "pca-mlp-4-9", "mlp-9-17",
                                  "mlp-mask-9-17", "nearest-3"}) {

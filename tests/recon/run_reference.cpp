@@ -8,16 +8,16 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using namespace echofuse::testing;
+using namespace echofuse::test;
 
 TEST_CASE("scores use the foreground and background of the evaluated run, not those of the model") {
   const Folder dir;
-  const Change wall = [](record::FusedRecord& r) {
-    for (auto& mm : r.depth_mm) mm = mm > 0 ? mm : 5000;
+  const Change wall = [](FusedRecord& r) {
+    for (auto& mm : depth_mm(r)) mm = mm > 0 ? mm : 5000;
   };
-  write_run(dir / "open", 160);
-  write_run(dir / "room", 160, 2, wall);
-  write_run(dir / "fresh", 60, 3, wall);
+  a_run(160).write(dir / "open");
+  a_run(160, 2, wall).write(dir / "room");
+  a_run(60, 3, wall).write(dir / "fresh");
   const auto judged = [&](const std::string& trained_on, const std::string& options) {
     const std::string model = dir / ("of-" + trained_on);
     if (!std::filesystem::exists(model))
@@ -40,21 +40,21 @@ TEST_CASE("scores use the foreground and background of the evaluated run, not th
                  "the room differs from the training room: foreground and background are learnt"));
   CHECK_THAT(recon_program("evaluate " + (dir / "of-room") + " " + (dir / "fresh")).text,
              !Catch::Contains("the room differs"));
-  write_run(dir / "nearer", 60, 3, [](record::FusedRecord& r) {
-    for (auto& mm : r.depth_mm) mm = mm > 0 ? mm : 4700;
-  });
+  a_run(60, 3, [](FusedRecord& r) {
+    for (auto& mm : depth_mm(r)) mm = mm > 0 ? mm : 4700;
+  }).write(dir / "nearer");
   CHECK_THAT(recon_program("evaluate " + (dir / "of-room") + " " + (dir / "nearer")).text,
              Catch::Contains("the room differs"));
 }
 
 TEST_CASE("a run with a moving wall but without a body is reported and is scored by RMSE") {
   const Folder dir;
-  write_run(dir / "run", 200, 1, [](record::FusedRecord& r) {
+  a_run(200, 1, [](FusedRecord& r) {
     Rng rng = make_rng(9, static_cast<std::uint64_t>(r.index));
     const double z = std::uniform_real_distribution<double>(2.6, 4)(rng);
-    r = testing::plate_record(r.index, 0, z, rng);
-    std::fill(r.depth_mm.begin(), r.depth_mm.end(), static_cast<std::uint16_t>(1000 * z));
-  });
+    r = plate_record(r.index, 0, z, rng);
+    std::fill(depth_mm(r).begin(), depth_mm(r).end(), static_cast<std::uint16_t>(1000 * z));
+  }).write(dir / "run");
   const Outcome train =
       recon_program("train --model auto --inputs spd --set candidates=empty,mean,ridge " +
                     (dir / "run") + " --out " + (dir / "m"));

@@ -9,10 +9,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using echofuse::testing::Folder;
-using echofuse::testing::Outcome;
-using echofuse::testing::recon_program;
-using echofuse::testing::write_run;
+using namespace echofuse::test;
 
 namespace {
 
@@ -27,7 +24,7 @@ void check_same(const TrainedModel& a, const TrainedModel& b, const Dataset& dat
 
 TEST_CASE("training with one, two or three threads gives the same model bit for bit") {
   const Folder dir;
-  write_run(dir / "run", 150);
+  a_run(150).write(dir / "run");
   const Dataset data = load({dir / "run"});
   for (const std::string name : {"mlp", "ridge"}) {
     CAPTURE(name);
@@ -48,10 +45,10 @@ TEST_CASE("training with one, two or three threads gives the same model bit for 
 
 TEST_CASE("training gives the records of all runs the same weight") {
   const Folder dir;
-  write_run(dir / "a", 60);
-  write_run(dir / "b", 20, 2, [](record::FusedRecord& r) {
-    for (auto& mm : r.depth_mm) mm = 0;
-  });
+  a_run(60).write(dir / "a");
+  a_run(20, 2, [](FusedRecord& r) {
+    for (auto& mm : depth_mm(r)) mm = 0;
+  }).write(dir / "b");
   TrainOptions options;
   options.model = "mean", options.fit.quiet = true, options.split.test_share = 0;
   options.split.validation_share = 0.25;
@@ -75,7 +72,7 @@ TEST_CASE("training gives the records of all runs the same weight") {
 }
 
 TEST_CASE("models that use no sensor inputs have no uncertainty and no outlier detection") {
-  const Dataset data = testing::load_plates(120);
+  const Dataset data = load_plates(120);
   for (const std::string name : {"mean", "empty", "ridge"}) {
     CAPTURE(name);
     TrainOptions options;
@@ -114,10 +111,10 @@ TEST_CASE("each work item is computed exactly once for any number of threads") {
 
 TEST_CASE("training refuses a run with a dead sensor and names the first affected record") {
   const Folder dir;
-  write_run(dir / "good", 20);
-  write_run(dir / "dead", 20, 2, [](record::FusedRecord& r) {
-    if (r.index >= 9 && r.index < 14) std::fill(r.spd.begin(), r.spd.end(), 4u);
-  });
+  a_run(20).write(dir / "good");
+  a_run(20, 2, [](FusedRecord& r) {
+    if (r.index >= 9 && r.index < 14) std::fill(counts(r).begin(), counts(r).end(), 4u);
+  }).write(dir / "dead");
   const std::string command =
       "train -q --model ridge " + (dir / "good") + " " + (dir / "dead") + " --out " + (dir / "m");
   for (const std::string inputs : {"fused", "spd"}) {

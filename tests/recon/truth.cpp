@@ -8,35 +8,32 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using testing::Folder;
-using testing::recon_program;
-using testing::refuses;
-using testing::write_run;
+using namespace echofuse::test;
 
 namespace {
 
 // Returns a function that replaces the depth map of each record with the depth map of the record
 // `lag` positions earlier.
-testing::Change late_by(int lag) {
-  return [lag, last = std::vector<std::vector<std::uint16_t>>()](record::FusedRecord& r) mutable {
-    last.push_back(r.depth_mm);
+Change late_by(int lag) {
+  return [lag, last = std::vector<std::vector<std::uint16_t>>()](FusedRecord& r) mutable {
+    last.push_back(depth_mm(r));
     const std::size_t of = std::min<std::size_t>(static_cast<std::size_t>(lag), last.size() - 1);
-    r.depth_mm = last[last.size() - 1 - of];
+    depth_mm(r) = last[last.size() - 1 - of];
   };
 }
 
-void mirror(record::FusedRecord& r) {
+void mirror(FusedRecord& r) {
   for (std::size_t row = 0; row < 64; ++row)
-    std::reverse(r.depth_mm.begin() + static_cast<std::ptrdiff_t>(64 * row),
-                 r.depth_mm.begin() + static_cast<std::ptrdiff_t>(64 * (row + 1)));
+    std::reverse(depth_mm(r).begin() + static_cast<std::ptrdiff_t>(64 * row),
+                 depth_mm(r).begin() + static_cast<std::ptrdiff_t>(64 * (row + 1)));
 }
 
 }  // namespace
 
 TEST_CASE("train and evaluate report depth maps delayed by one record") {
   const Folder dir;
-  write_run(dir / "good", 120, 1), write_run(dir / "late", 120, 1, late_by(1));
-  write_run(dir / "two", 120, 1, late_by(2));
+  a_run(120).write(dir / "good"), a_run(120, 1, late_by(1)).write(dir / "late");
+  a_run(120, 1, late_by(2)).write(dir / "two");
   const auto said = (dir / "late") + ": histogram ranges fit the depth maps of the next records";
   CHECK(late_truth(load({dir / "good"})).empty());
   CHECK(late_truth(load({dir / "two"})).empty());
@@ -47,13 +44,13 @@ TEST_CASE("train and evaluate report depth maps delayed by one record") {
     std::ranges::copy(early.depth.row(row + 1), early.depth.row(row).begin());
   CHECK_THAT(late_truth(early), Catch::Contains("one record early"));
   // If there are several runs, each run is tested separately.
-  write_run(dir / "more", 400, 3);
+  a_run(400, 3).write(dir / "more");
   CHECK_THAT(late_truth(load({dir / "more", dir / "late"})), Catch::StartsWith(said));
   const std::string train = "train --model ridge --set fallback=false ";
   CHECK_THAT(recon_program(train + (dir / "late") + " --out " + (dir / "no")).text,
              Catch::Contains(said));
   REQUIRE(recon_program(train + "-q " + (dir / "good") + " --out " + (dir / "m")).code == 0);
-  write_run(dir / "fresh late", 60, 2, late_by(1));
+  a_run(60, 2, late_by(1)).write(dir / "fresh late");
   const std::string evaluate =
       "-q evaluate --json " + (dir / "m") + " '" + (dir / "fresh late") + "'";
   CHECK_THAT(nlohmann::json::parse(recon_program(evaluate).text)["notes"].get<std::string>(),
@@ -62,13 +59,11 @@ TEST_CASE("train and evaluate report depth maps delayed by one record") {
 
 TEST_CASE("evaluate reports mirrored depth maps and how to correct them") {
   const Folder dir;
-  write_run(dir / "good", 200, 1), write_run(dir / "fresh", 60, 2);
-  write_run(dir / "mirrored", 60, 2, mirror);
-  REQUIRE(recon_program("train -q --model ridge --set fallback=false " + (dir / "good") +
-                        " --out " + (dir / "m"))
-              .code == 0);
+  a_run(60, 2).write(dir / "fresh");
+  a_run(60, 2, mirror).write(dir / "mirrored");
+  const std::string model = made_model("ridge", 200);
   const auto text = [&](const std::string& run) {
-    return recon_program("-q evaluate " + (dir / "m ") + run).text;
+    return recon_program("-q evaluate " + model + " " + run).text;
   };
   CHECK_THAT(text(dir / "fresh"), !Catch::Contains("predicted side"));
   CHECK_THAT(text(dir / "mirrored"), Catch::Contains("the predicted side is wrong for") &&
@@ -77,18 +72,16 @@ TEST_CASE("evaluate reports mirrored depth maps and how to correct them") {
 
 TEST_CASE("evaluate refuses maps of another run and does not score maps of training records") {
   const Folder dir;
-  write_run(dir / "a", 60, 1), write_run(dir / "b", 60, 2);
-  REQUIRE(recon_program("train -q --model ridge --set fallback=false " + (dir / "a") + " --out " +
-                        (dir / "m"))
-              .code == 0);
-  REQUIRE(recon_program("-q reconstruct --format npy " + (dir / "m ") + (dir / "a") + " --out " +
+  const std::string first = made_run(60);
+  a_run(60, 2).write(dir / "b");
+  const std::string model = made_model("ridge", 60);
+  REQUIRE(recon_program("-q reconstruct --format npy " + model + " " + first + " --out " +
                         (dir / "maps"))
               .code == 0);
   refuses("-q evaluate --maps " + (dir / "maps ") + (dir / "b"), 1,
-          "maps: contains maps of another run, " + (dir / "a"));
+          "maps: contains maps of another run, " + first);
   const auto judged = [&](const std::string& words) {
-    const auto o =
-        recon_program("-q evaluate --json --maps " + (dir / "maps ") + (dir / "a") + words);
+    const auto o = recon_program("-q evaluate --json --maps " + (dir / "maps ") + first + words);
     CAPTURE(o.text);
     REQUIRE(o.code == 0);
     return nlohmann::json::parse(o.text);
@@ -96,11 +89,11 @@ TEST_CASE("evaluate refuses maps of another run and does not score maps of train
   CHECK(judged("")["records"] == 6);
   CHECK(judged("")["left_out"]["trained on"] == 54);
   CHECK(judged(" --all")["records"] == 60);
-  CHECK_THAT(recon_program("-q evaluate --maps " + (dir / "maps ") + (dir / "a")).text,
+  CHECK_THAT(recon_program("-q evaluate --maps " + (dir / "maps ") + first).text,
              Catch::Contains("54 of 60 records left out: trained on 54\n"));
   // Copies of the training records in a second run are recognised as training records.
-  write_run(dir / "copy", 70, 1);
-  REQUIRE(recon_program("-q reconstruct --format npy " + (dir / "m ") + (dir / "copy") + " --out " +
+  a_run(70).write(dir / "copy");
+  REQUIRE(recon_program("-q reconstruct --format npy " + model + " " + (dir / "copy") + " --out " +
                         (dir / "copied"))
               .code == 0);
   CHECK_THAT(recon_program("-q evaluate --maps " + (dir / "copied ") + (dir / "copy")).text,
@@ -109,14 +102,11 @@ TEST_CASE("evaluate refuses maps of another run and does not score maps of train
 
 TEST_CASE("evaluate does not score maps of doubtful records") {
   const Folder dir;
-  write_run(dir / "run", 40, 1, [](record::FusedRecord& r) {
-    if (r.index < 10) r.sync[Sensor::depth].verdict = "stands still: the same as before";
-  });
-  write_run(dir / "a", 60, 2);
-  REQUIRE(recon_program("train -q --model ridge --set fallback=false " + (dir / "a") + " --out " +
-                        (dir / "m"))
-              .code == 0);
-  REQUIRE(recon_program("-q reconstruct --format npy " + (dir / "m ") + (dir / "run") + " --out " +
+  a_run(40, 1, [](FusedRecord& r) {
+    if (r.index < 10) set_verdict(r, Sensor::depth, "stands still: the same as before");
+  }).write(dir / "run");
+  const std::string model = made_model("ridge", 60, 2);
+  REQUIRE(recon_program("-q reconstruct --format npy " + model + " " + (dir / "run") + " --out " +
                         (dir / "maps"))
               .code == 0);
   CHECK_THAT(recon_program("-q evaluate --maps " + (dir / "maps ") + (dir / "run")).text,

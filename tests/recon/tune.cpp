@@ -11,7 +11,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using namespace echofuse::testing;
+using namespace echofuse::test;
 
 namespace {
 
@@ -21,7 +21,7 @@ constexpr double other_start_m = -0.1;
 // as it might in another room.
 Dataset plates(std::int64_t count, std::uint64_t seed, bool other) {
   const Folder dir;
-  write_run(dir / "run", count, seed);
+  a_run(count, seed).write(dir / "run");
   Dataset data = load({dir / "run"});
   if (other) subtract_range_offset(data, -other_start_m);
   return data;
@@ -171,8 +171,7 @@ TEST_CASE("every tuned model can be saved, loaded and evaluated") {
   const record::Antennas line = {{0, 0, 1, 0}, {1, 0, 1, 0}, {2, 0, 1, 0}, {3, 0, 1, 0}};
   const auto plates_of = [&](const std::string& inputs, std::int64_t count, std::uint64_t seed) {
     const Folder dir;
-    write_run(dir / "run", count, seed, {}, radar_axis(), testing::spd_axis(), {},
-              inputs == "fused" ? line : record::Antennas{});
+    a_run(count, seed).antennas(inputs == "fused" ? line : record::Antennas{}).write(dir / "run");
     return load({dir / "run"});
   };
   for (const std::string inputs : {"fused", "fused-profile", "spd"}) {
@@ -255,11 +254,11 @@ TEST_CASE("tuning that trains only on new records adopts their axes and their ra
 TEST_CASE("a model that cannot be tuned is refused with a one-line error") {
   const Folder dir;
   save_model(old_model("factorised"), dir / "old");
-  write_run(dir / "few", 9);
-  write_run(dir / "blind", 20, 1, [](record::FusedRecord& r) {
-    r.valid = {Sensor::spd, Sensor::depth}, r.radar.clear();
-  });
-  write_run(dir / "run", 20);
+  a_run(9).write(dir / "few");
+  a_run(20, 1, [](FusedRecord& r) {
+    r.valid = {Sensor::spd, Sensor::depth}, power(r).clear();
+  }).write(dir / "blind");
+  a_run(20).write(dir / "run");
   const std::string old = dir / "old";
   const auto run = [&](const std::string& name) { return " " + (dir / name); };
   const auto says = [&](const std::string& more, int code, const std::string& text) {

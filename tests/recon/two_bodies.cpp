@@ -7,10 +7,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using echofuse::testing::contents;
-using echofuse::testing::Folder;
-using echofuse::testing::recon_program;
-using echofuse::testing::write_run;
+using namespace echofuse::test;
 
 namespace {
 
@@ -20,12 +17,12 @@ struct Plate {
 // Returns an SPD axis three times as long as the SPD axis of the plates. On the shorter axis, two
 // plates would fill half of the bins, so that the background could not be estimated.
 Axis long_axis() {
-  Axis axis = testing::spd_axis();
+  Axis axis = spd_axis();
   axis.count *= 3;
   return axis;
 }
 record::FusedRecord record_of(std::int64_t index, const Plate& p, Rng& rng) {
-  record::FusedRecord out = testing::plate_record(index, p.x, p.z, rng);
+  record::FusedRecord out = plate_record(index, p.x, p.z, rng);
   out.spd.resize(long_axis().count);
   return out;
 }
@@ -48,16 +45,16 @@ void add(record::FusedRecord& to, const record::FusedRecord& other) {
 void write_mixed(const std::string& path, std::int64_t count, bool behind) {
   Rng rng = make_rng(9, 9);
   std::uniform_real_distribution<double> off(-0.1, 0.1);
-  write_run(
-      path, count, 5,
-      [&](record::FusedRecord& r) {
-        if (r.index % 2) return;
-        const std::int64_t index = r.index;
-        const double far_z = behind ? far_right.z : near_left.z;
-        r = record_of(index, {near_left.x + off(rng), near_left.z + off(rng) / 4}, rng);
-        add(r, record_of(index, {far_right.x + off(rng), far_z + off(rng) / 4}, rng));
-      },
-      testing::radar_axis(), long_axis());
+  a_run(count, 5,
+        [&](FusedRecord& r) {
+          if (r.index % 2) return;
+          const std::int64_t index = r.index;
+          const double far_z = behind ? far_right.z : near_left.z;
+          r = record_of(index, {near_left.x + off(rng), near_left.z + off(rng) / 4}, rng);
+          add(r, record_of(index, {far_right.x + off(rng), far_z + off(rng) / 4}, rng));
+        })
+      .spd(long_axis())
+      .write(path);
 }
 
 Dataset mixed(std::int64_t count, bool behind) {
@@ -74,7 +71,7 @@ const TrainedModel& trained() {
     options.fit.quiet = true;
     options.fallback = false;
     const Folder dir;
-    write_run(dir / "plates", 600, 1, {}, testing::radar_axis(), long_axis());
+    a_run(600).spd(long_axis()).write(dir / "plates");
     return train(load({dir / "plates"}), options);
   }();
   return model;
@@ -123,7 +120,7 @@ TEST_CASE("records of two people side by side are flagged without changing the p
 
 TEST_CASE("the two-body test is disabled only if all training records show two people") {
   const std::size_t count = 400;
-  Dataset data = testing::load_plates(count);
+  Dataset data = load_plates(count);
   const Dataset bare = data;
   const auto add_other = [&](Dataset& to, std::size_t i) {
     for (const auto& [table, from] : {std::pair(&to.spd, &bare.spd), {&to.radar, &bare.radar}})
@@ -154,7 +151,7 @@ TEST_CASE("the two-body test is disabled only if all training records show two p
 TEST_CASE("records of two people in front of a wall are flagged") {
   const std::size_t count = 400;
   const Folder dir;
-  write_run(dir / "run", count, 1, {}, testing::radar_axis(), long_axis());
+  a_run(count).spd(long_axis()).write(dir / "run");
   const Dataset bare = load({dir / "run"});
   Rng rng = make_rng(6, 6);
   std::poisson_distribution<int> wall(3e4);

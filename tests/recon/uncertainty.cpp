@@ -15,16 +15,13 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using echofuse::testing::contents;
-using echofuse::testing::Folder;
-using echofuse::testing::recon_program;
-using echofuse::testing::write_run;
+using namespace echofuse::test;
 
 namespace {
 
-Dataset fresh_plates(std::int64_t count, const testing::Change& change = {}) {
+Dataset fresh_plates(std::int64_t count, const Change& change = {}) {
   const Folder dir;
-  write_run(dir / "fresh", count, 2, change);
+  a_run(count, 2, change).write(dir / "fresh");
   return load({dir / "fresh"});
 }
 
@@ -33,7 +30,7 @@ TrainedModel train_on_plates(const std::string& model, double validation_share) 
   options.model = model;
   options.split.validation_share = validation_share;
   options.fit.quiet = true;
-  return train(testing::load_plates(800), options);
+  return train(load_plates(800), options);
 }
 
 const TrainedModel& trained() {
@@ -127,10 +124,10 @@ TEST_CASE(
   for (float& v : noise.radar.values) v = normal(rng);
   CHECK(share_flagged(uncertainties_of(noise)) > 0.98);
 
-  const Dataset far = fresh_plates(50, [](record::FusedRecord& r) {
+  const Dataset far = fresh_plates(50, [](FusedRecord& r) {
     // The histogram is shifted by 9 bins (54 cm).
-    std::rotate(r.spd.begin(), r.spd.end() - 9, r.spd.end());
-    std::rotate(r.radar.begin(), r.radar.end() - 2, r.radar.end());
+    std::rotate(counts(r).begin(), counts(r).end() - 9, counts(r).end());
+    std::rotate(power(r).begin(), power(r).end() - 2, power(r).end());
   });
   CHECK(share_flagged(uncertainties_of(far), "outside the training records' distances") > 0.3);
 
@@ -141,7 +138,7 @@ TEST_CASE(
 }
 
 TEST_CASE("outlier detection does not depend on the order of training records") {
-  const Dataset data = testing::load_plates(600), fresh = fresh_plates(300);
+  const Dataset data = load_plates(600), fresh = fresh_plates(300);
   Rows rows = all_rows(600);
   std::sort(rows.begin(), rows.end(),
             [&](std::size_t a, std::size_t b) { return nearest_m(data, a) < nearest_m(data, b); });
@@ -168,7 +165,7 @@ TEST_CASE("outlier detection does not depend on the order of training records") 
 }
 
 TEST_CASE("outlier detection is fitted to the training records only") {
-  Dataset data = testing::load_plates(300);
+  Dataset data = load_plates(300);
   std::fill_n(data.label.begin(), 100, two_people_label);
   Rows rows = all_rows(300);
   rows.erase(rows.begin(), rows.begin() + 100);
@@ -239,25 +236,25 @@ record::RadarResponse bell(double times) {
 
 TEST_CASE(
     "records with a wider radar response are rarely flagged, and intervals cover most errors") {
-  Dataset training = testing::load_plates(800);
+  Dataset training = load_plates(800);
   training.sources[0].radar_response = bell(1);
   TrainOptions options;
   options.model = "factorised-4", options.split.validation_share = 0.3, options.fit.quiet = true;
   const TrainedModel model = train(training, options);
   for (const double times : {1.2, 1.5, 1.8}) {
     CAPTURE(times);
-    const auto weights = response_filter(bell(1), bell(times), testing::radar_axis().step);
+    const auto weights = response_filter(bell(1), bell(times), radar_axis().step);
     Rng rng = make_rng(3, 3);
     std::normal_distribution<float> noise(0, 0.002f);
-    Dataset data = fresh_plates(400, [&](record::FusedRecord& r) {
-      const std::vector<float> narrow = r.radar;
+    Dataset data = fresh_plates(400, [&](FusedRecord& r) {
+      const std::vector<float> narrow = power(r);
       const auto count = std::ssize(narrow), reach = std::ssize(weights) / 2;
       for (std::ptrdiff_t i = 0; i < count; ++i) {
         float sum = noise(rng);
         for (auto j = std::max(-reach, -i); j <= std::min(reach, count - 1 - i); ++j)
           sum += static_cast<float>(weights[static_cast<std::size_t>(j + reach)]) *
                  narrow[static_cast<std::size_t>(i + j)];
-        r.radar[static_cast<std::size_t>(i)] = sum;
+        power(r)[static_cast<std::size_t>(i)] = sum;
       }
     });
     data.sources[0].radar_response = bell(times);
@@ -296,8 +293,8 @@ TEST_CASE("the range error of a run is the root sum of squares of both calibrati
   const Folder dir;
   const record::CalibrationEntry spd{Sensor::spd, "2026-01-01T00:00:00Z", "", 1, 0, 0.003},
       radar{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0, 0.004};
-  write_run(dir / "both", 3, 1, {}, testing::radar_axis(), testing::spd_axis(), {spd, radar});
-  write_run(dir / "one", 3, 2, {}, testing::radar_axis(), testing::spd_axis(), {radar});
+  a_run(3).calibration(spd).calibration(radar).write(dir / "both");
+  a_run(3, 2).calibration(radar).write(dir / "one");
   CHECK(load({dir / "both"}).sources[0].range_error_m.value() == Approx(0.005));
   CHECK_FALSE(load({dir / "one"}).sources[0].range_error_m);
   CHECK(record::radar_baseline_m({{"operator", "x"}, {"radar_baseline_m", "0.52"}}) == 0.52);
@@ -309,7 +306,7 @@ TEST_CASE("single-sensor models flag outliers") {
     CAPTURE(inputs);
     TrainOptions options;
     options.model = "ridge", options.inputs = inputs, options.split.validation_share = 0.3;
-    const TrainedModel model = train(testing::load_plates(400), options);
+    const TrainedModel model = train(load_plates(400), options);
     Dataset data = fresh_plates(200);
     const Rows rows = all_rows(200);
     CHECK(share_flagged(predict(model, data, rows).uncertainties) < 0.04);
@@ -341,12 +338,13 @@ TEST_CASE("pixel uncertainty matches the depth errors, and the expected depth ha
 
 TEST_CASE("the expected depth in an empty room is the depth of the wall") {
   const Folder dir;
-  write_run(dir / "walled", 300, 1, [](record::FusedRecord& r) {
-    for (auto& mm : r.depth_mm) mm = mm > 0 ? mm : 5000;
-    // The SPD does not detect one object in ten, so the model learns that an object may be outside
-    // the predicted mask.
-    for (std::size_t i = 0; i < r.spd.size() && r.index % 10 == 0; ++i) r.spd[i] = 3 + i % 2;
-  });
+  a_run(300, 1, [](FusedRecord& r) {
+    for (auto& mm : depth_mm(r)) mm = mm > 0 ? mm : 5000;
+    // The SPD does not detect one object in ten, so the model learns that an object may be
+    // outside the predicted mask.
+    for (std::size_t i = 0; i < counts(r).size() && r.index % 10 == 0; ++i)
+      counts(r)[i] = 3 + i % 2;
+  }).write(dir / "walled");
   TrainOptions options;
   options.model = "factorised-4", options.split.validation_share = 0.3, options.fit.quiet = true;
   const TrainedModel model = train(load({dir / "walled"}), options);
@@ -375,7 +373,7 @@ TEST_CASE(
   TrainOptions options;
   options.model = "ridge", options.fit.quiet = true;
   // Only 45 of the 50 records are used for training, which is too few to fit an uncertainty.
-  save_model(train(testing::load_plates(50), options), dir / "few");
+  save_model(train(load_plates(50), options), dir / "few");
   const TrainedModel loaded = load_model(dir / "few");
   CHECK_FALSE(loaded->uncertainty);
   CHECK(predict(loaded, data, all_rows(20)).uncertainties.empty());
@@ -386,9 +384,9 @@ TEST_CASE(
 TEST_CASE(
     "a model of 90 training records has a cross-fitted uncertainty, and a model of 40 has none") {
   const Folder dir;
-  write_run(dir / "few", 90);
-  write_run(dir / "fewer", 40);
-  write_run(dir / "fresh", 60, 2);
+  a_run(90).write(dir / "few");
+  a_run(40).write(dir / "fewer");
+  a_run(60, 2).write(dir / "fresh");
   const std::string train = "train -q --set fallback=false --model factorised-2 --epochs 20 ";
   for (const std::string run : {"few", "fewer"})
     REQUIRE(recon_program(train + (dir / run) + " --out " + (dir / run + ".h5")).code == 0);
@@ -411,9 +409,9 @@ TEST_CASE(
 TEST_CASE("reconstruct and evaluate report the uncertainty of the predictions") {
   const Folder dir;
   save_model(trained(), dir / "m");
-  write_run(dir / "run", 40, 3, [](record::FusedRecord& r) {
-    for (std::size_t i = 0; i < r.spd.size() && r.index == 5; ++i) r.spd[i] = 3 + i % 2;
-  });
+  a_run(40, 3, [](FusedRecord& r) {
+    for (std::size_t i = 0; i < counts(r).size() && r.index == 5; ++i) counts(r)[i] = 3 + i % 2;
+  }).write(dir / "run");
   const auto o = recon_program("reconstruct " + (dir / "m") + " " + (dir / "run") + " --out " +
                                (dir / "o") + " --format uncertainty,npy");
   CHECK(o.code == 0);

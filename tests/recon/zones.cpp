@@ -10,7 +10,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using namespace echofuse::testing;
+using namespace echofuse::test;
 using Catch::Contains;
 
 namespace {
@@ -21,18 +21,14 @@ const Axis spd{"spd", "counts", "ps", bins, 0, 100, 1};
 // Writes a run with a single record. Zone z has 100 counts in bin `first` + z and none elsewhere.
 void write_zones(const std::string& path, const Zones& zones, std::uint32_t first,
                  double offset_m = 0) {
-  record::RunWriter run(path, {});
-  run.put_axis(spd);
-  run.put_zones(zones);
-  if (offset_m != 0) run.put_calibration({Sensor::spd, "", "", 1, offset_m, 0});
-  record::FusedRecord r;
-  r.slot_end = HostTime(1'000'000'000);
-  r.valid.insert(Sensor::spd);
-  r.sync[Sensor::spd].verdict = "ok";
-  r.spd.resize(histograms_of(zones) * bins);
-  for (std::uint32_t z = 0; z < histograms_of(zones); ++z) r.spd[z * bins + first + z] = 100;
-  run.append(r);
-  run.close("complete");
+  RunBuilder run = a_run(1);
+  if (offset_m != 0) run.offset(Sensor::spd, offset_m);
+  run.only_axes({spd}).zones(zones).each([&](FusedRecord& r) {
+    lose(r, Sensor::radar), lose(r, Sensor::depth);
+    counts(r).assign(histograms_of(zones) * bins, 0);
+    for (std::uint32_t z = 0; z < histograms_of(zones); ++z) counts(r)[z * bins + first + z] = 100;
+  });
+  run.write(path);
 }
 
 const Zones two{{-0.1, 0, 0.2, 200}, {0.1, 0, 0.2, 300}};

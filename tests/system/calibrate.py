@@ -15,6 +15,8 @@ import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import waiting
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
+import fixtures  # noqa: E402
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 config = pathlib.Path(__file__).resolve().parents[2] / "config/radar"
@@ -259,9 +261,8 @@ class Calibrate(unittest.TestCase):
             program("echofuse-sim", "dataset", "--out", run, *scenes, "--set", f"spd_delay_ps={spd_ps}", "--set",
                     f"radar_bias_m={radar_m}")
             self.assertGreater(score(run)[0]["mean"], 2 * lateral["mean"])
-            with sqlite3.connect(self.dir / run) as db:
-                for sensor, offset_m in ("spd", spd_ps * 299792458 / 2e12), ("radar", radar_m):
-                    db.execute("INSERT INTO calibration VALUES (?, '2026-11-21', 'known', 1, ?, 0)", (sensor, offset_m))
+            for sensor, offset_m in ("spd", spd_ps * 299792458 / 2e12), ("radar", radar_m):
+                fixtures.change(self.dir / run, "offset ?2 of the sensor ?1", sensor, offset_m)
             for now, then in zip(score(run), (lateral, iou)):
                 self.assertLess(abs(now["mean"] - then["mean"]), 2 * then["se"], (spd_ps, radar_m, now, then))
 

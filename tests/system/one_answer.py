@@ -25,6 +25,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path += [str(ROOT / "tests/view"), str(ROOT / "recon/python")]
 os.environ |= {"ECHOFUSE_BIN": str(bin_dir), "PYTHONPATH": str(ROOT / "recon/python")}
 from websocket import Client
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
+import fixtures  # noqa: E402
 
 try:
     import h5py
@@ -200,13 +202,11 @@ class OneAnswer(live.Live):
         for name, seed in (("base", 1), ("scored", 5)):
             outcome("echofuse-sim", "dataset", "-q", "--records", 60, "--seed", seed, "--out", self.dir / f"{name}.sqlite")
         outcome("echofuse-recon", "train", self.dir / "base.sqlite", "--model", "ridge", "--out", model)
-        with closing(sqlite3.connect(run)) as db:
-            db.executescript("""
-                UPDATE record SET depth_verdict = 'frozen: 3' WHERE idx BETWEEN 5 AND 10;
-                UPDATE record SET spd_verdict = 'weak: 1 clicks' WHERE idx BETWEEN 20 AND 22;
-                UPDATE record SET valid = 5, radar = NULL, radar_verdict = 'no frames' WHERE idx IN (30, 31);
-                UPDATE record SET valid = 3, missing = 4, depth = NULL, depth_verdict = 'no frames' WHERE idx IN (40, 41, 42);
-                UPDATE record SET spd_lost = 7, radar_lost = 2, depth_lost = 1 WHERE idx = 50""")
+        fixtures.change(run, "verdict ?3 of the camera in the records from ?1 to ?2", 5, 10, "frozen: 3")
+        fixtures.change(run, "verdict ?3 of the SPD in the records from ?1 to ?2", 20, 22, "weak: 1 clicks")
+        fixtures.change(run, "no radar frames in the records from ?1 to ?2", 30, 31)
+        fixtures.change(run, "no frames of the required camera in the records from ?1 to ?2", 40, 42)
+        fixtures.change(run, "record ?1 lost ?2 SPD data, ?3 radar frames and ?4 depth frames", 50, 7, 2, 1)
         info = self.check("scored", status="complete", doubtful=14, incomplete=3, lost={"spd": 7, "radar": 2, "depth": 1})
         scored = json.loads(outcome("echofuse-recon", "evaluate", model, run, "--json").stdout)
         left_out = scored["doubtful"]["records"]

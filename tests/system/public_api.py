@@ -6,13 +6,14 @@ programs."""
 import os
 import pathlib
 import shutil
-import sqlite3
 import subprocess
 import sys
 import tempfile
 import unittest
 
 import numpy as np
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
+import fixtures  # noqa: E402
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 source = pathlib.Path(__file__).resolve().parents[2]
@@ -72,9 +73,7 @@ class PublicApi(unittest.TestCase):
         said = run(self.dir / "follow_run", "m.safetensors", "scenes", cwd=self.dir).splitlines()
         self.assertEqual(len(said), 80)
         self.assertRegex(said[0], r"^record 0: depth at the centre \d\.\d\d m, body at x = -?\d\.\d\d m, z = \d\.\d\d m")
-        shutil.copy(self.dir / "scenes.sqlite", self.dir / "damaged.sqlite")
-        with sqlite3.connect(self.dir / "damaged.sqlite") as damaged:
-            damaged.execute("UPDATE record SET spd = x'00' WHERE idx = 3")
+        fixtures.changed(self.dir / "scenes.sqlite", self.dir / "damaged.sqlite", "histogram of one byte in record ?1", 3)
         skipped = run(self.dir / "follow_run", "m.safetensors", "damaged", cwd=self.dir).splitlines()
         self.assertRegex(skipped[3], "^record 3: no map: .*spd")
         self.assertEqual([*skipped[:3], *skipped[4:]], [*said[:3], *said[4:]])

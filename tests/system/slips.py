@@ -5,12 +5,13 @@
 import functools
 import pathlib
 import re
-import sqlite3
 import struct
 import subprocess
 import sys
 import tempfile
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
+import fixtures  # noqa: E402
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 # Each line contains a command, the expected exit code, and a string that the output must contain.
 TABLE = """
@@ -135,9 +136,7 @@ with tempfile.TemporaryDirectory() as folder:
     (written / "swapped.safetensors").write_bytes(struct.pack("<Q", 2) + b"{}")
     for name in ("seen.sqlite", "dark.sqlite"):
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", written / name, "--records", "12"], check=True)
-    with sqlite3.connect(written / "dark.sqlite") as file:
-        # removes the camera data from all records
-        file.execute("UPDATE record SET valid = valid & 3")
+    fixtures.change(written / "dark.sqlite", "no camera data")
     for line in TABLE.strip().splitlines():
         words, code, says = (part.strip() for part in line.split(" | "))
         template = bin_dir.parent / "share/echofuse/lab.toml"

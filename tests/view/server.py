@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: MIT
 """Tests echofuse-view with a finished run over real sockets. Called as `tests/view/server.py BIN_DIR [TEST]`."""
 import base64
-import contextlib
 import hashlib
 import http.client
 import json
@@ -24,6 +23,8 @@ import urllib.parse
 
 import proxy
 from websocket import Client, Refused
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
+import fixtures  # noqa: E402
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 RECORDS = 24
@@ -398,10 +399,8 @@ class Server(unittest.TestCase):
         folder are ignored. If they are given as RUN, they are rejected."""
         fifo, earlier, junk = (pathlib.Path(self.folder.name, f"{name}.sqlite") for name in ("newest", "earlier", "junk"))
         os.mkfifo(fifo)
-        shutil.copy(self.run_file, earlier)
-        with contextlib.closing(sqlite3.connect(earlier)) as db, db:
-            db.execute("DELETE FROM record WHERE idx > 3")
-            db.execute("UPDATE run SET started_utc = '2001-01-01T00:00:00.000Z'")
+        fixtures.changed(self.run_file, earlier, "without the records after ?1", 3)
+        fixtures.change(earlier, "started at ?1", "2001-01-01T00:00:00.000Z")
         junk.write_text("no database")
         try:
             newest = Client(self.address)

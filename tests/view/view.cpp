@@ -5,6 +5,7 @@
 
 #include "../catch.hpp"
 #include "../fixtures/folder.hpp"
+#include "../fixtures/run.hpp"
 #include "acquire/record/run_file.hpp"
 #include "recon/live/access.hpp"
 #include "recon/live/followed_run.hpp"
@@ -140,7 +141,7 @@ TEST_CASE("a sensor is reported as stale two slots after its last valid slot") {
 TEST_CASE("the viewer reads and sends a run again if the run was temporarily unreadable") {
   const test::Folder folder;
   const std::string path = folder / "run.sqlite";
-  record::RunWriter(path, {}).close("complete");
+  test::a_small_run(0).write(path);
   const auto time = std::filesystem::last_write_time(path) + std::chrono::seconds(1);
   // Modifies the file but leaves its size and modification time unchanged.
   const auto write_first_byte = [&](char byte) {
@@ -168,13 +169,7 @@ TEST_CASE("the viewer state contains the time until the disk is full") {
   const test::Folder folder;
   record::RunInfo info;
   info.window_s = 3;
-  record::RunWriter writer(folder / "run.sqlite", info);
-  for (std::int64_t i = 0; i < 4; ++i) {
-    record::FusedRecord r;
-    r.index = i;
-    writer.append(r);
-  }
-  writer.close("complete");
+  test::a_small_run(4).info(info).write(folder / "run.sqlite");
   FollowedRun run(folder / "run.sqlite");
   run.refresh();
   const Message message = RunMessages(run, nullptr, {}, system_clock).state();

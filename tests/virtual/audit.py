@@ -5,13 +5,14 @@
 import json
 import pathlib
 import shutil
-import sqlite3
 import subprocess
 import sys
 import tempfile
 import unittest
 
 import soak
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
+from fixtures import change  # noqa: E402
 
 program = pathlib.Path(sys.argv[1]).resolve()
 SCHEMA = json.loads((pathlib.Path(__file__).parents[2] / "config/schema.json").read_text(encoding="utf-8"))
@@ -44,25 +45,20 @@ class Audit(unittest.TestCase):
             self.assertGreater(account[device].get(loss, 0), 0, (device, loss))
 
     def test_audit_detects_manipulated_counts(self):
-        last = "idx = (SELECT max(idx) FROM record WHERE {}_frames > 0)"
-        first = "idx = (SELECT min(idx) FROM record WHERE {}_frames > 0)"
-        for statement, sensor in (
-                ("UPDATE counter SET value = value + 1000000000 WHERE source = 'spd' AND name = 'tags'", "tdc"),
-                (f"UPDATE record SET tags = tags + 1000000000 WHERE idx = {SLOTS // 2}", "tdc"),
-                (f"UPDATE record SET spd_lost = spd_lost + 1000000000 WHERE idx = {SLOTS // 2}", "tdc"),
-                ("UPDATE record SET radar_frames = radar_frames + 1 WHERE " + last.format("radar"), "radar"),
-                ("UPDATE record SET depth_frames = depth_frames + 1 WHERE " + first.format("depth"), "depth"),
-                ("UPDATE counter SET value = value + 1 WHERE source = 'depth' AND name = 'early'", "depth"),
-                ("UPDATE record SET depth_lost = depth_lost + 1 WHERE " + last.format("depth"), "depth")):
+        for name, values, sensor in (
+                ("counter ?2 of ?1 is higher by ?3", ("spd", "tags", 1_000_000_000), "tdc"),
+                ("tags of record ?1 are higher by ?2", (SLOTS // 2, 1_000_000_000), "tdc"),
+                ("lost SPD data of record ?1 are higher by ?2", (SLOTS // 2, 1_000_000_000), "tdc"),
+                ("one more radar frame in the last record with frames", (), "radar"),
+                ("one more depth frame in the first record with frames", (), "depth"),
+                ("counter ?2 of ?1 is higher by ?3", ("depth", "early", 1), "depth"),
+                ("one more lost depth frame in the last record with frames", (), "depth")):
             copy = self.dir / "falsified.sqlite"
             shutil.copy(self.dir / "run.sqlite", copy)
-            db = sqlite3.connect(copy)
-            self.assertEqual(db.execute(statement).rowcount, 1, statement)
-            db.commit()
-            db.close()
+            self.assertEqual(change(copy, name, *values), 1, name)
             code, account = self.audit(copy)
-            self.assertEqual(code, 1, statement)
-            self.assertIn(sensor + ":", " ".join(account["unexplained"]), statement)
+            self.assertEqual(code, 1, name)
+            self.assertIn(sensor + ":", " ".join(account["unexplained"]), name)
 
 
 if __name__ == "__main__":

@@ -132,7 +132,7 @@ TEST_CASE("a device missing at the start of a rotated file is used when it retur
   const record::RunReader second(rotation.files[1]);
   std::string said;
   for (const auto& e : second.events()) said += e.source + ": " + e.text + '\n';
-  CHECK(testing::has(said, "radar: no data at the start of the run: "));
+  CHECK(test::has(said, "radar: no data at the start of the run: "));
   CHECK(records_of(rotation.files[1]).front().valid == SensorSet::from_bits(5));
   CHECK(records_of(rotation.files[2]).back().valid == SensorSet::from_bits(7));
   CHECK(second.axis("radar"));

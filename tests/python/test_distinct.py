@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: MIT
+"""Tests reading and exporting with the two default runs, in which a swapped axis, a wrong sign or a mixed-up zone
+changes the values."""
+import subprocess
+
+import numpy as np
+import pytest
+
+import echofuse
+from echofuse.runs import zones
+from fixtures import BIN, plates
+
+KINDS = ["one_pixel", "nine_zones"]
+PS_PER_M = 2e12 / 299_792_458
+
+
+def centroid(values, positions, background):
+    above = np.maximum(values - background, 0)
+    return (above * positions).sum() / above.sum()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_sensors_show_each_body_at_the_same_place(kind):
+    run = echofuse.open(plates(kind, 8))
+    maps, photons, power = run.maps(), run.photons(), run.power()
+    size = maps.shape[1]
+    tangents = ((np.arange(size) + 0.5) / size * 2 - 1) * 0.55
+    for row, image in enumerate(maps):
+        rows, columns = np.nonzero(image > 0)
+        z = image[rows[0], columns[0]]
+        x = z * (tangents[columns].min() + tangents[columns].max()) / 2
+        up = -tangents[rows]
+        assert up.min() == pytest.approx(-0.3, abs=0.035) and up.max() == pytest.approx(0.15, abs=0.035)
+        assert centroid(power[row], run.axes["radar"].values, 0.02) == pytest.approx(np.hypot(x + 0.5, z), abs=0.06)
+        time_ps = run.axes["spd"].values + run.axes["spd"].step / 2
+        lit = [counts for counts in np.atleast_2d(photons[row]) if counts.sum() > 2000]
+        assert lit
+        for counts in lit:
+            assert centroid(counts, time_ps, 8) / PS_PER_M == pytest.approx(np.hypot(x, z), abs=0.06)
+        if kind == "nine_zones" and abs(x / z) > 0.2:
+            directions = zones.directions(run)
+            brightest = photons[row].sum(1).argmax()
+            assert np.sign(directions[brightest, 0]) == np.sign(x)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_all_export_formats_contain_the_values_of_the_run(kind, tmp_path):
+    h5py, xarray = pytest.importorskip("h5py"), pytest.importorskip("xarray")
+    run = echofuse.open(plates(kind, 4))
+    for suffix in "h5", "nc", "csv":
+        words = ["--record", "2"] if suffix == "csv" else []
+        subprocess.run([BIN / "echofuse-export", run.path, "--to", tmp_path / f"run.{suffix}", *words], check=True)
+    with h5py.File(tmp_path / "run.h5") as file, xarray.open_dataset(tmp_path / "run.nc") as data:
+        for name in "spd", "radar", "depth":
+            assert np.array_equal(file["entry/data"][name], getattr(run, name), equal_nan=True)
+            assert np.array_equal(data[name], getattr(run, name), equal_nan=True)
+    cells = [line.split(",") for line in (tmp_path / "run.csv").read_text().splitlines() if not line.startswith("#")][1:]
+    table = {(sensor, *map(float, filter(None, at))): float(value) for sensor, *at, value in cells}
+    axes, one = run.axes, run[2:3]
+    spd = one.spd.reshape(-1, axes["spd"].count)
+    for zone, counts in enumerate(spd):
+        for time_ps, count in zip(axes["spd"].values, counts):
+            assert table[("spd", time_ps, *([zone] if len(spd) > 1 else []))] == count
+    for range_m, power in zip(axes["radar"].values, one.radar[0]):
+        assert table["radar", float(f"{range_m:.9g}")] == pytest.approx(power, rel=1e-6)
+    for y, image_row in zip(axes["depth_y"].values, one.depth_mm(0)):
+        for x, mm in zip(axes["depth_x"].values, image_row):
+            assert table["depth", float(f"{x:.9g}"), float(f"{y:.9g}")] == mm
