@@ -2,7 +2,7 @@
 # Functions for check_fresh and package. They install a bare Debian of the release $release (bookworm or trixie) in $root
 # with debootstrap, from the Debian mirror in this machine's apt configuration. debootstrap checks the signature of the
 # release with the keys in the package debian-archive-keyring. They need root rights and 4 GB of disk space.
-# $root is removed when the script ends.
+# $root, and the roots before it, are removed when the script ends.
 
 own=$(. /etc/os-release && echo "${VERSION_CODENAME:-}")  # the release of this machine
 release=$own
@@ -22,14 +22,17 @@ fresh_mirror() {
 }
 
 fresh_cleanup() {
-  for place in proc dev/pts dev ccache; do umount "$root/$place" 2>/dev/null || true; done
-  rm -f "$root.log"
-  mountpoint -q "$root/dev" || mountpoint -q "$root/ccache" || rm -rf --one-file-system "$root"
+  for root in $roots; do
+    for place in proc dev/pts dev ccache; do umount "$root/$place" 2>/dev/null || true; done
+    rm -f "$root.log"
+    mountpoint -q "$root/dev" || mountpoint -q "$root/ccache" || rm -rf --one-file-system "$root"
+  done
 }
 
 # fresh_root PACKAGE...: installs Debian in $root from $mirror, with these packages.
 fresh_root() {
   root=$(mktemp -d "${TMPDIR:-/tmp}/echofuse-fresh.XXXXXX")
+  roots="${roots:-} $root"
   trap fresh_cleanup EXIT
   trap 'exit 130' INT TERM
   debootstrap --variant=minbase "$release" "$root" "$mirror" >"$root.log" 2>&1 ||
