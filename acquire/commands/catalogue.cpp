@@ -33,7 +33,7 @@ Json live_state(const record::RunReader& run, const record::RunSummary& sum, con
   out["age_s"] = std::max(0.0, seconds(clock.utc() - sum.last_utc));
   out["label"] = last.label;
   for (const Sensor s : all_sensors)
-    out["sensors"][name_of(s)] = {{"verdict", last.sync[s].verdict},
+    out["sensors"][name_of(s)] = {{"verdict", last.sync[s].verdict.text()},
                                   {"valid", last.valid.contains(s)},
                                   {"used", last.sync[s].used},
                                   {"lost", sum.lost[s]}};

@@ -42,4 +42,8 @@ struct Catalogue {
 // read.
 Catalogue list_runs(const std::string& folder, const Clock& clock, bool json);
 
+// `verdicts`: describes all verdicts (acquire/measurement/verdict.hpp) as a Markdown table or as a
+// JSON array with one object per verdict.
+std::string describe_verdicts(bool json);
+
 }  // namespace echofuse::acquire

@@ -127,7 +127,11 @@ Json to_json(const record::RunReader& run) {
   const record::RunSummary sum = run.summary();
   Json counters = Json::object(), verdicts = Json::object(), meta = Json::object();
   for (const record::CounterRow& c : run.counters()) counters[c.source][c.name] = c.value;
-  for (const Sensor s : all_sensors) verdicts[name_of(s)] = sum.verdicts[s];
+  for (const Sensor s : all_sensors) {
+    Json& of_sensor = verdicts[name_of(s)] = Json::object();
+    for (const auto& [kind, records] : sum.verdicts[s])
+      of_sensor[record::row_of(kind).word] = records;
+  }
   for (const auto& [key, value] : info.meta) meta[key] = value;
   return {{"schema", 1},
           {"file", utf8_text(run.path())},

@@ -228,6 +228,11 @@ ExitCode annotate(const Options& o) {
   return ExitCode::ok;
 }
 
+ExitCode verdicts(const Options& o) {
+  std::fputs(describe_verdicts(o.json).c_str(), stdout);
+  return ExitCode::ok;
+}
+
 // Lists the runs in FOLDER. If FOLDER is not given, uses run.folder of the configuration, or the
 // working directory if run.folder is not set.
 ExitCode list(const Options& o) {
@@ -281,6 +286,7 @@ ExitCode dispatch(const std::string& command, Options& o) {
   if (command == "calibrate") return calibrate_sensors(o);
   if (command == "annotate") return annotate(o);
   if (command == "list") return list(o);
+  if (command == "verdicts") return verdicts(o);
   return import_files(o);
 }
 

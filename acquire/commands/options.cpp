@@ -195,6 +195,11 @@ void add_file_commands(CLI::App& app, Options& o) {
                    "otherwise the working directory");
   list->add_flag("--json", o.json, "print JSON instead of text; no entry is shortened");
   add_examples(*list, {"echofuse-acquire list"}, "3 config");
+
+  auto* verdicts = app.add_subcommand(
+      "verdicts", "print all verdicts on the data of a sensor, with their meanings and limits");
+  verdicts->add_flag("--json", o.json, "print JSON instead of a Markdown table");
+  add_examples(*verdicts, {"echofuse-acquire verdicts"}, "");
 }
 
 void add_import(CLI::App& app, Options& o) {

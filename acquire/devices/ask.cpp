@@ -34,9 +34,10 @@ void take_last_record(const std::string& file, const Clock& clock, Answer& out) 
     const double age_s = seconds(clock.utc() - r.slot_utc) - seconds(r.slot_end - r.slot_start);
     out.delivers = r.has(out.sensor);
     out.text += "; record " + std::to_string(r.index) + ", " +
-                human_duration(std::max(age_s, 0.0)) + " ago: " + printable(sync.verdict) + ", " +
-                std::to_string(sync.used) + (out.sensor == Sensor::spd ? " clicks" : " frames") +
-                " used, " + std::to_string(sync.lost) + " lost";
+                human_duration(std::max(age_s, 0.0)) + " ago: " + printable(sync.verdict.text()) +
+                ", " + std::to_string(sync.used) +
+                (out.sensor == Sensor::spd ? " clicks" : " frames") + " used, " +
+                std::to_string(sync.lost) + " lost";
   }
 }
 

@@ -256,7 +256,7 @@ void ArrayFolder::take_row(record::FusedRecord& r) {
     for (const auto& [file, sensor] : {std::pair{spd_.get(), Sensor::spd},
                                        {radar_.get(), Sensor::radar},
                                        {depth_.get(), Sensor::depth}})
-      if (!file) r.sync[sensor].verdict = "not configured";
+      if (!file) r.sync[sensor].verdict.kind = record::VerdictKind::not_configured;
   }
   if (spd_) put_counts(r);
   if (radar_) put_power(r);
@@ -266,7 +266,7 @@ void ArrayFolder::take_row(record::FusedRecord& r) {
     const auto bits = static_cast<std::uint32_t>(next_whole(*valid_, all_bits));
     for (const Sensor s : all_sensors)
       if (r.has(s) && !SensorSet::from_bits(bits).contains(s))
-        r.valid.erase(s), r.sync[s].verdict = "missing";
+        r.valid.erase(s), r.sync[s].verdict = {};
   }
   ++row_;
 }
@@ -287,7 +287,7 @@ std::vector<double> ArrayFolder::read(NpyFile& file, double least, const char* w
 void ArrayFolder::mark(record::FusedRecord& r, Sensor sensor, std::uint64_t used) const {
   if (!settings_.run.empty()) return;
   r.valid.insert(sensor);
-  r.sync[sensor] = {0, settings_.window_s, used, 0, "ok"};
+  r.sync[sensor] = {0, settings_.window_s, used, 0, {record::VerdictKind::ok, {}}, used};
 }
 
 void ArrayFolder::put_counts(record::FusedRecord& r) {
@@ -309,7 +309,8 @@ void ArrayFolder::put_counts(record::FusedRecord& r) {
   r.spd_counts.in_range = 0;
   for (const std::uint32_t n : r.spd) r.spd_counts.in_range += n;
   if (!settings_.run.empty()) {
-    r.sync[Sensor::spd].used = r.spd_counts.in_range, r.sync[Sensor::spd].verdict = "ok";
+    r.sync[Sensor::spd].used = r.spd_counts.in_range,
+    r.sync[Sensor::spd].verdict = {record::VerdictKind::ok, {}};
     return;
   }
   r.spd_counts.tags = r.spd_counts.in_range;
@@ -325,7 +326,7 @@ void ArrayFolder::put_power(record::FusedRecord& r) {
   if (settings_.run.empty()) {
     ++powers_, like_db_ += looks_like_db(power);
   } else if (power != r.radar) {
-    r.sync[Sensor::radar].verdict = "ok";
+    r.sync[Sensor::radar].verdict = {record::VerdictKind::ok, {}};
   }
   r.radar = power;
   mark(r, Sensor::radar, 1);
@@ -341,7 +342,7 @@ void ArrayFolder::put_depth(record::FusedRecord& r) {
   const std::string odd = take_depth(r, values);
   if (odd.empty()) return mark(r, Sensor::depth, 1);
   r.depth_mm.clear();
-  r.sync[Sensor::depth].verdict = "odd: " + odd;
+  r.sync[Sensor::depth].verdict = {record::VerdictKind::odd, odd};
   if (odd_maps_++ == 0)
     first_odd_ = printable(depth_->path()) + ": row " + std::to_string(row_) + ": " + odd;
 }

@@ -115,7 +115,8 @@ std::string conclude(ImportedRun& import, const std::vector<std::unique_ptr<Reco
     const bool events = import.tags().in_range + import.tags().out_of_range > 0;
     if (import.valid(device.sensor) > 0 && (device.sensor != Sensor::spd || events)) continue;
     ++empty;
-    const std::string& verdict = import.verdict(device.sensor);
+    const record::Verdict& last = import.verdict(device.sensor);
+    const std::string verdict = last.kind == record::VerdictKind::missing ? "" : last.text();
     if (!nothing.empty()) nothing += '\n';
     nothing += printable(device.address) + ": nothing to import: " +
                printable(causes + (causes.empty() || verdict.empty() ? "" : "; ") + verdict);

@@ -73,8 +73,9 @@ std::string ImportedRun::finish() {
   for (const Sensor s : all_sensors) {
     if (valid_[s] > 0)
       counts.append(", ").append(name_of(s)).append(" in ").append(std::to_string(valid_[s]));
-    else if (!verdict_[s].empty() && verdict_[s] != "not configured" && verdict_[s] != "missing")
-      causes.append("; ").append(name_of(s)).append(": ").append(verdict_[s]);
+    else if (verdict_[s].kind != record::VerdictKind::not_configured &&
+             verdict_[s].kind != record::VerdictKind::missing)
+      causes.append("; ").append(name_of(s)).append(": ").append(verdict_[s].text());
   }
   const std::string text = std::to_string(run_->records()) + " records" + counts;
   if (counts.empty())

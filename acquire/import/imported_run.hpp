@@ -41,7 +41,7 @@ class ImportedRun {
   const TagCounts& tags() const { return tags_; }
   std::int64_t valid(Sensor s) const { return valid_[s]; }
   // Returns the sensor's verdict in the last record in which the sensor was not valid.
-  const std::string& verdict(Sensor s) const { return verdict_[s]; }
+  const record::Verdict& verdict(Sensor s) const { return verdict_[s]; }
   UtcTime utc_of(HostTime t) const { return clock_.began + t; }
   // Publishes the run file. Returns a line about its contents, then the warnings, one per line. If
   // no record has a valid sensor, publishes nothing and throws Error(failed).
@@ -65,7 +65,7 @@ class ImportedRun {
   std::vector<record::CounterRow> counted_;
   PerSensor<std::int64_t> valid_{};
   TagCounts tags_;
-  PerSensor<std::string> verdict_{};
+  PerSensor<record::Verdict> verdict_{};
   std::vector<record::FusedRecord> batch_;  // records not yet written
   std::size_t batch_bytes_ = 0;
   std::string lines_;

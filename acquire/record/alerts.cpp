@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/record/alerts.hpp"
 
-#include "acquire/record/run_file.hpp"
-
 namespace echofuse::record {
 
-std::string doubt_kind(bool valid, const std::string& verdict, double silent_s,
+std::string doubt_kind(bool valid, const Verdict& verdict, double silent_s,
                        const AlertLimits& limits) {
-  if (valid) return verdict_kind(verdict);
+  if (valid) return verdict.row().doubtful ? verdict.word() : "ok";
   return silent_s >= limits.no_data_s ? "no data" : "";
 }
 

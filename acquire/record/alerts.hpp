@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <string>
 
+#include "acquire/measurement/verdict.hpp"
+
 namespace echofuse::record {
 
 // Limits of alerts (keys alert.*), in addition to the limits of the verdicts.
@@ -15,7 +17,7 @@ struct AlertLimits {
 // Returns the kind of problem for the alert. For a valid sensor, this is the kind of its verdict,
 // which is "ok" if the data are good. For a missing sensor, it is "no data" if `silent_s`, the time
 // since its last valid slot, has reached the limit; otherwise it is empty.
-std::string doubt_kind(bool valid, const std::string& verdict, double silent_s,
+std::string doubt_kind(bool valid, const Verdict& verdict, double silent_s,
                        const AlertLimits& limits);
 bool is_disk_low(std::uint64_t free_bytes, const AlertLimits& limits);
 

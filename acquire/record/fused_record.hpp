@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "acquire/measurement/verdict.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/core/sample.hpp"
 #include "drivers/core/tag_counts.hpp"
@@ -21,8 +22,12 @@ struct SensorSync {
   double span_s = 0;    // time from the first to the last used sample
   // SPD: number of clicks in the histogram; radar and depth: number of frames.
   std::uint64_t used = 0;
-  std::uint64_t lost = 0;           // number of tags or frames that are known to be lost
-  std::string verdict = "missing";  // "ok", or the reason why the data are not ok
+  // Number of tags, exposures or frames that are known to be lost. Tags of lost blocks are
+  // estimated from the mean size of a block.
+  std::uint64_t lost = 0;
+  Verdict verdict;
+  // Number of samples in the slot, in the unit of `lost`; not stored.
+  std::uint64_t arrived = 0;
 };
 
 // Fit of the device clock to the host clock, based on the arrival times of the samples.

@@ -193,7 +193,9 @@ void columns(Row& row, FusedRecord& r) {
     row(name + "_span_s", sync.span_s);
     row(name + "_used", sync.used);
     row(name + "_lost", sync.lost);
-    row(name + "_verdict", sync.verdict);
+    std::string verdict = sync.verdict.text();
+    row(name + "_verdict", verdict);
+    if (row.reading()) sync.verdict = verdict_of(verdict);
     row.group(r.clocks[s], [&](ClockState& clock) {
       row(name + "_clock_offset_s", clock.offset_s);
       row(name + "_clock_drift_ppm", clock.drift_ppm);

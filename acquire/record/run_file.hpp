@@ -153,7 +153,7 @@ struct RunSummary {
   // all_valid: number of records with valid data of all three sensors.
   std::int64_t records = 0, all_valid = 0;
   std::int64_t incomplete = 0;      // number of records in which a required sensor is missing
-  std::int64_t doubtful = 0;        // number of records with at least one verdict other than ok
+  std::int64_t doubtful = 0;        // number of doubtful records (is_doubtful)
   PerSensor<std::int64_t> valid{};  // number of records with valid data of the sensor
   PerSensor<std::int64_t> lost{};   // number of lost tags, radar frames and depth frames
   std::int64_t tags = 0;
@@ -164,18 +164,15 @@ struct RunSummary {
   // Number of records by label; number of events by level.
   std::map<std::string, std::int64_t> labels, events;
   std::map<std::string, std::string> policies;  // "required" or "optional" for each sensor
-  // Number of records by sensor and verdict. Details after the colon of a verdict are omitted.
-  PerSensor<std::map<std::string, std::int64_t>> verdicts;
+  PerSensor<std::map<VerdictKind, std::int64_t>> verdicts;  // number of records by verdict
   PerSensor<std::optional<ClockState>> clocks;  // clock fits of the last record that contains any
 };
 
-// Returns e.g. "28 of 75 doubtful: radar missing 11, weak 10; camera frozen 7"; empty if all
-// verdicts are ok.
+// Returns e.g. "28 of 75 doubtful: radar no frames 11, weak 10; camera stands still 7"; empty if
+// all verdicts are ok.
 std::string doubts_of(const RunSummary& sum);
-// Returns the part of a verdict before its colon.
-std::string verdict_kind(const std::string& verdict);
 // Adds the verdicts of one record to `sum.verdicts` and `sum.doubtful`.
-void count_verdicts(RunSummary& sum, const PerSensor<std::string>& verdicts);
+void count_verdicts(RunSummary& sum, const PerSensor<Verdict>& verdicts);
 
 // Status of an unclosed run that lacks the -wal with its last records. Usually the file is an
 // incomplete copy. The status is the same if the recording process was killed while it was starting

@@ -454,8 +454,8 @@ RunSummary RunReader::summary() const {
   count_by("SELECT level FROM event", sum.events);
   Statement verdicts = ask("SELECT spd_verdict, radar_verdict, depth_verdict FROM record");
   while (verdicts.step()) {
-    PerSensor<std::string> of_record;
-    for (std::string& verdict : of_record) verdict = verdicts.text();
+    PerSensor<Verdict> of_record;
+    for (Verdict& verdict : of_record) verdict = verdict_of(verdicts.text());
     count_verdicts(sum, of_record);
   }
   sum.policies = policies();

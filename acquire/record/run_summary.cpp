@@ -4,27 +4,10 @@
 #include "acquire/record/run_file.hpp"
 
 namespace echofuse::record {
-namespace {
 
-// Returns true if a verdict of this kind makes a record doubtful.
-bool is_doubt(const std::string& kind) {
-  return kind != "ok" && kind != "not configured" && !kind.empty();
-}
-
-}  // namespace
-
-std::string verdict_kind(const std::string& verdict) {
-  return verdict.substr(0, verdict.find(':'));
-}
-
-void count_verdicts(RunSummary& sum, const PerSensor<std::string>& verdicts) {
-  bool doubt = false;
-  for (const Sensor s : all_sensors) {
-    const std::string kind = verdict_kind(verdicts[s]);
-    ++sum.verdicts[s][kind];
-    doubt |= is_doubt(kind);
-  }
-  sum.doubtful += doubt;
+void count_verdicts(RunSummary& sum, const PerSensor<Verdict>& verdicts) {
+  for (const Sensor s : all_sensors) ++sum.verdicts[s][verdicts[s].kind];
+  sum.doubtful += is_doubtful(verdicts);
 }
 
 std::string doubts_of(const RunSummary& sum) {
@@ -33,7 +16,7 @@ std::string doubts_of(const RunSummary& sum) {
   for (const Sensor s : all_sensors) {
     std::vector<std::pair<std::int64_t, std::string>> most;
     for (const auto& [kind, records] : sum.verdicts[s])
-      if (is_doubt(kind)) most.emplace_back(-records, kind);
+      if (const VerdictRow& row = row_of(kind); row.doubtful) most.emplace_back(-records, row.word);
     std::sort(most.begin(), most.end());
     for (const auto& [records, kind] : most)
       out += (&kind != &most.front().second ? ", "

@@ -104,7 +104,8 @@ void append_row(Statement& row, const std::string& path, const std::vector<Axis>
     if (depth.empty()) {  // a bad depth image does not end the run
       FusedRecord without = r;
       without.valid.erase(Sensor::depth);
-      without.sync[Sensor::depth].verdict = "cannot be stored";
+      without.sync[Sensor::depth].verdict = {VerdictKind::not_stored,
+                                             "the image cannot be compressed"};
       return append_row(row, path, axes, histograms, without);
     }
     blobs.depth = depth;

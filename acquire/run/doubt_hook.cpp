@@ -50,11 +50,11 @@ void DoubtHook::take(const record::FusedRecord& record, SensorSet configured,
     if (!configured.contains(s)) continue;
     const bool valid = record.has(s);
     if (valid || !last_valid_[s]) last_valid_[s] = valid ? record.slot_end : record.slot_start;
-    const std::string& verdict = record.sync[s].verdict;
+    const record::Verdict& verdict = record.sync[s].verdict;
     put({.source = name_of(s),
          .kind = record::doubt_kind(valid, verdict, seconds(record.slot_end - *last_valid_[s]),
                                     limits_),
-         .text = verdict,
+         .text = verdict.text(),
          .run = run,
          .utc = iso8601(record.slot_utc),
          .record = record.index});

@@ -25,7 +25,7 @@ constexpr std::chrono::seconds last_wait{2};
 
 void give_up_data(record::FusedRecord& record, const std::string& why) {
   for (const Sensor s : all_sensors)
-    if (record.has(s)) record.sync[s].verdict = why;
+    if (record.has(s)) record.sync[s].verdict = {record::VerdictKind::not_stored, why};
   record.valid = {};
   record.spd = {};
   record.radar = {};
@@ -59,7 +59,7 @@ Journal::~Journal() { stop(); }
 
 bool Journal::put(record::FusedRecord record) {
   const bool room = waiting_ < capacity_;
-  if (!room) give_up_data(record, "dropped: " + why_late());
+  if (!room) give_up_data(record, why_late());
   ++put_;
   put([this, r = std::move(record)](record::RunWriter& run) mutable { write(run, r); });
   return room;

@@ -12,6 +12,10 @@
 #include "drivers/core/median.hpp"
 
 namespace echofuse::acquire {
+
+using record::Verdict;
+using record::VerdictKind;
+
 namespace {
 
 constexpr double reference_s = 60;
@@ -54,16 +58,6 @@ bool same_profile(const std::vector<float>& a, const std::vector<float>& b, bool
                     [&](float x, float y) { return std::abs(x - y) <= rounding; });
 }
 
-// Returns the verdict "lossy" if the received fraction of the events that the tagger measured is
-// below `limit`; otherwise an empty string.
-std::string missed_verdict(const TagCounts& counts, double limit) {
-  const auto arrived = static_cast<double>(counts.tags);
-  const double sent = arrived + static_cast<double>(counts.missed);
-  if (arrived >= limit * sent) return {};
-  return format("lossy: %.0f %% of the tagger's events received, %.0f missed", 100 * arrived / sent,
-                sent - arrived);
-}
-
 // Returns true if starts without a click may be missing because of a conditional filter in the
 // tagger or because of T3 mode.
 bool may_be_filtered(const record::FusedRecord& r) {
@@ -76,7 +70,11 @@ bool may_be_filtered(const record::FusedRecord& r) {
   return !a_pulse || *a_pulse * starts < most_share * clicks;
 }
 
-constexpr const char* still = "stands still: identical to the previous record in every ";
+const Verdict good{VerdictKind::ok, {}};
+
+Verdict still(const char* parts) {
+  return {VerdictKind::stands_still, format("identical to the previous record in every %s", parts)};
+}
 
 }  // namespace
 
@@ -96,14 +94,14 @@ std::optional<double> SignalCheck::Reference::add(double strength, std::size_t a
   return median_;
 }
 
-std::string SignalCheck::beside_reference(Sensor sensor, double strength, const char* what) {
+Verdict SignalCheck::beside_reference(Sensor sensor, double strength, const char* what) {
   const auto usual = references_[sensor].add(strength, reference_records_);
-  if (!usual || strength >= limits_.weak_share * *usual) return {};
-  return format("weak: %s is %.2g times its median in the first minute of the run", what,
-                strength / *usual);
+  if (!usual || strength >= limits_.weak_share * *usual) return good;
+  return {VerdictKind::weak, format("%s is %.2g times its median in the first minute of the run",
+                                    what, strength / *usual)};
 }
 
-std::string SignalCheck::assess_spd(record::FusedRecord& r, const Axis& axis) {
+Verdict SignalCheck::assess_spd(record::FusedRecord& r, const Axis& axis) {
   bool even = true;  // true if no zone has a peak
   // Number of clicks above the background, number of all clicks, and number of clicks in the
   // brightest zone.
@@ -120,39 +118,43 @@ std::string SignalCheck::assess_spd(record::FusedRecord& r, const Axis& axis) {
   r.signal.spd_clicks = clicks;
   if (!even)
     r.signal.spd_peak_m = (axis.start + (static_cast<double>(top) + 0.5) * axis.step) / ps_per_m;
-  const std::string beside = beside_reference(Sensor::spd, clicks, "light level");
+  const Verdict beside = beside_reference(Sensor::spd, clicks, "light level");
   const bool repeats = r.spd == last_spd_ && r.spd_counts.in_range > 0;
   last_spd_ = r.spd;
-  if (repeats) return still + std::string("bin");
+  if (repeats) return still("bin");
   const double a_pulse = r.signal.clicks_a_pulse.value_or(0) * (all > 0 ? most / all : 1);
   if (limits_.clicks_a_pulse > 0 && a_pulse > limits_.clicks_a_pulse)
-    return format("saturated: %.3g clicks per laser pulse%s (limit %.3g)", a_pulse,
-                  most < all ? " in the brightest zone" : "", limits_.clicks_a_pulse) +
-           swap_question(r.spd_counts);
+    return {VerdictKind::saturated,
+            format("%.3g clicks per laser pulse%s (limit %.3g)", a_pulse,
+                   most < all ? " in the brightest zone" : "", limits_.clicks_a_pulse) +
+                swap_question(r.spd_counts)};
   const TagCounts& c = r.spd_counts;
   if (even && c.out_of_range > c.in_range)
-    return format(
-               "no peak: no bins clearly exceed the mean, and %.0f %% of the clicks are outside "
-               "the histogram (%.2f to %.2f m)",
-               100.0 * static_cast<double>(c.out_of_range) /
-                   static_cast<double>(c.in_range + c.out_of_range),
-               axis.start / ps_per_m, axis.at(axis.count) / ps_per_m) +
-           swap_question(c);
-  if (even) return "no peak: no bins clearly exceed the mean";
+    return {VerdictKind::no_peak,
+            format("no bins clearly exceed the mean, and %.0f %% of the clicks are outside the "
+                   "histogram (%.2f to %.2f m)",
+                   100.0 * static_cast<double>(c.out_of_range) /
+                       static_cast<double>(c.in_range + c.out_of_range),
+                   axis.start / ps_per_m, axis.at(axis.count) / ps_per_m) +
+                swap_question(c)};
+  if (even) return {VerdictKind::no_peak, "no bins clearly exceed the mean"};
   if (clicks < limits_.spd_clicks)
-    return format("weak: %.0f clicks above the background (minimum %.0f)", clicks,
-                  limits_.spd_clicks);
+    return {VerdictKind::weak,
+            format("%.0f clicks above the background (minimum %.0f)", clicks, limits_.spd_clicks)};
   return beside;
 }
 
-std::string SignalCheck::assess_radar(record::FusedRecord& r, const Axis& axis) {
+Verdict SignalCheck::assess_radar(record::FusedRecord& r, const Axis& axis) {
   std::vector<double> power;
   const bool codes = axis.quantity == "log2_q8";
   for (const float v : r.radar)
     power.push_back(codes ? power_from_code(double{v}, axis.scale) : double{v});
   const auto leakage_bins =
       static_cast<std::ptrdiff_t>(std::max(2.0, std::ceil((leakage_m - axis.start) / axis.step)));
-  if (std::ssize(power) <= leakage_bins + 2) return {};
+  if (std::ssize(power) <= leakage_bins + 2)
+    return {VerdictKind::not_assessed,
+            format("only %td range cells beyond the leakage of %.1f m (minimum 3)",
+                   std::max<std::ptrdiff_t>(0, std::ssize(power) - leakage_bins), leakage_m)};
   const double floor = median(power);
   const auto first = power.begin() + leakage_bins;
   const auto top = static_cast<std::size_t>(std::max_element(first, power.end()) - power.begin());
@@ -163,13 +165,13 @@ std::string SignalCheck::assess_radar(record::FusedRecord& r, const Axis& axis) 
   for (auto p = first; p != power.end(); ++p) strength += std::max(0.0, *p - floor);
   if (std::isfinite(snr_db)) r.signal.radar_snr_db = snr_db;
   r.signal.radar_peak_m = axis.start + static_cast<double>(top) * axis.step;
-  const std::string beside = beside_reference(Sensor::radar, strength, "echo power");
+  const Verdict beside = beside_reference(Sensor::radar, strength, "echo power");
   const bool repeats = same_profile(r.radar, last_radar_, codes);
   last_radar_ = r.radar;
-  if (repeats) return still + std::string("bin");
+  if (repeats) return still("bin");
   if (snr_db < limits_.radar_snr_db)
-    return format("no peak: %.1f dB above the median bin (minimum %.1f dB)", snr_db,
-                  limits_.radar_snr_db);
+    return {VerdictKind::no_peak,
+            format("%.1f dB above the median bin (minimum %.1f dB)", snr_db, limits_.radar_snr_db)};
   // Two equal bins at the top of an average over several frames indicate that every frame is
   // clipped. The verdict requires this in two successive records, because a frozen frame may have
   // equal bins by chance; the second record then reveals the freeze.
@@ -177,50 +179,60 @@ std::string SignalCheck::assess_radar(record::FusedRecord& r, const Axis& axis) 
   const bool flat = averaged && (r.radar[top] == r.radar[top - 1] ||
                                  (top + 1 < r.radar.size() && r.radar[top] == r.radar[top + 1]));
   if (std::exchange(radar_was_flat_, flat) && flat)
-    return format("saturated: the lobe at %.2f m is clipped", *r.signal.radar_peak_m);
+    return {VerdictKind::saturated,
+            format("the lobe at %.2f m is clipped", *r.signal.radar_peak_m)};
   return beside;
 }
 
-std::string SignalCheck::assess_depth(record::FusedRecord& r) {
+Verdict SignalCheck::assess_depth(record::FusedRecord& r) {
   const auto& mm = r.depth_mm;
   const auto returns = std::ranges::count_if(mm, [&](auto z) { return z > 0 && z <= far_mm_; });
   const double share = static_cast<double>(returns) / static_cast<double>(mm.size());
   r.signal.depth_share = share;
-  const std::string beside =
-      beside_reference(Sensor::depth, share, "fraction of pixels with a return");
+  const Verdict beside = beside_reference(Sensor::depth, share, "fraction of pixels with a return");
   const bool repeats = mm == last_depth_ && share > 0;
   last_depth_ = mm;
-  if (repeats) return still + std::string("pixel");
+  if (repeats) return still("pixel");
   if (share < limits_.depth_share)
-    return format("weak: %.2f %% of the pixels have a return (minimum %.2g %%)", 100 * share,
-                  100 * limits_.depth_share);
+    return {VerdictKind::weak, format("%.2f %% of the pixels have a return (minimum %.2g %%)",
+                                      100 * share, 100 * limits_.depth_share)};
   return beside;
 }
 
-// Returns the verdict "lossy" if too few start pulses or frames arrived; otherwise an empty string.
-// If the nominal frame rate is unknown, expects the median number of received and lost frames per
-// slot in the first minute. Until the median is known, uses the number of frames
-// received or lost in the slot itself.
-std::string SignalCheck::assess_losses(const record::FusedRecord& r, Sensor sensor,
-                                       std::optional<HostTime> end) {
+// Returns the verdict "lossy" if the received share of the samples sent is below the limit. The
+// number sent is the number received and lost, or the nominal rate times the duration if that is
+// larger. If the nominal frame rate is unknown, the median number of frames sent per slot in the
+// first minute is used.
+Verdict SignalCheck::assess_losses(const record::FusedRecord& r, Sensor sensor,
+                                   std::optional<HostTime> end) {
+  const record::SensorSync& sync = r.sync[sensor];
   const bool spd = sensor == Sensor::spd;
-  const auto arrived = static_cast<double>(spd                       ? r.spd_counts.starts
-                                           : sensor == Sensor::radar ? r.sync[sensor].used
-                                                                     : r.statistics.depth_frames);
-  if (arrived == 0) return {};
   const double slot_s = seconds(r.slot_end - r.slot_start);
-  double expected = nominal_hz_[sensor] * slot_s;
-  if (!spd && expected == 0) {
-    const double sent = arrived + static_cast<double>(r.sync[sensor].lost);
-    expected = frames_[sensor].add(sent, reference_records_).value_or(sent);
+  const auto at_nominal_rate = [&](double expected) {
+    const bool ends = end && *end < r.slot_end;
+    return ends ? expected * std::max(0.0, seconds(*end - r.slot_start)) / slot_s : expected;
+  };
+  const auto judge = [&](std::uint64_t received, double sent, const char* unit) -> Verdict {
+    const auto arrived = static_cast<double>(received);
+    // A deficit of one frame is tolerated, because a frame may fall into the adjacent slot.
+    if (received == 0 || arrived >= limits_.lossy_share * sent || sent - arrived < 2) return good;
+    return {VerdictKind::lossy,
+            format("%.0f %% of the %.0f %s received", 100 * arrived / sent, sent, unit)};
+  };
+  const double sent = static_cast<double>(sync.arrived + sync.lost);
+  const bool tags = spd && r.spd_counts.tags == sync.arrived;
+  Verdict out = judge(sync.arrived, sent, tags ? "tags" : spd ? "histograms" : "frames");
+  if (spd) {
+    if (!may_be_filtered(r) && out.ok())
+      out = judge(r.spd_counts.starts, at_nominal_rate(nominal_hz_[sensor] * slot_s),
+                  "expected start pulses");
+    return out;
   }
-  if (spd && expected == 0) return missed_verdict(r.spd_counts, limits_.lossy_share);
-  if (end && *end < r.slot_end) expected *= std::max(0.0, seconds(*end - r.slot_start)) / slot_s;
-  // A deficit of one frame is tolerated, because a frame may fall into the adjacent slot.
-  if (arrived >= limits_.lossy_share * expected || expected - arrived < 2) return {};
-  if (spd && may_be_filtered(r)) return {};
-  return format("lossy: %.0f %% of the %.0f expected %s received", 100 * arrived / expected,
-                expected, spd ? "start pulses" : "frames");
+  const std::uint64_t used = sensor == Sensor::radar ? sync.used : sync.arrived;
+  double expected = nominal_hz_[sensor] * slot_s;
+  if (expected == 0 && sync.arrived > 0)
+    expected = frames_[sensor].add(sent, reference_records_).value_or(sent);
+  return out.ok() ? judge(used, at_nominal_rate(expected), "expected frames") : out;
 }
 
 void SignalCheck::assess(record::FusedRecord& record, std::span<const Axis> axes,
@@ -228,16 +240,16 @@ void SignalCheck::assess(record::FusedRecord& record, std::span<const Axis> axes
   const auto axis = [&](const char* name) {
     return std::find_if(axes.begin(), axes.end(), [&](const Axis& a) { return a.name == name; });
   };
-  PerSensor<std::string> found;
+  PerSensor<Verdict> found{good, good, good};
   if (const auto a = axis("spd"); record.has(Sensor::spd) && a != axes.end())
     found[Sensor::spd] = assess_spd(record, *a);
   if (const auto a = axis("radar"); record.has(Sensor::radar) && a != axes.end())
     found[Sensor::radar] = assess_radar(record, *a);
   if (record.has(Sensor::depth)) found[Sensor::depth] = assess_depth(record);
   for (const Sensor s : all_sensors) {
-    const std::string lossy = record.has(s) ? assess_losses(record, s, ends[s]) : "";
-    if (!found[s].empty() || !lossy.empty())
-      record.sync[s].verdict = found[s].empty() ? lossy : found[s];
+    if (!record.has(s)) continue;
+    found[s].add(assess_losses(record, s, ends[s]));
+    if (!found[s].ok()) record.sync[s].verdict = found[s];
   }
 }
 
@@ -249,11 +261,6 @@ std::string swap_question(const TagCounts& c) {
   const bool many =
       c.starts > 0 && inside + outside > clicks_a_start * static_cast<double>(c.starts);
   return outside_all || many ? ": are the start and click channels swapped?" : "";
-}
-
-std::string kind_of(const record::FusedRecord& record, Sensor sensor) {
-  if (!record.has(sensor)) return "missing";
-  return record::verdict_kind(record.sync[sensor].verdict);
 }
 
 }  // namespace echofuse::acquire

@@ -1,15 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Checks the quality of each sensor's data. Does no I/O. If the quality is poor, replaces the
-// verdict "ok" of a valid sensor with one of these kinds, followed by ": " and figures:
-//   stands still  the histogram, profile or frame is identical to that of the previous record
-//   saturated     SPD: too many clicks per laser pulse (pile-up)
-//                 radar: the top of the lobe is clipped
-//   no peak       SPD: no group of 5 adjacent bins is well above the mean; radar: no bin is well
-//                 above the median
-//   weak          SPD: too few clicks; depth: too few pixels with a return; all sensors: signal
-//                 much weaker than in the first minute of the run
-//   lossy         too few radar frames, camera frames or start pulses were received
-// The sensor stays valid, and its data are not changed.
+// verdict "ok" of a valid sensor (acquire/measurement/verdict.hpp). The sensor stays valid, and its
+// data are not changed.
 #pragma once
 #include <optional>
 #include <span>
@@ -47,12 +39,12 @@ class SignalCheck {
     std::vector<double> values_;
     std::optional<double> median_;
   };
-  std::string assess_spd(record::FusedRecord& record, const Axis& axis);
-  std::string assess_radar(record::FusedRecord& record, const Axis& axis);
-  std::string assess_depth(record::FusedRecord& record);
-  std::string beside_reference(Sensor sensor, double strength, const char* what);
-  std::string assess_losses(const record::FusedRecord& record, Sensor sensor,
-                            std::optional<HostTime> end);
+  record::Verdict assess_spd(record::FusedRecord& record, const Axis& axis);
+  record::Verdict assess_radar(record::FusedRecord& record, const Axis& axis);
+  record::Verdict assess_depth(record::FusedRecord& record);
+  record::Verdict beside_reference(Sensor sensor, double strength, const char* what);
+  record::Verdict assess_losses(const record::FusedRecord& record, Sensor sensor,
+                                std::optional<HostTime> end);
 
   SignalLimits limits_;
   PerSensor<double> nominal_hz_;
@@ -69,9 +61,5 @@ class SignalCheck {
 // the clicks are outside the histogram or there are more than four clicks per start; otherwise an
 // empty string.
 std::string swap_question(const TagCounts& counts);
-
-// Returns the kind of a valid sensor's verdict ("ok", "weak", ...), or "missing" if the sensor is
-// not valid. Callers compare kinds to detect changes.
-std::string kind_of(const record::FusedRecord& record, Sensor sensor);
 
 }  // namespace echofuse::acquire

@@ -106,13 +106,14 @@ void RunTotals::take(const record::FusedRecord& record, SensorSet configured,
   for (const Sensor s : all_sensors) {
     lost[s] += record.sync[s].lost;
     if (!configured.contains(s)) continue;
-    const std::string kind = kind_of(record, s);
-    if (kind != "ok") {
+    const record::Verdict& verdict = record.sync[s].verdict;
+    const std::string kind = verdict.word();
+    if (verdict.row().doubtful) {
       doubtful.insert(s);
       if (trouble.empty()) trouble = name_of(s) + (" " + kind);
     }
     if (std::exchange(kinds[s], kind) != kind)
-      changed(s, kind == "ok" ? Severity::info : Severity::warning);
+      changed(s, verdict.row().doubtful ? Severity::warning : Severity::info);
   }
   not_ok += !doubtful.empty();
   incomplete += !record.missing.empty();

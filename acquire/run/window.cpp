@@ -10,11 +10,15 @@
 #include "drivers/core/log2_codes.hpp"
 
 namespace echofuse::acquire {
+
+using record::VerdictKind;
+
 namespace {
 
 constexpr std::size_t most_late_slots = 256;
-constexpr const char* stood_still = "the program stood still";
-constexpr const char* axis_changed = "axis differs from the one at the start of the run";
+const record::Verdict good{VerdictKind::ok, {}}, no_frames{VerdictKind::no_frames, {}};
+const record::Verdict axis_changed{VerdictKind::other_axis,
+                                   "differs from the one at the start of the run"};
 
 std::string size_of(std::uint32_t width, std::uint32_t height) {
   return std::to_string(width) + " x " + std::to_string(height);
@@ -112,8 +116,14 @@ void Windows::add(const TagBlock& block) {
     return event == end ? block.received
                         : clock.taken(static_cast<std::uint64_t>(event->time_ps), block.received);
   };
+  // Tags of a lost block are estimated by the mean size of the received blocks.
+  if (!block.tags.empty()) ++blocks_, block_tags_ += block.tags.size();
+  const double block_size =
+      static_cast<double>(block_tags_) / static_cast<double>(std::max<std::uint64_t>(blocks_, 1));
+  const auto lost =
+      std::llround(static_cast<double>(block.lost_blocks) * std::max(1.0, block_size));
   add_lost(&Slot::spd_lost, block.tags.empty() ? block.received : taken(block.tags.front()),
-           block.lost_blocks + block.lost_items);
+           static_cast<std::uint64_t>(lost) + block.lost_items);
   for (auto rest = block.tags; !rest.empty();) {
     const HostTime from = taken(rest.front());
     const std::int64_t k = grid_.slot_of(from);
@@ -175,11 +185,11 @@ void Windows::take_profile(Slot& slot, const RadarFrame& frame, HostTime taken) 
   const bool linear = !frame.power.empty();
   const std::size_t bins = linear ? frame.power.size() : frame.range_profile.size();
   if (bins == 0) {
-    slot.radar_fault = "frames without a range profile";
+    slot.radar_fault = {VerdictKind::no_profile, {}};
   } else if (refused_[Sensor::radar]) {
     slot.radar_fault = axis_changed;
   } else if (axis == axes_.end() || axis->second.count != bins) {
-    slot.radar_fault = "frames of " + std::to_string(bins) + " bins do not match the axis";
+    slot.radar_fault = {VerdictKind::other_axis, "frames of " + std::to_string(bins) + " bins"};
   } else {
     slot.power.resize(bins);
     for (std::size_t i = 0; i < bins; ++i)
@@ -220,8 +230,8 @@ void Windows::add(DepthFrame frame) {
   } else if (x == axes_.end() || y == axes_.end() || x->second.count != frame.width ||
              y->second.count != frame.height ||
              frame.depth_mm.size() != std::size_t{frame.width} * frame.height) {
-    slot->depth_fault =
-        "frames of " + size_of(frame.width, frame.height) + " do not match the axes";
+    slot->depth_fault = {VerdictKind::other_axis,
+                         "frames of " + size_of(frame.width, frame.height)};
   } else {
     const HostTime centre = grid_.centre(grid_.slot_of(taken));
     if (slot->depth && abs(slot->depth_taken - centre) <= abs(taken - centre)) return;
@@ -230,31 +240,34 @@ void Windows::add(DepthFrame frame) {
   }
 }
 
-std::string Windows::spd_fault(const Slot& slot, HostTime end) const {
+record::Verdict Windows::spd_fault(const Slot& slot, HostTime end) const {
   const TagCounts tags = slot.tags();
   if (refused_[Sensor::spd]) return axis_changed;
-  if (sends_histograms_ && slot.summed.empty()) return "no histograms";
-  if (!sends_histograms_ && tags.tags == 0) return "no tags";
+  if (sends_histograms_ && slot.summed.empty()) return {VerdictKind::no_histograms, {}};
+  if (!sends_histograms_ && tags.tags == 0) return {VerdictKind::no_tags, {}};
   if (!sends_histograms_ && tags.starts == 0)
-    return "no start tags on channel " + std::to_string(histogram_->settings().start_channel);
+    return {VerdictKind::no_starts,
+            "channel " + std::to_string(histogram_->settings().start_channel)};
   if (overflow_from_ && tags.in_range + tags.out_of_range == 0 && tags.without_start > 0)
-    return "in overflow for " + std::to_string(std::llround(seconds(end - *overflow_from_))) +
-           " s: clicks are not counted until the tagger reports the end of the overflow";
+    return {VerdictKind::in_overflow,
+            "for " + std::to_string(std::llround(seconds(end - *overflow_from_))) +
+                " s; clicks are not counted until the tagger reports the end of the overflow"};
   const auto span = slot.spd_times.last - slot.spd_times.first;
   if (span < grid_.length / 2)
-    return (sends_histograms_ ? "histograms" : "tags") + std::string(" cover only ") +
-           std::to_string(100 * span / grid_.length) + " % of the slot";
-  return {};
+    return {VerdictKind::covers_part,
+            (sends_histograms_ ? "histograms" : "tags") + std::string(" for ") +
+                std::to_string(100 * span / grid_.length) + " % of the slot"};
+  return good;
 }
 
-std::string Windows::radar_fault(const Slot& slot) const {
-  if (slot.radar_times.count > 0) return {};
-  return slot.radar_frames > 0 ? slot.radar_fault : "no frames";
+record::Verdict Windows::radar_fault(const Slot& slot) const {
+  if (slot.radar_times.count > 0) return good;
+  return slot.radar_frames > 0 ? slot.radar_fault : no_frames;
 }
 
-std::string Windows::depth_fault(const Slot& slot) const {
-  if (slot.depth) return {};
-  return slot.depth_frames > 0 ? slot.depth_fault : "no frames";
+record::Verdict Windows::depth_fault(const Slot& slot) const {
+  if (slot.depth) return good;
+  return slot.depth_frames > 0 ? slot.depth_fault : no_frames;
 }
 
 void Windows::fill_spd(const Slot& slot, record::FusedRecord& record) const {
@@ -262,6 +275,7 @@ void Windows::fill_spd(const Slot& slot, record::FusedRecord& record) const {
   record::SensorSync& sync = record.sync[Sensor::spd];
   slot.spd_times.describe(sync);
   sync.used = c.in_range;
+  sync.arrived = sends_histograms_ ? static_cast<std::uint64_t>(slot.spd_times.count) : c.tags;
   sync.lost = std::max(c.missed, c.overflows + c.errors) + slot.spd_lost;
   if (slot.histogram)
     record.signal.clicks_a_pulse =
@@ -277,6 +291,7 @@ void Windows::fill_radar(Slot& slot, record::FusedRecord& record) const {
   slot.radar_times.describe(sync);
   sync.used = static_cast<std::uint64_t>(frames);
   sync.lost = slot.radar_lost;
+  sync.arrived = slot.radar_frames;
   record.radar_stats = slot.stats;
   record.radar_temperature = slot.temperature;
   if (!record.has(Sensor::radar)) return;
@@ -299,6 +314,7 @@ void Windows::fill_radar(Slot& slot, record::FusedRecord& record) const {
 void Windows::fill_depth(Slot& slot, record::FusedRecord& record) const {
   record::SensorSync& sync = record.sync[Sensor::depth];
   sync.lost = slot.depth_lost;
+  sync.arrived = slot.depth_frames;
   if (!slot.depth) return;
   sync.used = 1;
   sync.offset_s = seconds(slot.depth_taken - grid_.centre(record.index));
@@ -320,21 +336,21 @@ record::FusedRecord Windows::close(const DueSlot& due) {
                        .radar_last = slot.radar_last,
                        .depth_last = slot.depth_last};
   const auto span = slot.spd_times.last - slot.spd_times.first;
-  const PerSensor<std::string> faults{spd_fault(slot, record.slot_end), radar_fault(slot),
-                                      depth_fault(slot)};
+  const PerSensor<record::Verdict> faults{spd_fault(slot, record.slot_end), radar_fault(slot),
+                                          depth_fault(slot)};
   for (const Sensor s : all_sensors) {
-    std::string& verdict = record.sync[s].verdict;
+    record::Verdict& verdict = record.sync[s].verdict;
     // A stalled slot is treated as incomplete if its tags span less than 90 % of the slot, because
     // only a later sample would report lost tags.
     const bool cut = s == Sensor::spd && span < grid_.length * 9 / 10;
     if (!configured_.contains(s)) {
-      verdict = "not configured";
-    } else if (due.stalled && (!faults[s].empty() || !clocks_[s].sound() || cut)) {
-      verdict = stood_still;
-    } else if (!faults[s].empty()) {
+      verdict.kind = VerdictKind::not_configured;
+    } else if (due.stalled && (!faults[s].ok() || !clocks_[s].sound() || cut)) {
+      verdict.kind = VerdictKind::stood_still;
+    } else if (!faults[s].ok()) {
       verdict = faults[s];
     } else {
-      verdict = "ok";
+      verdict = good;
       record.valid.insert(s);
     }
   }

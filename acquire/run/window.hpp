@@ -97,7 +97,7 @@ class Windows {
     std::shared_ptr<tdc::Histogram> histogram;  // created when the first tags arrive
     std::vector<std::uint32_t> summed;          // summed counts of a detector that sends histograms
     TagCounts summed_tags;
-    std::uint64_t spd_lost = 0;
+    std::uint64_t spd_lost = 0;  // tags or exposures
     SampleTimes spd_times;
     TagCounts tags() const { return histogram ? histogram->tag_counts() : summed_tags; }
 
@@ -107,7 +107,7 @@ class Windows {
     SampleTimes radar_times;
     std::optional<record::ArrayStatistics> array;
     std::uint32_t array_last = 0;  // number of the last frame in `array`
-    std::string radar_fault;
+    record::Verdict radar_fault;
     std::optional<RadarStats> stats;
     std::optional<RadarTemperature> temperature;
 
@@ -115,7 +115,7 @@ class Windows {
     HostTime depth_taken{};
     std::uint64_t depth_frames = 0, depth_lost = 0;
     std::optional<std::uint32_t> radar_last, depth_last;
-    std::string depth_fault;
+    record::Verdict depth_fault;
   };
 
   // Numbers and device times of the last eight frames. Detects repeated frames and frames that are
@@ -136,9 +136,9 @@ class Windows {
   void add_part(std::span<const Tag> tags, HostTime from, HostTime to);
   void take_profile(Slot& slot, const RadarFrame& frame, HostTime taken);
   void take_array(Slot& slot, const RadarFrame& frame) const;
-  std::string spd_fault(const Slot& slot, HostTime end) const;
-  std::string radar_fault(const Slot& slot) const;
-  std::string depth_fault(const Slot& slot) const;
+  record::Verdict spd_fault(const Slot& slot, HostTime end) const;
+  record::Verdict radar_fault(const Slot& slot) const;
+  record::Verdict depth_fault(const Slot& slot) const;
   void fill_spd(const Slot& slot, record::FusedRecord& record) const;
   void fill_radar(Slot& slot, record::FusedRecord& record) const;
   void fill_depth(Slot& slot, record::FusedRecord& record) const;
@@ -152,6 +152,7 @@ class Windows {
   std::map<std::string, Axis> axes_;  // axes by name: array, depth_x, depth_y, radar, spd
   Zones zones_;                       // announced together with the axis "spd"
   bool sends_histograms_ = false;
+  std::uint64_t blocks_ = 0, block_tags_ = 0;  // received tag blocks, and their tags
   PerSensor<bool> refused_{};
   std::map<std::int64_t, Slot> open_;
   std::int64_t next_ = 0;  // number of the first open slot

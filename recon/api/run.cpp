@@ -21,7 +21,7 @@ namespace {
 
 SensorReport report_of(const record::FusedRecord& record, Sensor sensor) {
   const record::SensorSync& sync = record.sync[sensor];
-  return {record.has(sensor), sync.verdict, sync.used, sync.lost};
+  return {record.has(sensor), sync.verdict.text(), sync.used, sync.lost};
 }
 
 // Converts records of one run to the types and units of the public interface.

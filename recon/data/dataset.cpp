@@ -138,7 +138,8 @@ class Appender {
     if (r.has(Sensor::depth))
       record::to_target(r.depth_mm, x_, y_, data_.map, data_.depth.row(data_.depth.rows - 1));
     data_.valid.push_back(r.valid.bits());
-    data_.doubt.push_back(doubts_of(r));
+    auto& verdicts = data_.verdicts.emplace_back();
+    for (const Sensor s : all_sensors) verdicts[s] = r.sync[s].verdict.kind;
     data_.content.push_back(hash_of(r));
     data_.index.push_back(r.index);
     data_.slot_end.push_back(r.slot_end);
@@ -191,16 +192,6 @@ class Appender {
                " clicks, more than a time tagger can send";
     return {};
   }
-  static PerSensor<std::string> doubts_of(const record::FusedRecord& r) {
-    PerSensor<std::string> out;
-    for (const Sensor s : all_sensors)
-      if (r.has(s)) out[s] = record::verdict_kind(r.sync[s].verdict);
-    for (std::string& kind : out) {
-      if (kind == "ok") kind.clear();
-      if (kind == "stands still") kind = "frozen";
-    }
-    return out;
-  }
   // Returns a hash of the counts, which is used to find copies of records; 0 if another record
   // could have equal counts by chance. Two Poisson counts of mean n are equal with probability 1 /
   // (2 sqrt(pi n)).
@@ -209,8 +200,9 @@ class Appender {
     constexpr double least_clicks = 100;
     constexpr double most_log_chance = -30;
     if (!r.has(Sensor::spd)) return r.radar.empty() ? 0 : hash_of_words(r.radar);
-    const std::string kind = record::verdict_kind(r.sync[Sensor::spd].verdict);
-    if (kind == "weak" || kind == "stands still") return 0;
+    using enum record::VerdictKind;
+    if (const auto kind = r.sync[Sensor::spd].verdict.kind; kind == weak || kind == stands_still)
+      return 0;
     const auto first = std::ranges::find_if(r.spd, [](auto n) { return n > 0; });
     const auto last = std::find_if(r.spd.rbegin(), r.spd.rend(), [](auto n) { return n > 0; });
     if (first == r.spd.end()) return 0;

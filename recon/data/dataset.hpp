@@ -94,9 +94,9 @@ struct Dataset {
   // Bit mask of the sensors that have data in the record: bit 0 SPD, bit 1 radar, bit 2 depth
   // camera.
   std::vector<std::uint32_t> valid;
-  // Kind of the verdict (quality flag) on each valid sensor, e.g. "weak"; "" if it is "ok". The
-  // vector is empty if the records have no verdicts.
-  std::vector<PerSensor<std::string>> doubt;
+  // Kind of the verdict (quality flag) on each sensor. The vector is empty if the records have no
+  // verdicts.
+  std::vector<PerSensor<record::VerdictKind>> verdicts;
   bool leave_lossy = false;  // true: exclude records with the verdict "lossy"
   // Hash that is used to find copies of records, computed from the SPD counts between the first and
   // the last nonzero bin, or from the radar values if the SPD is missing. 0: no hash, because the
@@ -124,11 +124,12 @@ struct Dataset {
   // Returns why a model with these inputs cannot use the record; empty if it can. A sensor is dead
   // if all its bins have the same value.
   std::string fault_of(std::size_t row, Inputs inputs) const;
-  bool is_doubt(const std::string& kind) const;
+  // Returns true if the verdict excludes the data of a sensor: as an input, or the depth map as a
+  // ground truth.
+  bool excluded(std::size_t row, Sensor s) const;
   // Returns the verdict that makes a model with these inputs exclude a complete record, e.g.
-  // "camera frozen" or "SPD weak"; empty if the record is not excluded. The verdict "no peak" on
-  // SPD or radar does not exclude a record. Verdicts on the camera are ignored if `with_camera` is
-  // false.
+  // "camera stands still" or "SPD weak"; empty if the record is not excluded. Verdicts on the
+  // camera are ignored if `with_camera` is false.
   std::string doubt_of(std::size_t row, Inputs inputs, bool with_camera = true) const;
   // Returns true if the depth camera, or a sensor used by these inputs, lost samples in this
   // record.

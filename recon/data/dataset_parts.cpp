@@ -65,30 +65,31 @@ std::string left_out_text(const std::map<std::string, std::size_t>& reasons, std
 }
 
 std::string Dataset::doubt_of(std::size_t row, Inputs inputs, bool with_camera) const {
-  if (row >= doubt.size()) return {};
   constexpr PerSensor<const char*> names{"SPD ", "radar ", "camera "};
   const SensorSet needed = sensors_of(inputs);
   for (const Sensor s : {Sensor::depth, Sensor::spd, Sensor::radar})
-    if (const std::string& kind = doubt[row][s];
-        is_doubt(kind) &&
-        (s == Sensor::depth ? with_camera : (needed.contains(s) && kind != "no peak")))
-      return names[s] + kind;
+    if ((s == Sensor::depth ? with_camera : needed.contains(s)) && excluded(row, s))
+      return names[s] + std::string(record::row_of(verdicts[row][s]).word);
   return {};
 }
 
-bool Dataset::is_doubt(const std::string& kind) const {
-  return !kind.empty() && (leave_lossy || kind != "lossy");
+bool Dataset::excluded(std::size_t row, Sensor s) const {
+  if (row >= verdicts.size() || !has(row, s)) return false;
+  const record::VerdictRow& verdict = record::row_of(verdicts[row][s]);
+  if (leave_lossy && verdict.kind == record::VerdictKind::lossy) return true;
+  return s == Sensor::depth ? !verdict.truth : !verdict.trains;
 }
 
 bool Dataset::sound_depth(std::size_t row) const {
-  return has(row, Sensor::depth) && (row >= doubt.size() || !is_doubt(doubt[row][Sensor::depth]));
+  return has(row, Sensor::depth) && !excluded(row, Sensor::depth);
 }
 
 bool Dataset::is_lossy(std::size_t row, Inputs inputs) const {
   SensorSet sensors = sensors_of(inputs);
   sensors.insert(Sensor::depth);
-  return row < doubt.size() && std::ranges::any_of(all_sensors, [&](Sensor s) {
-           return sensors.contains(s) && doubt[row][s] == "lossy";
+  return row < verdicts.size() && std::ranges::any_of(all_sensors, [&](Sensor s) {
+           return sensors.contains(s) && has(row, s) &&
+                  verdicts[row][s] == record::VerdictKind::lossy;
          });
 }
 
@@ -146,7 +147,7 @@ Dataset part_of(const Dataset& data, const Rows& rows) {
   out.depth = take_rows(data.depth, rows);
   for (const std::size_t row : rows) {
     out.valid.push_back(data.valid[row]);
-    if (!data.doubt.empty()) out.doubt.push_back(data.doubt[row]);
+    if (!data.verdicts.empty()) out.verdicts.push_back(data.verdicts[row]);
     if (!data.content.empty()) out.content.push_back(data.content[row]);
     out.index.push_back(data.index[row]);
     out.slot_end.push_back(data.slot_end[row]);

@@ -128,11 +128,11 @@ void FollowedRun::take(const record::FusedRecord& o) {
   out.index = o.index, out.start = o.slot_utc, out.end = o.slot_utc + (o.slot_end - o.slot_start);
   out.valid = o.valid;
   label_ = o.label;
-  PerSensor<std::string> verdicts;
+  PerSensor<record::Verdict> verdicts;
   for (const Sensor s : all_sensors) {
     SensorState& sensor = sensors_[s];
     sensor.verdict = verdicts[s] = o.sync[s].verdict;
-    sensor.configured = sensor.verdict != "not configured";
+    sensor.configured = sensor.verdict.kind != record::VerdictKind::not_configured;
     sensor.valid = o.valid.contains(s);
     if (sensor.valid) sensor.last_valid = out.end;
     sensor.missing += sensor.configured && !sensor.valid ? 1 : 0;

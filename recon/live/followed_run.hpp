@@ -28,7 +28,7 @@ struct Outline {
 
 // State of one sensor after the newest record.
 struct SensorState {
-  std::string verdict;  // verdict on the sensor in the newest record
+  record::Verdict verdict;  // verdict on the sensor in the newest record
   bool configured = false, valid = false;
   std::optional<UtcTime> last_valid;  // end of the last slot with valid data
   double used = 0;                    // number of clicks or frames used in the newest record

@@ -107,7 +107,8 @@ Json RunMessages::sensors() const {
   for (const Sensor s : all_sensors) {
     const SensorState& sensor = run_.sensors()[s];
     const auto age = age_s(sensor, now);
-    out[name_of(s)] = {{"verdict", sensor.verdict},
+    out[name_of(s)] = {{"verdict", sensor.verdict.text()},
+                       {"lamp", record::name_of(sensor.verdict.row().lamp)},
                        {"configured", sensor.configured},
                        {"valid", sensor.valid},
                        {"age_s", age ? number(*age) : Json()},
@@ -214,7 +215,8 @@ Message RunMessages::make_record(std::int64_t index, bool live) {
     head["utc"] = iso8601(r.slot_utc);
     head["label"] = r.label;
     for (const Sensor s : all_sensors)
-      head["sensors"][name_of(s)] = {{"verdict", r.sync[s].verdict},
+      head["sensors"][name_of(s)] = {{"verdict", r.sync[s].verdict.text()},
+                                     {"lamp", record::name_of(r.sync[s].verdict.row().lamp)},
                                      {"valid", r.has(s)},
                                      {"used", r.sync[s].used},
                                      {"lost", r.sync[s].lost}};

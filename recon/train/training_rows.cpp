@@ -42,7 +42,7 @@ void require_sensors(const Dataset& data, Inputs inputs) {
 }  // namespace
 
 void apply_doubts(Dataset& data, const TrainOptions& options) {
-  if (options.doubtful == "take") data.doubt.clear();
+  if (options.doubtful == "take") data.verdicts.clear();
   data.leave_lossy = options.lossy == "leave";
 }
 

@@ -58,7 +58,7 @@ record::FusedRecord blank_record(std::int64_t index, std::string label, double w
     r.valid.insert(sensor);
     auto& sync = r.sync[sensor];
     sync.used = 1;
-    sync.verdict = "ok";
+    sync.verdict.kind = record::VerdictKind::ok;
   }
   return r;
 }

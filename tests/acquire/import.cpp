@@ -157,7 +157,7 @@ TEST_CASE("import gives equal records for T2 and T3 recordings of the same photo
       CHECK(r.spd_counts.starts == (run == &a ? 5000u : 100u));
       CHECK(r.slot_end - r.slot_start == from_seconds(0.5));
       CHECK(r.slot_utc - run->read(0).slot_utc == r.slot_start);
-      CHECK(r.sync[Sensor::radar].verdict == "not configured");
+      CHECK(r.sync[Sensor::radar].verdict.text() == "not configured");
     }
   }
 }

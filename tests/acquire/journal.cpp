@@ -92,7 +92,7 @@ TEST_CASE("the run journal drops data if the disk is slow and ends the run if th
     REQUIRE(run.count() == 4);
     CHECK(run.read(0).valid == SensorSet::from_bits(7));
     CHECK(run.read(3).valid == SensorSet::from_bits(0));
-    CHECK(run.read(3).sync[Sensor::depth].verdict == "dropped: disk too slow");
+    CHECK(run.read(3).sync[Sensor::depth].verdict.text() == "not stored: disk too slow");
     CHECK(run.read(3).spd_counts.tags == small_record(3).spd_counts.tags);
   }
   SECTION("a stalled disk ends the run with a disk error") {
@@ -124,8 +124,8 @@ TEST_CASE(
     journal.finish("complete");
     const record::RunReader run(path);
     REQUIRE(run.count() == 5);
-    CHECK(run.read(4).sync[Sensor::spd].verdict ==
-          "dropped: another program is writing to the run file");
+    CHECK(run.read(4).sync[Sensor::spd].verdict.text() ==
+          "not stored: another program is writing to the run file");
   }
   SECTION("the run ends with an error if the queue is full before the run file is unlocked") {
     for (std::int64_t i = 5; i < 30; ++i) journal.put(small_record(i));
@@ -302,7 +302,8 @@ TEST_CASE("a depth image that cannot be stored invalidates only the data of the 
   const record::RunReader run(path);
   REQUIRE(run.count() == 2);
   CHECK(run.read(1).valid == SensorSet::from_bits(3));
-  CHECK(run.read(1).sync[Sensor::depth].verdict == "cannot be stored");
+  CHECK(run.read(1).sync[Sensor::depth].verdict.text() ==
+        "not stored: the image cannot be compressed");
   CHECK(power(run.read(1)) == power(small_record(1)));
 }
 

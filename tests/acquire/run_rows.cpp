@@ -70,7 +70,10 @@ FusedRecord record_of(std::int64_t index, const std::vector<Axis>& axes, Random&
     *n = random.whole<std::uint64_t>();
   for (const Sensor s : all_sensors) {
     r.sync[s] = {random.real(), random.real(), random.whole<std::uint64_t>(),
-                 random.whole<std::uint64_t>(), random.text()};
+                 random.whole<std::uint64_t>(), Verdict{}};
+    r.sync[s].verdict = {
+        static_cast<VerdictKind>(random.whole<std::uint64_t>() % verdict_table().size()),
+        random.text()};
     if (random.coin())
       r.clocks[s] =
           ClockState{random.real(), random.real(), random.real(), random.whole<std::uint64_t>()};
@@ -157,7 +160,7 @@ void echofuse::test::check_same(const FusedRecord& read, const FusedRecord& wrot
   CHECK(read.signal == wrote.signal);
   for (const Sensor s : all_sensors) {
     CHECK(read.sync[s].offset_s == wrote.sync[s].offset_s);
-    CHECK(read.sync[s].verdict == wrote.sync[s].verdict);
+    CHECK(read.sync[s].verdict.text() == wrote.sync[s].verdict.text());
     REQUIRE(read.clocks[s].has_value() == wrote.clocks[s].has_value());
     if (read.clocks[s]) CHECK(read.clocks[s]->residual_s == wrote.clocks[s]->residual_s);
   }

@@ -66,8 +66,8 @@ TEST_CASE("a sensor that becomes doubtful is reported once and counted in each r
                         SensorSet configured = SensorSet::from_bits(5)) {
     record::FusedRecord r;
     r.valid = valid;
-    r.sync[Sensor::spd].verdict = spd;
-    r.sync[Sensor::depth].verdict = "ok";
+    r.sync[Sensor::spd].verdict = record::verdict_of(spd);
+    r.sync[Sensor::depth].verdict = record::verdict_of("ok");
     r.sync[Sensor::depth].lost = 2;
     totals.take(r, configured, [&](Sensor s, Severity severity) {
       heard += name_of(s) + std::string(severity == Severity::info ? " ok;" : " bad;");
@@ -81,7 +81,7 @@ TEST_CASE("a sensor that becomes doubtful is reported once and counted in each r
   CHECK((totals.doubtful == SensorSet{Sensor::spd} && totals.trouble == "spd weak"));
   take(SensorSet::from_bits(4), "no tags");
   CHECK(heard == "spd bad;spd bad;");
-  CHECK(totals.trouble == "spd missing");
+  CHECK(totals.trouble == "spd no tags");
   take(SensorSet::from_bits(5), "ok");
   CHECK(heard == "spd bad;spd bad;spd ok;");
   CHECK((totals.records == 5 && totals.not_ok == 3 && totals.lost[Sensor::depth] == 10));

@@ -197,9 +197,9 @@ TEST_CASE("samples and losses of all devices are assigned to the expected record
     const auto& r = bench.records[static_cast<std::size_t>(v.record)];
     CAPTURE(v.record);
     CHECK(r.index == v.record);
-    CHECK(r.sync[Sensor::spd].verdict == v.spd);
-    CHECK(r.sync[Sensor::radar].verdict == v.radar);
-    CHECK(r.sync[Sensor::depth].verdict == v.depth);
+    CHECK(r.sync[Sensor::spd].verdict.text() == v.spd);
+    CHECK(r.sync[Sensor::radar].verdict.text() == v.radar);
+    CHECK(r.sync[Sensor::depth].verdict.text() == v.depth);
     CHECK(r.missing.bits() == v.missing);
     CHECK(r.spd_counts.tags == bench.expected[std::to_string(v.record)][0]);
     CHECK(r.sync[Sensor::radar].used == bench.expected[std::to_string(v.record)][1]);

@@ -104,7 +104,7 @@ TEST_CASE("a record with data from all three sensors is complete") {
   // The record contains the frame nearest to 10.5 s, the centre of the slot.
   CHECK(r.depth_mm == std::vector<std::uint16_t>{3, 4});
   CHECK(sync(r, Sensor::depth).offset_s == Approx(0.05));
-  for (const auto& s : r.sync) CHECK(s.verdict == "ok");
+  for (const auto& s : r.sync) CHECK(s.verdict.text() == "ok");
 }
 
 TEST_CASE("the counts of a record account for click delay, dead time and damaged tags") {
@@ -249,29 +249,29 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
   SECTION("a sensor that sends no data is invalid") {}
   SECTION("a detector without start pulses from the laser is invalid") {
     feed(windows, 10s, {click_at(0)});
-    spd = "no start tags on channel 1";
+    spd = "no start tags: channel 1";
   }
   SECTION("a detector with tags over less than half of the slot is invalid") {
     feed(windows, 10s, {start_at(0)});
     feed(windows, 10s + 499ms, {start_at(1)});
-    spd = "tags cover only 49 % of the slot";
+    spd = "covers only part: tags for 49 % of the slot";
     feed(windows, 11s, {start_at(2)});
     feed(windows, 11s + 500ms, {start_at(3)});
   }
   SECTION("a sensor that sends frames of the wrong size is invalid") {
     windows.add(radar_frame(10s, 1, {1, 2, 3}));
     windows.add(depth_frame(10s, 1, {1, 2, 3}, 3));
-    radar = "frames of 3 bins do not match the axis";
-    depth = "frames of 3 x 1 do not match the axes";
+    radar = "other axis: frames of 3 bins";
+    depth = "other axis: frames of 3 x 1";
   }
   SECTION("a radar that sends frames without a range profile is invalid") {
     windows.add(radar_frame(10s, 1, {}));
-    radar = "frames without a range profile";
+    radar = "no range profile";
   }
   SECTION("a radar that reconnects with a different axis is invalid") {
     CHECK_FALSE(windows.announce(radar_info(4, 8)));
     windows.add(radar_frame(10s, 1, {1, 2, 3, 4}));
-    radar = "axis differs from the one at the start of the run";
+    radar = "other axis: differs from the one at the start of the run";
     CHECK(windows.announce(radar_info()));
   }
   const auto r = windows.close({0, false});
@@ -279,11 +279,11 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
   CHECK(r.spd.empty());
   CHECK(r.radar.empty());
   CHECK(r.depth_mm.empty());
-  CHECK(sync(r, Sensor::spd).verdict == spd);
-  CHECK(sync(r, Sensor::radar).verdict == radar);
-  CHECK(sync(r, Sensor::depth).verdict == depth);
+  CHECK(sync(r, Sensor::spd).verdict.text() == spd);
+  CHECK(sync(r, Sensor::radar).verdict.text() == radar);
+  CHECK(sync(r, Sensor::depth).verdict.text() == depth);
   // Only the section that expects "tags cover ..." sends enough tags to make slot 1 valid.
-  CHECK(windows.close({1, false}).has(Sensor::spd) == spd.starts_with("tags cover"));
+  CHECK(windows.close({1, false}).has(Sensor::spd) == spd.starts_with("covers only part"));
 }
 
 TEST_CASE("a click is not paired with a start if tags outside open slots came between them") {
@@ -309,7 +309,7 @@ TEST_CASE("a slot after a stall is complete if its tags span 90 % of its length"
   Windows windows(grid, tdc_settings, clocks, {Sensor::spd});
   for (const HostTime t : {HostTime(10s), 10s + span})
     at(t, [&](auto& block) { windows.add(block); });
-  CHECK(sync(windows.close({0, true}), Sensor::spd).verdict == verdict);
+  CHECK(sync(windows.close({0, true}), Sensor::spd).verdict.text() == verdict);
 }
 
 TEST_CASE("unconfigured sensors and stalled slots have different verdicts") {
@@ -319,8 +319,8 @@ TEST_CASE("unconfigured sensors and stalled slots have different verdicts") {
   const auto r = windows.close({0, true});
   CHECK(r.valid == SensorSet::from_bits(0));
   CHECK(r.spd_counts.tags == 3);  // tags are counted even if they are not used
-  CHECK(sync(r, Sensor::spd).verdict == "the program stood still");
-  CHECK(sync(r, Sensor::radar).verdict == "not configured");
+  CHECK(sync(r, Sensor::spd).verdict.text() == "the program stood still");
+  CHECK(sync(r, Sensor::radar).verdict.text() == "not configured");
 }
 
 namespace {
@@ -368,8 +368,9 @@ TEST_CASE(
   CHECK(sync(r, Sensor::spd).span_s == Approx(1.1));
   CHECK(windows.unassigned().early[Sensor::spd] == 1100);
   const auto next = windows.close({1, false});
-  CHECK(sync(next, Sensor::spd).verdict == "histograms cover only 20 % of the slot");
-  CHECK(sync(windows.close({2, false}), Sensor::spd).verdict == "no histograms");
+  CHECK(sync(next, Sensor::spd).verdict.text() ==
+        "covers only part: histograms for 20 % of the slot");
+  CHECK(sync(windows.close({2, false}), Sensor::spd).verdict.text() == "no histograms");
 }
 
 TEST_CASE("histograms are not used after a counting board reconnects with different bins") {
@@ -377,8 +378,8 @@ TEST_CASE("histograms are not used after a counting board reconnects with differ
   REQUIRE(windows.announce(board_info()));
   CHECK_FALSE(windows.announce(board_info(100)));
   windows.add(histogram(10s + 500ms, {1, 2, 3}));
-  CHECK(sync(windows.close({0, false}), Sensor::spd).verdict ==
-        "axis differs from the one at the start of the run");
+  CHECK(sync(windows.close({0, false}), Sensor::spd).verdict.text() ==
+        "other axis: differs from the one at the start of the run");
 }
 
 TEST_CASE("histograms are not used after a detector reconnects with different zones") {

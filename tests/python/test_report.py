@@ -193,7 +193,7 @@ def test_report_contains_every_note_of_the_evaluate_command(here, tmp_path):
     change(odd, "radar is not valid in record ?1", 40)
     change(odd, "record ?1 has the histogram of record ?2", 50, 51)
     notes_of_evaluate = evaluated(here / "body", tmp_path / "odd.sqlite")["notes"].splitlines()
-    for part in ("camera frozen 25; including them: IoU", "twice in the run 1", "1 records with a depth map left out: missing sensor 1"):
+    for part in ("camera stands still 25; including them: IoU", "twice in the run 1", "1 records with a depth map left out: missing sensor 1"):
         assert any(part in line for line in notes_of_evaluate), notes_of_evaluate
     code, said = report(tmp_path, "--run", tmp_path / "odd.sqlite", "--model", here / "body")
     assert code == 0, said
@@ -204,7 +204,7 @@ def test_report_contains_every_note_of_the_evaluate_command(here, tmp_path):
 def test_report_refuses_a_run_with_only_doubtful_records(here, tmp_path):
     changed(here / "fresh.sqlite", tmp_path / "frozen.sqlite", "frozen camera in the records from ?1 to ?2", 0, 59)
     code, said = report(tmp_path / "page", "--run", tmp_path / "frozen.sqlite", "--model", here / "body")
-    assert code == 1 and "60 of 60 records left out: camera frozen 60" in said and not (tmp_path / "page/report.html").exists()
+    assert code == 1 and "60 of 60 records left out: camera stands still 60" in said and not (tmp_path / "page/report.html").exists()
 
 
 def test_report_lists_an_unreadable_record_with_the_reason(here, tmp_path):

@@ -72,7 +72,7 @@ TEST_CASE("doubtful records are excluded from training") {
   }).write(dir / "a");
   const Dataset data = load({dir / "a"});
   CHECK(data.doubt_of(0, Inputs::fused).empty());
-  CHECK(data.doubt_of(1, Inputs::fused) == "camera frozen");
+  CHECK(data.doubt_of(1, Inputs::fused) == "camera stands still");
   CHECK(data.doubt_of(2, Inputs::fused) == "radar weak");
   CHECK(data.doubt_of(2, Inputs::spd).empty());
   CHECK(data.doubt_of(4, Inputs::spd) == "SPD saturated");
@@ -127,7 +127,7 @@ TEST_CASE("the rows command prints the split part of each record or the reason f
   const nlohmann::json both = rows((dir / "a ") + (dir / "b"));
   REQUIRE(both.size() == 68);
   const auto why = [&](std::size_t i) { return both[i].value("left_out", ""); };
-  CHECK(why(2) == "camera frozen");
+  CHECK(why(2) == "camera stands still");
   CHECK(why(3) == "radar missing");
   CHECK(why(4) == "damaged");
   CHECK(why(5) == "the same in every bin");
@@ -167,8 +167,8 @@ TEST_CASE("train and evaluate print the number of excluded records and the reaso
   const Folder dir;
   const auto doubtful = [](FusedRecord& r) {
     if (r.index < 8)
-      r.sync[Sensor::depth].verdict =
-          "stands still: identical to the previous record in every pixel";
+      set_verdict(r, Sensor::depth,
+                  "stands still: identical to the previous record in every pixel");
     // The object is moved sideways, so that these maps are not copies of other maps.
     if (r.index < 8) std::ranges::rotate(depth_mm(r), depth_mm(r).begin() + 12);
     if (r.index == 8) set_verdict(r, Sensor::spd, "weak: 12 clicks above the background");
@@ -180,24 +180,26 @@ TEST_CASE("train and evaluate print the number of excluded records and the reaso
   const std::string train = "train --model ridge --set fallback=false " + (dir / "run") + " --out ";
   const Outcome left = recon_program(train + (dir / "m"));
   CHECK(left.code == 0);
-  CHECK_THAT(left.text, Catch::Contains("12 of 60 records left out: SPD weak 1, camera frozen 8, "
-                                        "damaged 1, radar missing 1, the same in every bin 1 (") &&
-                            Catch::Contains("record 10: spd bin 5 contains 4294967295 clicks"));
+  CHECK_THAT(left.text,
+             Catch::Contains("12 of 60 records left out: SPD weak 1, camera stands still 8, "
+                             "damaged 1, radar missing 1, the same in every bin 1 (") &&
+                 Catch::Contains("record 10: spd bin 5 contains 4294967295 clicks"));
   const Outcome taken = recon_program(train + (dir / "all") + " --set doubtful=take");
   CHECK_THAT(taken.text, Catch::Contains("3 of 60 records left out: damaged 1, radar missing 1, "));
   a_run(30, 2, [&](FusedRecord& r) {
     if (r.index < 8) doubtful(r);
   }).write(dir / "fresh");
   const Outcome judged = recon_program("evaluate -q " + (dir / "m") + " " + (dir / "fresh"));
-  CHECK_THAT(judged.text,
-             Catch::StartsWith("22 records; ") &&
-                 Catch::Contains("doubtful records left out: camera frozen 8; including them: "
-                                 "IoU 0."));
+  CHECK_THAT(
+      judged.text,
+      Catch::StartsWith("22 records; ") &&
+          Catch::Contains("doubtful records left out: camera stands still 8; including them: "
+                          "IoU 0."));
   a_run(4, 2, doubtful).write(dir / "frozen");
   refuses("evaluate -q " + (dir / "m") + " " + (dir / "frozen"), 1,
-          (dir / "frozen") + ": 4 of 4 records left out: camera frozen 4");
+          (dir / "frozen") + ": 4 of 4 records left out: camera stands still 4");
   refuses("train -q " + (dir / "frozen") + " --out " + (dir / "no"), 1,
-          (dir / "frozen") + ": 4 of 4 records left out: camera frozen 4");
+          (dir / "frozen") + ": 4 of 4 records left out: camera stands still 4");
   a_run(60, 1, [](FusedRecord& r) {
     if (r.index % 8 == 3) std::ranges::fill(power(r), 1.f);
   }).write(dir / "dead");

@@ -111,5 +111,5 @@ TEST_CASE("evaluate does not score maps of doubtful records") {
               .code == 0);
   CHECK_THAT(recon_program("-q evaluate --maps " + (dir / "maps ") + (dir / "run")).text,
              Catch::StartsWith("30 records; ") &&
-                 Catch::Contains("10 of 40 records left out: camera frozen 10\n"));
+                 Catch::Contains("10 of 40 records left out: camera stands still 10\n"));
 }

@@ -92,6 +92,7 @@ class JsonKeys(unittest.TestCase):
         self.call("echofuse-sim", "dataset", "-q", "--people", 60, "--letters", 0, "--out", "a.sqlite", "--set", "radar_antennas=8")
         self.call("echofuse-sim", "dataset", "-q", "--people", 30, "--letters", 0, "--seed", 2, "--out", "b.sqlite", "--set", "radar_antennas=8")
         self.assertTrue(self.check("echofuse-sim config", self.call("echofuse-sim", "config", "--json"))["settings"])
+        self.assertTrue(self.check("echofuse-acquire verdicts", self.call("echofuse-acquire", "verdicts", "--json"))["verdicts"])
         info = self.check("echofuse-acquire info", self.call("echofuse-acquire", "info", "--json", "a"))
         self.assertTrue(info["array"]["places"])
         self.assertEqual(len(self.check("echofuse-recon rows", self.call("echofuse-recon", "rows", "-q", "a.sqlite", "--json"))["records"]), 60)

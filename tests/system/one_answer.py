@@ -202,7 +202,7 @@ class OneAnswer(live.Live):
         for name, seed in (("base", 1), ("scored", 5)):
             outcome("echofuse-sim", "dataset", "-q", "--records", 60, "--seed", seed, "--out", self.dir / f"{name}.sqlite")
         outcome("echofuse-recon", "train", self.dir / "base.sqlite", "--model", "ridge", "--out", model)
-        fixtures.change(run, "verdict ?3 of the camera in the records from ?1 to ?2", 5, 10, "frozen: 3")
+        fixtures.change(run, "verdict ?3 of the camera in the records from ?1 to ?2", 5, 10, "stands still: 3")
         fixtures.change(run, "verdict ?3 of the SPD in the records from ?1 to ?2", 20, 22, "weak: 1 clicks")
         fixtures.change(run, "no radar frames in the records from ?1 to ?2", 30, 31)
         fixtures.change(run, "no frames of the required camera in the records from ?1 to ?2", 40, 42)
@@ -210,7 +210,7 @@ class OneAnswer(live.Live):
         info = self.check("scored", status="complete", doubtful=14, incomplete=3, lost={"spd": 7, "radar": 2, "depth": 1})
         scored = json.loads(outcome("echofuse-recon", "evaluate", model, run, "--json").stdout)
         left_out = scored["doubtful"]["records"]
-        self.assertEqual(left_out, {"SPD weak": info["verdicts"]["spd"]["weak"], "camera frozen": info["verdicts"]["depth"]["frozen"]})
+        self.assertEqual(left_out, {"SPD weak": info["verdicts"]["spd"]["weak"], "camera stands still": info["verdicts"]["depth"]["stands still"]})
         self.assertEqual(scored["records"] + sum(left_out.values()), info["valid"]["depth"])
         self.assertEqual(scored["fallback_records"], info["records"] - info["valid"]["radar"])
 

@@ -182,12 +182,13 @@ TEST_CASE("the viewer state contains the time until the disk is full") {
 }
 
 TEST_CASE("the run summary lists doubtful verdicts by sensor, with the most frequent first") {
+  using enum record::VerdictKind;
   record::RunSummary sum;
   CHECK(record::doubts_of(sum).empty());
   sum.records = 75, sum.doubtful = 28;
-  sum.verdicts[Sensor::spd] = {{"ok", 75}};
-  sum.verdicts[Sensor::radar] = {{"missing", 10}, {"ok", 54}, {"weak", 11}};
-  sum.verdicts[Sensor::depth] = {{"frozen", 7}, {"not configured", 68}};
-  CHECK(record::doubts_of(sum) == "28 of 75 doubtful: radar weak 11, missing 10; camera frozen 7");
-  CHECK(record::verdict_kind("weak: 3 clicks") == "weak");
+  sum.verdicts[Sensor::spd] = {{ok, 75}};
+  sum.verdicts[Sensor::radar] = {{missing, 10}, {ok, 54}, {weak, 11}, {not_assessed, 3}};
+  sum.verdicts[Sensor::depth] = {{stands_still, 7}, {not_configured, 68}};
+  CHECK(record::doubts_of(sum) ==
+        "28 of 75 doubtful: radar weak 11, missing 10; camera stands still 7");
 }

@@ -82,7 +82,9 @@ class Tagger final : public port::BytePort {
 struct Outcome {
   Strings events;
   std::vector<record::FusedRecord> records;
-  std::string verdict(std::size_t i) const { return records.at(i).sync[Sensor::spd].verdict; }
+  std::string verdict(std::size_t i) const {
+    return records.at(i).sync[Sensor::spd].verdict.text();
+  }
 };
 
 Outcome run_of(const Stream& stream, const std::vector<std::string>& settings = {}) {
@@ -104,7 +106,7 @@ Outcome run_of(const Stream& stream, const std::vector<std::string>& settings = 
 TEST_CASE("a tag stream that has no faults causes no event") {
   const Outcome run = run_of({.pulse = ordinary});
   CHECK(run.events == Strings{});
-  for (const auto& r : run.records) CHECK(r.sync[Sensor::spd].verdict == "ok");
+  for (const auto& r : run.records) CHECK(r.sync[Sensor::spd].verdict.text() == "ok");
 }
 
 TEST_CASE("tag times that wrap are unwrapped and cause an event") {
@@ -148,7 +150,7 @@ TEST_CASE("a tagger overflow that never ends causes a verdict and an event") {
     if (i == 16'000) out.push_back(tag(0, at, TagType::overflow_begin));
     ordinary(out, i, at);
   }});
-  CHECK_THAT(run.verdict(9), Catch::StartsWith("in overflow for "));
+  CHECK_THAT(run.verdict(9), Catch::StartsWith("in overflow: for "));
   CHECK_FALSE(run.records[9].has(Sensor::spd));
   CHECK(std::ranges::any_of(run.events, [](const auto& e) {
     return e.find("1 overflows that did not end within 3 s") != std::string::npos;

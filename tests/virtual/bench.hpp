@@ -46,7 +46,7 @@ struct Bench {
   Strings verdicts(Sensor sensor) const {
     Strings all;
     for (const auto& r : records()) {
-      const std::string& verdict = r.sync[sensor].verdict;
+      const std::string& verdict = r.sync[sensor].verdict.text();
       all.push_back(verdict.substr(0, verdict.find(':')));
     }
     return all;

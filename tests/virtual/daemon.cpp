@@ -31,7 +31,7 @@ TEST_CASE(
   for (const auto& r : all) {
     CHECK(r.valid.bits() == 7);
     for (const Sensor s : all_sensors) {
-      CHECK(r.sync[s].verdict == "ok");
+      CHECK(r.sync[s].verdict.text() == "ok");
       CHECK(r.sync[s].lost == 0);
     }
     CHECK(r.sync[Sensor::radar].used == 12);
@@ -57,9 +57,9 @@ TEST_CASE(
   CHECK(silent <= 9);
   for (const auto& r : all)
     if (r.valid.empty()) {
-      CHECK(r.sync[Sensor::spd].verdict == "no tags");
-      CHECK(r.sync[Sensor::radar].verdict == "no frames");
-      CHECK(r.sync[Sensor::depth].verdict == "no frames");
+      CHECK(r.sync[Sensor::spd].verdict.text() == "no tags");
+      CHECK(r.sync[Sensor::radar].verdict.text() == "no frames");
+      CHECK(r.sync[Sensor::depth].verdict.text() == "no frames");
     }
   CHECK(all.front().valid.bits() == 7);
   CHECK(all.back().valid.bits() == 7);
@@ -77,8 +77,8 @@ TEST_CASE("missing and unconfigured devices have different verdicts") {
   CHECK(b.lab->record(b.run(4)) == ExitCode::ok);
   for (const auto& r : b.records()) {
     CHECK(r.valid.bits() == 1);
-    CHECK(r.sync[Sensor::radar].verdict == "no frames");
-    CHECK(r.sync[Sensor::depth].verdict == "not configured");
+    CHECK(r.sync[Sensor::radar].verdict.text() == "no frames");
+    CHECK(r.sync[Sensor::depth].verdict.text() == "not configured");
   }
   CHECK(has(b.events("radar"), "no data at the start"));
 }
@@ -134,7 +134,7 @@ TEST_CASE("a raw capture with faults and reconnections reproduces the live run b
     CHECK(r.radar == a.radar);
     CHECK(r.depth_mm == a.depth_mm);
     CHECK(r.valid.bits() == a.valid.bits());
-    for (const Sensor s : all_sensors) CHECK(r.sync[s].verdict == a.sync[s].verdict);
+    for (const Sensor s : all_sensors) CHECK(r.sync[s].verdict.text() == a.sync[s].verdict.text());
   }
   // Imports the same photons again, with different histogram settings.
   acquire::import_kept(acquire::kept_config(run.keep_raw, {"tdc.bins=10", "depth.address="}),

@@ -38,7 +38,7 @@ const setText = (id, text) => {
 const faultOf = made => made.fault.replace(/\bspd\b/, names.spd);
 const rate = (n, name) => `${n < 10 ? +n.toPrecision(2) : count(Math.round(n))} ${name === 'spd' ? 'clicks' : 'frames'}/s`;
 
-const doubtsOf = shown => sensors.filter(name => !['ok', 'not configured'].includes(shown.sensors[name].verdict))
+const doubtsOf = shown => sensors.filter(name => ['look', 'bad'].includes(shown.sensors[name].lamp))
   .map(name => `${names[name]}: ${shown.sensors[name].verdict}`);
 // Returns the colour and the word of a sensor's status indicator. The word is sufficient if the colours cannot be
 // distinguished.
@@ -46,7 +46,7 @@ function lampOf(sensor, over) {
   if (!sensor.configured) return ['off', 'OFF'];
   if (!over && sensor.stale) return ['bad', 'LOST'];
   if (!sensor.valid) return [over ? 'bad' : 'look', over ? 'LOST' : 'CHECK'];
-  return sensor.verdict === 'ok' ? ['ok', 'OK'] : ['look', 'CHECK'];
+  return {ok: ['ok', 'OK'], neutral: ['off', 'N/A']}[sensor.lamp] ?? ['look', 'CHECK'];
 }
 function light(name, [lamp, word], verdict, note) {
   const at = $(`lamp-${name}`);

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/measurement/verdict.hpp"
+
+#include <algorithm>
+
+namespace echofuse::record {
+namespace {
+
+constexpr SensorSet any{Sensor::spd, Sensor::radar, Sensor::depth};
+constexpr SensorSet spd{Sensor::spd}, radar{Sensor::radar}, depth{Sensor::depth};
+constexpr SensorSet signals{Sensor::spd, Sensor::radar}, frames{Sensor::radar, Sensor::depth};
+
+using enum VerdictKind;
+using enum Lamp;
+
+// Columns: kind, word, sensors, valid, trains, truth, doubtful, lamp, setting, sentence.
+constexpr VerdictRow table[] = {
+    {ok, "ok", any, true, true, true, false, good, "", "The data are good."},
+    {not_assessed, "not assessed", radar, true, true, true, false, neutral, "",
+     "The data cannot be assessed, e.g. because the range axis has too few cells."},
+    {no_peak, "no peak", signals, true, true, false, true, look, "signal.radar_snr_db",
+     "SPD: no 5 adjacent bins exceed their mean clearly. Radar: peak/median is below the limit."},
+    {lossy, "lossy", any, true, true, true, true, look, "signal.lossy_share",
+     "Fewer start pulses, events, exposures or frames arrived than this fraction of those sent."},
+    {weak, "weak", any, true, false, false, true, look,
+     "signal.spd_clicks, signal.depth_share, signal.weak_share",
+     "Too few clicks above the background, too few pixels with a return, or a signal much weaker "
+     "than in the first minute of the run."},
+    {saturated, "saturated", signals, true, false, false, true, look, "signal.clicks_a_pulse",
+     "SPD: too many clicks per laser pulse (pile-up). Radar: the top of the lobe is clipped."},
+    {stands_still, "stands still", any, true, false, false, true, look, "",
+     "The data are identical to those of the previous record."},
+    {not_configured, "not configured", any, false, false, false, false, off, "",
+     "The configuration does not contain this sensor."},
+    {missing, "missing", any, false, false, false, true, look, "", "There are no data."},
+    {no_tags, "no tags", spd, false, false, false, true, look, "", "The tagger sent no tags."},
+    {no_starts, "no start tags", spd, false, false, false, true, look, "",
+     "The tagger sent no tags on the start channel."},
+    {no_histograms, "no histograms", spd, false, false, false, true, look, "",
+     "The detector sent no histograms."},
+    {no_frames, "no frames", frames, false, false, false, true, look, "",
+     "The device sent no frames."},
+    {no_profile, "no range profile", radar, false, false, false, true, look, "",
+     "The frames contain no range profile."},
+    {covers_part, "covers only part", spd, false, false, false, true, look, "",
+     "The samples cover less than half of the slot."},
+    {in_overflow, "in overflow", spd, false, false, false, true, look, "",
+     "The tagger has been in an overflow since an earlier slot. No clicks are counted."},
+    {other_axis, "other axis", any, false, false, false, true, look, "",
+     "The size or axis of the data differs from the one at the start of the run."},
+    {odd, "odd", depth, false, false, false, true, look, "",
+     "The values of an imported depth map are implausible."},
+    {stood_still, "the program stood still", any, false, false, false, true, look, "",
+     "The operating system suspended the program for longer than a slot."},
+    {not_stored, "not stored", any, false, false, false, true, bad, "",
+     "The data were dropped because the disk is too slow, or could not be stored."},
+    {other, "other", any, false, false, false, true, look, "",
+     "The verdict was written by another version; the figures contain its text."},
+};
+
+}  // namespace
+
+std::span<const VerdictRow> verdict_table() { return table; }
+
+std::string Verdict::text() const {
+  if (kind == other) return figures.empty() ? word() : figures;
+  return figures.empty() ? word() : word() + ": " + figures;
+}
+
+void Verdict::add(const Verdict& more) {
+  if (more.ok()) return;
+  if (ok()) return void(*this = more);
+  const bool higher = more.kind > kind;
+  const std::string second = (higher ? *this : more).text();
+  if (higher) *this = more;
+  figures += (figures.empty() ? "also " : "; also ") + second;
+}
+
+Verdict verdict_of(std::string_view text) {
+  const std::size_t colon = text.find(": ");
+  const std::string_view word = text.substr(0, colon);
+  const auto* row = std::ranges::find(table, word, &VerdictRow::word);
+  if (row == std::end(table)) return {other, std::string(text)};
+  return {row->kind, colon == text.npos ? "" : std::string(text.substr(colon + 2))};
+}
+
+bool is_doubtful(const PerSensor<Verdict>& verdicts) {
+  return std::ranges::any_of(verdicts, [](const Verdict& v) { return v.row().doubtful; });
+}
+
+}  // namespace echofuse::record
