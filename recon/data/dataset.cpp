@@ -253,15 +253,13 @@ class Appender {
       throw axis_error(path_, found, common, data_.sources.front().path);
     }
   }
-  // Adopts the zones of the first run. Throws Error(failed) if the zones of another run differ. The
-  // tangents of the directions may differ by up to 0.01, because two boards of the same type may
-  // differ by this much.
+  // Adopts the zones of the first run. Throws Error(failed) if the zones of another run differ.
   void adopt_zones() {
     if (data_.sources.empty()) data_.zones = zones_;
     const auto near = [](const Zone& a, const Zone& b) {
-      constexpr double least = 0.01;
       return a.has_direction() == b.has_direction() &&
-             (!a.has_direction() || (std::abs(a.x - b.x) < least && std::abs(a.y - b.y) < least));
+             (!a.has_direction() || (std::abs(a.x - b.x) < direction_tolerance &&
+                                     std::abs(a.y - b.y) < direction_tolerance));
     };
     if (!std::ranges::equal(zones_, data_.zones, near))
       throw Error(ExitCode::failed,

@@ -2,10 +2,12 @@
 #include "recon/data/features.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
 #include "recon/numbers/statistics.hpp"
+#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 
@@ -44,6 +46,37 @@ void require_zones(const Dataset& data, std::size_t zones) {
                                       " zones; the model expects " + std::to_string(zones));
 }
 
+Matrix directions_of(const Zones& zones) {
+  Matrix out(0, 2);
+  for (const Zone& zone : zones) {
+    if (!zone.has_direction()) return Matrix(0, 2);
+    out.add_row(std::array{static_cast<float>(zone.x), static_cast<float>(zone.y)});
+  }
+  return out;
+}
+
+void require_directions(const Dataset& data, const Features& model) {
+  const Matrix found = directions_of(data.zones), &expected = model.zone_directions;
+  if (model.zones == 0 || data.zones.size() != model.zones) return;
+  const std::string path = data.sources.empty() ? "the run" : data.sources.front().path;
+  if (found.rows != expected.rows)
+    throw Error(ExitCode::failed,
+                path + ": the directions of the detector zones are " +
+                    (found.rows > 0 ? "known, but unknown" : "unknown, but known") +
+                    " in the training data");
+  for (std::size_t z = 0; z < found.rows; ++z) {
+    const auto at = found.row(z), wanted = expected.row(z);
+    if (std::abs(at[0] - wanted[0]) < direction_tolerance &&
+        std::abs(at[1] - wanted[1]) < direction_tolerance)
+      continue;
+    throw Error(
+        ExitCode::failed,
+        path + formatted(": detector zone %zu is at x %.2f, y %.2f (tangents); the model "
+                         "expects x %.2f, y %.2f; are the zones in another order?",
+                         z, double{at[0]}, double{at[1]}, double{wanted[0]}, double{wanted[1]}));
+  }
+}
+
 Matrix Features::raw_inputs(const Dataset& data, const Rows& rows) const {
   require_zones(data, zones);
   const Matrix& histograms = zones > 0 ? data.zone_spd : data.spd;
@@ -79,7 +112,8 @@ Matrix Features::apply(const Dataset& data, const Rows& rows) const {
 Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
                       const std::string& scaling) {
   Features f{inputs, scaling, data.spd_axis, data.radar_axis, {}, 1, 1};
-  if (inputs != Inputs::radar) f.zones = data.zones.size();
+  if (inputs != Inputs::radar)
+    f.zones = data.zones.size(), f.zone_directions = directions_of(data.zones);
   if (scaling == raw_scaling || rows.empty()) {
     if (scaling == raw_scaling && inputs == Inputs::fused) f.array_axis = data.array_axis;
     f.centre.assign(f.count(), 0);

@@ -45,6 +45,8 @@ struct Features {
   // Number of zones that have separate histograms as inputs; 0: the only histogram is the sum over
   // all zones.
   std::size_t zones = 0;
+  // Tangents x and y of the direction of each zone [zones x 2]; no rows if they are unknown.
+  Matrix zone_directions = {};
 
   std::size_t spd_count() const {
     return inputs == Inputs::radar ? 0 : spd_axis.count * std::max<std::size_t>(zones, 1);
@@ -65,6 +67,13 @@ struct Features {
 
 // Throws Error(failed) if the detector does not have this number of zones; 0 allows any number.
 void require_zones(const Dataset& data, std::size_t zones);
+
+// Returns the tangents of the directions of the zones [zones x 2]. Returns no rows if a direction
+// is unknown.
+Matrix directions_of(const Zones& zones);
+// Throws Error(failed) if a zone of the data looks in another direction than that of the model,
+// e.g. because the zones are stored in another order.
+void require_directions(const Dataset& data, const Features& model);
 
 // Computes the centre and the gains from `rows`, so that all sensors have the same total variance.
 // If `rows` is empty or the scaling is "raw", the centre is 0 and the gains are 1.

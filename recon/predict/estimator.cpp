@@ -32,6 +32,8 @@ void archive_features(Archive archive, Features& f, bool views) {
   archive_axis(archive.in("axes/spd"), f.spd_axis);
   archive_axis(archive.in("axes/radar"), f.radar_axis);
   archive.count("zones", f.zones, 0, static_cast<std::int64_t>(most_zones));
+  if (archive.part("knows_directions", f.zone_directions.rows > 0))
+    archive.table("zone_directions", f.zone_directions, f.zones, 2);
   if (archive.part("takes_antennas", f.array_axis.count > 0)) {
     archive_axis(archive.in("axes/array"), f.array_axis);
     const double lags = f.array_axis.scale;

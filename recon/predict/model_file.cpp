@@ -15,7 +15,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::int64_t format_version = 17;
+constexpr std::int64_t format_version = 18;
 constexpr std::size_t most_estimators = 3;
 
 void archive_training(Archive archive, TrainingRecords& training) {

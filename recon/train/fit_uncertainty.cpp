@@ -69,9 +69,15 @@ void degrade(Dataset& data, Rng& rng) {
   for (std::size_t i = 0; i < data.size(); ++i) {
     const double share = std::pow(10, photons(rng));
     // Counts are rounded, because the counts of a calibrated run are not integers.
-    for (float& v : data.spd.row(i))
-      v = static_cast<float>(
-          std::binomial_distribution<long>(std::max(std::lround(v), 0L), share)(rng));
+    const auto thin = [&](std::span<float> counts) {
+      for (float& v : counts)
+        v = static_cast<float>(
+            std::binomial_distribution<long>(std::max(std::lround(v), 0L), share)(rng));
+    };
+    const auto sum = data.spd.row(i), zones = data.zone_spd.row(i);
+    thin(zones.empty() ? sum : zones);
+    if (!zones.empty()) std::ranges::fill(sum, 0.F);
+    for (std::size_t k = 0; k < zones.size(); ++k) sum[k % sum.size()] += zones[k];
     const auto power = data.radar.row(i);
     if (power.empty()) continue;
     const float deviation = *std::max_element(power.begin(), power.end()) *

@@ -35,9 +35,8 @@ constexpr const char* quick = " -q --model mlp-32-16 --epochs 30";
 TEST_CASE("echofuse-recon prints its help and its version") {
   const Outcome version = recon_program("--version");
   CHECK(version.code == 0);
-  CHECK_THAT(version.text,
-             Catch::Matches(
-                 "echofuse-recon [0-9.]+ \\(([0-9a-f]+\\+?|commit unknown)\\), [A-Z0-9-]+, matrix (.|\n)*"));
+  CHECK_THAT(version.text, Catch::Matches("echofuse-recon [0-9.]+ \\(([0-9a-f]+\\+?|commit "
+                                          "unknown)\\), [A-Z0-9-]+, matrix (.|\n)*"));
   const Outcome help = recon_program("--help");
   CHECK(help.code == 0);
   for (const char* command : {"train", "evaluate", "reconstruct"})

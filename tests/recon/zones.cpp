@@ -5,6 +5,7 @@
 #include "recon/method/method.hpp"
 #include "recon/predict/predict.hpp"
 #include "recon/score/evaluate.hpp"
+#include "recon/train/fit_uncertainty.hpp"
 #include "recon/train/train.hpp"
 #include "world.hpp"
 
@@ -144,4 +145,45 @@ TEST_CASE("the fallback model for missing radar data is factorised if the run ha
   const TrainedModel model = train(plates_in_zones(60, true), options);
   REQUIRE(model.estimators.size() == 2);
   CHECK(model.estimators[1].name == "factorised");
+}
+
+TEST_CASE("a model of zones refuses zones in another order, mirrored or without directions") {
+  const Folder dir;
+  nine_zones(24).write(dir / "a");
+  TrainOptions options;
+  options.inputs = "spd", options.model = "ridge", options.uncertainty = false;
+  save_model(train(load({dir / "a"}), options), dir / "m");
+  const TrainedModel model = load_model(dir / "m");
+  const auto prepared = [&](auto change) {
+    Dataset data = load({dir / "a"});
+    change(data.zones);
+    return prepare_records(model, std::move(data)).data.size();
+  };
+  CHECK(prepared([](Zones&) {}) == 24);
+  CHECK(prepared([](Zones& zones) { zones[4].x += 0.009; }) == 24);
+  CHECK_THROWS_WITH(prepared([](Zones& zones) { std::swap(zones[3], zones[5]); }),
+                    Contains("detector zone 3 is at x 0.33, y -0.02 (tangents); the model expects "
+                             "x -0.29, y -0.03; are the zones in another order?"));
+  CHECK_THROWS_WITH(prepared([](Zones& zones) {
+                      for (Zone& zone : zones) zone.y = -zone.y;
+                    }),
+                    Contains("detector zone 0"));
+  CHECK_THROWS_WITH(prepared([](Zones& zones) { zones = Zones(zones.size()); }),
+                    Contains("are unknown, but known in the training data"));
+}
+
+TEST_CASE("degrading a record thins its zones and their sum together") {
+  Dataset data = plates_in_zones(40, true);
+  const Dataset before = data;
+  Rng rng = make_rng(3, 0);
+  degrade(data, rng);
+  double kept = 0, all = 0;
+  for (std::size_t i = 0; i < data.size(); ++i)
+    for (std::size_t c = 0; c < data.spd.cols; ++c) {
+      const float left = data.zone_spd.row(i)[c], right = data.zone_spd.row(i)[data.spd.cols + c];
+      REQUIRE(data.spd.row(i)[c] == left + right);
+      REQUIRE(left <= std::round(before.zone_spd.row(i)[c]));
+      kept += double{left + right}, all += double{before.spd.row(i)[c]};
+    }
+  CHECK(kept < 0.6 * all);
 }

@@ -24,6 +24,9 @@ from .maps import origin_of, save_maps
 from .method import Method
 from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_in
 
+# Tolerance of the tangents of a zone's direction (recon/data/dataset.hpp).
+DIRECTION_TOLERANCE = 0.01
+
 
 def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Reads the tensors and the metadata of a model file (recon/numbers/tensor_file.hpp). Raises
@@ -304,6 +307,12 @@ def zones_of(estimator: Estimator, run: runs.Run | Arrays, photons: NDArray[Any]
         found = photons.shape[1] if photons.ndim == 3 else 1
         raise ValueError(f"{run.path}: the detector has {found} zones (expected by the model: "
                          f"{zones})")
+    if not isinstance(run, Arrays) and "zone_directions" in estimator.t:
+        directions = np.array([(zone.x, zone.y) for zone in run.zones])
+        apart = np.abs(directions - estimator.t["zone_directions"])
+        if not (apart < DIRECTION_TOLERANCE).all():
+            raise ValueError(f"{run.path}: the detector zones look in other directions than those "
+                             "in training; are they in another order?")
     return np.stack([estimator.matched("spd", run.axes["spd"], photons[rows, k])
                      for k in range(zones)], 1)
 
