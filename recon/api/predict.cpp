@@ -62,7 +62,12 @@ Dataset dataset_of(const TrainedModel& model, std::span<const float> counts,
     data.spd_axis = takes.spd_axis;
     Matrix all;
     put_row(all, counts, takes.spd_count(), "counts", 0.0F);
+    // Arrays state no directions of the zones, so those of the model are assumed.
     data.zones.resize(takes.zones);
+    for (std::size_t z = 0; z < takes.zone_directions.rows; ++z) {
+      const auto direction = takes.zone_directions.row(z);
+      data.zones[z].x = double{direction[0]}, data.zones[z].y = double{direction[1]};
+    }
     if (takes.zones > 0) data.zone_spd = all;
     data.spd = Matrix(1, bins);
     for (std::size_t i = 0; i < all.cols; ++i) data.spd.row(0)[i % bins] += all.row(0)[i];
