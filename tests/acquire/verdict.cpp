@@ -2,11 +2,11 @@
 #include "acquire/measurement/verdict.hpp"
 
 #include <algorithm>
-#include <catch2/catch.hpp>
 #include <fstream>
 #include <iterator>
 #include <set>
 
+#include "../catch.hpp"
 #include "../fixtures/paths.hpp"
 #include "acquire/commands/commands.hpp"
 
