@@ -93,7 +93,7 @@ void add_run(CLI::App& app, Options& o) {
       ->type_name("MODEL");
   add_config_options(*c, o);
   c->add_flag("--strict", o.run.strict,
-              "exit with code 5 if any record has a sensor with a verdict other than ok");
+              "exit with code 5 if any record has a sensor with a doubtful verdict");
   c->add_option("--meta", o.meta,
                 "store this key and value in the metadata of the run; may be repeated")
       ->type_name("KEY=VALUE")

@@ -283,6 +283,16 @@ std::vector<double> ArrayFolder::read(NpyFile& file, double least, const char* w
                    what + ", or NaN in the whole row for a missing sensor");
 }
 
+namespace {
+
+// Resets the verdict on replaced data. Losses stay, because they cannot be assessed again.
+void reassess(record::FusedRecord& r, Sensor sensor) {
+  record::Verdict& verdict = r.sync[sensor].verdict;
+  if (verdict.kind != record::VerdictKind::lossy) verdict = {record::VerdictKind::ok, {}};
+}
+
+}  // namespace
+
 // Marks the sensor as valid. A record that comes from a source run keeps its verdict and times.
 void ArrayFolder::mark(record::FusedRecord& r, Sensor sensor, std::uint64_t used) const {
   if (!settings_.run.empty()) return;
@@ -309,8 +319,7 @@ void ArrayFolder::put_counts(record::FusedRecord& r) {
   r.spd_counts.in_range = 0;
   for (const std::uint32_t n : r.spd) r.spd_counts.in_range += n;
   if (!settings_.run.empty()) {
-    r.sync[Sensor::spd].used = r.spd_counts.in_range,
-    r.sync[Sensor::spd].verdict = {record::VerdictKind::ok, {}};
+    r.sync[Sensor::spd].used = r.spd_counts.in_range, reassess(r, Sensor::spd);
     return;
   }
   r.spd_counts.tags = r.spd_counts.in_range;
@@ -326,7 +335,7 @@ void ArrayFolder::put_power(record::FusedRecord& r) {
   if (settings_.run.empty()) {
     ++powers_, like_db_ += looks_like_db(power);
   } else if (power != r.radar) {
-    r.sync[Sensor::radar].verdict = {record::VerdictKind::ok, {}};
+    reassess(r, Sensor::radar);
   }
   r.radar = power;
   mark(r, Sensor::radar, 1);

@@ -2,6 +2,7 @@
 #include "acquire/measurement/verdict.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace echofuse::record {
 namespace {
@@ -21,7 +22,7 @@ constexpr VerdictRow table[] = {
     {no_peak, "no peak", signals, true, true, false, true, look, "signal.radar_snr_db",
      "SPD: no 5 adjacent bins exceed their mean clearly. Radar: peak/median is below the limit."},
     {lossy, "lossy", any, true, true, true, true, look, "signal.lossy_share",
-     "Fewer start pulses, events, exposures or frames arrived than this fraction of those sent."},
+     "Fewer tags, histograms, frames or start pulses arrived than this fraction of those sent."},
     {weak, "weak", any, true, false, false, true, look,
      "signal.spd_clicks, signal.depth_share, signal.weak_share",
      "Too few clicks above the background, too few pixels with a return, or a signal much weaker "
@@ -58,6 +59,24 @@ constexpr VerdictRow table[] = {
      "The verdict was written by another version; the figures contain its text."},
 };
 
+static_assert([] {
+  for (std::size_t i = 0; i < std::size(table); ++i)
+    if (table[i].kind != static_cast<VerdictKind>(i)) return false;
+  return true;
+}());
+
+// Beginnings of verdicts in runs of version 0.3 and earlier.
+constexpr std::pair<const char*, VerdictKind> texts_of_0_3[] = {
+    {"tags cover only ", covers_part},
+    {"histograms cover only ", covers_part},
+    {"frames of ", other_axis},
+    {"axis differs ", other_axis},
+    {"frames without a range profile", no_profile},
+    {"no start tags on ", no_starts},
+    {"in overflow for ", in_overflow},
+    {"dropped: ", not_stored},
+    {"cannot be stored", not_stored}};
+
 }  // namespace
 
 std::span<const VerdictRow> verdict_table() { return table; }
@@ -80,7 +99,11 @@ Verdict verdict_of(std::string_view text) {
   const std::size_t colon = text.find(": ");
   const std::string_view word = text.substr(0, colon);
   const auto* row = std::ranges::find(table, word, &VerdictRow::word);
-  if (row == std::end(table)) return {other, std::string(text)};
+  if (row == std::end(table)) {
+    for (const auto& [begin, kind] : texts_of_0_3)
+      if (text.starts_with(begin)) return {kind, std::string(text)};
+    return {other, std::string(text)};
+  }
   return {row->kind, colon == text.npos ? "" : std::string(text.substr(colon + 2))};
 }
 

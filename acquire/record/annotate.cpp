@@ -80,7 +80,6 @@ void copy_into(NewFile& copy, const std::string& path) {
 // Adds the event to a closed run. Returns false if another process holds the run's lock or the run
 // is open.
 bool put_into_closed(const std::string& path, const Event& event) {
-  const bool had_lock = ::access((path + "-lock").c_str(), F_OK) == 0;
   const WriterLock lock(path);
   if (!lock.held() || !is_closed(path)) return false;
   try {
@@ -96,10 +95,10 @@ bool put_into_closed(const std::string& path, const Event& event) {
     }
     copy.publish();
   } catch (...) {
-    if (!had_lock) lock.remove();
+    lock.remove();
     throw;
   }
-  if (!had_lock) lock.remove();
+  lock.remove();
   return true;
 }
 

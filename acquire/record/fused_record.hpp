@@ -22,7 +22,7 @@ struct SensorSync {
   double span_s = 0;    // time from the first to the last used sample
   // SPD: number of clicks in the histogram; radar and depth: number of frames.
   std::uint64_t used = 0;
-  // Number of tags, exposures or frames that are known to be lost. Tags of lost blocks are
+  // Number of tags, histograms or frames that are known to be lost. Tags of lost blocks are
   // estimated from the mean size of a block.
   std::uint64_t lost = 0;
   Verdict verdict;

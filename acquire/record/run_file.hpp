@@ -169,7 +169,7 @@ struct RunSummary {
 };
 
 // Returns e.g. "28 of 75 doubtful: radar no frames 11, weak 10; camera stands still 7"; empty if
-// all verdicts are ok.
+// no verdict is doubtful.
 std::string doubts_of(const RunSummary& sum);
 // Adds the verdicts of one record to `sum.verdicts` and `sum.doubtful`.
 void count_verdicts(RunSummary& sum, const PerSensor<Verdict>& verdicts);

@@ -223,7 +223,7 @@ Verdict SignalCheck::assess_losses(const record::FusedRecord& r, Sensor sensor,
   const bool tags = spd && r.spd_counts.tags == sync.arrived;
   Verdict out = judge(sync.arrived, sent, tags ? "tags" : spd ? "histograms" : "frames");
   if (spd) {
-    if (!may_be_filtered(r) && out.ok())
+    if (out.ok() && !may_be_filtered(r))
       out = judge(r.spd_counts.starts, at_nominal_rate(nominal_hz_[sensor] * slot_s),
                   "expected start pulses");
     return out;
@@ -248,8 +248,11 @@ void SignalCheck::assess(record::FusedRecord& record, std::span<const Axis> axes
   if (record.has(Sensor::depth)) found[Sensor::depth] = assess_depth(record);
   for (const Sensor s : all_sensors) {
     if (!record.has(s)) continue;
-    found[s].add(assess_losses(record, s, ends[s]));
-    if (!found[s].ok()) record.sync[s].verdict = found[s];
+    Verdict& verdict = record.sync[s].verdict;
+    // An imported record keeps the losses of the record that it was copied from.
+    const Verdict losses = assess_losses(record, s, ends[s]);
+    found[s].add(losses.ok() && verdict.kind == VerdictKind::lossy ? verdict : losses);
+    if (!found[s].ok()) verdict = found[s];
   }
 }
 

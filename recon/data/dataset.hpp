@@ -147,8 +147,8 @@ struct Dataset {
   Rows usable(Inputs inputs) const;  // returns the rows that left_out() does not exclude
 };
 
-// Returns a summary such as "3 of 60 records left out: camera frozen 2, damaged 1"; empty if no
-// record is left out.
+// Returns a summary such as "3 of 60 records left out: camera stands still 2, damaged 1"; empty if
+// no record is left out.
 std::string left_out_text(const std::map<std::string, std::size_t>& reasons, std::size_t all);
 
 // Called for each unusable record, with the record's index and the reason.

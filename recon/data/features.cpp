@@ -65,15 +65,14 @@ void require_directions(const Dataset& data, const Features& model) {
                     (found.rows > 0 ? "known, but unknown" : "unknown, but known") +
                     " in the training data");
   for (std::size_t z = 0; z < found.rows; ++z) {
-    const auto at = found.row(z), wanted = expected.row(z);
-    if (std::abs(at[0] - wanted[0]) < direction_tolerance &&
-        std::abs(at[1] - wanted[1]) < direction_tolerance)
+    const auto at = found.row(z), own = expected.row(z);
+    if (std::abs(at[0] - own[0]) < direction_tolerance &&
+        std::abs(at[1] - own[1]) < direction_tolerance)
       continue;
-    throw Error(
-        ExitCode::failed,
-        path + formatted(": detector zone %zu is at x %.2f, y %.2f (tangents); the model "
-                         "expects x %.2f, y %.2f; are the zones in another order?",
-                         z, double{at[0]}, double{at[1]}, double{wanted[0]}, double{wanted[1]}));
+    throw Error(ExitCode::failed,
+                path + formatted(": detector zone %zu is at x %.2f, y %.2f (tangents); the model "
+                                 "expects x %.2f, y %.2f; are the zones in another order?",
+                                 z, double{at[0]}, double{at[1]}, double{own[0]}, double{own[1]}));
   }
 }
 

@@ -109,6 +109,7 @@ Json RunMessages::sensors() const {
     const auto age = age_s(sensor, now);
     out[name_of(s)] = {{"verdict", sensor.verdict.text()},
                        {"lamp", record::name_of(sensor.verdict.row().lamp)},
+                       {"doubtful", sensor.verdict.row().doubtful},
                        {"configured", sensor.configured},
                        {"valid", sensor.valid},
                        {"age_s", age ? number(*age) : Json()},
@@ -217,6 +218,7 @@ Message RunMessages::make_record(std::int64_t index, bool live) {
     for (const Sensor s : all_sensors)
       head["sensors"][name_of(s)] = {{"verdict", r.sync[s].verdict.text()},
                                      {"lamp", record::name_of(r.sync[s].verdict.row().lamp)},
+                                     {"doubtful", r.sync[s].verdict.row().doubtful},
                                      {"valid", r.has(s)},
                                      {"used", r.sync[s].used},
                                      {"lost", r.sync[s].lost}};

@@ -33,16 +33,23 @@ void add_row_products(std::size_t m, std::size_t n, std::size_t k, const float* 
       HWY_DYNAMIC_DISPATCH(add_row)(n, k, a + i * k, b, c + i * n);
     return;
   }
+  if (n == 0) return;
   const std::size_t width = HWY_DYNAMIC_DISPATCH(panel_width)(), panels = (n + width - 1) / width;
-  const std::size_t parts = std::clamp<std::size_t>(m * n * k / small, 1, panels);
+  const bool by_rows = m > n;  // splits the longer side of C
+  const std::size_t pieces = by_rows ? (m + width - 1) / width : panels;
+  const std::size_t parts = std::clamp<std::size_t>(m * n * k / small, 1, pieces);
+  const std::size_t size = std::min(k, depth) * width;
+  std::vector<float> packed(parts * size);
   for_each_part(parts, [&](std::size_t part) {
-    std::vector<float> packed(std::min(k, depth) * width);
+    const std::size_t from = part * pieces / parts, to = (part + 1) * pieces / parts;
+    const std::size_t row = by_rows ? from * width : 0;
+    const std::size_t rows = by_rows ? std::min(m, to * width) - row : m;
     for (std::size_t i = 0; i < k; i += depth)
-      for (std::size_t p = part * panels / parts; p < (part + 1) * panels / parts; ++p) {
+      for (std::size_t p = by_rows ? 0 : from; p < (by_rows ? panels : to); ++p) {
         const std::size_t col = p * width;
         HWY_DYNAMIC_DISPATCH(add_panel)
-        (m, std::min(width, n - col), std::min(depth, k - i), a + i, k, b + i * n + col, n, c + col,
-         n, packed.data());
+        (rows, std::min(width, n - col), std::min(depth, k - i), a + row * k + i, k,
+         b + i * n + col, n, c + row * n + col, n, packed.data() + part * size);
       }
   });
 }

@@ -2,7 +2,7 @@
 // Matrix product with one record per row. BLAS selects its kernel by the shape of the product, so
 // that a row depends on the number of rows computed with it. Here every element is one chain of
 // multiply-adds in the order of k. A row is therefore identical bit for bit in a product of any
-// number of rows, for any number of threads, and on all processors with fused multiply-adds.
+// number of rows, for any number of threads, and on all processors with AVX2, AVX-512 or NEON.
 #pragma once
 #include <cstddef>
 

@@ -12,8 +12,8 @@ namespace echofuse::recon::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 using Lanes = hn::CappedTag<float, 16>;
 constexpr std::size_t lanes = hn::MaxLanes(Lanes()), panel = 2 * lanes;  // columns in two vectors
-// Rows of C in registers. AVX-512 has 32 registers, the others have 16.
-constexpr std::size_t tile_rows = HWY_TARGET <= HWY_AVX3 ? 12 : 6;
+// Rows of C in registers. AVX-512 and arm64 have 32 registers, the others have 16.
+constexpr std::size_t tile_rows = HWY_TARGET <= HWY_AVX3 || HWY_ARCH_ARM_A64 ? 12 : 6;
 
 // Adds A B to a tile of C, which has `rows` rows and one panel of columns. `lda`, `ldc`: distance
 // of two rows. B is packed: its rows are adjacent.

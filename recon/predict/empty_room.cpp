@@ -116,6 +116,9 @@ std::string state_empty_room(Dataset& data, const std::string& path) {
   match_axes(empty, data.spd_axis, data.radar_axis, sensors, "that of the training runs");
   match_array(empty, data.array_axis);
   require_zones(empty, data.zones.size());
+  Features training;
+  training.zones = data.zones.size(), training.zone_directions = directions_of(data.zones);
+  require_directions(empty, training);
   data.empty_room = empty_room_of(empty, path);
   return data.empty_room.left_out;
 }

@@ -22,7 +22,7 @@ struct TrainOptions {
   // If true, training runs that do not include their radar response may have any response, like the
   // runs of a digital twin.
   bool any_response = false;
-  // How to treat records with a verdict other than "ok" (see doubt_of): "leave" excludes them, and
+  // How to treat records with a doubtful verdict (see doubt_of): "leave" excludes them, and
   // "take" uses them.
   std::string doubtful = "leave";
   // How to treat records with lost samples: "take" uses them, and "leave" excludes them.

@@ -30,10 +30,13 @@ TEST_CASE("the table of verdicts has one row per kind in order, and unambiguous 
   }
 }
 
-TEST_CASE("a verdict of another version keeps its text") {
-  const Verdict old = verdict_of("tags cover only 7 % of the slot");
-  CHECK(old.kind == VerdictKind::other);
-  CHECK(old.text() == "tags cover only 7 % of the slot");
+TEST_CASE("a verdict of version 0.3 gets its kind, and an unknown one keeps its text") {
+  CHECK(verdict_of("tags cover only 7 % of the slot").kind == VerdictKind::covers_part);
+  CHECK(verdict_of("no start tags on channel 3").kind == VerdictKind::no_starts);
+  CHECK(verdict_of("dropped: disk too slow").kind == VerdictKind::not_stored);
+  const Verdict unknown = verdict_of("too green: 7 %");
+  CHECK(unknown.kind == VerdictKind::other);
+  CHECK(unknown.text() == "too green: 7 %");
 }
 
 TEST_CASE("of two verdicts the higher rank is kept, and the other one stays in the figures") {

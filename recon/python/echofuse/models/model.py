@@ -307,10 +307,14 @@ def zones_of(estimator: Estimator, run: runs.Run | Arrays, photons: NDArray[Any]
         found = photons.shape[1] if photons.ndim == 3 else 1
         raise ValueError(f"{run.path}: the detector has {found} zones (expected by the model: "
                          f"{zones})")
-    if not isinstance(run, Arrays) and "zone_directions" in estimator.t:
+    if not isinstance(run, Arrays):
         directions = np.array([(zone.x, zone.y) for zone in run.zones])
-        apart = np.abs(directions - estimator.t["zone_directions"])
-        if not (apart < DIRECTION_TOLERANCE).all():
+        known, expected = bool(np.isfinite(directions).all()), estimator.t.get("zone_directions")
+        if known != (expected is not None):
+            raise ValueError(f"{run.path}: the directions of the detector zones are "
+                             + ("known, but unknown" if known else "unknown, but known")
+                             + " in the training data")
+        if known and not (np.abs(directions - expected) < DIRECTION_TOLERANCE).all():
             raise ValueError(f"{run.path}: the detector zones look in other directions than those "
                              "in training; are they in another order?")
     return np.stack([estimator.matched("spd", run.axes["spd"], photons[rows, k])

@@ -38,7 +38,7 @@ const setText = (id, text) => {
 const faultOf = made => made.fault.replace(/\bspd\b/, names.spd);
 const rate = (n, name) => `${n < 10 ? +n.toPrecision(2) : count(Math.round(n))} ${name === 'spd' ? 'clicks' : 'frames'}/s`;
 
-const doubtsOf = shown => sensors.filter(name => ['look', 'bad'].includes(shown.sensors[name].lamp))
+const doubtsOf = shown => sensors.filter(name => shown.sensors[name].doubtful)
   .map(name => `${names[name]}: ${shown.sensors[name].verdict}`);
 // Returns the colour and the word of a sensor's status indicator. The word is sufficient if the colours cannot be
 // distinguished.
