@@ -76,8 +76,12 @@ void check_names(CLI::App& app, const std::vector<std::string>& words) {
 
 // Rewrites CLI11's messages, because they print the limits of a range with all digits.
 std::string readable(std::string text) {
+  // CLI11 2.1 writes "A to B", CLI11 2.4 writes "[A - B]".
+  text = std::regex_replace(text, std::regex(R"(not in range \[(\S+) - (\S+)\])"),
+                            "not in range $1 to $2");
   const auto at = text.find(" not in range ");
-  if (text.find(" 17976931348623157", std::min(at, text.size())) != text.npos)
+  const std::string limits = text.substr(std::min(at, text.size()));
+  if (limits.find(" 17976931348623157") != limits.npos || limits.ends_with(" 1.79769e+308"))
     return text.substr(0, at) + ": expected a positive number";
   if (at != text.npos)
     text = std::regex_replace(text, std::regex(R"((\.\d*[1-9])0+\b|\.0+\b)"), "$1");

@@ -21,7 +21,7 @@ from testing import Client, Program, here, np, root
 sys.path.append(str(here.parent / "view"))
 import bridge
 import tmf8820
-import websocket
+import page_socket
 
 bin_dir = pathlib.Path(sys.argv[1])
 SLOTS = 60
@@ -105,7 +105,7 @@ class Recording(unittest.TestCase):
     def check_page(self, run):
         with subprocess.Popen([bin_dir / "echofuse-view", run, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE,
                               stderr=subprocess.DEVNULL, text=True) as view:
-            client = websocket.Client(view.stdout.readline().strip())
+            client = page_socket.Client(view.stdout.readline().strip())
             with client.socket:
                 record = client.until("record")
             view.terminate()

@@ -13,7 +13,7 @@ import urllib.error
 import urllib.request
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "view"))
-from websocket import Client
+from page_socket import Client
 
 RECORDS = 10
 pid, output = int(sys.argv[1]), pathlib.Path(sys.argv[2])

@@ -13,7 +13,7 @@ import tempfile
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "view"))
-from websocket import Client  # noqa: E402
+from page_socket import Client  # noqa: E402
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 # Numbers of records in the simulated run, in a tenth of a day, and in a day.

@@ -24,7 +24,7 @@ from live import WINDOW_S, bin_dir, wait_for
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path += [str(ROOT / "tests/view"), str(ROOT / "recon/python")]
 os.environ |= {"ECHOFUSE_BIN": str(bin_dir), "PYTHONPATH": str(ROOT / "recon/python")}
-from websocket import Client
+from page_socket import Client
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
 import fixtures  # noqa: E402
 

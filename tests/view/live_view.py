@@ -16,7 +16,7 @@ import unittest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "system"))
 import live
 from live import WINDOW_S, bin_dir, wait_for
-from websocket import Browser, Client
+from page_socket import Browser, Client
 
 RECORDS = 40
 SCRIPTS = pathlib.Path(__file__).resolve().parent.parent.parent / "scripts"

@@ -6,7 +6,7 @@ import socket
 import threading
 import urllib.parse
 
-from websocket import Client, Refused
+from page_socket import Client, Refused
 
 NOT_FOUND = b"HTTP/1.1 404 Not Found\r\nContent-Type: text/html\r\nConnection: close\r\n\r\n<html><h1>404 of the proxy</h1></html>"
 

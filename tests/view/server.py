@@ -22,7 +22,7 @@ import unittest
 import urllib.parse
 
 import proxy
-from websocket import Client, Refused
+from page_socket import Client, Refused
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
 import fixtures  # noqa: E402
 
