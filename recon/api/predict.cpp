@@ -63,12 +63,8 @@ Dataset dataset_of(const TrainedModel& model, std::span<const float> counts,
     Matrix all;
     put_row(all, counts, takes.spd_count(), "counts", 0.0F);
     // Arrays state no directions of the zones, so those of the model are assumed.
-    data.zones.resize(takes.zones);
-    for (std::size_t z = 0; z < takes.zone_directions.rows; ++z) {
-      const auto direction = takes.zone_directions.row(z);
-      data.zones[z].x = double{direction[0]}, data.zones[z].y = double{direction[1]};
-    }
-    if (takes.zones > 0) data.zone_spd = all;
+    data.zones = takes.zones;
+    if (!takes.zones.empty()) data.zone_spd = all;
     data.spd = Matrix(1, bins);
     for (std::size_t i = 0; i < all.cols; ++i) data.spd.row(0)[i % bins] += all.row(0)[i];
     if (!counts.empty()) valid.insert(Sensor::spd);
@@ -104,7 +100,7 @@ RunAxis Model::radar_axis() const {
   const Features& takes = file_->model->features;
   return takes.radar_count() > 0 ? public_axis(takes.radar_axis) : RunAxis{};
 }
-std::size_t Model::zones() const { return std::max<std::size_t>(file_->model->features.zones, 1); }
+std::size_t Model::zones() const { return histograms_of(file_->model->features.zones); }
 MapGrid Model::grid() const { return public_grid(file_->model->scene.grid); }
 
 DepthMap predict(const Model& model, const Run& run, std::int64_t index) {

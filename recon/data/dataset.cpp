@@ -256,12 +256,7 @@ class Appender {
   // Adopts the zones of the first run. Throws Error(failed) if the zones of another run differ.
   void adopt_zones() {
     if (data_.sources.empty()) data_.zones = zones_;
-    const auto near = [](const Zone& a, const Zone& b) {
-      return a.has_direction() == b.has_direction() &&
-             (!a.has_direction() || (std::abs(a.x - b.x) < direction_tolerance &&
-                                     std::abs(a.y - b.y) < direction_tolerance));
-    };
-    if (!std::ranges::equal(zones_, data_.zones, near))
+    if (!std::ranges::equal(zones_, data_.zones, same_direction))
       throw Error(ExitCode::failed,
                   printable(path_) + ": the detector zones differ in number or direction (here " +
                       std::to_string(histograms_of(zones_)) + " zones; " +

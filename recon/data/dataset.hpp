@@ -65,10 +65,6 @@ struct DamagedRecord {
 };
 std::string to_text(const DamagedRecord& damaged);  // returns "RUN: record 3: REASON"
 
-// Tolerance of the tangents of a zone's direction, because two boards of the same type may differ
-// by this much.
-inline constexpr double direction_tolerance = 0.01;
-
 // Reason to exclude a record: all bins of the SPD or radar have the same value.
 inline constexpr const char* dead_record = "the same in every bin";
 // Reason to exclude a record: it was used for training or validation of the model.

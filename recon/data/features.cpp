@@ -2,7 +2,6 @@
 #include "recon/data/features.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -38,47 +37,31 @@ float gain_for(std::span<const double> variances, double wanted) {
 
 }  // namespace
 
-void require_zones(const Dataset& data, std::size_t zones) {
-  if (zones > 0 && data.zones.size() != zones)
-    throw Error(ExitCode::failed, (data.sources.empty() ? "the run" : data.sources.front().path) +
-                                      ": the detector has " +
-                                      std::to_string(histograms_of(data.zones)) +
-                                      " zones; the model expects " + std::to_string(zones));
-}
-
-Matrix directions_of(const Zones& zones) {
-  Matrix out(0, 2);
-  for (const Zone& zone : zones) {
-    if (!zone.has_direction()) return Matrix(0, 2);
-    out.add_row(std::array{static_cast<float>(zone.x), static_cast<float>(zone.y)});
-  }
-  return out;
-}
-
-void require_directions(const Dataset& data, const Features& model) {
-  const Matrix found = directions_of(data.zones), &expected = model.zone_directions;
-  if (model.zones == 0 || data.zones.size() != model.zones) return;
+void require_zones(const Dataset& data, const Zones& expected) {
+  if (expected.empty()) return;
   const std::string path = data.sources.empty() ? "the run" : data.sources.front().path;
-  if (found.rows != expected.rows)
+  if (data.zones.size() != expected.size())
     throw Error(ExitCode::failed,
-                path + ": the directions of the detector zones are " +
-                    (found.rows > 0 ? "known, but unknown" : "unknown, but known") +
-                    " in the training data");
-  for (std::size_t z = 0; z < found.rows; ++z) {
-    const auto at = found.row(z), own = expected.row(z);
-    if (std::abs(at[0] - own[0]) < direction_tolerance &&
-        std::abs(at[1] - own[1]) < direction_tolerance)
-      continue;
+                path + ": the detector has " + std::to_string(histograms_of(data.zones)) +
+                    " zones; the model expects " + std::to_string(expected.size()));
+  for (std::size_t z = 0; z < expected.size(); ++z) {
+    const Zone &found = data.zones[z], &own = expected[z];
+    if (same_direction(found, own)) continue;
+    if (found.has_direction() != own.has_direction())
+      throw Error(ExitCode::failed,
+                  path + ": the directions of the detector zones are " +
+                      (found.has_direction() ? "known, but unknown" : "unknown, but known") +
+                      " in the training data");
     throw Error(ExitCode::failed,
                 path + formatted(": detector zone %zu is at x %.2f, y %.2f (tangents); the model "
                                  "expects x %.2f, y %.2f; are the zones in another order?",
-                                 z, double{at[0]}, double{at[1]}, double{own[0]}, double{own[1]}));
+                                 z, found.x, found.y, own.x, own.y));
   }
 }
 
 Matrix Features::raw_inputs(const Dataset& data, const Rows& rows) const {
   require_zones(data, zones);
-  const Matrix& histograms = zones > 0 ? data.zone_spd : data.spd;
+  const Matrix& histograms = zones.empty() ? data.spd : data.zone_spd;
   Matrix out(rows.size(), count());
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto row = out.row(i);
@@ -111,8 +94,7 @@ Matrix Features::apply(const Dataset& data, const Rows& rows) const {
 Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
                       const std::string& scaling) {
   Features f{inputs, scaling, data.spd_axis, data.radar_axis, {}, 1, 1};
-  if (inputs != Inputs::radar)
-    f.zones = data.zones.size(), f.zone_directions = directions_of(data.zones);
+  if (inputs != Inputs::radar) f.zones = data.zones;
   if (scaling == raw_scaling || rows.empty()) {
     if (scaling == raw_scaling && inputs == Inputs::fused) f.array_axis = data.array_axis;
     f.centre.assign(f.count(), 0);

@@ -34,7 +34,7 @@ void normalise(std::span<float> values);
 struct Features {
   Layout layout() const {
     return {spd_count() > 0 ? spd_axis : Axis{}, radar_count() > 0 ? radar_axis : Axis{},
-            array_axis, zones};
+            array_axis, zones.size()};
   }
   Inputs inputs = Inputs::fused;
   std::string scaling = "record";
@@ -42,20 +42,18 @@ struct Features {
   std::vector<float> centre;           // value subtracted from each input
   float spd_gain = 1, radar_gain = 1;  // factors that multiply the SPD and radar inputs
   Axis array_axis = {};                // its count is 0 if the inputs contain no spatial lags
-  // Number of zones that have separate histograms as inputs; 0: the only histogram is the sum over
-  // all zones.
-  std::size_t zones = 0;
-  // Tangents x and y of the direction of each zone [zones x 2]; no rows if they are unknown.
-  Matrix zone_directions = {};
+  // Zones that have separate histograms as inputs; empty: the only histogram is the sum over all
+  // zones. A model file stores their number and directions.
+  Zones zones = {};
 
   std::size_t spd_count() const {
-    return inputs == Inputs::radar ? 0 : spd_axis.count * std::max<std::size_t>(zones, 1);
+    return inputs == Inputs::radar ? 0 : spd_axis.count * histograms_of(zones);
   }
   std::size_t radar_count() const { return inputs == Inputs::spd ? 0 : radar_axis.count; }
   std::size_t array_count() const { return lag_columns(array_axis); }
   std::size_t count() const { return spd_count() + radar_count() + array_count(); }
-  // Returns unscaled inputs [rows x count()], SPD first. Throws Error(failed) if the number of
-  // zones in the data differs from that of the model.
+  // Returns unscaled inputs [rows x count()], SPD first. Throws Error(failed) if the zones of
+  // the data differ from those of the model.
   Matrix raw_inputs(const Dataset& data, const Rows& rows) const;
   // Returns the inputs after the scaling of each record, before the centre and the gains are
   // applied.
@@ -65,15 +63,9 @@ struct Features {
   Matrix apply(const Dataset& data, const Rows& rows) const;
 };
 
-// Throws Error(failed) if the detector does not have this number of zones; 0 allows any number.
-void require_zones(const Dataset& data, std::size_t zones);
-
-// Returns the tangents of the directions of the zones [zones x 2]. Returns no rows if a direction
-// is unknown.
-Matrix directions_of(const Zones& zones);
-// Throws Error(failed) if a zone of the data looks in another direction than that of the model,
-// e.g. because the zones are stored in another order.
-void require_directions(const Dataset& data, const Features& model);
+// Throws Error(failed) if the detector does not have these zones in this order. Compares their
+// number and directions. An empty list allows any zones.
+void require_zones(const Dataset& data, const Zones& expected);
 
 // Computes the centre and the gains from `rows`, so that all sensors have the same total variance.
 // If `rows` is empty or the scaling is "raw", the centre is 0 and the gains are 1.

@@ -37,7 +37,7 @@ EmptyRoom take(Estimator& model, const std::string& path, const Dataset& empty) 
   if (model.features.radar_count() == 0) now.radar.clear();
   if (model.features.array_count() == 0) now.array.clear();
   require_zones(empty, model.features.zones);
-  if (model.features.zones == 0) now.zone_spd.clear();
+  if (model.features.zones.empty()) now.zone_spd.clear();
   if (model.features.array_count() > 0 && now.array.empty())
     throw Error(ExitCode::failed, printable(path) +
                                       ": contains no radar antenna samples, which the model "
@@ -115,10 +115,7 @@ std::string state_empty_room(Dataset& data, const std::string& path) {
                                                     : Inputs::fused;
   match_axes(empty, data.spd_axis, data.radar_axis, sensors, "that of the training runs");
   match_array(empty, data.array_axis);
-  require_zones(empty, data.zones.size());
-  Features training;
-  training.zones = data.zones.size(), training.zone_directions = directions_of(data.zones);
-  require_directions(empty, training);
+  require_zones(empty, data.zones);
   data.empty_room = empty_room_of(empty, path);
   return data.empty_room.left_out;
 }

@@ -23,6 +23,22 @@ void archive_axis(Archive archive, Axis& axis) {
   archive.number("scale", axis.scale, -1e9, 1e9);
 }
 
+// The directions of the zones are stored if they are all known.
+void archive_zones(Archive archive, Zones& zones) {
+  std::size_t count = zones.size();
+  archive.count("zones", count, 0, static_cast<std::int64_t>(most_zones));
+  zones.resize(count);
+  const bool known = !zones.empty() && std::ranges::all_of(zones, &Zone::has_direction);
+  if (!archive.part("knows_directions", known)) return;
+  Matrix directions(count, 2);
+  for (std::size_t z = 0; z < count; ++z)
+    directions.row(z)[0] = static_cast<float>(zones[z].x),
+    directions.row(z)[1] = static_cast<float>(zones[z].y);
+  archive.table("zone_directions", directions, count, 2);
+  for (std::size_t z = 0; z < count; ++z)
+    zones[z].x = double{directions.row(z)[0]}, zones[z].y = double{directions.row(z)[1]};
+}
+
 void archive_features(Archive archive, Features& f, bool views) {
   std::string inputs = name_of(f.inputs);
   archive.text("inputs", inputs, inputs_names);
@@ -31,9 +47,7 @@ void archive_features(Archive archive, Features& f, bool views) {
   f.spd_axis.name = "spd", f.radar_axis.name = "radar", f.array_axis.name = "array";
   archive_axis(archive.in("axes/spd"), f.spd_axis);
   archive_axis(archive.in("axes/radar"), f.radar_axis);
-  archive.count("zones", f.zones, 0, static_cast<std::int64_t>(most_zones));
-  if (archive.part("knows_directions", f.zone_directions.rows > 0))
-    archive.table("zone_directions", f.zone_directions, f.zones, 2);
+  archive_zones(archive, f.zones);
   if (archive.part("takes_antennas", f.array_axis.count > 0)) {
     archive_axis(archive.in("axes/array"), f.array_axis);
     const double lags = f.array_axis.scale;
@@ -150,7 +164,8 @@ Preprocessing::Preprocessing(const Dataset& data, const Rows& train, Inputs inpu
     std::vector<float> still = room.spd;
     if (sensors.radar_count() > 0) still.insert(still.end(), room.radar.begin(), room.radar.end());
     if (sensors.array_count() > 0) still.insert(still.end(), room.array.begin(), room.array.end());
-    if (sensors.zones > 0) still.insert(still.end(), room.zone_spd.begin(), room.zone_spd.end());
+    if (!sensors.zones.empty())
+      still.insert(still.end(), room.zone_spd.begin(), room.zone_spd.end());
     alignment.set_background(still);
   }
   views = align(observations, alignment);

@@ -70,7 +70,7 @@ void TrainedModel::match(Dataset& data) const {
   require_map(data, first().scene.grid, "the model");
   const bool lost = !has_radar(data) && estimators.back().features.inputs == Inputs::spd;
   match_axes(data, features.spd_axis, features.radar_axis, lost ? Inputs::spd : features.inputs);
-  require_directions(data, features);
+  if (data.zones.size() == features.zones.size()) require_zones(data, features.zones);
   bring_to_response(data, radar_response, any_response);
   if (!lost || features.inputs == Inputs::spd) return match_array(data, features.array_axis);
   data.array_axis = features.array_axis;
