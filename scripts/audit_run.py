@@ -106,7 +106,7 @@ class Tags:
         self.clock_faults = min((e["t"] for e in entries if e["what"].startswith("begin clock_")), default=float("inf"))
         self.sums = collections.Counter()  # number of tags, by the fate of their block
         self.delivered, self.losses = [], []  # lists of (earliest time, latest time, amount)
-        self.lost_blocks = self.received = 0  # received: number of tags
+        self.lost_blocks = self.received = self.full = 0  # received: number of tags; full: of blocks with tags
         self.pending = 0  # tags lost since the last delivered block, including those of earlier connections
         for number, connection in enumerate(connection_list):
             self.take(connection, number > 0)
@@ -143,8 +143,9 @@ class Tags:
             first = self.earliest(block)
             self.delivered.append((first, by, block["tags"], block["t"]))
             self.received += block["tags"]
+            self.full += block["tags"] > 0
             if self.pending:  # the daemon estimates the tags of a lost block from the mean size of a block
-                self.losses.append((first, by, round(self.pending * max(1, self.received / len(self.delivered)))))
+                self.losses.append((first, by, round(self.pending * max(1, self.received / max(1, self.full)))))
                 self.lost_blocks += self.pending
             self.pending = 0
 

@@ -29,7 +29,7 @@ struct RunOptions {
   // Receives each status line; if empty, the lines are printed to stderr.
   std::function<void(std::string)> show_status;
   std::vector<std::string> on_doubt;  // program and arguments run by DoubtHook; empty: no program
-  // If true, record_run() returns ExitCode::partial if any record has a sensor that is not "ok".
+  // If true, record_run() returns ExitCode::partial if any record is doubtful.
   bool strict = false;
   // Folder for the raw bytes of all ports; if empty, raw bytes are not stored.
   std::string keep_raw;

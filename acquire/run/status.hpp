@@ -16,14 +16,14 @@ namespace echofuse::acquire {
 struct RunTotals {
   std::int64_t records = 0, written = 0;
   std::int64_t incomplete = 0;  // number of records in which a required sensor is not valid
-  std::int64_t not_ok = 0;      // number of records in which a configured sensor is not "ok"
+  std::int64_t not_ok = 0;      // number of records in which a configured sensor is doubtful
   // Number of samples received, and total duration of the slots.
   std::uint64_t tags = 0, radar_frames = 0, depth_frames = 0;
   double slots_s = 0;
   PerSensor<std::uint64_t> lost{};  // number of lost tags, radar frames and depth frames
   // The following values belong to the last record.
   PerSensor<double> rate_hz{};  // received tags or frames per second
-  SensorSet valid, doubtful;    // doubtful: configured but not "ok"
+  SensorSet valid, doubtful;    // doubtful: configured, with a doubtful verdict
   std::string trouble;  // first doubtful sensor and the kind of its verdict, e.g. "radar weak"
   std::string label;
   record::Signal signal;

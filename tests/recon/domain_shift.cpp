@@ -41,7 +41,7 @@ void blur(std::vector<float>& profile) {
 }
 
 // Replaces the data with noise like that measured in an empty room by working sensors.
-const Change nobody = [](FusedRecord& r) {
+const Change without_body = [](FusedRecord& r) {
   Rng rng = make_rng(7, static_cast<std::uint64_t>(r.index));
   for (auto& v : counts(r)) v = 15 + static_cast<std::uint32_t>(rng() % 10);
   for (float& v : power(r)) v = 1 + static_cast<float>(rng() % 100) / 100;
@@ -87,17 +87,17 @@ TEST_CASE("the domain-shift test ignores sensor gains and skips runs with few re
 
 TEST_CASE("a run with mostly flagged records is reported as different from the training data") {
   const TrainedModel& model = trained("mean-shape", "fused");
-  const DomainShift all = shift_of(model, plates(30, 10, nobody));
+  const DomainShift all = shift_of(model, plates(30, 10, without_body));
   CAPTURE(all.text(), all.flagged, all.judged);
   CHECK(all.found());
   CHECK_THAT(all.text(), Catch::StartsWith("this run differs from the training data: ") &&
                              Catch::Contains("of 30 records are unusual ("));
   const DomainShift half = shift_of(model, plates(60, 11, [&](FusedRecord& r) {
-                                      if (r.index % 3 == 0) nobody(r);
+                                      if (r.index % 3 == 0) without_body(r);
                                     }));
   CHECK(half.flagged >= 20);
   CHECK_FALSE(half.mostly_flagged());
-  CHECK_FALSE(shift_of(model, plates(19, 10, nobody)).found());
+  CHECK_FALSE(shift_of(model, plates(19, 10, without_body)).found());
 }
 
 TEST_CASE("records are flagged as saturated or empty only if the training records are not") {
@@ -120,10 +120,10 @@ TEST_CASE("records are flagged as saturated or empty only if the training record
   // training record.
   CHECK(bright[1] != "saturated");
   CHECK(bright[2] == "saturated");
-  const Dataset none = plates(3, 3, nobody);
+  const Dataset none = plates(3, 3, without_body);
   CHECK(reasons(plates(200, 1), none)[0] == "empty");
   const Change often = [](FusedRecord& r) {
-    if (r.index % 3 == 0) nobody(r);
+    if (r.index % 3 == 0) without_body(r);
   };
   CHECK(reasons(plates(200, 1, often), none)[0] != "empty");
 }
