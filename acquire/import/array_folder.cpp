@@ -288,7 +288,7 @@ namespace {
 // Resets the verdict on replaced data. Losses stay, because they cannot be assessed again.
 void reassess(record::FusedRecord& r, Sensor sensor) {
   record::Verdict& verdict = r.sync[sensor].verdict;
-  if (verdict.kind != record::VerdictKind::lossy) verdict = {record::VerdictKind::ok, {}};
+  if (verdict.kind != record::VerdictKind::lossy) verdict = record::ok_verdict;
 }
 
 }  // namespace
@@ -297,7 +297,7 @@ void reassess(record::FusedRecord& r, Sensor sensor) {
 void ArrayFolder::mark(record::FusedRecord& r, Sensor sensor, std::uint64_t used) const {
   if (!settings_.run.empty()) return;
   r.valid.insert(sensor);
-  r.sync[sensor] = {0, settings_.window_s, used, 0, {record::VerdictKind::ok, {}}, used};
+  r.sync[sensor] = {0, settings_.window_s, used, 0, record::ok_verdict, used};
 }
 
 void ArrayFolder::put_counts(record::FusedRecord& r) {

@@ -14,6 +14,12 @@ constexpr SensorSet signals{Sensor::spd, Sensor::radar}, frames{Sensor::radar, S
 using enum VerdictKind;
 using enum Lamp;
 
+// Returns the row of a verdict without valid data.
+constexpr VerdictRow absent(VerdictKind kind, const char* word, SensorSet sensors,
+                            const char* sentence) {
+  return {kind, word, sensors, false, false, false, true, look, "", sentence};
+}
+
 // Columns: kind, word, sensors, valid, trains, truth, doubtful, lamp, setting, sentence.
 constexpr VerdictRow table[] = {
     {ok, "ok", any, true, true, true, false, good, "", "The data are good."},
@@ -33,30 +39,24 @@ constexpr VerdictRow table[] = {
      "The data are identical to those of the previous record."},
     {not_configured, "not configured", any, false, false, false, false, off, "",
      "The configuration does not contain this sensor."},
-    {missing, "missing", any, false, false, false, true, look, "", "There are no data."},
-    {no_tags, "no tags", spd, false, false, false, true, look, "", "The tagger sent no tags."},
-    {no_starts, "no start tags", spd, false, false, false, true, look, "",
-     "The tagger sent no tags on the start channel."},
-    {no_histograms, "no histograms", spd, false, false, false, true, look, "",
-     "The detector sent no histograms."},
-    {no_frames, "no frames", frames, false, false, false, true, look, "",
-     "The device sent no frames."},
-    {no_profile, "no range profile", radar, false, false, false, true, look, "",
-     "The frames contain no range profile."},
-    {covers_part, "covers only part", spd, false, false, false, true, look, "",
-     "The samples cover less than half of the slot."},
-    {in_overflow, "in overflow", spd, false, false, false, true, look, "",
-     "The tagger has been in an overflow since an earlier slot. No clicks are counted."},
-    {other_axis, "other axis", any, false, false, false, true, look, "",
-     "The size or axis of the data differs from the one at the start of the run."},
-    {odd, "odd", depth, false, false, false, true, look, "",
-     "The values of an imported depth map are implausible."},
-    {stood_still, "the program stood still", any, false, false, false, true, look, "",
-     "The operating system suspended the program for longer than a slot."},
+    absent(missing, "missing", any, "There are no data."),
+    absent(no_tags, "no tags", spd, "The tagger sent no tags."),
+    absent(no_starts, "no start tags", spd, "The tagger sent no tags on the start channel."),
+    absent(no_histograms, "no histograms", spd, "The detector sent no histograms."),
+    absent(no_frames, "no frames", frames, "The device sent no frames."),
+    absent(no_profile, "no range profile", radar, "The frames contain no range profile."),
+    absent(covers_part, "covers only part", spd, "The samples cover less than half of the slot."),
+    absent(in_overflow, "in overflow", spd,
+           "The tagger has been in an overflow since an earlier slot. No clicks are counted."),
+    absent(other_axis, "other axis", any,
+           "The size or axis of the data differs from the one at the start of the run."),
+    absent(odd, "odd", depth, "The values of an imported depth map are implausible."),
+    absent(stood_still, "the program stood still", any,
+           "The operating system suspended the program for longer than a slot."),
     {not_stored, "not stored", any, false, false, false, true, bad, "",
      "The data were dropped because the disk is too slow, or could not be stored."},
-    {other, "other", any, false, false, false, true, look, "",
-     "The verdict was written by another version; the figures contain its text."},
+    absent(other, "other", any,
+           "The verdict was written by another version; the figures contain its text."),
 };
 
 static_assert([] {

@@ -80,6 +80,8 @@ struct Verdict {
   bool operator==(const Verdict&) const = default;
 };
 
+inline const Verdict ok_verdict{VerdictKind::ok, {}};
+
 // Reads text(). A text with an unknown word, e.g. from another version, becomes `other` with the
 // whole text as figures.
 Verdict verdict_of(std::string_view text);

@@ -13,6 +13,7 @@
 
 namespace echofuse::acquire {
 
+using record::ok_verdict;
 using record::Verdict;
 using record::VerdictKind;
 
@@ -70,8 +71,6 @@ bool may_be_filtered(const record::FusedRecord& r) {
   return !a_pulse || *a_pulse * starts < most_share * clicks;
 }
 
-const Verdict good{VerdictKind::ok, {}};
-
 Verdict still(const char* parts) {
   return {VerdictKind::stands_still, format("identical to the previous record in every %s", parts)};
 }
@@ -96,7 +95,7 @@ std::optional<double> SignalCheck::Reference::add(double strength, std::size_t a
 
 Verdict SignalCheck::beside_reference(Sensor sensor, double strength, const char* what) {
   const auto usual = references_[sensor].add(strength, reference_records_);
-  if (!usual || strength >= limits_.weak_share * *usual) return good;
+  if (!usual || strength >= limits_.weak_share * *usual) return ok_verdict;
   return {VerdictKind::weak, format("%s is %.2g times its median in the first minute of the run",
                                     what, strength / *usual)};
 }
@@ -215,7 +214,8 @@ Verdict SignalCheck::assess_losses(const record::FusedRecord& r, Sensor sensor,
   const auto judge = [&](std::uint64_t received, double sent, const char* unit) -> Verdict {
     const auto arrived = static_cast<double>(received);
     // A deficit of one frame is tolerated, because a frame may fall into the adjacent slot.
-    if (received == 0 || arrived >= limits_.lossy_share * sent || sent - arrived < 2) return good;
+    if (received == 0 || arrived >= limits_.lossy_share * sent || sent - arrived < 2)
+      return ok_verdict;
     return {VerdictKind::lossy,
             format("%.0f %% of the %.0f %s received", 100 * arrived / sent, sent, unit)};
   };
@@ -240,7 +240,7 @@ void SignalCheck::assess(record::FusedRecord& record, std::span<const Axis> axes
   const auto axis = [&](const char* name) {
     return std::find_if(axes.begin(), axes.end(), [&](const Axis& a) { return a.name == name; });
   };
-  PerSensor<Verdict> found{good, good, good};
+  PerSensor<Verdict> found{ok_verdict, ok_verdict, ok_verdict};
   if (const auto a = axis("spd"); record.has(Sensor::spd) && a != axes.end())
     found[Sensor::spd] = assess_spd(record, *a);
   if (const auto a = axis("radar"); record.has(Sensor::radar) && a != axes.end())

@@ -11,12 +11,13 @@
 
 namespace echofuse::acquire {
 
+using record::ok_verdict;
 using record::VerdictKind;
 
 namespace {
 
 constexpr std::size_t most_late_slots = 256;
-const record::Verdict good{VerdictKind::ok, {}}, no_frames{VerdictKind::no_frames, {}};
+const record::Verdict no_frames{VerdictKind::no_frames, {}};
 const record::Verdict axis_changed{VerdictKind::other_axis,
                                    "differs from the one at the start of the run"};
 
@@ -257,16 +258,16 @@ record::Verdict Windows::spd_fault(const Slot& slot, HostTime end) const {
     return {VerdictKind::covers_part,
             (sends_histograms_ ? "histograms" : "tags") + std::string(" for ") +
                 std::to_string(100 * span / grid_.length) + " % of the slot"};
-  return good;
+  return ok_verdict;
 }
 
 record::Verdict Windows::radar_fault(const Slot& slot) const {
-  if (slot.radar_times.count > 0) return good;
+  if (slot.radar_times.count > 0) return ok_verdict;
   return slot.radar_frames > 0 ? slot.radar_fault : no_frames;
 }
 
 record::Verdict Windows::depth_fault(const Slot& slot) const {
-  if (slot.depth) return good;
+  if (slot.depth) return ok_verdict;
   return slot.depth_frames > 0 ? slot.depth_fault : no_frames;
 }
 
@@ -350,7 +351,7 @@ record::FusedRecord Windows::close(const DueSlot& due) {
     } else if (!faults[s].ok()) {
       verdict = faults[s];
     } else {
-      verdict = good;
+      verdict = ok_verdict;
       record.valid.insert(s);
     }
   }
