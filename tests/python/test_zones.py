@@ -11,7 +11,7 @@ import echofuse
 from echofuse.bench import derive
 from echofuse.models.photon_baselines import FirstReturn
 from echofuse.runs import zones
-from fixtures import BIN, change
+from fixtures import BIN, change, changed, model, plates
 
 ROOT = pathlib.Path(__file__).parents[2]
 ACQUIRE = str(BIN / "echofuse-acquire")
@@ -158,3 +158,19 @@ def test_zones_example_compares_detectors_with_one_and_nine_zones():
         (count, method) for count in ("1", "9") for method in ("truth", "mean", "nearest:spd")]
     iou = {(row[0], row[4]): float(row[5] or 1) for row in rows[1:]}
     assert iou["9", "nearest:spd"] > iou["1", "nearest:spd"] > iou["1", "mean"] == 0
+
+
+@pytest.mark.parametrize("name, said", [("zones are mirrored", "another order"),
+                                        ("zones have no directions", "are unknown, but known")])
+def test_models_of_zones_refuse_other_directions_in_python_and_in_the_programs(tmp_path, name, said):
+    own = plates("nine_zones", 40)
+    path = model("ridge", own, "--inputs", "spd")
+    other = changed(own, tmp_path / "other.sqlite", name)
+    reader = echofuse.load_model(path)
+    with echofuse.open(own) as run:
+        assert len(reader.predict(run).depth_m) == 40
+    with echofuse.open(other) as run, pytest.raises(ValueError, match=said):
+        reader.predict(run)
+    done = subprocess.run([BIN / "echofuse-recon", "reconstruct", "-q", path, other, "--out", tmp_path / "maps"],
+                          capture_output=True, text=True)
+    assert done.returncode == 1 and said in done.stderr
