@@ -6,7 +6,6 @@ the following slots "near" or "far" by the range of the record's histogram peak.
     echofuse-acquire run --out monday &
     python3 closed_loop.py monday
 """
-import subprocess
 import sys
 
 import echofuse
@@ -32,9 +31,10 @@ def main(path: str) -> None:
         wanted = label_of(record, (axis.values + axis.step / 2) * M_PER_PS)
         print(f"record {record.index}: {wanted}", flush=True)
         if wanted != label:
-            done = subprocess.run(["echofuse-acquire", "annotate", path, "--label", wanted])
-            if done.returncode:
-                break  # annotate fails when the run has ended
+            try:
+                echofuse.annotate(run, label=wanted)
+            except RuntimeError:
+                break  # the run has ended
             label = wanted
 
 

@@ -40,13 +40,65 @@ def test_write_run_accepts_integer_float_and_bool_arrays(tmp_path, kind):
     assert np.array_equal(write(tmp_path / "own", spd=spd).spd, spd.astype(np.uint32))
 
 
-def test_row_of_nan_marks_the_sensor_as_invalid_in_that_record(tmp_path):
-    spd, radar = np.ones((3, 5)), np.ones((3, 4))
-    spd[1] = np.nan
-    radar[2] = np.nan
-    run = write(tmp_path / "own", spd=spd, radar=radar)
-    assert run.valid["spd"].tolist() == [True, False, True] and run.valid["radar"].tolist() == [True, True, False]
-    assert not run.valid["depth"].any()
+def masked(shape, row, kind="u2"):
+    return np.ma.masked_where(np.arange(shape[0]).reshape(-1, *[1] * (len(shape) - 1)) * np.ones(shape) == row, np.full(shape, 2000, kind))
+
+
+@pytest.mark.parametrize("spd, radar, depth", [
+    (np.array([[1, 1], [np.nan, np.nan], [1, 1]]), np.ones((3, 4)), None),
+    (masked((3, 5), 1), masked((3, 4), 2), masked((3, 16, 16), 0)),
+    ([*masked((3, 5), 1)], masked((3, 4), 2, float), masked((3, 16, 16), 0, float) / 1000),
+    ([[1, 2], None, [3, 4]], [[1., 2.], [1., 2.], np.ma.masked], [None, *np.full((2, 16, 16), 2000)]),
+    (np.array([[1, 2], [None, None], [3, 4]]), None, None),
+])
+def test_row_of_nan_or_none_or_masked_values_marks_the_sensor_as_missing(tmp_path, spd, radar, depth):
+    run = write(tmp_path / "own", spd=spd, radar=radar, depth_m=depth)
+    assert run.valid["spd"].tolist() == [True, False, True]
+    for name, given, row in ("radar", np.ma.is_masked(radar), 2), ("depth", depth is not None, 0):
+        assert run.valid[name].tolist() == [given and at != row for at in range(3)] or not given
+
+
+def test_masked_pixels_of_depth_images_have_no_return(tmp_path):
+    mm = masked((16, 16), 5)
+    for name, given in ("mm", mm), ("m", mm / 1000), ("object", np.where(mm.mask, None, mm.data)):
+        run = write(tmp_path / name, spd=np.ones((2, 5)), depth_m=[given] * 2 if name != "object" else np.stack([given] * 2))
+        assert np.array_equal(run.depth[1], mm.filled(0) / np.float32(1000) * np.where(mm.mask, np.nan, np.float32(1)), equal_nan=True)
+
+
+@pytest.mark.parametrize("said, arrays", [
+    ("spd: row 1 is masked in part", {"spd": np.ma.masked_equal(np.arange(6).reshape(3, 2), 2)}),
+    ("spd: row 0 is masked in part", {"spd": [[1, None], [1, 2]]}),
+    ("radar: row 2 is masked in part", {"radar": np.ma.masked_equal(np.arange(6.).reshape(3, 2), 5)}),
+    ("spd: expected an array of numbers", {"spd": [[1, 2], [3]]}),
+    ("zones: contains masked values", {"spd": np.ones((3, 1, 5)), "zones": [np.ma.masked_equal([0, 0, 1], 1)]}),
+    ("labels: b'a' (expected text or a number)", {"spd": np.ones((1, 5)), "labels": [b"a"]}),
+])
+def test_write_run_refuses_arguments_that_are_not_arrays_of_numbers(tmp_path, said, arrays):
+    with pytest.raises(ValueError) as refused:
+        write(tmp_path / "own", **arrays)
+    assert said in str(refused.value) and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("given, stored", [(np.arange(3), ["0", "1", "2"]), ([0.5, None, np.str_("x")], ["0.5", "", "x"]),
+                                           ("\U0001f600\x7f\t\"\\\n\xfc", 3)])
+def test_labels_may_be_numbers_and_contain_any_character(tmp_path, given, stored):
+    labels = {"label": given} if stored == 3 else {"labels": given}
+    assert write(tmp_path / "own", spd=np.ones((3, 5)), **labels).labels == ([given] * 3 if stored == 3 else stored)
+
+
+@pytest.mark.parametrize("name", ["x-%Y", "100%", "%%", "-x", "x.sqlite.y"])
+def test_write_run_uses_a_name_as_given(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    assert len(write(name, spd=np.ones((3, 5)))) == 3 and [path.name for path in tmp_path.iterdir()] == [f"{name}.sqlite"]
+
+
+@pytest.mark.parametrize("size", [(8, 6), (2, 2), (300, 300)])
+def test_images_that_are_resampled_to_maps_of_64_pixels_are_named(tmp_path, size):
+    arrays = {"spd": np.ones((1, 5)), "depth_m": np.full((1, *size), 2.0)}
+    with pytest.warns(UserWarning, match="depth_m: images of {} x {} pixels become maps of 64 x 64".format(*size)) as warned:
+        assert write(tmp_path / "own", **arrays).maps().shape == (1, 64, 64)
+    assert len(warned) == 1 and write(tmp_path / "given", **arrays, map_size=20).maps().shape == (1, 20, 20)
+    assert len(warned) == 1
 
 
 @pytest.mark.parametrize("said, arrays", [

@@ -350,18 +350,20 @@ def test_closed_run_in_wal_mode_can_be_read_from_a_read_only_folder(folder, tmp_
 def test_record_function_records_a_run_and_returns_it(tmp_path, monkeypatch):
     laboratory = ["echofuse-sim", "lab", "--dir", tmp_path / "lab", "--scene", "person", "--hold", "0.2", "--window", "0.2", "--"]
     code = """if True:
-        import echofuse
-        run = echofuse.record("%s/lab/lab.toml", count=2, label="here", out="%s/two")
-        print(len(run), run.labels, run.info["status"])
+        import echofuse, numpy as np
+        run = echofuse.record("%s/lab/lab.toml", count=2, label="here", out="%s/%%Y",
+                              settings={"radar.keep_running": True, "run.window_s": np.float64(0.2)})
+        echofuse.annotate(run, "-a note")
+        print(len(run), run.labels, run.info["status"], run.refresh().events()[-1][-1])
         try:
-            echofuse.record("%s/lab/lab.toml", out="%s/two")
+            echofuse.record("%s/lab/lab.toml", out="%s/%%Y")
         except RuntimeError as error:
             print(error)""" % (4 * (tmp_path,))
     monkeypatch.setenv("ECHOFUSE_ACQUIRE", str(BIN / "echofuse-acquire"))
     said = subprocess.run([BIN / laboratory[0], *map(str, laboratory[1:]), "/usr/bin/python3", "-c", code],
                           text=True, capture_output=True, timeout=60)
-    assert "2 ['here', 'here'] complete" in said.stdout, said.stderr
-    assert "two" in said.stdout.splitlines()[-1] and "exist" in said.stdout.splitlines()[-1]
+    assert "2 ['here', 'here'] complete -a note" in said.stdout, said.stderr
+    assert "%Y.sqlite" in said.stdout.splitlines()[-1] and "exist" in said.stdout.splitlines()[-1]
 
 
 def test_to_xarray_returns_arrays_with_units_and_coordinates(folder):

@@ -11,10 +11,10 @@ implements the complete reconstruction method in a compact form.
 """
 from . import metrics
 from .models import Estimator, Maps, Model, load_maps, load_model, save_maps
-from .runs import Axis, Record, Run, Split, record, split, to_xarray, write_run
+from .runs import Axis, Record, Run, Split, annotate, record, split, to_xarray, write_run
 from .runs import open as open  # noqa: A004 (not in __all__, because it shadows the built-in)
 
 __version__ = "0.3.0"
 
-__all__ = ["Axis", "Estimator", "Maps", "Model", "Record", "Run", "Split", "load_maps",
+__all__ = ["Axis", "Estimator", "Maps", "Model", "Record", "Run", "Split", "annotate", "load_maps",
            "load_model", "metrics", "record", "save_maps", "split", "to_xarray", "write_run"]

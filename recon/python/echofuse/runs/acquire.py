@@ -10,14 +10,20 @@ import shutil
 import signal
 import subprocess
 import tempfile
+import warnings
 from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from . import run as runs
-from .programs import not_started, path_of
+from .programs import BenchError, call, not_started, path_of
+
+__all__ = ["annotate", "import_arrays", "record", "write_run"]
+
+Path = str | os.PathLike[str]
+ma: Any = np.ma  # NumPy does not declare types of masked arrays
 
 
 def acquire_program(program: str | None) -> str:
@@ -29,18 +35,62 @@ def acquire_program(program: str | None) -> str:
     return path
 
 
-def record(config: str | pathlib.Path | None = None, count: int = 1, *, label: str | None = None,
-           out: str | pathlib.Path | None = None, settings: dict[str, Any] | None = None,
+def toml(value: Any) -> str:
+    """Formats numbers, strings, paths and sequences, also those of NumPy, as TOML."""
+    value = value.tolist() if hasattr(value, "tolist") else value
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(toml, value))}]"
+    if isinstance(value, (bool, int, float)):
+        return repr(value).lower()
+    return json.dumps(os.fspath(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def label_of(value: Any) -> str:
+    """Returns a label as text; None becomes "". Raises ValueError if it is neither text nor a
+    number."""
+    value = value.tolist() if hasattr(value, "tolist") else value
+    if value is None or isinstance(value, (str, int, float)):
+        return "" if value is None else str(value)
+    raise ValueError(f"labels: {value!r} (expected text or a number)")
+
+
+def new_path(out: Path) -> pathlib.Path:
+    """Returns the absolute path of a new run file, with its suffix. No part of the name is
+    expanded."""
+    path = pathlib.Path(out).absolute()
+    return path if path.suffix == ".sqlite" else path.with_name(f"{path.name}.sqlite")
+
+
+def out_option(out: Path) -> list[str]:
+    """Returns the option --out, in which %% is a percent sign instead of a time field."""
+    return ["--out", str(new_path(out)).replace("%", "%%")]
+
+
+def annotate(run: runs.Run | Path, text: str | None = None, *, label: Any = None,
+             program: str | None = None) -> None:
+    """Adds a note to a run, or sets the label of a run in progress from its current slot on.
+    Raises RuntimeError with the program's error message if the program fails."""
+    if (text is None) == (label is None):
+        raise ValueError("annotate: expected either `text` or `label`")
+    path = run.path if isinstance(run, runs.Run) else pathlib.Path(run).absolute()
+    call(acquire_program(program), "annotate", path,
+         *(["--", text] if label is None else [f"--label={label_of(label)}"]))
+
+
+def record(config: Path | None = None, count: int = 1, *, label: Any = None,
+           out: Path | None = None, settings: dict[str, Any] | None = None,
            program: str | None = None) -> runs.Run:
     """Records `count` slots and returns the closed run. `settings` override the configuration, e.g.
-    {"run.window_s": 1.0}. `program` is the path of echofuse-acquire (default: $ECHOFUSE_ACQUIRE).
-    Raises RuntimeError with the program's error message if the program fails. Ctrl-C ends the run
-    after the current slot."""
-    words = [acquire_program(program), "run", "--json", "-q", "--count", str(count)]
-    settings = dict(settings or {}) | ({} if label is None else {"run.label": label})
-    for option, value in (("--config", config), ("--out", out),
-                          *(("--set", f"{k}={v}") for k, v in settings.items())):
-        words += [option, os.fspath(value)] if value is not None else []
+    {"run.window_s": 1.0, "run.auto_exposure": True}. `program` is the path of echofuse-acquire
+    (default: $ECHOFUSE_ACQUIRE). Raises RuntimeError with the program's error message if the
+    program fails. Ctrl-C ends the run after the current slot."""
+    words = [acquire_program(program), "run", "--json", "-q", "--count", str(int(count))]
+    words += out_option(out) if out is not None else []
+    words += ["--config", os.fspath(config)] if config is not None else []
+    settings = dict(settings or {}) | ({} if label is None else {"run.label": label_of(label)})
+    for key, value in settings.items():
+        text = os.fspath(value) if isinstance(value, (str, os.PathLike)) else toml(value)
+        words += ["--set", f"{key}={text}"]
     path = None
     # The child has its own session, so that Ctrl-C reaches it only through send_signal() below.
     with tempfile.TemporaryFile("w+") as errors, subprocess.Popen(
@@ -70,7 +120,7 @@ def file_of(events: Iterator[dict[str, Any]]) -> str | None:
     return found
 
 
-def write_run(path: str | pathlib.Path, *, spd: ArrayLike | None = None, first_bin_ps: float = 0,
+def write_run(path: Path, *, spd: ArrayLike | None = None, first_bin_ps: float = 0,
               bin_width_ps: float = 100, zones: Iterable[Iterable[float]] = (),
               irf_fwhm_ps: float = 0, radar: ArrayLike | None = None, first_m: float = 0,
               step_m: float = 0.25,
@@ -78,60 +128,105 @@ def write_run(path: str | pathlib.Path, *, spd: ArrayLike | None = None, first_b
               array: ArrayLike | None = None,
               antennas: Iterable[Iterable[float]] = (), depth_m: ArrayLike | None = None,
               half_tangent: float = 0.55,
-              far_m: float = 6, window_s: float = 3, began: str = "", label: str = "",
-              labels: Iterable[str] = (),
+              far_m: float = 6, map_size: int = 0, window_s: float = 3, began: str = "",
+              label: Any = "", labels: Iterable[Any] = (),
               notes: str = "", signal: dict[str, float] | None = None,
               program: str | None = None) -> runs.Run:
-    """Writes arrays as a run with `echofuse-acquire import`, and opens the run. NaN in all values
-    of a row means that the sensor is missing in this record. Raises RuntimeError with the program's
-    error message if the import fails.
+    """Writes arrays as a run with `echofuse-acquire import`, and opens the run. A row means a
+    missing sensor if all its values are NaN, masked or None. Raises ValueError if an argument is
+    not an array of numbers or is masked in part, and RuntimeError with the program's error message
+    if the import fails.
 
-    spd: integer counts [n, bins], or [n, zones, bins] with `zones` as in Run.zones. first_bin_ps:
-    two-way time at the start of the first bin. radar: linear power [n, points]. first_m: range of
-    the first point. radar_cell_m, radar_taps: radar response (run.toml). array: antenna samples [n,
-    bins, values] in the format of antennas.values(), with `antennas` as in Run.antennas. depth_m: z
-    [n, rows, columns] with the top-left pixel first, NaN or 0: no return; the width spans tangents
-    of +-half_tangent, and depths above far_m count as no return. began: start of the run, UTC.
-    signal: limits of the verdicts, as in lab.toml."""
-    radar_keys = {"first_m": float(first_m), "step_m": float(step_m), "cell_m": float(radar_cell_m),
-                  "taps": " ".join(map(repr, map(float, radar_taps))),
-                  "antennas": [" ".join(map(repr, map(float, place))) for place in antennas]}
+    path: file of the run; its name is used as given. spd: integer counts [n, bins], or [n, zones,
+    bins] with `zones` as in Run.zones. first_bin_ps: two-way time at the start of the first bin.
+    radar: linear power [n, points]. first_m: range of the first point. radar_cell_m, radar_taps:
+    radar response (run.toml). array: antenna samples [n, bins, values] in the format of
+    antennas.values(), with `antennas` as in Run.antennas. depth_m: z [n, rows, columns] with the
+    top-left pixel first, in m, or in mm if they are integers; NaN, 0 or masked: no return. The
+    width spans tangents of +-half_tangent, and depths above far_m count as no return. map_size:
+    width and height of the maps; 0: the size of square images of 3 to 256 pixels, otherwise 64 with
+    a warning. began: start of the run, UTC. label, labels: text or numbers. signal: limits of the
+    verdicts, as in lab.toml."""
+    given = {"spd": spd, "radar": radar, "array": array, "depth_m": depth_m}
+    tables = {name: plain(name, values) for name, values in given.items() if values is not None}
+    depth, in_mm = tables.pop("depth_m", (np.zeros(0), False))
+    size = depth.shape[1:]
+    if len(size) == 2 and not map_size and not (size[0] == size[1] and 3 <= size[0] <= 256):
+        warnings.warn(f"depth_m: images of {size[0]} x {size[1]} pixels become maps of 64 x 64 "
+                      "pixels; set map_size", stacklevel=2)
     sections: dict[str, dict[str, Any]] = {
-        "": {"window_s": float(window_s), "label": label, "labels": list(labels), "notes": notes},
+        "": {"window_s": float(window_s), "label": label_of(label),
+             "labels": list(map(label_of, labels)), "notes": notes},
         "spd": {"first_bin_ps": float(first_bin_ps), "bin_width_ps": float(bin_width_ps),
                 "irf_fwhm_ps": float(irf_fwhm_ps),
-                "zones": [" ".join(map(repr, map(float, zone))) for zone in zones]},
-        "radar": radar_keys, "depth": {"half_tangent": float(half_tangent),
-                                       "map_z_max_m": float(far_m)},
+                "zones": [numbers("zones", zone) for zone in zones]},
+        "radar": {"first_m": float(first_m), "step_m": float(step_m), "cell_m": float(radar_cell_m),
+                  "taps": numbers("radar_taps", radar_taps),
+                  "antennas": [numbers("antennas", place) for place in antennas]},
+        "depth": {"half_tangent": float(half_tangent), "map_z_max_m": float(far_m),
+                  "map_size": int(map_size), "unit": "mm" if in_mm else "m"},
         "signal": {key: float(value) for key, value in (signal or {}).items()}}
-    import_arrays(path, sections, {"spd": spd, "radar": radar, "array": array, "depth": depth_m},
+    arrays = {name: table for name, (table, _) in tables.items()}
+    import_arrays(path, sections, arrays | ({} if depth_m is None else {"depth": depth}),
                   *(["--began", began] if began else []), program=program)
-    return runs.open(path)
+    return runs.open(new_path(path))
 
 
-def import_arrays(out: str | pathlib.Path, sections: dict[str, dict[str, Any]],
-                  arrays: dict[str, ArrayLike | None],
+def numbers(name: str, values: Iterable[float]) -> str:
+    """Formats a vector for run.toml. Raises ValueError if a value is masked."""
+    if ma.is_masked(values):
+        raise ValueError(f"{name}: contains masked values")
+    return " ".join(map(repr, map(float, values)))
+
+
+def plain(name: str, values: Any) -> tuple[NDArray[Any], bool]:
+    """Returns an array in which masked values and None are NaN, and whether the given numbers are
+    integers. Raises ValueError if the values are not numbers, or if a row that is not a depth image
+    is masked in part."""
+    try:
+        if isinstance(values, (list, tuple)):  # replaces None with a masked row
+            missing = [row is None or row is ma.masked for row in values]
+            of_row = ma.masked_all_like(ma.asarray([*values, ()][(*missing, False).index(0)]))
+            values = [of_row if lost else row for row, lost in zip(values, missing)]
+        found = ma.asarray(values)
+        table, masked = found.data, ma.getmaskarray(found)
+        if table.dtype == object:  # contains None or the missing value of pandas
+            masked = masked | np.array([v is None or str(v) == "<NA>" for v in table.flat],
+                                       bool).reshape(table.shape)
+            numbers = np.array(table[~masked].tolist())
+            table = np.zeros(table.shape, numbers.dtype)
+            table[~masked] = numbers
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: expected an array of numbers: {error}") from None
+    is_integer = table.dtype.kind in "biu"
+    if masked.any():
+        rows = masked.reshape(len(masked), -1)
+        partly = np.flatnonzero(rows.any(1) & ~rows.all(1))
+        if name != "depth_m" and partly.size:
+            raise ValueError(f"{name}: row {partly[0]} is masked in part; expected a whole row")
+        table = np.where(masked, np.nan, table.astype(float))
+    if table.dtype.kind == "f" and (name != "spd" or table.dtype.itemsize not in (4, 8)):
+        return np.ascontiguousarray(table, "<f4"), is_integer
+    return np.ascontiguousarray(table, table.dtype.newbyteorder("<")), is_integer
+
+
+def import_arrays(out: Path, sections: dict[str, dict[str, Any]],
+                  arrays: dict[str, NDArray[Any]],
                   *options: str, program: str | None = None) -> None:
     """Writes run.toml and the arrays to a temporary folder next to `out`, and imports this folder
     as the run `out` (acquire/README.md). Raises RuntimeError with the program's error message if
     the import fails."""
     text = "".join((f"[{name}]\n" if name else "")
-                   + "".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items())
+                   + "".join(f"{key} = {toml(value)}\n" for key, value in keys.items())
                    for name, keys in sections.items())
-    with tempfile.TemporaryDirectory(prefix="echofuse-",
-                                     dir=pathlib.Path(out).absolute().parent) as folder:
-        pathlib.Path(folder, "run.toml").write_text(text)
-        for name, values in arrays.items():
-            if values is not None:
-                array = np.asarray(values)
-                kind = np.dtype("<f4") if array.dtype.kind == "f" else array.dtype.newbyteorder("<")
-                np.save(pathlib.Path(folder, f"{name}.npy"), np.ascontiguousarray(array, kind))
-        words = [acquire_program(program), "import", folder, "--out", os.fspath(out)]
-        done = subprocess.run([*words, *options], capture_output=True, text=True, check=False)
-        message = done.stderr.strip().replace("echofuse-acquire: ", "")
-        message = message.replace(f"{folder}/depth.npy", "depth_m")
-        message = re.sub(rf"{re.escape(folder)}/(\w+)\.npy", r"\1", message)
-        message = re.sub(rf"{re.escape(folder)}(/run\.toml)?: ", "", message)
-    if done.returncode:
-        raise RuntimeError((message.splitlines()
-                            or [f"echofuse-acquire ended with exit code {done.returncode}"])[-1])
+    with tempfile.TemporaryDirectory(prefix="echofuse-", dir=new_path(out).parent) as folder:
+        pathlib.Path(folder, "run.toml").write_text(text, encoding="utf-8")
+        for name, table in arrays.items():
+            np.save(pathlib.Path(folder, f"{name}.npy"), table)
+        try:
+            call(acquire_program(program), "import", folder, *out_option(out), *options)
+        except BenchError as error:
+            message = str(error).replace(f"{folder}/depth.npy", "depth_m")
+            message = re.sub(rf"{re.escape(folder)}/(\w+)\.npy", r"\1", message)
+            raise RuntimeError(re.sub(rf"{re.escape(folder)}(/run\.toml)?(:\d+)*: ", "",
+                                      message)) from None

@@ -45,7 +45,7 @@ def call(program: str, *words: object,
     """Runs a program and returns its output. Raises an error with the last line printed by the
     program: BenchError for exit code 1, and UsageError for all other nonzero exit codes, because
     these are not caused by the method."""
-    path = path_of(program)
+    path = program if os.sep in program else path_of(program)
     try:
         done = subprocess.run([path, *map(str, words)], capture_output=True, text=True, check=False,
                               errors="replace")
@@ -55,6 +55,7 @@ def call(program: str, *words: object,
         kind = BenchError if done.returncode == 1 else UsageError
         lines = [line for line in done.stderr.splitlines() if line.strip()
                  and line != "Run with --help for more information."]
-        last = (lines or [f"exit code {done.returncode}"])[-1].removeprefix(f"{program}: ")
-        raise kind(last, done.returncode if done.returncode > 0 else 1)
+        last = (lines or [f"exit code {done.returncode}"])[-1]
+        raise kind(last.removeprefix(f"{os.path.basename(path)}: "),
+                   done.returncode if done.returncode > 0 else 1)
     return done
