@@ -19,7 +19,6 @@
 #include "acquire/calibrate/stored.hpp"
 #include "acquire/config/calibration.hpp"
 #include "acquire/devices/devices.hpp"
-#include "drivers/core/log2_codes.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/printable.hpp"
 
@@ -52,9 +51,7 @@ class Gatherer final : public SampleSink {
   void on_histogram(HistogramFrame) override { counting_board = true; }
   void on_radar(RadarFrame frame) override {
     if (!running) return;
-    if (!frame.power.empty()) frame.range_profile = power_codes(frame.power);
-    if (frame.range_profile.size() == radar_axis.count)
-      frames.push_back(std::move(frame.range_profile));
+    if (frame.power.size() == radar_axis.count) frames.push_back(std::move(frame.power));
     if (!frame.array.empty()) arrays.push_back(std::move(frame.array));
   }
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override {
@@ -78,7 +75,7 @@ class Gatherer final : public SampleSink {
   bool running = false, counting_board = false;
   Axis radar_axis;
   TagCounts counts;
-  std::vector<std::vector<std::uint16_t>> frames;
+  Profiles frames;
   ArrayFrames arrays;  // antenna samples of the current repeat
   std::vector<FirmwareBias> firmware;
 
@@ -173,8 +170,7 @@ class Measurement {
       }
       out.radar = radar_.radar, out.taps_standard_error = radar_.taps_standard_error;
       unstated["radar_taps"] = window_.refusal;
-      unstated["radar_noise_exponent"] =
-          fit_noise_exponent(frames_, echo_axis().log2_power_step, out);
+      unstated["radar_noise_exponent"] = fit_noise_exponent(frames_, out);
     }
     std::erase_if(unstated, [](const auto& one) { return one.second.empty(); });
     return out;
@@ -227,29 +223,25 @@ class Measurement {
     return fit_photons(counts, static_cast<double>(s.first_bin_ps),
                        static_cast<double>(s.bin_width_ps), search_of(Sensor::spd));
   }
-  using Frames = std::vector<std::vector<std::uint16_t>>;
   EchoAxis echo_axis() const {
     const Axis& axis = gatherer_.radar_axis;
-    if (is_bridged())
-      return {.step_m = axis.step, .log2_power_step = power_code_step, .start_m = axis.start};
+    if (is_bridged()) return {.step_m = axis.step, .start_m = axis.start};
     const radar::RadarProfile profile = parse_profile(config_.radar);
-    return {.step_m = profile.range_step_m,
-            .resolution_m = profile.resolution_m,
-            .log2_power_step = log2_power_step(profile.antennas)};
+    return {.step_m = profile.range_step_m, .resolution_m = profile.resolution_m};
   }
   bool is_bridged() const { return !config_.radar.address.empty(); }
-  Peak echo(const Frames& frames, std::size_t least = least_echo_frames) const {
+  Peak echo(const Profiles& frames, std::size_t least = least_echo_frames) const {
     return fit_echo(frames, echo_axis(), search_of(Sensor::radar), window_.window, least);
   }
   // Fits the echo of each repeat. The fit uses the window that was measured with the reflector, or
   // a Blackman window if that measurement failed.
   void fit_window() {
-    for (const Frames& some : repeats_) frames_.insert(frames_.end(), some.begin(), some.end());
+    for (const Profiles& some : repeats_) frames_.insert(frames_.end(), some.begin(), some.end());
     if (is_bridged())
       window_.refusal = "the bandwidth of a radar behind a bridge is unknown";
     else
       window_ = fit_radar_response(frames_, echo_axis(), echo(frames_).range_m, radar_);
-    for (const Frames& some : repeats_)
+    for (const Profiles& some : repeats_)
       if (const Peak one = echo(some, 2); one.refusal.empty()) radar_ranges_.push_back(one.range_m);
   }
   void end_repeat() {
@@ -276,8 +268,8 @@ class Measurement {
     CalibrationResult r = result_of(Sensor::spd, photons(all_counts_), spread_of(spd_ranges_),
                                     "Gaussian by maximum likelihood");
     const double a_pulse =
-        gatherer_.histogram().gaps().clicks_a_pulse(clicks_, starts_).value_or(0);
-    if (r.peak.refusal.empty() && a_pulse > record::most_clicks_a_pulse)
+        gatherer_.histogram().gaps().clicks_per_pulse(clicks_, starts_).value_or(0);
+    if (r.peak.refusal.empty() && a_pulse > record::most_clicks_per_pulse)
       r.peak.refusal = "saturated: more than one click per 20 laser pulses; attenuate the light";
     if (gatherer_.counting_board)
       r.peak.refusal = "the sensor sends histograms; calibrate supports time taggers only";
@@ -309,8 +301,8 @@ class Measurement {
   Devices devices_;
   std::vector<std::uint32_t> all_counts_;
   std::uint64_t starts_ = 0, clicks_ = 0;
-  std::vector<Frames> repeats_;
-  Frames frames_;  // frames of all repeats
+  std::vector<Profiles> repeats_;
+  Profiles frames_;  // frames of all repeats
   WindowFit window_;
   record::Response radar_;
   std::vector<double> spd_ranges_, radar_ranges_;

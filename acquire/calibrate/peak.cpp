@@ -234,22 +234,26 @@ EchoPlace fit_parabola(const Near& mean) {
 }
 
 // Returns the standard error of the position in bins. It combines the scatter of the frames with
-// the quantisation error of the codes. Noise acts as dither and therefore reduces the quantisation
-// error.
-double place_error(const std::vector<std::vector<std::uint16_t>>& frames, const Profile& profile,
-                   const EchoPlace& fit, std::size_t first, double log2_power_step) {
+// the quantisation error of the firmware's codes. Noise acts as dither and therefore reduces the
+// quantisation error.
+double place_error(const Profiles& frames, const Profile& profile, const EchoPlace& fit,
+                   std::size_t first) {
+  // Spacing of log2(power) between adjacent codes of 3, 6 or 12 antennas; it is 1/128 for 1, 2, 4
+  // or 8 antennas (drivers/radar/log2_codes.hpp).
+  constexpr double code_step = 1.0 / 96;
   const auto n = static_cast<double>(frames.size());
   double squares = 0, steps = 0;
   for (const auto& frame : frames) {
+    const std::vector<double> levels = log2_powers(frame);
     double off = 0;
     for (std::size_t i = 0; i < near; ++i)
-      off += fit.share[static_cast<Eigen::Index>(i)] *
-             (frame[first + i] * log2_power_step - profile.mean[first + i]);
+      off +=
+          fit.share[static_cast<Eigen::Index>(i)] * (levels[first + i] - profile.mean[first + i]);
     squares += off * off;
   }
   for (std::size_t i = 0; i < near; ++i) {
-    const double share = fit.share[static_cast<Eigen::Index>(i)] * log2_power_step;
-    const double dither = 2 * pi * profile.deviation[first + i] / log2_power_step;
+    const double share = fit.share[static_cast<Eigen::Index>(i)] * code_step;
+    const double dither = 2 * pi * profile.deviation[first + i] / code_step;
     steps += share * share / 12 * std::exp(-dither * dither);
   }
   return std::sqrt(squares / (n - 1) / n + steps);
@@ -291,30 +295,29 @@ std::size_t other_top(const std::vector<double>& mean, std::size_t low, std::siz
 
 }  // namespace
 
-Profile profile_of(const std::vector<std::vector<std::uint16_t>>& frames, double log2_power_step) {
+Profile profile_of(const Profiles& frames) {
   const auto n = static_cast<double>(frames.size());
   const std::size_t bins = frames[0].size();
   Profile p{std::vector<double>(bins), std::vector<double>(bins), 0};
-  for (const auto& frame : frames)
-    for (std::size_t i = 0; i < bins; ++i) p.mean[i] += frame[i] * log2_power_step / n;
-  for (const auto& frame : frames)
+  std::vector<std::vector<double>> levels;
+  for (const auto& frame : frames) levels.push_back(log2_powers(frame));
+  for (const auto& level : levels)
+    for (std::size_t i = 0; i < bins; ++i) p.mean[i] += level[i] / n;
+  for (const auto& level : levels)
     for (std::size_t i = 0; i < bins; ++i)
-      p.deviation[i] += std::pow(frame[i] * log2_power_step - p.mean[i], 2) / (n - 1);
+      p.deviation[i] += std::pow(level[i] - p.mean[i], 2) / (n - 1);
   for (double& d : p.deviation) d = std::sqrt(d);
   p.floor = median(p.mean);
   return p;
 }
 
-std::vector<std::uint16_t> power_codes(std::span<const float> power) {
-  constexpr double offset = 128, least_share = 1e-6;
-  const float most = power.empty() ? 0 : *std::max_element(power.begin(), power.end());
-  std::vector<std::uint16_t> codes;
-  for (const float p : power) {
-    const double shown = std::max({double{p}, least_share * double{most}, std::exp2(1 - offset)});
-    const double code = std::round((std::log2(shown) + offset) / power_code_step);
-    codes.push_back(static_cast<std::uint16_t>(std::min(code, 65535.0)));
-  }
-  return codes;
+std::vector<double> log2_powers(std::span<const float> power) {
+  constexpr double least_share = 1e-8;
+  const double most = power.empty() ? 0 : *std::max_element(power.begin(), power.end());
+  const double least = std::max(least_share * most, 1e-30);
+  std::vector<double> out;
+  for (const float p : power) out.push_back(std::log2(std::max(double{p}, least)));
+  return out;
 }
 
 Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double step_ps,
@@ -369,9 +372,9 @@ std::size_t highest(const std::vector<double>& values, std::size_t first, std::s
              begin);
 }
 
-// Returns true if the top of the lobe is clipped: two adjacent bins have the same code in every
+// Returns true if the top of the lobe is clipped: two adjacent bins have the same power in every
 // frame.
-bool saturated(const std::vector<std::vector<std::uint16_t>>& frames, std::size_t top) {
+bool saturated(const Profiles& frames, std::size_t top) {
   return std::all_of(frames.begin(), frames.end(), [&](const auto& f) {
     return f[top] == frames[0][top] && (f[top] == f[top - 1] || f[top] == f[top + 1]);
   });
@@ -379,8 +382,8 @@ bool saturated(const std::vector<std::vector<std::uint16_t>>& frames, std::size_
 
 }  // namespace
 
-Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoAxis& axis,
-              const Search& search, const Window& window, std::size_t least) {
+Peak fit_echo(const Profiles& frames, const EchoAxis& axis, const Search& search,
+              const Window& window, std::size_t least) {
   Peak peak;
   if (frames.size() < least) {
     peak.refusal = "no peak: fewer than " + std::to_string(least) + " frames received";
@@ -390,7 +393,7 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
     peak.refusal = "no peak: the profile has fewer than 8 bins";
     return peak;
   }
-  const Profile profile = profile_of(frames, axis.log2_power_step);
+  const Profile profile = profile_of(frames);
   const auto& mean = profile.mean;
   const std::size_t last = mean.size() - 3;
   const auto bin = [&](double range_m) {
@@ -429,9 +432,8 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
                             ? fit_lobe(values, log2_noise_of(profile.floor), cells_per_bin, window)
                             : fit_parabola(values);
   peak.range_m = axis.range_m(static_cast<double>(top) + fit.top);
-  peak.standard_error_m =
-      axis.step_m * std::hypot(place_error(frames, profile, fit, top - 2, axis.log2_power_step),
-                               known ? 0 : parabola_error);
+  peak.standard_error_m = axis.step_m * std::hypot(place_error(frames, profile, fit, top - 2),
+                                                   known ? 0 : parabola_error);
   if (known) peak.refusal = unlike_one_echo(profile, fit, top, frames.size());
   if (const std::size_t other = other_top(mean, low, high, top, cells_per_bin))
     peak.refusal =

@@ -35,37 +35,36 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
 
 struct EchoAxis {
   double step_m = 0, resolution_m = 0;  // bin spacing; range resolution c / 2B (0 if unknown)
-  double log2_power_step = 0;           // log2 of the power ratio of adjacent codes
   double start_m = 0;                   // range of bin 0
 
   double range_m(double bin) const { return start_m + bin * step_m; }
 };
 
-// Encodes linear power as 256 * (log2(power) + 128). Powers below -60 dB relative to the maximum of
-// the frame are first raised to -60 dB.
-std::vector<std::uint16_t> power_codes(std::span<const float> power);
-inline constexpr double power_code_step = 1.0 / 256;
+// Range profiles in linear power, one per frame.
+using Profiles = std::vector<std::vector<float>>;
+// Returns log2 of the powers. Powers below -80 dB relative to the maximum, also 0, are first raised
+// to -80 dB.
+std::vector<double> log2_powers(std::span<const float> power);
 // Mean and standard deviation of each bin's log2 power over all frames.
 struct Profile {
   std::vector<double> mean, deviation;
   double floor = 0;  // median of `mean` over all bins
 };
 
-Profile profile_of(const std::vector<std::vector<std::uint16_t>>& frames, double log2_power_step);
+Profile profile_of(const Profiles& frames);
 
-// Radar: fits the range of an echo to range profiles in log2_q8 codes, one per frame. Needs at
-// least max(`least`, 2) frames. Fits the transform of the window by least squares, weighted with
-// the power, to the mean codes of five bins: the strongest one and two on each side. The amplitude
+// Radar: fits the range of an echo to range profiles. Needs at least max(`least`, 2) frames. Fits
+// the transform of the window by least squares, weighted with the power, to the mean log power of
+// five bins: the strongest one and two on each side. The amplitude
 // is also fitted. The default is the Blackman window of the firmware (SDK 3.x, mmwDemo_genWindow;
 // Harris, Proc. IEEE 66, 1978). In the model, the mean of ln power for a signal P in noise N is ln
 // P + E1(P / N); N is derived from the median of the profile. If the resolution is unknown, the
 // range is the vertex of a parabola through the logarithms of three bins. The standard error is
-// derived from the scatter of the frames. The quantisation error of the codes is added unless noise
-// averages it out.
+// derived from the scatter of the frames. The quantisation error of the firmware's codes is added
+// unless noise averages it out.
 inline constexpr std::size_t least_echo_frames = 8;
-Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoAxis& axis,
-              const Search& search, const Window& window = {},
-              std::size_t least = least_echo_frames);
+Peak fit_echo(const Profiles& frames, const EchoAxis& axis, const Search& search,
+              const Window& window = {}, std::size_t least = least_echo_frames);
 
 inline double spread_of(const std::vector<double>& values) {
   if (values.size() < 2) return 0;

@@ -387,14 +387,14 @@ VectorXd shape_errors(const Fitted& fit, const VectorXd& shape) {
 
 }  // namespace
 
-WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& frames,
-                             const EchoAxis& axis, double range_m, record::Response& out) {
+WindowFit fit_radar_response(const Profiles& frames, const EchoAxis& axis, double range_m,
+                             record::Response& out) {
   constexpr std::size_t least_frames = 8;
   constexpr const char* advice =
       "remove other objects and place the reflector farther away (e.g. at 3 m for range cells of "
       "50 cm)";
   if (frames.size() < least_frames) return {{}, "fewer than 8 frames received"};
-  EchoFit echo(profile_of(frames, axis.log2_power_step), axis, frames.size(), range_m);
+  EchoFit echo(profile_of(frames), axis, frames.size(), range_m);
   if (!echo.enough())
     return {{}, std::string("another echo overlaps the reflector's echo; ") + advice};
   echo.fit();
@@ -413,14 +413,11 @@ WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& fram
   return found;
 }
 
-std::string fit_noise_exponent(const std::vector<std::vector<std::uint16_t>>& frames,
-                               double log2_power_step, record::Response& out) {
+std::string fit_noise_exponent(const Profiles& frames, record::Response& out) {
   constexpr std::size_t least_frames = 40, least_means = 8;
   if (frames.size() < least_frames) return "fewer than 40 frames received";
   const std::size_t bins = frames[0].size();
-  std::vector<double> level(bins);
-  for (const auto& frame : frames)
-    for (std::size_t i = 0; i < bins; ++i) level[i] += frame[i];
+  const std::vector<double> level = profile_of(frames).mean;
   std::vector<std::size_t> order(bins);
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::sort(order.begin(), order.end(),
@@ -429,7 +426,7 @@ std::string fit_noise_exponent(const std::vector<std::vector<std::uint16_t>>& fr
   std::vector<double> exponents;
   for (const std::size_t bin : order) {
     std::vector<double> powers, x, y;
-    for (const auto& frame : frames) powers.push_back(std::exp2(frame[bin] * log2_power_step));
+    for (const auto& frame : frames) powers.push_back(double{frame[bin]});
     for (std::size_t length = 1; frames.size() / length >= least_means; length *= 2) {
       std::vector<double> means(frames.size() / length);
       for (std::size_t i = 0; i < means.size() * length; ++i)

@@ -42,13 +42,12 @@ struct WindowFit {
 // times the power of the other flank are excluded, because they contain another echo. Sets the
 // radar's cell and taps and the standard error of the taps, unless the fit deviates from the
 // measured power of any bin by more than 5 % of the peak.
-WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& frames,
-                             const EchoAxis& axis, double range_m, record::Response& out);
+WindowFit fit_radar_response(const Profiles& frames, const EchoAxis& axis, double range_m,
+                             record::Response& out);
 
 // Determines how the noise decreases when frames are averaged, for the weaker half of the bins.
 // Averages 1, 2, 4, ... frames and fits a line to log(noise) as a function of log(number of
 // frames). Needs at least 40 frames.
-std::string fit_noise_exponent(const std::vector<std::vector<std::uint16_t>>& frames,
-                               double log2_power_step, record::Response& out);
+std::string fit_noise_exponent(const Profiles& frames, record::Response& out);
 
 }  // namespace echofuse::acquire

@@ -321,7 +321,7 @@ void bind_limits(Settings& s, SignalLimits& l) {
   s.add("signal.spd_clicks", l.spd_clicks, 0, 1e12,
         "flag a record \"weak\" if it has fewer clicks above the background than this number; 0 "
         "disables this flag");
-  s.add("signal.clicks_a_pulse", l.clicks_a_pulse, 0, 1e3,
+  s.add("signal.clicks_per_pulse", l.clicks_per_pulse, 0, 1e3,
         "flag a record \"saturated\" if it has more clicks per laser pulse than this number; 0 "
         "disables this flag");
   s.add("signal.radar_snr_db", l.radar_snr_db, 0, 200,

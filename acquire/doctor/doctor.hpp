@@ -74,8 +74,7 @@ class Capture final : public SampleSink {
   std::size_t histogram_counts = 0;        // total number of bins of all zones in one histogram
   std::map<std::int32_t, std::uint64_t> channels;  // number of time tags per channel
   std::uint64_t radar_frames = 0, radar_lost = 0, profiles = 0, arrays = 0;
-  std::vector<std::uint16_t> profile;  // last range profile
-  std::size_t power_bins = 0;          // number of bins in the last profile from a radar bridge
+  std::vector<float> profile;  // last range profile, linear power
   std::uint64_t depth_frames = 0, depth_lost = 0, pixels = 0, valid_pixels = 0;
   std::optional<DepthFrame> depth;                 // last depth frame
   PerSensor<std::vector<std::string>> complaints;  // distinct warnings and errors of each sensor

@@ -8,7 +8,6 @@
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/record/deflate.hpp"
 #include "acquire/run/signal_check.hpp"
-#include "drivers/core/log2_codes.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -110,10 +109,9 @@ void Capture::on_radar(RadarFrame frame) {
   ++radar_frames;
   radar_lost += frame.lost_before;
   arrays += !frame.array.empty();
-  power_bins = frame.power.size();
-  if (frame.range_profile.empty()) return;
+  if (frame.power.empty()) return;
   ++profiles;
-  profile = std::move(frame.range_profile);
+  profile = std::move(frame.power);
 }
 
 void Capture::on_depth(DepthFrame frame) {
@@ -170,13 +168,13 @@ Finding spd_finding(const Capture& capture, const Config& config, double time_s)
 
 Finding radar_finding(const Capture& capture, const Config& config, double time_s) {
   if (!config.radar.address.empty())
-    return {
-        .check = "radar",
-        .found = format("%.4g range profiles/s with %zu bins, %" PRIu64 " lost",
-                        rate(capture.radar_frames, time_s), capture.power_bins, capture.radar_lost),
-        .facts = {{"frames_per_s", rate(capture.radar_frames, time_s)},
-                  {"lost_frames", static_cast<double>(capture.radar_lost)},
-                  {"bins", static_cast<double>(capture.power_bins)}}};
+    return {.check = "radar",
+            .found = format("%.4g range profiles/s with %zu bins, %" PRIu64 " lost",
+                            rate(capture.radar_frames, time_s), capture.profile.size(),
+                            capture.radar_lost),
+            .facts = {{"frames_per_s", rate(capture.radar_frames, time_s)},
+                      {"lost_frames", static_cast<double>(capture.radar_lost)},
+                      {"bins", static_cast<double>(capture.profile.size())}}};
   const radar::RadarProfile cfg = parse_profile(config.radar);
   const double nominal_hz = 1 / cfg.frame_period_s;
   const double fps = rate(capture.radar_frames, time_s);
@@ -205,8 +203,8 @@ Finding radar_finding(const Capture& capture, const Config& config, double time_
   auto sorted = capture.profile;
   std::sort(sorted.begin(), sorted.end());
   const auto peak = std::max_element(capture.profile.begin(), capture.profile.end());
-  const double over_median_db = 10 * std::log10(2.0) * log2_power_step(cfg.antennas) *
-                                (sorted.back() - sorted[sorted.size() / 2]);
+  const double over_median_db =
+      10 * std::log10(double{sorted.back()} / double{sorted[sorted.size() / 2]});
   const double peak_m = static_cast<double>(peak - capture.profile.begin()) * cfg.range_step_m;
   out.found += format("; %" PRIu32 " bins, peak at %.2f m, %.0f dB over the median", cfg.bins,
                       peak_m, over_median_db);
@@ -261,7 +259,7 @@ double estimate_record_bytes(const Capture& capture, const Config& config) {
     bytes += 4.0 * (capture.histograms > 0 ? static_cast<double>(capture.histogram_counts)
                                            : static_cast<double>(config.histogram.bins));
   if (sensors.contains(Sensor::radar) && !config.radar.address.empty()) {
-    bytes += 4.0 * static_cast<double>(capture.power_bins);
+    bytes += 4.0 * static_cast<double>(capture.profile.size());
   } else if (sensors.contains(Sensor::radar)) {
     const radar::RadarProfile cfg = parse_profile(config.radar);
     bytes += 4.0 * cfg.bins;

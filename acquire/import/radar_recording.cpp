@@ -24,7 +24,7 @@ std::string fixed(double value) {
 }  // namespace
 
 RadarRecording::RadarRecording(const std::string& path, const radar::RadarProfile& profile)
-    : path_(path), file_(path, ExitCode::failed), profile_(profile) {}
+    : path_(path), file_(path, ExitCode::failed), profile_(profile), parser_(profile.antennas) {}
 
 DeviceInfo RadarRecording::device() const {
   DeviceInfo info;
@@ -106,7 +106,7 @@ void RadarRecording::take(std::optional<RadarFrame> next, SampleSink& sink) {
     step(now, held_ ? &following : nullptr);
   else
     last_ = now;
-  const std::size_t bins = frame->range_profile.size();
+  const std::size_t bins = frame->power.size();
   if (bins > 0 && bins != profile_.bins) ++others_, other_bins_ = bins;
   frame->received = at_;
   // Frame numbers repeat after a restart. Adding the number of restarts makes sure that frames with

@@ -2,7 +2,6 @@
 #include "acquire/measurement/verdict.hpp"
 
 #include <algorithm>
-#include <utility>
 
 namespace echofuse::record {
 namespace {
@@ -33,7 +32,7 @@ constexpr VerdictRow table[] = {
      "signal.spd_clicks, signal.depth_share, signal.weak_share",
      "Too few clicks above the background, too few pixels with a return, or a signal much weaker "
      "than in the first minute of the run."},
-    {saturated, "saturated", signals, true, false, false, true, look, "signal.clicks_a_pulse",
+    {saturated, "saturated", signals, true, false, false, true, look, "signal.clicks_per_pulse",
      "SPD: too many clicks per laser pulse (pile-up). Radar: the top of the lobe is clipped."},
     {stands_still, "stands still", any, true, false, false, true, look, "",
      "The data are identical to those of the previous record."},
@@ -65,18 +64,6 @@ static_assert([] {
   return true;
 }());
 
-// Beginnings of verdicts in runs of version 0.3 and earlier.
-constexpr std::pair<const char*, VerdictKind> texts_of_0_3[] = {
-    {"tags cover only ", covers_part},
-    {"histograms cover only ", covers_part},
-    {"frames of ", other_axis},
-    {"axis differs ", other_axis},
-    {"frames without a range profile", no_profile},
-    {"no start tags on ", no_starts},
-    {"in overflow for ", in_overflow},
-    {"dropped: ", not_stored},
-    {"cannot be stored", not_stored}};
-
 }  // namespace
 
 std::span<const VerdictRow> verdict_table() { return table; }
@@ -95,16 +82,9 @@ void Verdict::add(const Verdict& more) {
   figures += (figures.empty() ? "also " : "; also ") + second;
 }
 
-Verdict verdict_of(std::string_view text) {
-  const std::size_t colon = text.find(": ");
-  const std::string_view word = text.substr(0, colon);
+VerdictKind kind_of(std::string_view word) {
   const auto* row = std::ranges::find(table, word, &VerdictRow::word);
-  if (row == std::end(table)) {
-    for (const auto& [begin, kind] : texts_of_0_3)
-      if (text.starts_with(begin)) return {kind, std::string(text)};
-    return {other, std::string(text)};
-  }
-  return {row->kind, colon == text.npos ? "" : std::string(text.substr(colon + 2))};
+  return row == std::end(table) ? other : row->kind;
 }
 
 bool is_doubtful(const PerSensor<Verdict>& verdicts) {

@@ -82,9 +82,8 @@ struct Verdict {
 
 inline const Verdict ok_verdict{VerdictKind::ok, {}};
 
-// Reads text(). A text with an unknown word, e.g. from another version, becomes `other` with the
-// whole text as figures.
-Verdict verdict_of(std::string_view text);
+// Returns the kind with this word; `other` for an unknown word, e.g. from a later version.
+VerdictKind kind_of(std::string_view word);
 
 // Returns true if the verdict on any sensor makes the record doubtful.
 bool is_doubtful(const PerSensor<Verdict>& verdicts);

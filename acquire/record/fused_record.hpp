@@ -42,7 +42,7 @@ struct ClockState {
 struct Signal {
   // Number of clicks per laser pulse. It is correct even if the time tagger sends only some of the
   // start tags.
-  std::optional<double> clicks_a_pulse;
+  std::optional<double> clicks_per_pulse;
   // Number of clicks above the background, and range of the highest bin.
   std::optional<double> spd_clicks, spd_peak_m;
   // Ratio of the peak to the median of the range profile, and range of the peak.
@@ -53,7 +53,7 @@ struct Signal {
 };
 // Pile-up limit. Above this number of clicks per laser pulse, the first photon of a pulse hides too
 // many later photons.
-inline constexpr double most_clicks_a_pulse = 0.05;
+inline constexpr double most_clicks_per_pulse = 0.05;
 
 // Statistics of a slot, stored with its record so that losses and delays can be checked later.
 struct SlotStatistics {

@@ -172,6 +172,18 @@ void columns(Row& row, TagCounts& tags) {
   row("spd_bad_tags", tags.bad_tags);
   row("spd_backwards", tags.backwards);
   row("spd_removed", tags.removed);
+  row("spd_lost_blocks", tags.lost_blocks);
+}
+
+void columns(Row& row, const std::string& sensor, Verdict& verdict) {
+  std::string word = verdict.word();
+  row(sensor + "_verdict", word);
+  row(sensor + "_figures", verdict.figures);
+  if (!row.reading()) return;
+  verdict.kind = kind_of(word);
+  // Keeps an unknown word with the figures.
+  if (word != verdict.word())
+    verdict.figures = verdict.figures.empty() ? word : word + ": " + verdict.figures;
 }
 
 }  // namespace
@@ -193,9 +205,7 @@ void columns(Row& row, FusedRecord& r) {
     row(name + "_span_s", sync.span_s);
     row(name + "_used", sync.used);
     row(name + "_lost", sync.lost);
-    std::string verdict = sync.verdict.text();
-    row(name + "_verdict", verdict);
-    if (row.reading()) sync.verdict = verdict_of(verdict);
+    columns(row, name, sync.verdict);
     row.group(r.clocks[s], [&](ClockState& clock) {
       row(name + "_clock_offset_s", clock.offset_s);
       row(name + "_clock_drift_ppm", clock.drift_ppm);
@@ -209,7 +219,7 @@ void columns(Row& row, FusedRecord& r) {
   row("depth_frames", slot.depth_frames);
   row("depth_last", slot.depth_last);
   row("closed_late_s", slot.closed_late_s);
-  row("clicks_a_pulse", r.signal.clicks_a_pulse);
+  row("clicks_per_pulse", r.signal.clicks_per_pulse);
   row("spd_clicks", r.signal.spd_clicks);
   row("spd_peak_m", r.signal.spd_peak_m);
   row("radar_snr_db", r.signal.radar_snr_db);
@@ -253,6 +263,18 @@ const std::vector<const Row*>& tables() {
       &table_of<CounterRow>(),  &table_of<Event>(),     &table_of<LateRow>(),
       &table_of<StoredRecord>()};
   return all;
+}
+
+std::map<std::string, std::string> table_definitions() {
+  std::map<std::string, std::string> out;
+  for (const char* columns : {"1(tbl,idx,stat)", "2(tbl,idx,sampleno,sample)",
+                              "3(tbl,idx,neq,nlt,ndlt,sample)", "4(tbl,idx,neq,nlt,ndlt,sample)"}) {
+    const std::string name = "sqlite_stat" + std::string(columns, 1);
+    out[name] = "CREATE TABLE sqlite_stat" + std::string(columns);
+  }
+  for (const Row* table : tables()) out[table->name()] = table->create();
+  out[table_of<Zone>().name()] = table_of<Zone>().create();
+  return out;
 }
 
 }  // namespace echofuse::record

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: MIT
-// Tables of a run file, format 3. A function columns(Row&, T&) describes the row of a type T.
+// Tables of a run file, format 4. A function columns(Row&, T&) describes the row of a type T.
 // CREATE TABLE, INSERT and SELECT are generated from it. Columns *_ns are nanoseconds of the host's
 // monotonic clock, *_utc_ns nanoseconds of UTC; utc is ISO 8601. NULL means that the value is
 // unknown or the sensor is missing.
 #pragma once
 #include <concepts>
 #include <limits>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -144,6 +145,11 @@ const Row& table_of() {
 
 // Tables of every run. Runs of a detector with zones also have the table `zone`.
 const std::vector<const Row*>& tables();
+
+// Returns the SQL definition of each table that a run file may contain, by the name of the table.
+// These are the tables of a run, and the statistics of ANALYZE and PRAGMA optimize, which another
+// program may have created.
+std::map<std::string, std::string> table_definitions();
 
 // Binds the columns of a row to an INSERT, in order, and runs it.
 template <class... T>

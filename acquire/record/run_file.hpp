@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Run file: an SQLite database (WAL, synchronous=FULL) with one transaction per append. Committed
 // records survive kill -9, power loss and a full disk. The file can be read while it is written.
-//   PRAGMA application_id = 0x4543464d ("ECFM"), user_version = 3
+//   PRAGMA application_id = 0x4543464d ("ECFM"), user_version = 4
 //   tables: see rows.hpp; data of table record: spd u32 LE counts [zones, bins], radar f32 LE,
 //   array as written by pack_array(), depth u16 LE millimetres, deflated
 #pragma once
@@ -29,7 +29,7 @@ struct WriterLock;
 struct Budget;
 
 inline constexpr int application_id = 0x4543464d;  // "ECFM" in ASCII
-inline constexpr int format_version = 3;
+inline constexpr int format_version = 4;
 // Largest allowed index of a record, chosen so that index + 1 cannot overflow.
 inline constexpr std::int64_t max_index = std::int64_t{1} << 53;
 

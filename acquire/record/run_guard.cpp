@@ -80,16 +80,8 @@ void check_identity(sqlite3* db, const std::string& path) {
                 shown + ": run format " + std::to_string(found) + ", expected " +
                     std::to_string(format_version) + "; " +
                     (found > format_version ? "use a newer echofuse"
+                     : found == 3           ? "convert it: python3 -m echofuse.runs.convert OLD NEW"
                                             : "use the echofuse that recorded it"));
-}
-
-// Returns true for the statistics tables of ANALYZE and PRAGMA optimize, which another program may
-// have created.
-bool is_statistics(const std::string& sql) {
-  for (const char* columns : {"1(tbl,idx,stat)", "2(tbl,idx,sampleno,sample)",
-                              "3(tbl,idx,neq,nlt,ndlt,sample)", "4(tbl,idx,neq,nlt,ndlt,sample)"})
-    if (sql == std::string("CREATE TABLE sqlite_stat") + columns) return true;
-  return false;
 }
 
 // Returns the advice to remove an entry from the schema, with the SQL statement that removes it.
@@ -104,12 +96,7 @@ std::string removal(const std::string& type, const std::string& name) {
 // Requires that each table has exactly the SQL definition given in rows.hpp, so that queries cannot
 // access anything else in the file.
 void check_tables(sqlite3* db, const std::string& path) {
-  static const auto known = [] {
-    std::map<std::string, std::string> out;
-    for (const Row* table : tables()) out[table->name()] = table->create();
-    out[table_of<Zone>().name()] = table_of<Zone>().create();
-    return out;
-  }();
+  static const auto known = table_definitions();
   const auto refuse = [&](const std::string& what) {
     throw Error(ExitCode::failed, printable(path) + ": " + what);
   };
@@ -119,7 +106,6 @@ void check_tables(sqlite3* db, const std::string& path) {
     const std::string type = entries.text(), name = entries.text(), sql = entries.text();
     const bool of_a_key = sql.empty() && type == "index", stored = entries.integer() > 0;
     if (of_a_key && name.starts_with("sqlite_autoindex_")) continue;
-    if (type == "table" && stored && is_statistics(sql)) continue;
     if (type != "table" || !stored || !known.contains(name))
       refuse("contains the " + printable(type, 20) + " \"" + printable(name, 40) +
              "\"; expected only the tables of a run" + removal(type, name));

@@ -119,7 +119,7 @@ std::string RecordDecoder::decode(const Blobs& blobs, const DataSizes& shapes) {
   if (bad != r.radar.end())
     return "radar bin " + std::to_string(bad - r.radar.begin()) + " is not a finite number";
   if (r.has(Sensor::depth)) depth.assign(blobs.depth.begin(), blobs.depth.end());
-  const std::optional<double>& clicks = r.signal.clicks_a_pulse;
+  const std::optional<double>& clicks = r.signal.clicks_per_pulse;
   if (clicks && !(*clicks >= 0 && *clicks < 1e9))
     return "its number of clicks per laser pulse is not from 0 to 1e9";
   if (blobs.array.empty() || shapes.array == 0 || !r.has(Sensor::radar)) return {};
@@ -455,7 +455,7 @@ RunSummary RunReader::summary() const {
   Statement verdicts = ask("SELECT spd_verdict, radar_verdict, depth_verdict FROM record");
   while (verdicts.step()) {
     PerSensor<Verdict> of_record;
-    for (Verdict& verdict : of_record) verdict = verdict_of(verdicts.text());
+    for (Verdict& verdict : of_record) verdict.kind = kind_of(verdicts.text());
     count_verdicts(sum, of_record);
   }
   sum.policies = policies();

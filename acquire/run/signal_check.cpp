@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "acquire/record/run_file.hpp"
-#include "drivers/core/log2_codes.hpp"
 #include "drivers/core/median.hpp"
 
 namespace echofuse::acquire {
@@ -49,12 +48,9 @@ bool is_even(const std::vector<std::uint32_t>& counts) {
   return true;
 }
 
-// Returns true if `a` and `b` differ only by rounding. Means of equal log2 codes over different
-// numbers of frames differ by less than 0.01. The scale of linear power is arbitrary, so its
-// tolerance is relative to the maximum.
-bool same_profile(const std::vector<float>& a, const std::vector<float>& b, bool codes) {
-  const float top = a.empty() ? 0 : std::ranges::max(a);
-  const float rounding = codes ? 0.01F : 1e-5F * std::abs(top);
+// Returns true if `a` and `b` differ only by rounding, i.e. by less than 1e-5 of the maximum.
+bool same_profile(const std::vector<float>& a, const std::vector<float>& b) {
+  const float rounding = a.empty() ? 0 : 1e-5F * std::abs(std::ranges::max(a));
   return std::equal(a.begin(), a.end(), b.begin(), b.end(),
                     [&](float x, float y) { return std::abs(x - y) <= rounding; });
 }
@@ -67,7 +63,7 @@ bool may_be_filtered(const record::FusedRecord& r) {
   const auto starts = static_cast<double>(c.starts);
   if (starts >= 2 * clicks) return false;
   constexpr double most_share = 0.5;  // maximum fraction of pulses that a filter passes
-  const auto& a_pulse = r.signal.clicks_a_pulse;
+  const auto& a_pulse = r.signal.clicks_per_pulse;
   return !a_pulse || *a_pulse * starts < most_share * clicks;
 }
 
@@ -121,11 +117,11 @@ Verdict SignalCheck::assess_spd(record::FusedRecord& r, const Axis& axis) {
   const bool repeats = r.spd == last_spd_ && r.spd_counts.in_range > 0;
   last_spd_ = r.spd;
   if (repeats) return still("bin");
-  const double a_pulse = r.signal.clicks_a_pulse.value_or(0) * (all > 0 ? most / all : 1);
-  if (limits_.clicks_a_pulse > 0 && a_pulse > limits_.clicks_a_pulse)
+  const double a_pulse = r.signal.clicks_per_pulse.value_or(0) * (all > 0 ? most / all : 1);
+  if (limits_.clicks_per_pulse > 0 && a_pulse > limits_.clicks_per_pulse)
     return {VerdictKind::saturated,
             format("%.3g clicks per laser pulse%s (limit %.3g)", a_pulse,
-                   most < all ? " in the brightest zone" : "", limits_.clicks_a_pulse) +
+                   most < all ? " in the brightest zone" : "", limits_.clicks_per_pulse) +
                 swap_question(r.spd_counts)};
   const TagCounts& c = r.spd_counts;
   if (even && c.out_of_range > c.in_range)
@@ -144,10 +140,7 @@ Verdict SignalCheck::assess_spd(record::FusedRecord& r, const Axis& axis) {
 }
 
 Verdict SignalCheck::assess_radar(record::FusedRecord& r, const Axis& axis) {
-  std::vector<double> power;
-  const bool codes = axis.quantity == "log2_q8";
-  for (const float v : r.radar)
-    power.push_back(codes ? power_from_code(double{v}, axis.scale) : double{v});
+  const std::vector<double> power(r.radar.begin(), r.radar.end());
   const auto leakage_bins =
       static_cast<std::ptrdiff_t>(std::max(2.0, std::ceil((leakage_m - axis.start) / axis.step)));
   if (std::ssize(power) <= leakage_bins + 2)
@@ -165,7 +158,7 @@ Verdict SignalCheck::assess_radar(record::FusedRecord& r, const Axis& axis) {
   if (std::isfinite(snr_db)) r.signal.radar_snr_db = snr_db;
   r.signal.radar_peak_m = axis.start + static_cast<double>(top) * axis.step;
   const Verdict beside = beside_reference(Sensor::radar, strength, "echo power");
-  const bool repeats = same_profile(r.radar, last_radar_, codes);
+  const bool repeats = same_profile(r.radar, last_radar_);
   last_radar_ = r.radar;
   if (repeats) return still("bin");
   if (snr_db < limits_.radar_snr_db)

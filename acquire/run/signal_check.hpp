@@ -20,9 +20,9 @@ class SignalCheck {
   // unknown. Depths beyond `far_m` are treated as "no return".
   SignalCheck(const SignalLimits& limits, double window_s, PerSensor<double> nominal_hz = {},
               double far_m = record::most_map_far_m);
-  // Fills `record.signal` except `clicks_a_pulse`, and sets the verdicts of valid sensors. Must be
-  // called for each record in order. `axes` contains the axes of the run, and `ends` the times at
-  // which the recordings of the sensors end. If a recording ends within the slot, samples are
+  // Fills `record.signal` except `clicks_per_pulse`, and sets the verdicts of valid sensors. Must
+  // be called for each record in order. `axes` contains the axes of the run, and `ends` the times
+  // at which the recordings of the sensors end. If a recording ends within the slot, samples are
   // expected only up to that time.
   using RecordingEnds = PerSensor<std::optional<HostTime>>;
   void assess(record::FusedRecord& record, std::span<const Axis> axes,

@@ -7,8 +7,6 @@
 #include <functional>
 #include <utility>
 
-#include "drivers/core/log2_codes.hpp"
-
 namespace echofuse::acquire {
 
 using record::ok_verdict;
@@ -123,8 +121,9 @@ void Windows::add(const TagBlock& block) {
       static_cast<double>(block_tags_) / static_cast<double>(std::max<std::uint64_t>(blocks_, 1));
   const auto lost =
       std::llround(static_cast<double>(block.lost_blocks) * std::max(1.0, block_size));
-  add_lost(&Slot::spd_lost, block.tags.empty() ? block.received : taken(block.tags.front()),
-           static_cast<std::uint64_t>(lost) + block.lost_items);
+  const HostTime reported = block.tags.empty() ? block.received : taken(block.tags.front());
+  add_lost(&Slot::lost_blocks, reported, block.lost_blocks);
+  add_lost(&Slot::spd_lost, reported, static_cast<std::uint64_t>(lost) + block.lost_items);
   for (auto rest = block.tags; !rest.empty();) {
     const HostTime from = taken(rest.front());
     const std::int64_t k = grid_.slot_of(from);
@@ -183,8 +182,7 @@ void Windows::add(const RadarFrame& frame) {
 
 void Windows::take_profile(Slot& slot, const RadarFrame& frame, HostTime taken) {
   const auto axis = axes_.find("radar");
-  const bool linear = !frame.power.empty();
-  const std::size_t bins = linear ? frame.power.size() : frame.range_profile.size();
+  const std::size_t bins = frame.power.size();
   if (bins == 0) {
     slot.radar_fault = {VerdictKind::no_profile, {}};
   } else if (refused_[Sensor::radar]) {
@@ -193,10 +191,7 @@ void Windows::take_profile(Slot& slot, const RadarFrame& frame, HostTime taken) 
     slot.radar_fault = {VerdictKind::other_axis, "frames of " + std::to_string(bins) + " bins"};
   } else {
     slot.power.resize(bins);
-    for (std::size_t i = 0; i < bins; ++i)
-      slot.power[i] += linear ? double{frame.power[i]}
-                              : power_from_code(frame.range_profile[i], axis->second.scale);
-    if (slot.radar_times.count == 0) slot.first_codes = frame.range_profile;
+    for (std::size_t i = 0; i < bins; ++i) slot.power[i] += double{frame.power[i]};
     take_array(slot, frame);
     slot.radar_times.add(taken, taken, grid_.centre(grid_.slot_of(taken)));
   }
@@ -272,17 +267,20 @@ record::Verdict Windows::depth_fault(const Slot& slot) const {
 }
 
 void Windows::fill_spd(const Slot& slot, record::FusedRecord& record) const {
-  const TagCounts c = record.spd_counts = slot.tags();
+  TagCounts& c = record.spd_counts;
+  c = slot.tags();
+  c.lost_blocks = slot.lost_blocks;
   record::SensorSync& sync = record.sync[Sensor::spd];
   slot.spd_times.describe(sync);
   sync.used = c.in_range;
   sync.arrived = sends_histograms_ ? static_cast<std::uint64_t>(slot.spd_times.count) : c.tags;
   sync.lost = std::max(c.missed, c.overflows + c.errors) + slot.spd_lost;
   if (slot.histogram)
-    record.signal.clicks_a_pulse =
-        slot.histogram->gaps().clicks_a_pulse(c.in_range + c.out_of_range, c.starts);
+    record.signal.clicks_per_pulse =
+        slot.histogram->gaps().clicks_per_pulse(c.in_range + c.out_of_range, c.starts);
   else if (c.starts > 0)
-    record.signal.clicks_a_pulse = static_cast<double>(c.in_range) / static_cast<double>(c.starts);
+    record.signal.clicks_per_pulse =
+        static_cast<double>(c.in_range) / static_cast<double>(c.starts);
   if (record.has(Sensor::spd)) record.spd = slot.histogram ? slot.histogram->counts() : slot.summed;
 }
 
@@ -300,16 +298,8 @@ void Windows::fill_radar(Slot& slot, record::FusedRecord& record) const {
     record.array_frames = slot.array->frames();
     record.array = slot.array->take();
   }
-  const bool linear = slot.first_codes.empty();
-  if (frames == 1 && !linear) {
-    record.radar.assign(slot.first_codes.begin(), slot.first_codes.end());
-    return;
-  }
-  const double antennas = axes_.at("radar").scale;
-  for (const double sum : slot.power) {
-    const double mean = sum / static_cast<double>(frames);
-    record.radar.push_back(static_cast<float>(linear ? mean : code_from_power(mean, antennas)));
-  }
+  for (const double sum : slot.power)
+    record.radar.push_back(static_cast<float>(sum / static_cast<double>(frames)));
 }
 
 void Windows::fill_depth(Slot& slot, record::FusedRecord& record) const {

@@ -24,8 +24,7 @@
 //          was a start and the tags span half of the slot, because the counts of a shorter stream
 //          are not comparable. For a detector that sends histograms: the sum of all histograms with
 //          mid-exposure in the slot; they must also span half of the slot.
-//   radar  Mean linear power of the frames, stored as log2_q8 codes; a single frame is stored
-//          unchanged. Valid if there is a usable frame.
+//   radar  Mean linear power of the frames. Valid if there is a usable frame.
 //   array  Statistics of the same frames, if they have a heat map (measurement/radar_array.hpp).
 //          Two frames are consecutive if their frame numbers are.
 //   depth  The frame nearest to the centre of the slot. Valid if there is a usable frame.
@@ -98,11 +97,11 @@ class Windows {
     std::vector<std::uint32_t> summed;          // summed counts of a detector that sends histograms
     TagCounts summed_tags;
     std::uint64_t spd_lost = 0;  // tags or exposures
+    std::uint64_t lost_blocks = 0;
     SampleTimes spd_times;
     TagCounts tags() const { return histogram ? histogram->tag_counts() : summed_tags; }
 
     std::vector<double> power;
-    std::vector<std::uint16_t> first_codes;
     std::uint64_t radar_frames = 0, radar_lost = 0;
     SampleTimes radar_times;
     std::optional<record::ArrayStatistics> array;

@@ -141,7 +141,7 @@ struct HistogramPayload {
 std::optional<HistogramPayload> read_histogram(ByteView payload);
 
 struct ProfilePayload {
-  RadarFrame frame;  // `power` is set; `range_profile`, `received` and `lost_before` are not set
+  RadarFrame frame;  // `received` and `lost_before` are not set
   Axis axis;         // axis with name "radar", quantity "power" and unit "m"
 };
 // Returns nullopt if the payload has the wrong size, there are fewer than 4 bins, a power is

@@ -17,8 +17,7 @@ inline constexpr double ps_per_m = 2e12 / speed_of_light_m_s;
 //   spd       counts                  ps    detections per bin of two-way time of flight
 //   radar     power                   m     linear power (arbitrary scale)
 //   radar     binned_power            m     linear power, summed over one step around each point
-//   radar     log2_q8                 m     256*log2(magnitude), summed over `scale` virtual
-//                                   antennas, divided by the next power of two (TI SDK 3.x TLV 2)
+//   radar     power_with_noise        m     linear power that includes the receiver noise (TI)
 //   array     covariance            m     covariances of the radar's `scale` virtual antennas
 //                                   (acquire/measurement/radar_array.hpp)
 //   depth_x   tangent                 1     x/z of a pixel column, x to the right

@@ -79,12 +79,10 @@ struct RadarFrame {
   std::uint32_t frame_number = 0;  // frame number, counted since power-up
   // device time in cycles of a 200 MHz clock; wraps every 21.47 s
   std::uint32_t time_cpu_cycles = 0;
-  std::uint32_t lost_before = 0;             // number of frames missing before this one
-  std::uint32_t subframe = 0;                // index of the subframe within its frame
-  std::uint32_t subframes = 1;               // number of subframes per frame, according to the cfg
-  std::vector<std::uint16_t> range_profile;  // log2_q8 codes; empty if the frame had no TLV 2
-  // linear power; set only in frames from bridges, which send it instead of `range_profile`
-  std::vector<float> power;
+  std::uint32_t lost_before = 0;  // number of frames missing before this one
+  std::uint32_t subframe = 0;     // index of the subframe within its frame
+  std::uint32_t subframes = 1;    // number of subframes per frame, according to the cfg
+  std::vector<float> power;       // range profile, linear power; empty if not sent
   // Heat map from TLV 4 (azimuth antennas) or TLV 8 (all antennas). For each range bin and virtual
   // antenna there are two values: the imaginary part, then the real part. Empty if the frame had
   // neither TLV.

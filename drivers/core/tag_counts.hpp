@@ -19,8 +19,9 @@ struct TagCounts {
   std::uint64_t errors = 0;     // number of error markers
   // tags of unknown type or with a nonzero reserved byte; included in `other`
   std::uint64_t bad_tags = 0;
-  std::uint64_t backwards = 0;  // time tags with an earlier time than the preceding tag
-  std::uint64_t removed = 0;    // tags removed by the dead time; included in `other`
+  std::uint64_t backwards = 0;    // time tags with an earlier time than the preceding tag
+  std::uint64_t removed = 0;      // tags removed by the dead time; included in `other`
+  std::uint64_t lost_blocks = 0;  // transport blocks that did not arrive
 
   TagCounts& operator+=(const TagCounts& more) {
     tags += more.tags;
@@ -35,6 +36,7 @@ struct TagCounts {
     bad_tags += more.bad_tags;
     backwards += more.backwards;
     removed += more.removed;
+    lost_blocks += more.lost_blocks;
     return *this;
   }
   bool operator==(const TagCounts&) const = default;

@@ -6,6 +6,8 @@
 #include <cstring>
 #include <utility>
 
+#include "drivers/radar/log2_codes.hpp"
+
 namespace echofuse::radar {
 namespace {
 
@@ -43,28 +45,6 @@ std::size_t find_magic(ByteView bytes, std::size_t from) {
     ++from;
   }
   return bytes.size();
-}
-
-bool read_tlv(std::uint32_t type, ByteView payload, RadarFrame& frame) {
-  if (type == 2 && payload.size() % 2 == 0 && frame.range_profile.empty()) {
-    frame.range_profile = to_values<std::uint16_t>(payload);
-    return true;
-  }
-  constexpr std::size_t sample_bytes = 4;
-  if ((type == 4 || type == 8) && payload.size() % sample_bytes == 0 && frame.array.empty()) {
-    frame.array = to_values<std::int16_t>(payload);
-    frame.planar = type == 8;
-    return true;
-  }
-  if (type == 6 && payload.size() == sizeof(RadarStats)) {
-    frame.stats = ByteReader(payload).get<RadarStats>();
-    return true;
-  }
-  if (type == 9 && payload.size() == sizeof(RadarTemperature)) {
-    frame.temperature = ByteReader(payload).get<RadarTemperature>();
-    return true;
-  }
-  return false;
 }
 
 // Returns true if the TLVs fill the packet, assuming that the header has this length and that each
@@ -239,9 +219,32 @@ void FrameParser::deliver(ByteView packet, const Header& header, HostTime receiv
   if (!read_tlvs(packet.subspan(header_bytes), header.tlvs, frame)) return;
   frame.lost_before = lost_before(header.frame_number) + std::exchange(owed_, 0);
   ++counts_.frames;
-  if (!frame.range_profile.empty()) ++counts_.range_profiles;
+  if (!frame.power.empty()) ++counts_.range_profiles;
   if (!frame.array.empty()) ++counts_.arrays;
   on_frame(std::move(frame));
+}
+
+bool FrameParser::read_tlv(std::uint32_t type, ByteView payload, RadarFrame& frame) const {
+  if (type == 2 && payload.size() % 2 == 0 && frame.power.empty()) {
+    for (const std::uint16_t code : to_values<std::uint16_t>(payload))
+      frame.power.push_back(power_from_code(code, antennas_));
+    return true;
+  }
+  constexpr std::size_t sample_bytes = 4;
+  if ((type == 4 || type == 8) && payload.size() % sample_bytes == 0 && frame.array.empty()) {
+    frame.array = to_values<std::int16_t>(payload);
+    frame.planar = type == 8;
+    return true;
+  }
+  if (type == 6 && payload.size() == sizeof(RadarStats)) {
+    frame.stats = ByteReader(payload).get<RadarStats>();
+    return true;
+  }
+  if (type == 9 && payload.size() == sizeof(RadarTemperature)) {
+    frame.temperature = ByteReader(payload).get<RadarTemperature>();
+    return true;
+  }
+  return false;
 }
 
 // Returns false if the structure is broken: a TLV exceeds the packet, or the TLVs are followed by

@@ -83,6 +83,9 @@ class FrameParser {
  public:
   using OnFrame = std::function<void(RadarFrame)>;
 
+  // `antennas`: number of virtual antennas in the range profile, at least 1.
+  explicit FrameParser(std::uint32_t antennas) : antennas_(antennas) {}
+
   // Parses the next bytes of the stream, in pieces of any size. `received`: time at which they were
   // read.
   void feed(ByteView bytes, HostTime received, const OnFrame& on_frame);
@@ -104,11 +107,13 @@ class FrameParser {
   Step skip_truncated(std::size_t bytes);
   std::size_t find_successor(ByteView bytes, const Header& header);
   void deliver(ByteView packet, const Header& header, HostTime received, const OnFrame& on_frame);
+  bool read_tlv(std::uint32_t type, ByteView payload, RadarFrame& frame) const;
   bool read_tlvs(ByteView body, std::uint32_t count, RadarFrame& frame);
   void count_tlv(std::uint32_t type);
   std::uint32_t lost_before(std::uint32_t number);
   void forget_progress();
 
+  std::uint32_t antennas_;
   FrameBuffer buffer_;
   FrameCounts counts_;
   bool in_junk_ = false;

@@ -384,12 +384,11 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
 
 Axis radar_axis(const RadarProfile& profile) {
   return {.name = "radar",
-          .quantity = "log2_q8",
+          .quantity = "power_with_noise",
           .unit = "m",
           .count = profile.bins,
           .start = 0,
-          .step = profile.range_step_m,
-          .scale = static_cast<double>(profile.antennas)};
+          .step = profile.range_step_m};
 }
 
 Axis array_axis(const RadarProfile& profile) {

@@ -61,9 +61,9 @@ struct RadarProfile {
 RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
                            std::uint32_t data_baud = 921600, Board board = Board::isk);
 
-// Returns the axis with name "radar", quantity "log2_q8" (drivers/core/log2_codes.hpp) and unit
-// "m". Its scale is the number of virtual antennas. Bin i is at range i * range_step_m, because the
-// firmware does not apply its range bias to the profile.
+// Returns the axis with name "radar", quantity "power_with_noise" (drivers/core/axis.hpp) and unit
+// "m". Bin i is at range i * range_step_m, because the firmware does not apply its range bias to
+// the profile.
 Axis radar_axis(const RadarProfile& profile);
 // Returns the axis with name "array", quantity "covariance" and the bins of radar_axis(). Its scale
 // is the number of antennas in the heat map.

@@ -31,7 +31,8 @@ RadarDriver::RadarDriver(port::Loop& loop, RadarSetup setup)
       dialogue_timer_(loop),
       watch_timer_(loop),
       quiet_timer_(loop),
-      backoff_(setup_.backoff) {
+      backoff_(setup_.backoff),
+      parser_(profile_.antennas) {
   setup_.timeouts.pause = pause_for(profile_.frame_period_s);
   info_.sensor = Sensor::radar;
   info_.address = setup_.address;

@@ -229,7 +229,8 @@ std::optional<double> StartGaps::share() const {
   return static_cast<double>(next) / static_cast<double>(gaps.size());
 }
 
-std::optional<double> StartGaps::clicks_a_pulse(std::uint64_t clicks, std::uint64_t starts) const {
+std::optional<double> StartGaps::clicks_per_pulse(std::uint64_t clicks,
+                                                  std::uint64_t starts) const {
   const auto passed = share();
   if (!passed || starts == 0) return std::nullopt;
   return *passed * static_cast<double>(clicks) / static_cast<double>(starts);

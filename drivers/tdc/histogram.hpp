@@ -46,7 +46,7 @@ class StartGaps {
   std::optional<double> share() const;
   // Returns the number of clicks per laser pulse, computed from the number of clicks and the number
   // of transferred starts. Returns nullopt if share() returns nullopt.
-  std::optional<double> clicks_a_pulse(std::uint64_t clicks, std::uint64_t starts) const;
+  std::optional<double> clicks_per_pulse(std::uint64_t clicks, std::uint64_t starts) const;
 
  private:
   std::int32_t channel_;

@@ -20,7 +20,7 @@ struct Run::File {
 
 struct Record::Contents {
   record::FusedRecord record;
-  std::vector<float> power, depth_m;
+  std::vector<float> depth_m;
 };
 
 struct Model::File {

@@ -75,7 +75,7 @@ Dataset dataset_of(const TrainedModel& model, std::span<const float> counts,
     if (!power.empty()) valid.insert(Sensor::radar);
   }
   data.valid = {valid.bits()};
-  data.index = {0}, data.slot_end = {HostTime{}}, data.clicks_a_pulse = {0}, data.label = {""};
+  data.index = {0}, data.slot_end = {HostTime{}}, data.clicks_per_pulse = {0}, data.label = {""};
   data.sources.resize(1);
   data.sources[0].count = 1;
   return data;

@@ -3,14 +3,12 @@
 
 #include "acquire/record/follow.hpp"
 #include "acquire/record/run_names.hpp"
-#include "drivers/core/log2_codes.hpp"
 #include "recon/api/internals.hpp"
 
 namespace echofuse {
 
 RunAxis public_axis(const Axis& axis) {
-  const bool codes = axis.quantity == "log2_q8";  // Record::power() returns linear power, not codes
-  return {axis.name, codes ? "power" : axis.quantity, axis.unit, axis.count, axis.start, axis.step};
+  return {axis.name, axis.quantity, axis.unit, axis.count, axis.start, axis.step};
 }
 
 MapGrid public_grid(const record::MapGrid& grid) {
@@ -28,21 +26,18 @@ SensorReport report_of(const record::FusedRecord& record, Sensor sensor) {
 class Converter {
  public:
   explicit Converter(const record::RunReader& run)
-      : radar_(run.axis("radar").value_or(Axis{})),
-        x_(run.axis("depth_x").value_or(Axis{})),
+      : x_(run.axis("depth_x").value_or(Axis{})),
         y_(run.axis("depth_y").value_or(Axis{})),
         grid_(record::map_grid_of(run.axes())) {}
 
   Record operator()(const record::FusedRecord& record) const {
-    auto out = std::make_shared<Internals::RecordContents>(record, record.radar);
-    if (radar_.quantity == "log2_q8")
-      for (float& v : out->power) v = static_cast<float>(power_from_code(v, radar_.scale));
+    auto out = std::make_shared<Internals::RecordContents>(record);
     if (record.has(Sensor::depth)) out->depth_m = to_target(record.depth_mm, x_, y_, grid_);
     return Internals::record(std::move(out));
   }
 
  private:
-  Axis radar_, x_, y_;
+  Axis x_, y_;
   record::MapGrid grid_;
 };
 
@@ -58,7 +53,7 @@ SensorReport Record::spd() const { return report_of(contents_->record, Sensor::s
 SensorReport Record::radar() const { return report_of(contents_->record, Sensor::radar); }
 SensorReport Record::camera() const { return report_of(contents_->record, Sensor::depth); }
 std::span<const std::uint32_t> Record::counts() const { return contents_->record.spd; }
-std::span<const float> Record::power() const { return contents_->power; }
+std::span<const float> Record::power() const { return contents_->record.radar; }
 std::span<const float> Record::depth_m() const { return contents_->depth_m; }
 
 Run::Run(const std::string& path)

@@ -14,7 +14,6 @@
 
 #include "acquire/record/run_names.hpp"
 #include "drivers/core/crc32c.hpp"
-#include "drivers/core/log2_codes.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/data/depth_check.hpp"
 #include "recon/data/lags.hpp"
@@ -64,7 +63,7 @@ class Appender {
       if (axis.name == "depth_y") y_ = axis;
     }
     radar_ = raw_radar_;
-    if (radar_.quantity == "log2_q8") radar_.quantity = "power", radar_.scale = 1;
+    if (radar_.quantity == "power_with_noise") radar_.quantity = "power";
     adopt(data.spd_axis, spd_, "spd");
     pile_up_ = PileUp(run, spd_);
     if (spd_.count > 0) zones_ = run.zones();
@@ -117,13 +116,13 @@ class Appender {
   // Appends one record. Returns why the record is invalid, or an empty string if it was added.
   std::string add(const record::FusedRecord& r) {
     if (const std::string fault = absurd_counts(r); !fault.empty()) return fault;
-    double a_pulse = clicks_a_pulse(r);
+    double a_pulse = clicks_per_pulse(r);
     const std::vector<float> spd = photons(r, a_pulse);
     std::vector<float> radar;
-    if (r.has(Sensor::radar)) radar = linear(r);
+    if (r.has(Sensor::radar)) radar = without_noise(r);
     std::vector<float> lags = lags_of(r);
     if (!std::ranges::all_of(radar, is_power) || !std::ranges::all_of(lags, is_power))
-      return "a radar value is too large to be converted to linear power";
+      return "a radar value is not a finite power";
     to_common(radar, radar_, data_.radar_axis, 1);
     if (depths_ && r.has(Sensor::depth)) depths_->add(r.depth_mm, data_.map.far_m);
     if (zones_.empty()) {
@@ -143,7 +142,7 @@ class Appender {
     data_.content.push_back(hash_of(r));
     data_.index.push_back(r.index);
     data_.slot_end.push_back(r.slot_end);
-    data_.clicks_a_pulse.push_back(a_pulse);
+    data_.clicks_per_pulse.push_back(a_pulse);
     data_.label.push_back(r.label);
     ++data_.sources.back().count;
     return {};
@@ -233,9 +232,9 @@ class Appender {
   // Returns the recorded clicks per laser pulse. Imported runs do not contain this value, so it is
   // computed from the counts. Returns 0 (unknown) if there are at least 0.95 clicks per start
   // signal, because the time tagger has then filtered out the start signals without a click.
-  static double clicks_a_pulse(const record::FusedRecord& r) {
+  static double clicks_per_pulse(const record::FusedRecord& r) {
     constexpr double filtered = 0.95;
-    if (r.signal.clicks_a_pulse) return *r.signal.clicks_a_pulse;
+    if (r.signal.clicks_per_pulse) return *r.signal.clicks_per_pulse;
     const auto clicks = static_cast<double>(r.spd_counts.in_range + r.spd_counts.out_of_range);
     const auto starts = static_cast<double>(r.spd_counts.starts);
     return clicks < filtered * starts ? clicks / starts : 0;
@@ -286,13 +285,12 @@ class Appender {
     table.add_row(row.first(std::min(row.size(), cols)));
     table.values.resize(table.rows * cols);
   }
-  // Converts radar codes to linear power. Subtracts the median power of the profile, because the
-  // codes include the receiver noise, which dominates most points. Linear profiles are not changed.
-  std::vector<float> linear(const record::FusedRecord& r) const {
+  // Subtracts the median of the profile if its power includes the receiver noise, which dominates
+  // most points.
+  std::vector<float> without_noise(const record::FusedRecord& r) const {
     std::vector<float> out = r.radar;
-    if (raw_radar_.quantity != "log2_q8") return out;
-    for (float& v : out) v = static_cast<float>(power_from_code(v, raw_radar_.scale));
-    return subtract_median(out), out;
+    if (raw_radar_.quantity == "power_with_noise") subtract_median(out);
+    return out;
   }
 
   // Returns the spatial lags on the common axis; empty if the record has no antenna samples.

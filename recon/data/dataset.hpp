@@ -76,8 +76,8 @@ inline constexpr const char* twice_in_run = "twice in the run";
 // its row contains zeros (see has()). If a run does not have a sensor, or the sensor was not
 // loaded, the sensor's axis has count 0.
 struct Dataset {
-  // The quantity of `radar_axis` is "power" if logarithmic codes were converted to power, or
-  // "binned_power" after rebinning.
+  // The quantity of `radar_axis` is "power", or "binned_power" after rebinning. The receiver noise
+  // has been subtracted.
   Axis spd_axis, radar_axis;
   // Axis of the spatial lags (lags.hpp); empty if the axes of the runs differ.
   Axis array_axis;
@@ -105,7 +105,7 @@ struct Dataset {
   std::vector<std::int64_t> index;  // index of the record in its run
   std::vector<HostTime> slot_end;
   // Number of clicks per laser pulse; 0 if it is unknown or pile-up has been corrected.
-  std::vector<double> clicks_a_pulse;
+  std::vector<double> clicks_per_pulse;
   std::vector<std::string> label;
   std::vector<Source> sources;
   std::vector<DamagedRecord> damaged;  // unreadable records, which have no row

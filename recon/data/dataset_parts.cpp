@@ -151,7 +151,7 @@ Dataset part_of(const Dataset& data, const Rows& rows) {
     if (!data.content.empty()) out.content.push_back(data.content[row]);
     out.index.push_back(data.index[row]);
     out.slot_end.push_back(data.slot_end[row]);
-    out.clicks_a_pulse.push_back(data.clicks_a_pulse[row]);
+    out.clicks_per_pulse.push_back(data.clicks_per_pulse[row]);
     out.label.push_back(data.label[row]);
   }
   return out;

@@ -9,9 +9,10 @@
 //              {NAME: {"type": "u8"|"u16"|"u32"|"f32"|"f64", "offset": from a, "shape": [...]}}
 // header["kind"] is one of:
 //   run        Constants of the run: file, uuid, window_s, axes, map (grid), model (name), trigger
-//              (levels of the tagger), most_clicks_a_pulse (pile-up limit), baseline_m (distance of
-//              the radar to the left of the detector, 0 if unknown), calibrated (true if the model
-//              estimates its errors), facts (settings and devices as [name, text]), may_write.
+//              (levels of the tagger), most_clicks_per_pulse (pile-up limit), baseline_m (distance
+//              of the radar to the left of the detector, 0 if unknown), calibrated (true if the
+//              model estimates its errors), facts (settings and devices as [name, text]),
+//              may_write.
 //   state      Sent every second and after each record: status, records, first_index, last_index,
 //              elapsed_s, remaining_s, label, disk, events. sensors: {NAME: {verdict, valid, age_s
 //              (since the end of its last valid slot), used, arrived (frames in its slot), lost,

@@ -5,8 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include "drivers/core/log2_codes.hpp"
-
 namespace echofuse::view {
 namespace {
 
@@ -73,15 +71,11 @@ std::vector<float> clicks_of(const record::FusedRecord& r, const std::vector<Axi
   return {sum.begin(), sum.end()};
 }
 
-double power_of(float value, const Axis& axis) {
-  return axis.quantity == "log2_q8" ? power_from_code(double{value}, axis.scale) : double{value};
-}
-
-std::vector<float> to_db(std::span<const float> profile, const Axis& axis) {
+std::vector<float> to_db(std::span<const float> power) {
   std::vector<float> out;
-  out.reserve(profile.size());
-  for (const float v : profile)
-    out.push_back(static_cast<float>(10 * std::log10(std::max(power_of(v, axis), 1e-12))));
+  out.reserve(power.size());
+  for (const float v : power)
+    out.push_back(static_cast<float>(10 * std::log10(std::max(double{v}, 1e-12))));
   return out;
 }
 

@@ -37,9 +37,6 @@ std::vector<float> map_of(const record::FusedRecord& r, const std::vector<Axis>&
 // Returns the SPD histogram, summed over all zones.
 std::vector<float> clicks_of(const record::FusedRecord& r, const std::vector<Axis>& axes);
 
-// Converts a value of a range profile to linear power. The value is either a power or a logarithmic
-// code of the radar firmware (drivers/core/axis.hpp).
-double power_of(float value, const Axis& axis);
-std::vector<float> to_db(std::span<const float> profile, const Axis& axis);
+std::vector<float> to_db(std::span<const float> power);
 
 }  // namespace echofuse::view

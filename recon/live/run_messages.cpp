@@ -63,7 +63,7 @@ const RunMessages::RunSettings& RunMessages::settings() {
   settings_ = {};
   const std::map<std::string, double*> wanted{
       {"tdc.laser_rate_hz", &settings_.laser_hz},
-      {"signal.clicks_a_pulse", &settings_.most_clicks_a_pulse},
+      {"signal.clicks_per_pulse", &settings_.most_clicks_per_pulse},
       {"alert.no_data_s", &settings_.alert.no_data_s},
       {"alert.disk_free_gb", &settings_.alert.disk_free_gb}};
   for_each_setting(run_.info().config_resolved,
@@ -92,7 +92,7 @@ Message RunMessages::about_run(bool may_write) {
            {"axes", axes},
            {"facts", facts()},
            {"trigger", trigger_levels()},
-           {"most_clicks_a_pulse", settings().most_clicks_a_pulse},
+           {"most_clicks_per_pulse", settings().most_clicks_per_pulse},
            {"baseline_m", record::radar_baseline_m(info.meta)},
            {"map", {{"size", grid.size}, {"half_tangent", grid.half_tangent}}},
            {"model", model_ ? Json(model_->name()) : Json()},
@@ -226,8 +226,7 @@ Message RunMessages::make_record(std::int64_t index, bool live) {
     one.add(r, axes);
     head.update(one.numbers(axes, settings().laser_hz));
     if (r.has(Sensor::spd)) add_clicks(out, head, r, run);
-    const Axis* radar = find(axes, "radar");
-    if (r.has(Sensor::radar) && radar) out.add("radar", to_db(r.radar, *radar));
+    if (r.has(Sensor::radar)) out.add("radar", to_db(r.radar));
     if (const Axis* array = find(axes, "array"))
       out.add<float>("beams", beams_of(r, run.antennas(), array->count),
                      {array->count, record::beams});
@@ -384,8 +383,7 @@ Message RunMessages::sheet(std::int64_t first, std::int64_t last) const {
             map = map_of(r, axes, small), label = r.label;
             at_s = seconds(r.slot_utc - run_.outlines().front().start);
             if (r.has(Sensor::spd)) clicks = column_of(clicks_of(r, axes));
-            const Axis* radar_axis = find(axes, "radar");
-            if (r.has(Sensor::radar) && radar_axis) power = column_of(to_db(r.radar, *radar_axis));
+            if (r.has(Sensor::radar)) power = column_of(to_db(r.radar));
             has_map = !map.empty();
             return false;
           },

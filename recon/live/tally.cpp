@@ -30,23 +30,22 @@ Axis centres_m(Axis axis) {
 }  // namespace
 
 void Tally::add(const record::FusedRecord& r, const std::vector<Axis>& axes, int sign) {
-  const Axis* radar = find(axes, "radar");
   if (r.has(Sensor::spd)) {
     const std::vector<float> clicks = clicks_of(r, axes);
     clicks_.resize(clicks.size());
     for (std::size_t i = 0; i < clicks.size(); ++i) clicks_[i] += sign * double{clicks[i]};
     const TagCounts& c = r.spd_counts;
     const auto placed = static_cast<double>(c.in_range + c.out_of_range);
-    const double a_pulse = r.signal.clicks_a_pulse.value_or(0);
+    const double a_pulse = r.signal.clicks_per_pulse.value_or(0);
     spd_records_ += sign;
     slots_s_ += sign * seconds(r.slot_end - r.slot_start);
     all_clicks_ += sign * (placed + static_cast<double>(c.without_start));
     starts_ += sign * static_cast<double>(c.starts);
     pulses_ += sign * (a_pulse > 0 ? placed / a_pulse : static_cast<double>(c.starts));
   }
-  if (!r.has(Sensor::radar) || !radar) return;
+  if (!r.has(Sensor::radar)) return;
   power_.resize(r.radar.size());
-  for (std::size_t i = 0; i < r.radar.size(); ++i) power_[i] += sign * power_of(r.radar[i], *radar);
+  for (std::size_t i = 0; i < r.radar.size(); ++i) power_[i] += sign * double{r.radar[i]};
   radar_records_ += sign;
 }
 
@@ -69,7 +68,7 @@ Json Tally::rates(const Axis& axis, double laser_hz) const {
           {"pulse_hz", pulses > 0 ? number(pulses / slots_s_) : Json()},
           {"click_hz", all_clicks_ / slots_s_},
           {"dark_hz", looked_s > 0 ? number(dark / looked_s) : Json()},
-          {"clicks_a_pulse", pulses > 0 ? number(all_clicks_ / pulses) : Json()}};
+          {"clicks_per_pulse", pulses > 0 ? number(all_clicks_ / pulses) : Json()}};
 }
 
 Json Tally::numbers(const std::vector<Axis>& axes, double laser_hz, const FitRange& range) const {

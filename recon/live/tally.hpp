@@ -23,12 +23,12 @@ class Tally {
   const std::vector<double>& clicks() const { return clicks_; }  // per bin; empty if no SPD data
   // Returns the mean range profile in dB; empty if there are no radar data.
   std::vector<float> profile_db(const std::vector<Axis>& axes) const;
-  // Returns {"rates": {sync_hz, pulse_hz, click_hz, dark_hz, clicks_a_pulse}, "spd_records": number
-  // of records with SPD data, "fits": {spd, radar: {centre_m, error_m, fwhm_m}}}. Unknown values
-  // are null. sync_hz: received sync signals per second. pulse_hz: laser pulses per second, which
-  // exceed sync_hz if the tagger has a conditional filter; equal to `laser_hz`, or estimated if
-  // `laser_hz` is 0. dark_hz: number of clicks in the bins before the first return, divided by the
-  // total time for which these bins were open.
+  // Returns {"rates": {sync_hz, pulse_hz, click_hz, dark_hz, clicks_per_pulse}, "spd_records":
+  // number of records with SPD data, "fits": {spd, radar: {centre_m, error_m, fwhm_m}}}. Unknown
+  // values are null. sync_hz: received sync signals per second. pulse_hz: laser pulses per second,
+  // which exceed sync_hz if the tagger has a conditional filter; equal to `laser_hz`, or estimated
+  // if `laser_hz` is 0. dark_hz: number of clicks in the bins before the first return, divided by
+  // the total time for which these bins were open.
   nlohmann::json numbers(const std::vector<Axis>& axes, double laser_hz = 0,
                          const FitRange& range = {}) const;
 

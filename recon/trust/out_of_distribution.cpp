@@ -113,7 +113,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   Matrix all(0, first_[groups]);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     all.add_row(describe(views.row(rows[i]), data, rows[i]));
-    most_clicks_per_start_ = std::max(most_clicks_per_start_, data.clicks_a_pulse[rows[i]]);
+    most_clicks_per_start_ = std::max(most_clicks_per_start_, data.clicks_per_pulse[rows[i]]);
   }
   const Rows with_body = learn_ranges(all);
   share_with_body_ = static_cast<double>(with_body.size()) / static_cast<double>(rows.size());
@@ -275,10 +275,10 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::score(const Matri
         s.distance = q, group = static_cast<Group>(g);
     const bool has_range = has_spd && shows_body(description);
     const double range_m = has_range ? double{description[first_[range]]} : 0;
-    const double clicks = data.clicks_a_pulse[rows[i]];
+    const double clicks = data.clicks_per_pulse[rows[i]];
     if (has_spd && !has_range && share_with_body_ > nearly_all_records)
       s.reason = "empty";
-    else if (has_spd && clicks > record::most_clicks_a_pulse &&
+    else if (has_spd && clicks > record::most_clicks_per_pulse &&
              clicks > clicks_reserve * most_clicks_per_start_)
       s.reason = "saturated", s.details = formatted("%.2f clicks per laser pulse", clicks);
     else if (has_range && (range_m < nearest_m_ || range_m > farthest_m_))

@@ -71,7 +71,7 @@ void count_clicks(record::FusedRecord& r, std::int64_t pulses) {
   r.spd_counts.starts = static_cast<std::uint64_t>(pulses);
   r.spd_counts.tags = clicks + r.spd_counts.starts;
   if (pulses > 0)
-    r.signal.clicks_a_pulse = static_cast<double>(clicks) / static_cast<double>(pulses);
+    r.signal.clicks_per_pulse = static_cast<double>(clicks) / static_cast<double>(pulses);
   r.sync[Sensor::spd].used = clicks;
 }
 

@@ -6,6 +6,7 @@
 
 #include "../catch.hpp"
 #include "../fixtures/folder.hpp"
+#include "../fixtures/record.hpp"
 #include "drivers/util/exit_code.hpp"
 
 using namespace echofuse;
@@ -21,9 +22,9 @@ record::FusedRecord record_of(std::int64_t index, const std::string& radar_verdi
   r.index = index;
   r.slot_start = index * 1s, r.slot_end = r.slot_start + 1s;
   r.valid = {Sensor::spd};
-  r.sync[Sensor::spd].verdict = record::verdict_of("ok");
+  r.sync[Sensor::spd].verdict = test::verdict_of("ok");
   r.sync[Sensor::radar].verdict =
-      record::verdict_of(radar_verdict.empty() ? std::string("no frames") : radar_verdict);
+      test::verdict_of(radar_verdict.empty() ? std::string("no frames") : radar_verdict);
   if (!radar_verdict.empty()) r.valid.insert(Sensor::radar);
   return r;
 }

@@ -85,7 +85,8 @@ struct Laboratory {
   std::uint32_t number = 0;
 
   void run() {
-    windows.announce({Sensor::radar, "", "", "", "", {{"radar", "log2_q8", "m", 1, 0, 0.5, 12}}});
+    windows.announce(
+        {Sensor::radar, "", "", "", "", {{"radar", "power_with_noise", "m", 1, 0, 0.5, 1}}});
     windows.announce(
         {Sensor::depth,
          "",
@@ -148,7 +149,7 @@ struct Laboratory {
     frame.frame_number = ++number;
     frame.time_cpu_cycles = static_cast<std::uint32_t>(device.ticks());
     frame.lost_before = lost_before;
-    frame.range_profile = {100};
+    frame.power = {100};
     clocks.observe(frame);
     windows.add(frame);
     ++sent[Sensor::radar];

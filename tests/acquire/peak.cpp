@@ -9,8 +9,8 @@
 
 #include "../catch.hpp"
 #include "drivers/core/axis.hpp"
-#include "drivers/core/log2_codes.hpp"
 #include "drivers/core/random.hpp"
+#include "drivers/radar/log2_codes.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;
@@ -55,27 +55,26 @@ std::complex<double> echo(double cells, unsigned samples) {
 }
 
 constexpr unsigned antennas = 12;
-const EchoAxis fine{
-    .step_m = 0.044, .resolution_m = 0.0469, .log2_power_step = log2_power_step(antennas)};
+const EchoAxis fine{.step_m = 0.044, .resolution_m = 0.0469};
 
-// Returns range profiles in the format of the radar firmware. Each value is an integer proportional
-// to the sum over antennas of the log2 magnitudes.
-std::vector<std::vector<std::uint16_t>> frames(
-    const std::vector<std::pair<double, std::complex<double>>>& reflectors, double noise_db,
-    std::size_t count, Rng& rng) {
+// Returns range profiles of the radar firmware. Each power comes from an integer code, which is
+// proportional to the sum over antennas of the log2 magnitudes.
+Profiles frames(const std::vector<std::pair<double, std::complex<double>>>& reflectors,
+                double noise_db, std::size_t count, Rng& rng) {
   std::vector<std::complex<double>> clean(64);
   for (std::size_t i = 0; i < clean.size(); ++i)
     for (const auto& [range_m, amplitude] : reflectors)
       clean[i] += amplitude *
                   echo((static_cast<double>(i) * fine.step_m - range_m) / fine.resolution_m, 120);
   std::normal_distribution<double> noise(0, std::pow(10, noise_db / 20) / std::sqrt(2));
-  std::vector<std::vector<std::uint16_t>> out(count);
+  Profiles out(count);
   for (auto& frame : out)
     for (const auto& c : clean) {
       double sum = 0;
       for (unsigned a = 0; a < antennas; ++a)
         sum += std::log2(1e6 * std::abs(c + std::complex(noise(rng), noise(rng))));
-      frame.push_back(static_cast<std::uint16_t>(std::lround(256 * sum / 16)));
+      frame.push_back(radar::power_from_code(
+          static_cast<std::uint16_t>(std::lround(256 * sum / 16)), antennas));
     }
   return out;
 }
@@ -207,6 +206,6 @@ TEST_CASE("a peak fit refuses data without a reflector peak and reports the reas
              starts("two peaks: the second peak is at 1.4"));
   auto flat = frames({{1, 1}}, -30, 20, rng);
   for (auto& frame : flat)
-    for (auto& code : frame) code = std::min<std::uint16_t>(code, 3700);
+    for (auto& power : frame) power = std::min(power, radar::power_from_code(3700, antennas));
   CHECK_THAT(fit_echo(flat, fine, {}).refusal, starts("saturated"));
 }

@@ -41,7 +41,8 @@ Axis of(const char* name, const char* quantity, std::uint32_t count, double scal
   return {name, quantity, "m", count, 0, 0.25, scale};
 }
 
-const std::vector<Axis> two_bins{of("radar", "log2_q8", 2, 8), of("array", "covariance", 2, 8)};
+const std::vector<Axis> two_bins{of("radar", "power_with_noise", 2, 1),
+                                 of("array", "covariance", 2, 8)};
 
 // Writes a run that contains a single record of two bins and eight antennas, and returns the
 // record.

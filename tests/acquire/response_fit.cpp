@@ -9,8 +9,8 @@
 
 #include "../catch.hpp"
 #include "drivers/core/axis.hpp"
-#include "drivers/core/log2_codes.hpp"
 #include "drivers/core/random.hpp"
+#include "drivers/radar/log2_codes.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;
@@ -42,9 +42,7 @@ using Amplitude = std::complex<double>;
 // Bin width, size of the resolution cell and range of the reflector, all in m.
 struct Place {
   double step_m, cell_m, range_m;
-  EchoAxis axis() const {
-    return {.step_m = step_m, .resolution_m = cell_m, .log2_power_step = log2_power_step(antennas)};
-  }
+  EchoAxis axis() const { return {.step_m = step_m, .resolution_m = cell_m}; }
 };
 constexpr Place fine{0.044, 0.0469, 1.01};
 
@@ -116,9 +114,8 @@ struct Echo {
 };
 // Returns range profiles of a reflector and the objects behind it. If `adds` is true, the noise
 // power is added to the signal power. Otherwise, complex noise is added to the amplitudes.
-std::vector<std::vector<std::uint16_t>> frames(const NamedWindow& window, const Place& place,
-                                               double noise_db, Rng& rng, bool adds = false,
-                                               const std::vector<Echo>& echoes = {{}}) {
+Profiles frames(const NamedWindow& window, const Place& place, double noise_db, Rng& rng,
+                bool adds = false, const std::vector<Echo>& echoes = {{}}) {
   std::vector<Amplitude> clean(64);
   for (std::size_t i = 0; i < clean.size(); ++i)
     for (const Echo& e : echoes)
@@ -130,14 +127,15 @@ std::vector<std::vector<std::uint16_t>> frames(const NamedWindow& window, const 
   const double power = std::pow(10, noise_db / 10);
   std::normal_distribution<double> noise(0, std::sqrt(power / 2));
   std::exponential_distribution<double> more(1 / power);
-  std::vector<std::vector<std::uint16_t>> out(100);
+  Profiles out(100);
   for (auto& frame : out)
     for (const auto& c : clean) {
       double sum = antennas * std::log2(1e6 * std::sqrt(std::norm(c) + more(rng)));
       if (!adds) sum = 0;
       for (unsigned n = 0; n < antennas && !adds; ++n)
         sum += std::log2(1e6 * std::abs(c + Amplitude(noise(rng), noise(rng))));
-      frame.push_back(static_cast<std::uint16_t>(std::lround(256 * sum / 16)));
+      frame.push_back(radar::power_from_code(
+          static_cast<std::uint16_t>(std::lround(256 * sum / 16)), antennas));
     }
   return out;
 }
@@ -277,12 +275,12 @@ TEST_CASE("the response fit refuses an extended reflector and reports the reason
 TEST_CASE("radar noise falls with the square root of the number of independent frames") {
   Rng rng = make_rng(3, 1);
   record::Response found;
-  fit_noise_exponent(frames(windows[0], fine, -20, rng), fine.axis().log2_power_step, found);
+  fit_noise_exponent(frames(windows[0], fine, -20, rng), found);
   CHECK(std::abs(found.radar_noise_exponent.value + 0.5) <
         5 * found.radar_noise_exponent.standard_error);
   CHECK(found.radar_noise_exponent.standard_error < 0.05);
   record::Response few;
-  CHECK(fit_noise_exponent(std::vector(20, std::vector<std::uint16_t>(64, 7)), 1, few) ==
+  CHECK(fit_noise_exponent(Profiles(20, std::vector<float>(64, 7)), few) ==
         "fewer than 40 frames received");
   CHECK(few == record::Response{});
 }

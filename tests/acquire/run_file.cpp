@@ -190,13 +190,13 @@ TEST_CASE("invalid run files and output files are refused, and the reason is rep
   }
   SECTION("a file with a newer run format is refused") {
     a_small_run(1).write(path);
-    damage(path, "run format 4");
-    CHECK(has(refusal().second, "run format 4, expected 3; use a newer echofuse"));
+    damage(path, "run format 5");
+    CHECK(has(refusal().second, "run format 5, expected 4; use a newer echofuse"));
   }
   SECTION("a file with an older run format is refused") {
     a_small_run(1).write(path);
     damage(path, "run format 2");
-    CHECK(has(refusal().second, "run format 2, expected 3; use the echofuse that recorded it"));
+    CHECK(has(refusal().second, "run format 2, expected 4; use the echofuse that recorded it"));
   }
   SECTION("a file with a missing table, an extra column or another column type is refused") {
     a_small_run(1).write(path);

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: MIT
 // Tests that random runs, with and without optional values, are read back as written.
 #include <cstdlib>
+#include <fstream>
+#include <iterator>
 #include <limits>
 #include <random>
 
+#include "../fixtures/paths.hpp"
 #include "acquire/measurement/radar_array.hpp"
 #include "acquire/record/rows.hpp"
 #include "testing.hpp"
@@ -82,7 +85,7 @@ FusedRecord record_of(std::int64_t index, const std::vector<Axis>& axes, Random&
   slot = {random.whole<std::uint64_t>(), random.whole<std::uint64_t>(), {}, {}, random.real()};
   if (random.coin()) slot.radar_last = random.whole<std::uint32_t>();
   if (random.coin()) slot.depth_last = random.whole<std::uint32_t>();
-  if (random.coin()) r.signal.clicks_a_pulse = std::abs(random.real());
+  if (random.coin()) r.signal.clicks_per_pulse = std::abs(random.real());
   for (auto* v : {&r.signal.spd_clicks, &r.signal.spd_peak_m, &r.signal.radar_snr_db,
                   &r.signal.radar_peak_m, &r.signal.depth_share})
     if (random.coin()) *v = random.real();
@@ -240,6 +243,21 @@ TEST_CASE("the metadata of a run are read back as written") {
   CHECK(run.late() == PerSensor<std::int64_t>{6, 8, 10});
   CHECK(run.events().at(0).level == "error");
   CHECK(run.counters().at(0).value == 9);
+}
+
+TEST_CASE("the Python package contains the SQL definitions of the tables") {
+  std::ifstream file(source_dir + "/recon/python/echofuse/runs/schema.sql");
+  std::string expected;
+  for (const auto& [name, sql] : table_definitions()) expected += sql + "\n";
+  CHECK(std::string{std::istreambuf_iterator<char>(file), {}} == expected);
+}
+
+TEST_CASE("a verdict with an unknown word keeps its word and figures") {
+  const Folder dir;
+  a_small_run().write(dir / "run");
+  damage(dir / "run", "verdict ?3 of the SPD in the records from ?1 to ?2",
+         {std::int64_t{0}, std::int64_t{0}, std::string("too green: 7 %")});
+  CHECK(verdict(RunReader(dir / "run").read(0), Sensor::spd) == "too green: 7 %");
 }
 
 // Writes 20 runs for tests/python/test_format.py, together with the values that RunReader reads

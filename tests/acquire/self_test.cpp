@@ -46,8 +46,8 @@ double fact(const Finding& finding, const std::string& name) {
 
 RadarFrame radar_frame(std::size_t bins = 64) {
   RadarFrame frame;
-  frame.range_profile.assign(bins, 2000);
-  if (bins > 7) frame.range_profile[7] = 4000;
+  frame.power.assign(bins, 20);
+  if (bins > 7) frame.power[7] = 4000;
   return frame;
 }
 
@@ -134,7 +134,7 @@ TEST_CASE(
   CHECK(has(radar_verdict(due, radar_frame(0)).advice, "guiMonitor"));
   CHECK(has(radar_verdict(due, radar_frame(32)).advice, "32 bins, but radar.cfg defines 64"));
   RadarFrame flat = radar_frame();
-  flat.range_profile[7] = 2000;
+  flat.power[7] = 20;
   CHECK(has(radar_verdict(due, flat).advice, "all bins are equal"));
   CHECK(has(radar_verdict(0, flat).advice, "frame rate is lower"));
 }

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "../catch.hpp"
+#include "../fixtures/record.hpp"
 #include "drivers/core/random.hpp"
 
 using namespace echofuse;
@@ -23,12 +24,11 @@ std::vector<Axis> axes() {
            .start = 13343,
            .step = 100},
           {.name = "radar",
-           .quantity = "log2_q8",
+           .quantity = "power_with_noise",
            .unit = "m",
            .count = 64,
            .start = 0,
-           .step = 0.25,
-           .scale = 12},
+           .step = 0.25},
           {.name = "depth_x",
            .quantity = "tangent",
            .unit = "1",
@@ -53,7 +53,7 @@ class Laboratory {
     record::FusedRecord r;
     r.index = next_++;
     r.valid = SensorSet::from_bits(7);
-    for (auto& sync : r.sync) sync.verdict = record::verdict_of("ok"), sync.used = 60;
+    for (auto& sync : r.sync) sync.verdict = test::verdict_of("ok"), sync.used = 60;
     for (std::size_t i = 0; i < 336; ++i) {
       const double off = (static_cast<double>(i) - 100) / 10;
       std::poisson_distribution<std::uint32_t> n(photons / 25.07 * std::exp(-off * off / 2) +
@@ -61,12 +61,11 @@ class Laboratory {
       r.spd.push_back(n(rng_));
     }
     r.spd_counts.in_range = std::accumulate(r.spd.begin(), r.spd.end(), std::uint64_t{0});
-    std::normal_distribution<float> noise(0, 3);
-    for (int i = 0; i < 64;
-         ++i) {  // The noise floor is at code 5000. With 12 antennas, one code is 0.0314 dB.
+    std::normal_distribution<double> noise_db(0, 0.1);
+    for (int i = 0; i < 64; ++i) {
       const double off = (i - 14) / 1.5;
-      const double db = 10 * std::log10(1 + std::pow(10, radar_snr_db / 10) * std::exp(-off * off));
-      r.radar.push_back(static_cast<float>(5000 + db / 0.0313597) + noise(rng_));
+      const double power = 1 + std::pow(10, radar_snr_db / 10) * std::exp(-off * off);
+      r.radar.push_back(static_cast<float>(1e6 * power * std::pow(10, noise_db(rng_) / 10)));
     }
     std::normal_distribution<double> depth(3500, 6);
     for (int i = 0; i < 1200; ++i)
@@ -94,7 +93,7 @@ TEST_CASE("a good record has the verdict ok and the measured signal values") {
   SignalCheck check({}, 3);
   for (int i = 0; i < 100; ++i) {
     auto r = lab.record();
-    r.signal.clicks_a_pulse = 0.03;
+    r.signal.clicks_per_pulse = 0.03;
     check.assess(r, axes());
     for (const auto& sync : r.sync) CHECK(sync.verdict.text() == "ok");
     CHECK(r.valid == SensorSet::from_bits(7));
@@ -164,12 +163,13 @@ TEST_CASE("neither background light alone nor radar noise alone is reported as a
 TEST_CASE("more than one click in 20 pulses or a clipped radar lobe gives the verdict saturated") {
   Laboratory lab;
   SignalCheck check({}, 3);
+  constexpr float clipped = 3e7F;
   auto r = lab.record();
-  r.signal.clicks_a_pulse = 0.06;
-  for (float& v : r.radar) v = std::min(v, 5500.F);
+  r.signal.clicks_per_pulse = 0.06;
+  for (float& v : r.radar) v = std::min(v, clipped);
   auto v = verdicts(check, r);
   CHECK(v[1] == "ok");  // one repeated record does not prove that the radar is frozen
-  for (float& p : r.radar) p = p == 5500.F ? p : p + 1;
+  for (float& p : r.radar) p = p == clipped ? p : 1.01F * p;
   ++r.spd[0];
   v = verdicts(check, r);
   CHECK(v[0] == "saturated: 0.06 clicks per laser pulse (limit 0.05)");
@@ -179,11 +179,11 @@ TEST_CASE("more than one click in 20 pulses or a clipped radar lobe gives the ve
   ++r.spd[0];
   CHECK_THAT(verdicts(check, r)[0],
              EndsWith("(limit 0.05): are the start and click channels swapped?"));
-  r.sync[Sensor::radar].used = 1;  // with a single frame, two bins may have equal codes
-  for (float& p : r.radar) p = p == 5500.F ? p : p - 1;
+  r.sync[Sensor::radar].used = 1;  // with a single frame, two bins may have equal powers
+  for (float& p : r.radar) p = p == clipped ? p : 0.98F * p;
   CHECK(verdicts(check, r)[1] == "ok");
   SignalLimits off;
-  off.clicks_a_pulse = 0;
+  off.clicks_per_pulse = 0;
   SignalCheck indulgent(off, 3);
   CHECK(verdicts(indulgent, r)[0] == "ok");
 }
@@ -194,7 +194,7 @@ TEST_CASE("sensor data that repeat bit for bit are reported as frozen (verdict: 
   auto r = lab.record();
   CHECK(verdicts(check, r) == all_ok);
   // Simulates the rounding error that results from averaging a different number of frames.
-  for (float& v : r.radar) v += 0.001F;
+  for (float& v : r.radar) v *= 1.000001F;
   for (const auto& v : verdicts(check, r)) CHECK_THAT(v, StartsWith("stands still: "));
   CHECK(verdicts(check, lab.record()) == all_ok);
   // Data that repeat after a missing record are reported as frozen. Sensors without a signal are
@@ -203,7 +203,7 @@ TEST_CASE("sensor data that repeat bit for bit are reported as frozen (verdict: 
   const auto kept = gone;
   CHECK(verdicts(check, gone) == all_ok);
   gone.valid = SensorSet::from_bits(0);
-  for (auto& sync : gone.sync) sync.verdict = record::verdict_of("no frames");
+  for (auto& sync : gone.sync) sync.verdict = test::verdict_of("no frames");
   CHECK(verdicts(check, gone) == Verdicts{"no frames", "no frames", "no frames"});
   CHECK_THAT(verdicts(check, kept)[2], StartsWith("stands still: "));
   lab.photons = 0, lab.depth_share = 0;
@@ -270,14 +270,14 @@ TEST_CASE("missing start pulses are not reported if the tagger uses a conditiona
   auto r = lab.record();
   r.slot_end = std::chrono::seconds(1);
   r.spd_counts = {.tags = 20'000, .starts = 10'000, .in_range = 10'000};
-  r.signal.clicks_a_pulse = 0.01;
+  r.signal.clicks_per_pulse = 0.01;
   CHECK(verdicts(check, r)[0] == "ok");
   // All clicks are dark counts. The tagger's filter passed one start per click, so 10 000 starts
   // remain of 1e6 laser pulses.
-  r.spd[0] += 1, r.radar[0] += 1, r.depth_mm[0] += 1;
-  r.signal.clicks_a_pulse = 1;
+  r.spd[0] += 1, r.radar[0] += 1e5F, r.depth_mm[0] += 1;
+  r.signal.clicks_per_pulse = 1;
   SignalLimits bright;
-  bright.clicks_a_pulse = 0;
+  bright.clicks_per_pulse = 0;
   check = SignalCheck(bright, 1, {1e6, 0, 0});
   CHECK_THAT(verdicts(check, r)[0], StartsWith("lossy: 1 % of the 1000000 expected start pulses"));
 }
@@ -293,12 +293,12 @@ TEST_CASE("a sensor is lossy if 60 % of its samples are lost, also behind a cond
       SignalCheck check({}, 1, {filtered ? 4e6 : 0, 0, 0});
       auto r = lab.record();
       r.slot_end = std::chrono::seconds(1);
-      if (filtered) r.signal.clicks_a_pulse = 0.01;
+      if (filtered) r.signal.clicks_per_pulse = 0.01;
       r.spd_counts = {.tags = 4000, .starts = 2000, .in_range = 2000};
       r.sync[sensor].arrived = r.sync[sensor].used = received, r.sync[sensor].lost = lost;
       const auto expected = "lossy: 40 % of the " + std::to_string(received + lost) + " " + unit;
       CHECK(verdicts(check, r)[static_cast<std::size_t>(sensor)] == expected + " received");
-      r.spd[0] += 1, r.radar[0] += 1, r.depth_mm[0] += 1;
+      r.spd[0] += 1, r.radar[0] += 1e5F, r.depth_mm[0] += 1;
       r.sync[sensor].lost = received / 4;
       CHECK(verdicts(check, r) == all_ok);
     }
@@ -353,33 +353,33 @@ TEST_CASE("radar leakage at up to 0.5 m does not count as an echo") {
                                    .scale = 1}};
   record::FusedRecord r;
   r.valid = {Sensor::radar};
-  r.sync[Sensor::radar].verdict = record::verdict_of("ok");
+  r.sync[Sensor::radar].verdict = test::verdict_of("ok");
   for (int i = 0; i < 128; ++i) r.radar.push_back(i < 10 ? 1e6F : i % 3 == 0 ? 1.1F : 1);
   check.assess(r, fine);
   CHECK_THAT(r.sync[Sensor::radar].verdict.text(), StartsWith("no peak"));
 }
 
 TEST_CASE("the signal of each detector zone is checked separately") {
-  SignalCheck check({.clicks_a_pulse = 0.05}, 3);
+  SignalCheck check({.clicks_per_pulse = 0.05}, 3);
   const std::vector<Axis> spd{{"spd", "counts", "ps", 40, 0, 100, 1}};
   record::FusedRecord r;
   r.valid = {Sensor::spd};
   r.spd.assign(80, 0);
   std::fill_n(r.spd.begin(), 40, 1000);  // only the first zone has a background
   r.spd[40 + 12] = 5000;
-  r.signal.clicks_a_pulse = 0.04;
-  r.sync[Sensor::spd].verdict = record::verdict_of("ok");
+  r.signal.clicks_per_pulse = 0.04;
+  r.sync[Sensor::spd].verdict = test::verdict_of("ok");
   check.assess(r, spd);
   CHECK(r.sync[Sensor::spd].verdict.text() == "ok");
   CHECK(*r.signal.spd_clicks == 5000);
   // The first zone is the brighter one, with 40/70 of all clicks.
   r.spd[40 + 12] = 30'000;
-  r.signal.clicks_a_pulse = 0.1;
+  r.signal.clicks_per_pulse = 0.1;
   check.assess(r, spd);
   CHECK(r.sync[Sensor::spd].verdict.text() ==
         "saturated: 0.0571 clicks per laser pulse in the brightest zone (limit 0.05)");
   std::fill(r.spd.begin(), r.spd.end(), 3);
-  r.signal.clicks_a_pulse = 0.01;
+  r.signal.clicks_per_pulse = 0.01;
   check.assess(r, spd);
   CHECK(r.sync[Sensor::spd].verdict.text() == "no peak: no bins clearly exceed the mean");
 }

@@ -25,7 +25,7 @@ constexpr std::size_t sent_bins = 40, kept_bins = 32, antennas = 8;
 DeviceInfo radar_info() {
   DeviceInfo info;
   info.sensor = Sensor::radar;
-  info.axes = {{"radar", "log2_q8", "m", sent_bins, 0, 0.25, antennas},
+  info.axes = {{"radar", "power_with_noise", "m", sent_bins, 0, 0.25, 1},
                {"array", "covariance", "m", sent_bins, 0, 0.25, antennas}};
   return info;
 }
@@ -34,7 +34,7 @@ RadarFrame frame_of(std::uint32_t number) {
   RadarFrame frame;
   frame.received = 10s + number * 10ms;
   frame.frame_number = number;
-  frame.range_profile.assign(sent_bins, 1000);
+  frame.power.assign(sent_bins, 1000);
   for (std::size_t i = 0; i < sent_bins * antennas; ++i) {
     frame.array.push_back(static_cast<std::int16_t>(7 * i % 100 + number));       // imaginary part
     frame.array.push_back(static_cast<std::int16_t>(500 - 3 * number - i % 41));  // real part
@@ -103,7 +103,7 @@ TEST_CASE("array statistics do not pair radar frames across a missing frame or h
 TEST_CASE("a record without usable frames or heat maps contains no antenna samples") {
   Windows windows = make_windows();
   RadarFrame bad = frame_of(1);
-  bad.range_profile.resize(3);
+  bad.power.resize(3);
   windows.add(bad);
   windows.add(frame_of(2));
   auto r = windows.close({0, false});
@@ -156,7 +156,7 @@ TEST_CASE("the doctor command counts radar heat maps and reports missing ones") 
   Capture capture(config.histogram);
   capture.begin();
   RadarFrame frame = frame_of(1);
-  frame.range_profile.resize(64, 900);
+  frame.power.resize(64, 900);
   SECTION("frames with heat maps are rated ok") {
     for (int k = 0; k < 40; ++k) capture.on_radar(frame);
     const Finding finding = radar_finding(capture, config, 2);

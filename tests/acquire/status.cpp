@@ -2,6 +2,7 @@
 #include "acquire/run/status.hpp"
 
 #include "../catch.hpp"
+#include "../fixtures/record.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;
@@ -66,8 +67,8 @@ TEST_CASE("a sensor that becomes doubtful is reported once and counted in each r
                         SensorSet configured = SensorSet::from_bits(5)) {
     record::FusedRecord r;
     r.valid = valid;
-    r.sync[Sensor::spd].verdict = record::verdict_of(spd);
-    r.sync[Sensor::depth].verdict = record::verdict_of("ok");
+    r.sync[Sensor::spd].verdict = test::verdict_of(spd);
+    r.sync[Sensor::depth].verdict = test::verdict_of("ok");
     r.sync[Sensor::depth].lost = 2;
     totals.take(r, configured, [&](Sensor s, Severity severity) {
       heard += name_of(s) + std::string(severity == Severity::info ? " ok;" : " bad;");

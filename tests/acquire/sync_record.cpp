@@ -19,7 +19,7 @@ void write(const std::string& path) {
     const std::int64_t i = r.index;
     if (i == 1) r.missing = SensorSet::from_bits(5);
     if (i == 1)
-      r.signal = {.clicks_a_pulse = 0.02,
+      r.signal = {.clicks_per_pulse = 0.02,
                   .spd_clicks = 1234,
                   .spd_peak_m = {},
                   .radar_snr_db = 20.5,

@@ -100,7 +100,8 @@ struct Device {
 class Bench {
  public:
   Bench() {
-    windows.announce({Sensor::radar, "", "", "", "", {{"radar", "log2_q8", "m", 1, 0, 0.5, 12}}});
+    windows.announce(
+        {Sensor::radar, "", "", "", "", {{"radar", "power_with_noise", "m", 1, 0, 0.5, 1}}});
     windows.announce(
         {Sensor::depth,
          "",
@@ -166,7 +167,7 @@ class Bench {
     frame.received = host(read);
     frame.frame_number = number;
     frame.time_cpu_cycles = static_cast<std::uint32_t>(chirps.at(taken));
-    frame.range_profile = {1};
+    frame.power = {1};
     return frame;
   }
   DepthFrame depth(double taken, double read, std::uint32_t number) const {

@@ -24,19 +24,9 @@ TEST_CASE("the table of verdicts has one row per kind in order, and unambiguous 
     // Data that are not valid are never used. Good data are not doubtful.
     if (!row.valid) CHECK_FALSE((row.trains || row.truth));
     if (!row.trains && row.valid) CHECK(row.doubtful);
-    const Verdict verdict{row.kind, "3 of 7: a figure"};
-    CHECK(verdict_of(verdict.text()).text() == verdict.text());
-    if (row.kind != VerdictKind::other) CHECK(verdict_of(verdict.text()) == verdict);
+    CHECK(kind_of(row.word) == row.kind);
   }
-}
-
-TEST_CASE("a verdict of version 0.3 gets its kind, and an unknown one keeps its text") {
-  CHECK(verdict_of("tags cover only 7 % of the slot").kind == VerdictKind::covers_part);
-  CHECK(verdict_of("no start tags on channel 3").kind == VerdictKind::no_starts);
-  CHECK(verdict_of("dropped: disk too slow").kind == VerdictKind::not_stored);
-  const Verdict unknown = verdict_of("too green: 7 %");
-  CHECK(unknown.kind == VerdictKind::other);
-  CHECK(unknown.text() == "too green: 7 %");
+  CHECK(kind_of("too green") == VerdictKind::other);
 }
 
 TEST_CASE("of two verdicts the higher rank is kept, and the other one stays in the figures") {
@@ -54,8 +44,12 @@ TEST_CASE("of two verdicts the higher rank is kept, and the other one stays in t
   CHECK(one == no_peak);
 }
 
-TEST_CASE("the manual contains the table printed by `echofuse-acquire verdicts`") {
-  std::ifstream file(test::source_dir + "/acquire/README.md");
-  const std::string manual{std::istreambuf_iterator<char>(file), {}};
-  CHECK(manual.find(acquire::describe_verdicts(false)) != std::string::npos);
+TEST_CASE("the manual and the Python package contain the table of `echofuse-acquire verdicts`") {
+  const auto contents = [](const std::string& path) {
+    std::ifstream file(test::source_dir + path);
+    return std::string{std::istreambuf_iterator<char>(file), {}};
+  };
+  CHECK(contents("/acquire/README.md").find(acquire::describe_verdicts(false)) !=
+        std::string::npos);
+  CHECK(contents("/recon/python/echofuse/runs/verdicts.json") == acquire::describe_verdicts(true));
 }

@@ -5,7 +5,6 @@
 #include <functional>
 
 #include "../catch.hpp"
-#include "drivers/core/log2_codes.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;
@@ -18,10 +17,10 @@ constexpr tdc::HistogramSettings tdc_settings{.bin_width_ps = 100, .first_bin_ps
 constexpr SensorSet everything = SensorSet::from_bits(7);
 const SensorClocks no_clocks;  // arrival times are used because there are no clock fits
 
-DeviceInfo radar_info(std::uint32_t bins = 4, double antennas = 12) {
+DeviceInfo radar_info(std::uint32_t bins = 4, double step_m = 0.5) {
   DeviceInfo info;
   info.sensor = Sensor::radar;
-  info.axes = {{"radar", "log2_q8", "m", bins, 0, 0.5, antennas}};
+  info.axes = {{"radar", "power_with_noise", "m", bins, 0, step_m, 1}};
   return info;
 }
 
@@ -48,11 +47,11 @@ void feed(Windows& windows, HostTime received, const std::vector<Tag>& tags,
   windows.add(TagBlock{.received = received, .tags = tags, .lost_blocks = lost_blocks});
 }
 
-RadarFrame radar_frame(HostTime received, std::uint32_t number, std::vector<std::uint16_t> codes) {
+RadarFrame radar_frame(HostTime received, std::uint32_t number, std::vector<float> power) {
   RadarFrame frame;
   frame.received = received;
   frame.frame_number = number;
-  frame.range_profile = std::move(codes);
+  frame.power = std::move(power);
   return frame;
 }
 
@@ -184,22 +183,14 @@ TEST_CASE("a record contains the sum of the counts of two tag blocks") {
   CHECK(windows.close({1, false}).spd_counts.missed == 500);
 }
 
-TEST_CASE("radar frames are averaged in linear power, not in decibels") {
+TEST_CASE("the range profile of a record is the mean over its frames, also for a bridge") {
   Windows windows = make_windows({Sensor::radar});
-  const std::vector<std::vector<std::uint16_t>> frames = {
+  const std::vector<std::vector<float>> frames = {
       {0, 100, 700, 2000}, {60, 100, 300, 1000}, {30, 100, 500, 0}};
   for (std::uint32_t i = 0; i < 3; ++i) windows.add(radar_frame(10s + i * 100ms, 7 + i, frames[i]));
   const auto r = windows.close({0, false});
   REQUIRE(r.valid == SensorSet::from_bits(2));
-  // TI's firmware sends the sum of 256 log2 |x| over 12 antennas, divided by 16. The code thus
-  // increases by 96 when the power |x|^2 doubles.
-  constexpr double doubling = 256.0 * 12 / 16 / 2;
-  for (std::size_t bin = 0; bin < 4; ++bin) {
-    double power = 0;
-    for (const auto& f : frames) power += std::exp2(f[bin] / doubling) / 3;
-    CHECK(r.radar[bin] == Approx(std::log2(power) * doubling).epsilon(1e-6));
-  }
-  CHECK(r.radar[1] == Approx(100).epsilon(1e-6));
+  CHECK(r.radar == std::vector<float>{30, 100, 500, 1000});
   CHECK(sync(r, Sensor::radar).used == 3);
   CHECK(sync(r, Sensor::radar).span_s == 0.2);
 }
@@ -209,19 +200,19 @@ TEST_CASE("the range profile of a record is the mean power over frames and subfr
   double sum = 0, count = 0;
   for (std::uint32_t number = 1; number <= 5; ++number)
     for (std::uint32_t k = 0; k < 4; ++k) {
-      const auto code = static_cast<std::uint16_t>(3000 + 40 * k + 17 * number * (k + 1));
-      RadarFrame frame = radar_frame(10s + number * 50ms + k * 12ms, number, {code, 0, 0, 0});
+      const auto power = static_cast<float>(3000 + 40 * k + 17 * number * (k + 1));
+      RadarFrame frame = radar_frame(10s + number * 50ms + k * 12ms, number, {power, 0, 0, 0});
       frame.time_cpu_cycles = number * 10'000'000 + k * 2'400'000;
       frame.subframe = k, frame.subframes = 4;
       windows.add(frame);
       windows.add(frame);
-      sum += power_from_code(code, 12), ++count;
+      sum += double{power}, ++count;
     }
   const auto r = windows.close({0, false});
   REQUIRE(r.has(Sensor::radar));
   CHECK(sync(r, Sensor::radar).used == 20);
   CHECK(sync(r, Sensor::radar).lost == 0);
-  CHECK(power_from_code(r.radar[0], 12) == Approx(sum / count).epsilon(1e-4));
+  CHECK(r.radar[0] == Approx(sum / count).epsilon(1e-6));
 }
 
 TEST_CASE("a record contains the statistics and temperature of the last radar frame in its slot") {
@@ -269,7 +260,7 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
     radar = "no range profile";
   }
   SECTION("a radar that reconnects with a different axis is invalid") {
-    CHECK_FALSE(windows.announce(radar_info(4, 8)));
+    CHECK_FALSE(windows.announce(radar_info(4, 0.25)));
     windows.add(radar_frame(10s, 1, {1, 2, 3, 4}));
     radar = "other axis: differs from the one at the start of the run";
     CHECK(windows.announce(radar_info()));
@@ -392,22 +383,4 @@ TEST_CASE("histograms are not used after a detector reconnects with different zo
   CHECK(windows.close({0, false}).spd == std::vector<std::uint32_t>{2, 4, 6, 8, 10, 12});
   CHECK_FALSE(windows.announce(board_info()));
   CHECK(windows.announce(info));
-}
-
-TEST_CASE(
-    "range profiles of a radar that is connected through a bridge are averaged in linear power") {
-  Windows windows(grid, tdc_settings, no_clocks, {Sensor::radar});
-  DeviceInfo info;
-  info.sensor = Sensor::radar;
-  info.axes = {{"radar", "power", "m", 4, 0, 0.5, 1}};
-  REQUIRE(windows.announce(info));
-  for (std::uint32_t i = 1; i < 3; ++i) {
-    RadarFrame frame = radar_frame(10s + i * 100ms, i, {});
-    const auto f = static_cast<float>(i);
-    frame.power = {f, 2 * f, 0, 1e9F};
-    windows.add(frame);
-  }
-  const auto r = windows.close({0, false});
-  CHECK(r.radar == std::vector<float>{1.5F, 3, 0, 1e9F});
-  CHECK(sync(r, Sensor::radar).used == 2);
 }

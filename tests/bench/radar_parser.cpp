@@ -59,8 +59,8 @@ int main() {
   const Bytes stream = make_stream();
   std::uint64_t delivered = 0;
   const double parse_s = best_seconds([&] {
-    radar::FrameParser parser;
-    const auto take = [&](const RadarFrame& f) { delivered += f.range_profile.size() == bins; };
+    radar::FrameParser parser(12);
+    const auto take = [&](const RadarFrame& f) { delivered += f.power.size() == bins; };
     for (std::size_t at = 0; at < stream.size(); at += piece)
       parser.feed(ByteView(stream).subspan(at, std::min(piece, stream.size() - at)), HostTime{},
                   take);

@@ -3,6 +3,7 @@
 
 #include "../catch.hpp"
 #include "drivers/core/random.hpp"
+#include "drivers/radar/log2_codes.hpp"
 #include "hex.hpp"
 
 using namespace echofuse;
@@ -11,6 +12,8 @@ using test::join;
 using test::read_golden;
 
 namespace {
+
+constexpr std::uint32_t antennas = 12;
 
 struct Parsed {
   std::vector<RadarFrame> frames;
@@ -26,7 +29,7 @@ struct Parsed {
 // arrives after i seconds.
 template <class Piece>
 Parsed parse(ByteView bytes, Piece piece) {
-  FrameParser parser;
+  FrameParser parser(antennas);
   Parsed parsed;
   const auto keep = [&](RadarFrame frame) { parsed.frames.push_back(std::move(frame)); };
   for (HostTime now{0}; !bytes.empty(); now += std::chrono::seconds(1)) {
@@ -62,8 +65,12 @@ void check_sum(const FrameCounts& c) {
 TEST_CASE("golden radar frames are parsed") {
   const Parsed p = parse(join(golden()));
   REQUIRE(p.numbers() == Numbers{209, 210, 213});
-  const std::vector<std::uint16_t> profile{5000, 6000, 65535, 0, 1, 258, 772, 4097};
-  for (const RadarFrame& f : p.frames) CHECK(f.range_profile == profile);
+  std::vector<float> profile;
+  for (const std::uint16_t code : {5000, 6000, 65535, 0, 1, 258, 772, 4097})
+    profile.push_back(power_from_code(code, antennas));
+  CHECK(profile[0] == Approx(std::exp2(5000 / 96.)));
+  CHECK(profile[2] == std::exp2(127.f));
+  for (const RadarFrame& f : p.frames) CHECK(f.power == profile);
   const RadarFrame& first = p.frames[0];
   CHECK(first.time_cpu_cycles == 20'000'000);
   REQUIRE(first.stats);
@@ -109,7 +116,7 @@ TEST_CASE("golden radar heat maps are parsed") {
   CHECK(p.frames[1].planar);
   CHECK_FALSE(p.frames[2].planar);
   CHECK(p.frames[3].array.empty());
-  for (const RadarFrame& f : p.frames) CHECK(f.range_profile.size() == 4);
+  for (const RadarFrame& f : p.frames) CHECK(f.power.size() == 4);
   CHECK(p.frames[0].stats);
   CHECK(p.counts.arrays == 3);
   CHECK(p.counts.other_tlvs == 2);
@@ -239,7 +246,7 @@ TEST_CASE(
     "radar padding that resembles a magic word is recognised by the next bytes or by silence") {
   Bytes doubtful = golden()[2];
   doubtful.back() = 2;  // the last byte is 2, which may be the first byte of a magic word
-  FrameParser parser;
+  FrameParser parser(antennas);
   std::vector<RadarFrame> frames;
   const auto keep = [&](RadarFrame f) { frames.push_back(std::move(f)); };
   const HostTime whole{1000}, later{2000};
@@ -264,7 +271,7 @@ TEST_CASE(
 }
 
 TEST_CASE("the radar frame parser can be used again after finish()") {
-  FrameParser parser;
+  FrameParser parser(antennas);
   Numbers numbers;
   const auto keep = [&](const RadarFrame& f) { numbers.push_back(f.frame_number); };
   parser.feed(ByteView(golden()[0]).first(60), HostTime{}, keep);
@@ -296,7 +303,6 @@ TEST_CASE("the radar parser counts every byte and keeps complete frames under ra
     REQUIRE(whole.counts.truncated_frames == pieces.counts.truncated_frames);
     REQUIRE(whole.counts.junk_bytes == pieces.counts.junk_bytes);
     REQUIRE(whole.counts.bad_tlvs == pieces.counts.bad_tlvs);
-    for (const RadarFrame& f : whole.frames)
-      REQUIRE((f.range_profile.size() == 8 || f.range_profile.empty()));
+    for (const RadarFrame& f : whole.frames) REQUIRE((f.power.size() == 8 || f.power.empty()));
   }
 }

@@ -147,7 +147,7 @@ TEST_CASE("the radar driver sends the cfg unchanged and then receives frames") {
   CHECK(b.sink.info.firmware == "mmWave SDK 03.05.00.04");
   REQUIRE(b.sink.info.axes.size() == 1);
   CHECK(b.sink.info.axes[0].count == 256);
-  CHECK(b.sink.info.axes[0].scale == 4);
+  CHECK(b.sink.info.axes[0].quantity == "power_with_noise");
   CHECK(b.sink.radar[2].frame_number == 213);
   CHECK(b.sink.radar[2].lost_before == 2);
   CHECK(test::counter(*driver, "junk_bytes") == 0);
@@ -180,7 +180,7 @@ TEST_CASE("a heat map of another board is dropped, but the range profile of the 
   CHECK(b.sink.info.axes[1].scale == 8);
   CHECK(b.sink.radar[0].array.size() == 64);
   CHECK(b.sink.radar[1].array.empty());
-  CHECK(b.sink.radar[1].range_profile.size() == 4);
+  CHECK(b.sink.radar[1].power.size() == 4);
   CHECK(b.sink.radar[2].array.size() == 64);
   CHECK(test::counter(*driver, "arrays") == 3);
   CHECK(test::counter(*driver, "bad_arrays") == 1);

@@ -119,10 +119,10 @@ Parsed parse(ByteView bytes) {
   std::vector<Parsed> runs;
   for (const std::size_t piece : {bytes.size(), std::size_t{1}, std::size_t{61}}) {
     Parsed parsed;
-    FrameParser parser;
+    FrameParser parser(1);
     const auto keep = [&](const RadarFrame& f) {
       parsed.numbers.push_back(f.frame_number);
-      ++parsed.bins[f.range_profile.size()];
+      ++parsed.bins[f.power.size()];
     };
     for (std::size_t at = 0; at < bytes.size(); at += piece)
       parser.feed(bytes.subspan(at, std::min(piece, bytes.size() - at)), HostTime{}, keep);
@@ -295,7 +295,7 @@ TEST_CASE("a TLV count that does not fill the radar packet counts as a damaged h
 
 TEST_CASE("a jump in radar frame numbers is accepted if the number of the next frame confirms it") {
   const auto lost = [](const Numbers& numbers) {
-    FrameParser parser;
+    FrameParser parser(1);
     std::uint64_t sum = 0;
     const auto add = [&](const RadarFrame& f) { sum += f.lost_before; };
     for (const std::uint32_t n : numbers) parser.feed(frame_of(exact, n), HostTime{}, add);
@@ -323,7 +323,7 @@ TEST_CASE("a jump in radar frame numbers is accepted if the number of the next f
 }
 
 TEST_CASE("frames lost at the end of a connection are counted with the next frame that arrives") {
-  FrameParser parser;
+  FrameParser parser(1);
   std::vector<std::uint32_t> lost;
   const auto add = [&](const RadarFrame& f) { lost.push_back(f.lost_before); };
   for (const std::uint32_t n : {7u, 8u, 500u}) parser.feed(frame_of(exact, n), HostTime{}, add);

@@ -35,10 +35,10 @@ std::string line_of(const std::vector<Counter>& counters, const std::string& del
 }
 
 std::string radar_frames(const Bytes& stream) {
-  radar::FrameParser parser;
+  radar::FrameParser parser(12);
   std::ostringstream delivered;
   const auto keep = [&](const RadarFrame& f) {
-    delivered << ' ' << f.frame_number << '/' << f.range_profile.size() << '/' << f.array.size();
+    delivered << ' ' << f.frame_number << '/' << f.power.size() << '/' << f.array.size();
   };
   parser.feed(stream, HostTime{}, keep);
   parser.finish(keep);

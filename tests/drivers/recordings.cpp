@@ -43,11 +43,11 @@ TEST_CASE(
   REQUIRE(bytes.size() == 79'360);
   for (const std::size_t piece :
        {bytes.size(), std::size_t{1}, std::size_t{63}, std::size_t{4096}}) {
-    radar::FrameParser parser;
+    radar::FrameParser parser(12);
     std::uint32_t number = 209, cycles = 0;
     const auto check = [&](const RadarFrame& frame) {
       REQUIRE(frame.frame_number == number++);
-      REQUIRE(frame.range_profile.size() == 256);
+      REQUIRE(frame.power.size() == 256);
       REQUIRE(frame.lost_before == 0);
       REQUIRE(frame.stats);
       // The frame period is 20 million cycles of a 200 MHz clock (100 ms) with a tolerance of 2 ms.

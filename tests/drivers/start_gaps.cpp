@@ -78,18 +78,18 @@ TEST_CASE("clicks per laser pulse are equal with and without a conditional filte
       gaps.add(tags);
       const auto starts = static_cast<std::uint64_t>(
           std::count_if(tags.begin(), tags.end(), [](const Tag& t) { return t.channel == 1; }));
-      CHECK(gaps.clicks_a_pulse(tags.size() - starts, starts).value() ==
+      CHECK(gaps.clicks_per_pulse(tags.size() - starts, starts).value() ==
             Approx(chance).epsilon(0.1));
     }
   }
   // The following streams contain too few tags for an estimate.
   StartGaps few(1);
-  CHECK_FALSE(few.clicks_a_pulse(0, 0));
+  CHECK_FALSE(few.clicks_per_pulse(0, 0));
   few.add(pulses(1e-3, true, 100'000, rng));
-  CHECK_FALSE(few.clicks_a_pulse(100, 100));
+  CHECK_FALSE(few.clicks_per_pulse(100, 100));
   StartGaps slow(1);
   slow.add(pulses(0.5, false, 30, rng));
-  CHECK(slow.clicks_a_pulse(15, 30) == 0.5);
+  CHECK(slow.clicks_per_pulse(15, 30) == 0.5);
 }
 
 TEST_CASE("gaps between starts in random blocks of tags equal those in one block") {
@@ -103,5 +103,5 @@ TEST_CASE("gaps between starts in random blocks of tags equal those in one block
   }
   REQUIRE(gaps.share());
   CHECK(*gaps.share() == share_of(tags));
-  CHECK_FALSE(gaps.clicks_a_pulse(100, 0));
+  CHECK_FALSE(gaps.clicks_per_pulse(100, 0));
 }

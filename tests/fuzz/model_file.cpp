@@ -52,7 +52,7 @@ Dataset plates(std::size_t count) {
     d.index.push_back(static_cast<std::int64_t>(i));
     d.label.push_back("plate");
   }
-  d.slot_end.resize(count), d.clicks_a_pulse.resize(count, 0.01);
+  d.slot_end.resize(count), d.clicks_per_pulse.resize(count, 0.01);
   d.sources.push_back({"plates", "00000000-0000-0000-0000-000000000000", 0, count});
   return d;
 }

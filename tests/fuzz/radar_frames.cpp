@@ -25,7 +25,7 @@ bool contains(ByteView all, ByteView part) {
 struct Session {
   explicit Session(ByteView all) : stream(all) {}
   ByteView stream;
-  FrameParser parser{};
+  FrameParser parser{1};
   std::vector<RadarFrame> frames{};
   std::uint64_t lost = 0;
   std::size_t searched = 0, fed = 0;
@@ -53,7 +53,7 @@ struct Session {
     const auto header = ByteReader(at).get<Header>();
     return header.frame_number == frame.frame_number &&
            header.cpu_cycles == frame.time_cpu_cycles && header.packet_bytes <= at.size() &&
-           contains(at.first(header.packet_bytes), as_bytes(frame.range_profile)) &&
+           std::ranges::all_of(frame.power, [](float p) { return p >= 1 && std::isfinite(p); }) &&
            contains(at.first(header.packet_bytes), as_bytes(frame.array));
   }
   void end() {
@@ -63,7 +63,7 @@ struct Session {
     require(n.frames == frames.size(), "delivered frames are counted");
     require(n.lost_frames >= lost, "the end may only add losses");
     const auto profiles = std::count_if(frames.begin(), frames.end(),
-                                        [](auto& frame) { return !frame.range_profile.empty(); });
+                                        [](auto& frame) { return !frame.power.empty(); });
     const auto arrays = std::count_if(frames.begin(), frames.end(),
                                       [](auto& frame) { return !frame.array.empty(); });
     require(n.arrays == static_cast<std::uint64_t>(arrays), "heat maps are counted");
@@ -82,8 +82,8 @@ bool same_bytes(const std::optional<T>& a, const std::optional<T>& b) {
 
 bool same(const RadarFrame& a, const RadarFrame& b) {
   return a.frame_number == b.frame_number && a.time_cpu_cycles == b.time_cpu_cycles &&
-         a.lost_before == b.lost_before && a.range_profile == b.range_profile &&
-         a.array == b.array && a.planar == b.planar && same_bytes(a.stats, b.stats) &&
+         a.lost_before == b.lost_before && a.power == b.power && a.array == b.array &&
+         a.planar == b.planar && same_bytes(a.stats, b.stats) &&
          same_bytes(a.temperature, b.temperature);
 }
 

@@ -159,7 +159,7 @@ def scene(n=12):
 
 
 def verdicts(run, sensor):
-    return [verdict.split(":")[0] for verdict in run.quality()[f"{sensor}_verdict"]]
+    return run.quality()[f"{sensor}_verdict"].tolist()
 
 
 def test_imported_records_get_the_same_verdicts_as_live_records(tmp_path):
@@ -211,7 +211,7 @@ def test_import_marks_an_implausible_depth_map_as_invalid(tmp_path):
     depth[5, :2] = 65535
     run = write(tmp_path / "own", depth_m=depth, began="2024-02-07", **scene())
     assert np.flatnonzero(~run.valid["depth"]).tolist() == [3]
-    assert run.quality()["depth_verdict"][3].startswith("odd: its median is 7 mm")
+    assert run.quality()["depth_verdict"][3] == "odd" and run.quality()["depth_figures"][3].startswith("its median is 7 mm")
     assert "1 of 12 maps are implausible and were omitted" in events(run)[0]
     assert np.isnan(run.depth[5, :2]).all() and not np.isnan(run.depth[5, 2:]).any()
 

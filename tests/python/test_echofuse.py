@@ -122,12 +122,13 @@ def test_indexing_a_run_gives_a_run_of_the_selected_records(folder, rows):
     assert [record.index for record in part] == wanted.tolist() and run[np.int64(-1)].index == 59
 
 
-def test_logarithmic_radar_codes_are_converted_to_power(folder, tmp_path):
-    path = tmp_path / "codes.sqlite"
+def test_median_is_subtracted_from_radar_power_that_includes_the_noise(folder, tmp_path):
+    path = tmp_path / "noise.sqlite"
     path.write_bytes((folder / "monday.sqlite").read_bytes())
-    change(path, "radar stores logarithmic codes of ?1 virtual antennas", 12)
-    change(path, "radar data of every record", np.full(echofuse.open(path).axes["radar"].count, 768, "<f4").tobytes())
-    assert echofuse.open(path).radar[0, 0] == pytest.approx(2 ** (768 * 2 / 256 * 16 / 12))
+    change(path, "radar power includes the noise")
+    run = echofuse.open(path)
+    assert np.allclose(np.median(run.power(), axis=1), 0, atol=.1) and run.power_axis.quantity == "power"
+    assert np.array_equal(run.radar, echofuse.open(folder / "monday").radar)
 
 
 def test_open_and_load_model_refuse_files_of_another_kind(folder, tmp_path):

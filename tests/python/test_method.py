@@ -35,7 +35,6 @@ KINDS = {
     "one_pixel": [["factorised-8"], ["mlp-64"]],
     "nine_zones": [["factorised-8"], ["factorised-8", "--inputs", "spd"], ["mlp-64"]],
 }
-CODES_SCALE = 12  # A code is log2(power) in steps of 1 / (8 CODES_SCALE), as in TI's range profile of one transmitter.
 
 
 def stated(path, taps, cell_m=0.3):
@@ -44,14 +43,13 @@ def stated(path, taps, cell_m=0.3):
 
 
 def as_the_daemon_writes(path):
-    """Replaces radar power with the logarithmic codes stored by the daemon, and appends five range
+    """Adds noise to the radar power as the daemon stores it for TI's boards, and appends five range
     bins beyond the model axis."""
     run = echofuse.open(path)
-    codes = np.round(np.log2(np.maximum(run.radar, 1e-3) * 1e6) * 256 * CODES_SCALE / 32)
-    codes = np.pad(codes, ((0, 0), (0, 5)), mode="edge").astype("<f4")
-    change(path, "radar stores logarithmic codes of ?1 virtual antennas", CODES_SCALE)
+    power = np.pad(run.radar + 3, ((0, 0), (0, 5)), mode="edge").astype("<f4")
+    change(path, "radar power includes the noise")
     change(path, "five more range bins")
-    for index, row in zip(run.index.tolist(), codes):
+    for index, row in zip(run.index.tolist(), power):
         change(path, "radar data of record ?1", index, row.tobytes())
 
 

@@ -4,7 +4,6 @@
 #include <echofuse/version.hpp>
 #include <thread>
 
-#include "drivers/core/log2_codes.hpp"
 #include "recon/predict/predict.hpp"
 #include "world.hpp"
 
@@ -58,16 +57,6 @@ TEST_CASE("records read through the API contain the values of the run file") {
   CHECK(missing.counts().empty());
   CHECK_FALSE(missing.spd().valid);
   CHECK(missing.spd().verdict == "missing: no tags");
-}
-
-TEST_CASE("the API converts logarithmic radar codes to linear power") {
-  const Folder dir;
-  Axis codes = radar_axis();
-  codes.quantity = "log2_q8", codes.scale = 8;
-  a_run(1, 1, [](FusedRecord& r) { power(r).assign(24, 2560); }).radar(codes).write(dir / "run");
-  const Run run(dir / "run");
-  CHECK(run.axis("radar")->quantity == "power");
-  CHECK(run.read(0).power()[3] == Approx(power_from_code(2560, 8)));
 }
 
 TEST_CASE("the API predicts the same depth map as the model, from a record or from arrays") {

@@ -70,9 +70,9 @@ TEST_CASE("clicks per laser pulse are read from a record or derived from its cou
                           std::optional<double> recorded) {
     a_run(1, 1, [&](FusedRecord& r) {
       r.spd_counts = {.starts = starts, .in_range = in_range};
-      r.signal.clicks_a_pulse = recorded;
+      r.signal.clicks_per_pulse = recorded;
     }).write(dir / name);
-    return load({dir / name}).clicks_a_pulse.at(0);
+    return load({dir / name}).clicks_per_pulse.at(0);
   };
   CHECK(clicks("a", 1020, 1000, 0.02) == 0.02);
   // Older runs do not store the number of clicks per pulse. If such a run contains equal numbers of
@@ -152,14 +152,14 @@ TEST_CASE(
           Catch::Contains(" m, but the histogram covers 2.4 to 4.2 m; expected depths in metres"));
 }
 
-TEST_CASE("logarithmic codes of TI radars are converted to linear power above the noise floor") {
+TEST_CASE("the median is subtracted from range profiles that include the receiver noise") {
   const Folder dir;
   a_run(2, 1,
         [](FusedRecord& r) {
-          power(r).assign(24, r.index ? 60000.f : 0.f);
-          power(r)[7] += 512;
+          power(r).assign(24, 1);
+          power(r)[7] = r.index ? 2e38f : 16;
         })
-      .radar({"radar", "log2_q8", "m", 24, 0, 0.25, 8})
+      .radar({"radar", "power_with_noise", "m", 24, 0, 0.25, 1})
       .write(dir / "a");
   CHECK_THAT(error_of([&] { load({dir / "a"}); }), Catch::Contains("record 1"));
   const Dataset data = load_part(record::RunReader(dir / "a"), 0, 2, sensors_of(Inputs::radar),

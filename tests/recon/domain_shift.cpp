@@ -113,7 +113,7 @@ TEST_CASE("records are flagged as saturated or empty only if the training record
     return out;
   };
   Dataset training = plates(200, 1), fresh = plates(3, 2);
-  training.clicks_a_pulse.assign(training.size(), 0.2), fresh.clicks_a_pulse = {0.2, 0.24, 0.3};
+  training.clicks_per_pulse.assign(training.size(), 0.2), fresh.clicks_per_pulse = {0.2, 0.24, 0.3};
   const auto bright = reasons(training, fresh);
   CHECK(bright[0] != "saturated");
   // 0.24 clicks per pulse is less than 25 % above the 0.2 clicks per pulse of the brightest

@@ -116,7 +116,7 @@ TEST_CASE(
   CHECK(share_flagged(uncertainties_of(empty), "empty") > 0.98);
 
   Dataset bright = clean;
-  std::fill(bright.clicks_a_pulse.begin(), bright.clicks_a_pulse.end(), 0.4);
+  std::fill(bright.clicks_per_pulse.begin(), bright.clicks_per_pulse.end(), 0.4);
   CHECK(share_flagged(uncertainties_of(bright), "saturated (0.40 clicks per laser pulse)") == 1);
 
   Dataset noise = clean;

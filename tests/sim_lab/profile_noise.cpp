@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "../catch.hpp"
-#include "drivers/core/log2_codes.hpp"
+#include "drivers/radar/log2_codes.hpp"
 #include "sim/dataset/generator.hpp"
 #include "sim/devices/radar_chirp.hpp"
 
@@ -64,7 +64,7 @@ TEST_CASE(
     for (std::int64_t f = 0; f < frames; ++f) {
       const auto codes = range_profile_codes(echoes, mean_peak, antennas, c, rng);
       for (std::size_t k = 0; k < slot.size(); ++k)
-        slot[k] += power_from_code(codes[k], antennas) / static_cast<double>(frames);
+        slot[k] += radar::power_from_code(codes[k], antennas) / static_cast<double>(frames);
     }
     of_lab.push_back(peak_over_scatter(slot));
   }

@@ -8,8 +8,8 @@
 
 #include "../catch.hpp"
 #include "../fixtures/paths.hpp"
-#include "drivers/core/log2_codes.hpp"
 #include "drivers/radar/command_dialogue.hpp"
+#include "drivers/radar/log2_codes.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;
@@ -292,7 +292,7 @@ TEST_CASE("simulated range profile codes of a strong echo and of noise match the
   // each antenna.
   double mean = 0;
   for (std::size_t i = 1; i < codes.size(); ++i)
-    mean += power_from_code(codes[i], 12) / static_cast<double>(codes.size() - 1);
+    mean += radar::power_from_code(codes[i], 12) / static_cast<double>(codes.size() - 1);
   const double own = radar_noise_power(c, mean_peak), rms = profile_noise(c, mean_peak, 1);
   CHECK(std::abs(mean / std::pow(radar_gain, 2) - rms - own / 2) <
         own / 2 + 5 * rms / std::sqrt(3999.0));

@@ -65,7 +65,8 @@ echo "$ECHOFUSE_TEXT" >>{calls}
             row = rows[int(call["RECORD"])]
             bit = 1 << ("spd", "radar", "depth").index(sensor)
             self.assertEqual(row["idx"], 1 + max(row["idx"] for row in rows if row["valid"] & bit))
-            self.assertEqual(call["TEXT"], row[f"{sensor}_verdict"])
+            word, figures = row[f"{sensor}_verdict"], row[f"{sensor}_figures"]
+            self.assertEqual(call["TEXT"], f"{word}: {figures}" if figures else word)
         # Only the time of the first call is checked, because later calls wait until the previous call ends.
         call = min(missing().values(), key=lambda call: float(call["TIME"]))
         end_s = rows[int(call["RECORD"])]["slot_utc_ns"] / 1e9 + SLOT_S

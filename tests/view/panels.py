@@ -66,7 +66,7 @@ class Panels(page.Page):
         rates must follow the live run."""
         address = self.view()
         viewer = self.processes[-1]
-        daemon = self.record("--set", "alert.disk_free_gb=1e6", "--set", "run.label=person", "--set", "signal.clicks_a_pulse=1e-6")
+        daemon = self.record("--set", "alert.disk_free_gb=1e6", "--set", "run.label=person", "--set", "signal.clicks_per_pulse=1e-6")
         self.size(1400, 900)
         self.browser.get(address)
         self.wait("records", lambda: self.js("return window.framesSeen") > 2)

@@ -95,7 +95,7 @@ TEST_CASE("the dark count rate is estimated from the clicks before the first ret
   // If a filter removes sync tags, the laser rate passed by the caller is used as the pulse rate.
   CHECK(tally.numbers(axes, 2e7)["rates"]["pulse_hz"] == 2e7);
   CHECK(numbers["rates"]["click_hz"] == Approx(all / 2));
-  CHECK(numbers["rates"]["clicks_a_pulse"] == Approx(all / 1e6));
+  CHECK(numbers["rates"]["clicks_per_pulse"] == Approx(all / 1e6));
   CHECK(numbers["rates"]["dark_hz"].get<double>() == Approx(25 / (1e6 * 100e-12)).epsilon(0.1));
 
   // After a record is removed from the tally, the sum of the other records must remain.

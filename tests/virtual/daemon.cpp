@@ -243,7 +243,7 @@ TEST_CASE("a fading laser, a frozen camera and a frozen radar are each reported 
   Bench b({.faults = {fault("tdc", FaultKind::gain, 60, 15, 0.03),
                       fault("depth", FaultKind::freeze, 90, 15),
                       fault("radar", FaultKind::freeze, 120, 15)},
-           .assignments = "[signal]\nspd_clicks = 0\nclicks_a_pulse = 0\n"});
+           .assignments = "[signal]\nspd_clicks = 0\nclicks_per_pulse = 0\n"});
   CHECK(b.lab->record(b.run(60)) == ExitCode::ok);
   const std::map<Sensor, std::string> kinds = {
       {Sensor::spd, "weak"}, {Sensor::depth, "stands still"}, {Sensor::radar, "stands still"}};

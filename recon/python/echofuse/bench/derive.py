@@ -33,7 +33,7 @@ class Records:
 
     def __post_init__(self) -> None:
         self.keep = np.ones(len(self.run), bool)
-        self.spd, self.radar = self.run.spd.copy(), self.run.stored_radar()
+        self.spd, self.radar = self.run.spd.copy(), self.run.radar.copy()
         self.lost = {name: ~valid for name, valid in self.run.valid.items()}
 
 
@@ -58,7 +58,7 @@ def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) ->
         sections: dict[str, dict[str, Any]] = {
             "": {"run": str(run.path.resolve())},
             "radar": {"offset_m": -float(records.range_offset_m)},
-            "signal": dict.fromkeys(("weak_share", "spd_clicks", "clicks_a_pulse", "radar_snr_db",
+            "signal": dict.fromkeys(("weak_share", "spd_clicks", "clicks_per_pulse", "radar_snr_db",
                                      "depth_share"), 0.0)}
         import_arrays(out, sections, {name: table[records.keep] for name, table in tables.items()
                                       if table.ndim == 1 or table.shape[1]})

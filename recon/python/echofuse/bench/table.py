@@ -205,7 +205,7 @@ def checksum(path: Path) -> str:
     total = hashlib.sha256()
     with runs.open(path) as run:
         total.update(run.spd.astype("<u4").tobytes())
-        total.update(run.stored_radar().astype("<f4").tobytes())
+        total.update(run.radar.astype("<f4").tobytes())
         for row in range(len(run)):
             total.update(run.depth_mm(row).astype("<u2").tobytes())
     return total.hexdigest()

@@ -5,12 +5,13 @@ The HDF5 file has a NeXus-like layout. Every array has units, and every dimensio
 file contains n records in the same order as the run, in this layout:
   /entry               title, entry_identifier, start_time, end_time, configuration, radar_cfg
   /entry/data          names and units as in to_xarray(): spd u32 [n, bins] or [n, zones, bins];
-                       radar f32 [n, bins] linear power; radar_codes f32 [n, bins] as sent by TI
-                       firmware; depth f32 [n, rows, columns] m; array f32 [n, bins, values] of
-                       the radar antennas (acquire/measurement/radar_array.hpp), array_frames u64
-                       [n]; axes spd_time (ps, start of each bin), radar_range, array_range (m),
+                       radar f32 [n, bins] linear power; depth f32 [n, rows, columns] m; array f32
+                       [n, bins, values] of the radar antennas
+                       (acquire/measurement/radar_array.hpp), array_frames u64 [n]; axes spd_time
+                       (ps, start of each bin), radar_range, array_range (m),
                        depth_x, depth_y (tangents); record, time i64 [n] (ns); label;
-                       SENSOR_valid u8, SENSOR_used, SENSOR_lost u64, SENSOR_verdict
+                       SENSOR_valid u8, SENSOR_used, SENSOR_lost u64, SENSOR_verdict,
+                       SENSOR_figures
   /entry/SENSOR        NXdata group for each of these arrays
   /entry/instrument/SENSOR   address, model, serial, firmware
   /entry/tables/TABLE  columns of the run file: i64 with `missing_value`, f64 with NaN, or text; the
@@ -48,8 +49,6 @@ UNITS = {"db": "dB", "ps": "ps", "ns": "ns", "us": "us", "ms": "ms", "s": "s", "
          "rad": "rad",
          "ppm": "1e-6", "percent": "%", "c": "degC"}
 LINEAR = "linear power on an arbitrary scale"
-CODES = ("256 * log2(magnitude), summed over the `scale` virtual antennas of the axis and divided "
-         "by the next power of two")
 ARRAY = ("for each range bin, over the frames of a record: mean sample of each antenna (real, "
          "imaginary); power of each antenna; mean of x_m conj(x_n) for m < n, row by row; mean of "
          "sum_m x_m(t) conj(x_m(t-1)); antennas as in /entry/tables/antenna")
@@ -58,7 +57,6 @@ SIGNALS: dict[str, tuple[list[str], str, str, Callable[[Run], Any]]] = {
     "spd": (["spd_time"], "counts", "detections per bin of two-way time of flight",
             lambda part: part.spd),
     "radar": (["radar_range"], "1", LINEAR, lambda part: part.radar),
-    "radar_codes": (["radar_range"], "log2_q8", CODES, lambda part: part.stored_radar()),
     "array": (["array_range", "array_value"],
               "units of the firmware integers, squared for powers", ARRAY, antennas.values),
     "depth": (["depth_y", "depth_x"], "m", "z of each pixel, NaN: no return",
@@ -146,17 +144,18 @@ def make_signals(entry: Any, run: Run) -> list[str]:
             quantity=axis.quantity).attrs["scale"] = axis.scale
     if "array" in axes:
         put(data, "array_value", np.arange(int(axes["array"].scale + 1) ** 2 + 1))
-    codes = "radar" in axes and axes["radar"].quantity == "log2_q8"
     signals = [name for name, (axis_names, *_) in SIGNALS.items()
-               if all(axis in data for axis in axis_names) and (codes or name != "radar_codes")]
+               if all(axis in data for axis in axis_names)]
     if run.zones:
         put(data, "zone", np.arange(len(run.zones)))
     spd_axes = ["zone"] * bool(run.zones) + ["spd_time"]
     for name in signals:
         axis_names, units, meaning, _ = SIGNALS[name]
         axis_names = spd_axes if name == "spd" else axis_names
-        if name == "radar" and axes["radar"].quantity == "binned_power":
-            meaning += ", summed over one step around each point"
+        if name == "radar":
+            meaning += {"binned_power": ", summed over one step around each point",
+                        "power_with_noise": ", including the receiver noise"
+                        }.get(axes["radar"].quantity, "")
         scales = [data[axis] for axis in ("record", *axis_names)]
         shape = tuple(len(scale) for scale in scales)
         line = int(np.prod(shape[2:])) * 4
@@ -208,8 +207,9 @@ def write_h5(run: Run, path: pathlib.Path, progress: Progress) -> int:
             put(data, f"{sensor}_valid", valid[sensor], index, units="1")
             for name in f"{sensor}_used", f"{sensor}_lost":
                 put(data, name, record[name].astype("u8"), index, units="1")
-            verdicts = marked(record[f"{sensor}_verdict"], unreadable)
-            put(data, f"{sensor}_verdict", np.array(verdicts, "S"), index)
+            for name, faults in ("verdict", unreadable), ("figures", {}):
+                texts = marked(record[f"{sensor}_{name}"], faults)
+                put(data, f"{sensor}_{name}", np.array(texts, "S"), index)
         for table, columns in tables.items():
             group, key = entry.require_group(f"tables/{table}"), next(iter(columns.values()))
             scale = put(group, "row", np.arange(len(key))) if key.dtype.kind == "S" else None

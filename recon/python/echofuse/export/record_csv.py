@@ -38,7 +38,7 @@ def write(run: Run, index: int, path: pathlib.Path) -> int:
             f"from this direction, mean over {antennas.frames(part)[0]} frames")
     lines.append("sensor,x,y,value")
     zones: list[int | str] = [*range(len(part.zones))] or [""]
-    for name, values in ("spd", part.spd), ("radar", part.stored_radar()):
+    for name, values in ("spd", part.spd), ("radar", part.radar):
         if part.valid[name][0]:
             of_zones = values[0].reshape(-1, values.shape[-1]).tolist()
             lines += [f"{name},{x:.9g},{zone},{value:.9g}"

@@ -22,7 +22,7 @@ def dataset(run: Run) -> Any:
     The offsets to subtract from them are attributes of the data set."""
     import xarray
 
-    columns = ("verdict", "used", "lost")
+    columns = ("verdict", "figures", "used", "lost")
     rows = run.of_records(", ".join(f"{s}_{c}" for s in SENSORS for c in columns))
     events = run.select("SELECT utc, level, source, text FROM event ORDER BY id")
     coords: dict[str, Any] = {"record": ("record", run.index, ONE), "time": ("record", run.time),
@@ -39,8 +39,9 @@ def dataset(run: Run) -> Any:
         data[sensor] = (("record", *dims), getattr(run, sensor), {"units": unit[sensor]})
         coords[f"{sensor}_valid"] = ("record", run.valid[sensor], ONE)
         for at, column in enumerate(columns):
-            coords[f"{sensor}_{column}"] = ("record", [row[3 * place + at] for row in rows],
-                                            {} if column == "verdict" else ONE)
+            values = [row[len(columns) * place + at] for row in rows]
+            coords[f"{sensor}_{column}"] = ("record", values,
+                                            ONE if column in ("used", "lost") else {})
         for dim in filter(axes.get, dims):
             axis = run.axes[axes[dim]]
             coords[dim] = (dim, axis.values, {"units": axis.unit})

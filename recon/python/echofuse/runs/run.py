@@ -236,12 +236,14 @@ class Run:
 
     @errors_with_path
     def quality(self) -> dict[str, NDArray[Any]]:
-        """Returns a dict of columns [n], with one value per record: length_s, and four columns for
-        each sensor, e.g. spd_used, spd_lost, spd_verdict and spd_clock_residual_s."""
+        """Returns a dict of columns [n], with one value per record: length_s, and five columns for
+        each sensor, e.g. spd_used, spd_lost, spd_verdict (the word of the verdict), spd_figures
+        (its values) and spd_clock_residual_s."""
         names = [f"{s}_{name}" for s in SENSORS
-                 for name in ("used", "lost", "verdict", "clock_residual_s")]
+                 for name in ("used", "lost", "verdict", "figures", "clock_residual_s")]
         rows = self.of_records(", ".join(["(slot_end_ns - slot_start_ns) * 1e-9", *names]))
-        return {name: np.array([row[k] for row in rows], object if "verdict" in name else float)
+        texts = ("verdict", "figures")
+        return {name: np.array([row[k] for row in rows], object if name.endswith(texts) else float)
                 for k, name in enumerate(["length_s", *names])}
 
     def __len__(self) -> int:
@@ -277,14 +279,7 @@ class Run:
     @errors_with_path
     def radar(self) -> NDArray[np.float32]:
         """Linear power [n, bins], arbitrary unit."""
-        table = self.stored_radar()
-        axis = self.axes.get("radar")
-        # Converts TI codes to linear power (drivers/core/log2_codes.hpp).
-        if axis is not None and axis.quantity == "log2_q8":
-            antennas = max(1, int(axis.scale))
-            table = np.exp2(table.astype(np.float64)
-                            * (2 / 256 * (1 << (antennas - 1).bit_length()) / antennas))
-        return read_only(table.astype(np.float32))
+        return read_only(self._table("radar", "<f4", np.nan).astype(np.float32, copy=False))
 
     @cached_property
     @errors_with_path
@@ -355,10 +350,6 @@ class Run:
         return (grid.cells(x, to_x or tangents("map_x", size, half)),
                 grid.cells(y, to_y or tangents("map_y", size, half)))
 
-    def stored_radar(self) -> NDArray[np.float32]:
-        """Returns profiles [n, points] as stored: power or TI codes (axes["radar"].quantity)."""
-        return self._table("radar", "<f4", np.nan)
-
     # photons(), power() and lags() are the inputs of the method (recon/README.md).
     @errors_with_path
     def photons(self) -> NDArray[np.float32]:
@@ -378,12 +369,12 @@ class Run:
 
     @errors_with_path
     def power(self, range_offset_m: float = 0) -> NDArray[np.float32]:
-        """Returns linear power [n, points] at true ranges; 0 if the radar is missing. If the run
-        contains TI codes, the median power of each profile is subtracted as noise."""
+        """Returns linear power [n, points] at true ranges; 0 if the radar is missing. If the power
+        includes the receiver noise, the median of each profile is subtracted."""
         if "radar" not in self.axes:
             return np.zeros((len(self), 0), np.float32)
         power = np.nan_to_num(self.radar)
-        if self.axes["radar"].quantity == "log2_q8":
+        if self.axes["radar"].quantity == "power_with_noise":
             power = power - np.sort(power, axis=1)[:, power.shape[1] // 2, None]
         by_m = range_offset_m + self.offset_m.get("radar", 0)
         return shifted(power, by_m / self.axes["radar"].step)
@@ -392,8 +383,8 @@ class Run:
     def power_axis(self) -> Axis | None:
         """Range axis of power()."""
         axis = self.axes.get("radar")
-        return replace(axis, quantity="power",
-                       scale=1.0) if axis and axis.quantity == "log2_q8" else axis
+        return (replace(axis, quantity="power")
+                if axis and axis.quantity == "power_with_noise" else axis)
 
     @cached_property
     def lags_axis(self) -> Axis | None:
@@ -473,7 +464,7 @@ class Run:
 
     def _clicks(self) -> list[tuple[float, float]]:
         """For each record, returns its clicks, and its clicks per laser pulse (0: unknown)."""
-        rows = self.of_records("in_range + out_of_range, starts, clicks_a_pulse")
+        rows = self.of_records("in_range + out_of_range, starts, clicks_per_pulse")
         return [(clicks, known or (clicks / starts if clicks < 0.95 * starts
                                    else 0.0)) for clicks, starts, known in rows]
 

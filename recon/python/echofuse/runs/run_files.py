@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import os
 import pathlib
-import re
 import sqlite3
 import stat
 import struct
 import threading
 from collections import Counter
 from contextlib import closing
+from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -22,12 +22,13 @@ try:
 except ImportError:  # Windows
     pass
 
-APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 3
+APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 4
 NULL_INTEGER = -1 << 63
 WAL_KEY = "wal_key"  # key in the JSON object run.meta of an open run
 MAX_RESTARTS = 1 << 16  # maximum difference between the stored key and the key of the -wal file
-TABLES = {"run", "axis", "record", "device", "calibration", "antenna", "anchor", "counter", "event",
-          "late", "zone"}
+# Definition of each table of a run, and of SQLite's statistics; written by the program `fixture`.
+SCHEMA = {line.split()[2].split("(")[0]: line for line in resources.files(__package__).joinpath(
+    "schema.sql").read_text("utf-8").splitlines()}
 STATISTICS = {f"sqlite_stat{n}" for n in range(1, 5)}  # tables created by ANALYZE in SQLite
 KINDS: dict[str, tuple[str, Any]] = {"INTEGER":
                                      ("ifnull(CAST({} AS INTEGER), -9223372036854775807 - 1)",
@@ -265,7 +266,8 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
         raise ValueError(f"{path}: not an echofuse run file" if identity != APPLICATION_ID else
                          f"{path}: run format {version}, expected {FORMAT_VERSION}; " + (
                              "use a newer echofuse" if version > FORMAT_VERSION else
-                             "use the echofuse that recorded it"))
+                             "convert it: python3 -m echofuse.runs.convert OLD NEW"
+                             if version == 3 else "use the echofuse that recorded it"))
     raise ValueError(f"{path}: cannot be read")
 
 
@@ -290,15 +292,19 @@ def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
     db.text_factory = lambda text: text.decode("utf-8", "backslashreplace")
     db.set_progress_handler(lambda: next(left, None) is None, 10_000)
     db.execute("PRAGMA trusted_schema = OFF")
-    for kind, name, sql, page in db.execute(
-        "SELECT type, name, sql, rootpage FROM sqlite_schema WHERE sql IS NOT NULL"):
-        # A virtual table has no root page. Computed columns are defined with AS (...).
-        computed = page == 0 or re.search(r"\bAS\s*\(", sql, re.IGNORECASE)
-        if kind != "table" or name not in TABLES | STATISTICS or computed:
+    left_out = set(SCHEMA) - STATISTICS - {"zone"}
+    for kind, name, sql in db.execute(
+        "SELECT type, name, sql FROM sqlite_schema WHERE sql IS NOT NULL"):
+        left_out.discard(name)
+        if kind != "table" or name not in SCHEMA:
             escaped, quoted = printable(name), printable(name.replace('"', '""'))
             raise ValueError(
                 f'{path}: contains the {kind} "{escaped}"; expected only the tables of a run; '
                 f'remove it with: DROP {kind.upper()} "{quoted}"')
+        if sql != SCHEMA[name]:
+            raise ValueError(f"{path}: its table {name} does not have the expected definition")
+    if left_out:
+        raise ValueError(f"{path}: has no table {min(left_out)}; expected all tables of a run")
 
 
 def meta_of(path: pathlib.Path, text: Any) -> dict[str, str]:

@@ -202,10 +202,10 @@ function drawMeasured({arrays, rates, fits, spd_records: records}, lacks) {
   takeFits(fits);
   histogram.take(arrays.spd ?? null, lacks.spd, live);
   profile.take(arrays.radar ?? null, lacks.radar, live);
-  const hertz = v => v == null ? '–' : `${siNumber(v)}/s`, most = run.most_clicks_a_pulse, crowded = most > 0 && rates?.clicks_a_pulse > most;
+  const hertz = v => v == null ? '–' : `${siNumber(v)}/s`, most = run.most_clicks_per_pulse, crowded = most > 0 && rates?.clicks_per_pulse > most;
   setText('sync-rate', hertz(rates?.sync_hz)), setText('click-rate', hertz(rates?.click_hz)), setText('dark-rate', hertz(rates?.dark_hz));
   setText('sync-name', rates?.sync_hz < 0.5 * rates?.pulse_hz ? 'filtered sync' : 'laser sync');
-  setText('pulse-rate', rates?.clicks_a_pulse == null ? '–' : `${+rates.clicks_a_pulse.toPrecision(2)}`);
+  setText('pulse-rate', rates?.clicks_per_pulse == null ? '–' : `${+rates.clicks_per_pulse.toPrecision(2)}`);
   $('box-pulse').classList.toggle('bad', crowded), $('pile-up').hidden = !crowded;
   if (crowded) setText('pile-up', `Pile-up: the first photon of a pulse hides later ones. Reduce the light to at most ${most} clicks per pulse.`);
 }
