@@ -76,8 +76,40 @@ def test_record_without_data_from_a_sensor_is_marked_as_invalid_for_that_sensor(
     assert np.isnan(run.radar[7]).all() and not np.isnan(run.radar[8]).any()
     assert (run.spd[7] == 0).all()
     change(path, "radar data of one byte in record ?1", 8)
+    run = echofuse.open(path)
+    assert np.isfinite(run[9].radar).all() and np.isnan(run[7].radar).all()  # one record is read without the others
     with pytest.raises(ValueError, match="record 8: radar has"):
-        echofuse.open(path).radar  # noqa: B018
+        run.radar  # noqa: B018
+    with pytest.raises(ValueError, match="record 8: radar has"):
+        [record.radar for record in run]
+
+
+def test_records_of_an_iteration_equal_the_rows_of_the_run(folder):
+    run, again = echofuse.open(folder / "monday")[::-1], echofuse.open(folder / "monday")[::-1]
+    for record, other in zip(run, again):
+        for name in "spd", "radar", "depth":
+            assert np.array_equal(getattr(record, name), getattr(again, name)[record.row], equal_nan=True)
+        assert record.label == other.label and record.index == run.index[record.row]
+
+
+def test_run_opened_with_a_relative_path_survives_a_change_of_the_folder(folder, tmp_path, monkeypatch):
+    monkeypatch.chdir(folder)
+    run = echofuse.open("monday")
+    monkeypatch.chdir(tmp_path)
+    assert run.path.is_absolute() and len(run.spd) == len(run.depth) == 60
+
+
+@pytest.mark.parametrize("read", [lambda run: run.spd, lambda run: run[3].depth, lambda run: run.maps([1]), lambda run: run.table("record"),
+                                  lambda run: run.events(), lambda run: run.photons(), lambda run: run.refresh(), lambda run: next(run.follow()),
+                                  lambda run: run[1:3].quality(), lambda run: echofuse.split(run), lambda run: run.tables,
+                                  lambda run: run.to_xarray()])
+def test_run_refuses_another_run_under_its_path(folder, tmp_path, read):
+    for name in "a", "b":
+        program("echofuse-sim", "dataset", "-q", "--out", tmp_path / f"{name}.sqlite", "--people", 5, "--letters", 0)
+    run = echofuse.open(tmp_path / "a")
+    os.replace(tmp_path / "b.sqlite", tmp_path / "a.sqlite")
+    with pytest.raises(ValueError, match="a.sqlite: contains another run"):
+        read(run)
 
 
 def test_run_maps_equal_the_depth_images_and_are_cached(folder, tmp_path):
@@ -188,8 +220,14 @@ def test_follow_yields_the_records_of_a_growing_run_until_it_is_closed(folder, t
         assert len(run) == len(run.spd) == 3 and run.info["status"] == "open"
         rows = run.follow(pause_s=0.01)
         assert [next(rows) for _ in range(3)] == [0, 1, 2]
+        before = run.spd, run.radar, run.depth, run.maps()
         change(db, "append the records ?1 to ?2 of the database whole", 3, 4)
+        change(db, "histogram of one byte in record ?1", 1)  # records that were read are not read again
         assert next(rows) == 3 and len(run.spd) == 5
+        whole = echofuse.open(folder / "monday")[:5]
+        for old, new, wanted in zip(before, (run.spd, run.radar, run.depth, run.maps()), (whole.spd, whole.radar, whole.depth, whole.maps())):
+            assert np.array_equal(new, wanted, equal_nan=True) and np.array_equal(old, wanted[:3], equal_nan=True)
+        assert run.labels == whole.labels and np.array_equal(run.time, whole.time) and all(mask.all() for mask in run.valid.values())
         change(db, "status of the run", "complete")
         assert list(rows) == [4]
     assert "5 of 5" in run._repr_html_() and "<script" not in run._repr_html_()

@@ -3,7 +3,8 @@
 from .acquire import annotate, record, write_run
 from .axis import Axis
 from .netcdf import dataset as to_xarray
-from .run import PS_PER_M, SENSORS, Record, Run, open  # noqa: A004
+from .record import Record
+from .run import PS_PER_M, SENSORS, Run, open  # noqa: A004
 from .splits import Split, split
 
 __all__ = ["PS_PER_M", "SENSORS", "Axis", "Record", "Run", "Split", "annotate", "open", "record",

@@ -73,10 +73,27 @@ def rows_of(count: int, rows: Any) -> NDArray[np.int64]:
     return np.asarray(np.arange(count)[selected])
 
 
+class Growing:
+    """Array that grows by rows. Its memory doubles when it is full, so that the mean time to append
+    a row does not depend on the number of rows."""
+
+    def __init__(self, rows: NDArray[Any]) -> None:
+        self.values, self._memory = rows, rows  # `values` is the part of the memory in use
+
+    def append(self, rows: NDArray[Any]) -> None:
+        known, end = len(self.values), len(self.values) + len(rows)
+        if end > len(self._memory):
+            self._memory = np.empty((max(end, 2 * known), *rows.shape[1:]), rows.dtype)
+            self._memory[:known] = self.values
+        self._memory[known:end] = rows
+        self.values = self._memory[:end]
+
+
 def read_only(table: NDArray[Any]) -> NDArray[Any]:
-    """Makes the array read-only and returns it."""
-    table.flags.writeable = False
-    return table
+    """Returns a read-only view of the array."""
+    view = table.view()
+    view.flags.writeable = False
+    return view
 
 
 def shifted(table: NDArray[np.float32], steps: float) -> NDArray[np.float32]:

@@ -8,8 +8,9 @@ import json
 import pathlib
 import time
 import warnings
-from contextlib import closing
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from contextlib import closing, contextmanager
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Iterator, Sequence, overload
 
@@ -17,65 +18,26 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import grid, pile_up, zones
+from . import lags as antenna_lags
 from .axis import Axis, tangents
 from .damaged import errors_with_path
-from .grid import inflated, read_only, rows_of, shifted
-from .run_files import STATISTICS, connect, leftovers, meta_of, status_of, table
+from .grid import Growing, inflated, read_only, rows_of, shifted
+from .record import Record
+from .run_files import (NULL_INTEGER, STATISTICS, Connection, connect, leftovers, meta_of,
+                        status_of, table)
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of the column record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # two-way time of flight per metre of range, ps
 MIN_AXIS_LIMIT, MAX_PIXELS = 1 << 16, 1 << 23  # lower bound of the axis limit; pixels per image
-IMAGES = 64  # maximum number of depth images in memory
-
-
-@dataclass(frozen=True)
-class Record:
-    """One record of a run, e.g. run[3]. The depth image is read from the file at each access."""
-
-    run: Run  #: run that contains the record
-    row: int  #: row in the arrays of the run
-
-    @property
-    def index(self) -> int:
-        """Number of the record in the run file."""
-        return int(self.run.index[self.row])
-
-    @property
-    def label(self) -> str:
-        """Label set by the operator; may be empty."""
-        return self.run.labels[self.row]
-
-    @property
-    def time(self) -> np.datetime64:
-        """Start of the slot, UTC."""
-        return np.datetime64(self.run.time[self.row])
-
-    @property
-    def spd(self) -> NDArray[np.uint32]:
-        """Counts [bins], or [zones, bins] for a detector with zones."""
-        return np.asarray(self.run.spd[self.row])
-
-    @property
-    def radar(self) -> NDArray[np.float32]:
-        """Linear power [points]."""
-        return np.asarray(self.run.radar[self.row])
-
-    @property
-    def depth(self) -> NDArray[np.float32]:
-        """z of each pixel of the camera image [rows, columns], m; NaN: no return."""
-        image = self.run.depth_mm(self.row)
-        return np.where(image > 0, image / np.float32(1000), np.float32(np.nan))
-
-    def __repr__(self) -> str:
-        valid = ", ".join(name for name, mask in self.run.valid.items()
-                          if mask[self.row]) or "no sensor"
-        return f"<record {self.index} of {self.run.path.name}: {valid}; {self.label or 'no label'}>"
+BLOCK = 64  # number of records that an iteration reads at once
+METRES = np.arange(1 << 16, dtype=np.float32) / np.float32(1000)  # z of each value of a pixel, m
+METRES[0] = np.nan
 
 
 def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (intended name)
     """Opens a run, given its file or the NAME of `echofuse-acquire run --out NAME`. Raises
     FileNotFoundError, IsADirectoryError for a folder, or ValueError if the file is not a run."""
-    found = pathlib.Path(path)
+    found = pathlib.Path(path).absolute()
     if not found.is_file() and found.suffix != ".sqlite":
         found = pathlib.Path(f"{found}.sqlite")
     if not found.is_file():
@@ -92,7 +54,13 @@ class Run:
     and `valid` is false. Records added after open() or the last refresh() are not included."""
 
     def __init__(self, path: pathlib.Path) -> None:
-        self.path = path
+        self.path = path  #: absolute path of the run file
+        self.info: dict[str, Any] = {}  #: the row of the table `run`, by column; and `status`
+        #: number of each record in the run file
+        self.index: NDArray[np.int64] = np.array([], np.int64)
+        self.labels: list[str] = []  #: label of each record; may be empty
+        self._grown: dict[str, Growing] = {}  # arrays to which refresh() appends
+        self._block: tuple[int, Run] | None = None  # first row, and records, of an iteration
         self._read()
 
     def __enter__(self) -> "Run":
@@ -103,7 +71,10 @@ class Run:
         self._forget()
 
     def __iter__(self) -> Iterator[Record]:
-        return (Record(self, row) for row in range(len(self)))
+        for first in range(0, len(self), BLOCK):
+            self._block = first, self[first:first + BLOCK]
+            yield from (Record(self, first + row) for row in range(len(self._block[1])))
+        self._block = None
 
     @overload
     def __getitem__(self, rows: int | np.integer[Any]) -> Record: ...
@@ -117,21 +88,49 @@ class Run:
         if isinstance(rows, (int, np.integer)):
             return Record(self, range(len(self))[rows])
         chosen, part = rows_of(len(self), rows), copy.copy(self)
-        part._forget()
+        part._grown, part._block = {}, None
         part.index, part.time = self.index[chosen], self.time[chosen]
         part.labels = [self.labels[row] for row in chosen]
         part.valid = {name: mask[chosen] for name, mask in self.valid.items()}
         return part
 
     def refresh(self) -> "Run":
-        """Reads the run file again to include new records."""
-        self._forget()
+        """Reads the new records of the run file. A run of selected records becomes the whole
+        run."""
         self._read()
         return self
 
     def _forget(self) -> None:
-        for name in ("spd", "radar", "depth", "lags_axis", "_pairs", "_truth", "_cells"):
+        for name in ("lags_axis", "_pairs", "_cells"):
             self.__dict__.pop(name, None)
+        for name in ("spd", "radar", "depth", "map", "map is known"):
+            self._grown.pop(name, None)
+
+    def _grow(self, name: str, rows: NDArray[Any]) -> NDArray[Any]:
+        """Appends rows to an array and returns the whole array."""
+        if name in self._grown:
+            self._grown[name].append(rows)
+        else:
+            self._grown[name] = Growing(rows)
+        return self._grown[name].values
+
+    @errors_with_path
+    def _cached(self, name: str, read: Callable[[NDArray[np.int64]], NDArray[Any]]) -> NDArray[Any]:
+        """Returns an array with one row per record, after reading the rows that it lacks."""
+        known = len(self._grown[name].values) if name in self._grown else 0
+        if known < len(self) or not known:
+            return self._grow(name, read(np.arange(known, len(self))))
+        return self._grown[name].values
+
+    def of_row(self, name: str, row: int) -> NDArray[Any]:
+        """Returns one row of `spd`, `radar` or `depth`. Reads only this row, unless the array is
+        cached or an iteration has read it."""
+        if name in self._grown and row < len(self._grown[name].values):
+            return np.asarray(getattr(self, name)[row])
+        first, block = self._block or (row, self[[row]])
+        if not 0 <= row - first < len(block):
+            first, block = row, self[[row]]
+        return np.asarray(getattr(block, name)[row - first])
 
     def follow(self, *, pause_s: float = 0.2) -> Iterator[int]:
         """Yields the row of each existing record and then of each new record, until the run is
@@ -149,7 +148,9 @@ class Run:
     @errors_with_path
     def _read(self) -> None:
         most = max(self.path.stat().st_size, MIN_AXIS_LIMIT)
-        with closing(connect(self.path)) as db:
+        layout = (self.axes, self.antennas, self.zones) if self.info else None
+        with self._opened() as db:
+            #: axes of the arrays, by name
             self.axes: dict[str, Axis] = {row[0]: Axis(*row) for row in db.execute(
                 "SELECT name, quantity, unit, CAST(count AS INTEGER), CAST(start AS REAL), "
                 "CAST(step AS REAL),"
@@ -161,8 +162,7 @@ class Run:
                                      f"{axis.start:g} in steps of {axis.step:g}; expected at most "
                                      f"{most} points and plausible positions")
             cursor = db.execute("SELECT * FROM run")
-            self.info: dict[str, Any] = dict(zip((column[0] for column in cursor.description),
-                                                 cursor.fetchone()))
+            self.info = dict(zip((column[0] for column in cursor.description), cursor.fetchone()))
             #: additional metadata of the run, by name
             self.meta: dict[str, str] = meta_of(self.path, self.info.pop("meta"))
             self.info["status"] = status_of(db, self.path, self.info["status"])
@@ -174,20 +174,37 @@ class Run:
                 "SELECT x, y, gain, phase_rad FROM antenna ORDER BY rowid").fetchall()
             #: zones of the detector; empty for a single pixel
             self.zones: list[zones.Zone] = zones.stored(db)
-        rows = self.select("SELECT idx, valid, label, slot_utc_ns FROM record ORDER BY idx")
+            if "index" not in self._grown:
+                self.index, self.labels = np.array([], np.int64), []
+            rows = db.execute("SELECT idx, valid, label, slot_utc_ns FROM record WHERE idx > ? "
+                              "ORDER BY idx", self.index[-1:].tolist() or [NULL_INTEGER]).fetchall()
+        if layout != (self.axes, self.antennas, self.zones):
+            self._forget()
         index, bits, labels, utc = zip(*rows) if rows else ((), (), (), ())
-        self.index: NDArray[np.int64] = np.array(index, np.int64)
-        self.labels: list[str] = list(labels)
+        self.index = self._grow("index", np.array(index, np.int64))
+        self.labels.extend(labels)
         #: start of each slot, UTC
-        self.time: NDArray[np.datetime64] = np.array(utc, "datetime64[ns]")
+        self.time: NDArray[np.datetime64] = self._grow("time", np.array(utc, "datetime64[ns]"))
         mask = np.array(bits, np.int64)
-        self.valid: dict[str, NDArray[np.bool_]] = {name: (mask & bit) != 0
-                                                    for name, bit in SENSORS.items()}
+        #: for each sensor, whether each record has valid data
+        self.valid: dict[str, NDArray[np.bool_]] = {
+            name: self._grow(f"{name} is valid", (mask & bit) != 0)
+            for name, bit in SENSORS.items()}
+
+    @contextmanager
+    def _opened(self) -> Iterator[Connection]:
+        """Opens the run file. Raises ValueError if it contains another run than before."""
+        with closing(connect(self.path)) as db:
+            uuid, = db.execute("SELECT uuid FROM run").fetchone()
+            if uuid != self.info.get("uuid", uuid):
+                raise ValueError(f"{self.path}: contains another run (UUID {uuid}, expected "
+                                 f"{self.info['uuid']}); open it again")
+            yield db
 
     @errors_with_path
     def select(self, sql: str, *values: Any) -> list[Any]:
         """Returns the result rows of an SQL query."""
-        with closing(connect(self.path)) as db:
+        with self._opened() as db:
             return db.execute(sql, values).fetchall()
 
     @errors_with_path
@@ -228,7 +245,8 @@ class Run:
 
     def table(self, name: str) -> dict[str, NDArray[Any]]:
         """Returns all columns of a table except blobs (see run_files.table)."""
-        return table(self.path, name)
+        with self._opened() as db:
+            return table(db, name)
 
     def events(self) -> list[tuple[str, str, str, str]]:
         """Returns the UTC time, level, source and text of each event."""
@@ -266,33 +284,26 @@ class Run:
         return (f"<b>{title}</b><table><tr><th>sensor</th><th>valid</th><th>axis</th></tr>"
                 f"{cells}</table>")
 
-    @cached_property
-    @errors_with_path
+    @property
     def spd(self) -> NDArray[np.uint32]:
         """Counts [n, bins], or [n, zones, bins] for a detector with zones. Read-only like all
         cached arrays."""
-        table = self._table("spd", "<u4", 0)
-        return read_only(table.reshape(len(self), len(self.zones), table.shape[1]
-                                       // len(self.zones)) if self.zones else table)
+        table = read_only(self._cached("spd", lambda rows: self._vectors("spd", "<u4", 0, rows)))
+        return table.reshape(len(self), len(self.zones), table.shape[1]
+                             // len(self.zones)) if self.zones else table
 
-    @cached_property
-    @errors_with_path
+    @property
     def radar(self) -> NDArray[np.float32]:
         """Linear power [n, bins], arbitrary unit."""
-        return read_only(self._table("radar", "<f4", np.nan).astype(np.float32, copy=False))
+        return read_only(self._cached("radar", lambda rows: self._vectors(
+            "radar", "<f4", np.nan, rows)).astype(np.float32, copy=False))
 
-    @cached_property
-    @errors_with_path
+    @property
     def depth(self) -> NDArray[np.float32]:
         """z of each pixel of the camera images [n, rows, columns], m; NaN: no return."""
-        size, blobs = self._image_size(), self._blobs("depth")
-        for _, blob in blobs[:1]:
-            inflated(blob, size)  # checks the image size before memory is allocated
-        out = np.full((len(self), *size), np.nan, np.float32)
-        for row, blob in blobs:
-            image = inflated(blob, size)
-            out[row] = np.where(image > 0, image / np.float32(1000), np.float32(np.nan))
-        return read_only(out)
+        return read_only(self._cached("depth", lambda rows: self._table(
+            self._image_size(), np.float32, np.nan, rows, self.valid["depth"],
+            ((row, METRES[image]) for row, image in self._images(rows)))))
 
     def _image_size(self) -> tuple[int, int]:
         rows, columns = (self.axes[name].count if name in self.axes else 0
@@ -302,42 +313,37 @@ class Run:
                              f"{MAX_PIXELS}")
         return rows, columns
 
+    @errors_with_path
     def depth_mm(self, row: int) -> NDArray[np.uint16]:
         """Returns the camera image of one record [rows, columns], mm, 0: no return."""
-        images = self._images(rows_of(len(self), [row]))
-        return images[0][1] if images else np.zeros(self._image_size(), np.uint16)
+        images = dict(self._images(rows_of(len(self), [row])))
+        return next(iter(images.values()), np.zeros(self._image_size(), np.uint16))
 
+    @errors_with_path
     def maps(self, rows: ArrayLike | None = None) -> NDArray[np.float32]:
         """Returns the ground-truth maps [n, N, N] of the given rows, or of all rows (read-only), on
         the map grid of the models: z, m; NaN: no return or no depth image. Maps are cached."""
         selected = rows_of(len(self), slice(None) if rows is None else rows)
-        maps, known = self._truth
+        shape = [len(cells) for cells in reversed(self._cells)]
+        maps = self._cached("map", lambda new: np.empty((len(new), *shape), np.float32))
+        known = self._cached("map is known", lambda new: np.zeros(len(new), bool))
         new = np.unique(selected[~known[selected]])
         to_z = self.axes.get("map_z")
         convert = grid.to_map(*self._cells, self._image_size(), to_z.step if to_z else 6.0)
-        for block in np.split(new, range(IMAGES, len(new), IMAGES)):
-            maps[block] = np.nan
-            for row, image in self._images(block):
-                maps[row] = convert(image)
-            known[block] = True
-        return read_only(maps.view()) if rows is None else maps[selected]
+        maps[new] = np.nan
+        for row, image in self._images(new):
+            maps[row] = convert(image)
+        known[new] = True
+        return read_only(maps) if rows is None else maps[selected]
 
     def map_of(self, row: int) -> NDArray[np.float32]:
         """Returns the ground-truth map of one record [N, N], as in maps()."""
         return np.asarray(self.maps([row])[0])
 
-    @cached_property
-    def _truth(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Cached ground-truth maps [n, N, N], and whether each map has been computed [n]."""
-        columns, rows = self._cells
-        return (np.empty((len(self), len(rows), len(columns)), np.float32),
-                np.zeros(len(self), bool))
-
-    @errors_with_path
-    def _images(self, rows: NDArray[np.int64]) -> list[tuple[int, NDArray[np.uint16]]]:
-        """For each of the given rows that has a depth image, returns the row and the image, mm."""
+    def _images(self, rows: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.uint16]]]:
+        """For each of the given rows that has a depth image, yields the row and the image, mm."""
         size = self._image_size()
-        return [(row, inflated(blob, size)) for row, blob in self._blobs("depth", rows)]
+        return ((row, inflated(blob, size)) for row, blob in self._blobs("depth", rows))
 
     @cached_property
     def _cells(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
@@ -389,17 +395,7 @@ class Run:
     @cached_property
     def lags_axis(self) -> Axis | None:
         """Axis of lags() (recon/data/lags.hpp); None if the run has no antenna lags."""
-        pairs = self._pairs
-        if "array" not in self.axes or not pairs[0]:
-            return None
-        across, up = (max(lags, default=0) for lags in pairs)
-        known = sorted({*pairs[0], *(across + lag for lag in pairs[1])})
-        quantity = "lags" + ("" if len(known) == across + up
-                             else "".join(f" {lag}" for lag in known))
-        axis = self.axes["array"]
-        return Axis("array", quantity + (f", {up} up" if up else ""), axis.unit, axis.count,
-                    axis.start, axis.step,
-                    across + up)
+        return antenna_lags.axis_of(self.axes.get("array"), self._pairs)
 
     @errors_with_path
     def lags(self, range_offset_m: float = 0) -> NDArray[np.float32]:
@@ -408,24 +404,9 @@ class Run:
         axis = self.lags_axis
         if axis is None:
             return np.zeros((len(self), 0, 1), np.float32)
-        count = int(self.axes["array"].scale)
-        first, last = np.triu_indices(count, 1)
-        response = np.array([gain * np.exp(1j * phase) for *_, gain, phase in self.antennas])
         out = np.zeros((len(self), axis.count, 1 + 2 * int(axis.scale)))
         for row, bins in self.array_bins():
-            values = bins["values"] / 32767 * bins["power"][:, None].astype(float)
-            r = np.zeros((axis.count, count, count), complex)
-            correlations = values[:, 3 * count:-2]
-            r[:, first, last] = correlations[:, 0::2] + 1j * correlations[:, 1::2]
-            r[:, last, first] = r[:, first, last].conj()
-            out[row, :, 0] = (values[:, 2 * count:3 * count] / abs(response) ** 2).mean(1)
-            across = max(self._pairs[0])
-            for before, lags in zip((0, across), self._pairs):
-                for lag, pairs in lags.items():
-                    c = np.mean([r[:, m, n] / (response[m] * response[n].conj()) for m, n in pairs],
-                                0)
-                    out[row, :, 2 * (before + lag) - 1], out[row, :, 2
-                                                             * (before + lag)] = c.real, c.imag
+            out[row] = antenna_lags.of_bins(bins, self.antennas, self._pairs)
         by_m = range_offset_m + self.offset_m.get("radar", 0)
         flat = np.moveaxis(out.astype(np.float32), 2, 1).reshape(-1, axis.count)
         return np.moveaxis(shifted(flat, by_m / axis.step).reshape(len(self), -1, axis.count), 1, 2)
@@ -450,17 +431,8 @@ class Run:
             yield row, found
 
     @cached_property
-    def _pairs(self) -> tuple[dict[int, list[tuple[int, int]]], dict[int, list[tuple[int, int]]]]:
-        """Horizontal and vertical antenna pairs, grouped by their spacing in half wavelengths."""
-        found: tuple[dict[int, list[tuple[int, int]]], ...] = ({}, {})
-        for m, (xm, ym, *_) in enumerate(self.antennas):
-            for n, (xn, yn, *_) in enumerate(self.antennas):
-                for lags, along, aside in ((found[0], xm - xn, ym - yn),
-                                           (found[1], ym - yn, xm - xn)):
-                    lag = round(along)
-                    if 1 <= lag <= 16 and abs(along - lag) <= 0.01 and abs(aside) <= 0.01:
-                        lags.setdefault(lag, []).append((m, n))
-        return found[0], found[1] if found[0] else {}
+    def _pairs(self) -> tuple[antenna_lags.Pairs, antenna_lags.Pairs]:
+        return antenna_lags.pairs_of(self.antennas)
 
     def _clicks(self) -> list[tuple[float, float]]:
         """For each record, returns its clicks, and its clicks per laser pulse (0: unknown)."""
@@ -468,24 +440,48 @@ class Run:
         return [(clicks, known or (clicks / starts if clicks < 0.95 * starts
                                    else 0.0)) for clicks, starts, known in rows]
 
-    def _blobs(self, sensor: str,
-               rows: NDArray[np.int64] | None = None) -> list[tuple[int, bytes]]:
-        """For each valid row in `rows` (default: all rows), returns the row and the blob."""
-        valid = self.valid[sensor]
-        rows = np.flatnonzero(valid) if rows is None else rows[valid[rows]]
-        blobs = self.of_records(
-            f"CAST(CASE WHEN valid & {SENSORS[sensor]} THEN {sensor} END AS BLOB)", rows)
-        return [(row, blob or b"") for row, (blob,) in zip(rows.tolist(), blobs)]
+    def _blobs(self, sensor: str, rows: NDArray[np.int64]) -> Iterator[tuple[int, bytes]]:
+        """For each of the given rows that is valid, yields the row and the blob."""
+        rows = rows[self.valid[sensor][rows]]
+        rows = rows[np.argsort(self.index[rows], kind="stable")]
+        index, stored, blob = self.index[rows].tolist(), None, None
+        with self._opened() as db:
+            found = db.execute(f"SELECT idx, CAST({sensor} AS BLOB) FROM record WHERE idx IN "
+                               "(SELECT value FROM json_each(?)) ORDER BY idx", [json.dumps(index)])
+            for row, number in zip(rows.tolist(), index):
+                if number != stored:
+                    stored, blob = next(found, (None, None))
+                if number != stored:
+                    raise ValueError(f"{self.path}: record {number} is missing")
+                yield row, blob or b""
 
-    def _table(self, sensor: str, kind: str, missing: float) -> NDArray[Any]:
+    def _vectors(self, sensor: str, kind: str, missing: float,
+                 rows: NDArray[np.int64]) -> NDArray[Any]:
+        """Reads the histograms or range profiles of consecutive rows."""
         count = self.axes[sensor].count if sensor in self.axes else 0
         count *= (len(self.zones) or 1) if sensor == "spd" else 1
-        size, blobs = count * np.dtype(kind).itemsize, self._blobs(sensor)
-        for row, blob in blobs:
+        size = count * np.dtype(kind).itemsize
+
+        def vector(row: int, blob: bytes) -> NDArray[Any]:
             if len(blob) != size:
                 raise ValueError(f"{self.path}: record {self.index[row]}: {sensor} has {len(blob)} "
                                  f"bytes, but its axis requires {size}")
-        out = np.full((len(self), count), missing, kind)
-        for row, blob in blobs:
-            out[row] = np.frombuffer(blob, kind)
+            return np.frombuffer(blob, kind)
+
+        return self._table((count,), kind, missing, rows, self.valid[sensor],
+                           ((row, vector(row, blob)) for row, blob in self._blobs(sensor, rows)))
+
+    @errors_with_path
+    def _table(self, shape: tuple[int, ...], kind: Any, missing: float, rows: NDArray[np.int64],
+               valid: NDArray[np.bool_],
+               found: Iterable[tuple[int, NDArray[Any]]]) -> NDArray[Any]:
+        """Returns the values that were found for consecutive rows, and `missing` for the others."""
+        out = None
+        for row, values in found:
+            if out is None:  # allocated after the first check, because the axis may be damaged
+                out = np.empty((len(rows), *shape), kind)
+            out[row - rows[0]] = values
+        if out is None:
+            return np.full((len(rows), *shape), missing, kind)
+        out[~valid[rows]] = missing
         return out

@@ -2,6 +2,7 @@
 """Opens run files for reading."""
 from __future__ import annotations
 
+import functools
 import json
 import os
 import pathlib
@@ -289,7 +290,7 @@ def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
     # One step is 10 000 instructions. A valid run needs less than one instruction per byte.
     left = iter(range(200 + path.stat().st_size * 4 // 10_000))
     db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(max(path.stat().st_size, 16 << 20), 128 << 20))
-    db.text_factory = lambda text: text.decode("utf-8", "backslashreplace")
+    db.text_factory = functools.lru_cache(lambda text: text.decode("utf-8", "backslashreplace"))
     db.set_progress_handler(lambda: next(left, None) is None, 10_000)
     db.execute("PRAGMA trusted_schema = OFF")
     left_out = set(SCHEMA) - STATISTICS - {"zone"}
@@ -317,18 +318,17 @@ def meta_of(path: pathlib.Path, text: Any) -> dict[str, str]:
     raise ValueError(f"{path}: meta is not a JSON object of strings")
 
 
-def table(path: pathlib.Path, name: str) -> dict[str, NDArray[Any]]:
+def table(db: sqlite3.Connection, name: str) -> dict[str, NDArray[Any]]:
     """Returns all columns of a table except blobs. INTEGER becomes int64 (NULL: NULL_INTEGER), REAL
     becomes float64 (NULL: NaN), and text becomes UTF-8 bytes (dtype S)."""
-    with closing(connect(path)) as db:
-        columns = db.execute("SELECT name, type FROM pragma_table_info(?) WHERE type != 'BLOB'",
-                             (name,)).fetchall()
-        if not columns:
-            return {}
-        reads, kinds = zip(*((read.format(f'"{column}"'), array) for column, kind in columns
-                              for read, array in [KINDS.get(kind, KINDS["TEXT"])]))
-        cursor = db.execute(f'SELECT {", ".join(reads)} FROM "{name}" ORDER BY rowid')
-        blocks = [[np.array(values, kind) for values, kind in zip(zip(*rows), kinds)]
-                  for rows in iter(lambda: cursor.fetchmany(4096), [])]
+    columns = db.execute("SELECT name, type FROM pragma_table_info(?) WHERE type != 'BLOB'",
+                         (name,)).fetchall()
+    if not columns:
+        return {}
+    reads, kinds = zip(*((read.format(f'"{column}"'), array) for column, kind in columns
+                          for read, array in [KINDS.get(kind, KINDS["TEXT"])]))
+    cursor = db.execute(f'SELECT {", ".join(reads)} FROM "{name}" ORDER BY rowid')
+    blocks = [[np.array(values, kind) for values, kind in zip(zip(*rows), kinds)]
+              for rows in iter(lambda: cursor.fetchmany(4096), [])]
     return {column: np.concatenate([np.array([], kind), *values])
             for (column, _), kind, *values in zip(columns, kinds, *blocks)}

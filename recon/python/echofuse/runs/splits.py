@@ -38,6 +38,7 @@ def split(run: Run, kind: str = "random", seed: int = 1, *, inputs: str | None =
     inputs = inputs or usual_inputs(run)
     settings = {"test_share": test_share, "validation_share": validation_share, "gap": gap}
     words = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
+    run.events()  # checks that the file still contains this run
     rows = json.loads(call("echofuse-recon", "-q", "rows", run.path, "--json", "--split", kind,
                            "--seed", seed, "--inputs", inputs, *words).stdout)["records"]
     part_of = {record["record"]: record.get("part") for record in rows}
