@@ -207,8 +207,8 @@ def write_h5(run: Run, path: pathlib.Path, progress: Progress) -> int:
             put(data, f"{sensor}_valid", valid[sensor], index, units="1")
             for name in f"{sensor}_used", f"{sensor}_lost":
                 put(data, name, record[name].astype("u8"), index, units="1")
-            for name, faults in ("verdict", unreadable), ("figures", {}):
-                texts = marked(record[f"{sensor}_{name}"], faults)
+            for name in "verdict", "figures":
+                texts = marked(record[f"{sensor}_{name}"], unreadable if name == "verdict" else {})
                 put(data, f"{sensor}_{name}", np.array(texts, "S"), index)
         for table, columns in tables.items():
             group, key = entry.require_group(f"tables/{table}"), next(iter(columns.values()))

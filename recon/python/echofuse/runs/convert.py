@@ -43,7 +43,8 @@ def linear(codes: bytes, antennas: int) -> bytes:
     """Converts 256 * log2(magnitude), summed over the virtual antennas and divided by the next
     power of two, to linear power."""
     step = 2 / 256 * (1 << (antennas - 1).bit_length()) / antennas
-    return np.exp2(np.frombuffer(codes, "<f4").astype(float) * step).astype("<f4").tobytes()
+    power = np.exp2(np.frombuffer(codes, "<f4").astype(float) * step)
+    return bytes(power.astype("<f4"))
 
 
 def convert(old: pathlib.Path, new: pathlib.Path) -> None:
