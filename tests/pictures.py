@@ -44,7 +44,7 @@ class Names(unittest.TestCase):
     def test_charts_contain_only_texts_of_the_current_scripts_and_programs(self):
         sources = [root / "scripts/make_pictures", *(root / "recon/python/echofuse").rglob("*.py")]
         known = set().union(models(), *(patterns_of(path.read_text()) for path in sources))
-        known |= set(map(re.escape, re.findall(r"^\| [`*]+([^`*]+)", (root / "README.md").read_text(), re.M)))
+        known |= set(map(re.escape, re.findall(r"^\| [`*]+([^`*]+)", (root / "recon/RESULTS.md").read_text(), re.M)))
         known |= {r"[-−]?[\d.,  ]+°?", r"\$\\mathdefault\{.*\}\$", r"(letter|object):\w+"}
         known = re.compile("|".join(f"(?:{one})" for one in known))
         for path in sorted(pictures.glob("*.svg")):
