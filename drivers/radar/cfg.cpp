@@ -2,12 +2,15 @@
 #include "drivers/radar/cfg.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cctype>
 #include <charconv>
 #include <cmath>
 #include <optional>
 #include <utility>
 
+#include "drivers/radar/demo_commands.hpp"
+#include "drivers/radar/ramp.hpp"
 #include "drivers/radar/sdk.hpp"
 #include "drivers/util/printable.hpp"
 #include "drivers/util/settings.hpp"
@@ -31,10 +34,16 @@ std::optional<double> to_number(std::string_view word) {
   return whole && std::isfinite(value) ? std::optional(value) : std::nullopt;
 }
 
-std::string miscounted(const CfgCommand& c) {
-  const std::size_t expected = numbers_of(c.words[0]).value_or(0);
+std::string miscounted(const CfgCommand& c, std::size_t expected) {
   return "has " + std::to_string(c.words.size() - 1) + " numbers; SDK 3.4 to 3.6 expect " +
          std::to_string(expected) + " (SDK 1 and 2 differ)";
+}
+
+// Returns the setting in the form of a cfg line: "profileCfg 2", or "cfarCfg -1 1".
+std::string shown(std::string setting) {
+  const std::size_t at = setting.find('/');
+  if (at == setting.npos) return setting;
+  return setting.replace(at, 1, setting.starts_with("cfar") ? " -1 " : " ");
 }
 
 }  // namespace
@@ -104,25 +113,38 @@ const std::vector<CfgCommand>& Cfg::all(const std::string& command) const {
   return it->second;
 }
 
+void Cfg::require(const std::string& command) {
+  if (has(command)) return;
+  faulty_ = true;
+  if (missing_.insert(command).second) refuse(name_ + ": has no " + command);
+}
+
 double Cfg::number(const CfgCommand& c, std::size_t i) const {
-  if (i >= c.words.size()) fail(c, miscounted(c));
+  const DemoCommand* command = demo_command(c.words[0]);
+  if (i >= c.words.size()) fail(c, miscounted(c, command ? command->numbers.size() : i));
   if (const auto value = to_number(c.words[i])) return *value;
   fail(c, quoted(c.words[i]) + " is not a number");
 }
 
-double Cfg::positive(const CfgCommand& c, std::size_t i, const char* meaning) const {
-  const double value = number(c, i);
-  if (value < 1e-6 || value > 1e9) fail(c, std::string(meaning) + " outside the range 1e-6 to 1e9");
-  return value;
+std::string Cfg::outside(const CfgCommand& c, std::size_t i) const {
+  const DemoCommand* command = demo_command(c.words[0]);
+  if (!command || i > command->numbers.size()) return {};
+  const NumberRange& range = command->numbers[i - 1];
+  const double value = number(c, i), min = range.from_previous ? number(c, i - 1) : range.min;
+  const bool fits = min <= value && value <= range.max;
+  const bool whole = !range.whole || value == std::floor(value);
+  if (fits && whole && (!range.power_of_two || std::has_single_bit(static_cast<unsigned>(value))))
+    return {};
+  return quoted(c.words[i]) + " should be a " +
+         (range.power_of_two ? "power of two"
+          : range.whole      ? "whole number"
+                             : "number") +
+         " from " + digits(min, 1e-4) + " to " + digits(range.max, 1e-4);
 }
 
-std::uint32_t Cfg::integer(const CfgCommand& c, std::size_t i, double min, double max) const {
-  const double value = number(c, i);
-  if (value != std::floor(value) || value < min || value > max)
-    fail(c, quoted(c.words[i]) + " should be a whole number from " +
-                std::to_string(static_cast<int>(min)) + " to " +
-                std::to_string(static_cast<int>(max)));
-  return static_cast<std::uint32_t>(value);
+double Cfg::checked(const CfgCommand& c, std::size_t i) const {
+  if (const std::string what = outside(c, i); !what.empty()) fail(c, what);
+  return number(c, i);
 }
 
 // Splits the line into words and stores the command. The firmware splits words only at spaces.
@@ -150,25 +172,61 @@ void Cfg::add(const CfgLine& line) {
   if (c.words.size() > max_words) fail(c, "line has more than 40 words (limit of the firmware)");
   if (c.words.empty()) return;
   check_words(c);
-  commands_[std::string(c.words[0])].push_back(c);
+  // Settings that follow sensorStart do not apply to the started frame.
+  if (!has("sensorStart")) commands_[std::string(c.words[0])].push_back(c);
+  if (c.words[0] == "sensorStart") check_start(c);
 }
 
-void Cfg::check_words(const CfgCommand& c) const {
-  const std::string_view name = c.words[0];
+void Cfg::check_words(const CfgCommand& c) {
+  const std::string name(c.words[0]);
   if (!std::isalpha(static_cast<unsigned char>(name[0])))
     return refuse(complaint(c, "is not a command; comments begin with %"));
-  const auto expected = numbers_of(name);
   if (name == "peakGrouping") return refuse(complaint(c, "is a command of SDK 1 or 2"));
-  if (!expected && profile_.warnings.size() < max_faults)
-    profile_.warnings.push_back(complaint(c, "is not a command of the demo of SDK 3.4 to 3.6"));
+  const DemoCommand* command = demo_command(name);
+  if (!command) return refuse(complaint(c, "is not a command of the demo of SDK 3.4 to 3.6"));
+  check_order(c, *command);
+  const std::size_t expected = command->numbers.size();
   for (std::size_t i = 1; i < c.words.size(); ++i)
     if (!to_number(c.words[i]))
       return refuse(complaint(
-          c, quoted(c.words[i]) + (i == expected.value_or(0) + 1
+          c, quoted(c.words[i]) + (i == expected + 1
                                        ? " follows the numbers; put comments on their own line"
                                        : " is not a number")));
-  if (expected && *expected + 1 != c.words.size() && !name.starts_with("sensorSt"))
-    refuse(complaint(c, miscounted(c)));
+  if (name.starts_with("sensorSt")) return;
+  if (expected + 1 != c.words.size()) return refuse(complaint(c, miscounted(c, expected)));
+  for (std::size_t i = 1; i <= expected; ++i)
+    if (const std::string what = outside(c, i); !what.empty()) refuse(complaint(c, what));
+  if (constexpr double most = 32; name == "calibDcRangeSig" && number(c, 4) - number(c, 3) >= most)
+    refuse(complaint(c, "has more than 32 bins (limit of the demo)"));
+}
+
+// Checks that the settings required by the command precede it, as in the firmware.
+void Cfg::check_order(const CfgCommand& c, const DemoCommand& command) {
+  const std::string name(c.words[0]);
+  for (std::string required : command.after) {
+    if (required.ends_with('#') && c.words.size() > 3)
+      required.replace(required.size() - 1, 1, c.words[3]);
+    if (!settings_.contains(required) && missing_.insert(required).second)
+      refuse(complaint(c, "requires " + shown(required) + " before it"));
+  }
+  if (name == "flushCfg" || name == "dfeDataOutputMode")
+    std::erase_if(settings_, [&](const std::string& setting) {
+      const std::string of = setting.substr(0, setting.find('/'));
+      return name == "flushCfg" ? demo_command(of)->flushed : of == name;
+    });
+  if (has("sensorStart") && !command.needed.empty())
+    profile_.warnings.push_back(complaint(c, "has no effect after sensorStart"));
+  settings_.insert(name);
+  if (command.key && command.key < c.words.size())
+    settings_.insert(name + "/" + std::string(c.words[command.key]));
+}
+
+void Cfg::check_start(const CfgCommand& start) {
+  std::string names;
+  for (const std::string& setting : needed_to_start(advanced() ? 3 : 1))
+    if (!settings_.contains(setting) && missing_.insert(setting).second)
+      names += (names.empty() ? "" : ", ") + shown(setting);
+  if (!names.empty()) refuse(complaint(start, "requires " + names + " before it"));
 }
 
 }  // namespace echofuse::radar

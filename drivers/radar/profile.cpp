@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "drivers/radar/cfg.hpp"
+#include "drivers/radar/demo_commands.hpp"
 #include "drivers/radar/ramp.hpp"
 #include "drivers/util/exit_code.hpp"
 
@@ -32,27 +33,27 @@ struct FrameCfg {
   CfgCommand line;
   bool sub = false;
 
-  std::uint32_t first_chirp(const Cfg& cfg) const { return cfg.integer(line, sub ? 3 : 1, 0, 511); }
+  std::uint32_t first_chirp(const Cfg& cfg) const { return cfg.integer(line, sub ? 3 : 1); }
   std::uint32_t last_chirp(const Cfg& cfg) const {
-    return sub ? std::min(first_chirp(cfg) + cfg.integer(line, 4, 1, 512) - 1, 511u)
-               : cfg.integer(line, 2, 0, 511);
+    return sub ? std::min(first_chirp(cfg) + cfg.integer(line, 4) - 1, 511u) : cfg.integer(line, 2);
   }
-  std::uint32_t loops(const Cfg& cfg) const { return cfg.integer(line, sub ? 5 : 3, 1, 1 << 15); }
+  std::uint32_t loops(const Cfg& cfg) const { return cfg.integer(line, sub ? 5 : 3); }
   double chirps(const Cfg& cfg) const {
     return (last_chirp(cfg) - first_chirp(cfg) + 1.0) * loops(cfg);
   }
-  double period_s(const Cfg& cfg) const {
-    return cfg.positive(line, sub ? 10 : 5, sub ? "has a subframe period" : "has a frame period") *
-           1e-3;
-  }
+  double period_s(const Cfg& cfg) const { return 1e-3 * cfg.checked(line, sub ? 10 : 5); }
 };
 
 std::vector<FrameCfg> read_frames(const Cfg& cfg) {
   if (!cfg.advanced()) return {{cfg.last("frameCfg")}};
-  const auto subframes = cfg.integer(cfg.last("advFrameCfg"), 1, 1, 4);
+  const auto subframes = cfg.integer(cfg.last("advFrameCfg"), 1);
   std::vector<FrameCfg> frames(subframes);
   for (const CfgCommand& c : cfg.all("subFrameCfg"))
-    frames[cfg.integer(c, 1, 0, subframes - 1)] = {c, true};
+    if (const auto k = cfg.integer(c, 1); k < subframes)
+      frames[k] = {c, true};
+    else
+      cfg.fail(c, "has a number that advFrameCfg, with " + std::to_string(subframes) +
+                      " subframes, does not allow");
   for (std::size_t k = 0; k < frames.size(); ++k)
     if (!frames[k].sub)
       cfg.fail(cfg.last("advFrameCfg"), "has no subFrameCfg " + std::to_string(k));
@@ -63,16 +64,18 @@ std::vector<FrameCfg> read_frames(const Cfg& cfg) {
 EnabledAntennas read_antennas(const Cfg& cfg, const FrameCfg& of) {
   const CfgCommand& channels = cfg.last("channelCfg");
   const CfgCommand& frame = of.line;
-  const auto enabled = cfg.integer(channels, 2, 1, 7);
+  const auto enabled = cfg.integer(channels, 2);
   const auto first = of.first_chirp(cfg), last = of.last_chirp(cfg);
+  constexpr std::uint32_t most = 32;  // size of an array in the demo (mmwdemo_rfparser.c)
+  if (last >= first + most) cfg.fail(frame, "uses more than 32 chirps (limit of the demo)");
   // transmitter masks, by the number of the first chirp
   std::multimap<std::uint32_t, std::uint32_t> used;
   for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
-    const auto begin = cfg.integer(chirp, 1, 0, 511), end = cfg.integer(chirp, 2, 0, 511);
+    const auto begin = cfg.integer(chirp, 1), end = cfg.integer(chirp, 2);
     if (begin <= last && end >= first)
-      used.emplace(std::max(begin, first), cfg.integer(chirp, 8, 0, 7) & enabled);
+      used.emplace(std::max(begin, first), cfg.integer(chirp, 8) & enabled);
   }
-  EnabledAntennas out{cfg.integer(channels, 1, 1, 15), {}};
+  EnabledAntennas out{cfg.integer(channels, 1), {}};
   for (const auto& [chirp, mask] : used)
     for (std::uint32_t t = 0; t < 3; ++t)
       if (mask >> t & 1 && std::ranges::count(out.transmitters, t) == 0)
@@ -95,7 +98,7 @@ const CfgCommand& profile_of(const Cfg& cfg, const FrameCfg& frame) {
   if (!cfg.advanced()) return *found;
   const std::uint32_t first = frame.first_chirp(cfg);
   for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
-    if (cfg.integer(chirp, 1, 0, 511) > first || cfg.integer(chirp, 2, 0, 511) < first) continue;
+    if (cfg.integer(chirp, 1) > first || cfg.integer(chirp, 2) < first) continue;
     for (const CfgCommand& c : cfg.all("profileCfg"))
       if (cfg.number(c, 1) == cfg.number(chirp, 3)) found = &c;
   }
@@ -104,21 +107,18 @@ const CfgCommand& profile_of(const Cfg& cfg, const FrameCfg& frame) {
 
 RampSampling sampling_of(const Cfg& cfg, const CfgCommand& chirp) {
   RampSampling out;
-  cfg.attempt([&] { out.samples = cfg.integer(chirp, 10, 2, 2048); });
+  cfg.attempt([&] { out.samples = cfg.integer(chirp, 10); });
   cfg.attempt([&] {
-    const double slope_mhz_us = cfg.positive(chirp, 8, "has a frequency slope");
-    out.slope_mhz_us = Ramp{.slope_mhz_us = slope_mhz_us}.in_steps().slope_mhz_us;
-    if (out.slope_mhz_us == 0)
-      cfg.fail(chirp, "has a frequency slope below the chip's step of 0.036 MHz/us");
+    out.slope_mhz_us = Ramp{.slope_mhz_us = cfg.checked(chirp, 8)}.in_steps().slope_mhz_us;
   });
-  cfg.attempt([&] { out.rate_ksps = cfg.positive(chirp, 11, "has a sample rate"); });
+  cfg.attempt([&] { out.rate_ksps = cfg.checked(chirp, 11); });
   return out;
 }
 
 // Returns the command that defines chirp `number`, or nullptr.
 const CfgCommand* chirp_cfg_of(const Cfg& cfg, std::uint32_t number) {
   for (const CfgCommand& c : cfg.all("chirpCfg"))
-    if (cfg.integer(c, 1, 0, 511) <= number && number <= cfg.integer(c, 2, 0, 511)) return &c;
+    if (cfg.integer(c, 1) <= number && number <= cfg.integer(c, 2)) return &c;
   return nullptr;
 }
 
@@ -159,20 +159,29 @@ double active_s(const Cfg& cfg, const FrameCfg& frame) {
   return 1e-6 * frame.loops(cfg) * sum_us;
 }
 
+// Returns the number of range bins. Source: SDK, mmwdemo_rfparser.c and mss_main.c.
+std::uint32_t bins_of(std::uint32_t samples, std::uint32_t antennas) {
+  const std::uint32_t fft = std::bit_ceil(samples);
+  return fft == 1024 && antennas == 12 ? 1022 : fft;
+}
+
 // Checks all profiles and chirps, because the front end also checks unused ones.
 void check_ramps(const Cfg& cfg) {
-  for (const CfgCommand& profile : cfg.all("profileCfg"))
+  // Maximum sample rate, ksps, for a bandwidth of 10 MHz: twice as high for complex 2x (format 2).
+  constexpr double fastest = 12500;
+  const double limit = fastest * (cfg.has("adcCfg") ? cfg.number(cfg.last("adcCfg"), 2) : 2);
+  for (const CfgCommand& profile : cfg.all("profileCfg")) {
     for (const auto& words : refusals_of(ramp_of(cfg, profile)))
       cfg.refuse(cfg.complaint(profile, words));
+    if (cfg.number(profile, 11) > limit)
+      cfg.refuse(cfg.complaint(
+          profile, "samples faster than 12500 ksps (25000 with complex 2x, adcCfg 2 2)"));
+  }
   for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
     const CfgCommand* profile = profile_cfg_of(cfg, chirp);
-    if (!profile) {
-      cfg.refuse(cfg.complaint(
-          chirp, "uses profile " + std::string(chirp.words[3]) + ", which no profileCfg defines"));
-    } else if (refusals_of(ramp_of(cfg, *profile)).empty()) {
+    if (profile && refusals_of(ramp_of(cfg, *profile)).empty())
       for (const auto& words : refusals_of(ramp_of(cfg, *profile, chirp)))
         cfg.refuse(cfg.complaint(chirp, words));
-    }
   }
 }
 
@@ -181,9 +190,21 @@ void check_frame(const Cfg& cfg, const FrameCfg& frame) {
     if (!chirp_cfg_of(cfg, k))
       return cfg.refuse(cfg.complaint(
           frame.line, "uses chirp " + std::to_string(k) + ", which no chirpCfg defines"));
-  for (const auto& words :
-       frame_refusals_of(frame.chirps(cfg), 1e3 * active_s(cfg, frame), 1e3 * frame.period_s(cfg)))
-    cfg.refuse(cfg.complaint(frame.line, words));
+  const double active_ms = 1e3 * active_s(cfg, frame), period_ms = 1e3 * frame.period_s(cfg);
+  if (active_ms >= period_ms)
+    cfg.refuse(cfg.complaint(
+        frame.line, "has " + digits(frame.chirps(cfg)) + " chirps, which take " +
+                        digits(active_ms) + " ms, but its period is " + digits(period_ms) + " ms"));
+  const EnabledAntennas antennas = read_antennas(cfg, frame);
+  const auto loops = static_cast<std::uint32_t>(frame.chirps(cfg)) /
+                     static_cast<std::uint32_t>(antennas.transmitters.size());
+  const double bytes = frame_memory_bytes(
+      bins_of(sampling_of(cfg, profile_of(cfg, frame)).samples, antennas.virtuals()),
+      antennas.virtuals(), loops);
+  if (bytes > radar_memory_bytes)
+    cfg.refuse(cfg.complaint(frame.line, "needs " + digits(bytes / 1024) +
+                                             " KiB for the radar cube and the detection matrix; "
+                                             "the chip has 768 KiB"));
 }
 
 // Requires all chirps of a frame to have the same range axis, because the firmware uses one profile
@@ -191,8 +212,8 @@ void check_frame(const Cfg& cfg, const FrameCfg& frame) {
 void require_one_axis(const Cfg& cfg, const FrameCfg& frame) {
   const CfgCommand& used = profile_of(cfg, frame);
   for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
-    if (cfg.integer(chirp, 1, 0, 511) > frame.last_chirp(cfg) ||
-        cfg.integer(chirp, 2, 0, 511) < frame.first_chirp(cfg))
+    if (cfg.integer(chirp, 1) > frame.last_chirp(cfg) ||
+        cfg.integer(chirp, 2) < frame.first_chirp(cfg))
       continue;
     for (const CfgCommand& c : cfg.all("profileCfg"))
       if (cfg.number(c, 1) == cfg.number(chirp, 3) && sampling_of(cfg, c) != sampling_of(cfg, used))
@@ -226,14 +247,6 @@ void read_gui_monitor(const Cfg& cfg, RadarProfile& profile) {
   if (!profile.range_profile_on)
     profile.warnings.push_back(
         cfg.where(gui.line) + "guiMonitor does not send the range profile (its third number is 0)");
-  // guiMonitor arguments of the range-Doppler heat map (6) and the stats (7)
-  for (const std::size_t flag : {6u, 7u}) {
-    const double value = cfg.number(gui, flag);
-    if (value != 0 && value != 1)
-      profile.warnings.push_back(cfg.where(gui.line) +
-                                 "guiMonitor flags other than 0 and 1 make the firmware announce "
-                                 "data that it does not send");
-  }
 }
 
 void read_heat_map(const Cfg& cfg, const EnabledAntennas& antennas, Board board,
@@ -284,8 +297,7 @@ void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud)
   // baud rate of the data port until the first configDataPort command
   constexpr std::uint32_t firmware_baud = 921600;
   const bool given = cfg.has("configDataPort");
-  const std::uint32_t baud =
-      given ? cfg.integer(cfg.last("configDataPort"), 1, 1, 1e9) : firmware_baud;
+  const std::uint32_t baud = given ? cfg.integer(cfg.last("configDataPort"), 1) : firmware_baud;
   if (baud != data_baud)
     profile.warnings.push_back(
         (given
@@ -342,7 +354,7 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
   std::vector<const char*> needed = {"profileCfg", "frameCfg",   "channelCfg",
                                      "chirpCfg",   "guiMonitor", "sensorStart"};
   if (cfg.advanced()) needed[1] = "advFrameCfg", needed.push_back("subFrameCfg");
-  for (const char* command : needed) cfg.attempt([&] { cfg.all(command); });
+  for (const char* command : needed) cfg.require(command);
   cfg.stop_if_faulty();
   std::vector<FrameCfg> frames;
   EnabledAntennas antennas;
@@ -370,7 +382,7 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
   profile.antennas = antennas.virtuals();
   profile.adc_samples = sampling.samples;
   const std::uint32_t fft = std::bit_ceil(sampling.samples);
-  profile.bins = fft == 1024 && profile.antennas == 12 ? 1022 : fft;
+  profile.bins = bins_of(sampling.samples, profile.antennas);
   const Ramp ramp = ramp_of(cfg, profile_of(cfg, frames.front()));
   profile.range_step_m = ramp.range_step_m(fft);
   profile.resolution_m = ramp.range_step_m(sampling.samples);

@@ -52,7 +52,8 @@ struct RadarProfile {
 };
 
 // Reads a cfg. Throws Error(config) with one line "NAME:LINE: ..." per fault:
-//   - a missing command, a command with too few numbers, or a command of another demo
+//   - a missing command, a command of another demo, or a number that determines the range axis, the
+//     antennas or the frame and is missing or outside its range (demo_commands.hpp)
 //   - a line that exceeds the firmware's buffer (255 characters, 40 words)
 //   - chirps or subframes of a frame that differ in range axis or antennas
 //   - UTF-16, or line endings other than LF and CR LF

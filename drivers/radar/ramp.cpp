@@ -10,7 +10,6 @@ namespace echofuse::radar {
 namespace {
 
 constexpr double band_start_ghz = 60, band_end_ghz = 64;
-constexpr double shortest_period_ms = 0.3, longest_period_ms = 1342;
 constexpr double start_step_ghz = 2.7 / (1 << 26);
 constexpr double slope_step_mhz_us = 2.7e3 * 900 / (1 << 26);
 constexpr double time_step_us = 0.01;
@@ -19,14 +18,14 @@ constexpr double time_step_us = 0.01;
 // rounding error of the quotient.
 double truncated(double value, double step) { return std::trunc(value / step + 1e-6) * step; }
 
-std::string digits(double value, double unit = 1e-3) {
+}  // namespace
+
+std::string digits(double value, double unit) {
   std::ostringstream text;
   text.precision(9);
   text << std::round(value / unit) * unit;
   return text.str();
 }
-
-}  // namespace
 
 Ramp Ramp::in_steps() const {
   return {truncated(start_ghz, start_step_ghz),
@@ -65,15 +64,6 @@ std::vector<std::string> refusals_of(const Ramp& ramp) {
     out.push_back("samples from " + digits(r.adc_start_us) + " to " + digits(r.sampled_until_us()) +
                   " us, but the ramp ends at " + digits(r.end_us) + " us");
   return out;
-}
-
-std::vector<std::string> frame_refusals_of(double chirps, double active_ms, double period_ms) {
-  if (period_ms < shortest_period_ms || period_ms > longest_period_ms)
-    return {"has a period of " + digits(period_ms) + " ms (limits 0.3 to 1342 ms)"};
-  if (active_ms >= period_ms)
-    return {"has " + digits(chirps) + " chirps, which take " + digits(active_ms) +
-            " ms, but its period is " + digits(period_ms) + " ms"};
-  return {};
 }
 
 }  // namespace echofuse::radar

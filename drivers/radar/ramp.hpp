@@ -34,9 +34,8 @@ struct Ramp {
 // Returns one message for each limit that the ramp exceeds. The limits are checked after rounding
 // to the chip's steps.
 std::vector<std::string> refusals_of(const Ramp& ramp);
-// Returns one message for each limit that the frame exceeds. `active_ms`: total duration of all
-// chirps.
-std::vector<std::string> frame_refusals_of(double chirps, double active_ms, double period_ms);
+// Returns a value rounded to a multiple of `unit`, for messages.
+std::string digits(double value, double unit = 1e-3);
 constexpr const char* front_end_limits =
     "sweeps within 60 to 64 GHz, samples within the ramp, chirps within the frame's period, and "
     "a period of 0.3 to 1342 ms; each chirp of the frame needs its chirpCfg and profileCfg";

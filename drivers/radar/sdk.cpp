@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <cstdlib>
 #include <sstream>
 
 #include "drivers/radar/ramp.hpp"
@@ -23,15 +22,6 @@ std::string first_word(const std::string& line) {
 
 constexpr std::string_view dsp_command = "bpmCfg";
 
-// Commands of the demo, each with its number of arguments. Source: SDK, mmw_cli.c and utils/cli.
-constexpr std::string_view demo_commands =
-    " sensorStart 0 sensorStop 0 version 0 queryDemoStatus 0 configDataPort 2 flushCfg 0 "
-    "dfeDataOutputMode 1 channelCfg 3 adcCfg 2 adcbufCfg 5 lowPower 2 profileCfg 14 chirpCfg 8 "
-    "frameCfg 7 advFrameCfg 5 subFrameCfg 10 guiMonitor 7 cfarCfg 9 clutterRemoval 2 "
-    "multiObjBeamForming 3 calibDcRangeSig 5 compRangeBiasAndRxChanPhase 25 aoaFovCfg 5 "
-    "measureRangeBiasAndRxChanPhase 3 cfarFovCfg 4 extendedMaxVelocity 2 CQRxSatMonitor 5 "
-    "CQSigImgMonitor 3 analogMonitor 2 lvdsStreamCfg 4 bpmCfg 4 calibData 3 ";
-
 constexpr std::pair<std::string_view, std::string_view> other_demos[] = {
     {"the demo for xWRL1432, xWRL6432 and xWRL6844",
      " chirpComnCfg chirpTimingCfg sigProcChainCfg sigProcChainCommonCfg antGeometryCfg "
@@ -42,10 +32,6 @@ constexpr std::pair<std::string_view, std::string_view> other_demos[] = {
      "AllocationParam gatingParam GatingParam stateParam StateParam maxAcceleration SceneryParam "
      "sceneryParam boundaryBox staticBoundaryBox presenceBoundaryBox sensorPosition doaCfg zoneDef "
      "vitalSignsCfg "}};
-
-std::size_t place(std::string_view words, std::string_view word) {
-  return words.find(' ' + std::string(word) + ' ');
-}
 
 bool has_command(const std::vector<CfgLine>& cfg, std::string_view command) {
   return std::any_of(cfg.begin(), cfg.end(),
@@ -86,15 +72,9 @@ std::optional<std::pair<int, int>> sdk_of(std::string_view firmware) {
   return std::pair{major, minor};
 }
 
-std::optional<std::size_t> numbers_of(std::string_view command) {
-  const std::size_t at = place(demo_commands, command);
-  if (at == demo_commands.npos) return {};
-  return std::strtoul(demo_commands.substr(at + command.size() + 2).data(), nullptr, 10);
-}
-
 std::string_view other_demo_of(std::string_view command) {
   for (const auto& [demo, commands] : other_demos)
-    if (place(commands, command) != commands.npos) return demo;
+    if (commands.find(' ' + std::string(command) + ' ') != commands.npos) return demo;
   return {};
 }
 

@@ -19,9 +19,6 @@ namespace echofuse::radar {
 // Returns the SDK release, e.g. {3, 4} for "mmWave SDK 03.04.00.03" or "MMW Demo 03.04.00.03".
 std::optional<std::pair<int, int>> sdk_of(std::string_view firmware);
 
-// Returns the number of arguments that a command takes in the demo of SDK 3.4 to 3.6, or nullopt if
-// the demo does not have the command.
-std::optional<std::size_t> numbers_of(std::string_view command);
 // Returns the name of the other demo to which the command belongs, or an empty string for all other
 // commands.
 std::string_view other_demo_of(std::string_view command);

@@ -4,10 +4,9 @@
 #include <algorithm>
 #include <bit>
 #include <cstdlib>
+#include <iterator>
 #include <sstream>
 #include <utility>
-
-#include "drivers/radar/sdk.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -22,35 +21,48 @@ struct CommandRule {
   bool when_started;  // the command is allowed while the sensor is running
   // The third word of the command selects one of two settings: 0 for range, 1 for Doppler.
   bool by_direction;
+  // The front end or the parser of the demo checks the arguments at sensorStart.
+  bool checked_at_start;
+  // Minimum and maximum of each argument. Sources: rl_sensor.h and the user guide of the SDK.
+  const char* limits;
 };
 const std::map<std::string, CommandRule> configuring = {
-    {"flushCfg", {false, true, false}},
-    {"dfeDataOutputMode", {false, true, false}},
-    {"channelCfg", {false, true, false}},
-    {"adcCfg", {false, true, false}},
-    {"adcbufCfg", {true, false, false}},
-    {"lowPower", {false, true, false}},
-    {"profileCfg", {false, true, false}},
-    {"chirpCfg", {false, true, false}},
-    {"frameCfg", {false, true, false}},
-    {"advFrameCfg", {false, true, false}},
-    {"subFrameCfg", {false, true, false}},
-    {"guiMonitor", {true, true, false}},
-    {"cfarCfg", {true, true, true}},
-    {"multiObjBeamForming", {true, true, false}},
-    {"calibDcRangeSig", {true, true, false}},
-    {"clutterRemoval", {true, true, false}},
-    {"compRangeBiasAndRxChanPhase", {true, true, false}},
-    {"measureRangeBiasAndRxChanPhase", {true, true, false}},
-    {"aoaFovCfg", {true, true, false}},
-    {"cfarFovCfg", {true, true, true}},
-    {"extendedMaxVelocity", {true, true, false}},
-    {"CQRxSatMonitor", {false, false, false}},
-    {"CQSigImgMonitor", {false, false, false}},
-    {"analogMonitor", {true, false, false}},
-    {"lvdsStreamCfg", {true, false, false}},
-    {"bpmCfg", {true, false, false}},
-    {"calibData", {true, true, false}},
+    {"flushCfg", {false, true, false, false, ""}},
+    {"dfeDataOutputMode", {false, true, false, false, "1 3"}},
+    {"channelCfg", {false, true, false, true, "1 15  1 7  0 0"}},
+    {"adcCfg", {false, true, false, true, "2 2  1 2"}},
+    {"adcbufCfg", {true, false, false, true, "-1 3  0 0  1 1  1 1  1 1"}},
+    {"lowPower", {false, true, false, true, "0 1  0 1"}},
+    {"profileCfg",
+     {false, true, false, true,
+      "0 3  0 100  0 5242.87  0 40.95  0 5000  0 1973790  0 16579836  0 250  -40.96 40.95  2 1024  "
+      "2000 37500  0 3  0 3  24 180"}},
+    {"chirpCfg",
+     {false, true, false, true, "0 511  0 511  0 3  0 3.375e8  0 2281  0 40.95  0 40.95  0 7"}},
+    {"frameCfg", {false, true, false, true, "0 511  0 511  1 255  0 65535  0.3 1342  1 2  0 100"}},
+    {"advFrameCfg", {false, true, false, true, "1 4  0 0  0 65535  1 2  0 100"}},
+    {"subFrameCfg",
+     {false, true, false, true,
+      "0 3  0 3  0 511  1 512  1 255  0.05 1342  0 511  1 1  1 1  0.3 1342"}},
+    {"guiMonitor", {true, true, false, false, "-1 3  0 2  0 1  0 1  0 1  0 1  0 1"}},
+    {"cfarCfg", {true, true, true, false, "-1 3  0 1  0 2  1 255  0 255  0 31  0 1  0 100  0 1"}},
+    {"multiObjBeamForming", {true, true, false, false, "-1 3  0 1  0 1"}},
+    {"calibDcRangeSig", {true, true, false, false, "-1 3  0 1  -31 0  0 31  1 32768"}},
+    {"clutterRemoval", {true, true, false, false, "-1 3  0 1"}},
+    {"compRangeBiasAndRxChanPhase",
+     {true, true, false, false,
+      "-100 100  -1 1 -1 1 -1 1 -1 1 -1 1 -1 1 -1 1 -1 1 -1 1 -1 1 -1 1 -1 1  "
+      "-1 1 -1 1 -1 1 -1 1 -1 1 -1 1 -1 1 -1 1 -1 1 -1 1 -1 1 -1 1"}},
+    {"measureRangeBiasAndRxChanPhase", {true, true, false, false, "0 1  0 100  0 100"}},
+    {"aoaFovCfg", {true, true, false, false, "-1 3  -90 90  -90 90  -90 90  -90 90"}},
+    {"cfarFovCfg", {true, true, true, false, "-1 3  0 1  -1000 1000  -1000 1000"}},
+    {"extendedMaxVelocity", {true, true, false, false, "-1 3  0 1"}},
+    {"CQRxSatMonitor", {false, false, false, false, "0 3  0 3  0 65535  0 127  0 15"}},
+    {"CQSigImgMonitor", {false, false, false, false, "0 3  0 127  0 65535"}},
+    {"analogMonitor", {true, false, false, false, "0 1  0 1"}},
+    {"lvdsStreamCfg", {true, false, false, false, "-1 3  0 1  0 4  0 1"}},
+    {"bpmCfg", {true, false, false, false, "-1 3  0 1  0 511  0 511"}},
+    {"calibData", {true, true, false, false, "0 1  0 1  0 4294967295"}},
 };
 const char* const latched_commands[] = {"channelCfg", "adcCfg", "lowPower"};
 
@@ -70,6 +82,24 @@ void add_transmitters(unsigned mask, std::vector<unsigned>& transmitters) {
   for (unsigned t = 0; t < 3; ++t)
     if (mask >> t & 1 && std::count(transmitters.begin(), transmitters.end(), t) == 0)
       transmitters.push_back(t);
+}
+
+// Returns the limits of the command's arguments, minimum before maximum.
+std::vector<double> limits_of(const std::string& command) {
+  std::istringstream in(configuring.at(command).limits);
+  return {std::istream_iterator<double>(in), {}};
+}
+
+// Returns true if each argument is within its limits and no pair of limits is reversed.
+bool arguments_possible(const std::vector<std::string>& words) {
+  const auto limits = limits_of(words[0]);
+  for (std::size_t i = 0; i < limits.size() / 2; ++i)
+    if (number(words, i + 1) < limits[2 * i] || number(words, i + 1) > limits[2 * i + 1])
+      return false;
+  const auto ordered = [&](std::size_t i) { return number(words, i) <= number(words, i + 1); };
+  if (words[0] == "chirpCfg" || words[0] == "frameCfg") return ordered(1);
+  return words[0] == "aoaFovCfg" ? ordered(2) && ordered(4)
+                                 : words[0] != "cfarFovCfg" || ordered(3);
 }
 
 // Computes the frequency ramp of a chirp from its profileCfg and the offsets in its chirpCfg.
@@ -172,8 +202,12 @@ std::optional<int> RadarFirmware::execute(const CommandWords& words) {
     say("Ignored: This command is not allowed after sensor has started\n");
     return 0;
   }
-  if (words.size() != 1 + radar::numbers_of(name).value_or(0)) {
+  if (words.size() != 1 + limits_of(name).size() / 2) {
     say("Error: Invalid usage of the CLI command\n");
+    return -1;
+  }
+  if (!command.checked_at_start && !arguments_possible(words)) {
+    say("Error: Invalid argument\n");
     return -1;
   }
   const std::string key = command.by_direction ? name + " " + words[2] : name;
@@ -188,8 +222,20 @@ int RadarFirmware::configure(const CommandWords& words, const std::string& key) 
     say("Error: chirpThreshold must be 1, multi-chirp is not allowed\n");
     return -1;
   }
-  if (name == "cfarCfg" && number(words, 8) > 100) {
-    say("Error: Maximum value for CFAR thresholdScale is 100.0 dB.\n");
+  const unsigned mode = whole(config_["dfeDataOutputMode"], 1);
+  if ((name == "frameCfg" && mode != 1) || (name.ends_with("FrameCfg") && mode != 3) ||
+      ((name == "profileCfg" || name == "chirpCfg") && mode != 1 && mode != 3)) {
+    say("Error: Configuration is not valid for the DFE Output Mode\n");
+    return -1;
+  }
+  if (name == "subFrameCfg" && whole(words, 1) >= whole(config_["advFrameCfg"], 1)) {
+    say("Error: Invalid subframe number.\n");
+    return -1;
+  }
+  if (name == "calibDcRangeSig" &&
+      (!std::has_single_bit(whole(words, 5)) || number(words, 4) - number(words, 3) + 1 > 32)) {
+    say("Error: Number of bins exceeds the limit or number of averaged chirps is not power of "
+        "two\n");
     return -1;
   }
   if (name == "flushCfg") {
@@ -335,6 +381,14 @@ void RadarFirmware::between_frames() {
 // list if a command is missing or the front end would reject the frame. Subframes may differ only
 // in their start frequency, because other differences are not simulated.
 std::vector<Chirp> RadarFirmware::subframes_configured() {
+  for (const char* latched : {"channelCfg", "adcCfg"})
+    if (config_[latched].empty()) return {};
+  std::vector<CommandWords> checked = chirps_;
+  for (const auto* settings : {&profiles_, &subframe_cfgs_})
+    for (const auto& [number, words] : *settings) checked.push_back(words);
+  for (const auto& [name, words] : config_)
+    if (!words.empty() && configuring.at(words[0]).checked_at_start) checked.push_back(words);
+  if (!std::all_of(checked.begin(), checked.end(), arguments_possible)) return {};
   constexpr unsigned advanced = 3, most = 4;
   if (whole(config_["dfeDataOutputMode"], 1) != advanced) {
     const CommandWords& f = config_["frameCfg"];
@@ -367,7 +421,8 @@ bool RadarFirmware::ramps_possible() {
   Chirp ramp;
   const auto refused = [&](const CommandWords& profile, const CommandWords& added) {
     set_ramp(profile, added, ramp);
-    return !ramp.ramp_possible();
+    return !ramp.ramp_possible() ||
+           ramp.sample_rate_ksps > 12500 * whole(config_["adcCfg"], 2);  // complex 1x or 2x
   };
   return std::none_of(profiles_.begin(), profiles_.end(),
                       [&](const auto& profile) { return refused(profile.second, {}); }) &&
@@ -402,6 +457,14 @@ std::optional<Chirp> RadarFirmware::chirp(const FramePart& frame,
   chirp.frames = frame.frames;
   chirp.frame_period_ms = frame.period_ms;
   if (!all_defined || !ramps_possible() || !chirp.possible()) return {};
+  // The parser of the demo has space for 32 chirps. The data path reserves memory for the radar
+  // cube and the detection matrix.
+  constexpr unsigned most_chirps = 32, memory = 0xC0000;
+  const unsigned doppler_chirps =
+      chirp.chirps_per_frame / static_cast<unsigned>(chirp.transmitters.size());
+  const std::size_t cube = 4ul * chirp.antennas * doppler_chirps,
+                    matrix = 2ul * std::bit_ceil(doppler_chirps);
+  if (chirps > most_chirps || chirp.axis({}).count * (cube + matrix) > memory) return {};
   return chirp;
 }
 

@@ -132,14 +132,11 @@ TEST_CASE("the configuration loader checks that the keys are consistent") {
     CHECK(
         has(refusal(path).second, path + ":4:1: radar.cfg: " + folder / "r.cfg: has no frameCfg"));
     write_file(folder / "r.cfg",
-               "profileCfg\nframeCfg 0 0\nsensorStart\nchannelCfg 0 0\nchirpCfg\n");
-    CHECK(has(refusal(path).second,
-              path + ":4:1: radar.cfg: " + folder / "r.cfg: has no guiMonitor"));
-    write_file(folder / "r.cfg",
-               "profileCfg\nframeCfg 0 0\nsensorStart\nchannelCfg 0 0\nchirpCfg\nguiMonitor\n");
+               "profileCfg\nframeCfg 0 0\nchannelCfg 0 0\nchirpCfg\nguiMonitor\nsensorStart\n");
     const std::string text = refusal(path).second;
-    for (const char* line : {"r.cfg:4: channelCfg '0' should be a whole", "r.cfg:1: profileCfg ",
-                             "r.cfg:2: frameCfg ", "r.cfg:6: guiMonitor "})
+    for (const char* line :
+         {"r.cfg:3: channelCfg '0' should be a whole", "r.cfg:1: profileCfg ", "r.cfg:2: frameCfg ",
+          "r.cfg:5: guiMonitor ", "r.cfg:6: sensorStart requires adcCfg, adcbufCfg"})
       CHECK(has(text, path + ":4:1: radar.cfg: " + folder / line));
   }
   SECTION("a histogram with the same start and click channel is refused") {

@@ -30,13 +30,15 @@ TEST_CASE("the cfg parser reports values that the radar would refuse and compute
       {"0 60 7", "0 60.5 7",
        "x.cfg:5: profileCfg sweeps 60.5 to 64.4837 GHz (limits 60 to 64 GHz)"},
       {"1 256 12500", "1 512 12500",
-       "x.cfg:5: profileCfg samples from 3 to 43.96 us, but the ramp ends at 24 us"},
+       "x.cfg:5: profileCfg samples from 3 to 43.96 us, but the ramp ends at 24 us\n"
+       "x.cfg:9: frameCfg needs 800 KiB for the radar cube and the detection matrix; the chip has "
+       "768 KiB"},
       {"0 100 1", "0 2.5 1",
        "x.cfg:9: frameCfg has 96 chirps, which take 2.976 ms, but its period is 2.5 ms"},
-      {"0 100 1", "0 1500 1", "x.cfg:9: frameCfg has a period of 1500 ms (limits 0.3 to 1342 ms)"},
       {"frameCfg 0 2", "frameCfg 0 3", "x.cfg:9: frameCfg uses chirp 3, which no chirpCfg defines"},
       {"chirpCfg 1 1 0", "chirpCfg 1 1 4",
-       "x.cfg:7: chirpCfg uses profile 4, which no profileCfg defines"},
+       "x.cfg:7: chirpCfg requires profileCfg 4 before it\n"
+       "x.cfg:7: chirpCfg '4' should be a whole number from 0 to 3"},
       {"chirpCfg 1 1 0 0", "chirpCfg 1 1 0 50000000",
        "x.cfg:7: chirpCfg sweeps 60.05 to 64.0337 GHz (limits 60 to 64 GHz)"},
       {"chirpCfg 1 1 0 0 0", "chirpCfg 1 1 0 0 1200",
@@ -44,6 +46,7 @@ TEST_CASE("the cfg parser reports values that the radar would refuse and compute
       {"chirpCfg 1 1 0 0 0 0 0", "chirpCfg 1 1 0 0 0 0 3",
        "x.cfg:7: chirpCfg samples from 6 to 26.48 us, but the ramp ends at 24 us"},
       {"chirpCfg 1 1 0 0 0 0", "chirpCfg 1 1 0 0 0 3100",
+       "x.cfg:7: chirpCfg '3100' should be a number from 0 to 40.95\n"
        "x.cfg:9: frameCfg has 96 chirps, which take 102.176 ms, but its period is 100 ms"},
       {"chirpCfg 0", "profileCfg 1 63.5 7 3 24 0 0 166 1 256 12500 0 0 30\nchirpCfg 0",
        "x.cfg:6: profileCfg sweeps 63.5 to 67.4837 GHz (limits 60 to 64 GHz)"},
@@ -63,8 +66,10 @@ TEST_CASE("the cfg parser reports values that the radar would refuse and compute
        "x.cfg:9: frameCfg has 8 numbers; SDK 3.4 to 3.6 expect 7 (SDK 1 and 2 differ)"},
       {"% a", "# a", "x.cfg:1: # is not a command; comments begin with %"},
       {"sensorStart", "peakGrouping 1 1 1 1 229\nsensorStart",
-       "x.cfg:11: peakGrouping is a command of SDK 1 or 2"},
-      {"sensorStart", "bpmCfg -1 0 0 a\nsensorStart", "x.cfg:11: bpmCfg 'a' is not a number"}};
+       "x.cfg:26: peakGrouping is a command of SDK 1 or 2"},
+      {"sensorStart", "myCfg 1\nsensorStart",
+       "x.cfg:26: myCfg is not a command of the demo of SDK 3.4 to 3.6"},
+      {"sensorStart", "bpmCfg -1 0 0 a\nsensorStart", "x.cfg:26: bpmCfg 'a' is not a number"}};
   for (const auto& [from, to, line] : cases) CHECK(refusals(from, to) == line);
   CHECK(refusals("15 7 0", "15 7") ==
         "x.cfg:4: channelCfg has 2 numbers; SDK 3.4 to 3.6 expect 3 (SDK 1 and 2 differ)");
