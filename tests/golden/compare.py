@@ -37,7 +37,7 @@ def arrays(path: pathlib.Path) -> Iterator[tuple[str, np.ndarray]]:
             if name != "__metadata__" and tensor["dtype"] in ("F32", "F64", "I64"):
                 kind = {"F32": "<f4", "F64": "<f8", "I64": "<i8"}[tensor["dtype"]]
                 yield name, np.frombuffer(data[8 + size:][slice(*tensor["data_offsets"])], kind)
-    elif path.parent.name == "mm":
+    elif path.name.endswith("_mm.png"):
         yield "depth, mm", np.asarray(Image.open(path)).astype(float)
 
 
@@ -47,7 +47,7 @@ def outputs(folder: pathlib.Path) -> dict[str, dict[str, np.ndarray]]:
     for path in sorted(folder.rglob("*")):
         if path.is_file():
             for name, values in arrays(path):
-                out[path.parent.parent.name if path.parent.name == "mm" else path.name][name].append(values.ravel())
+                out[path.parent.name if path.suffix == ".png" else path.name][name].append(values.ravel())
     return {file: {name: np.concatenate(parts) for name, parts in found.items()} for file, found in out.items()}
 
 

@@ -121,8 +121,7 @@ class Freeze:
                 folder = self.work / f"maps-{world}-{kind}"
                 self.run("bin/echofuse-recon", "-q", "reconstruct", model, f"{world}2.sqlite", "--out", str(folder),
                          "--format", "colour,mm")
-                pictures = sorted(folder.glob("*.png")) + sorted((folder / "mm").glob("*.png"))
-                self.say(f"{world} {kind} maps", digest(*(p.read_bytes() for p in pictures)))
+                self.say(f"{world} {kind} maps", digest(*(p.read_bytes() for p in sorted(folder.glob("*.png")))))
                 self.say(f"{world} {kind} records.csv", csv_digest(folder / "records.csv"))
         self.run("bin/echofuse-recon", "-q", "train", "base3.sqlite", "--from", "base-factorised-4.safetensors", "--out", "tuned.safetensors")
         self.weights("tuned.safetensors")
