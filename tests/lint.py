@@ -95,6 +95,9 @@ wings = {
     "response": (r"(radar|any|stated|widest|to)_response|RadarResponse|record::Response\b|response_(of|keys|filter|fit)",
                  r"/response", 26),
     "empty room": (r"empty_room|EmptyRoom|--empty", r"/empty_room\.|^sim/", 13),
+    "verdict": (r"[Vv]erdict", r"/verdict\.", 42),
+    "zones": (r"[Zz]one|histograms_of", r"/zone\.", 69),
+    "TI's codes": (r"log2_(q8|codes|power_step)|power_from_code", r"^(drivers|sim)/", 0),
     "twin": (r"[Tt]win", r"^sim/twin/", 5),
     "multipath": (r"[Mm]ultipath", r"/multipath_", 3),
     "meshes": (r"\b[Mm]esh|_mesh", r"/mesh\.", 3)}
