@@ -3,7 +3,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <map>
 #include <nlohmann/json.hpp>
+#include <random>
 #include <thread>
 
 #include "../fixtures/paths.hpp"
@@ -48,6 +50,46 @@ void wait_for(const std::string& what, const Condition& condition) {
 }
 
 }  // namespace
+
+TEST_CASE("random maps of any size are read back as written, as an array and as pictures") {
+  const auto size = GENERATE(take(6, random(3U, 70U)));
+  const auto seed = GENERATE(take(2, random(0U, 1000U)));
+  CAPTURE(size, seed);
+  Rng rng = make_rng(seed, size);
+  std::uniform_real_distribution<float> depth_m(0.1F, 5.9F);
+  std::bernoulli_distribution none(0.3);
+  recon::SceneModel scene;
+  scene.grid = {.size = size, .half_tangent = 0.3 + 0.01 * size, .far_m = 6};
+  const std::size_t pixels = std::size_t{size} * size;
+  scene.background.assign(pixels, 0), scene.mean_map.assign(pixels, 0);
+  const Folder dir;
+  std::map<std::int64_t, std::vector<float>> wanted;
+  for (const char* format : {"npy", "mm"}) {
+    std::filesystem::create_directory(dir / format);
+    recon::MapFiles files(dir / format, {format}, scene);
+    std::string table = "record,status\n";
+    for (const std::int64_t index : {0L, 3L, 4L, 1234567L}) {
+      std::vector<float>& map = wanted[index];
+      if (map.empty()) map.resize(pixels);
+      if (std::string(format) == "npy")
+        std::ranges::generate(map, [&] { return none(rng) ? 0 : depth_m(rng); });
+      files.write(files.prepare(index, map, {}));
+      table += std::to_string(index) + ",ok\n" + std::to_string(index + 10) + ",radar missing\n";
+    }
+    files.close();
+    std::ofstream(dir / format + "/records.csv") << table;
+    const recon::WrittenMaps read = recon::read_written_maps(dir / format, scene.grid);
+    REQUIRE(read.of_index.size() == wanted.size());
+    const double step_m = std::string(format) == "mm" ? 0.5e-3 : 0;
+    for (const auto& [index, map] : wanted) {
+      const std::vector<float> shown = recon::within_span(map, scene),
+                               &found = read.of_index.at(index);
+      for (std::size_t i = 0; i < pixels; ++i)
+        REQUIRE(double{std::abs(found[i] - shown[i])} <= 1.01 * step_m);
+    }
+    if (step_m == 0) CHECK(read.without.size() == wanted.size());
+  }
+}
 
 TEST_CASE("NumPy can read an array that was written row by row") {
   const Folder dir;
