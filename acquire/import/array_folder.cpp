@@ -91,6 +91,8 @@ void bind(Settings& settings, ArraySettings& s) {
   settings.add(
       "radar.antennas", s.antennas,
       "antennas of array.npy: x and y in half wavelengths, optionally gain and phase in rad");
+  settings.add("radar.array_frames", s.array_frames, 1, 1'000'000,
+               "number of frames that a row of array.npy averages");
   for (const Sensor sensor : {Sensor::spd, Sensor::radar})
     settings.add(std::string(name_of(sensor)) + ".offset_m", s.offset_m[sensor], -1e3, 1e3,
                  "range bias to subtract, in addition to that of the source run");
@@ -341,7 +343,7 @@ void ArrayFolder::put_power(record::FusedRecord& r) {
   mark(r, Sensor::radar, 1);
   if (array.empty()) return;
   r.array.assign(array.begin(), array.end());
-  r.array_frames = 1;
+  r.array_frames = static_cast<std::uint64_t>(settings_.array_frames);
 }
 
 void ArrayFolder::put_depth(record::FusedRecord& r) {

@@ -29,7 +29,7 @@ struct ArraySettings {
          half_tangent = 0.55, far_m = record::MapGrid{}.far_m, irf_fwhm_ps = 0, radar_cell_m = 0;
   PerSensor<double> offset_m{};
   std::string run, label, notes, depth_unit, radar_taps;
-  std::int64_t map_size = 0;
+  std::int64_t map_size = 0, array_frames = 1;
   std::vector<std::string> labels, antennas, zones;
   SignalLimits limits;
 };

@@ -125,7 +125,7 @@ def write_run(path: Path, *, spd: ArrayLike | None = None, first_bin_ps: float =
               irf_fwhm_ps: float = 0, radar: ArrayLike | None = None, first_m: float = 0,
               step_m: float = 0.25,
               radar_cell_m: float = 0, radar_taps: Iterable[float] = (),
-              array: ArrayLike | None = None,
+              array: ArrayLike | None = None, array_frames: int = 1,
               antennas: Iterable[Iterable[float]] = (), depth_m: ArrayLike | None = None,
               half_tangent: float = 0.55,
               far_m: float = 6, map_size: int = 0, window_s: float = 3, began: str = "",
@@ -141,7 +141,8 @@ def write_run(path: Path, *, spd: ArrayLike | None = None, first_bin_ps: float =
     bins] with `zones` as in Run.zones. first_bin_ps: two-way time at the start of the first bin.
     radar: linear power [n, points]. first_m: range of the first point. radar_cell_m, radar_taps:
     radar response (run.toml). array: antenna samples [n, bins, values] in the format of
-    antennas.values(), with `antennas` as in Run.antennas. depth_m: z [n, rows, columns] with the
+    antennas.values(), each the mean of array_frames frames, with `antennas` as in Run.antennas.
+    depth_m: z [n, rows, columns] with the
     top-left pixel first, in m, or in mm if they are integers; NaN, 0 or masked: no return. The
     width spans tangents of +-half_tangent, and depths above far_m count as no return. map_size:
     width and height of the maps; 0: the size of square images of 3 to 256 pixels, otherwise 64 with
@@ -161,7 +162,7 @@ def write_run(path: Path, *, spd: ArrayLike | None = None, first_bin_ps: float =
                 "irf_fwhm_ps": float(irf_fwhm_ps),
                 "zones": [numbers("zones", zone) for zone in zones]},
         "radar": {"first_m": float(first_m), "step_m": float(step_m), "cell_m": float(radar_cell_m),
-                  "taps": numbers("radar_taps", radar_taps),
+                  "taps": numbers("radar_taps", radar_taps), "array_frames": int(array_frames),
                   "antennas": [numbers("antennas", place) for place in antennas]},
         "depth": {"half_tangent": float(half_tangent), "map_z_max_m": float(far_m),
                   "map_size": int(map_size), "unit": "mm" if in_mm else "m"},
