@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <random>
 
 #include "drivers/util/console.hpp"
@@ -80,9 +81,17 @@ void degrade(Dataset& data, Rng& rng) {
     for (std::size_t k = 0; k < zones.size(); ++k) sum[k % sum.size()] += zones[k];
     const auto power = data.radar.row(i);
     if (power.empty()) continue;
-    const float deviation = *std::max_element(power.begin(), power.end()) *
-                            static_cast<float>(std::pow(10, noise(rng)));
+    const auto level = static_cast<float>(std::pow(10, noise(rng)));
+    const float deviation = level * *std::max_element(power.begin(), power.end());
     for (float& v : power) v += deviation * normal(rng);
+    // Each bin has the real lag 0, which is the mean power of the antennas, then complex lags.
+    const auto lags = data.array.row(i);
+    const std::size_t values = lag_values(longest_lag(data.array_axis));
+    float top = 0;
+    for (std::size_t k = 0; k < lags.size(); k += values) top = std::max(top, lags[k]);
+    for (std::size_t k = 0; k < lags.size(); ++k)
+      lags[k] +=
+          level * top * (k % values == 0 ? 1 : std::numbers::sqrt2_v<float> / 2) * normal(rng);
   }
 }
 

@@ -42,8 +42,8 @@ std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Da
                                                 const std::function<Estimator(const Split&)>& fit,
                                                 std::size_t enough_validation = 500);
 
-// Degrades records: keeps a random fraction of the photons, down to 1/300, and adds random noise to
-// the radar profile.
+// Degrades records: keeps a random fraction of the photons, down to 1/300, and adds random noise of
+// the same relative strength to the radar profile and to the antenna lags.
 void degrade(Dataset& data, Rng& rng);
 
 }  // namespace echofuse::recon

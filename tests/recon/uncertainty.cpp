@@ -196,6 +196,31 @@ TEST_CASE("photon thinning keeps the expected fraction of non-integer counts") {
   CHECK(left / static_cast<double>(data.spd.values.size()) == Approx(0.173).epsilon(0.3));
 }
 
+TEST_CASE("degrading a record adds noise of the same relative strength to all antenna lags") {
+  constexpr std::size_t records = 400, bins = 40, values = 5;
+  Dataset data = fresh_plates(records);
+  data.array_axis = {"array", "lags", "m", bins, 0, 0.25, 2};
+  data.array = Matrix(records, bins * values);
+  for (std::size_t i = 0; i < records; ++i) data.array.row(i)[0] = 7;
+  const Matrix power = data.radar;
+  Rng rng = make_rng(3, 3);
+  degrade(data, rng);
+  double lag_0 = 0, lag_2 = 0, of_power = 0;
+  for (std::size_t i = 0; i < records; ++i) {
+    const auto row = data.array.row(i);
+    for (std::size_t b = 1; b < bins; ++b) {
+      const auto at = [&](std::size_t k) { return double{row[b * values + k]} / 7; };
+      lag_0 += at(0) * at(0) / (bins - 1), lag_2 += (at(3) * at(3) + at(4) * at(4)) / (bins - 1);
+    }
+    const double top = std::ranges::max(power.row(i));
+    for (std::size_t b = 0; b < power.cols; ++b)
+      of_power += std::pow((data.radar.row(i)[b] - power.row(i)[b]) / top, 2) /
+                  static_cast<double>(power.cols);
+  }
+  CHECK(lag_0 == Approx(of_power).epsilon(0.1));
+  CHECK(lag_2 == Approx(of_power).epsilon(0.1));
+}
+
 TEST_CASE("an uncertainty fitted to pure noise covers 90 % of the errors of new records") {
   // The errors are pure noise. A regression with ten terms explains part of the noise in the 60
   // records used to fit it.
