@@ -72,6 +72,12 @@ inline constexpr const char* trained_on_record = "trained on";
 // Reason to exclude a record: an earlier record of the run has the same counts.
 inline constexpr const char* twice_in_run = "twice in the run";
 
+// Verdicts that exclude a record: doubtful ones, and "lossy". A model stores the exclusions of its
+// training, and match() applies them to the records that it processes.
+struct Exclusions {
+  bool doubtful = true, lossy = false;
+};
+
 // Records of one or several runs as tables, one row per record. If a sensor is missing in a record,
 // its row contains zeros (see has()). If a run does not have a sensor, or the sensor was not
 // loaded, the sensor's axis has count 0.
@@ -97,7 +103,7 @@ struct Dataset {
   // Kind of the verdict (quality flag) on each sensor. The vector is empty if the records have no
   // verdicts.
   std::vector<PerSensor<record::VerdictKind>> verdicts;
-  bool leave_lossy = false;  // true: exclude records with the verdict "lossy"
+  Exclusions exclusions;
   // Hash that is used to find copies of records, computed from the SPD counts between the first and
   // the last nonzero bin, or from the radar values if the SPD is missing. 0: no hash, because the
   // record has too few clicks or is doubtful. The vector may be empty.

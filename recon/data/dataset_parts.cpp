@@ -76,7 +76,8 @@ std::string Dataset::doubt_of(std::size_t row, Inputs inputs, bool with_camera) 
 bool Dataset::excluded(std::size_t row, Sensor s) const {
   if (row >= verdicts.size() || !has(row, s)) return false;
   const record::VerdictRow& verdict = record::row_of(verdicts[row][s]);
-  if (leave_lossy && verdict.kind == record::VerdictKind::lossy) return true;
+  if (exclusions.lossy && verdict.kind == record::VerdictKind::lossy) return true;
+  if (!exclusions.doubtful) return false;
   return s == Sensor::depth ? !verdict.truth : !verdict.trains;
 }
 
@@ -143,7 +144,7 @@ Dataset part_of(const Dataset& data, const Rows& rows) {
   out.array = take_rows(data.array, rows);
   out.zones = data.zones, out.zone_spd = take_rows(data.zone_spd, rows);
   out.empty_room = data.empty_room;
-  out.leave_lossy = data.leave_lossy;
+  out.exclusions = data.exclusions;
   out.depth = take_rows(data.depth, rows);
   for (const std::size_t row : rows) {
     out.valid.push_back(data.valid[row]);

@@ -97,6 +97,8 @@ void archive(Archive archive, TrainedModel& model) {
   archive.count("data_crc32c", model.data_hash, 0, std::numeric_limits<std::uint32_t>::max());
   archive_response(archive.in("response"), model.radar_response, model.any_response);
   archive_split(archive.in("split"), model.split);
+  archive.in("split").count("leave_doubtful", model.exclusions.doubtful, 0, 1);
+  archive.in("split").count("leave_lossy", model.exclusions.lossy, 0, 1);
   archive_training(archive.in("split"), model.training);
   for (std::size_t k = 0; k < estimators; ++k)
     model.estimators[k].archive(archive.in(std::to_string(k)));

@@ -68,6 +68,7 @@ const Estimator& TrainedModel::for_run(const Dataset& data) const {
 void TrainedModel::match(Dataset& data) const {
   const Features& features = for_run(data).features;
   require_map(data, first().scene.grid, "the model");
+  data.exclusions = exclusions;
   const bool lost = !has_radar(data) && estimators.back().features.inputs == Inputs::spd;
   match_axes(data, features.spd_axis, features.radar_axis, lost ? Inputs::spd : features.inputs);
   if (data.zones.size() == features.zones.size()) require_zones(data, features.zones);

@@ -6,7 +6,8 @@
 //
 //   facts    format "echofuse model", format_version, version, estimators, data_crc32c,
 //            split/kind, split/gap, split/seed, split/test_share, split/validation_share,
-//            split/run/R (uuid of run R), response/cell_m and any; N/model, N/inputs, N/scaling,
+//            split/run/R (uuid of run R), split/leave_doubtful and leave_lossy,
+//            response/cell_m and any; N/model, N/inputs, N/scaling,
 //            N/axes/SENSOR/..., N/scene/map_size and others, N/alignment/config/KEY, N/training/...
 //   tensors  response/taps; per record split/run, split/index, split/part (0 train, 1 validation,
 //            2 test), and split/hash of its sensor data (Dataset::content); N/scene/background_m
@@ -43,6 +44,7 @@ struct TrainedModel {
   // TrainOptions::any_response: the training runs need not include their radar
   // responses, which may then differ.
   bool any_response = false;
+  Exclusions exclusions;
   // Correction added to the radar values after adapt_to_room().
   std::optional<EmptyRoom> room_change;
 

@@ -111,6 +111,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const SceneMod
   model.data_hash = data.hash;
   model.radar_response = widest_response(data);
   model.any_response = options.any_response;
+  model.exclusions = data.exclusions;
   for (const TrainingPlan& wanted : wanted_of(data, name, options)) {
     if (!model.estimators.empty() && interrupted()) break;
     Estimator one = train_one(wanted, data, split, scene, options);

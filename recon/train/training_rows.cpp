@@ -42,8 +42,7 @@ void require_sensors(const Dataset& data, Inputs inputs) {
 }  // namespace
 
 void apply_doubts(Dataset& data, const TrainOptions& options) {
-  if (options.doubtful == "take") data.verdicts.clear();
-  data.leave_lossy = options.lossy == "leave";
+  data.exclusions = {options.doubtful == "leave", options.lossy == "leave"};
 }
 
 TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {

@@ -309,6 +309,7 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   model.data_hash = data.hash;
   model.radar_response = by_alone ? widest_response(data) : from.radar_response;
   model.any_response = !by_alone && from.any_response;
+  model.exclusions = data.exclusions;
   const bool stayed = split.train.size() < least_cross_fitted && choice.is(unchanged);
   if (stayed)
     keep_statements(model.first(), from.first());

@@ -81,13 +81,14 @@ TEST_CASE("doubtful records are excluded from training") {
 
 TEST_CASE("records with lost frames are counted, and are used unless a setting excludes them") {
   const Folder dir;
-  a_run(40, 1, [](FusedRecord& r) {
+  const auto lossy = [](FusedRecord& r) {
     if (r.index == 1)
       set_verdict(r, Sensor::depth, "lossy: 50 % of the 90 expected frames received");
     if (r.index == 2)
       set_verdict(r, Sensor::radar, "lossy: 50 % of the 60 expected frames received");
     if (r.index == 3) set_verdict(r, Sensor::spd, "weak: 12 clicks above the background");
-  }).write(dir / "a");
+  };
+  a_run(40, 1, lossy).write(dir / "a"), a_run(40, 2, lossy).write(dir / "b");
   Dataset data = load({dir / "a"});
   CHECK(data.usable(Inputs::fused).size() == 39);
   const std::string train = "train --model mean " + (dir / "a") + " --out ";
@@ -96,7 +97,10 @@ TEST_CASE("records with lost frames are counted, and are used unless a setting e
   CHECK_THAT(
       recon_program(train + (dir / "n") + " --set lossy=leave").text,
       Catch::Contains("3 of 40 records left out: SPD weak 1, camera lossy 1, radar lossy 1"));
-  data.leave_lossy = true;
+  for (const auto& [model, text] : {std::pair{"m", "SPD weak 1"}, {"n", "radar lossy 1"}})
+    CHECK_THAT(recon_program("rows " + (dir / "b") + " --model " + (dir / model)).text,
+               Catch::Contains(text));
+  data.exclusions.lossy = true;
   CHECK(data.usable(Inputs::spd).size() == 38);
 }
 

@@ -30,13 +30,16 @@ def usual_inputs(run: Run) -> str:
 
 
 def split(run: Run, kind: str = "random", seed: int = 1, *, inputs: str | None = None,
-          test_share: float = 0.1, validation_share: float = 0.05, gap: int = 0) -> Split:
-    """Returns the split computed by `echofuse-recon rows`. The split excludes doubtful and
-    incomplete records, and records with a dead sensor. kind: "random", or "blocked" for sequences
-    of similar records. inputs: required sensors, "fused", "spd" or "radar" (default: the sensors of
-    the run). Raises RuntimeError with the program's error message if the program fails."""
+          test_share: float = 0.1, validation_share: float = 0.05, gap: int = 0,
+          doubtful: str = "leave", lossy: str = "take") -> Split:
+    """Returns the split computed by `echofuse-recon rows`. The split excludes incomplete records,
+    records with a dead sensor and, unless `doubtful` is "take", doubtful records; lossy records
+    only if `lossy` is "leave". kind: "random", or "blocked" for sequences of similar records.
+    inputs: required sensors, "fused", "spd" or "radar" (default: the sensors of the run). Raises
+    RuntimeError with the program's error message if the program fails."""
     inputs = inputs or usual_inputs(run)
-    settings = {"test_share": test_share, "validation_share": validation_share, "gap": gap}
+    settings = {"test_share": test_share, "validation_share": validation_share, "gap": gap,
+                "doubtful": doubtful, "lossy": lossy}
     words = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
     run.events()  # checks that the file still contains this run
     rows = json.loads(call("echofuse-recon", "-q", "rows", run.path, "--json", "--split", kind,
