@@ -57,25 +57,36 @@ def lines(folder):
     return len((folder / "b.csv").read_text().splitlines())
 
 
-def test_bench_measures_a_method_again_only_if_its_code_changed(runs, tmp_path):
-    done, first = pareto(tmp_path, runs, "mine:Mine")
-    assert done.returncode == 0, done.stderr
-    _, same = pareto(tmp_path, runs, "mine:Mine")
-    assert same == first and lines(tmp_path) == 3
-    _, edited = pareto(tmp_path, runs, "mine:Mine", row=5)
-    assert edited["mine:Mine"]["iou"] != first["mine:Mine"]["iou"] and lines(tmp_path) == 4
+@pytest.mark.parametrize("edited", ["mine.py", "helper.py", "parts/late.py"])
+def test_bench_measures_a_method_again_only_if_its_code_changed(runs, tmp_path, edited):
+    (tmp_path / "parts").mkdir()
+    code = {"mine.py": METHOD.format(row=0).replace("import numpy", "import helper\nimport numpy").replace("fit(self, run, rows):", "fit(self, run, rows):\n        import parts.late"),
+            "helper.py": "", "parts/late.py": "", "other.py": ""}
+    for name, text in code.items():
+        (tmp_path / name).write_text(text)
+    words = [sys.executable, BIN / "echofuse-bench", "pareto", *runs, "--methods", "mine:Mine", "mean", "--seeds", "1", "-q", "--out", "b.csv"]
+    bench_here = lambda: subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True).stderr  # noqa: E731
+    assert "reused" not in bench_here() and "reused rows: 2\n" in bench_here()
+    (tmp_path / "other.py").write_text("# changed\n")
+    assert "reused rows: 2\n" in bench_here() and lines(tmp_path) == 4
+    (tmp_path / edited).write_text(code[edited] + "# changed\n")
+    assert "reused rows: 1\n" in bench_here() and lines(tmp_path) == 5
+    assert "reused rows: 2\n" in bench_here()
 
 
-def test_bench_measures_an_edited_command_again(runs, tmp_path):
-    script = tmp_path / "mine"
-    for _ in range(2):
-        script.write_text((script.read_text() if script.exists() else "#!/bin/sh\n") + f"cp -r {tmp_path}/maps $3\n")
-        script.chmod(0o755)
-        with echofuse.open(runs[1]) as run:
-            echofuse.save_maps(tmp_path / "maps", run.maps(), run.index)
-        done, rows = pareto(tmp_path, runs, "./mine")
-        assert done.returncode == 0 and rows["./mine"]["iou"] == "1"
-    assert lines(tmp_path) == 4
+@pytest.mark.parametrize("edited", ["mine", "source/maps.sh"])
+def test_bench_measures_an_edited_command_again(runs, tmp_path, edited):
+    folder = tmp_path / "own"
+    (folder / "source").mkdir(parents=True)
+    for name, text in ("mine", f"#!/bin/sh\ndate +%N > {folder}/output\nexec sh {folder}/source/maps.sh $3\n"), ("source/maps.sh", f"cp -r {tmp_path}/maps $1\n"):
+        (folder / name).write_text(text)
+        (folder / name).chmod(0o755)
+    with echofuse.open(runs[1]) as run:
+        echofuse.save_maps(tmp_path / "maps", run.maps(), run.index)
+    for rows, extra in (3, ""), (3, ""), (4, "# changed\n"):
+        (folder / edited).write_text((folder / edited).read_text() + extra)
+        done, rows_of = pareto(tmp_path, runs, "own/mine")
+        assert done.returncode == 0 and rows_of["own/mine"]["iou"] == "1" and lines(tmp_path) == rows
 
 
 def test_bench_table_accepts_regenerated_data_and_refuses_different_data(runs, tmp_path):
@@ -145,13 +156,15 @@ def test_stability_study_always_includes_the_baseline_methods(tmp_path, monkeypa
     assert list(dict.fromkeys(cell.method.model for cell in cells)) == ["empty", "mean", "nearest", "mlp-4"]
 
 
-def test_bench_runs_numerical_libraries_with_one_thread(runs, tmp_path, monkeypatch):
+@pytest.mark.parametrize("front", [[BIN / "echofuse-bench"], ["-m", "echofuse.bench"], ["echofuse-bench"]])
+def test_bench_runs_numerical_libraries_with_one_thread(runs, tmp_path, monkeypatch, front):
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
     script = tmp_path / "mine"
     script.write_text(f"#!/bin/sh\necho $OMP_NUM_THREADS $OPENBLAS_NUM_THREADS $MKL_NUM_THREADS > {tmp_path}/threads\nexit 1\n")
     script.chmod(0o755)
-    pareto(tmp_path, runs, "./mine")
+    (tmp_path / "echofuse-bench").write_text("from echofuse.bench import main\nmain()\n")  # as in a wheel
+    subprocess.run([sys.executable, *front, "pareto", *runs, "--methods", "./mine", "-q", "--out", "b.csv"], cwd=tmp_path, check=False)
     assert (tmp_path / "threads").read_text() == "1 1 1\n"
 
 

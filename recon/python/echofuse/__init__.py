@@ -9,6 +9,13 @@ implements the complete reconstruction method in a compact form.
 >>> maps = echofuse.load_model("fused.safetensors").predict(run)
 >>> maps.depth_m.shape  # metres, NaN: no return
 """
+import os
+import sys
+
+# Benchmarks use one thread. NumPy reads these variables when it is imported.
+if {"echofuse-bench", "echofuse.bench"} & {os.path.basename(word) for word in sys.orig_argv}:
+    os.environ |= {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
+
 from . import metrics
 from .models import Estimator, Maps, Model, load_maps, load_model, save_maps
 from .runs import Axis, Record, Run, Split, annotate, record, split, to_xarray, write_run

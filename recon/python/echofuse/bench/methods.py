@@ -12,12 +12,11 @@ import json
 import os
 import pathlib
 import shlex
-import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -36,6 +35,7 @@ METRICS = ("iou", "ssim", "ssim_hard", "ssim_fg", "rmse_m", "rmse_fg_m", "depth_
 COSTS = ("multiply_adds", "infer_us_median", "infer_us_p99", "infer_us_batch", "train_s")
 RECORDED = ("iou", "lateral_m", "depth_mae_m", "ssim_fg")  # scores that are stored for each record
 COUNTS = ("answered", "records", "depth_maps", "threads")
+DATA = (".sqlite", ".csv", ".log", ".svg", ".pdf", ".png")  # runs, and files that the bench writes
 CONSTANT = ("empty", "mean")  # baselines that use no sensor data
 Path = str | pathlib.Path
 Row = dict[str, Any]
@@ -77,7 +77,9 @@ class Method:
     inputs: str  #: sensors that the method uses; "-": not specified
     #: fit(train, folder, seed, fallback) trains the method; for `fallback` see Cell
     fit: Callable[[pathlib.Path, pathlib.Path, int, bool], Predict]
-    source: str = "-"  #: hash of the source code of a user method; "-" for other methods
+    folder: pathlib.Path = pathlib.Path()  #: folder of the code of a user's method
+    #: finds the files of this code; for a class, those that are loaded at the call
+    find: Callable[[], Iterable[pathlib.Path]] = tuple
     #: whether predict() also receives the ground-truth maps (class attribute `oracle`)
     oracle: bool = False
 
@@ -90,6 +92,14 @@ class Method:
     def is_user_method(self) -> bool:
         """Whether the method is a Python class or a command provided by the user."""
         return self.inputs == "-" and self.model not in CONSTANT
+
+    def files(self, names: Iterable[str] | None = None) -> dict[str, str]:
+        """Returns the hash of each file of the code, or of the named files, by its path relative to
+        `folder`."""
+        paths = self.find() if names is None else (self.folder / name for name in names)
+        return {os.path.relpath(path, self.folder):
+                hashlib.sha256(path.read_bytes()).hexdigest()[:12]
+                for path in sorted(paths) if path.is_file()}
 
     @property
     def is_blind(self) -> bool:
@@ -104,23 +114,32 @@ class Method:
         return derive.copy(test, folder / "test.sqlite", derive.lost("depth"))
 
 
-def source_of(*paths: str | None) -> str:
-    """Returns a hash of the contents of the given files. Missing files are skipped."""
-    total = hashlib.sha256()
-    for path in paths:
-        if path and os.path.isfile(path):
-            total.update(pathlib.Path(path).read_bytes())
-    return total.hexdigest()[:12]
+def files_of_command(words: Iterable[str]) -> list[pathlib.Path]:
+    """Returns the given files, and all files below their folders except data and hidden files.
+    Folders of system programs are left out."""
+    given = [pathlib.Path(word).resolve() for word in words if os.path.isfile(word)]
+    system = [pathlib.Path(folder).resolve() for folder in os.get_exec_path()]
+    return [*given, *(path for folder in {path.parent for path in given} - {*system}
+                      for path in folder.rglob("*") if path.suffix not in DATA
+                      and not any(part.startswith((".", "__pycache__"))
+                                  for part in path.relative_to(folder).parts))]
+
+
+def loaded_files(folder: pathlib.Path) -> set[pathlib.Path]:
+    """Returns the files of all modules that were loaded from a folder."""
+    return {path for module in list(sys.modules.values())
+            if (path := pathlib.Path(getattr(module, "__file__", None) or "/").resolve())
+            .is_relative_to(folder)}
 
 
 def method(text: str) -> Method:
     """Returns the method with the given name; `echofuse-bench --help` describes the valid names.
     Raises UsageError if the class cannot be imported."""
     if "/" in text:
-        words = shlex.split(text)
-        return Method(text, "-", lambda train, folder, seed,
-                      fallback: _by_command(text, train, seed),
-                      source_of(shutil.which(words[0]), *words[1:]))
+        paths = files_of_command(shlex.split(text))
+        return Method(text, "-", lambda train, folder, seed, fallback:
+                      _by_command(text, train, seed), next(iter(paths), pathlib.Path()).parent,
+                      lambda: paths)
     module, _, name = text.partition(":")
     if "." in module or name[:1].isupper():
         try:
@@ -136,9 +155,14 @@ def method(text: str) -> Method:
 def python_method(name: str, make: Callable[..., Fitted]) -> Method:
     """Returns a method with the given name. `make` returns a Fitted object; it is called as
     make(seed=...) or, if it has no such parameter, as make()."""
-    module = sys.modules.get(getattr(make, "__module__", ""))
-    return Method(name, "-", lambda train, folder, seed, fallback: _by_object(make, train, seed),
-                  source_of(getattr(module, "__file__", None)),
+    # An installed package is a folder of its own; other modules share the folder in sys.path.
+    top = sys.modules.get(getattr(make, "__module__", "").partition(".")[0])
+    place = next(iter(getattr(top, "__path__", ())), getattr(top, "__file__", None))
+    folder = pathlib.Path(place or "/nowhere").resolve()
+    if folder.parent.name not in ("site-packages", "dist-packages"):
+        folder = folder.parent
+    return Method(name, "-", lambda train, scratch, seed, fallback: _by_object(make, train, seed),
+                  folder, lambda: loaded_files(folder) if place else (),
                   bool(getattr(make, "oracle", False)))
 
 

@@ -32,15 +32,16 @@ from .methods import (COSTS, COUNTS, METRICS, RECORDED, Method, Path, Row, evalu
                       writing)
 
 HEAD = ("axis", "value", "model", "inputs", "seed", "source")
-COLUMNS = (*HEAD, *METRICS, *COSTS, *COUNTS)
+COLUMNS = (*HEAD, *METRICS, *COSTS, *COUNTS, "files")
 COLUMNS_OF_RECORDS = (*HEAD, "record", *RECORDED)
 
 
 class Table:
     """Result rows in a CSV file. Axis, value, model, inputs and seed form the key of a row. If
-    several rows have the same key, the last one counts. An existing row is measured again only if
-    the code of the method has changed. Each new row is synced to disk before the next one is
-    measured. A concatenation of tables (cat) is a valid table.
+    several rows have the same key, the last one counts. The column `files` contains the hash of
+    each file of the method's code, and `source` the hash of this column. An existing row is
+    measured again only if one of these files has changed. Each new row is synced to disk before the
+    next one is measured. A concatenation of tables (cat) is a valid table.
 
     `source` is the first line, which identifies the data. A file with a different first line is
     rejected (UsageError). The rows of part (k, n) are in NAME-part-k-of-n.csv; the whole table
@@ -96,10 +97,13 @@ class Table:
 
     def has(self, cell: Cell) -> bool:
         """Returns whether the table contains a valid row for this cell. The row of a failed user
-        method is not valid."""
+        method, or of one with unknown code, is not valid."""
         row = self.rows.get(self.key(cell.head))
-        return (row is not None and row["source"] == cell.method.source
-                and not (cell.method.is_user_method and np.isnan(float(row["iou"]))))
+        if row is None or not cell.method.is_user_method:
+            return row is not None
+        stored = json.loads(row["files"] or "{}")
+        return bool(stored and not np.isnan(float(row["iou"]))
+                    and stored == cell.method.files(stored))
 
     def add(self, row: Row, records: Sequence[Row] = ()) -> None:
         """Appends a row and the scores of its records. The row replaces any existing row with the
@@ -260,7 +264,7 @@ class Cell:
     def head(self) -> Row:
         """Columns that are known before the measurement."""
         return {"axis": self.axis, "value": self.value, "model": self.method.model,
-                "inputs": self.method.inputs, "seed": self.seed, "source": self.method.source}
+                "inputs": self.method.inputs, "seed": self.seed}
 
     @property
     def fit_key(self) -> str:
@@ -331,18 +335,26 @@ def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int,
     printed: set[str] = set()
 
     def measure(cell: Cell) -> tuple[Row, list[Row], Exception | None]:
+        before, fault = cell.method.files(), None
         try:
             row, records = shared.row(cell)
-            return cell.head | row, records, None
         except (UsageError, OSError, sqlite3.Error):  # these errors are not caused by the method
             raise
         except Exception as error:  # noqa: BLE001 (user code)
-            return cell.head | dict.fromkeys(METRICS + COSTS + COUNTS, float("nan")), [], error
+            row, records = dict.fromkeys(METRICS + COSTS + COUNTS, float("nan")), []
+            fault = error
+        # A file that changed is an output of the method.
+        files = json.dumps({name: found for name, found in cell.method.files().items()
+                            if found == before.get(name, found)})
+        source = hashlib.sha256(files.encode()).hexdigest()[:12]
+        return cell.head | row | {"files": files, "source": source}, records, fault
 
     with (table.exclusive(), tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch,
           concurrent.futures.ThreadPoolExecutor(jobs) as pool):
         mine = [cell for cell in cells if pieces[cell.fit_key] % part[1] == part[0] - 1
                 and not table.has(cell)]
+        if reused := sum(map(table.has, cells)):
+            print(f"echofuse-bench: reused rows: {reused}", file=sys.stderr)
         shared = Shared(mine, pathlib.Path(scratch))
         started = time.monotonic()
         for done, (cell, (row, records, fault)) in enumerate(zip(mine, pool.map(measure, mine)), 1):

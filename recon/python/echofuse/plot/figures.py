@@ -266,7 +266,7 @@ def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
 def table(path: Path) -> list[dict[str, Any]]:
     """Reads a table written by echofuse-bench. Returns the last row of each method, condition and
     seed. Numeric columns contain floats, with NaN for missing values."""
-    texts = {"axis", "value", "model", "inputs", "source", "machine", "known"}
+    texts = {"axis", "value", "model", "inputs", "source", "files", "machine", "known"}
 
     def number(text: str) -> float:
         try:
