@@ -4,7 +4,7 @@
 
 Each file has an SPDX line and at most 500 lines. C++ files have the layout that clang-format 14 produces (not checked if
 clang-format 14 is not installed). Comments do not begin with vague words, and type names are unique. Includes and imports
-are not circular. Commands, options and files named in manuals exist, and so do test cases named in CMake files. The uPlot
+are not circular. Commands, options, files and headings named in manuals exist, and so do test cases named in CMake files. The uPlot
 files have the expected hashes."""
 import ast
 import base64
@@ -196,10 +196,30 @@ if formatter:
 texts = [root / "README.md", *sorted((root / ".github").glob("*.md"))] + [path for path in tracked() if path.suffix == ".md"]
 if len((root / "README.md").read_text(encoding="utf-8").splitlines()) > 150:
     faults.append("README.md: over 150 lines")
+# Headings are phrases that people search for, so they do not begin with an article, a question word or a preposition.
+# Links to files and headings resolve; the name of a heading is computed as GitHub does.
+unsearchable = re.compile(r"(A|An|The|What|Which|Who|Why|How|When|Where|Do|Does|Is|Are|Can|With|Without|More|Elsewhere|Rules)\b")
+anchors = {}  # maps each manual to the names of its headings
+links = []
 for path in texts:
-    for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", path.read_text(encoding="utf-8")):
-        if not (path.parent / target).exists():
-            faults.append(f"{path.relative_to(root)}: links to {target}, which is not there")
+    name, text = path.relative_to(root), path.read_text(encoding="utf-8")
+    anchors[path] = set()
+    for title in re.findall(r"^#+ (.*)$", re.sub(r"^ *```.*?^ *```$", "", text, flags=re.M | re.S), re.M):
+        if unsearchable.match(title):
+            faults.append(f"{name}: the heading {title!r} begins with {title.split()[0]!r}; expected what one would search for")
+        anchor = re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
+        if anchor in anchors[path]:
+            faults.append(f"{name}: two headings have the name #{anchor}")
+        anchors[path].add(anchor)
+    links += [(path, target, anchor) for target, anchor in re.findall(r"\]\(([^)#:\s]*)(?:#([^)\s]*))?\)", text)]
+for path, target, anchor in links:
+    to = (path.parent / target).resolve() if target else path
+    if not to.exists():
+        faults.append(f"{path.relative_to(root)}: links to {target}, which does not exist")
+    elif anchor and anchor not in anchors.get(to, ()):
+        faults.append(f"{path.relative_to(root)}: links to {target}#{anchor}, but no heading has this name")
+if len(links) < 100:
+    faults.append(f"only {len(links)} links in the manuals; expected at least 100")
 
 # Checks that programs, subcommands and options in manuals (fenced blocks and `code`) exist.
 if len(sys.argv) > 1:  # the argument is the folder that contains the built programs

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Checks a file before any of its content is trusted: line 1 of the threat model
-// (acquire/README.md).
+// (acquire/RUN_FILE.md).
 #pragma once
 #include <cstdint>
 #include <string>

@@ -19,7 +19,7 @@
 namespace echofuse::acquire {
 
 // Passes each change of state to the program in environment variables (ECHOFUSE_SOURCE and others,
-// see acquire/README.md). Runs one program at a time. If a program runs for longer than `longest`,
+// see acquire/RECORDS.md). Runs one program at a time. If a program runs for longer than `longest`,
 // kills this program and its child processes. Threading: all members must be called on the same
 // thread; only finish() blocks.
 class DoubtHook {

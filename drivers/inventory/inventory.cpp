@@ -161,7 +161,7 @@ constexpr KnownDevice kinds[] = {
 };
 
 // USB devices that send a block stream. They are identified by their interface, so all vendor and
-// product IDs are accepted (drivers/README.md, "Over USB").
+// product IDs are accepted (drivers/BRIDGES.md).
 constexpr KnownDevice tag_stream{0, 0, "USB time tagger", Transport::usb, 0, ""};
 
 bool streams_tags(const UsbDevice& d) {

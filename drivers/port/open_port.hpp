@@ -36,7 +36,7 @@ std::unique_ptr<BytePort> make_hid_port(boost::asio::io_context& io, const HidAd
 // Throws Error(config) if the bridge does not support the rate.
 void check_hid_baud(const HidAddress& address, std::uint32_t baud);
 
-// Opens a device that streams over a USB bulk endpoint (drivers/README.md, "Over USB") with libusb.
+// Opens a device that streams over a USB bulk endpoint (drivers/BRIDGES.md) with libusb.
 // Other programs cannot use its interface. If the address contains no serial number, exactly one
 // device must match. Writes are ignored. A failed transfer or a halted endpoint closes the port,
 // because bytes have been lost. While 64 MiB are waiting for the loop's thread, the port requests

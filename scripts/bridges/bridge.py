@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Code shared by all bridges: encoding of the bridge protocol (drivers/README.md), a server for one
+"""Code shared by all bridges: encoding of the bridge protocol (drivers/BRIDGES.md), a server for one
 client, and a loop that reopens the device after it has been unplugged."""
 import argparse
 import collections

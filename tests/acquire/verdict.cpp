@@ -49,7 +49,7 @@ TEST_CASE("the manual and the Python package contain the table of `echofuse-acqu
     std::ifstream file(test::source_dir + path);
     return std::string{std::istreambuf_iterator<char>(file), {}};
   };
-  CHECK(contents("/acquire/README.md").find(acquire::describe_verdicts(false)) !=
+  CHECK(contents("/acquire/RECORDS.md").find(acquire::describe_verdicts(false)) !=
         std::string::npos);
   CHECK(contents("/recon/python/echofuse/runs/verdicts.json") == acquire::describe_verdicts(true));
 }

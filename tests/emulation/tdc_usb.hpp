@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Time tagger on an emulated USB bus: the device side of the section "Over USB" in
-// drivers/README.md.
+// Time tagger on an emulated USB bus: the device side of drivers/BRIDGES.md,
+// bridge protocol over USB.
 #pragma once
 #include <memory>
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/python/octave.py BIN_DIR: runs the MATLAB example of recon/README.md in Octave, on an exported run. Octave in Debian 12
+"""tests/python/octave.py BIN_DIR: runs the MATLAB example of recon/PYTHON.md in Octave, on an exported run. Octave in Debian 12
 has no h5read, so a function based on h5py replaces it. The test checks the names and the order of the array dimensions, and
 that Octave's load() can read the complete file. It does not check MATLAB itself."""
 import pathlib
@@ -16,7 +16,7 @@ if not octave:
     print("skipped: octave is not installed (./scripts/setup --all)")
     sys.exit(77)
 bin_dir = pathlib.Path(sys.argv[1])
-text = (pathlib.Path(__file__).resolve().parents[2] / "recon/README.md").read_text(encoding="utf-8")
+text = (pathlib.Path(__file__).resolve().parents[2] / "recon/PYTHON.md").read_text(encoding="utf-8")
 # The commands plot and imagesc are removed, because they need a display.
 example = re.sub(r"^(plot|imagesc).*", "", re.search(r"```matlab\n(.*?)```", text, re.S)[1], flags=re.M)
 h5read = """function out = h5read(file, path)

@@ -215,7 +215,7 @@ def import_arrays(out: Path, sections: dict[str, dict[str, Any]],
                   arrays: dict[str, NDArray[Any]],
                   *options: str, program: str | None = None) -> None:
     """Writes run.toml and the arrays to a temporary folder next to `out`, and imports this folder
-    as the run `out` (acquire/README.md). Raises RuntimeError with the program's error message if
+    as the run `out` (acquire/IMPORT.md). Raises RuntimeError with the program's error message if
     the import fails."""
     text = "".join((f"[{name}]\n" if name else "")
                    + "".join(f"{key} = {toml(value)}\n" for key, value in keys.items())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Reads a run file (acquire/README.md) as arrays. Requires only sqlite3 and NumPy."""
+"""Reads a run file (acquire/RUN_FILE.md) as arrays. Requires only sqlite3 and NumPy."""
 from __future__ import annotations
 
 import copy

@@ -284,7 +284,7 @@ def status_of(db: Connection, path: pathlib.Path, stored: str) -> str:
 
 
 def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
-    """Protects against malicious files (acquire/README.md, threat model, item 1): rejects code in
+    """Protects against malicious files (acquire/RUN_FILE.md, threat model, item 1): rejects code in
     the schema and limits the run time of statements. Raises ValueError if the schema contains
     code."""
     # One step is 10 000 instructions. A valid run needs less than one instruction per byte.
