@@ -62,6 +62,31 @@ bool fill(ByteView packet, std::size_t header, std::size_t extra) {
 
 }  // namespace
 
+std::string changed_line_ends(ByteView bytes) {
+  // number of line feeds required to detect converted line endings; the platform field of every
+  // frame contains one
+  constexpr std::ptrdiff_t enough = 4;
+  const auto feeds = std::ranges::count(bytes, '\n');
+  std::ptrdiff_t pairs = 0;
+  for (std::size_t i = 1; i < bytes.size(); ++i) pairs += bytes[i] == '\n' && bytes[i - 1] == '\r';
+  if (feeds >= enough && pairs == feeds)
+    return "line ends were converted because the file was saved as text: a carriage return "
+           "precedes each line feed";
+  if (feeds < enough || pairs > 0) return {};
+  std::size_t begin = find_magic(bytes, 0);
+  for (std::size_t end; begin + header_bytes <= bytes.size(); begin = end) {
+    end = find_magic(bytes, begin + 1);
+    const ByteView packet = bytes.subspan(begin, end - begin);
+    constexpr std::size_t size_at = 12;  // offset of the packet's size in its header
+    const std::size_t stated = ByteReader(bytes.subspan(begin + size_at)).get<std::uint32_t>();
+    if (end < bytes.size() && stated > packet.size() &&
+        stated - packet.size() <= static_cast<std::size_t>(std::ranges::count(packet, '\n')))
+      return "line ends were converted because the file was saved as text: CR LF became LF, and "
+             "frames are shorter than they state";
+  }
+  return {};
+}
+
 std::string why_no_frames(ByteView bytes) {
   if (bytes.empty()) return "the file is empty";
   const std::size_t first = find_magic(bytes, 0);
@@ -74,15 +99,7 @@ std::string why_no_frames(ByteView bytes) {
     return plain ? "the file contains text; expected the data port's bytes"
                  : "no frame header found: was the file recorded at the data port's baud rate?";
   }
-  // number of line feeds required to detect converted line endings; the platform field of every
-  // frame contains one
-  constexpr std::ptrdiff_t enough = 4;
-  const auto feeds = std::ranges::count(bytes, '\n');
-  std::ptrdiff_t pairs = 0;
-  for (std::size_t i = 1; i < bytes.size(); ++i) pairs += bytes[i] == '\n' && bytes[i - 1] == '\r';
-  if (feeds >= enough && pairs == feeds)
-    return "line ends were converted because the file was saved as text: a carriage return "
-           "precedes each line feed";
+  if (const std::string changed = changed_line_ends(bytes); !changed.empty()) return changed;
   const ByteView packet = bytes.subspan(first, end - first);
   if (fill(packet, 36, 0)) return "the frames are from SDK 1 or 2.0 (header of 36 bytes)";
   for (const std::size_t header : {36u, 40u})

@@ -75,6 +75,8 @@ struct FrameCounts {
 
 // Returns an explanation of why the beginning of a stream contains no frame.
 std::string why_no_frames(ByteView beginning);
+// Returns a description of converted line endings in a recording, or an empty string.
+std::string changed_line_ends(ByteView bytes);
 
 // Returns all counters except the frame numbers and the TLVs by type.
 std::vector<Counter> counters_of(const FrameCounts& counts);

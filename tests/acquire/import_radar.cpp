@@ -100,12 +100,29 @@ TEST_CASE(
           "1 frames have impossible times (frame 20 after 0.90 s): their times");
   check(RadarFile().frames(1, 19).frame(20, 9).frame(21, 3).frames(22, 60), even,
         "2 frames have impossible times");
-  check(RadarFile().frames(1, 59).frame(60, 9), even, "");
+  check(RadarFile().frames(1, 59).frame(60, 9), even,
+        "1 frames have impossible times (frame 60 after 2.89 s)");
   check(RadarFile().frame(1, 10.8).frames(2, 60), even,
         "1 frames have impossible times (frame 1 at the start): their times");
+  // Several neighbouring frames have damaged times, at any place.
+  for (const auto& [first, last] :
+       {std::pair{1u, 2u}, {1u, 5u}, {20u, 24u}, {57u, 60u}, {10u, 45u}})
+    for (const bool alike : {true, false}) {
+      RadarFile damaged;
+      for (std::uint32_t n = 1; n <= 60; ++n)
+        damaged.frame(n, n * 0.0499 + (n < first || n > last ? 0 : alike ? 10.74 : 0.37 * n * n));
+      if (last - first < 10 || !alike)
+        check(damaged, even, std::to_string(last - first + 1) + " frames have impossible times");
+    }
+  RadarFile half, twice, block;
+  for (std::uint32_t n = 1; n <= 60; ++n) half.frame(n, std::min(n, 30u) * 0.0499);
+  check(half, even, "the board's clock stands still in 30 frames (frame 31, frame 32");
+  for (std::uint32_t n = 1; n <= 60; ++n) twice.frames(n, n).frames(n, n);
+  check(twice, even, "60 duplicate frames were omitted");
+  check(block.frames(1, 40).frames(21, 60), even, "20 duplicate frames were omitted");
   RadarFile still, twos;
   for (std::uint32_t n = 1; n <= 60; ++n) still.frame(n, 0), twos.frames(1 + n % 2, 1 + n % 2);
-  check(still, {20, 20, 20}, "the board's clock stopped for 60 frames: their times");
+  check(still, {20, 20, 20}, "the board's clock stands still in 59 frames (frame 2, frame 3");
   check(twos, even, "restarts of the board");
   RadarFile points;
   points.tlv = 1;
@@ -149,6 +166,14 @@ TEST_CASE("import refuses a radar recording without a range profile and reports 
     mangled.push_back(b);
   }
   refuses(mangled, "line ends were converted because the file was saved as text");
+  // Two bytes CR are missing in each frame.
+  Bytes shorter = RadarFile().frames(1, 20).bytes;
+  for (std::size_t i = 60; i + 1 < shorter.size(); i += 190) {
+    shorter[i] = '\n';
+    const auto at = shorter.begin() + static_cast<std::ptrdiff_t>(i);
+    shorter.erase(at + 1, at + 3);
+  }
+  refuses(shorter, "CR LF became LF");
   refuses(Bytes(5000, 0xf3), "was the file recorded at the data port's baud rate?");
   refuses(RadarFile{.header = 36}.frames(1, 20).bytes, "from SDK 1 or 2.0 (header of 36 bytes)");
   refuses(RadarFile{.header = 48}.frames(1, 20).bytes,
