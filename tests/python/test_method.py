@@ -127,9 +127,15 @@ def test_loaded_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
     with pytest.raises(ValueError, match="the same number of records in both"):
         model.predict(spd=run.photons()[:7], radar=run.power())
     spd = run.photons()
-    spd[7, 3] = np.nan
-    with pytest.raises(ValueError, match="spd: row 7 contains a non-finite value"):
-        model.predict(spd=spd, radar=run.power())
+    for value in np.nan, -50:
+        spd[7, 3] = value
+        with pytest.raises(ValueError, match="spd: row 7 contains a non-finite value or a negative count"):
+            model.predict(spd=spd, radar=run.power())
+    with pytest.raises(ValueError, match="spd: row 7 is masked in part"):
+        model.predict(spd=np.ma.masked_less(spd, 0), radar=run.power())
+    spd[7] = 5
+    some = model.predict(spd=spd, radar=run.power())
+    assert some.faults == {7: "spd is the same in every bin"} and 7 not in some.index and len(some) == 59
     with pytest.raises(ValueError, match=r"spd axis: \d+ points of counts from -?[\d.e+]+ ps in steps of 120 \(expected by .*: \d+ points of counts from"):
         model.predict(spd=run.photons(), radar=run.power(), axes={"spd": dataclasses.replace(run.axes["spd"], step=120.0)})
     assert np.array_equal(maps[3], maps.depth_m[3], equal_nan=True) and maps[[1, 2]].index.tolist() == [1, 2]

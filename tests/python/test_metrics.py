@@ -66,5 +66,27 @@ def test_metrics_return_nan_for_undefined_scores():
     assert np.isnan(metrics.depth_mae(empty, body, scene)) and np.isnan(metrics.lateral(empty, body, scene))
     assert np.isnan(metrics.ssim_fg(body, body, scene))  # The SSIM window is larger than the map.
     assert metrics.mirror_fraction(body[:, :, ::-1], body, scene) == 1
-    with pytest.raises(ValueError, match=r"\[8, 8\] \(expected \[n, N, N\]"):
-        metrics.iou(body[0], body[0], scene)
+
+
+@pytest.mark.parametrize("said, maps, truth", [
+    (r"\[8, 8\] \(expected \[n, N, N\]", np.ones((8, 8)), np.ones((8, 8))),
+    (r"maps: shape \[1, 8, 8\] \(expected \[5, 8, 8\]", np.ones((1, 8, 8)), np.ones((5, 8, 8))),
+    (r"maps: shape \[5, 8, 8\] \(expected \[1, 8, 8\]", np.ones((5, 8, 8)), np.ones((1, 8, 8))),
+    (r"shape \[2, 9, 9\] \(expected \[2, 8, 8\]", np.ones((2, 9, 9)), np.ones((2, 9, 9))),
+    ("median depth of map 1 is above 200 m; expected metres", np.stack([np.ones((8, 8)), np.full((8, 8), 2500)]), np.ones((2, 8, 8))),
+    ("median depth of map 0", np.ones((1, 8, 8)), np.full((1, 8, 8), 2500, np.uint16)),
+    ("map 0 has an impossible depth: inf m", np.full((1, 8, 8), np.inf), np.ones((1, 8, 8))),
+    ("map 0 has an impossible depth: -101 m", np.full((1, 8, 8), -101.0), np.ones((1, 8, 8))),
+])
+def test_metrics_refuse_other_shapes_and_units(said, maps, truth):
+    for function in COLUMNS.values():
+        with pytest.raises(ValueError, match=said):
+            function(maps, truth, metrics.Scene(np.zeros((8, 8), np.float32), 3.0))
+
+
+def test_metrics_read_masked_pixels_as_no_return():
+    scene, body = metrics.Scene(np.zeros((8, 8), np.float32), 3.0), np.full((1, 8, 8), 3.0)
+    hidden = np.broadcast_to(np.arange(8) < 4, body.shape)
+    for function in metrics.iou, metrics.depth_mae, metrics.lateral:
+        assert function(np.ma.array(body, mask=hidden), body, scene) == function(np.where(hidden, np.nan, body), body, scene)
+

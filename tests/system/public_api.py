@@ -13,6 +13,8 @@ import unittest
 
 import numpy as np
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "recon/python"))
+import echofuse  # noqa: E402
 import fixtures  # noqa: E402
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
@@ -26,6 +28,33 @@ def run(*words, cwd, **environment):
                           env=os.environ | {"PATH": f"{bin_dir}:{os.environ['PATH']}"} | environment)
     assert done.returncode == 0, f"{words}: {done.returncode}\n{done.stdout}{done.stderr}"
     return done.stdout
+
+
+# Reads counts and powers, separated by "|", from each line, and prints the outcome of predict().
+JUDGE = """
+#include <echofuse/predict.hpp>
+#include <iostream>
+#include <sstream>
+int main(int, char** argv) {
+  const echofuse::Model model(argv[1]);
+  for (std::string line; std::getline(std::cin, line);) {
+    std::vector<float> arrays[2];
+    std::istringstream parts(line);
+    for (std::vector<float>& array : arrays) {
+      std::string part;
+      std::getline(parts, part, '|');
+      std::istringstream words(part);
+      for (std::string word; words >> word;) array.push_back(std::stof(word));
+    }
+    try {
+      const std::string fault = predict(model, arrays[0], arrays[1]).fault;
+      std::cout << (fault.empty() ? "map" : fault) << std::endl;
+    } catch (const std::exception&) {
+      std::cout << "refused" << std::endl;
+    }
+  }
+}
+"""
 
 
 class PublicApi(unittest.TestCase):
@@ -77,6 +106,32 @@ class PublicApi(unittest.TestCase):
         skipped = run(self.dir / "follow_run", "m.safetensors", "damaged", cwd=self.dir).splitlines()
         self.assertRegex(skipped[3], "^record 3: no map: .*spd")
         self.assertEqual([*skipped[:3], *skipped[4:]], [*said[:3], *said[4:]])
+
+    def test_predict_judges_the_same_arrays_alike_in_cpp_and_python(self):
+        (self.dir / "judge.cpp").write_text(JUDGE)
+        run("g++", "-std=c++20", self.dir / "judge.cpp", *self.flags(), "-o", self.dir / "judge", cwd=self.dir)
+        model, whole = echofuse.load_model(self.dir / "m.safetensors"), echofuse.open(self.dir / "scenes")
+        counts, power = whole.photons()[0], whole.power()[0]
+
+        def changed(array, value, at=3):
+            return np.where(np.arange(len(array)) == at, value, array)
+
+        table = [(counts, power), (counts, None), (None, power), (counts + 0.5, power), (changed(counts, -50), power), (changed(counts, np.nan), power),
+                 (changed(counts, np.inf), power), (counts[1:], power), (counts, power[1:]), (counts, changed(power, np.inf)), (counts, changed(power, -1)),
+                 (counts * 0, power), (counts * 0 + 5, power), (counts * 0 + 5, None), (counts, power * 0 + 1), (counts * 0, power * 0),
+                 (changed(counts * 0 + 5, 6), power), (changed(counts, 1e30), power)]
+        lines = ["|".join("" if array is None else " ".join(map(str, array)) for array in row) for row in table]
+        by_cpp = subprocess.run([self.dir / "judge", self.dir / "m.safetensors"], input="\n".join(lines), capture_output=True, text=True,
+                                check=True).stdout.splitlines()
+        by_python = []
+        for row in table:
+            try:
+                faults = model.predict(**{name: array[None] for name, array in zip(("spd", "radar"), row) if array is not None}).faults
+                by_python.append(faults.get(0, "map"))
+            except ValueError:
+                by_python.append("refused")
+        self.assertEqual(by_python, by_cpp)
+        self.assertEqual((by_cpp.count("map"), by_cpp.count("refused")), (7, 6))
 
     def test_public_headers_compile_alone_without_other_libraries(self):
         include = self.prefix / "include"

@@ -5,13 +5,15 @@ of `echofuse-recon evaluate` (recon/metrics).
 Each score function takes predicted maps [n, N, N], the ground-truth maps [n, N, N] of the same
 records, and the scene of the training maps. A map contains z in metres, starting with the top-left
 pixel; NaN or 0 means no return. The function returns float64 [n], with NaN for maps without a
-defined score.
+defined score. It raises ValueError if the shapes differ, or if the values are not metres.
 
 >>> scene = metrics.Scene.of_maps(run.maps(split.train))
 >>> np.nanmean(metrics.iou(maps, run.maps(split.test), scene))
 """
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +21,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
+from .runs.acquire import plain
 from .runs.axis import tangents
+
+__all__ = ["Scene", "depth_mae", "iou", "lateral", "mirror_fraction", "ssim_fg"]
 
 Scores = NDArray[np.float64]
 STEP_M = 0.1  # minimum distance between foreground and background, m
@@ -30,12 +35,38 @@ SIDE_M = 0.3  # minimum |x| at which a body and its mirror image are distinct, m
 WINDOW, SIGMA = 11, 1.5  # width and standard deviation of the SSIM window, pixels
 
 
+MIN_M, MAX_M, MAX_MEDIAN_M = -100, 1e6, 200  # limits of depths (recon/maps/written_maps.cpp)
+
+
 def pixels(maps: ArrayLike) -> NDArray[np.float32]:
-    """Replaces NaN in maps [n, N, N] with 0. Raises ValueError if the maps have another shape."""
-    table = np.nan_to_num(np.asarray(maps, np.float32))
+    """Replaces NaN and masked pixels in maps [n, N, N] with 0. Raises ValueError if the maps have
+    another shape, or if their values are not depths in metres."""
+    table = np.asarray(plain("maps", maps)[0], np.float32)
+    table = np.where(np.isnan(table), np.float32(0), table)
     if table.ndim != 3 or table.shape[1] != table.shape[2]:
         raise ValueError(f"maps: shape {list(table.shape)} (expected [n, N, N])")
+    if bad := np.argwhere(~((table >= MIN_M) & (table < MAX_M)))[:1].tolist():
+        raise ValueError(f"maps: map {bad[0][0]} has an impossible depth: {table[*bad[0]]:g} m")
+    far = 2 * (table > MAX_MEDIAN_M).sum((1, 2)) > (table > 0).sum((1, 2))
+    if far.any():
+        raise ValueError(f"maps: the median depth of map {far.argmax()} is above {MAX_MEDIAN_M} m; "
+                         "expected metres, not millimetres")
     return table
+
+
+def score(function: Callable[..., Scores]) -> Callable[[ArrayLike, ArrayLike, Scene], Scores]:
+    """Decorates a score function, which then raises ValueError if the shapes of the predicted maps,
+    the ground-truth maps and the scene differ."""
+    @functools.wraps(function)
+    def checked(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
+        found, true = pixels(maps), pixels(truth)
+        expected = (len(true), *scene.background_m.shape)
+        for name, table in ("maps", found), ("truth", true):
+            if table.shape != expected:
+                raise ValueError(f"{name}: shape {list(table.shape)} (expected {list(expected)}, as "
+                                 "in the ground-truth maps and the scene)")
+        return function(found, true, scene)
+    return checked
 
 
 def ratio(numerator: NDArray[Any], denominator: NDArray[Any], least: float = 0) -> Scores:
@@ -103,12 +134,14 @@ class Scene:
         return pixels(maps).clip(0, np.float32(self.far_m))
 
 
+@score
 def iou(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
     """Returns the intersection over union [n] of the predicted and the ground-truth foreground."""
     true, found = scene.true_mask(truth), scene.share(maps) > 0.5
     return ratio((true & found).sum((1, 2)), (true | found).sum((1, 2)))
 
 
+@score
 def depth_mae(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
     """Returns the mean absolute depth error [n], m, over the pixels in both the predicted and the
     ground-truth foreground."""
@@ -130,6 +163,7 @@ def true_range(truth: ArrayLike, scene: Scene) -> Scores:
     return ratio((pixels(truth).astype(float) * mask).sum((1, 2)), mask.sum((1, 2)))
 
 
+@score
 def lateral(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
     """Returns the lateral distance [n], m, between the centroids of the predicted and the
     ground-truth foreground, evaluated at the mean z of the ground-truth foreground."""
@@ -138,6 +172,7 @@ def lateral(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
     return np.asarray(abs(found - true) * true_range(truth, scene))
 
 
+@score
 def mirror_fraction(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
     """Returns the fraction [n] of the predicted foreground that is at the mirrored position
     (`ghost` in `evaluate`). 0: all of it is at the true position; 1: all of it is mirrored; NaN:
@@ -159,6 +194,7 @@ def blurred(table: Scores) -> Scores:
     return table
 
 
+@score
 def ssim_fg(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
     """Returns the mean SSIM [n] over the ground-truth foreground dilated by the SSIM window (Wang
     et al., IEEE TIP 13, 600, 2004; K1 0.01, K2 0.03, population covariance, data range far_m).

@@ -7,7 +7,7 @@ import json
 import pathlib
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, overload
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import runs
 from ..runs import grid
+from ..runs.acquire import plain
 from ..runs.axis import Axis, tangents
 from ..runs.grid import rows_of
 from ..runs.zones import summed
@@ -75,6 +76,19 @@ class Estimator:
         return (table[:, :0] if axis is None
                 or name not in self.axes else axis.resampled(table, self.axes[name]))
 
+    def fault_of(self, has_spd: bool, has_radar: bool, spd_varies: bool,
+                 radar_varies: bool) -> str:
+        """Returns why a record has no map, as Dataset::fault_of() does in C++."""
+        needed = [name for name in ("spd", "radar") if self.inputs in (name, "fused",
+                                                                       "fused-profile")]
+        has, varies = {"spd": has_spd, "radar": has_radar}, {"spd": spd_varies,
+                                                             "radar": radar_varies}
+        if missing := " and ".join(name for name in needed if not has[name]):
+            return f"lacks {missing}, which the model needs"
+        if dead := [name for name in needed if not varies[name]]:
+            return f"{dead[0]} is the same in every bin"
+        return "lacks the samples of the radar's antennas, which the model needs"
+
     def predict(self, counts: NDArray[Any], power: NDArray[Any], lags: NDArray[Any],
                 zones: NDArray[Any]) -> NDArray[Any]:
         """Predicts maps [n, N, N], m, from counts [n, bins], power [n, points], lags [n, points,
@@ -93,18 +107,21 @@ class Arrays:
 
     def __init__(self, axes: dict[str, Axis], spd: ArrayLike | None, radar: ArrayLike | None,
                  lags: ArrayLike | None) -> None:
-        given = {name: np.asarray(table, np.float32)
+        given = {name: np.asarray(plain(name, table)[0], np.float32)
                  for name, table in (("spd", spd), ("radar", radar), ("array", lags))
                  if table is not None}
         for name, table in given.items():
-            if name not in axes or table.ndim != (3 if name == "array"
-                                                  else 2) or table.shape[1] != axes[name].count:
+            points, dimensions = {"array": (1, (3,)), "radar": (1, (2,)),
+                                  "spd": (-1, (2, 3))}[name]
+            if (name not in axes or table.ndim not in dimensions
+                or table.shape[points] != axes[name].count):
                 expected = (f"[n, {axes[name].count}]" if name in axes
                             else "none, because the model has no such axis")
                 raise ValueError(f"{name}: shape {list(table.shape)} (expected {expected})")
-            if bad := np.flatnonzero(~np.isfinite(table).reshape(len(table), -1).all(1)).tolist():
-                raise ValueError(f"{name}: row {bad[0]} contains a non-finite value; remove "
-                                 f"{len(bad)} of {len(table)} rows")
+            valid = np.isfinite(table) & (table >= (0 if name == "spd" else -np.inf))
+            if bad := np.flatnonzero(~valid.reshape(len(table), -1).all(1)).tolist():
+                raise ValueError(f"{name}: row {bad[0]} contains a non-finite value or a negative "
+                                 f"count; remove {len(bad)} of {len(table)} rows")
         if len({len(table) for table in given.values()}) != 1:
             raise ValueError(
                 "spd, radar: expected at least one of the two arrays, and the same number of "
@@ -143,6 +160,8 @@ class Maps:
     inputs: list[str]
     half_tangent: float  #: tangent at the map edges
     origin: str = ""  #: text of run.txt, which identifies the run
+    #: why the other records have no map, by record index, as in C++
+    faults: dict[int, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.index)
@@ -279,8 +298,11 @@ class Model:
                 for axis in axes)
         depth_m = np.minimum(np.where(maps[done] > 0, maps[done], np.float32(np.nan)),
                              np.float32(first.f["scene/map_z_max_m"]))
+        faults = {int(run.index[row]): first.fault_of(
+            run.valid["spd"][row], run.valid["radar"][row], spd[row], radar[row])
+            for row in np.flatnonzero(by < 0)}
         return Maps(depth_m, run.index[done], x.values, y.values,
-                    [self.estimators[k].inputs for k in by[done]], half, self._origin(run))
+                    [self.estimators[k].inputs for k in by[done]], half, self._origin(run), faults)
 
     def _origin(self, run: runs.Run | Arrays) -> str:
         """Returns the text of run.txt. The text identifies the run, and lists the records of the

@@ -203,7 +203,7 @@ def plain(name: str, values: Any) -> tuple[NDArray[Any], bool]:
     if masked.any():
         rows = masked.reshape(len(masked), -1)
         partly = np.flatnonzero(rows.any(1) & ~rows.all(1))
-        if name != "depth_m" and partly.size:
+        if name not in ("depth_m", "maps") and partly.size:
             raise ValueError(f"{name}: row {partly[0]} is masked in part; expected a whole row")
         table = np.where(masked, np.nan, table.astype(float))
     if table.dtype.kind == "f" and (name != "spd" or table.dtype.itemsize not in (4, 8)):
