@@ -55,16 +55,16 @@ def pixels(maps: ArrayLike) -> NDArray[np.float32]:
 
 
 def score(function: Callable[..., Scores]) -> Callable[[ArrayLike, ArrayLike, Scene], Scores]:
-    """Decorates a score function, which then raises ValueError if the shapes of the predicted maps,
-    the ground-truth maps and the scene differ."""
+    """Decorates a score function, which then raises ValueError if the shapes of the maps, the
+    ground-truth maps and the scene differ."""
     @functools.wraps(function)
     def checked(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
         found, true = pixels(maps), pixels(truth)
         expected = (len(true), *scene.background_m.shape)
         for name, table in ("maps", found), ("truth", true):
             if table.shape != expected:
-                raise ValueError(f"{name}: shape {list(table.shape)} (expected {list(expected)}, as "
-                                 "in the ground-truth maps and the scene)")
+                raise ValueError(f"{name}: shape {list(table.shape)} (expected {list(expected)}, "
+                                 "as in the ground-truth maps and the scene)")
         return function(found, true, scene)
     return checked
 
