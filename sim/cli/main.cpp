@@ -192,7 +192,7 @@ void add_dataset(CLI::App& app, Command& command) {
       ->check(CLI::NonNegativeNumber);
   add_plan_options(*sub, *a);
   sub->add_option("--like", a->like,
-                  "simulate the instrument response and the axes in this calibration file")
+                  "simulate the instrument response, axes and baseline of this calibration file")
       ->type_name("FILE");
   sub->add_option("--part", a->part, part_help);
   more_options(*sub, {"--config", "--like", "--part"});
