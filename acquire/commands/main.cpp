@@ -11,7 +11,9 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <exception>
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 
 #include "acquire/calibrate/calibrate.hpp"
@@ -89,9 +91,12 @@ class Events {
         "--json: the program that reads stdout is too slow or has stopped; the oldest events are "
         "dropped");
   }
-  // Ignores EPIPE, because the reading program may exit before the run ends.
-  void end() {
-    if (const int error = out_ ? out_->close() : 0; error != 0 && error != EPIPE)
+  // Ignores EPIPE, because the reading program may exit before the run ends. Rethrows `failure`,
+  // the reason for the end of the run, if there is one.
+  void end(const std::exception_ptr& failure) {
+    const int error = out_ ? out_->close() : 0;
+    if (failure) std::rethrow_exception(failure);
+    if (error != 0 && error != EPIPE)
       throw Error(ExitCode::failed, std::string("stdout: cannot write: ") + std::strerror(error));
   }
 
@@ -106,6 +111,19 @@ class Events {
   std::optional<OutputQueue> out_;
   bool told_ = false;
 };
+
+// Runs `body` and returns its exit code, or that of its exception, which is stored in `failure`.
+ExitCode code_of(const std::function<ExitCode()>& body, std::exception_ptr& failure) {
+  try {
+    return body();
+  } catch (const Error& error) {
+    failure = std::current_exception();
+    return error.code();
+  } catch (const std::exception&) {
+    failure = std::current_exception();
+    return ExitCode::failed;
+  }
+}
 
 ExitCode run(Options& o) {
   std::optional<TemporaryFolder> thrown_away;
@@ -145,17 +163,22 @@ ExitCode run(Options& o) {
   std::int64_t on_disk = -1;
   Events events;
   if (o.json) events.begin();
+  bool begun = false;  // true once a run file exists
   o.run.opened = [&](const std::string& file) {
+    begun = true;
     events.put({{"event", "run"}, {"file", utf8_text(file)}, {"window_s", config.window_s}});
   };
   o.run.progress = [&](std::int64_t records) {
     if (std::exchange(on_disk, records) != records)
       events.put({{"event", "records"}, {"on_disk", records}});
   };
-  const ExitCode code = record_run(config, o.run, loop);
-  events.put({{"event", "end"}, {"on_disk", on_disk}, {"code", static_cast<int>(code)}});
-  if (viewer) viewer->leave();
-  events.end();
+  std::exception_ptr failure;
+  const ExitCode code = code_of([&] { return record_run(config, o.run, loop); }, failure);
+  events.put({{"event", "end"},
+              {"on_disk", std::max<std::int64_t>(on_disk, 0)},
+              {"code", static_cast<int>(code)}});
+  if (viewer && begun && code != ExitCode::interrupted) viewer->leave();
+  events.end(failure);
   return code;
 }
 

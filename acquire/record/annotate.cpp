@@ -20,7 +20,9 @@ namespace echofuse::record {
 
 namespace {
 
-constexpr int timeout_ms = 30'000;  // much longer than the recording process needs for a commit
+// Much longer than the recording process needs for a commit, but shorter than its own wait for
+// other programs, so that notes cannot end a run.
+constexpr int timeout_ms = 10'000;
 constexpr auto retry_pause = std::chrono::milliseconds(20);
 
 [[noreturn]] void refuse_closed(const std::string& path) {

@@ -85,12 +85,18 @@ class RunWriter {
   std::optional<std::string> new_label(UtcTime before);
   // Appends all records in one transaction; for simulated data sets.
   void append(std::span<const FusedRecord> batch);
+  // Stores the status and copies all data into the database, so that the file at `path` is complete
+  // although its WAL still exists. Fast; close() must follow. From then on, another program may
+  // move the file.
+  void complete(const std::string& status);
   // Stores the status and merges the WAL into the database, so that only one file remains. Returns
   // false if another program is still reading the run after half a second. The last records then
   // remain in the WAL until recover() or a writer merges them. Throws Error(failed) at the end if
   // another program added tables, because readers would reject the file. `unwritten`: number of
   // records that could not be written, stored in an event and in the counter run/unwritten.
   bool close(const std::string& status, std::int64_t unwritten = 0);
+  // Removes the file instead of closing it. Must be called before the first record.
+  void discard();
   // Like close(), but throws Error(failed) instead of returning false.
   void close_as_one_file(const std::string& status);
   // Returns true if the last call found the file missing or damaged.
@@ -113,7 +119,7 @@ class RunWriter {
   void use_wal();
   void ready();
   void in_transaction(const std::function<void()>& body);
-  void checkpoint();
+  bool checkpoint();
   void require_sound();
   void require_whole();
   void throw_harm() const;
@@ -128,8 +134,9 @@ class RunWriter {
   std::unique_ptr<sqlite3, int (*)(sqlite3*)> handle_;
   sqlite3* db_ = nullptr;
   std::unique_ptr<FileWatch> watch_;
-  bool touched_ = false;  // another program wrote to the file before this writer's checkpoint
-  std::string harm_;      // error message if the file is missing or damaged
+  std::string completed_;  // status stored by complete(), if the database contains all data
+  bool touched_ = false;   // another program wrote to the file before this writer's checkpoint
+  std::string harm_;       // error message if the file is missing or damaged
   Patience* patience_ = nullptr;
   std::int64_t waits_since_ns_ = 0;
   std::optional<std::string> left_label_;  // last label before the run was closed

@@ -226,12 +226,20 @@ void RunWriter::ready() {
   sqlite3_wal_hook(db_, hook, this);  // the hook replaces SQLite's automatic checkpoints
 }
 
-void RunWriter::checkpoint() {
+// Returns true if the database contains all data of the WAL.
+bool RunWriter::checkpoint() {
   touched_ = touched_ || watch_->touched();
   int in_wal = 0, taken_over = 0;
   sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_PASSIVE, &in_wal, &taken_over);
   watch_->note();
   if (taken_over != in_wal) watch_->note_commit();
+  return taken_over == in_wal;
+}
+
+void RunWriter::complete(const std::string& status) {
+  require_sound();
+  put_end(db_, path_, status, clock_.utc());
+  if (checkpoint()) completed_ = status;
 }
 
 // If close() was not called, keeps the -wal, because a -wal marks a run that was not closed.
@@ -329,7 +337,7 @@ bool RunWriter::close(const std::string& status, std::int64_t unwritten) {
   watch_->note();
   lock_->empty();
   wait_for_others();
-  put_end(db_, path_, status, clock_.utc());
+  if (status != completed_) put_end(db_, path_, status, clock_.utc());
   if (unwritten > 0) put_unwritten(unwritten);
   try {
     require_sound();
@@ -346,6 +354,15 @@ bool RunWriter::close(const std::string& status, std::int64_t unwritten) {
   if (!refusal.empty())
     throw Error(ExitCode::failed, refusal + " (" + std::to_string(records_) + " records are kept)");
   return folded;
+}
+
+void RunWriter::discard() {
+  const bool ours = !watch_ || watch_->same_database();
+  handle_.reset();
+  db_ = nullptr;
+  if (ours) ::unlink(path_.c_str()), remove_side_files(path_);
+  lock_->remove();
+  lock_.reset();
 }
 
 void RunWriter::put_unwritten(std::int64_t records) {
@@ -381,7 +398,11 @@ bool RunWriter::fold() {
 // at `path_`, because it may belong to another program.
 void RunWriter::leave(const std::string& status) {
   lock_->empty();
-  const Rescue kept = rescue(db_, path_, status, clock_.utc(), records_);
+  // A complete file that was moved needs no copy.
+  const bool moved = !completed_.empty() && !watch_->same_database();
+  const Rescue kept =
+      moved ? Rescue{true, "it was complete, with " + std::to_string(records_) + " records"}
+            : rescue(db_, path_, status, clock_.utc(), records_);
   sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   handle_.reset();
   db_ = nullptr;

@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <exception>
 #include <filesystem>
 #include <utility>
 
@@ -89,6 +90,7 @@ class Daemon final : private SampleSink {
 
   port::RawKeeper* keep_raw(const RunOptions& options);
   void report_raw_trouble();
+  [[noreturn]] static void refuse_interrupted();
   void require_devices() const;
   void count_down();
   void begin();
@@ -136,8 +138,9 @@ class Daemon final : private SampleSink {
   PerSensor<std::uint64_t> early_{};  // number of tags or frames received before the first slot
   std::int64_t first_slot_ = 0;       // number of the slot that is record 0 of the current run
   std::int64_t files_ = 0;
-  bool ending_ = false;  // true once SIGINT or SIGTERM has arrived
-  bool done_ = false;    // true once all slots have been closed or the journal has failed
+  bool discards_ = false;  // true if the run was interrupted before slot 0
+  bool ending_ = false;    // true once SIGINT or SIGTERM has arrived
+  bool done_ = false;      // true once all slots have been closed or the journal has failed
   std::string status_ = "complete";
 };
 
@@ -154,15 +157,19 @@ ExitCode Daemon::run() {
   begin();
   arm();
   loop_.run_until([this] { return done_; });
+  if (discards_) recording_->journal.discard(), refuse_interrupted();
   end();
   return options_.strict && totals_.not_ok > 0 ? ExitCode::partial : ExitCode::ok;
+}
+
+void Daemon::refuse_interrupted() {
+  throw Error(ExitCode::interrupted, "interrupted before the first slot; nothing was recorded");
 }
 
 // Throws Error(device) if no device delivers data or a required device delivers none. The message
 // lists the missing devices.
 void Daemon::require_devices() const {
-  if (interrupted())
-    throw Error(ExitCode::interrupted, "interrupted before the first slot; nothing was recorded");
+  if (interrupted()) refuse_interrupted();
   std::string missing, required;
   bool any = false;
   for (const Sensor s : all_sensors) {
@@ -243,6 +250,7 @@ void Daemon::report_file() {
   if (++files_ > 1 && !options_.kept_slot) devices_.name_run("run", file);
   spdlog::info("recording to {}, slots of {} s", file, config_.window_s);
   if (options_.opened) options_.opened(file);
+  if (files_ == 1) on_doubt_.take_run("started", "recording", loop_.utc(), file);
 }
 
 void Daemon::warn_of_full_disk() {
@@ -335,10 +343,14 @@ void Daemon::close_due(HostTime now) {
 }
 
 // Makes the current slot the last one, or the previous slot if the current one would take longer
-// than close_limit. Before slot 0, ends the run immediately.
+// than close_limit. Before slot 0, ends the run immediately, without a file.
 void Daemon::interrupt(HostTime now) {
   Scheduler& scheduler = recording_->scheduler;
   const SlotGrid& grid = scheduler.grid();
+  if (now < grid.first && !options_.kept_slot) {
+    discards_ = true;
+    return scheduler.finish(now - grid.length);
+  }
   const bool too_long = now < grid.first || grid.end(grid.slot_of(now)) - now > close_limit;
   const double left_s = seconds(std::max(grid.first, grid.end(grid.slot_of(now)) + grace) - now);
   if (too_long)
@@ -412,16 +424,25 @@ void Daemon::end() {
   r.windows.finish();
   put_late();
   put_counters();
+  // All reports of the end follow, also if the file cannot be closed.
+  std::exception_ptr failure;
+  std::string reason = status_;
+  try {
+    if (!r.journal.finish(status_))
+      spdlog::warn(
+          "{}: in use by another program; the last records stay in {}-wal until you run "
+          "`echofuse-acquire info`",
+          r.journal.path(), r.journal.path());
+  } catch (const std::exception& error) {
+    failure = std::current_exception(), reason = error.what();
+  }
+  on_doubt_.take_run("ended", reason, loop_.utc(), r.journal.path());
   on_doubt_.finish(loop_.now());
-  if (!r.journal.finish(status_))
-    spdlog::warn(
-        "{}: in use by another program; the last records stay in {}-wal until you run "
-        "`echofuse-acquire info`",
-        r.journal.path(), r.journal.path());
   report_file();
   totals_.written = r.journal.written();
   if (options_.progress) options_.progress(totals_.written);
   r.status.finish(loop_.now(), totals_);
+  if (failure) std::rethrow_exception(failure);
   const std::string files = files_ > 1 ? " in " + std::to_string(files_) + " runs" : "";
   spdlog::info("{}: {}{}, {}{}; received: {} tags, {} radar frames, {} depth frames",
                r.journal.path(), count_text(totals_.written, options_.count), files, status_,

@@ -73,6 +73,11 @@ void DoubtHook::take_disk(std::optional<std::uint64_t> free_bytes, UtcTime now,
        .record = {}});
 }
 
+void DoubtHook::take_run(const char* kind, const std::string& text, UtcTime now,
+                         const std::string& run) {
+  put({.source = "run", .kind = kind, .text = text, .run = run, .utc = iso8601(now), .record = {}});
+}
+
 void DoubtHook::put(AlertChange change) {
   if (words_.empty() || change.kind.empty()) return;
   std::string& before = kinds_.try_emplace(change.source, "ok").first->second;

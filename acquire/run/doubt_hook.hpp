@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Runs the program alert.on_doubt each time the state of a sensor or of the disk changes: when a
-// problem begins, is replaced by another one, or ends.
+// Runs the program alert.on_doubt when the run starts and ends, and each time the state of a sensor
+// or of the disk changes: when a problem begins, is replaced by another one, or ends.
 #pragma once
 #include <sys/types.h>
 
@@ -40,6 +40,8 @@ class DoubtHook {
   // record.
   void take(const record::FusedRecord& record, SensorSet configured, const std::string& run);
   void take_disk(std::optional<std::uint64_t> free_bytes, UtcTime now, const std::string& run);
+  // Queues a change of the run itself: "started", or "ended" with the reason.
+  void take_run(const char* kind, const std::string& text, UtcTime now, const std::string& run);
   // Starts the program for the next change; kills a program that has run for longer than `longest`.
   // Must be called every 50 ms.
   void update(HostTime now);

@@ -90,6 +90,7 @@ void Journal::put(WriteJob job) {
     --waiting_;
     if (failed_) return;
     try {
+      put_faults(*run_);
       job(*run_);
     } catch (...) {
       fail(std::current_exception());
@@ -101,12 +102,35 @@ std::string Journal::why_late() const {
   return patience_.tried() ? "another program is writing to the run file" : "disk too slow";
 }
 
+// Runs a step on a run that has ended. Its failure does not end the next run.
+void Journal::attempt(const std::function<void()>& step) {
+  try {
+    step();
+  } catch (const std::exception& error) {
+    spdlog::warn("{}", printable(error.what()));
+    const std::lock_guard lock(mutex_);
+    faults_.emplace_back(error.what());
+  }
+}
+
+void Journal::put_faults(record::RunWriter& run) {
+  std::vector<std::string> faults;
+  {
+    const std::lock_guard lock(mutex_);
+    faults.swap(faults_);
+  }
+  for (const std::string& fault : faults)
+    run.put_event(clock_.utc(), Severity::warning, "run", fault);
+}
+
 // Opens the next run before closing the current one, because closing checks the whole file and
-// records must not wait for it.
+// records must not wait for it. The current run is complete before the next file appears, because
+// another program may then move it.
 void Journal::begin_next(MakeRun make) {
   axes_.clear(), identities_ = {};
   put([this, make = std::move(make)](record::RunWriter&) {
     std::shared_ptr<record::RunWriter> before;
+    attempt([this] { run_->complete("complete"); });
     auto next = make();
     next->wait_with(patience_);
     {
@@ -116,17 +140,13 @@ void Journal::begin_next(MakeRun make) {
     }
     // A label of the previous run also applies to the new run. A label that arrives while the
     // previous run is being closed does not replace a label of the new run.
-    take_label(before->new_label(UtcTime::max()));
+    attempt([&] { take_label(before->new_label(UtcTime::max())); });
     const std::uint64_t labels = labels_;
     constexpr int most_closing = 4;
-    if (closing_ >= most_closing) return close_before(*before, labels);
+    if (closing_ >= most_closing) return attempt([&] { close_before(*before, labels); });
     ++closing_;
     closer_->put([this, before, labels] {
-      try {
-        close_before(*before, labels);
-      } catch (...) {
-        fail(std::current_exception());
-      }
+      attempt([&] { close_before(*before, labels); });
       --closing_;
     });
   });
@@ -261,8 +281,14 @@ void Journal::stop() {
   closer_.reset();
 }
 
+void Journal::discard() {
+  stop();
+  run_->discard();
+}
+
 bool Journal::finish(const std::string& status) {
   stop();
+  if (!failed_) attempt([this] { put_faults(*run_); });
   if (!overflow_.empty()) fail(std::make_exception_ptr(Error(ExitCode::disk, overflow_)));
   if (!failed_) return run_->close(status);
   ExitCode code = ExitCode::failed;

@@ -50,9 +50,10 @@ class Journal {
   // the waiting ones.
   bool put(record::FusedRecord record);
   void put(WriteJob job);
-  // Closes the run as complete. Later jobs write to the next run, which is created by `make`.
+  // Completes the run and begins the next one, which is created by `make`; later jobs write to it.
   // Writes a clock anchor to the next run; the caller must write the configuration, devices and
-  // axes to it again. If `make` throws, the journal fails.
+  // axes to it again. If `make` throws, the journal fails. If the previous run cannot be completed,
+  // labelled or closed, e.g. because it was moved, the next run contains a warning.
   using MakeRun = std::function<std::unique_ptr<record::RunWriter>()>;
   void begin_next(MakeRun make);
   void put_config(const Config& config);
@@ -91,6 +92,8 @@ class Journal {
   // job's Error, with the number of missing records. Returns false if another program that reads
   // the run prevents merging the WAL into the file (RunWriter::close).
   bool finish(const std::string& status);
+  // Removes the run instead of closing it. Must be called before the first record.
+  void discard();
 
  private:
   struct SlotAnchor {
@@ -103,6 +106,8 @@ class Journal {
   void write(record::RunWriter& run, record::FusedRecord& record);
   void close_before(record::RunWriter& before, std::uint64_t labels);
   void take_label(std::optional<std::string> label);
+  void attempt(const std::function<void()>& step);
+  void put_faults(record::RunWriter& run);
   void fail(const std::exception_ptr& why);
   void stop();
 
@@ -129,7 +134,10 @@ class Journal {
   std::optional<std::string> label_;
   std::optional<std::uint64_t> free_;  // free bytes on the run's disk; guarded by mutex_
   std::exception_ptr failure_;         // first exception of a job; set before failed_
-  std::atomic<int> closing_ = 0;       // number of runs being closed
+  // Faults of runs that have ended, which the next job writes to the current run; guarded by
+  // mutex_.
+  std::vector<std::string> faults_;
+  std::atomic<int> closing_ = 0;  // number of runs being closed
   std::unique_ptr<port::Worker> closer_, worker_;
 };
 

@@ -186,6 +186,7 @@ class Live(unittest.TestCase):
         wait_for("its tables", lambda: subprocess.run([bin_dir / "echofuse-acquire", "info", self.run],
                                                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode == 0)
         self.assertEqual(self.info()["status"], "open")
+        time.sleep(0.5)  # slot 0 begins 0.1 s after the file was made
         sent = time.monotonic()
         daemon.send_signal(signal.SIGTERM)
         log = self.finish(daemon)

@@ -1,0 +1,92 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""Tests that a run reports its end on every way out. Called as `tests/system/ends.py BIN_DIR [TEST]`."""
+import json
+import os
+import pathlib
+import resource
+import signal
+import subprocess
+import time
+import unittest
+
+import live
+from live import bin_dir, wait_for
+
+
+class Ends(live.Live):
+    def begin(self, *options, **how):
+        """Starts a run with a page, --json and an alert program."""
+        self.calls, config = self.dir / "calls", self.dir / "lab/lab.toml"
+        program = self.dir / "lab/alert"
+        program.write_text(f'#!/bin/sh\necho "$ECHOFUSE_SOURCE $ECHOFUSE_DOUBT $ECHOFUSE_TEXT" >>{self.calls}\n')
+        program.chmod(0o755)
+        if "[alert]" not in config.read_text():
+            config.write_text(config.read_text() + '\n[alert]\non_doubt = ["./alert"]\n')
+        return self.record("--view", "--json", *options, stdout=subprocess.PIPE, **how)
+
+    def viewers(self):
+        """Returns the viewers of the run."""
+        found = []
+        for process in pathlib.Path("/proc").glob("[0-9]*"):
+            try:
+                words = (process / "cmdline").read_bytes().split(b"\0")
+            except OSError:
+                continue
+            if words[0].endswith(b"echofuse-view") and os.fsencode(self.run) in words:
+                found.append(int(process.name))
+        return found
+
+    def ended(self, daemon, code, text, records):
+        """Checks the exit code, the end in --json, the alert program's last call, and that the page is still served."""
+        told, log = daemon.communicate(timeout=30)
+        self.assertEqual(daemon.returncode, code, log)
+        end = json.loads(told.splitlines()[-1])
+        self.assertEqual((end["event"], end["code"], end["on_disk"]), ("end", code, records))
+        calls = self.calls.read_text().splitlines() if self.calls.exists() else []
+        runs = [call for call in calls if call.startswith("run ")]
+        self.assertEqual(runs[0], "run started recording")
+        self.assertTrue(runs[-1].startswith("run ended ") and text in runs[-1], runs)
+        self.assertEqual(len(self.viewers()), 1)
+        self.stop_viewers()
+
+    def stop_viewers(self):
+        for viewer in self.viewers():
+            os.kill(viewer, signal.SIGTERM)
+        wait_for("the end of the viewer", lambda: not self.viewers())
+
+    def test_complete_run_reports_its_end(self):
+        daemon = self.begin("--count", "3")
+        self.ended(daemon, 0, "complete", 3)
+
+    def test_run_on_a_full_disk_reports_its_end(self):
+        def limit_file_size():
+            resource.setrlimit(resource.RLIMIT_FSIZE, (256 << 10, 256 << 10))
+
+        daemon = self.begin("--set", "depth.address=", preexec_fn=limit_file_size)
+        daemon.wait(60)
+        self.ended(daemon, 6, "records were not written", len(self.rows()))
+
+    def test_interrupted_run_reports_its_end(self):
+        daemon = self.begin("--set", "run.window_s=20")
+        wait_for("the run", self.run.exists)
+        time.sleep(1)
+        daemon.send_signal(signal.SIGINT)
+        self.ended(daemon, 0, "stopped:interrupted", 0)
+
+    def test_interrupt_before_the_first_slot_leaves_no_file(self):
+        """With slots of 9 s, slot 0 begins up to 9 s after the file appears."""
+        daemon = self.begin("--set", "run.window_s=9")
+        wait_for("the run", self.run.exists)
+        daemon.send_signal(signal.SIGINT)
+        told, log = daemon.communicate(timeout=30)
+        if "slot abandoned" in log or "finishing the slot" in log:
+            return live.not_checked("interrupt before slot 0", "slot 0 began before the signal")
+        self.assertEqual((daemon.returncode, json.loads(told.splitlines()[-1])["code"]), (130, 130), log)
+        self.assertIn("nothing was recorded", log)
+        self.assertEqual(list(self.dir.glob("run.sqlite*")), [])
+        self.assertEqual(self.viewers(), [])
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[live.sys.argv[0], *(f"Ends.{name}" for name in live.sys.argv[2:])])
