@@ -28,23 +28,18 @@ std::string_view name_in(std::string_view host) {
   return port && !(host.starts_with('[') && end == 0) ? name : std::string_view{};
 }
 
-bool is_number(std::string_view name) {
-  std::array<unsigned char, sizeof(in6_addr)> address{};
-  if (name.starts_with('['))
-    return name.size() < 48 &&
-           ::inet_pton(AF_INET6, std::string(name.substr(1, name.size() - 2)).c_str(),
-                       address.data()) == 1;
-  return name.size() < 16 && ::inet_pton(AF_INET, std::string(name).c_str(), address.data()) == 1;
+bool is_loopback(std::string_view name) {
+  in_addr address{};
+  return same_name(name, "localhost") || name == "[::1]" ||
+         (name.starts_with("127.") &&
+          ::inet_pton(AF_INET, std::string(name.substr(0, 16)).c_str(), &address) == 1);
 }
 
 }  // namespace
 
 bool Access::accepts_host(std::string_view host) const {
   const std::string_view name = name_in(host);
-  if (name.empty()) return false;
-  if (same_name(name, "localhost") || name == "[::1]") return true;
-  if (loopback) return is_number(name) && name.starts_with("127.");
-  return is_number(name) || (!host_name.empty() && same_name(name, host_name));
+  return !name.empty() && (!loopback || is_loopback(name));
 }
 
 bool Access::accepts_origin(std::string_view origin, std::string_view host) const {

@@ -4,8 +4,8 @@
 //
 // Any web page can make a browser send requests to 127.0.0.1. Therefore two headers of each request
 // are checked:
-//   Host    must be a name of this machine that a foreign DNS entry cannot have. This prevents DNS
-//           rebinding.
+//   Host    must be a loopback address if the server listens only there, where reading needs no
+//           token. This prevents DNS rebinding. Otherwise the token decides, and any name is valid.
 //   Origin  must be the host of this server's page. If a proxy sets X-Forwarded-Host, that host is
 //           used. A web page cannot set X-Forwarded-Host for a WebSocket. For an HTTP request to
 //           another host it can do so only after a preflight request.
@@ -20,10 +20,9 @@ struct Access {
   bool needs_token = false;  // true: reading requires the token; writing always requires it
   bool loopback = true;      // true: the server listens only on the loopback interface
   bool many = false;         // true: the server shows a folder of runs
-  std::string host_name;     // host name of this machine
 
-  // Returns true for addresses and names of this machine, e.g. "127.0.0.1:8410", "[::1]" or
-  // "localhost".
+  // Returns true for "127.0.0.1:8410", "[::1]", "localhost" and the like; also for every other name
+  // unless the server listens only on the loopback interface.
   bool accepts_host(std::string_view host) const;
   // Returns true if the request comes from this server's page, or if it does not come from a web
   // page (empty `origin`). `host`: X-Forwarded-Host if a proxy sets it, otherwise Host.

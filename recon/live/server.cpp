@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "recon/live/server.hpp"
 
+#include <ifaddrs.h>
+#include <netinet/in.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -52,6 +54,20 @@ tcp::endpoint endpoint_of(const std::string& text) {
   return {address, static_cast<unsigned short>(number)};
 }
 
+// Returns an address at which other machines reach this one: that of its first network interface
+// with IPv4; 127.0.0.1 if there is none.
+net::ip::address public_address() {
+  net::ip::address out = net::ip::address_v4::loopback();
+  ifaddrs* all = nullptr;
+  if (::getifaddrs(&all) != 0) return out;
+  for (const ifaddrs* one = all; one && out.is_loopback(); one = one->ifa_next)
+    if (one->ifa_addr && one->ifa_addr->sa_family == AF_INET)
+      out = net::ip::address_v4(
+          ntohl(reinterpret_cast<const sockaddr_in*>(one->ifa_addr)->sin_addr.s_addr));
+  ::freeifaddrs(all);
+  return out;
+}
+
 // A run displayed by at least one browser, or the default run.
 struct ServedRun {
   ServedRun(const std::string& target, const LiveModel* model, std::optional<std::int64_t> planned,
@@ -80,7 +96,6 @@ class Server::Impl final : public SessionOwner {
     listen();
     access_.loopback = acceptor_.local_endpoint().address().is_loopback();
     access_.needs_token = !access_.loopback;
-    access_.host_name = machine_name();
   }
 
   std::string missing() {
@@ -93,10 +108,8 @@ class Server::Impl final : public SessionOwner {
 
   std::string address() const {
     const auto at = acceptor_.local_endpoint();
-    const bool any = at.address().is_unspecified();
-    const std::string host = any                    ? access_.host_name
-                             : at.address().is_v6() ? "[" + at.address().to_string() + "]"
-                                                    : at.address().to_string();
+    const auto shown = at.address().is_unspecified() ? public_address() : at.address();
+    const std::string host = shown.is_v6() ? "[" + shown.to_string() + "]" : shown.to_string();
     return "http://" + host + ":" + std::to_string(at.port()) +
            (access_.many && options_.until_closed ? "/newest/" : "/") + "?token=" + access_.token;
   }
