@@ -9,10 +9,12 @@ import json
 import os
 import pathlib
 import pty
+import re
 import struct
 import subprocess
 import sys
 import tempfile
+import tty
 import unittest
 
 import testing
@@ -60,16 +62,65 @@ class Reader(unittest.TestCase):
             for line in [*lines[:12], damage(lines[12]), *lines[13:]]:
                 self.assertIsNone(log.take(line))
             self.assertEqual(log.lost, 1)
-            self.assertEqual(sum(log.take(line) is not None for line in lines), 1)
+            self.assertEqual(sum(log.take(line) is not None for line in measurement(body(1), 2).splitlines()), 1)
 
     def test_sensor_log_may_begin_within_a_measurement(self):
         log, lines = tmf8820.Log(), measurement(body(1)).splitlines()
-        self.assertEqual(sum(log.take(line) is not None for line in lines[5:] + lines), 1)
+        self.assertEqual(sum(log.take(line) is not None for line in lines[5:] + measurement(body(1), 2).splitlines()), 1)
+
+    def test_logs_of_other_modes_are_refused_with_the_reason(self):
+        static = [measurement(body(1), number) for number in range(8)]
+        turns = [measurement(body(number % 4), number) for number in range(8)]
+        other = [text.replace("#Raw,65", "#Raw,66").replace("#Obj,65", "#Obj,66") for text in static]
+        captures = [text[:text.index("#Obj")] for text in static]
+        second = [re.sub(r"#Raw,65,(\d+)", lambda m: f"#Raw,65,{int(m[1]) + 30}", text) for text in captures]
+        again = [measurement(body(1), 5)] * 8
+        for texts, taken, lost, reason in (
+                (static, 8, 0, None),
+                ([measurement(body(1), 250 + n) for n in range(6)] + [measurement(body(1), 0)], 7, 0, None),
+                ([*static[:2], *static[4:]], 6, 2, None),
+                ([f"12:01:{k} -> {line}\n" for k, line in enumerate(static[0].splitlines())], 0, 0, "time stamps"),
+                ([static[0], other[1]], 1, 0, "two chips: I2C addresses 65 and 66"),
+                (turns, 7, 0, "8 x 8 mode"),
+                ([captures[n] + static[n] for n in range(8)], 2, 2, "4 x 4 or 8 x 8 mode"),
+                ([captures[n] + second[n] + static[n] for n in range(8)], 0, 0, "4 x 4 mode"),
+                (["#Conf,Period=132ms,KIter=250 SPAD=7 Pers=0\n", *static], 0, 0, "4 x 4 mode"),
+                (["#Conf,Period=132ms,KIter=250 SPAD=6 Pers=0\n", *static], 8, 0, None),
+                (again, 1, 3, "result numbers do not change")):
+            reasons = []
+            log = tmf8820.Log(refuse=reasons.append)
+            found = sum(log.take(line) is not None for line in "".join(texts).splitlines())
+            self.assertEqual(found, taken, reason)
+            self.assertEqual(len(reasons), 0 if reason is None else 1)
+            self.assertIn(reason or "", " ".join(reasons))
+            self.assertGreaterEqual(log.lost, lost, reason)
+        chosen = tmf8820.Log(address=66)
+        both = "".join(a + b for a, b in zip(static, other)).splitlines()
+        self.assertEqual((sum(chosen.take(line) is not None for line in both), chosen.lost), (8, 0))
+
+    def test_measurement_with_an_impossible_bin_is_counted_as_lost(self):
+        lines = measurement(np.full((9, 128), 3)).splitlines()
+        for row in (12, 22):  # a middle and a high byte
+            fields = lines[row].split(",")
+            log = tmf8820.Log()
+            changed = [*lines[:row], ",".join([*fields[:40], "99", *fields[41:]]), *lines[row + 1:]]
+            self.assertTrue(all(log.take(line) is None for line in changed))
+            self.assertEqual(log.lost, 1)
+
+    def test_waiting_board_is_started(self):
+        board, port = pty.openpty()
+        tty.setraw(port)
+        with Program("tmf8820.py", "--port", os.ttyname(port)) as program:
+            os.write(board, b"UART commands\r\n")
+            self.assertEqual(os.read(board, 10), b"ezm")
+            self.assertEqual(program.stop(), 0)
+        os.close(board)
+        os.close(port)
 
     def test_sensor_log_is_read_from_text_and_json_files(self):
         with tempfile.TemporaryDirectory() as folder:
             log, public = pathlib.Path(folder, "log.txt"), pathlib.Path(folder, "object.json.gz")
-            log.write_text("noise\n" + measurement(body(1)) + measurement(body(2)), encoding="utf-8")
+            log.write_text("noise\n" + measurement(body(1)) + measurement(body(2), 2), encoding="utf-8")
             with gzip.open(public, "wt") as file:
                 json.dump([{"hists": body(3).tolist(), "pose": []}], file)
             self.assertTrue(np.array_equal(tmf8820.captured(log), [body(1), body(2)]))
@@ -82,7 +133,7 @@ class Reader(unittest.TestCase):
         board, port = pty.openpty()
         with Program("tmf8820.py", "--port", os.ttyname(port)) as program, Client(program.address) as client:
             blocks = client.until(bridge.HELLO)  # waits for the connection, because earlier measurements would be lost
-            os.write(board, (measurement(body(1)) + measurement(body(2))[:500] + "\n" + measurement(body(4))).encode())
+            os.write(board, (measurement(body(1)) + measurement(body(2), 2)[:500] + "\n" + measurement(body(4), 2)).encode())
             blocks += client.until(bridge.HISTOGRAM)
             hello = json.loads(blocks[0].payload)
             self.assertEqual((hello["sends"], len(hello["zones"])), ("histograms", 9))
