@@ -55,7 +55,7 @@ tcp::endpoint endpoint_of(const std::string& text) {
 }
 
 // Returns an address at which other machines reach this one: that of its first network interface
-// with IPv4; 127.0.0.1 if there is none.
+// with IPv4; 127.0.0.1 if no interface has one.
 net::ip::address public_address() {
   net::ip::address out = net::ip::address_v4::loopback();
   ifaddrs* all = nullptr;
