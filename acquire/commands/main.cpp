@@ -64,6 +64,17 @@ Config load(const Options& o) {
   return load_config(place.path, o.assignments);
 }
 
+// Returns true if the key names a fact of the run, an attribute of exported files or a key that the
+// programs write.
+bool is_reserved_meta(const std::string& key) {
+  constexpr std::string_view reserved =
+      " uuid started_utc ended_utc status window_s host config_text config_resolved radar_cfg "
+      "version notes operator meta radar_baseline_m detector_dead_time_ps wal_key schema "
+      "Conventions CLASS NAME REFERENCE_LIST DIMENSION_LIST ";
+  return key.starts_with('_') || key.ends_with("_offset_m") ||
+         reserved.find(' ' + key + ' ') != reserved.npos;
+}
+
 void plan_count(Options& o, const Config& config) {
   const auto slots = [&](double time_s) {
     return static_cast<std::int64_t>(std::ceil(time_s / config.window_s - 1e-9));
@@ -141,6 +152,9 @@ ExitCode run(Options& o) {
     if (equals == 0 || equals == std::string::npos)
       throw Error(ExitCode::usage, "--meta " + pair + ": expected key=value");
     const std::string key = pair.substr(0, equals);
+    if (is_reserved_meta(key))
+      throw Error(ExitCode::usage, "--meta " + pair + ": " + key +
+                                       " is a name that echofuse uses itself; choose another name");
     for (const auto& [before, value] : o.run.meta)
       if (before == key) throw Error(ExitCode::usage, "--meta " + key + ": given twice");
     o.run.meta.emplace_back(key, pair.substr(equals + 1));

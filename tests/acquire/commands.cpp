@@ -188,6 +188,10 @@ TEST_CASE("the run command refuses a read-only folder, and metadata that have no
           "--meta room: expected key=value");
   refuses("run --out " + folder / "a" + config + " --meta a=1 --meta b=1 --meta a=2", 2,
           "--meta a: given twice");
+  for (const char* key :
+       {"uuid", "status", "spd_offset_m", "detector_dead_time_ps", "_NCProperties"})
+    refuses("run --out " + folder / "a" + config + " --meta " + key + "=1", 2,
+            std::string("--meta ") + key + "=1: " + key + " is a name that echofuse uses itself");
   fs::create_directory(folder / "closed");
   fs::permissions(folder / "closed", fs::perms::owner_read | fs::perms::owner_exec);
   // If the test runs as root, the command drops its privileges, because root may write to a

@@ -153,6 +153,28 @@ def test_netcdf_export_equals_the_result_of_to_xarray(runs, tmp_path, monkeypatc
         assert found.spd_verdict.values[9] == "unreadable: radar bin 1 is not a finite number"
 
 
+def test_netcdf_attributes_are_numbers_and_state_the_facts_of_the_run(runs, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    path = tmp_path / "a.sqlite"
+    shutil.copy(runs / "own.sqlite", path)
+    change(path, "label ?2 of record ?1", 1, "a\0b")
+    given = {"uuid": "mine", "status": "fine", "spd_offset_m": "0.3", "Conventions": "x", "_NCProperties": "x", "nul": "a\0b", "sample": "0012",
+             "gain": "2.5", "irf_fwhm_ps": "203 +- 2", "radar_taps": "1 0.5 0.25", "detector_dead_time_ps": "45 ns"}
+    for key, value in given.items():
+        change(path, "metadata entry ?1 with the value ?2", key, value)
+    run = echofuse.open(path)
+    assert np.array_equal(run[:3].photons(), echofuse.open(runs / "own")[:3].photons())  # an invalid dead time is ignored, as in C++
+    assert export(run, tmp_path / "a.nc") == export(run, tmp_path / "a.h5") == 2
+    with xarray.open_dataset(tmp_path / "a.nc", engine="h5netcdf") as found:
+        facts = {key: found.attrs.get(key) for key in given}
+        assert facts | {"radar_taps": list(facts["radar_taps"])} == given | {
+            "uuid": run.info["uuid"], "status": "complete", "spd_offset_m": run.offset_m.get("spd"), "Conventions": "CF-1.8",
+            "_NCProperties": None, "nul": "a\\x00b", "gain": 2.5, "irf_fwhm_ps": 203, "radar_taps": [1, 0.5, 0.25]}
+        assert (found.attrs["window_s"], found.attrs["irf_fwhm_ps_standard_error"]) == (run.info["window_s"], 2)
+        assert found.label.values[1] == "a\\x00b" and all(found[name].attrs["long_name"] for name in found.variables)
+
+
 def test_export_does_not_depend_on_the_block_size(runs, tmp_path, monkeypatch):
     run = echofuse.open(runs / "own")
     export(run, tmp_path / "whole.h5")

@@ -48,18 +48,17 @@ OF_THE_MACHINE = {"units": "ns",
 UNITS = {"db": "dB", "ps": "ps", "ns": "ns", "us": "us", "ms": "ms", "s": "s", "m": "m",
          "rad": "rad",
          "ppm": "1e-6", "percent": "%", "c": "degC"}
-LINEAR = "linear power on an arbitrary scale"
 ARRAY = ("for each range bin, over the frames of a record: mean sample of each antenna (real, "
          "imaginary); power of each antenna; mean of x_m conj(x_n) for m < n, row by row; mean of "
          "sum_m x_m(t) conj(x_m(t-1)); antennas as in /entry/tables/antenna")
 # NAME: (axes after the record axis, unit, meaning, function that returns the values)
 SIGNALS: dict[str, tuple[list[str], str, str, Callable[[Run], Any]]] = {
-    "spd": (["spd_time"], "counts", "detections per bin of two-way time of flight",
+    "spd": (["spd_time"], "counts", netcdf.LONG_NAMES["spd"],
             lambda part: part.spd),
-    "radar": (["radar_range"], "1", LINEAR, lambda part: part.radar),
+    "radar": (["radar_range"], "1", netcdf.LONG_NAMES["radar"], lambda part: part.radar),
     "array": (["array_range", "array_value"],
               "units of the firmware integers, squared for powers", ARRAY, antennas.values),
-    "depth": (["depth_y", "depth_x"], "m", "z of each pixel, NaN: no return",
+    "depth": (["depth_y", "depth_x"], "m", netcdf.LONG_NAMES["depth"],
               lambda part: part.depth)}
 # name in /entry: column of the table `run` that is stored there
 TEXTS = {"title": "notes", "entry_identifier": "uuid", "start_time": "started_utc",

@@ -12,14 +12,19 @@ from numpy.typing import NDArray
 def corrected(run: Any, counts: NDArray[np.float32], clicks: float,
               clicks_per_pulse: float) -> NDArray[np.float32]:
     """Corrects the counts [bins] of one record for pile-up. `clicks` is the number of clicks in the
-    record. If clicks_per_pulse is 0 (unknown), the counts are returned unchanged."""
-    if not clicks_per_pulse > 0:
+    record. If clicks_per_pulse is 0 (unknown), or the dead time of the run is not a positive
+    number, the counts are returned unchanged."""
+    text = run.meta["detector_dead_time_ps"]
+    try:
+        dead_ps = np.inf if text == "until the next pulse" else float(text)
+    except ValueError:
+        dead_ps = 0.0
+    if not (clicks_per_pulse > 0 and (0 < dead_ps <= 1e12 or dead_ps == np.inf)):
         return counts
     pulses, width = clicks / clicks_per_pulse, run.axes["spd"].step
+    dead = dead_ps / width
     before = np.concatenate([[0], np.cumsum(counts, dtype=np.float64)])
     places = np.arange(len(before))
-    text = run.meta["detector_dead_time_ps"]
-    dead = np.inf if text == "until the next pulse" else float(text) / width
     period = 1e12 * run.info["window_s"] / pulses / width
     whole = 0 if np.isinf(dead) else np.floor(dead / period)
     since = np.arange(len(counts)) + 0.5 - (dead - whole * period)
