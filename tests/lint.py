@@ -97,6 +97,13 @@ wings = {
     "empty room": (r"empty_room|EmptyRoom|--empty", r"/empty_room\.|^sim/", 13),
     "verdict": (r"[Vv]erdict", r"/verdict\.", 42),
     "zones": (r"[Zz]one|histograms_of", r"/zone\.", 69),
+    "calibration": (r"[Cc]alibrat", r"/calibrat", 39),
+    "antennas": (r"[Aa]ntenna|RadarArray|radar_array", r"array|antenna", 73),
+    "trust": (r"[Oo]ut_?[Oo]f_?[Dd]istribution|[Dd]omain_?[Ss]hift|[Uu]ncertainty|[Pp]ixel_?[Ee]rror", r"^recon/trust/", 24),
+    "fine-tuning": (r"[Cc]ross_?[Vv]alid|\btune|Tun(ed|ing)", r"/(tune|crossvalidate|choice)\.", 14),
+    "pile-up": (r"pile_up|dead_time|first_photon", r"/pile_up\.", 15),
+    "letters": (r"[Ll]etter", r"letter", 14),
+    "raw capture": (r"raw_tap|RawTap|keep_raw", r"/raw_tap\.", 6),
     "TI's codes": (r"log2_(q8|codes|power_step)|power_from_code", r"^(drivers|sim)/", 0),
     "twin": (r"[Tt]win", r"^sim/twin/", 5),
     "multipath": (r"[Mm]ultipath", r"/multipath_", 3),
@@ -108,6 +115,20 @@ for wing, (identifier, own, limit) in wings.items():
     if len(named) > limit:
         faults.append(f"{wing} is named in {len(named)} files outside its own, at most {limit} may: "
                       f"{', '.join(named)}")
+
+# ARCHITECTURE.md lists the headers of the core, and the wings with their limits.
+architecture = (root / ".github/ARCHITECTURE.md").read_text(encoding="utf-8")
+core, optional = architecture.split("\n## ")[1:3]
+headers = set()
+for folder, names in re.findall(r"^\| `([\w/]+)` \| (.*?) \|", core, re.M):
+    listed = {f"{folder}/{name}.hpp" for name in re.findall(r"`(\w+)`", names)}
+    faults += [f"ARCHITECTURE.md: {name} does not exist" for name in sorted(listed - product.keys())]
+    headers |= listed | {name for name in product if "the rest" in names and re.fullmatch(rf"{folder}/\w+\.hpp", name)}
+if f"read the {len(headers)} headers" not in core:
+    faults.append(f"ARCHITECTURE.md: the core has {len(headers)} headers; the text states another number")
+listed = {wing: int(limit) for wing, limit in re.findall(r"^\| ([^|]+) \|.*\| (\d+) \|$", optional, re.M)}
+if listed != {wing: limit for wing, (_, _, limit) in wings.items()}:
+    faults.append(f"ARCHITECTURE.md: the wings and limits {listed} differ from those in tests/lint.py")
 
 # Tests write runs with tests/fixtures, so that a change of the run format changes only the fixtures. This counts the lines
 # outside of the fixtures that construct a writer, define the axes, zones, antennas or calibration of a run, or contain SQL
