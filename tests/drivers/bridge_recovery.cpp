@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "../catch.hpp"
-#include "../virtual/wire.hpp"
+#include "../fixtures/wire.hpp"
 #include "blocks.hpp"
 #include "drivers/depth/bridge_camera.hpp"
 #include "drivers/port/virtual_loop.hpp"

@@ -12,7 +12,7 @@
 #include "../catch.hpp"
 #include "../drivers/sink.hpp"
 #include "../fixtures/paths.hpp"
-#include "../virtual/wire.hpp"
+#include "../fixtures/wire.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/port/loop.hpp"
 #include "drivers/port/virtual_loop.hpp"

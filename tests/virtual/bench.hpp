@@ -12,9 +12,9 @@
 
 #include "../catch.hpp"
 #include "../fixtures/folder.hpp"
+#include "../fixtures/laboratory.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/util/exit_code.hpp"
-#include "laboratory.hpp"
 
 namespace echofuse::test {
 

@@ -15,11 +15,11 @@
 #include <utility>
 
 #include "../drivers/sink.hpp"
+#include "../fixtures/keeper.hpp"
 #include "acquire/calibrate/calibrate.hpp"
 #include "acquire/config/calibration.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "bench.hpp"
-#include "keeper.hpp"
 #include "sim/wire/encode.hpp"
 
 using namespace echofuse;

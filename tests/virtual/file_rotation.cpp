@@ -6,8 +6,8 @@
 #include <set>
 
 #include "../acquire/testing.hpp"
+#include "../fixtures/keeper.hpp"
 #include "bench.hpp"
-#include "keeper.hpp"
 #include "recon/live/followed_run.hpp"
 
 using namespace echofuse;

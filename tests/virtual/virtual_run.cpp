@@ -9,9 +9,9 @@
 #include <ctime>
 #include <filesystem>
 
+#include "../fixtures/laboratory.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/settings.hpp"
-#include "laboratory.hpp"
 
 namespace {
 
