@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests that scripts/manual --api documents every public name and fails if a public name has no description."""
+"""Tests that scripts/manual --api documents every public name and fails if a public name has no description.
+Called as `tests/system/api_pages.py BIN_DIR`."""
 import pathlib
 import shutil
 import subprocess
@@ -8,7 +9,13 @@ import sys
 import tempfile
 import unittest
 
+import numpy as np
+
 source = pathlib.Path(__file__).resolve().parents[2]
+sys.path[:0] = map(str, (source / "tests/fixtures", source / "recon/python"))
+import echofuse  # noqa: E402
+import fixtures  # noqa: E402
+
 missing = [name for name in ("doxygen", "sphinx-build") if shutil.which(name) is None]
 if missing:
     print(f"skipped: {' and '.join(missing)} not installed (./scripts/setup --tests)")
@@ -41,7 +48,13 @@ class ApiPages(unittest.TestCase):
         pages = "".join(path.read_text(encoding="utf-8") for path in (self.dir / "out/cpp").glob("*.html"))
         for name in ("lateral_interval_90_m", "for_each", "spd_axis", "MapGrid", "api_version", "follow"):
             self.assertIn(name, pages)
-        self.assertIn("echofuse.Run.follow", (self.dir / "out/python/index.html").read_text(encoding="utf-8"))
+        page = (self.dir / "out/python/runs_and_models.html").read_text(encoding="utf-8")
+        run = echofuse.open(fixtures.plates("nine_zones"))
+        objects = {"": echofuse, "Run.": run, "Record.": run[0], "Axis.": run.axes["spd"],
+                   "Maps.": echofuse.Maps(run.maps(), run.index, np.ones(64), np.ones(64), [""], 0.55)}
+        names = [f"{prefix}{name}" for prefix, one in objects.items() for name in (dir(one) if prefix else echofuse.__all__)
+                 if not name.startswith("_") and name != "metrics"]
+        self.assertEqual([name for name in names if f'id="echofuse.{name}"' not in page], [])
 
     def test_api_manual_refuses_an_undocumented_cpp_name(self):
         tree = self.copy()

@@ -14,6 +14,7 @@ project = "echofuse"
 extensions = ["sphinx.ext.autodoc"]
 autodoc_default_options = {"members": True, "undoc-members": True, "member-order": "bysource"}
 html_theme = "alabaster"
+toc_object_entries_show_parents = "hide"
 
 
 def require_text(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:

@@ -23,13 +23,13 @@ from ..runs.acquire import import_arrays
 class Records:
     """Data of a run that a Change function may edit in place."""
 
-    run: runs.Run
+    run: runs.Run  #: the run that is copied
     keep: NDArray[np.bool_] = field(init=False)  #: True for each record to copy [n]
     spd: NDArray[np.uint32] = field(init=False)  #: counts [n, bins] or [n, zones, bins]
     radar: NDArray[np.float32] = field(init=False)  #: range profiles as stored [n, points]
     #: maps each sensor name to flags [n]; True: the record has no data from this sensor
     lost: dict[str, NDArray[np.bool_]] = field(init=False)
-    range_offset_m: float = 0
+    range_offset_m: float = 0  #: range bias to add to the radar, m
 
     def __post_init__(self) -> None:
         self.keep = np.ones(len(self.run), bool)

@@ -17,7 +17,7 @@ from typing import Any, Iterator, Sequence, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import grid, pile_up, zones
+from . import grid, pile_up
 from . import lags as antenna_lags
 from .axis import Axis, tangents
 from .damaged import errors_with_path
@@ -25,6 +25,10 @@ from .grid import Growing, inflated, read_only, rows_of, shifted
 from .record import Record
 from .run_files import (NULL_INTEGER, STATISTICS, Connection, connect, leftovers, meta_of,
                         status_of, table)
+from .zones import Zone
+from .zones import stored as stored_zones
+
+__all__ = ["PS_PER_M", "SENSORS", "Run", "open"]
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of the column record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # two-way time of flight per metre of range, ps
@@ -53,12 +57,21 @@ class Run:
     """Recorded values, one row per record. If a sensor is missing, its row is 0 (counts) or NaN,
     and `valid` is false. Records added after open() or the last refresh() are not included."""
 
+    path: pathlib.Path  #: absolute path of the run file
+    info: dict[str, Any]  #: columns of the table `run`, and the status of the run
+    meta: dict[str, str]  #: additional metadata of the run, by name
+    index: NDArray[np.int64]  #: number of each record in the run file [n]
+    time: NDArray[np.datetime64]  #: start of each slot, UTC [n]
+    labels: list[str]  #: label of each record; may be empty
+    valid: dict[str, NDArray[np.bool_]]  #: for each sensor, whether each record has data [n]
+    axes: dict[str, Axis]  #: axes of the arrays, by name
+    offset_m: dict[str, float]  #: range bias of each sensor, m; true range = measured range - bias
+    zones: list[Zone]  #: zones of the detector; empty for a single pixel
+    #: x, y (half wavelengths), gain and phase (rad) of each virtual radar antenna
+    antennas: list[tuple[float, ...]]
+
     def __init__(self, path: pathlib.Path) -> None:
-        self.path = path  #: absolute path of the run file
-        self.info: dict[str, Any] = {}  #: the row of the table `run`, by column; and `status`
-        #: number of each record in the run file
-        self.index: NDArray[np.int64] = np.array([], np.int64)
-        self.labels: list[str] = []  #: label of each record; may be empty
+        self.path, self.info = path, {}
         self._grown: dict[str, Growing] = {}  # arrays to which refresh() appends
         self._block: tuple[int, Run] | None = None  # first row, and records, of an iteration
         self._read()
@@ -150,8 +163,7 @@ class Run:
         most = max(self.path.stat().st_size, MIN_AXIS_LIMIT)
         layout = (self.axes, self.antennas, self.zones) if self.info else None
         with self._opened() as db:
-            #: axes of the arrays, by name
-            self.axes: dict[str, Axis] = {row[0]: Axis(*row) for row in db.execute(
+            self.axes = {row[0]: Axis(*row) for row in db.execute(
                 "SELECT name, quantity, unit, CAST(count AS INTEGER), CAST(start AS REAL), "
                 "CAST(step AS REAL),"
                 " CAST(scale AS REAL) FROM axis")}
@@ -163,17 +175,12 @@ class Run:
                                      f"{most} points and plausible positions")
             cursor = db.execute("SELECT * FROM run")
             self.info = dict(zip((column[0] for column in cursor.description), cursor.fetchone()))
-            #: additional metadata of the run, by name
-            self.meta: dict[str, str] = meta_of(self.path, self.info.pop("meta"))
+            self.meta = meta_of(self.path, self.info.pop("meta"))
             self.info["status"] = status_of(db, self.path, self.info["status"])
-            #: calibrated range bias of each sensor, m; true range = measured range - bias
-            self.offset_m: dict[str, float] = dict(
-                db.execute("SELECT sensor, offset_m FROM calibration"))
-            #: x, y (half wavelengths), gain and phase (rad) of each virtual radar antenna
-            self.antennas: list[tuple[float, ...]] = db.execute(
-                "SELECT x, y, gain, phase_rad FROM antenna ORDER BY rowid").fetchall()
-            #: zones of the detector; empty for a single pixel
-            self.zones: list[zones.Zone] = zones.stored(db)
+            self.offset_m = dict(db.execute("SELECT sensor, offset_m FROM calibration"))
+            self.antennas = db.execute("SELECT x, y, gain, phase_rad FROM antenna ORDER BY rowid"
+                                       ).fetchall()
+            self.zones = stored_zones(db)
             if "index" not in self._grown:
                 self.index, self.labels = np.array([], np.int64), []
             rows = db.execute("SELECT idx, valid, label, slot_utc_ns FROM record WHERE idx > ? "
@@ -183,13 +190,10 @@ class Run:
         index, bits, labels, utc = zip(*rows) if rows else ((), (), (), ())
         self.index = self._grow("index", np.array(index, np.int64))
         self.labels.extend(labels)
-        #: start of each slot, UTC
-        self.time: NDArray[np.datetime64] = self._grow("time", np.array(utc, "datetime64[ns]"))
+        self.time = self._grow("time", np.array(utc, "datetime64[ns]"))
         mask = np.array(bits, np.int64)
-        #: for each sensor, whether each record has valid data
-        self.valid: dict[str, NDArray[np.bool_]] = {
-            name: self._grow(f"{name} is valid", (mask & bit) != 0)
-            for name, bit in SENSORS.items()}
+        self.valid = {name: self._grow(f"{name} is valid", (mask & bit) != 0)
+                      for name, bit in SENSORS.items()}
 
     @contextmanager
     def _opened(self) -> Iterator[Connection]:
