@@ -169,6 +169,9 @@ for module, path in modules.items():
     tree = ast.parse(path.read_text(encoding="utf-8"))
     faults += [f"{path.relative_to(root)}:{node.lineno}: a function of {lines} lines; at most 60" for node in ast.walk(tree)
                if isinstance(node, ast.FunctionDef) and (lines := (node.end_lineno or 0) - node.lineno + 1) > 60]
+    if tree.body and path.stem != "__main__" and not any(
+            isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__" for node in tree.body):
+        faults.append(f"{path.relative_to(root)}: has no __all__")
     own = module if path.stem == "__init__" else module.rpartition(".")[0]
     room = ".".join(module.split(".")[:2])
     uses[module] = set()

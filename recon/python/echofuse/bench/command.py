@@ -30,6 +30,8 @@ from . import letters, recipe, stability
 from .methods import method
 from .table import Table, fill, finish, pareto_cells, source_line
 
+__all__ = ["main"]
+
 
 def parse_part(text: str) -> tuple[int, int]:
     """Parses "3/8" into (3, 8). Raises argparse.ArgumentTypeError for any other string."""

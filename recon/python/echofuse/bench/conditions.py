@@ -13,6 +13,8 @@ import numpy as np
 from ..runs.programs import UsageError
 from . import derive
 
+__all__ = ["BASE", "Axis", "World", "recorded_axes", "simulated_axes"]
+
 
 @dataclass(frozen=True)
 class World:

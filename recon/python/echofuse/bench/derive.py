@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 from .. import runs
 from ..runs.acquire import import_arrays
 
+__all__ = ["Change", "Records", "background", "copy", "fewer", "gain", "lost", "noise",
+           "range_offset", "read", "thinned"]
+
 
 @dataclass
 class Records:

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from ..runs.run import PS_PER_M
 
+__all__ = ["add_fog", "extinction_per_m"]
+
 LASER_UM, VISIBLE_UM = 1.55, 0.55
 REFRACTIVE_INDEX = {LASER_UM: 1.318, VISIBLE_UM: 1.333}
 LIDAR_RATIO_SR = 18.8

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = ["SIZES", "read", "text"]
+
 LETTERS = "ACEHLNOTUX"
 # width, height and stroke width of the letter plates, m (acquire/measurement/letter.hpp)
 SIZES = ((0.30, 0.40, 0.07), (0.20, 0.30, 0.05))

@@ -29,6 +29,9 @@ from ..runs.programs import BenchError, UsageError, call
 from ..runs.splits import split, usual_inputs
 from . import derive
 
+__all__ = ["CONSTANT", "COSTS", "COUNTS", "METRICS", "RECORDED", "Method", "Path", "Row",
+           "evaluate", "measure", "method", "nan_if_none", "python_method", "version", "writing"]
+
 METRICS = ("iou", "ssim", "ssim_hard", "ssim_fg", "rmse_m", "rmse_fg_m", "depth_mae_m", "abs_rel",
            "delta_125", "lateral_m",
            "ghost", "left_right")

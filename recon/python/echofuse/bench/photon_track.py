@@ -11,6 +11,8 @@ from typing import Any, NamedTuple
 
 from . import zone_fit
 
+__all__ = ["RunPair", "make_runs", "shapes_in"]
+
 
 class RunPair(NamedTuple):
     """A training run, and a run for testing the models trained on it."""

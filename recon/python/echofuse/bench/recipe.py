@@ -16,6 +16,8 @@ from . import photon_track, table as tables
 from .methods import Method, method, version
 from .table import checksum
 
+__all__ = ["add_command", "run"]
+
 
 def make_run(track: dict[str, Any], part: str, folder: pathlib.Path) -> pathlib.Path:
     """Returns the path of the training or test run of a track (`part` is "train" or "test").

@@ -17,6 +17,8 @@ from . import derive, fog, table as tables
 from .conditions import BASE, Axis, World, recorded_axes, simulated_axes
 from .methods import CONSTANT, Method, Row, method, version
 
+__all__ = ["Simulated", "add_command", "run"]
+
 TEST_SEEDS = 1000  # difference between the seeds of the test and the training records
 
 

@@ -31,6 +31,9 @@ from . import derive
 from .methods import (COSTS, COUNTS, METRICS, RECORDED, Method, Path, Row, evaluate, version,
                       writing)
 
+__all__ = ["Cell", "RunSource", "Table", "checksum", "content_hash", "existing_run", "fill",
+           "finish", "markdown", "means", "pareto_cells", "source_line"]
+
 HEAD = ("axis", "value", "model", "inputs", "seed", "source")
 COLUMNS = (*HEAD, *METRICS, *COSTS, *COUNTS, "files")
 COLUMNS_OF_RECORDS = (*HEAD, "record", *RECORDED)

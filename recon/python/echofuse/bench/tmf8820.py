@@ -30,6 +30,10 @@ from ..runs import PS_PER_M
 from ..runs.acquire import write_run
 from . import zone_fit
 
+__all__ = ["box", "cast", "fit_to_poses", "histograms", "hits_from", "measured_records",
+           "random_pose", "read_measured", "read_mesh", "render_records", "table_height",
+           "truth_of", "write"]
+
 Array = NDArray[np.float64]
 # number of bins, bin width (m), and bin of range 0; fitted to a block at known poses
 BINS, BIN_M, ZERO_BIN = 128, zone_fit.BIN_M, 12.0

@@ -18,6 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = ["BIN_M", "Scenes", "ZoneFit", "explained", "fit_zones", "load", "response_of", "slant",
+           "tangents"]
+
 Array = NDArray[np.floating[Any]]
 # number of rays per side of a field of view; tangent of its half-angle (14 % of the zone's
 # sensitivity is beyond tangents of +-0.3)

@@ -43,6 +43,8 @@ from ..runs.run_files import NULL_INTEGER
 from ..runs.staged import staged, stop_by_signal
 from . import record_csv
 
+__all__ = ["export", "main"]
+
 OF_THE_MACHINE = {"units": "ns",
                   "long_name": "time since the start of the machine (CLOCK_MONOTONIC)"}
 UNITS = {"db": "dB", "ps": "ps", "ns": "ns", "us": "us", "ms": "ms", "s": "s", "m": "m",

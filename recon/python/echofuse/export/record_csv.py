@@ -11,6 +11,8 @@ from ..runs.batches import load
 from ..runs.run import Run
 from ..runs.run_files import printable
 
+__all__ = ["write"]
+
 
 def write(run: Run, index: int, path: pathlib.Path) -> int:
     """Writes one record as lines "sensor,x,y,value", after header lines (starting with "#") that

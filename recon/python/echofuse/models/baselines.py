@@ -11,6 +11,8 @@ import numpy as np
 
 from .method import Array, network
 
+__all__ = ["predict"]
+
 
 def predict(t: dict[str, Array], f: dict[str, Any], counts: Array, power: Array) -> Array:
     """Predicts maps [n, pixels], m, from counts [n, bins] and radar power [n, points]."""

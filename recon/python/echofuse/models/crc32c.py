@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = ["crc32c"]
+
 POLYNOMIAL, ROWS = 0x82F63B78, 4096
 Words = NDArray[np.uint32]
 

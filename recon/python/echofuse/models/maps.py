@@ -16,6 +16,8 @@ from ..runs.staged import replaced
 if TYPE_CHECKING:
     from ..runs.run import Run
 
+__all__ = ["load_maps", "origin_of", "save_maps", "span_of"]
+
 
 def origin_of(run: Run) -> str:
     """Returns the text of run.txt, which identifies the run to which the maps belong

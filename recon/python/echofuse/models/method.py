@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 
 from ..runs import PS_PER_M
 
+__all__ = ["Array", "Method", "network"]
+
 Array = NDArray[Any]
 TAPS = np.arange(-7, 9)  # offsets of the interpolation taps, in profile points
 

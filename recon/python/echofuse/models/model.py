@@ -25,6 +25,8 @@ from .maps import origin_of, save_maps
 from .method import Method
 from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_in
 
+__all__ = ["Estimator", "Maps", "Model", "load_model", "read_safetensors"]
+
 # Tolerance of the tangents of a zone's direction (recon/data/dataset.hpp).
 DIRECTION_TOLERANCE = 0.01
 

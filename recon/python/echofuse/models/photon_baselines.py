@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from .. import runs
 from ..runs import PS_PER_M, zones
 
+__all__ = ["FirstReturn", "MeanMap", "OwnMeanMap"]
+
 Maps = NDArray[np.float32]
 MIN_PEAK = 0.08  # minimum height of a peak, relative to the highest bin of the zone
 TABLE_M = 0.035  # minimum distance between an object and the farthest return (the table), m

@@ -9,6 +9,8 @@ from typing import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = ["Response", "filter_between", "filtered", "stated_in"]
+
 TAPS_PER_CELL = 4  # same value as in acquire/measurement/response.hpp
 # same values as in recon/data/response_conversion.cpp
 REACH_CELLS, MAX_REACH, PARTS, NOISE_TO_SIGNAL, MUCH_NARROWER = 3, 48, 8, 1e-3, .75

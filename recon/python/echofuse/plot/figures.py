@@ -19,6 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 from .. import models, runs
 from ..models.maps import span_of
 
+__all__ = ["COLOURS", "figure", "learning_curve", "map", "maps", "opened", "pareto", "record",
+           "shares", "stability", "table", "timeline"]
+
 COLOURS = {"spd": "#0b5cad", "radar": "#a64200", "depth": "#00695c", "both": "#16191d",
            "papers": "#5b0f75",
            "grey": "#6a7078", "bad": "#b3201a"}

@@ -21,6 +21,10 @@ from numpy.typing import NDArray
 
 from ..runs import run_files
 
+__all__ = ["NONE", "PAGE", "Block", "add_series", "cell", "chart", "details", "fails", "html_of",
+           "listed", "packed", "paragraph", "pictures", "printable", "short", "table",
+           "three_digits"]
+
 Block = dict[str, Any]
 PAGE = pathlib.Path(__file__).resolve().parents[1] / "web"  # folder with the scripts and styles
 NONE = "\N{EN DASH}"

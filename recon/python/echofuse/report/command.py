@@ -38,6 +38,8 @@ from .records import half_tangent, map_remarks, record_blocks, select_records
 from .scores import Evaluation, ReportModel, ReportError, Scores, evaluate, means_of, read_models
 from .story import Story, info_of
 
+__all__ = ["main"]
+
 TERMS = (
     ("SPD", "single-pixel single-photon detector; its clicks are histogrammed by time of flight."),
     ("record", "sensor data of one time slot; the map of its depth camera is the ground-truth "

@@ -16,6 +16,8 @@ from .blocks import Block, packed, paragraph, pictures
 from .records import measured, record_blocks, score_text
 from .scores import Evaluation, ReportModel, ReportError, evaluate, means_of
 
+__all__ = ["OtherMaps", "named_folders"]
+
 
 def named_folders(arguments: Sequence[str]) -> dict[str, str]:
     """Parses NAME=FOLDER or FOLDER into {name: folder}. Raises ReportError for a duplicate name."""

@@ -19,6 +19,9 @@ from ..runs.zones import summed
 from .blocks import Block, packed, short
 from .scores import ReportModel, Scores
 
+__all__ = ["decibels", "half_tangent", "map_remarks", "measured", "record_blocks", "score_text",
+           "select_records"]
+
 UNCALIBRATED = (
     "no uncertainty (requires a model with sensor inputs and an uninterrupted training on at least "
     "50 records)")

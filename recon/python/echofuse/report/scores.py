@@ -17,6 +17,9 @@ from ..bench.methods import nan_if_none
 from ..models.model import read_safetensors
 from ..runs.programs import BenchError, call
 
+__all__ = ["Count", "Evaluation", "Mean", "Means", "ReportError", "ReportModel", "Scores",
+           "Values", "evaluate", "means_of", "read_models", "sensors_of"]
+
 Values = NDArray[np.float64]
 
 

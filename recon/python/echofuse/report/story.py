@@ -18,6 +18,8 @@ from .blocks import NONE, Block, details, packed, paragraph, short, table
 from .records import decibels
 from .scores import Values
 
+__all__ = ["Story", "info_of"]
+
 SENSORS = {"spd": "SPD", "radar": "radar", "depth": "depth camera"}
 MAX_POINTS = 400  # maximum number of points per curve; more points could not be distinguished
 

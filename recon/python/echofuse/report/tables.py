@@ -11,6 +11,11 @@ import numpy as np
 from .blocks import NONE, Block, add_series, cell, chart, paragraph, table, three_digits
 from .scores import Count, Evaluation, Mean, Means, ReportModel, Scores, Values, means_of
 
+__all__ = ["FIRST", "METRICS", "Row", "all_table", "best_of", "comparison", "comparison_verdict",
+           "cost_table", "differences_table", "errors", "failing", "failures_table", "first_table",
+           "labels_table", "losses", "metrics_table", "models_verdict", "plus_minus",
+           "problems_of_run", "rows_of", "uncertainty_table", "value"]
+
 
 class MetricFormat(NamedTuple):
     """The name, the unit and the number format of a metric."""

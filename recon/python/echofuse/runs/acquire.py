@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import run as runs
 from .programs import BenchError, call, not_started, path_of
 
-__all__ = ["annotate", "import_arrays", "record", "write_run"]
+__all__ = ["annotate", "import_arrays", "plain", "record", "write_run"]
 
 Path = str | os.PathLike[str]
 ma: Any = np.ma  # NumPy does not declare types of masked arrays

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from .run import Run
 
+__all__ = ["beams", "frames", "values"]
+
 
 def frames(run: Run) -> NDArray[np.uint64]:
     """Returns the number of radar frames in each record [n]."""

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from . import antennas
 from .run import Run
 
+__all__ = ["Progress", "blocks", "load", "marked"]
+
 MAX_RECORDS, MAX_BYTES = 256, 32 << 20  # maximum number of records and bytes in a block
 Progress = Callable[[int], None]  # function called with the number of finished records
 

@@ -20,6 +20,8 @@ import numpy as np
 
 from .run_files import APPLICATION_ID, FORMAT_VERSION, SCHEMA, is_closed, printable
 
+__all__ = ["convert", "main"]
+
 # word of a verdict by the beginning of its text in format 3
 OLD_TEXTS = {"tags cover only ": "covers only part", "histograms cover only ": "covers only part",
              "frames of ": "other axis", "axis differs ": "other axis",

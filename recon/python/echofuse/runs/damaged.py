@@ -9,6 +9,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+__all__ = ["errors_with_path"]
+
 F = TypeVar("F", bound=Callable[..., Any])
 FAULTS = (sqlite3.Error, ValueError, TypeError, KeyError, IndexError, AttributeError,
           OverflowError, MemoryError, ZeroDivisionError)

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = ["Growing", "cells", "inflated", "read_only", "rows_of", "shifted", "to_map"]
+
 
 def cells(source: Any, target: Any) -> list[tuple[int, int]]:
     """For each target pixel, returns the interval [first, last) of the source pixels with centres

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from .axis import Axis
 
+__all__ = ["Pairs", "axis_of", "of_bins", "pairs_of"]
+
 Pairs = dict[int, list[tuple[int, int]]]  # pairs of antennas by their spacing in half wavelengths
 
 

@@ -12,6 +12,8 @@ from .batches import Progress, blocks, marked
 from .run import PS_PER_M, SENSORS, Run
 from .zones import Zone
 
+__all__ = ["LONG_NAMES", "SINCE_1970", "dataset", "engine", "write"]
+
 SINCE_1970 = "nanoseconds since 1970-01-01T00:00:00Z"  # unit of times in xarray and netCDF
 ONE = {"units": "1"}
 # names of attributes that the netCDF libraries use themselves

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = ["corrected"]
+
 
 def corrected(run: Any, counts: NDArray[np.float32], clicks: float,
               clicks_per_pulse: float) -> NDArray[np.float32]:

@@ -7,6 +7,8 @@ import pathlib
 import subprocess
 import sys
 
+__all__ = ["EXIT_CODES", "BenchError", "UsageError", "call", "not_started", "path_of"]
+
 
 EXIT_CODES = "exit codes:  0 ok, 1 failed, 2 usage, "  # each program appends its own codes
 

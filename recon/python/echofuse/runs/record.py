@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from .run import Run
 
+__all__ = ["Record"]
+
 
 @dataclass(frozen=True)
 class Record:

@@ -23,6 +23,9 @@ try:
 except ImportError:  # Windows
     pass
 
+__all__ = ["NULL_INTEGER", "SCHEMA", "STATISTICS", "Connection", "connect", "is_closed",
+           "leftovers", "meta_of", "printable", "status_of", "table", "wal_key"]
+
 APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 4
 NULL_INTEGER = -1 << 63
 WAL_KEY = "wal_key"  # key in the JSON object run.meta of an open run

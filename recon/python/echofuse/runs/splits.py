@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from .programs import call
 from .run import Run
 
+__all__ = ["Split", "split", "usual_inputs"]
+
 Rows = NDArray[np.int64]
 
 

@@ -19,6 +19,8 @@ try:
 except ImportError:  # Windows
     pass
 
+__all__ = ["locked", "replaced", "staged", "stop_by_signal", "sync"]
+
 
 def stop_by_signal() -> list[int]:
     """Makes SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt. Returns a list to which received

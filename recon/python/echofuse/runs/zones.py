@@ -9,6 +9,8 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = ["Zone", "directions", "stored", "summed"]
+
 MAX_ZONES = 64
 Number = TypeVar("Number", bound=np.generic)
 
