@@ -1,0 +1,158 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""Compares names and defaults in the manuals with the programs: settings, columns, metrics, file formats, exit codes and the
+output of doctor. Called as `manual_facts.py BIN_DIR`. tests/lint.py compares commands and options."""
+import json
+import pathlib
+import re
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import unittest
+
+bin_dir = pathlib.Path(sys.argv[1]).resolve()
+source = pathlib.Path(__file__).resolve().parents[2]
+sys.path.append(str(source / "recon/python"))
+import echofuse
+
+texts = {path.relative_to(source): path.read_text(encoding="utf-8")
+         for path in [source / "README.md", *(path for room in ("acquire", "drivers", "recon", "sim") for path in (source / room).rglob("*.md"))]}
+sections = ("run", "tdc", "radar", "depth", "signal", "alert")
+files = (".npy", ".toml", ".txt", ".dat", ".times", ".cpp", ".hpp")
+
+
+def manual(name):
+    return texts[pathlib.Path(name)]
+
+
+def spans(text):
+    return re.findall(r"`([^`]+)`", re.sub(r"^```.*?^```$", "", text, flags=re.M | re.S))
+
+
+def first_column(text):
+    """Returns the names in the first column of the tables of a text."""
+    return [name for cell in re.findall(r"^\| ((?:`[^`]+`(?:, )?)+) \|", text, re.M) for name in re.findall(r"`([^`]+)`", cell)]
+
+
+def settings_of(text):
+    """Returns the settings `section.key` or `key` in a listing of the programs, with their defaults."""
+    found, section = {}, ""
+    for line in text.splitlines():
+        if header := re.fullmatch(r"\[(\w+)\](?: +#.*)?", line):
+            section = header[1] + "."
+        elif setting := re.match(r"(\w+) = (.*?)(?:  # .*)?$", line):
+            found[section + setting[1]] = setting[2].strip('"')
+    return found
+
+
+class Facts(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-facts-")
+        cls.dir = pathlib.Path(cls.folder.name)
+        (cls.dir / "lab.toml").write_text('[tdc]\naddress = "bridge:tcp://127.0.0.1:41110"\n')
+        cls.call("echofuse-sim", "dataset", "-q", "--out", "zones.sqlite", "--records", "40", "--set", "spd_zones=3", "--set", "radar_antennas=8")
+        cls.call("echofuse-recon", "train", "-q", "zones.sqlite", "--model", "mean", "--out", "mean.safetensors")
+        cls.run_of_python = echofuse.open(cls.dir / "zones.sqlite")
+        cls.acquire = settings_of(cls.call("echofuse-acquire", "config", "show", "--config", "lab.toml"))
+        cls.sim = settings_of(cls.call("echofuse-sim", "config"))
+        cls.train = settings_of(cls.call("echofuse-recon", "train", "--settings"))
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    @classmethod
+    def call(cls, *words, ok=(0,)):
+        done = subprocess.run([bin_dir / words[0], *words[1:]], cwd=cls.dir, capture_output=True, text=True, timeout=200)
+        assert done.returncode in ok, f"{words}: exit code {done.returncode}: {done.stdout}{done.stderr}"
+        return done.stdout
+
+    def test_settings_in_the_manuals_exist(self):
+        named = 0
+        for path, text in texts.items():
+            for span in spans(text):
+                for section, key in re.findall(rf"(?<![\w./-])({'|'.join(sections)})\.(\w+)", span):
+                    if span.endswith(files) or section == "run" and (hasattr(self.run_of_python, key) or key == "entry"):
+                        continue
+                    named += 1
+                    self.assertIn(f"{section}.{key}", self.acquire, f"{path}: {span}")
+                for key in re.findall(r"^(\w+) = ", span):
+                    self.assertIn(key, {*self.sim, *self.train, *(name.partition(".")[2] for name in self.acquire), "run", "on_doubt", "key"}, f"{path}: {span}")
+        self.assertGreater(named, 50)
+
+    def test_defaults_in_the_manuals_are_those_of_the_programs(self):
+        stated = 0
+        for path, text in texts.items():
+            for name, default in re.findall(r"`([\w.]+)` \((?:[^()]*; )?default:? (-?[\d.]+|`[^`]+`)", text):
+                known = {**self.sim, **self.train, **self.acquire}
+                if name in known:
+                    stated += 1
+                    self.assertEqual(float(known[name]), float(default.strip("`").rstrip(".")), f"{path}: {name}")
+        self.assertGreater(stated, 1)
+
+    def test_lab_toml_lists_all_limits(self):
+        listed = settings_of((source / "config/lab.toml").read_text(encoding="utf-8"))
+        for section in ("signal", "alert"):
+            self.assertEqual({name for name in listed if name.startswith(section)}, {name for name in self.acquire if name.startswith(section)})
+
+    def test_run_file_page_lists_all_tables_and_columns(self):
+        page = manual("acquire/RUN_FILE.md").partition("### Tables and columns")[2].partition("\n## ")[0]
+        db = sqlite3.connect(self.dir / "zones.sqlite")
+        tables = {name for name, in db.execute("SELECT name FROM sqlite_schema WHERE type = 'table' AND name NOT LIKE 'sqlite%'")}
+        self.assertEqual(set(re.findall(r"^\| `(\w+)`", page, re.M)), tables)
+        columns = [row[1] for row in db.execute("PRAGMA table_info(record)")]
+        rows = "\n".join(re.findall(r"^\| `record`.*", page, re.M))
+        names = re.findall(r"`([\w.]+)`", rows)
+        for column in columns:
+            short = re.sub(r"^(spd|radar|depth)_", "", column)
+            pattern = any(re.fullmatch(name.replace("...", ".+"), column) for name in names if "..." in name)
+            if column != "label" and not re.fullmatch(r"radar_(rx|tx|pm|dig)\d?_c", column):
+                self.assertTrue(column in names or short in names or pattern, column)
+        ends = {re.sub(r"^(spd|radar|depth)_", "", column) for column in columns}
+        extra = {"record", "power", "binned_power", "power_with_noise", "radar_", "spd_", "depth_"}
+        self.assertEqual([name for name in names if "..." not in name and name not in {*columns, *ends, *extra} and "_" in name], [])
+
+    def test_columns_of_records_csv_are_explained(self):
+        self.call("echofuse-recon", "reconstruct", "-q", "mean.safetensors", "zones.sqlite", "--out", "maps")
+        header = (self.dir / "maps/records.csv").read_text().splitlines()[0].split(",")
+        explained = spans(manual("recon/README.md")) + spans(manual("recon/WHEN_IT_FAILS.md"))
+        self.assertEqual([name for name in header if name not in ("record", "status") and name not in explained], [])
+
+    def test_metrics_page_lists_the_metrics_of_evaluate(self):
+        printed = json.loads(self.call("echofuse-recon", "evaluate", "mean.safetensors", "zones.sqlite", "--json"))["metrics"]
+        listed = first_column(manual("recon/README.md").partition("\n## Metrics")[2].partition("\n## ")[0])
+        self.assertEqual(sorted(listed), sorted(printed))
+
+    def test_table_of_map_formats_is_complete(self):
+        help_text = self.call("echofuse-recon", "reconstruct", "--help")
+        formats = re.search(r"--format TEXT:\{([\w,]+)\}", help_text)[1].split(",")
+        listed = first_column(manual("recon/README.md").partition("\n## Depth map files")[2].partition("\n## ")[0])
+        self.assertEqual(sorted(listed), sorted(formats))
+
+    def test_table_of_models_is_complete(self):
+        help_text = " ".join(self.call("echofuse-recon", "train", "--help").split())
+        models = re.findall(r"([a-z-]+)(?:\[[^]]*\])*,", re.search(r"kind of model, one of: (.*?) paper", help_text)[1])
+        listed = first_column(manual("recon/MODELS.md").partition("\n## Model types")[2].partition("\n## ")[0])
+        self.assertEqual(sorted(listed), sorted(models))
+
+    def test_table_of_exit_codes_is_complete(self):
+        stated = set(re.findall(r"^\| (\d+) \|", manual("acquire/SERVICE.md").partition("## Exit codes")[2], re.M))
+        printed = set()
+        for words in (("acquire", "run"), ("acquire", "import"), ("recon", "train"), ("recon", "reconstruct"), ("sim", "dataset"), ("view",)):
+            text = self.call(f"echofuse-{words[0]}", *words[1:], "--help").partition("\nexit codes:")[2]
+            printed |= set(re.findall(r"(?:^|, )\s*(\d+) [a-z]", text))
+        self.assertEqual(stated, printed)
+
+    def test_example_of_doctor_has_the_lines_of_the_program(self):
+        printed = self.call("echofuse-sim", "lab", "--window", "0.5", "--", bin_dir / "echofuse-acquire", "doctor", "--config", "lab/lab.toml",
+                            ok=range(7))
+        example = manual("acquire/README.md").partition("Output of `doctor`")[2].partition("```")[2].partition("```")[0]
+        checks = re.compile(r"^(?:ok|warning|failed) +(\w+(?: \w+)?)  ", re.M)
+        self.assertGreater(len(checks.findall(example)), 10)
+        self.assertEqual(checks.findall(example), checks.findall(printed))
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
