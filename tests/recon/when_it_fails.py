@@ -16,7 +16,7 @@ rows = {}
 for line in manual.read_text(encoding="utf-8").split("## ")[0].splitlines():
     cells = [cell.strip() for cell in line.strip("|").split("|")]
     if line.startswith("| ") and len(cells) == 3:
-        rows[cells[0]] = cells[1]
+        rows[cells[1]] = cells[0]
 antennas = ("radar_antennas=8", "radar_sum=coherent")
 
 
