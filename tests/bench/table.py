@@ -15,6 +15,9 @@ import zlib
 
 import numpy
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "recon/python"))
+import echofuse  # noqa: E402
+
 # rows[path] contains the unit, the value of echofuse, the limit and the name of the limit.
 # peers[path] contains the name and the value of the peer.
 rows, peers = {}, {}
@@ -52,6 +55,24 @@ def load(path):
     with sqlite3.connect(f"file:{path}?mode=ro", uri=True) as run_file:
         found = run_file.execute("SELECT spd, radar, depth FROM record").fetchall()
     return [(numpy.frombuffer(spd, "<u4"), numpy.frombuffer(radar, "<f4"), decode(depth)) for spd, radar, depth in found]
+
+
+def in_python(recorded, few):
+    """Measures how the Python package loads all records, reads one of them, and reads the state of a run that it follows."""
+    def all_arrays():
+        run = echofuse.open(recorded)
+        return run.spd, run.radar, run.depth
+
+    records = len(load(recorded))
+    rows["loading a record in Python"] = "us", 1e6 * best_s(3, all_arrays) / records, 1e6 * best_s(3, lambda: echofuse.open(
+        recorded)) / records, "opening the run"
+    peers["loading a record in Python"] = "NumPy, sqlite3, zlib", 1e6 * best_s(3, lambda: load(recorded)) / records
+    for path in few, recorded:
+        run = echofuse.open(path)
+        run.spd  # noqa: B018 (reads and caches the array)
+        rows[f"a step of Run.follow(), {len(run)} records"] = "us", 1e6 * best_s(20, lambda: run.refresh().spd), 0, ""
+        cold = echofuse.open(path)
+        rows[f"run[i].spd, {len(run)} records"] = "us", 1e6 * best_s(20, lambda: cold[7].spd), 0, ""
 
 
 def to_maps(recon, model, recorded, scratch):
@@ -124,6 +145,9 @@ def main():
     subprocess.run([options.build / "bin/echofuse-sim", "dataset", "-q", "--seed", "1", "--out", recorded], check=True)
     run(bench / "bench_recon", recorded)
     peers["loading a record"] = "NumPy, sqlite3, zlib", 1e6 * best_s(2, lambda: load(recorded)) / len(load(recorded))
+    few = options.scratch / "few"
+    subprocess.run([options.build / "bin/echofuse-sim", "dataset", "-q", "--records", "400", "--out", few], check=True)
+    in_python(recorded, few)
     model = options.scratch / "model.safetensors"
     subprocess.run([recon, "train", recorded, "--model", "factorised-16", "--epochs", "10", "-q", "--out", model], check=True)
     to_maps(recon, model, recorded, options.scratch)

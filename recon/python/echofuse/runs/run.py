@@ -8,7 +8,7 @@ import json
 import pathlib
 import time
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import cached_property
@@ -305,9 +305,10 @@ class Run:
     @property
     def depth(self) -> NDArray[np.float32]:
         """z of each pixel of the camera images [n, rows, columns], m; NaN: no return."""
+        size = self._image_size()
         return read_only(self._cached("depth", lambda rows: self._table(
-            self._image_size(), np.float32, np.nan, rows, self.valid["depth"],
-            ((row, METRES[image]) for row, image in self._images(rows)))))
+            "depth", size, np.float32, np.nan, rows,
+            lambda row, blob: METRES.take(inflated(blob, size), mode="clip"))))
 
     def _image_size(self) -> tuple[int, int]:
         rows, columns = (self.axes[name].count if name in self.axes else 0
@@ -472,20 +473,20 @@ class Run:
                                  f"bytes, but its axis requires {size}")
             return np.frombuffer(blob, kind)
 
-        return self._table((count,), kind, missing, rows, self.valid[sensor],
-                           ((row, vector(row, blob)) for row, blob in self._blobs(sensor, rows)))
+        return self._table(sensor, (count,), kind, missing, rows, vector)
 
     @errors_with_path
-    def _table(self, shape: tuple[int, ...], kind: Any, missing: float, rows: NDArray[np.int64],
-               valid: NDArray[np.bool_],
-               found: Iterable[tuple[int, NDArray[Any]]]) -> NDArray[Any]:
-        """Returns the values that were found for consecutive rows, and `missing` for the others."""
-        out = None
-        for row, values in found:
+    def _table(self, sensor: str, shape: tuple[int, ...], kind: Any, missing: float,
+               rows: NDArray[np.int64],
+               decode: Callable[[int, bytes], NDArray[Any]]) -> NDArray[Any]:
+        """Reads the values of consecutive rows. `missing` stands for missing values."""
+        out, first = None, int(rows[0]) if len(rows) else 0
+        for row, blob in self._blobs(sensor, rows):
+            values = decode(row, blob)
             if out is None:  # allocated after the first check, because the axis may be damaged
                 out = np.empty((len(rows), *shape), kind)
-            out[row - rows[0]] = values
+            out[row - first] = values
         if out is None:
             return np.full((len(rows), *shape), missing, kind)
-        out[~valid[rows]] = missing
+        out[~self.valid[sensor][rows]] = missing
         return out
