@@ -220,6 +220,9 @@ if formatter:
 texts = [root / "README.md", *sorted((root / ".github").glob("*.md"))] + [path for path in tracked() if path.suffix == ".md"]
 if len((root / "README.md").read_text(encoding="utf-8").splitlines()) > 150:
     faults.append("README.md: over 150 lines")
+version = re.search(r"project\(echofuse VERSION ([\d.]+)", (root / "CMakeLists.txt").read_text(encoding="utf-8"))[1]
+if f"**Status: version {version}.**" not in (root / "README.md").read_text(encoding="utf-8"):
+    faults.append(f"README.md: the status does not state version {version} of CMakeLists.txt")
 # Headings are phrases that people search for, so they do not begin with an article, a question word or a preposition.
 # Links to files and headings resolve; the name of a heading is computed as GitHub does.
 unsearchable = re.compile(r"(A|An|The|What|Which|Who|Why|How|When|Where|Do|Does|Is|Are|Can|With|Without|More|Elsewhere|Rules)\b")
