@@ -158,6 +158,7 @@ ExitCode run_dataset(DatasetArguments& a) {
   if (!a.options.quiet)
     std::cout << printable(a.options.out) << ": " << written << " records in "
               << human_duration(seconds) << "\n";
+  if (!a.options.quiet && plan.objects > 0) std::cout << object_text(plan.conditions) << "\n";
   const auto all = static_cast<std::int64_t>(scenes_of(plan).size());
   const std::int64_t wanted = a.options.part ? a.options.part->range(all).size() : all;
   return written == wanted ? ExitCode::ok : ExitCode::interrupted;
@@ -239,6 +240,7 @@ ExitCode run_lab(LabArguments& a, bool quiet) {
   }
   if (a.options.schedule.kind == "object")
     plan.objects = 1, scenes_of(plan);  // throws Error(config) if no mesh is set
+  if (!quiet && plan.objects > 0) std::cerr << object_text(plan.conditions) << "\n";
   a.options.schedule.seed = plan.seed;
   port::SystemLoop loop;
   sim::Lab lab(loop, a.options);

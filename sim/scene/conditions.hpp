@@ -95,6 +95,9 @@ void bind(Settings& settings, Conditions& conditions);
 // Throws Error(config) if settings contradict each other, or if the mesh of an object cannot be
 // read.
 void validate(const Conditions& conditions);
+// Returns the name, the size and the number of triangles of the object's mesh. Throws Error(config)
+// if the mesh is larger than the room, smaller than a pixel or has too many triangles.
+std::string object_text(const Conditions& c);
 
 // Returns the number of detector rays across the field of view: `spd_rays` or, if that is 0, a
 // number that depends on `signal_photons`. This number keeps the variance of the sampling error

@@ -19,17 +19,26 @@ namespace {
 constexpr std::size_t most_triangles = 1'000'000;
 constexpr double farthest = 1e6;  // largest allowed absolute coordinate, in units of the mesh
 
-// Splits a string into words, line by line.
+// Splits a string into words, line by line. Skips a byte order mark. A line that ends with a
+// backslash continues on the next line.
 class WordReader {
  public:
-  WordReader(std::string_view text, const std::string& name) : text_(text), name_(name) {}
+  WordReader(std::string_view text, const std::string& name) : text_(text), name_(name) {
+    if (text_.starts_with("\xef\xbb\xbf")) text_.remove_prefix(3);
+  }
 
   bool next_line() {
     if (at_ >= text_.size()) return false;
-    const std::size_t end = std::min(text_.find('\n', at_), text_.size());
-    rest_ = text_.substr(at_, end - at_);
-    at_ = end + 1;
-    ++line_;
+    line_text_.clear();
+    for (bool goes_on = true; goes_on && at_ < text_.size(); ++line_) {
+      const std::size_t end = std::min(text_.find('\n', at_), text_.size());
+      line_text_ += text_.substr(at_, end - at_);
+      at_ = end + 1;
+      while (line_text_.ends_with('\r')) line_text_.pop_back();
+      goes_on = line_text_.ends_with('\\');
+      if (goes_on) line_text_.back() = ' ';
+    }
+    rest_ = line_text_;
     return true;
   }
   // Returns the next word of the line; empty at the end of the line.
@@ -61,9 +70,25 @@ class WordReader {
 
  private:
   std::string_view text_, rest_;
+  std::string line_text_;
   const std::string& name_;
   std::size_t at_ = 0, line_ = 0;
 };
+
+// Returns true if a corner of the polygon points inwards, or if the polygon crosses itself.
+bool is_concave(const Mesh& mesh, const std::vector<std::uint32_t>& corners) {
+  const auto point = [&](std::size_t i) { return mesh.points[corners[i % corners.size()]]; };
+  Vec3 normal{};
+  for (std::size_t i = 2; i < corners.size(); ++i)
+    normal = normal + cross(point(i - 1) - point(0), point(i) - point(0));
+  constexpr double rounding = 1e-6;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const Vec3 turn = cross(point(i + 1) - point(i), point(i + 2) - point(i + 1));
+    const bool no_area = dot(normal, normal) == 0 && dot(turn, turn) > 0;
+    if (no_area || dot(turn, normal) < -rounding * dot(normal, normal)) return true;
+  }
+  return false;
+}
 
 // Adds a polygon as a triangle fan. Omits triangles of zero area.
 void add_polygon(Mesh& mesh, const std::vector<std::uint32_t>& corners) {
@@ -108,6 +133,7 @@ Mesh read_obj(std::string_view content, const std::string& name) {
       for (auto word = text.word(); !word.empty(); word = text.word())
         corners.push_back(obj_corner(text, word, mesh.points.size()));
       if (corners.size() < 3) text.fail(key, "a face with at least three vertices");
+      if (is_concave(mesh, corners)) text.fail(key, "a convex face; split the face into triangles");
       add_polygon(mesh, corners);
     }
   }
@@ -120,6 +146,17 @@ Mesh read_mesh(const std::string& content, const std::string& name) {
   Mesh mesh = read_obj(content, name);
   check_size(mesh, name);
   return mesh;
+}
+
+Vec3 size_of(const Mesh& mesh) {
+  Vec3 low{INFINITY, INFINITY, INFINITY}, high = -1 * low;
+  for (const auto& corners : mesh.triangles)
+    for (const auto corner : corners) {
+      const Vec3 p = mesh.points[corner];
+      low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+      high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+    }
+  return high - low;
 }
 
 const Mesh& mesh_of(const std::string& path) {

@@ -220,6 +220,45 @@ TEST_CASE("meshes from right-handed files are not mirrored, whatever the up axis
     }
 }
 
+TEST_CASE("a byte order mark and continued lines are read in meshes") {
+  const std::string corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+  const Mesh mesh = read_mesh("\xef\xbb\xbf" + corners + "f 1 2 \\\r\n 3 4\n", "a.mesh");
+  CHECK(mesh.points.size() == 4);
+  CHECK(mesh.triangles.size() == 2);
+  CHECK_THAT(refusal(corners + "f 1 \\\n 2 \\\n 3\nf 1 2 9\n"), Catch::Contains("a.mesh:8: "));
+}
+
+TEST_CASE("concave faces of meshes are refused") {
+  const std::string corners = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 1 .5 0\nv 0 2 0\n";
+  for (const char* face : {"f 1 2 3 4 5\n", "f 4 5 1 2 3\n", "f 5 4 3 2 1\n", "f 1 3 2 5\n"})
+    CHECK_THAT(refusal(corners + face),
+               Catch::Contains("a.mesh:6: found \"f\"; expected a convex"));
+  CHECK(read_mesh(corners + "f 1 2 3 5\nf 1 2 3\nf 1 1 2 3 5\n", "a.mesh").triangles.size() == 5);
+}
+
+TEST_CASE("the size of an object is stated, and an implausible size is refused") {
+  const auto path = std::filesystem::temp_directory_path() /
+                    ("echofuse-size-" + std::to_string(getpid()) + ".obj");
+  std::ofstream(path) << box_obj;
+  Conditions c;
+  c.object = path.string();
+  CHECK_THAT(object_text(c), Catch::Contains(".obj: 1 x 2 x 0.5 m, 12 triangles"));
+  for (const double scale : {100.0, 3.1, 0.01}) {
+    c.object_scale = scale;
+    CHECK_THROWS_WITH(validate(c),
+                      Catch::Contains("expected a longest side from 0.052 m (a pixel)"));
+  }
+  c.object_scale = 1;
+  std::ofstream many(path);
+  many << "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  for (int k = 0; k <= 50'000; ++k) many << "f 1 2 3\n";
+  many.close();
+  c.object = path.string() + "2";
+  std::filesystem::rename(path, c.object);
+  CHECK_THROWS_WITH(validate(c), Catch::Contains("50001 triangles; expected at most 50000"));
+  std::filesystem::remove(c.object);
+}
+
 TEST_CASE("damaged mesh files are refused with the line number of the error") {
   const auto has = [](const std::string& part) { return Catch::Contains(part); };
   CHECK_THAT(refusal("v 0 0 zero\n"), has("a.mesh:1: found \"zero\"; expected a coordinate"));
