@@ -87,7 +87,7 @@ class RunWriter {
   void append(std::span<const FusedRecord> batch);
   // Stores the status and copies all data into the database, so that the file at `path` is complete
   // although its WAL still exists. Fast; close() must follow. From then on, another program may
-  // move the file.
+  // move the file. Does nothing if another program holds a write transaction.
   void complete(const std::string& status);
   // Stores the status and merges the WAL into the database, so that only one file remains. Returns
   // false if another program is still reading the run after half a second. The last records then

@@ -238,8 +238,14 @@ bool RunWriter::checkpoint() {
 
 void RunWriter::complete(const std::string& status) {
   require_sound();
-  put_end(db_, path_, status, clock_.utc());
-  if (checkpoint()) completed_ = status;
+  sqlite3_busy_timeout(db_, 0);
+  try {
+    put_end(db_, path_, status, clock_.utc());
+    if (checkpoint()) completed_ = status;
+  } catch (const Error&) {
+    if (sqlite3_errcode(db_) != SQLITE_BUSY) throw;
+  }
+  wait_for_others();
 }
 
 // If close() was not called, keeps the -wal, because a -wal marks a run that was not closed.

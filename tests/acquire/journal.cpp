@@ -190,7 +190,16 @@ TEST_CASE(
   Holder holder(path);
   rotate(journal, folder / "b.sqlite");
   while (!fs::exists(folder / "b.sqlite")) std::this_thread::yield();
-  SECTION("a run that is given no new label ends within two seconds") { ends_in_time(journal); }
+  SECTION("the next run ends within two seconds and contains a warning about the previous one") {
+    const auto start = std::chrono::steady_clock::now();
+    CHECK(journal.finish("complete"));
+    CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(10));
+    const auto events = record::RunReader(folder / "b.sqlite").events();
+    REQUIRE(events.size() == 1);
+    CHECK(events[0].level == "warning");
+    CHECK(has(events[0].text, path + ": "));
+    CHECK(has(events[0].text, "another program holds a write transaction"));
+  }
   SECTION("a label set while the previous file is being closed applies to the next file") {
     while (journal.why_late() != "another program is writing to the run file")
       std::this_thread::yield();
