@@ -390,7 +390,7 @@ def test_record_function_records_a_run_and_returns_it(tmp_path, monkeypatch):
     laboratory = ["echofuse-sim", "lab", "--dir", tmp_path / "lab", "--scene", "person", "--hold", "0.2", "--window", "0.2", "--"]
     code = """if True:
         import echofuse, numpy as np
-        run = echofuse.record("%s/lab/lab.toml", count=2, label="here", out="%s/%%Y",
+        run = echofuse.record("%s/lab/lab.toml", count=2, label='["here"]', out="%s/%%Y",
                               settings={"radar.keep_running": True, "run.window_s": np.float64(0.2)})
         echofuse.annotate(run, "-a note")
         print(len(run), run.labels, run.info["status"], run.refresh().events()[-1][-1])
@@ -401,7 +401,7 @@ def test_record_function_records_a_run_and_returns_it(tmp_path, monkeypatch):
     monkeypatch.setenv("ECHOFUSE_ACQUIRE", str(BIN / "echofuse-acquire"))
     said = subprocess.run([BIN / laboratory[0], *map(str, laboratory[1:]), "/usr/bin/python3", "-c", code],
                           text=True, capture_output=True, timeout=60)
-    assert "2 ['here', 'here'] complete -a note" in said.stdout, said.stderr
+    assert """2 ['["here"]', '["here"]'] complete -a note""" in said.stdout, said.stderr
     assert "%Y.sqlite" in said.stdout.splitlines()[-1] and "exist" in said.stdout.splitlines()[-1]
 
 

@@ -84,9 +84,11 @@ def test_metrics_refuse_other_shapes_and_units(said, maps, truth):
             function(maps, truth, metrics.Scene(np.zeros((8, 8), np.float32), 3.0))
 
 
-def test_metrics_read_masked_pixels_as_no_return():
+def test_masked_pixels_of_maps_have_no_return(tmp_path):
     scene, body = metrics.Scene(np.zeros((8, 8), np.float32), 3.0), np.full((1, 8, 8), 3.0)
     hidden = np.broadcast_to(np.arange(8) < 4, body.shape)
     for function in metrics.iou, metrics.depth_mae, metrics.lateral:
         assert function(np.ma.array(body, mask=hidden), body, scene) == function(np.where(hidden, np.nan, body), body, scene)
+    echofuse.save_maps(tmp_path, np.ma.array(body, mask=hidden), [3])
+    assert np.array_equal(np.isnan(echofuse.load_maps(tmp_path)[0]), hidden)
 

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from .. import runs
 from ..models.maps import save_maps
+from ..runs.acquire import plain
 from ..runs.programs import BenchError, UsageError, call
 from ..runs.splits import split, usual_inputs
 from . import derive
@@ -214,7 +215,7 @@ def timed_predict(fitted: Fitted, run: runs.Run) -> tuple[NDArray[np.float32], f
         if valid.any():
             getattr(run, sensor)  # loads the sensor data into memory
     started = time.perf_counter()
-    maps = np.asarray(fitted.predict(run), np.float32)
+    maps = np.asarray(plain("maps", fitted.predict(run))[0], np.float32)
     return maps, 1e6 * (time.perf_counter() - started)
 
 

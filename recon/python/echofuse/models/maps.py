@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..runs.acquire import plain
 from ..runs.run_files import printable
 from ..runs.staged import replaced
 
@@ -43,10 +44,11 @@ def require_indices(maps: NDArray[Any], index: NDArray[Any], run: Run | None) ->
 
 def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
               origin: str = "", *, run: Run | None = None) -> None:
-    """Writes maps [n, N, N] (m, NaN: no return) of the records with the given indices [n]. `run` or
-    `origin` (text of run.txt) identifies the run. Raises FileExistsError if the folder contains
-    maps of another run, and ValueError if a shape or an index is wrong."""
-    folder, maps, indices = pathlib.Path(folder), np.asarray(depth_m), np.asarray(index)
+    """Writes maps [n, N, N] (m, NaN or masked: no return) of the records with the given indices
+    [n]. `run` or `origin` (text of run.txt) identifies the run. Raises FileExistsError if the
+    folder contains maps of another run, and ValueError if a shape or an index is wrong."""
+    folder, indices = pathlib.Path(folder), np.asarray(index)
+    maps = plain("maps", depth_m)[0]
     require_indices(maps, indices, run)
     folder.mkdir(parents=True, exist_ok=True)
     if run is not None:

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import models, runs
 from ..models.maps import span_of
+from ..runs.acquire import plain
 
 __all__ = ["COLOURS", "figure", "learning_curve", "map", "maps", "opened", "pareto", "record",
            "shares", "stability", "table", "timeline"]
@@ -84,7 +85,7 @@ def draw_map(ax: Axes, depth_m: ArrayLike, x: ArrayLike, y: ArrayLike,
     """Draws depths [rows, columns], m, over the tangents x and y of the pixel centres. Near pixels
     are bright; values <= 0 mean no return. If no `span` is given, the values are fractions from 0
     to 1."""
-    values, x, y = np.asarray(depth_m, float), np.asarray(x, float), np.asarray(y, float)
+    values, x, y = (np.asarray(plain("maps", table)[0], float) for table in (depth_m, x, y))
     image_values = np.where(values > 0, values, np.nan) if span else values
     dx, dy = abs(x[1] - x[0]) / 2, abs(y[1] - y[0]) / 2
     if y[0] < y[-1]:

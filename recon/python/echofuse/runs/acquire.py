@@ -87,10 +87,9 @@ def record(config: Path | None = None, count: int = 1, *, label: Any = None,
     words = [acquire_program(program), "run", "--json", "-q", "--count", str(int(count))]
     words += out_option(out) if out is not None else []
     words += ["--config", os.fspath(config)] if config is not None else []
-    settings = dict(settings or {}) | ({} if label is None else {"run.label": label_of(label)})
-    for key, value in settings.items():
-        text = os.fspath(value) if isinstance(value, (str, os.PathLike)) else toml(value)
-        words += ["--set", f"{key}={text}"]
+    words += ["--set", f"run.label={toml(label_of(label))}"] if label is not None else []
+    for key, value in (settings or {}).items():
+        words += ["--set", f"{key}={value if isinstance(value, str) else toml(value)}"]
     path = None
     # The child has its own session, so that Ctrl-C reaches it only through send_signal() below.
     with tempfile.TemporaryFile("w+") as errors, subprocess.Popen(
@@ -203,7 +202,7 @@ def plain(name: str, values: Any) -> tuple[NDArray[Any], bool]:
     if masked.any():
         rows = masked.reshape(len(masked), -1)
         partly = np.flatnonzero(rows.any(1) & ~rows.all(1))
-        if name not in ("depth_m", "maps") and partly.size:
+        if name not in ("depth", "depth_m", "maps") and partly.size:
             raise ValueError(f"{name}: row {partly[0]} is masked in part; expected a whole row")
         table = np.where(masked, np.nan, table.astype(float))
     if table.dtype.kind == "f" and (name != "spd" or table.dtype.itemsize not in (4, 8)):
@@ -223,7 +222,7 @@ def import_arrays(out: Path, sections: dict[str, dict[str, Any]],
     with tempfile.TemporaryDirectory(prefix="echofuse-", dir=new_path(out).parent) as folder:
         pathlib.Path(folder, "run.toml").write_text(text, encoding="utf-8")
         for name, table in arrays.items():
-            np.save(pathlib.Path(folder, f"{name}.npy"), table)
+            np.save(pathlib.Path(folder, f"{name}.npy"), plain(name, table)[0])
         try:
             call(acquire_program(program), "import", folder, *out_option(out), *options)
         except BenchError as error:
