@@ -36,8 +36,7 @@ class Network:
         self.depth_mean = float(depth[foreground > 0].mean())
         pixels = self.size ** 2
         self.net = nn.Sequential(nn.Linear(x.shape[1], 256), nn.ReLU(), nn.Linear(256, 256),
-                                 nn.ReLU(),
-                                 nn.Linear(256, 128), nn.Linear(128, 2 * pixels))
+                                 nn.ReLU(), nn.Linear(256, 128), nn.Linear(128, 2 * pixels))
         steps = torch.optim.AdamW(self.net.parameters(), 1e-3, weight_decay=1e-2)
         rate = torch.optim.lr_scheduler.CosineAnnealingLR(steps, self.epochs)
         for _ in range(self.epochs):

@@ -69,8 +69,7 @@ def add_table_options(command: argparse.ArgumentParser) -> None:
 
 
 def make_parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="echofuse-bench",
-                                     description=__doc__,
+    parser = argparse.ArgumentParser(prog="echofuse-bench", description=__doc__,
                                      epilog="exit codes:  COMMAND --help lists them",
                                      formatter_class=wide_formatter)
     commands = parser.add_subparsers(required=True, metavar="COMMAND", title="Subcommands")
@@ -110,8 +109,7 @@ def make_parser() -> argparse.ArgumentParser:
                          help="run with the ground-truth maps and with labels such as letter:A")
     command.set_defaults(run=_letters)
     for command in (parser, *commands.choices.values()):
-        command.add_argument("--version", action="version",
-                             version=f"echofuse-bench {__version__}",
+        command.add_argument("--version", action="version", version=f"echofuse-bench {__version__}",
                              help="print the version and exit")
     return parser
 

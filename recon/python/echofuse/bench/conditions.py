@@ -130,8 +130,7 @@ def _matched_sensors(axes: _Axes) -> None:
     axes.labelled("matched", "speckle", "sum of radar echoes",
                {"incoherent": axes.echoes["incoherent"],
                 "coherent 4.4 cm": World((*axes.at_resolution(0.044), "radar_sum=coherent")),
-                **axes.echoes},
-               ("incoherent", axes.coherent_cm))
+                **axes.echoes}, ("incoherent", axes.coherent_cm))
     counts = sorted({1, 2, 4, 8} | ({axes.antennas} if axes.antennas > 8 else set()))
     axes.numeric("matched", "antennas", "radar antennas", counts, (1, 2, 8),
                  lambda n: World((f"radar_antennas={n:g}",)), axes.antennas)
@@ -190,8 +189,7 @@ def _shifted_instrument(axes: _Axes) -> None:
             f"{v:g}{'' if stated else ' uncorrected'}": axes.pile_up(v, stated)
             for v in (0.1, 0.5, 2) for stated in (True, False)}
         axes.labelled("shifted", "pile_up", "pile-up (photons per laser pulse), corrected or not",
-                   piled,
-                   ("2", "2 uncorrected"))
+                   piled, ("2", "2 uncorrected"))
     axes.labelled("shifted", "speckle", "sum of radar echoes", axes.echoes,
                ("incoherent", axes.coherent_cm))
     if axes.coherent:
@@ -286,5 +284,4 @@ def recorded_axes() -> list[Axis]:
             *both("snr", "radar noise (dB below the peak)", "none",
                   {f"{db:g}": derive.noise(db, 1) for db in (20, 10, 5, 0)}),
             Axis("matched", "records", "training records (factor)",
-                 {"1": BASE} | {f"{v:g}": World(records=v) for v in (0.5, 0.28, 0.07)}),
-            *shifted]
+                 {"1": BASE} | {f"{v:g}": World(records=v) for v in (0.5, 0.28, 0.07)}), *shifted]

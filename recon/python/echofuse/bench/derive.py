@@ -58,8 +58,7 @@ def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) ->
         tables: dict[str, NDArray[Any]] = {
                   "index": run.index, "valid": np.asarray(bits, np.uint8), "spd": records.spd,
                   "radar": records.radar}
-        sections: dict[str, dict[str, Any]] = {
-            "": {"run": str(run.path.resolve())},
+        sections: dict[str, dict[str, Any]] = {"": {"run": str(run.path.resolve())},
             "radar": {"offset_m": -float(records.range_offset_m)},
             "signal": dict.fromkeys(("weak_share", "spd_clicks", "clicks_per_pulse", "radar_snr_db",
                                      "depth_share"), 0.0)}

@@ -34,8 +34,7 @@ __all__ = ["CONSTANT", "COSTS", "COUNTS", "METRICS", "RECORDED", "Method", "Path
            "evaluate", "measure", "method", "nan_if_none", "python_method", "version", "writing"]
 
 METRICS = ("iou", "ssim", "ssim_hard", "ssim_fg", "rmse_m", "rmse_fg_m", "depth_mae_m", "abs_rel",
-           "delta_125", "lateral_m",
-           "ghost", "left_right")
+           "delta_125", "lateral_m", "ghost", "left_right")
 COSTS = ("multiply_adds", "infer_us_median", "infer_us_p99", "infer_us_batch", "train_s")
 RECORDED = ("iou", "lateral_m", "depth_mae_m", "ssim_fg")  # scores that are stored for each record
 COUNTS = ("answered", "records", "depth_maps", "threads")
@@ -175,8 +174,7 @@ def _by_candidate(model: str, inputs: str, train: pathlib.Path, folder: pathlib.
     out = folder / "model.safetensors"
     words = ["--inputs", inputs] if inputs not in ("fused", "-") else []
     call("echofuse-recon", "-q", "train", train, "--model", model, *words, "--seed", seed, "--set",
-         "test_share=0",
-         "--set", f"fallback={'true' if fallback else 'false'}", "--out", out)
+         "test_share=0", "--set", f"fallback={'true' if fallback else 'false'}", "--out", out)
     return lambda test, scratch: ([str(out)], {})
 
 

@@ -37,8 +37,7 @@ def shapes_in(data: pathlib.Path) -> list[str]:
     return [name for name in names if mesh_of(data, name)]
 
 
-def make_runs(track: dict[str, Any], folder: pathlib.Path,
-              data: pathlib.Path) -> Iterator[RunPair]:
+def make_runs(track: dict[str, Any], folder: pathlib.Path, data: pathlib.Path) -> Iterator[RunPair]:
     """Generates the missing runs of the track, and yields all training and test pairs."""
     # tmf8820 is imported here, because `python3 -m echofuse.bench.tmf8820` would import it twice.
     from . import tmf8820

@@ -35,8 +35,7 @@ def make_run(track: dict[str, Any], part: str, folder: pathlib.Path) -> pathlib.
 def require_checksum(path: pathlib.Path, expected: str | None) -> None:
     """Raises BenchError if the checksum of the sensor data differs from `expected`."""
     if expected and checksum(path) != expected:
-        raise BenchError(
-            f"{path}: the records differ from those of the recipe: their SHA-256 is "
+        raise BenchError(f"{path}: the records differ from those of the recipe: their SHA-256 is "
             f"{checksum(path)} (expected {expected})")
 
 

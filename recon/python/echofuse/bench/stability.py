@@ -152,8 +152,7 @@ class Recorded:
 
 
 def cells(source: Simulated | Recorded, axes: Sequence[Axis], methods: Sequence[Method], *,
-          seeds: int,
-          quick: bool) -> list[tables.Cell]:
+          seeds: int, quick: bool) -> list[tables.Cell]:
     """Returns one table cell per method, seed and condition. The conditions are the base condition
     and the values of the axes (if `quick` is true, only the values in Axis.quick)."""
     places = [("base", "base", BASE, BASE)]
@@ -208,8 +207,7 @@ def first_failures(rows: Sequence[Row], axis: Axis) -> dict[str, list[str]]:
             ways = [[base]]
         first = [next((labels[k] for k in way if below(model, inputs, labels[k])), None)
                  for way in ways]
-        out[model if inputs in ("fused",
-                                "-") else f"{model}:{inputs}"] = [
+        out[model if inputs in ("fused", "-") else f"{model}:{inputs}"] = [
                                     label for label in first if label is not None]
     return out
 

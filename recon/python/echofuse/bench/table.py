@@ -194,8 +194,7 @@ def compare(table: Table, axis: str, best_first: Sequence[Key]) -> dict[Key, Row
     scores = read_scores(table.records)
     rows = [row for key, row in table.rows.items() if key[0] == axis]
     lines = [(record["record"], k, *(record[name] for name in RECORDED))
-             for k, method in enumerate(best_first) for row in rows
-             if Table.key(row)[1:4] == method
+             for k, method in enumerate(best_first) for row in rows if Table.key(row)[1:4] == method
              for record in scores.get((*Table.key(row), str(row["source"])), ())]
     if not lines:
         return {}
@@ -291,8 +290,7 @@ class Shared:
 
     def __init__(self, cells: Sequence[Cell], folder: pathlib.Path) -> None:
         self.folder, self.lock = folder, threading.Lock()
-        self.pending = collections.Counter(key for cell in cells
-                                        for key in cell.needs)
+        self.pending = collections.Counter(key for cell in cells for key in cell.needs)
         self.results: dict[str, tuple[pathlib.Path, concurrent.futures.Future[Any]]] = {}
 
     def get(self, key: str, make: Callable[[pathlib.Path], Any]) -> Any:
@@ -364,10 +362,8 @@ def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int,
             table.add(row, records)
             if not fault and row["answered"] < row["records"]:
                 print(f"echofuse-bench: {row['model']}: {row['answered']} of {row['records']} "
-                      "records have a map; the other records "
-                      + ("are scored as empty "
-                         "maps" if cell.method.is_user_method else "are excluded"),
-                      file=sys.stderr)
+                      "records have a map; the other records " + ("are scored as empty "
+                         "maps" if cell.method.is_user_method else "are excluded"), file=sys.stderr)
             if fault:
                 table.failed += cell.method.is_user_method
                 table.log_failure(row, fault)
@@ -377,8 +373,7 @@ def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int,
             if not quiet:
                 left_s = (time.monotonic() - started) / done * (len(mine) - done)
                 print(f"\rbench: {done} of {len(mine)} rows, {left_s:.0f} s left   ",
-                      end="" if sys.stderr.isatty() else "\n",
-                      file=sys.stderr, flush=True)
+                      end="" if sys.stderr.isatty() else "\n", file=sys.stderr, flush=True)
 
 
 def pareto_cells(train: Path, test: Path, methods: Iterable[Method], *, seeds: int = 3,

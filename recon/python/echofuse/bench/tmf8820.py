@@ -259,8 +259,7 @@ def write(out: str | pathlib.Path, counts: NDArray[Any], maps: NDArray[np.float3
               depth_m=maps, half_tangent=HALF_TANGENT, label=label, notes=f"TMF8820: {notes}")
 
 
-def measured_records(
-        data: str | pathlib.Path, mesh: str | pathlib.Path,
+def measured_records(data: str | pathlib.Path, mesh: str | pathlib.Path,
         excluded: Sequence[int] = ()) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
     """Returns the measured counts [n, zones, 128] and the ground-truth maps [n, SIZE, SIZE] of all
     poses except the excluded ones."""

@@ -48,20 +48,17 @@ __all__ = ["export", "main"]
 OF_THE_MACHINE = {"units": "ns",
                   "long_name": "time since the start of the machine (CLOCK_MONOTONIC)"}
 UNITS = {"db": "dB", "ps": "ps", "ns": "ns", "us": "us", "ms": "ms", "s": "s", "m": "m",
-         "rad": "rad",
-         "ppm": "1e-6", "percent": "%", "c": "degC"}
+         "rad": "rad", "ppm": "1e-6", "percent": "%", "c": "degC"}
 ARRAY = ("for each range bin, over the frames of a record: mean sample of each antenna (real, "
          "imaginary); power of each antenna; mean of x_m conj(x_n) for m < n, row by row; mean of "
          "sum_m x_m(t) conj(x_m(t-1)); antennas as in /entry/tables/antenna")
 # NAME: (axes after the record axis, unit, meaning, function that returns the values)
 SIGNALS: dict[str, tuple[list[str], str, str, Callable[[Run], Any]]] = {
-    "spd": (["spd_time"], "counts", netcdf.LONG_NAMES["spd"],
-            lambda part: part.spd),
+    "spd": (["spd_time"], "counts", netcdf.LONG_NAMES["spd"], lambda part: part.spd),
     "radar": (["radar_range"], "1", netcdf.LONG_NAMES["radar"], lambda part: part.radar),
     "array": (["array_range", "array_value"],
               "units of the firmware integers, squared for powers", ARRAY, antennas.values),
-    "depth": (["depth_y", "depth_x"], "m", netcdf.LONG_NAMES["depth"],
-              lambda part: part.depth)}
+    "depth": (["depth_y", "depth_x"], "m", netcdf.LONG_NAMES["depth"], lambda part: part.depth)}
 # name in /entry: column of the table `run` that is stored there
 TEXTS = {"title": "notes", "entry_identifier": "uuid", "start_time": "started_utc",
          "end_time": "ended_utc", "status": "status",
@@ -119,8 +116,7 @@ def write_head(entry: Any, run: Run, tables: dict[str, dict[str, Any]]) -> None:
     put(entry, "program_name", f"echofuse {run.info['version']}")
     # If a device was reconnected, it has several rows, and only the first is written.
     # The ranges in the file are measured ranges: true range = measured range - offset_m.
-    for sensor, (table, group) in ((s, t) for s in SENSORS
-                                   for t in (("device", "instrument/"),
+    for sensor, (table, group) in ((s, t) for s in SENSORS for t in (("device", "instrument/"),
                                              ("calibration", "calibration_"))):
         columns = tables.get(table, {})
         for row in np.flatnonzero(columns.get("sensor", np.array([])) == sensor.encode())[:1]:
@@ -252,8 +248,7 @@ def main() -> None:
                                      formatter_class=argparse.RawDescriptionHelpFormatter,
                                      epilog=f"{EXIT_CODES}5 some records are unreadable, 6 disk, "
                                             "130 interrupted")
-    parser.add_argument("--version", action="version",
-                        version=f"echofuse-export {__version__}",
+    parser.add_argument("--version", action="version", version=f"echofuse-export {__version__}",
                         help="print the version and exit")
     parser.add_argument("run", metavar="RUN", help="run file")
     parser.add_argument("--to", required=True, type=pathlib.Path, metavar="FILE",
@@ -289,8 +284,7 @@ def main() -> None:
     except (KeyboardInterrupt, Exception) as error:
         if stopped:
             end(130, "interrupted; no file was written")
-        if isinstance(error, (OSError,
-                              RuntimeError)) and not isinstance(
+        if isinstance(error, (OSError, RuntimeError)) and not isinstance(
                                   error, (FileExistsError, BlockingIOError)):
             number = getattr(error, "errno",
                              None) or int((re.findall(r"errno = (\d+)", str(error)) or "0")[0])

@@ -78,8 +78,7 @@ class Estimator:
         return (table[:, :0] if axis is None
                 or name not in self.axes else axis.resampled(table, self.axes[name]))
 
-    def fault_of(self, has_spd: bool, has_radar: bool, spd_varies: bool,
-                 radar_varies: bool) -> str:
+    def fault_of(self, has_spd: bool, has_radar: bool, spd_varies: bool, radar_varies: bool) -> str:
         """Returns why a record has no map, as Dataset::fault_of() does in C++."""
         needed = [name for name in ("spd", "radar") if self.inputs in (name, "fused",
                                                                        "fused-profile")]
@@ -113,8 +112,7 @@ class Arrays:
                  for name, table in (("spd", spd), ("radar", radar), ("array", lags))
                  if table is not None}
         for name, table in given.items():
-            points, dimensions = {"array": (1, (3,)), "radar": (1, (2,)),
-                                  "spd": (-1, (2, 3))}[name]
+            points, dimensions = {"array": (1, (3,)), "radar": (1, (2,)), "spd": (-1, (2, 3))}[name]
             if (name not in axes or table.ndim not in dimensions
                 or table.shape[points] != axes[name].count):
                 expected = (f"[n, {axes[name].count}]" if name in axes
@@ -227,8 +225,7 @@ class Model:
         first = self.estimators[0]
         return (f"<echofuse model {self.path}: {first.kind}, {first.inputs}; axes "
                 + ", ".join(f"{name} [n, {axis.count}] from {axis.start:g} {axis.unit} in steps of "
-                            f"{axis.step:g}"
-                            for name, axis in self.axes.items())
+                            f"{axis.step:g}" for name, axis in self.axes.items())
                 + f"; maps of {first.size} x {first.size}>")
 
     @property
@@ -239,8 +236,7 @@ class Model:
     def predict(self, run: runs.Run | str | pathlib.Path | None = None, *,
                 spd: ArrayLike | None = None,
                 radar: ArrayLike | None = None, lags: ArrayLike | None = None,
-                axes: dict[str, Axis] | None = None,
-                range_offset_m: float = 0) -> Maps:
+                axes: dict[str, Axis] | None = None, range_offset_m: float = 0) -> Maps:
         """Predicts the maps of all records that have the required sensors. The input is a run (or
         its path), or arrays at true ranges: counts `spd` [n, bins], linear power `radar` [n,
         points] and `lags` (Run.lags). The records of the arrays are numbered 0, 1, 2 ... `axes` are
@@ -282,8 +278,7 @@ class Model:
             axes_of = {"spd": run.axes.get("spd"), "radar": run.power_axis, "array": run.lags_axis}
             for name, axis in axes_of.items():
                 if name in estimator.axes and not (axis and axis.is_near(estimator.axes[name])):
-                    raise ValueError(
-                        f"{run.path}: {name} axis: {axis or 'no points'} (expected by "
+                    raise ValueError(f"{run.path}: {name} axis: {axis or 'no points'} (expected by "
                         f"{self.path}: {Axis(name, **estimator.axes[name])})")
             by[rows] = k
             inputs = {name: estimator.matched(name, axes_of[name], table[rows])

@@ -81,8 +81,7 @@ class FirstReturn:
         return out
 
 
-def peaks(counts: NDArray[np.float32],
-          range_m: NDArray[np.float64]) -> list[tuple[float, float]]:
+def peaks(counts: NDArray[np.float32], range_m: NDArray[np.float64]) -> list[tuple[float, float]]:
     """Returns the range, m, and the relative light (counts x range^2) of each return, nearest
     first."""
     h = np.maximum(counts - np.median(counts), 0)

@@ -24,8 +24,7 @@ __all__ = ["COLOURS", "figure", "learning_curve", "map", "maps", "opened", "pare
            "shares", "stability", "table", "timeline"]
 
 COLOURS = {"spd": "#0b5cad", "radar": "#a64200", "depth": "#00695c", "both": "#16191d",
-           "papers": "#5b0f75",
-           "grey": "#6a7078", "bad": "#b3201a"}
+           "papers": "#5b0f75", "grey": "#6a7078", "bad": "#b3201a"}
 NO_RETURN = "#e8eaed"
 Path = str | pathlib.Path
 Panels = Union[Axes, Sequence[Axes], None]
@@ -80,8 +79,7 @@ def plain_log(ax: Axes, *sides: str) -> None:
 
 
 def draw_map(ax: Axes, depth_m: ArrayLike, x: ArrayLike, y: ArrayLike,
-             span: tuple[float, float] | None = None,
-             title: str = "", bar: bool = True) -> None:
+             span: tuple[float, float] | None = None, title: str = "", bar: bool = True) -> None:
     """Draws depths [rows, columns], m, over the tangents x and y of the pixel centres. Near pixels
     are bright; values <= 0 mean no return. If no `span` is given, the values are fractions from 0
     to 1."""
@@ -155,8 +153,7 @@ def shares(named: dict[str, ArrayLike], half_tangent: float, *, ax: Panels = Non
 
 
 def side_by_side(titles: Iterable[str], found: Sequence[tuple[NDArray[Any], float]],
-                 spans: Sequence[tuple[float, float] | None],
-                 ax: Panels) -> Figure:
+                 spans: Sequence[tuple[float, float] | None], ax: Panels) -> Figure:
     fig, axes = figure(len(found), wide=2.9, high=2.7, ax=ax)
     for k, (panel, title, (values, half_tangent),
             span) in enumerate(zip(axes, titles, found, spans)):
@@ -236,8 +233,7 @@ def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
     window = float(run.info["window_s"])
     used = np.array(run.select("SELECT spd_used, radar_used, depth_used FROM record ORDER BY idx"),
                     float)
-    clocks = np.array(
-        run.select("SELECT idx, spd_clock_residual_s, radar_clock_residual_s, "
+    clocks = np.array(run.select("SELECT idx, spd_clock_residual_s, radar_clock_residual_s, "
                    "depth_clock_residual_s FROM "
                    "record ORDER BY idx"), float)
     names = {"spd": "SPD (clicks/s)", "radar": "radar (frames/s)",

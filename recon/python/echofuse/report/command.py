@@ -43,21 +43,18 @@ __all__ = ["main"]
 TERMS = (
     ("SPD", "single-pixel single-photon detector; its clicks are histogrammed by time of flight."),
     ("record", "sensor data of one time slot; the map of its depth camera is the ground-truth "
-               "map."),
-    ("IoU",
+               "map."), ("IoU",
      "intersection over union of the body pixels in the predicted and the ground-truth map; 1 is "
      "perfect."),
     ("lateral error", "sideways distance between the centres of the predicted and the true body."),
     ("depth error", "mean absolute error over the pixels that belong to the body in both maps."),
     ("mirror fraction",
      "fraction of the predicted body at the left-right mirrored position: 0 = none, 0.5 = side "
-     "unknown; can be slightly negative by chance."),
-    ("on the true side",
+     "unknown; can be slightly negative by chance."), ("on the true side",
      "fraction of the bodies more than 0.3 m off the axis that are predicted on the correct side."),
     ("thresholded map",
      "map in which pixels with a depth closer to the background than to the mean body are set to "
-     "the background."),
-    ("p",
+     "the background."), ("p",
      "probability that a run under the training conditions differs from the training data by at "
      "least as much as this run; if p is below 0.001, the run is reported as different."),
     ("flagged", "(of a record) reported as different from the training records."),
@@ -194,16 +191,14 @@ class Report:
         recorded += (f", echofuse {info['version']}" if info["version"]
                      else "") + (f", on {info['host']}" if info["host"] else "")
         now = datetime.datetime.now(datetime.timezone.utc)
-        out: dict[str, str] = {
-               "date": f"{now:%Y-%m-%d %H:%M} UTC",
+        out: dict[str, str] = {"date": f"{now:%Y-%m-%d %H:%M} UTC",
                "program": f"echofuse {__version__}, {version()}",
                "host": f"{host.nodename} ({host.sysname} {host.release}, {host.machine})",
                "command": " ".join(["echofuse-report", *sys.argv[1:]]),
                "run": f"{self.run}, {info['records']} records", "run's uuid": info["uuid"],
                "recorded": recorded + "; simulated" * self.simulated,
                "slot length": f"{info['window_s']:g} s" if info["window_s"] > 0 else "",
-               "operator": info["operator"],
-               "notes": info["notes"]} | info["meta"]
+               "operator": info["operator"], "notes": info["notes"]} | info["meta"]
         if self.models:
             with runs.open(self.run) as run:
                 clicks = [summed(part.photons())[part.valid["spd"]].sum(1)
@@ -300,8 +295,7 @@ class Report:
             between = [*fails(self.live_problems), tables.metrics_table(rows, caption)]
         shown = [pictures(last, [*measured(record),
                                  *(["map 0", "error 0"] if record["maps"] else [])],
-                          record["caption"], title=record["title"])
-                 for record in self.main[last:]]
+                          record["caption"], title=record["title"]) for record in self.main[last:]]
         return story.blocks(between, shown)
 
     def to_json(self) -> Block:
@@ -313,8 +307,7 @@ class Report:
                        else "Depth maps from one pixel and one radar" if models or self.others else
                        "A recorded run", "verdict": self.verdict, "fails": problems[:most],
                        "more": "", "origin": self.origin,
-                       "span": list(self.span), "records": records, "first": [],
-                       "sections": []}
+                       "span": list(self.span), "records": records, "first": [], "sections": []}
         if models:
             page["more"] = (f"Details, and {len(problems) - most} more problems"
                             if len(problems) > most else "Details") * bool(problems)
@@ -325,8 +318,7 @@ class Report:
         columns = [pictures(len(self.main) + i, ["truth", "map 0", "error 0"],
                             map_remarks(record["maps"][0], False), title=record["title"])
                    for i, record in enumerate(self.gallery)]
-        sections = (("failures", "Failures", self.failures),
-                    ("difference", "Difference",
+        sections = (("failures", "Failures", self.failures), ("difference", "Difference",
                      lambda: tables.comparison(*models) if compared else []),
                     ("gallery", "Worst, median and best record",
                      lambda: [{"kind": "columns", "blocks": columns}]),
@@ -337,12 +329,10 @@ class Report:
                      lambda: tables.all_table(models, self.evaluation.result)),
                     ("maps", "Maps of other programs",
                      lambda: self.others.blocks(len(records) - 1, self.other_record)
-                     if self.others else []),
-                    ("cost", "Cost", lambda: [tables.cost_table(models)]),
+                     if self.others else []), ("cost", "Cost", lambda: [tables.cost_table(models)]),
                     ("records", "Records and maps", self.record_blocks),
                     ("space", "3D view", lambda: [{"kind": "cloud", "record": 0}] if self.main
-                     else []),
-                    ("live", "Recorded run",
+                     else []), ("live", "Recorded run",
                      lambda: self.live_blocks(self.story) if self.story else []),
                     ("training", "Training", lambda: tables.losses(models)),
                     ("made", "Provenance", lambda: listed(self.provenance.items())),
@@ -361,8 +351,7 @@ def measured(record: Block) -> list[str]:
 def require(args: argparse.Namespace) -> None:
     """Raises ReportError with exit code 2 if options are missing or cannot be combined."""
     for wrong, text in ((args.empty and not args.run, "--empty requires --run"),
-                        (args.model and args.compare,
-                         "--compare cannot be combined with --model"),
+                        (args.model and args.compare, "--compare cannot be combined with --model"),
                         (not args.run and args.compare, "--compare requires --run"),
                         (not args.run and args.maps, "--maps requires --run"),
                         (not args.run and args.model and not args.live,
@@ -393,8 +382,7 @@ def main() -> None:
     parser = Parser(prog="echofuse-report", description=head.partition(": ")[2],
                     epilog=f"Examples:\n{examples}\n\n{EXIT_CODES}6 disk, 130 interrupted",
                     formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--version", action="version",
-                        version=f"echofuse-report {__version__}",
+    parser.add_argument("--version", action="version", version=f"echofuse-report {__version__}",
                         help="print the version and exit")
     parser.add_argument("dir", metavar="FOLDER", help="folder in which report.html is written")
     parser.add_argument("--run", metavar="RUN",

@@ -116,8 +116,7 @@ class OtherMaps:
         return [*self.table(), pictures(at, show, record["caption"], title=record["title"])]
 
 
-def map_block(name: str, depth_m: NDArray[np.float32], scene: metrics.Scene,
-              scores: str) -> Block:
+def map_block(name: str, depth_m: NDArray[np.float32], scene: metrics.Scene, scores: str) -> Block:
     """Returns a block with a map [1, N, N], thresholded as in `evaluate`."""
     share = scene.share(depth_m)[0]
     drawn = np.where(share > 0.5, scene.clipped(depth_m)[0], scene.background_m)

@@ -138,8 +138,7 @@ class Story:
                                1), 1 / runs.PS_PER_M if sensor == "spd" else 1
             image = np.nan_to_num(254 * means / most, nan=255)
             out.append({"sensor": sensor, "values": packed(image, 1, "u1"), "columns": len(image),
-                        "bins": axis.count, "most": short(most),
-                        "start_m": axis.start * unit_m,
+                        "bins": axis.count, "most": short(most), "start_m": axis.start * unit_m,
                         "end_m": (axis.start + axis.count * axis.step) * unit_m})
         return [{"kind": "waterfalls", "unit": self.unit, "end": short(self.end),
                  "tables": out}] if out else []

@@ -199,8 +199,7 @@ def metrics_table(rows: Sequence[Row], caption: str) -> Block:
 
 def first_table(models: Sequence[ReportModel], result: dict[str, Any]) -> Block:
     rows, seeds = rows_of(models, result), len(models[0].files) > 1
-    return metrics_table(
-        rows, f"{len(models[0].first.index)} records; mean ± standard error over "
+    return metrics_table(rows, f"{len(models[0].first.index)} records; mean ± standard error over "
               f"{'trainings' if seeds else 'maps'}. In brackets: number of maps in which the "
               "predicted and the true body overlap. The best value, and values that do not differ "
               "from it significantly, are marked.")
@@ -217,8 +216,7 @@ def differences_table(first: str, gains: Sequence[tuple[str, dict[str, Any]]]) -
     rows = [[name, *(gain(differences.get(m), METRICS[m]) for m in FIRST)]
             for name, differences in gains if differences]
     return [table(f"Differences from {first}, paired by record, with 95 % intervals; positive "
-                  "means better",
-                  ["", *(METRICS[m].title for m in FIRST)], rows)] if rows else []
+                  "means better", ["", *(METRICS[m].title for m in FIRST)], rows)] if rows else []
 
 
 def all_table(models: Sequence[ReportModel], result: dict[str, Any]) -> list[Block]:
@@ -241,10 +239,8 @@ def all_table(models: Sequence[ReportModel], result: dict[str, Any]) -> list[Blo
                f"{PAPER_SSIM.get(model.inputs, 0.6576):.4f}"] for model in models if model.papers]
     if papers:
         gap = (" The difference between the results with both sensors and with one sensor is "
-               "comparable."
-               if len(papers) > 1 else "")
-        out += [table(
-            "Networks of the paper (Lai et al., Chin. Opt. Lett. 22, 022701, 2024)",
+               "comparable." if len(papers) > 1 else "")
+        out += [table("Networks of the paper (Lai et al., Chin. Opt. Lett. 22, 022701, 2024)",
             ["", "SSIM here", "SSIM in the paper"], papers),
                 paragraph("Absolute values are not comparable: the paper does not state the "
                           "window and the data range of its SSIM." + gap)]
@@ -265,8 +261,7 @@ def cost_table(models: Sequence[ReportModel]) -> Block:
             for c in [model.first.result["cost"]]]
     return table("Single maps on one thread of this host",
                  ["", "time per map (µs, median)", "p99 (µs)", "multiply-adds", "parameters",
-                  cell("file (MB)", "with fallback models and uncertainty"),
-                  "training (s)"], rows)
+                  cell("file (MB)", "with fallback models and uncertainty"), "training (s)"], rows)
 
 
 def labels_table(model: ReportModel) -> list[Block]:
@@ -321,8 +316,7 @@ def uncertainty_table(rows: Sequence[tuple[str, Scores]]) -> Block:
             return [name, "not calibrated", NONE, NONE, NONE, NONE, whole]
         c, inside, records = s.result["calibration"], s.inside, s.result["records"]
         stated, deviation, error = (NONE if c[key] is None else f"{unit * c[key]:{form}}"
-                                    for key, unit, form in
-                                    (("lateral_interval_90_m", 100, ".1f"),
+                                    for key, unit, form in (("lateral_interval_90_m", 100, ".1f"),
                                      ("pixel_deviation_m", 1, ".2f"), ("pixel_error_m", 1, ".2f")))
         share = cell(str(inside) if inside.total else NONE, "",
                      "bad" if inside.total and inside.interval[1] < 0.9 else "")
@@ -429,8 +423,6 @@ def comparison(a: ReportModel, b: ReportModel) -> list[Block]:
         add_series(charts[-1], "all records", "both", "steps", *shares_below(gain))
     return [paragraph(f"First model: {a.title}. Second model: {b.title}."),
             table("Paired by record; 95 % intervals from resampling blocks of up to ten "
-                  "neighbouring records",
-                  ["metric", "records", "first", "second",
+                  "neighbouring records", ["metric", "records", "first", "second",
                    cell("difference", "positive: the second model is better"), "95 % interval",
-                   "better"], rows),
-            {"kind": "charts", "blocks": charts}]
+                   "better"], rows), {"kind": "charts", "blocks": charts}]

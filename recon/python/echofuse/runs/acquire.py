@@ -11,7 +11,7 @@ import signal
 import subprocess
 import tempfile
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -90,13 +90,14 @@ def record(config: Path | None = None, count: int = 1, *, label: Any = None,
     words += ["--set", f"run.label={toml(label_of(label))}"] if label is not None else []
     for key, value in (settings or {}).items():
         words += ["--set", f"{key}={value if isinstance(value, str) else toml(value)}"]
-    path = None
+    files: list[str] = []
     # The child has its own session, so that Ctrl-C reaches it only through send_signal() below.
     with tempfile.TemporaryFile("w+") as errors, subprocess.Popen(
             words, stdout=subprocess.PIPE, stderr=errors, text=True,
             start_new_session=True) as child:
         try:
-            path = file_of(map(json.loads, child.stdout or ()))
+            files = [event["file"] for event in map(json.loads, child.stdout or ())
+                     if event["event"] == "run"]
         except KeyboardInterrupt:
             child.send_signal(signal.SIGINT)
             child.communicate()
@@ -105,25 +106,16 @@ def record(config: Path | None = None, count: int = 1, *, label: Any = None,
             child.wait()
             errors.seek(0)
             message = errors.read()
-    if child.returncode or path is None:
+    if child.returncode or not files:
         raise RuntimeError(message.strip()
                            or f"echofuse-acquire ended with exit code {child.returncode}")
-    return runs.open(path)
-
-
-def file_of(events: Iterator[dict[str, Any]]) -> str | None:
-    """Reads all JSON events of echofuse-acquire, and returns the path of the run file."""
-    found = None
-    for event in events:
-        found = event["file"] if event["event"] == "run" else found
-    return found
+    return runs.open(files[-1])
 
 
 def write_run(path: Path, *, spd: ArrayLike | None = None, first_bin_ps: float = 0,
               bin_width_ps: float = 100, zones: Iterable[Iterable[float]] = (),
               irf_fwhm_ps: float = 0, radar: ArrayLike | None = None, first_m: float = 0,
-              step_m: float = 0.25,
-              radar_cell_m: float = 0, radar_taps: Iterable[float] = (),
+              step_m: float = 0.25, radar_cell_m: float = 0, radar_taps: Iterable[float] = (),
               array: ArrayLike | None = None, array_frames: int = 1,
               antennas: Iterable[Iterable[float]] = (), depth_m: ArrayLike | None = None,
               half_tangent: float = 0.55,
@@ -210,8 +202,7 @@ def plain(name: str, values: Any) -> tuple[NDArray[Any], bool]:
     return np.ascontiguousarray(table, table.dtype.newbyteorder("<")), is_integer
 
 
-def import_arrays(out: Path, sections: dict[str, dict[str, Any]],
-                  arrays: dict[str, NDArray[Any]],
+def import_arrays(out: Path, sections: dict[str, dict[str, Any]], arrays: dict[str, NDArray[Any]],
                   *options: str, program: str | None = None) -> None:
     """Writes run.toml and the arrays to a temporary folder next to `out`, and imports this folder
     as the run `out` (acquire/IMPORT.md). Raises RuntimeError with the program's error message if

@@ -24,8 +24,7 @@ def load(part: Run) -> None:
         getattr(part, name)  # reads and caches the array
     if not part.valid["radar"].any():
         return
-    for row, bin_ in np.argwhere(~np.isfinite(part.radar)
-                                 & part.valid["radar"][:, None])[:1]:
+    for row, bin_ in np.argwhere(~np.isfinite(part.radar) & part.valid["radar"][:, None])[:1]:
         raise ValueError(
             f"{part.path}: record {part.index[row]}: radar bin {bin_} is not a finite number")
     if "array" in part.axes:

@@ -19,8 +19,7 @@ ONE = {"units": "1"}
 # names of attributes that the netCDF libraries use themselves
 RESERVED = {"CLASS", "DIMENSION_LIST", "NAME", "REFERENCE_LIST", "_NCProperties",
             "_Netcdf4Coordinates", "_Netcdf4Dimid", "_nc3_strict"}
-LONG_NAMES = {
-    "spd": "detections per bin of two-way time of flight",
+LONG_NAMES = {"spd": "detections per bin of two-way time of flight",
     "radar": "linear power on an arbitrary scale", "depth": "z of each pixel, NaN: no return",
     "record": "number of the record", "time": "start of the slot", "label": "label of the record",
     "spd_time": "two-way time at the start of the bin",

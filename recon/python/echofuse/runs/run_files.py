@@ -36,8 +36,7 @@ SCHEMA = {line.split()[2].split("(")[0]: line for line in resources.files(__pack
 STATISTICS = {f"sqlite_stat{n}" for n in range(1, 5)}  # tables created by ANALYZE in SQLite
 KINDS: dict[str, tuple[str, Any]] = {"INTEGER":
                                      ("ifnull(CAST({} AS INTEGER), -9223372036854775807 - 1)",
-                                      np.int64),
-                                     "REAL": ("CAST({} AS REAL)", float),
+                                      np.int64), "REAL": ("CAST({} AS REAL)", float),
                                      "TEXT": ("ifnull(CAST({} AS BLOB), x'')", "S")}
 
 
