@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Tests how the Python package (recon/python) opens, reads and converts simulated runs."""
+import concurrent.futures
 import fcntl
 import json
 import os
@@ -90,6 +91,15 @@ def test_records_of_an_iteration_equal_the_rows_of_the_run(folder):
         for name in "spd", "radar", "depth":
             assert np.array_equal(getattr(record, name), getattr(again, name)[record.row], equal_nan=True)
         assert record.label == other.label and record.index == run.index[record.row]
+
+
+def test_threads_may_read_the_arrays_of_one_run_at_the_same_time(folder):
+    run = echofuse.open(folder / "monday")
+    with concurrent.futures.ThreadPoolExecutor(8) as pool:
+        for name in "spd", "radar", "depth":
+            assert {len(table) for table in pool.map(lambda _, name=name: getattr(run, name), range(16))} == {60}
+        assert {len(maps) for maps in pool.map(lambda _: run.maps(), range(16))} == {60}
+    assert np.array_equal(run.depth, run.maps(), equal_nan=True)
 
 
 def test_run_opened_with_a_relative_path_survives_a_change_of_the_folder(folder, tmp_path, monkeypatch):

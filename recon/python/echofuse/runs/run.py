@@ -6,6 +6,7 @@ import copy
 import html
 import json
 import pathlib
+import threading
 import time
 import warnings
 from collections.abc import Callable
@@ -36,6 +37,7 @@ MIN_AXIS_LIMIT, MAX_PIXELS = 1 << 16, 1 << 23  # lower bound of the axis limit; 
 BLOCK = 64  # number of records that an iteration reads at once
 METRES = np.arange(1 << 16, dtype=np.float32) / np.float32(1000)  # z of each value of a pixel, m
 METRES[0] = np.nan
+APPENDING = threading.Lock()
 
 
 def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (intended name)
@@ -119,20 +121,22 @@ class Run:
         for name in ("spd", "radar", "depth", "map", "map is known"):
             self._grown.pop(name, None)
 
-    def _grow(self, name: str, rows: NDArray[Any]) -> NDArray[Any]:
-        """Appends rows to an array and returns the whole array."""
-        if name in self._grown:
-            self._grown[name].append(rows)
-        else:
-            self._grown[name] = Growing(rows)
-        return self._grown[name].values
+    def _grow(self, name: str, rows: NDArray[Any], known: int | None = None) -> NDArray[Any]:
+        """Appends rows to an array that has `known` rows, and returns the whole array. If another
+        thread has appended these rows, they are not appended again."""
+        with APPENDING:
+            if name not in self._grown:
+                self._grown[name] = Growing(rows)
+            elif known is None or known == len(self._grown[name].values):
+                self._grown[name].append(rows)
+            return self._grown[name].values
 
     @errors_with_path
     def _cached(self, name: str, read: Callable[[NDArray[np.int64]], NDArray[Any]]) -> NDArray[Any]:
         """Returns an array with one row per record, after reading the rows that it lacks."""
-        known = len(self._grown[name].values) if name in self._grown else 0
-        if known < len(self) or not known:
-            return self._grow(name, read(np.arange(known, len(self))))
+        known = len(self._grown[name].values) if name in self._grown else -1
+        if known < len(self):
+            return self._grow(name, read(np.arange(max(known, 0), len(self))), known)
         return self._grown[name].values
 
     def of_row(self, name: str, row: int) -> NDArray[Any]:
@@ -330,12 +334,11 @@ class Run:
         the map grid of the models: z, m; NaN: no return or no depth image. Maps are cached."""
         selected = rows_of(len(self), slice(None) if rows is None else rows)
         shape = [len(cells) for cells in reversed(self._cells)]
-        maps = self._cached("map", lambda new: np.empty((len(new), *shape), np.float32))
+        maps = self._cached("map", lambda new: np.full((len(new), *shape), np.nan, np.float32))
         known = self._cached("map is known", lambda new: np.zeros(len(new), bool))
         new = np.unique(selected[~known[selected]])
         to_z = self.axes.get("map_z")
         convert = grid.to_map(*self._cells, self._image_size(), to_z.step if to_z else 6.0)
-        maps[new] = np.nan
         for row, image in self._images(new):
             maps[row] = convert(image)
         known[new] = True
