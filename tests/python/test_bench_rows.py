@@ -60,14 +60,16 @@ def lines(folder):
 @pytest.mark.parametrize("edited", ["mine.py", "helper.py", "parts/late.py"])
 def test_bench_measures_a_method_again_only_if_its_code_changed(runs, tmp_path, edited):
     (tmp_path / "parts").mkdir()
+    (tmp_path / "venv/site-packages").mkdir(parents=True)
     code = {"mine.py": METHOD.format(row=0).replace("import numpy", "import helper\nimport numpy").replace("fit(self, run, rows):", "fit(self, run, rows):\n        import parts.late"),
-            "helper.py": "", "parts/late.py": "", "other.py": ""}
+            "helper.py": "import sys\nsys.path.append('venv/site-packages')\nimport installed\n", "parts/late.py": "", "other.py": "", "venv/site-packages/installed.py": ""}
     for name, text in code.items():
         (tmp_path / name).write_text(text)
     words = [sys.executable, BIN / "echofuse-bench", "pareto", *runs, "--methods", "mine:Mine", "mean", "--seeds", "1", "-q", "--out", "b.csv"]
     bench_here = lambda: subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True).stderr  # noqa: E731
     assert "reused" not in bench_here() and "reused rows: 2\n" in bench_here()
-    (tmp_path / "other.py").write_text("# changed\n")
+    for name in "other.py", "venv/site-packages/installed.py":
+        (tmp_path / name).write_text("# changed\n")
     assert "reused rows: 2\n" in bench_here() and lines(tmp_path) == 4
     (tmp_path / edited).write_text(code[edited] + "# changed\n")
     assert "reused rows: 1\n" in bench_here() and lines(tmp_path) == 5

@@ -39,6 +39,8 @@ COSTS = ("multiply_adds", "infer_us_median", "infer_us_p99", "infer_us_batch", "
 RECORDED = ("iou", "lateral_m", "depth_mae_m", "ssim_fg")  # scores that are stored for each record
 COUNTS = ("answered", "records", "depth_maps", "threads")
 DATA = (".sqlite", ".csv", ".log", ".svg", ".pdf", ".png")  # runs, and files that the bench writes
+PACKAGES = ("site-packages", "dist-packages")  # folders of installed Python packages
+MAX_HASHED = 1 << 26  # size of the largest file of which the contents are hashed
 CONSTANT = ("empty", "mean")  # baselines that use no sensor data
 Path = str | pathlib.Path
 Row = dict[str, Any]
@@ -100,9 +102,13 @@ class Method:
         """Returns the hash of each file of the code, or of the named files, by its path relative to
         `folder`."""
         paths = self.find() if names is None else (self.folder / name for name in names)
-        return {os.path.relpath(path, self.folder):
-                hashlib.sha256(path.read_bytes()).hexdigest()[:12]
-                for path in sorted(paths) if path.is_file()}
+        found = {}
+        for path in filter(pathlib.Path.is_file, sorted(paths)):
+            facts = path.stat()
+            found[os.path.relpath(path, self.folder)] = hashlib.sha256(
+                path.read_bytes() if facts.st_size <= MAX_HASHED else
+                f"{facts.st_size} {facts.st_mtime_ns}".encode()).hexdigest()[:12]
+        return found
 
     @property
     def is_blind(self) -> bool:
@@ -117,22 +123,27 @@ class Method:
         return derive.copy(test, folder / "test.sqlite", derive.lost("depth"))
 
 
+def is_code(path: pathlib.Path, folder: pathlib.Path) -> bool:
+    """Returns whether a file in a folder may belong to the code of a method. Hidden files, caches,
+    installed packages and data do not."""
+    return path.is_relative_to(folder) and path.suffix not in DATA and not any(
+        part.startswith((".", "__pycache__")) or part in PACKAGES
+        for part in path.relative_to(folder).parts)
+
+
 def files_of_command(words: Iterable[str]) -> list[pathlib.Path]:
-    """Returns the given files, and all files below their folders except data and hidden files.
-    Folders of system programs are left out."""
+    """Returns the given files, and the code below their folders. Folders of system programs are
+    left out."""
     given = [pathlib.Path(word).resolve() for word in words if os.path.isfile(word)]
     system = [pathlib.Path(folder).resolve() for folder in os.get_exec_path()]
     return [*given, *(path for folder in {path.parent for path in given} - {*system}
-                      for path in folder.rglob("*") if path.suffix not in DATA
-                      and not any(part.startswith((".", "__pycache__"))
-                                  for part in path.relative_to(folder).parts))]
+                      for path in folder.rglob("*") if is_code(path, folder))]
 
 
 def loaded_files(folder: pathlib.Path) -> set[pathlib.Path]:
     """Returns the files of all modules that were loaded from a folder."""
-    return {path for module in list(sys.modules.values())
-            if (path := pathlib.Path(getattr(module, "__file__", None) or "/").resolve())
-            .is_relative_to(folder)}
+    return {path for module in list(sys.modules.values()) if is_code(
+        path := pathlib.Path(getattr(module, "__file__", None) or "/").resolve(), folder)}
 
 
 def method(text: str) -> Method:
@@ -162,7 +173,7 @@ def python_method(name: str, make: Callable[..., Fitted]) -> Method:
     top = sys.modules.get(getattr(make, "__module__", "").partition(".")[0])
     place = next(iter(getattr(top, "__path__", ())), getattr(top, "__file__", None))
     folder = pathlib.Path(place or "/nowhere").resolve()
-    if folder.parent.name not in ("site-packages", "dist-packages"):
+    if folder.parent.name not in PACKAGES:
         folder = folder.parent
     return Method(name, "-", lambda train, scratch, seed, fallback: _by_object(make, train, seed),
                   folder, lambda: loaded_files(folder) if place else (),
