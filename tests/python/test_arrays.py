@@ -103,7 +103,9 @@ def test_images_that_are_resampled_to_maps_of_64_pixels_are_named(tmp_path, size
 
 @pytest.mark.parametrize("said, arrays", [
     ("contains neither spd.npy", {}),
-    ("radar: has 4 rows", {"spd": np.ones((3, 5)), "radar": np.ones((4, 4))}),
+    ("spd: row 1 has nan", {"spd": np.array([[1.0, 1], [np.nan, 1]])}),
+    ("depth_m: row 0: a depth of 2900", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 2900.0)}),
+    ("radar: has 4 rows, but spd has 3", {"spd": np.ones((3, 5)), "radar": np.ones((4, 4))}),
     ("spd: its shape is [15]; expected 2 dimensions", {"spd": np.ones(15)}),
     ("expected counts of 0 or more", {"spd": -np.ones((3, 5))}),
     ("multiply by 16 if each row is the mean over that number", {"spd": np.arange(15).reshape(3, 5) / 16}),
@@ -123,7 +125,7 @@ def test_images_that_are_resampled_to_maps_of_64_pixels_are_named(tmp_path, size
 def test_write_run_refuses_invalid_arrays_and_states_what_is_expected(tmp_path, said, arrays):
     with pytest.raises(RuntimeError) as refused:
         write(tmp_path / "own", **arrays)
-    assert said in str(refused.value)
+    assert said in str(refused.value) and str(tmp_path) not in str(refused.value).replace(str(tmp_path / "own"), "")
     assert not list(tmp_path.iterdir())
 
 
@@ -295,19 +297,6 @@ def test_sensor_without_an_imported_array_has_the_verdict_not_configured(tmp_pat
     told = json.loads(subprocess.run([ACQUIRE, "info", run.path, "--json"], capture_output=True, check=True).stdout)
     assert told["verdicts"]["radar"] == told["verdicts"]["depth"] == {"not configured": 12}
     assert told["doubtful"] == 0 and not told["doubts"]
-
-
-@pytest.mark.parametrize("said, arrays", [
-    ("spd: its shape is [15]; expected 2 dimensions", {"spd": np.ones(15)}),
-    ("radar: has 4 rows, but spd has 3", {"spd": np.ones((3, 5)), "radar": np.ones((4, 4))}),
-    ("depth_m: row 0: a depth of 2900", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 2900.0)}),
-    ("spd: row 1 has nan", {"spd": np.array([[1.0, 1], [np.nan, 1]])}),
-    ("2 labels, but there are 3 records", {"spd": np.ones((3, 5)), "labels": ["a", "b"]}),
-])
-def test_write_run_errors_name_the_argument_instead_of_a_temporary_file(tmp_path, said, arrays):
-    with pytest.raises(RuntimeError) as refused:
-        write(tmp_path / "own", **arrays)
-    assert said in str(refused.value) and str(tmp_path) not in str(refused.value) and ".npy" not in str(refused.value)
 
 
 def test_split_uses_the_sensors_of_the_run_and_names_missing_data_if_no_record_remains(tmp_path):
