@@ -28,7 +28,12 @@ const std::string& identity_of(const Device& device) {
 }  // namespace
 
 Devices::Devices(port::Loop& loop, const Config& config, SampleSink& next, port::RawKeeper* raw)
-    : loop_(loop), config_(config), next_(&next) {
+    : loop_(loop),
+      config_(config),
+      next_(&next),
+      check_(config.window_s, [this](Sensor sensor, const std::string& text) {
+        on_event(sensor, Severity::warning, text);
+      }) {
   for (const Sensor s : all_sensors) {
     status(s).configured = config.configured().contains(s);
     status(s).info.address = address_of(config, s);
@@ -128,6 +133,7 @@ std::string Devices::describe(Sensor s) const {
   if (device.holder) return text + "in use by " + printable(device.holder->who);
   if (device.state == DeviceState::streaming && device.samples == 0)
     return text + "answers, but sends no " + (s == Sensor::spd ? "tags" : "frames");
+  if (device.refused && device.samples == 0) return text + printable(device.last_event, 500);
   text += name_of(device.state);
   return device.last_event.empty() ? text : text + ": " + printable(device.last_event, 500);
 }
@@ -138,16 +144,19 @@ void Devices::on_tags(const TagBlock& block) {
 }
 
 void Devices::on_histogram(HistogramFrame frame) {
+  if (!check_.take(frame)) return;
   status(Sensor::spd).samples += frame.pulses + frame.clicks();
   next_->on_histogram(std::move(frame));
 }
 
 void Devices::on_radar(RadarFrame frame) {
+  if (!config_.radar.address.empty()) check_.take(frame);
   ++status(Sensor::radar).samples;
   next_->on_radar(std::move(frame));
 }
 
 void Devices::on_depth(DepthFrame frame) {
+  check_.take(frame);
   ++status(Sensor::depth).samples;
   next_->on_depth(std::move(frame));
 }
@@ -168,6 +177,7 @@ void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info)
   if (state == DeviceState::streaming) warn_of_another(sensor, info);
   if (state == DeviceState::streaming || !info.firmware.empty()) device.info = info;
   next_->on_state(sensor, state, info);
+  for (const Axis& axis : info.axes) check_.take(axis);
 }
 
 void Devices::abandon() {
@@ -178,6 +188,7 @@ void Devices::abandon() {
 
 void Devices::on_event(Sensor sensor, Severity severity, const std::string& text) {
   if (severity != Severity::info) status(sensor).last_event = text;
+  status(sensor).refused = status(sensor).refused || severity == Severity::error;
   next_->on_event(sensor, severity, text);
 }
 

@@ -10,6 +10,7 @@
 
 #include "acquire/config/config.hpp"
 #include "acquire/devices/device_locks.hpp"
+#include "acquire/stream/sample_check.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/port/loop.hpp"
 #include "drivers/util/exit_code.hpp"
@@ -26,6 +27,7 @@ class Devices final : private SampleSink {
     DeviceInfo info;
     std::uint64_t samples = 0;       // number of tags or frames received
     std::string last_event;          // last warning or error of the driver
+    bool refused = false;            // true if the driver refuses the device's data
     std::optional<Holder> holder{};  // set if another program uses the device
 
     bool delivers() const { return state == DeviceState::streaming && samples > 0; }
@@ -86,6 +88,7 @@ class Devices final : private SampleSink {
   // Serial number of the device; its model if the serial number is unknown.
   PerSensor<std::string> identities_;
   PerSensor<std::unique_ptr<Driver>> drivers_;
+  SampleCheck check_;
   PerSensor<std::vector<Counter>> last_counters_;  // counters of drivers that have ended
 };
 

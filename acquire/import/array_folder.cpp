@@ -9,6 +9,7 @@
 
 #include "acquire/measurement/radar_array.hpp"
 #include "acquire/record/run_file.hpp"
+#include "acquire/stream/sample_check.hpp"
 #include "drivers/core/median.hpp"
 #include "drivers/util/printable.hpp"
 
@@ -32,14 +33,6 @@ std::uint32_t factor_of(const std::vector<double>& counts) {
     if (std::ranges::all_of(counts, [&](double count) { return whole(factor * count, count); }))
       return factor;
   return 0;
-}
-
-// Returns true if the values may be in dB: some are negative, or the largest is less than 6 times
-// the smallest. Linear power spans a larger ratio, and is negative only if noise was subtracted.
-bool looks_like_db(const std::vector<float>& power) {
-  constexpr float least_ratio = 6;
-  const auto [low, high] = std::ranges::minmax(power);
-  return low < high && (low < 0 || high < least_ratio * low);
 }
 
 record::Antennas antennas_of(const std::vector<std::string>& texts, const std::string& path) {
@@ -362,7 +355,7 @@ void ArrayFolder::put_depth(record::FusedRecord& r) {
 // empty string.
 std::string ArrayFolder::take_depth(record::FusedRecord& r,
                                     const std::vector<double>& values) const {
-  constexpr double most_mm = std::numeric_limits<std::uint16_t>::max(), least_median_mm = 20;
+  constexpr double most_mm = std::numeric_limits<std::uint16_t>::max();
   std::vector<double> returns;
   for (const double v : values) {
     double mm = std::isnan(v) ? 0 : v * (millimetres_ ? 1 : 1000);
@@ -375,19 +368,17 @@ std::string ArrayFolder::take_depth(record::FusedRecord& r,
     if (r.depth_mm.back() > 0) returns.push_back(mm);
   }
   if (returns.empty()) return {};
-  const double median_mm = median(std::move(returns));
-  if (median_mm >= least_median_mm) return {};
-  return "its median is " + std::to_string(std::lround(median_mm)) + " mm; expected depths in " +
-         (millimetres_ ? "millimetres (for metres set depth.unit = \"m\")" : "metres");
+  const std::string fault = fault_of_depths(median(std::move(returns)));
+  if (fault.empty()) return {};
+  return fault + (millimetres_ ? "millimetres (for metres set depth.unit = \"m\")" : "metres");
 }
 
 std::vector<std::string> ArrayFolder::doubts() const {
   if (2 * odd_maps_ > maps_) throw Error(ExitCode::failed, first_odd_);
   std::vector<std::string> out;
   if (2 * like_db_ > powers_)
-    out.push_back("radar: " + std::to_string(like_db_) + " of " + std::to_string(powers_) +
-                  " profiles have negative values or a max/min ratio below 6: are they in "
-                  "dB? Expected linear power, 10^(dB/10)");
+    out.push_back("radar: " + std::to_string(like_db_) + " of " + std::to_string(powers_) + " " +
+                  db_question);
   if (odd_maps_ > 0)
     out.push_back("depth: " + std::to_string(odd_maps_) + " of " + std::to_string(maps_) +
                   " maps are implausible and were omitted; the first: " + first_odd_);

@@ -239,7 +239,10 @@ void Windows::add(DepthFrame frame) {
 record::Verdict Windows::spd_fault(const Slot& slot, HostTime end) const {
   const TagCounts tags = slot.tags();
   if (refused_[Sensor::spd]) return axis_changed;
-  if (sends_histograms_ && slot.summed.empty()) return {VerdictKind::no_histograms, {}};
+  if (sends_histograms_ && slot.summed.empty())
+    return {VerdictKind::no_histograms, unassigned_.late[Sensor::spd] > 0
+                                            ? "histograms arrived after their slot was closed"
+                                            : ""};
   if (!sends_histograms_ && tags.tags == 0) return {VerdictKind::no_tags, {}};
   if (!sends_histograms_ && tags.starts == 0)
     return {VerdictKind::no_starts,

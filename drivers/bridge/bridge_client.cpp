@@ -103,12 +103,15 @@ void BridgeClient::on_block(Block block, HostTime received) {
   handlers_.block(block, received);
 }
 
-void BridgeClient::reject(const Block& block, const char* expected) {
+void BridgeClient::reject(const Block& block, const char* expected, const std::string& reason) {
   constexpr const char* kinds[] = {"hellos",   "tags",       "depth frames",
                                    "goodbyes", "histograms", "range profiles"};
   const auto kind = static_cast<std::size_t>(block.kind);
-  if (kind < std::size(kinds) && std::string(kinds[kind]) != expected &&
-      !std::exchange(told_kind_, true))
+  const bool other = kind < std::size(kinds) && std::string(kinds[kind]) != expected;
+  constexpr std::size_t most_reasons = 20;
+  if (!other && reasons_.size() < most_reasons && reasons_.insert(reason).second)
+    handlers_.event(Severity::error, std::string("its ") + expected + " have " + reason);
+  if (other && !std::exchange(told_kind_, true))
     handlers_.event(Severity::warning,
                     std::string("this bridge sends ") + kinds[kind] + ", not " + expected +
                         (block.kind == BlockKind::histogram

@@ -4,6 +4,7 @@
 #pragma once
 #include <functional>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -35,8 +36,9 @@ class BridgeClient {
   void stop();
   // Rejects a delivered block because its kind is unexpected or its payload is invalid. The block
   // is reported as lost with the next delivered block. `expected`: kind that the driver expects,
-  // i.e. "tags", "histograms", "depth frames" or "range profiles".
-  void reject(const Block& block, const char* expected);
+  // i.e. "tags", "histograms", "depth frames" or "range profiles". `reason`: fault of the payload;
+  // each reason is reported once.
+  void reject(const Block& block, const char* expected, const std::string& reason);
   std::vector<Counter> counters() const;
 
  private:
@@ -63,6 +65,7 @@ class BridgeClient {
   std::uint64_t connections_ = 0, bad_payloads_ = 0;
   // losses to be reported with the next delivered block
   std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;
+  std::set<std::string> reasons_;  // reported reasons of rejected blocks
   std::unique_ptr<port::BytePort> port_;
 };
 

@@ -59,6 +59,15 @@ bool usable(const Axis& axis) {
          std::abs(end) <= 100 && std::abs(axis.step) >= 1e-6;
 }
 
+Failure fault(std::string what) {
+  return {std::make_error_code(std::errc::bad_message), std::move(what)};
+}
+
+Failure wrong_size(ByteView payload) {
+  return fault("a size of " + std::to_string(payload.size()) +
+               " bytes, which their header contradicts");
+}
+
 }  // namespace
 
 void BlockParser::feed(ByteView bytes, const OnBlock& on_block) {
@@ -127,8 +136,8 @@ std::uint64_t BlockParser::missing_before(std::uint32_t sequence) {
   return lost;
 }
 
-std::optional<std::span<const Tag>> read_tags(ByteView payload, std::vector<Tag>& scratch) {
-  if (payload.size() % sizeof(Tag) != 0) return std::nullopt;
+Result<std::span<const Tag>> read_tags(ByteView payload, std::vector<Tag>& scratch) {
+  if (payload.size() % sizeof(Tag) != 0) return wrong_size(payload);
   const std::size_t count = payload.size() / sizeof(Tag);
   if (reinterpret_cast<std::uintptr_t>(payload.data()) % alignof(Tag) == 0)
     return std::span(reinterpret_cast<const Tag*>(payload.data()), count);
@@ -137,7 +146,7 @@ std::optional<std::span<const Tag>> read_tags(ByteView payload, std::vector<Tag>
   return std::span<const Tag>(scratch);
 }
 
-std::optional<DepthPayload> read_depth(ByteView payload) {
+Result<DepthPayload> read_depth(ByteView payload) {
   ByteReader in(payload);
   DepthPayload out;
   DepthFrame& frame = out.frame;
@@ -148,15 +157,16 @@ std::optional<DepthPayload> read_depth(ByteView payload) {
   std::array<float, 4> axes{};
   for (float& value : axes) value = in.get<float>();
   const std::uint64_t pixels = std::uint64_t{frame.width} * frame.height;
-  if (!in.ok() || pixels > max_payload_bytes || in.left() != 2 * pixels) return std::nullopt;
+  if (!in.ok() || pixels > max_payload_bytes || in.left() != 2 * pixels) return wrong_size(payload);
   out.x = tangent_axis("depth_x", frame.width, axes[0], axes[1]);
   out.y = tangent_axis("depth_y", frame.height, axes[2], axes[3]);
-  if (!usable(out.x) || !usable(out.y)) return std::nullopt;
+  if (!usable(out.x) || !usable(out.y))
+    return fault("an impossible size or axis: 1 to 8192 pixels, tangents of -100 to 100");
   frame.depth_mm = to_values<std::uint16_t>(in.take(in.left()));
   return out;
 }
 
-std::optional<HistogramPayload> read_histogram(ByteView payload) {
+Result<HistogramPayload> read_histogram(ByteView payload) {
   ByteReader in(payload);
   HistogramPayload out;
   HistogramFrame& frame = out.frame;
@@ -166,11 +176,15 @@ std::optional<HistogramPayload> read_histogram(ByteView payload) {
   frame.pulses = in.get<std::uint64_t>();
   const auto start_ps = in.get<double>(), width_ps = in.get<double>();
   frame.exposure_us = in.get<std::uint32_t>();
-  if (!in.ok() || frame.zones < 1 || frame.zones > most_zones || bins < 1 ||
-      in.left() != sizeof(std::uint32_t) * frame.zones * std::uint64_t{bins} ||
-      frame.exposure_us == 0 || frame.pulses > max_dropped_items || !(std::abs(start_ps) <= 1e12) ||
-      !(width_ps >= 1e-3 && width_ps <= 1e9))
-    return std::nullopt;
+  if (in.ok() && (frame.zones < 1 || frame.zones > most_zones))
+    return fault(std::to_string(frame.zones) + " zones; expected 1 to 64");
+  if (!in.ok() || bins < 1 ||
+      in.left() != sizeof(std::uint32_t) * frame.zones * std::uint64_t{bins})
+    return wrong_size(payload);
+  if (frame.exposure_us == 0) return fault("exposure time 0");
+  if (frame.pulses > max_dropped_items) return fault("an impossible number of laser pulses");
+  if (!(std::abs(start_ps) <= 1e12) || !(width_ps >= 1e-3 && width_ps <= 1e9))
+    return fault("an impossible axis; expected bins of 0.001 to 1e9 ps");
   frame.counts = to_values<std::uint32_t>(in.take(in.left()));
   out.axis = {.name = "spd",
               .quantity = "counts",
@@ -181,7 +195,7 @@ std::optional<HistogramPayload> read_histogram(ByteView payload) {
   return out;
 }
 
-std::optional<ProfilePayload> read_profile(ByteView payload) {
+Result<ProfilePayload> read_profile(ByteView payload) {
   ByteReader in(payload);
   ProfilePayload out;
   RadarFrame& frame = out.frame;
@@ -191,13 +205,16 @@ std::optional<ProfilePayload> read_profile(ByteView payload) {
   frame.time_cpu_cycles = static_cast<std::uint32_t>(200 * in.get<std::uint64_t>());
   const auto start_m = in.get<float>(), step_m = in.get<float>();
   constexpr float farthest_m = 1e4F, least_step_m = 1e-6F;
-  if (!in.ok() || bins < 4 || in.left() != sizeof(float) * std::uint64_t{bins} ||
-      !(std::abs(start_m) <= farthest_m) || !(step_m >= least_step_m) ||
+  if (!in.ok() || in.left() != sizeof(float) * std::uint64_t{bins}) return wrong_size(payload);
+  if (bins < 4) return fault(std::to_string(bins) + " bins; expected at least 4");
+  if (!(std::abs(start_m) <= farthest_m) || !(step_m >= least_step_m) ||
       !(step_m * static_cast<float>(bins) <= farthest_m))
-    return std::nullopt;
+    return fault("an impossible axis; expected rising ranges of at most 10 km");
   frame.power = to_values<float>(in.take(in.left()));
-  if (!std::ranges::all_of(frame.power, [](float p) { return p >= 0 && std::isfinite(p); }))
-    return std::nullopt;
+  if (!std::ranges::all_of(frame.power, [](float p) { return std::isfinite(p); }))
+    return fault("power that is not a finite number");
+  if (!std::ranges::all_of(frame.power, [](float p) { return p >= 0; }))
+    return fault("power below 0: is it in dB, or was noise subtracted? Expected linear power");
   out.axis = {.name = "radar",
               .quantity = "power",
               .unit = "m",

@@ -44,6 +44,7 @@
 #include "drivers/core/bytes.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/core/frame_buffer.hpp"
+#include "drivers/core/result.hpp"
 #include "drivers/core/sample.hpp"
 
 namespace echofuse::bridge {
@@ -119,33 +120,34 @@ struct Hello {
 // or a zone is implausible. Limits of the payload: 64 KiB, 64 zones, 1024 values, nesting depth 8.
 std::optional<Hello> read_hello(ByteView payload);
 
+// The readers return a failure with the reason if a payload is invalid.
+
 // Returns a view of the tags in the payload if it is suitably aligned, otherwise a view of a copy
-// in `scratch`. Returns nullopt if the last tag is incomplete.
-std::optional<std::span<const Tag>> read_tags(ByteView payload, std::vector<Tag>& scratch);
+// in `scratch`. The last tag must be complete.
+Result<std::span<const Tag>> read_tags(ByteView payload, std::vector<Tag>& scratch);
 
 struct DepthPayload {
   DepthFrame frame;  // the fields `received` and `lost_before` are not set
   Axis x, y;
 };
-// Returns nullopt if the payload has the wrong size, the width or height is not between 1 and 8192
-// pixels, a tangent exceeds 100, or a step is below 1e-6 or not finite.
-std::optional<DepthPayload> read_depth(ByteView payload);
+// The payload must have the stated size, a width and height of 1 to 8192 pixels, tangents of at
+// most 100, and finite steps of at least 1e-6.
+Result<DepthPayload> read_depth(ByteView payload);
 
 struct HistogramPayload {
   HistogramFrame frame;  // the fields `received` and `lost_before` are not set
   Axis axis;             // axis with name "spd", quantity "counts" and unit "ps"
 };
-// Returns nullopt if the payload has the wrong size, the number of zones is not between 1 and 64,
-// the exposure is 0, the axis starts more than 1e12 ps from 0, or the bin width is not between
-// 0.001 ps and 1e9 ps.
-std::optional<HistogramPayload> read_histogram(ByteView payload);
+// The payload must have the stated size, 1 to 64 zones, an exposure above 0, an axis that starts at
+// most 1e12 ps from 0, and a bin width of 0.001 ps to 1e9 ps.
+Result<HistogramPayload> read_histogram(ByteView payload);
 
 struct ProfilePayload {
   RadarFrame frame;  // `received` and `lost_before` are not set
   Axis axis;         // axis with name "radar", quantity "power" and unit "m"
 };
-// Returns nullopt if the payload has the wrong size, there are fewer than 4 bins, a power is
-// negative or not finite, a range exceeds 10 km, or the step is below 1 um.
-std::optional<ProfilePayload> read_profile(ByteView payload);
+// The payload must have the stated size, at least 4 bins, finite powers of at least 0, ranges of at
+// most 10 km, and a step of at least 1 um.
+Result<ProfilePayload> read_profile(ByteView payload);
 
 }  // namespace echofuse::bridge

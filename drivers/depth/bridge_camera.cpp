@@ -16,7 +16,7 @@ constexpr std::uint16_t invalid_mm = 65535;
 void BridgeCamera::on_block(const bridge::Block& block, HostTime received) {
   auto depth = bridge::read_depth(block.payload);
   if (block.kind != bridge::BlockKind::depth || !depth)
-    return client_.reject(block, "depth frames");
+    return client_.reject(block, "depth frames", depth ? "" : depth.failure().what);
   announce({depth->x, depth->y});
   DepthFrame& frame = depth->frame;
   frame.received = received;

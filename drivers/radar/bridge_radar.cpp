@@ -8,7 +8,7 @@ namespace echofuse::radar {
 void BridgeRadar::on_block(const bridge::Block& block, HostTime received) {
   auto profile = bridge::read_profile(block.payload);
   if (block.kind != bridge::BlockKind::range_profile || !profile)
-    return client_.reject(block, "range profiles");
+    return client_.reject(block, "range profiles", profile ? "" : profile.failure().what);
   announce({profile->axis});
   RadarFrame& frame = profile->frame;
   frame.received = received;

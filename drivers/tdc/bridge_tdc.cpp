@@ -11,7 +11,8 @@ void BridgeTdc::on_block(const bridge::Block& block, HostTime received) {
 
 void BridgeTdc::on_tags(const bridge::Block& block, HostTime received) {
   const auto tags = bridge::read_tags(block.payload, scratch_);
-  if (block.kind != bridge::BlockKind::tags || !tags) return client_.reject(block, "tags");
+  if (block.kind != bridge::BlockKind::tags || !tags)
+    return client_.reject(block, "tags", tags ? "" : tags.failure().what);
   items_ += tags->size();
   lost_ += block.dropped_items;
   sink_->on_tags({.received = received,
@@ -23,16 +24,12 @@ void BridgeTdc::on_tags(const bridge::Block& block, HostTime received) {
 void BridgeTdc::on_histogram(const bridge::Block& block, HostTime received) {
   auto read = bridge::read_histogram(block.payload);
   if (block.kind != bridge::BlockKind::histogram || !read)
-    return client_.reject(block, "histograms");
+    return client_.reject(block, "histograms", read ? "" : read.failure().what);
   HistogramFrame& frame = read->frame;
-  if (!stated_zones_.empty() && stated_zones_.size() != frame.zones) {
-    if (!std::exchange(told_zones_, true))
-      sink_->on_event(Sensor::spd, Severity::error,
-                      "histograms have " + std::to_string(frame.zones) +
-                          " zones, but the hello block lists " +
-                          std::to_string(stated_zones_.size()));
-    return client_.reject(block, "histograms");
-  }
+  if (!stated_zones_.empty() && stated_zones_.size() != frame.zones)
+    return client_.reject(block, "histograms",
+                          std::to_string(frame.zones) + " zones, but the hello block lists " +
+                              std::to_string(stated_zones_.size()));
   const bool unknown = stated_zones_.empty() && frame.zones > 1;
   announce({read->axis}, unknown ? Zones(frame.zones) : stated_zones_);
   frame.received = received;

@@ -20,7 +20,6 @@ class BridgeTdc final : public bridge::BridgeDriver {
   void on_histogram(const bridge::Block& block, HostTime received);
 
   std::vector<Tag> scratch_;
-  bool told_zones_ = false;
 };
 
 }  // namespace echofuse::tdc

@@ -296,7 +296,7 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
       server.send(test::make_block(bridge::BlockKind::histogram, i, zones));
     REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 2; }));
     CHECK(b.sink.events ==
-          std::vector<std::string>{"histograms have 5 zones, but the hello block lists 1"});
+          std::vector<std::string>{"its histograms have 5 zones, but the hello block lists 1"});
     CHECK(b.sink.histograms.empty());
     server.send(test::make_block(bridge::BlockKind::histogram, 3, counts));
     REQUIRE(run_until(b.loop, [&] { return b.sink.histograms.size() == 1; }));

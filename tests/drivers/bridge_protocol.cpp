@@ -211,19 +211,21 @@ TEST_CASE("histogram and range profile blocks are decoded, and impossible ones a
     std::memcpy(bytes.data() + at, &value, sizeof value);
     return bytes;
   };
-  CHECK_FALSE(read_histogram(counts.first(counts.size() - 1)));
-  CHECK_FALSE(read_histogram(with(counts, 0, std::uint32_t{0})));  // zero zones
-  CHECK_FALSE(
-      read_histogram(with(counts, 4, std::uint32_t{6})));  // number of bins does not match the data
-  CHECK_FALSE(read_histogram(with(counts, 40, std::uint32_t{0})));  // zero exposure time
-  CHECK_FALSE(read_histogram(with(counts, 32, std::nan(""))));      // the bin width is not a number
-  CHECK_FALSE(read_histogram(
-      with(counts, 24, -2e12)));  // the first bin is at -2 s, below the limit of -1 s
-  CHECK_FALSE(read_profile(power.first(power.size() - 1)));
-  CHECK_FALSE(read_profile(with(power, 20, 0.0F)));           // zero range step
-  CHECK_FALSE(read_profile(with(power, 16, std::nanf(""))));  // the first range is not a number
-  CHECK_FALSE(read_profile(with(power, 24, -1.0F)));          // negative power
-  CHECK_FALSE(read_profile(with(power, 28, std::nanf(""))));
+  const auto reason = [](const auto& read) { return read ? "none" : read.failure().what; };
+  const std::string size = "bytes, which their header contradicts";
+  CHECK_THAT(reason(read_histogram(counts.first(counts.size() - 1))), Catch::Contains(size));
+  CHECK_THAT(reason(read_histogram(with(counts, 4, std::uint32_t{6}))), Catch::Contains(size));
+  CHECK(reason(read_histogram(with(counts, 0, std::uint32_t{0}))) == "0 zones; expected 1 to 64");
+  CHECK(reason(read_histogram(with(counts, 40, std::uint32_t{0}))) == "exposure time 0");
+  // The bin width is not a number, and the first bin is at -2 s, below the limit of -1 s.
+  for (const auto& bad : {with(counts, 32, std::nan("")), with(counts, 24, -2e12)})
+    CHECK_THAT(reason(read_histogram(bad)), Catch::StartsWith("an impossible axis"));
+  CHECK_THAT(reason(read_profile(power.first(power.size() - 1))), Catch::Contains(size));
+  for (const auto& bad : {with(power, 20, 0.0F), with(power, 16, std::nanf(""))})
+    CHECK_THAT(reason(read_profile(bad)), Catch::StartsWith("an impossible axis"));
+  CHECK_THAT(reason(read_profile(with(power, 24, -1.0F))), Catch::StartsWith("power below 0"));
+  CHECK(reason(read_profile(with(power, 28, std::nanf("")))) ==
+        "power that is not a finite number");
 }
 
 TEST_CASE("missing bridge blocks are counted with the block that follows the gap") {

@@ -33,7 +33,7 @@ void tags(ByteView payload) {
   for (const ByteView bytes : {payload, ByteView(shifted).subspan(1)}) {
     std::vector<Tag> scratch;
     const auto read = read_tags(bytes, scratch);
-    require(read.has_value() == (payload.size() % 16 == 0), "tags are whole or none");
+    require(static_cast<bool>(read) == (payload.size() % 16 == 0), "tags are whole or none");
     if (!read) continue;
     require(read->size() == payload.size() / 16, "no tag is missing");
     const auto* first = reinterpret_cast<const std::uint8_t*>(read->data());
@@ -57,7 +57,7 @@ void depth(ByteView payload) {
     return std::abs(start) <= 100 && std::abs(start + step * count) <= 100 &&
            std::abs(step) >= 1e-6 && count <= max_depth_side;
   };
-  require(read.has_value() == (fits && lens(0, width) && lens(2, height)),
+  require(static_cast<bool>(read) == (fits && lens(0, width) && lens(2, height)),
           "a frame is accepted exactly if its size and axes are valid");
   if (!read) return;
   const DepthFrame& frame = read->frame;
@@ -78,7 +78,7 @@ void histogram(ByteView payload) {
   const bool fits = in.ok() && zones >= 1 && zones <= 64 && bins >= 1 && exposure > 0 &&
                     in.left() == 4 * zones * bins && pulses <= max_dropped_items &&
                     std::abs(start) <= 1e12 && width >= 1e-3 && width <= 1e9;
-  require(read.has_value() == fits,
+  require(static_cast<bool>(read) == fits,
           "a histogram is accepted exactly if its size and axis are valid");
   if (!read) return;
   const HistogramFrame& frame = read->frame;

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/stream/sample_check.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <iterator>
+#include <limits>
+#include <utility>
+
+#include "drivers/core/median.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+// Maximum plausible detection rate of a bin, 1/s; `train` uses the same limit for records.
+constexpr double most_a_second = 1e8;
+constexpr std::uint64_t enough_exposures = 10;
+constexpr double enough_s = 1, overlap = 1.5;
+constexpr std::size_t enough_profiles = 20, enough_maps = 10;
+constexpr double farthest_m = 300, least_median_mm = 20;
+
+std::string digits(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return text;
+}
+
+}  // namespace
+
+bool looks_like_db(const std::vector<float>& power) {
+  constexpr float least_ratio = 6;
+  const auto [low, high] = std::ranges::minmax(power);
+  return low < high && (low < 0 || high < least_ratio * low);
+}
+
+std::string fault_of_depths(double median_mm) {
+  if (median_mm >= least_median_mm) return {};
+  return "its median is " + std::to_string(std::lround(median_mm)) + " mm; expected depths in ";
+}
+
+void SampleCheck::once(bool& told, Sensor sensor, const std::string& text) {
+  if (!std::exchange(told, true)) report_(sensor, text);
+}
+
+bool SampleCheck::take(HistogramFrame& frame) {
+  const double most = most_a_second * 1e-6 * frame.exposure_us;
+  const auto highest = std::ranges::max_element(frame.counts);
+  if (highest != frame.counts.end() &&
+      (*highest > most || *highest == std::numeric_limits<std::uint32_t>::max())) {
+    once(impossible_told_, Sensor::spd,
+         "bin " + std::to_string(highest - frame.counts.begin()) + " contains " +
+             std::to_string(*highest) + " counts in an exposure of " +
+             digits(1e-6 * frame.exposure_us) +
+             " s, more than a detector can send; such exposures are dropped and counted as lost");
+    lost_ += frame.lost_before + 1;
+    return false;
+  }
+  frame.lost_before += std::exchange(lost_, 0);
+  check_exposures(frame);
+  check_falls(frame);
+  return true;
+}
+
+// Compares the exposures with the time between their ends, by the host's or the device's clock,
+// whichever is longer. Buffered histograms arrive faster than they were measured.
+void SampleCheck::check_exposures(const HistogramFrame& frame) {
+  const double exposure_s = 1e-6 * frame.exposure_us;
+  if (exposure_s > window_s_)
+    once(long_told_, Sensor::spd,
+         "exposures of " + digits(exposure_s) + " s do not fit slots of " + digits(window_s_) +
+             " s; use shorter exposures or longer slots (run.window_s)");
+  if (!first_ || frame.device_time_us < first_->device_time_us) {
+    first_ = {frame.received, frame.device_time_us}, exposures_ = exposed_us_ = 0;
+    return;
+  }
+  ++exposures_, exposed_us_ += frame.exposure_us;
+  const double passed_s =
+      std::max(seconds(frame.received - first_->received),
+               1e-6 * static_cast<double>(frame.device_time_us - first_->device_time_us));
+  if (exposures_ < enough_exposures || passed_s < enough_s) return;
+  const double times = 1e-6 * static_cast<double>(exposed_us_) / passed_s;
+  if (times > overlap)
+    once(overlap_told_, Sensor::spd,
+         "exposures add up to " + digits(std::round(10 * times) / 10) +
+             " times the time between them: are they sliding windows, or is the histogram not "
+             "cleared?");
+  first_ = {frame.received, frame.device_time_us}, exposures_ = exposed_us_ = 0;
+}
+
+void SampleCheck::check_falls(const HistogramFrame& frame) {
+  const bool rises = last_counts_.size() == frame.counts.size() &&
+                     std::ranges::equal(last_counts_, frame.counts, std::ranges::less_equal()) &&
+                     last_counts_ != frame.counts;
+  last_counts_ = frame.counts;
+  rises_ = rises ? rises_ + 1 : 0;
+  if (rises_ >= enough_exposures)
+    once(falls_told_, Sensor::spd,
+         "counts fall in no bin over ten exposures; is the histogram cleared after each exposure?");
+}
+
+void SampleCheck::take(const RadarFrame& frame) {
+  if (frame.power.empty() || profiles_ == enough_profiles) return;
+  like_db_ += looks_like_db(frame.power);
+  if (++profiles_ == enough_profiles && 2 * like_db_ > profiles_)
+    once(db_told_, Sensor::radar, db_question);
+}
+
+void SampleCheck::take(const DepthFrame& frame) {
+  if (maps_ == enough_maps) return;
+  ++maps_;
+  std::vector<std::uint16_t> returns;
+  std::ranges::copy_if(frame.depth_mm, std::back_inserter(returns), [](auto z) { return z > 0; });
+  if (returns.empty()) return;
+  if (const std::string fault = fault_of_depths(median(std::move(returns))); !fault.empty())
+    once(depth_told_, Sensor::depth, "depth map: " + fault + "millimetres");
+}
+
+void SampleCheck::take(const Axis& axis) {
+  const double end_m = axis.start + axis.step * axis.count;
+  if (axis.name == "radar" && end_m > farthest_m)
+    once(range_told_, Sensor::radar,
+         "the range profile ends at " + digits(end_m) + " m; is its range step in metres?");
+}
+
+}  // namespace echofuse::acquire

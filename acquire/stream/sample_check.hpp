@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: MIT
+// Checks the samples of histogramming boards, radars and cameras for mistakes of the sender. Import
+// uses the same limits for arrays. Each fault is reported once. Uses no clock, device or file.
+//   histogram  exposures are longer than a slot, or add up to more than the time between them;
+//              counts fall in no bin over ten exposures; a bin contains more counts than a detector
+//              can send, so that the exposure is lost
+//   profile    power in dB; a range axis in other units
+//   depth      depths in other units
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "drivers/core/sample.hpp"
+
+namespace echofuse::acquire {
+
+// Returns true if the values may be in dB: some are negative, or the largest is less than 6 times
+// the smallest. Linear power spans a larger ratio, and is negative only if noise was subtracted.
+bool looks_like_db(const std::vector<float>& power);
+inline constexpr const char* db_question =
+    "profiles have negative values or a max/min ratio below 6: are they in dB? Expected linear "
+    "power, 10^(dB/10)";
+
+// Returns the fault of a map with this median of the depths, or an empty string.
+std::string fault_of_depths(double median_mm);
+
+class SampleCheck {
+ public:
+  using Report = std::function<void(Sensor, const std::string&)>;
+  SampleCheck(double window_s, Report report) : window_s_(window_s), report_(std::move(report)) {}
+
+  // Returns false if the histogram is lost. It is then included in the next `lost_before`.
+  bool take(HistogramFrame& frame);
+  void take(const RadarFrame& frame);
+  void take(const DepthFrame& frame);
+  void take(const Axis& axis);
+
+ private:
+  void once(bool& told, Sensor sensor, const std::string& text);
+  void check_exposures(const HistogramFrame& frame);
+  void check_falls(const HistogramFrame& frame);
+
+  double window_s_;
+  Report report_;
+  std::vector<std::uint32_t> last_counts_;
+  // First of the exposures that are compared with the time between them.
+  struct ExposureEnd {
+    HostTime received;
+    std::uint64_t device_time_us;
+  };
+  std::optional<ExposureEnd> first_;
+  std::uint64_t lost_ = 0, rises_ = 0, exposures_ = 0, exposed_us_ = 0;
+  std::size_t profiles_ = 0, like_db_ = 0, maps_ = 0;
+  bool impossible_told_ = false, long_told_ = false, overlap_told_ = false, falls_told_ = false,
+       db_told_ = false, range_told_ = false, depth_told_ = false;
+};
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/stream/sample_check.hpp"
+
+#include <cmath>
+#include <functional>
+
+#include "../catch.hpp"
+#include "drivers/core/random.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+
+namespace {
+
+struct Run {
+  std::vector<std::string> events;
+  std::uint64_t taken = 0, lost = 0;
+};
+
+// Sends 60 histograms at intervals of 50 ms, after `change`.
+Run run(const std::function<void(HistogramFrame&, int)>& change) {
+  Run out;
+  SampleCheck check(1.0, [&](Sensor, const std::string& text) { out.events.push_back(text); });
+  Rng rng(3);
+  for (int k = 0; k < 60; ++k) {
+    HistogramFrame frame;
+    frame.received = from_seconds(1 + 0.05 * k);
+    frame.device_time_us = static_cast<std::uint64_t>(50'000 * k);
+    frame.exposure_us = 50'000;
+    for (int i = 0; i < 100; ++i) frame.counts.push_back(static_cast<std::uint32_t>(rng() % 20));
+    change(frame, k);
+    if (!check.take(frame)) continue;
+    ++out.taken;
+    out.lost += frame.lost_before;
+  }
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("mistakes of a histogramming board are reported once") {
+  std::vector<std::uint32_t> sum(100);
+  const auto add = [&](HistogramFrame& frame) {
+    for (std::size_t i = 0; i < sum.size(); ++i) frame.counts[i] = sum[i] += frame.counts[i];
+  };
+  const auto says = [](const Run& r, const std::string& text) {
+    CAPTURE(r.events);
+    CHECK(r.events.size() == (text.empty() ? 0 : 1));
+    if (!text.empty()) CHECK_THAT(r.events.at(0), Catch::Contains(text));
+  };
+  says(run([](HistogramFrame&, int) {}), "");
+  says(run([](HistogramFrame& f, int) { f.counts.assign(100, 0); }), "");
+  says(run([](HistogramFrame& f, int k) { f.received = from_seconds(k < 30 ? 2.5 : 4.0); }), "");
+  says(run([](HistogramFrame& f, int) { f.device_time_us = 0; }), "");
+  says(run([&](HistogramFrame& f, int) { add(f); }), "counts fall in no bin over ten exposures");
+  says(run([](HistogramFrame& f, int) { f.exposure_us = 1'000'000; }),
+       "exposures add up to 20 times the time between them");
+  says(run([](HistogramFrame& f, int k) {
+         f.exposure_us = 5'000'000;
+         f.device_time_us = static_cast<std::uint64_t>(5'000'000 * k);
+       }),
+       "exposures of 5 s do not fit slots of 1 s");
+  for (const std::uint32_t count : {0xffffffffu, 5'000'001u}) {
+    const Run marked = run([&](HistogramFrame& f, int k) {
+      if (k % 20 == 9) f.counts[30] = count;
+    });
+    says(marked, "bin 30 contains " + std::to_string(count) + " counts in an exposure of 0.05 s");
+    CHECK(marked.taken == 57);
+    CHECK(marked.lost == 3);
+  }
+}
+
+TEST_CASE("power in dB, ranges in other units and depths in metres are reported once") {
+  std::vector<std::string> events;
+  SampleCheck check(1.0, [&](Sensor, const std::string& text) { events.push_back(text); });
+  RadarFrame linear{}, db{};
+  for (int i = 0; i < 64; ++i) {
+    linear.power.push_back(i == 13 ? 1.0F : 0.01F);
+    db.power.push_back(10 * std::log10(linear.power.back()) + 60);
+  }
+  SampleCheck other = check;
+  for (int k = 0; k < 40; ++k) check.take(linear);
+  CHECK(events.empty());
+  for (int k = 0; k < 40; ++k) other.take(db);
+  REQUIRE(events.size() == 1);
+  CHECK_THAT(events[0], Catch::Contains("are they in dB?"));
+  check.take(Axis{"radar", "power", "m", 64, 0, 0.25, 1});
+  CHECK(events.size() == 1);
+  check.take(Axis{"radar", "power", "m", 64, 0, 25, 1});
+  CHECK(events.at(1) == "the range profile ends at 1600 m; is its range step in metres?");
+  DepthFrame map;
+  map.depth_mm = {0, 0, 0, 2, 3, 3};
+  for (int k = 0; k < 20; ++k) check.take(map);
+  CHECK(events.size() == 3);
+  CHECK(events.at(2) == "depth map: its median is 3 mm; expected depths in millimetres");
+}
