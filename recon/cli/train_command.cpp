@@ -13,6 +13,7 @@
 #include "recon/cli/commands.hpp"
 #include "recon/cli/train_settings.hpp"
 #include "recon/data/response_conversion.hpp"
+#include "recon/metrics/mirrored_camera.hpp"
 #include "recon/predict/empty_room.hpp"
 #include "recon/predict/predict.hpp"
 #include "recon/train/crossvalidate.hpp"
@@ -50,13 +51,17 @@ void check_from(const CLI::App& app, const std::vector<std::string>& assignments
     if (app.get_option(option)->count() > 0) refuse(option);
   for (const std::string& text : assignments)
     if (!text.starts_with("test_share=") && !text.starts_with("gap=") &&
-        !text.starts_with("doubtful=") && !text.starts_with("lossy="))
+        !text.starts_with("doubtful=") && !text.starts_with("lossy=") &&
+        !text.starts_with("mirrored="))
       refuse("--set " + text);
 }
 
 Dataset load_runs(const Arguments& a) {
   Dataset data = load(a.runs);
   apply_doubts(data, a);
+  if (a.mirrored == "refuse")
+    if (const std::string why = mirrored_camera(data); !why.empty())
+      throw Error(ExitCode::failed, why + "; --set mirrored=take uses the maps as they are");
   return data;
 }
 

@@ -55,6 +55,10 @@ void bind(Settings& settings, TrainSettings& s) {
                "whether records that lost more frames or pulses than signal.lossy_share allows are "
                "used (take) or excluded (leave)",
                {"take", "leave"});
+  settings.add("mirrored", o.mirrored,
+               "whether runs are used (take) or refused if their depth maps are mirrored according "
+               "to the ranges of the radar",
+               {"refuse", "take"});
   settings.add("candidates", s.candidates,
                "comma-separated models that `--model auto` compares, e.g. mean,ridge; \"\": the "
                "default list");

@@ -39,18 +39,6 @@ double mean_depth(std::span<const float> map) {
   return pixels > 0 ? sum / pixels : NAN;
 }
 
-double correlation(const std::vector<double>& a, const std::vector<double>& b) {
-  const double mean_a = mean_of(a), mean_b = mean_of(b);
-  double aa = 0, bb = 0, ab = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    aa += (a[i] - mean_a) * (a[i] - mean_a), bb += (b[i] - mean_b) * (b[i] - mean_b);
-    ab += (a[i] - mean_a) * (b[i] - mean_b);
-  }
-  return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0;
-}
-
-double fisher_z(double correlation) { return std::atanh(std::clamp(correlation, -0.999, 0.999)); }
-
 // Returns the warning for one run, or an empty string. `range` (bins) and `depth` (m) have one
 // value per row of the data.
 std::string late_truth_of(const Dataset& data, const Source& run, const std::vector<double>& range,

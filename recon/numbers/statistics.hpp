@@ -28,6 +28,11 @@ void share_out(std::span<float> values);
 
 double mean_of(std::span<const double> values);
 
+// Returns Pearson's correlation coefficient of two lists of the same length; 0 if one is constant.
+double correlation(std::span<const double> a, std::span<const double> b);
+// Fisher's z-transform of a correlation of n pairs; its standard error is 1 / sqrt(n - 3).
+double fisher_z(double correlation);
+
 // Returns the standard deviation, with the number of values as divisor. Requires at least one
 // value.
 double standard_deviation(std::span<const double> values);

@@ -27,6 +27,8 @@ struct TrainOptions {
   std::string doubtful = "leave";
   // How to treat records with lost samples: "take" uses them, and "leave" excludes them.
   std::string lossy = "take";
+  // How to treat runs with a mirrored camera image (mirrored_camera): "refuse" or "take".
+  std::string mirrored = "refuse";
 };
 
 // Records to use for training. `left_out` is a line that contains the number of excluded records

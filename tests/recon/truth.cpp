@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "recon/data/late_truth.hpp"
+#include "recon/metrics/mirrored_camera.hpp"
 #include "world.hpp"
 
 using namespace echofuse;
@@ -68,6 +69,28 @@ TEST_CASE("evaluate reports mirrored depth maps and how to correct them") {
   CHECK_THAT(text(dir / "fresh"), !Catch::Contains("predicted side"));
   CHECK_THAT(text(dir / "mirrored"), Catch::Contains("the predicted side is wrong for") &&
                                          Catch::Contains("flip the depth maps"));
+}
+
+TEST_CASE(
+    "train refuses runs with a mirrored camera, also for --from, unless a setting takes them") {
+  const Folder dir;
+  a_run(60).write(dir / "good"), a_run(60, 2, mirror).write(dir / "mirrored");
+  a_run(60, 3, [](FusedRecord& r) { lose(r, Sensor::radar); }).write(dir / "no radar");
+  CHECK(mirrored_camera(load({dir / "good", dir / "no radar"})).empty());
+  CHECK_THAT(mirrored_camera(load({dir / "good", dir / "mirrored"})),
+             Catch::StartsWith((dir / "mirrored") + ": the depth maps show bodies on the wrong"));
+  const std::string train = "-q train --model mean-shape --set fallback=false --out ";
+  REQUIRE(recon_program(train + (dir / "m") + " " + (dir / "good")).code == 0);
+  const auto refused = Catch::Contains("--set mirrored=take uses the maps as they are");
+  const Outcome alone = recon_program(train + (dir / "a") + " " + (dir / "mirrored"));
+  CHECK(alone.code == 1);
+  CHECK_THAT(alone.text, refused);
+  CHECK_THAT(recon_program("-q train --from " + (dir / "m") + " " + (dir / "mirrored") + " --out " +
+                           (dir / "b"))
+                 .text,
+             refused);
+  CHECK(recon_program(train + (dir / "c") + " --set mirrored=take " + (dir / "mirrored")).code ==
+        0);
 }
 
 TEST_CASE("evaluate refuses maps of another run and does not score maps of training records") {
