@@ -215,7 +215,7 @@ void RunWriter::use_wal() {
   execute(db_, path_, "PRAGMA synchronous=FULL", "cannot set up the run file");
 }
 
-// Starts to watch the files. Must be called after the first write, which creates the WAL.
+// Starts to watch the files. Called after the first write, which creates the WAL.
 void RunWriter::ready() {
   watch_ = std::make_unique<FileWatch>(path_);
   const auto hook = [](void* self, sqlite3*, const char*, int pages) {
@@ -363,10 +363,8 @@ bool RunWriter::close(const std::string& status, std::int64_t unwritten) {
 }
 
 void RunWriter::discard() {
-  const bool ours = !watch_ || watch_->same_database();
-  handle_.reset();
-  db_ = nullptr;
-  if (ours) ::unlink(path_.c_str()), remove_side_files(path_);
+  handle_.reset(), db_ = nullptr;
+  if (watch_->same_database()) ::unlink(path_.c_str()), remove_side_files(path_);
   lock_->remove();
   lock_.reset();
 }

@@ -38,8 +38,8 @@ Place place_of(std::span<const float> map, const SceneModel& scene, const Axis& 
 }
 
 // Returns the mean range of the power above that of the room, from `near_m` to `far_m`; NaN if
-// there is none. The squares of the powers are the weights, so that side lobes and noise count
-// little.
+// no power exceeds it. The squares of the powers are the weights, so that side lobes and noise
+// count little.
 double range_of(std::span<const float> power, const std::vector<float>& room, const Axis& axis,
                 double near_m, double far_m) {
   double sum = 0, weight = 0;
