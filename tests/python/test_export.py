@@ -159,7 +159,7 @@ def test_netcdf_attributes_are_numbers_and_state_the_facts_of_the_run(runs, tmp_
     path = tmp_path / "a.sqlite"
     shutil.copy(runs / "own.sqlite", path)
     change(path, "label ?2 of record ?1", 1, "a\0b")
-    given = {"uuid": "mine", "status": "fine", "spd_offset_m": "0.3", "Conventions": "x", "_NCProperties": "x", "nul": "a\0b", "sample": "0012",
+    given = {"uuid": "mine", "status": "fine", "spd_offset_m": "0.3 +- 1", "Conventions": "x", "_NCProperties": "x", "nul": "a\0b", "sample": "0012",
              "gain": "2.5", "irf_fwhm_ps": "203 +- 2", "radar_taps": "1 0.5 0.25", "detector_dead_time_ps": "45 ns"}
     for key, value in given.items():
         change(path, "metadata entry ?1 with the value ?2", key, value)

@@ -81,7 +81,7 @@ def record(config: Path | None = None, count: int = 1, *, label: Any = None,
            out: Path | None = None, settings: dict[str, Any] | None = None,
            program: str | None = None) -> runs.Run:
     """Records `count` slots and returns the closed run. `settings` override the configuration, e.g.
-    {"run.window_s": 1.0, "run.auto_exposure": True}. `program` is the path of echofuse-acquire
+    {"run.window_s": 1.0, "radar.keep_running": True}. `program` is the path of echofuse-acquire
     (default: $ECHOFUSE_ACQUIRE). Raises RuntimeError with the program's error message if the
     program fails. Ctrl-C ends the run after the current slot."""
     words = [acquire_program(program), "run", "--json", "-q", "--count", str(int(count))]

@@ -93,9 +93,11 @@ def attributes_of(run: Run) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for key, text in run.meta.items():
         value, _, error = map(number, str(text).partition(" +- "))
+        if key in [f"{sensor}_offset_m" for sensor in SENSORS]:
+            continue
         if isinstance(error, float) and not isinstance(value, str):
             out |= {key: value, f"{key}_standard_error": error}
-        elif key not in [f"{sensor}_offset_m" for sensor in SENSORS]:
+        else:
             out[key] = number(str(text))
     return out | facts
 
