@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <limits>
+#include <sstream>
 
 #include "acquire/measurement/radar_array.hpp"
 #include "acquire/record/run_file.hpp"
@@ -35,26 +36,37 @@ std::uint32_t factor_of(const std::vector<double>& counts) {
   return 0;
 }
 
+// Returns the numbers in a text, or nothing if it contains anything else.
+std::vector<double> numbers_in(const std::string& text) {
+  std::istringstream in(text);
+  std::vector<double> out;
+  for (double number; in >> number;) out.push_back(number);
+  return in.eof() ? out : std::vector<double>{};
+}
+
 record::Antennas antennas_of(const std::vector<std::string>& texts, const std::string& path) {
   record::Antennas out;
   for (const std::string& text : texts) {
-    record::Antenna a;
-    const int read =
-        std::sscanf(text.c_str(), "%lf %lf %lf %lf", &a.x, &a.y, &a.gain, &a.phase_rad);
-    if (read < 2 || out.size() == record::most_antennas)
+    const auto n = numbers_in(text);
+    if (n.size() < 2 || n.size() > 4 || out.size() == record::most_antennas)
       throw Error(ExitCode::config, printable(path) + ": radar.antennas has \"" +
                                         printable(text, 40) + "\"; expected at most " +
                                         std::to_string(record::most_antennas) +
                                         " strings \"X Y\" or \"X Y GAIN PHASE\"");
-    out.push_back(a);
+    record::Antenna& a = out.emplace_back();
+    a.x = n[0], a.y = n[1];
+    if (n.size() > 2) a.gain = n[2];
+    if (n.size() > 3) a.phase_rad = n[3];
   }
   return out;
 }
 
 Zone zone_of(const std::string& text, const std::string& path) {
+  const auto n = numbers_in(text);
   Zone z;
-  const int read = std::sscanf(text.c_str(), "%lf %lf %lf %lf", &z.x, &z.y, &z.width, &z.zero_ps);
-  if (read < 3 || !z.plausible())
+  if (n.size() >= 3) z.x = n[0], z.y = n[1], z.width = n[2];
+  if (n.size() == 4) z.zero_ps = n[3];
+  if (n.size() < 3 || n.size() > 4 || !z.plausible())
     throw Error(ExitCode::config, printable(path) + ": spd.zones has \"" + printable(text, 40) +
                                       "\"; expected \"X Y WIDTH\" or \"X Y WIDTH ZERO_PS\"");
   return z;

@@ -202,9 +202,10 @@ UtcTime parse_utc(const std::string& text) {
   if (!rest || tm.tm_year < 70 || tm.tm_year > 350) throw refused;
   double fraction = 0;
   if (*rest == '.') {
-    char* end = nullptr;
-    fraction = std::strtod(rest, &end);
-    rest = end;
+    const std::size_t digits = std::strspn(rest + 1, "0123456789");
+    if (digits == 0) throw refused;
+    fraction = std::strtod(std::string(rest, digits + 1).c_str(), nullptr);
+    rest += digits + 1;
   }
   const std::time_t local_s = ::timegm(&tm);
   std::chrono::minutes east{};

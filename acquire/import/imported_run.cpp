@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "acquire/record/written_run.hpp"
 #include "acquire/run/new_run.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "drivers/util/printable.hpp"
@@ -82,6 +83,7 @@ std::string ImportedRun::finish() {
     throw Error(ExitCode::failed, printable(file_.place()) + ": nothing to import: " +
                                       printable(text + causes) + "; no record contains valid data");
   run_->close_as_one_file("complete");
+  record::check_written_run(file_.path(), printable(file_.place()));
   file_.publish();
   return printable(file_.place()) + ": " + text + lines_;
 }

@@ -239,6 +239,12 @@ class RunReader {
                 SensorSet sensors = {Sensor::spd, Sensor::radar, Sensor::depth},
                 const InParallel& in_parallel = {}) const;
   FusedRecord read(std::int64_t index) const;
+  // Reads everything except the values of the samples. Throws Error(failed) at the first fault.
+  void read_all() const {
+    info(), devices(), policies(), anchors(), calibrations(), antennas(), zones(), events();
+    counters(), axes(), summary();
+    for_each([](const FusedRecord&) { return true; }, 0, {}, {});
+  }
   // Runs SQLite's integrity check. Returns its errors; empty if the file is undamaged.
   std::string check() const;
 

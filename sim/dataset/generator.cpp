@@ -12,6 +12,7 @@
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/uuid.hpp"
+#include "acquire/record/written_run.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/new_file.hpp"
@@ -337,19 +338,19 @@ std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
   const Generator generator(plan);
   record::RunInfo info = run_info(plan, options);
   JobPart::IndexRange range{0, generator.records()};
-  std::optional<NewFile> staged;
   if (options.part) {
     range = options.part->range(generator.records());
     info.uuid = part_uuid(info, *options.part, files_of(plan));
     if (is_there(options.out, info, range)) return range.size();
-    if (std::filesystem::exists(options.out))
-      throw Error(
-          ExitCode::failed,
-          options.out +
-              ": exists already and is not this part of the data set; choose another --out");
-    staged.emplace(options.out, NewFile::Staged{});
   }
-  record::RunWriter writer(staged ? staged->path() : options.out, info);
+  if (std::filesystem::exists(options.out))
+    throw Error(ExitCode::failed,
+                options.out + (options.part ? ": exists already and is not this part of the data "
+                                              "set; choose another --out"
+                                            : ": exists already; runs are never overwritten; "
+                                              "choose another name"));
+  NewFile staged(options.out, NewFile::Staged{});
+  record::RunWriter writer(staged.path(), info);
   writer.put_axis(spd_axis(plan.conditions));
   writer.put_zones(zones_of(plan.conditions));
   writer.put_axis(radar_axis(plan.conditions));
@@ -361,7 +362,9 @@ std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
   const std::int64_t written = write_records(generator, range, writer, options);
   const bool whole = written == range.size();
   writer.close_as_one_file(whole ? "complete" : "stopped:interrupted");
-  if (staged && whole) staged->publish();
+  record::check_written_run(staged.path(), options.out);
+  // An interrupted data set is kept, but not an interrupted part, because it would be incomplete.
+  if (whole || !options.part) staged.publish();
   return written;
 }
 

@@ -119,6 +119,7 @@ def test_images_that_are_resampled_to_maps_of_64_pixels_are_named(tmp_path, size
     ("expected finite power", {"radar": np.array([[1, np.inf, 1]])}),
     ("expected little-endian numbers", {"spd": np.ones((3, 5), complex)}),
     ("2 labels, but there are 3 records", {"spd": np.ones((3, 5)), "labels": ["a", "b"]}),
+    ("cannot be read: record 9999: its slot", {"spd": np.ones((10000, 5)), "window_s": 1e6}),
     ("expected 0 to 65.5 m", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 2900.0)}),
     ("its median is 3 mm; expected depths in millimetres", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 3)}),
 ])

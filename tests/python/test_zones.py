@@ -90,6 +90,7 @@ def test_first_return_map_shows_a_body_in_the_zone_above_and_to_the_left(tmp_pat
     ("spd.zones has 2 zones; expected spd.npy [n, zones, bins]", {"radar": np.ones((3, 5)), "zones": TWO}),
     ("has 65 zones; expected at most 64", {"spd": counts(histograms=65)}),
     ("expected \"X Y WIDTH\" or \"X Y WIDTH ZERO_PS\"", {"spd": counts(), "zones": [(0, 0, 0.1), (0, 0, 0)]}),
+    ("expected \"X Y WIDTH\" or \"X Y WIDTH ZERO_PS\"", {"spd": counts(), "zones": [(0, 0, 0.1, 0, 7), (0, 0, 0.1)]}),
     ("expected 2 dimensions, one row per record, or 3: [records, zones, bins]", {"spd": np.ones((3, 2, 2, 2))}),
 ])
 def test_write_run_refuses_zones_that_do_not_match_the_histogram_array(tmp_path, said, arrays):
