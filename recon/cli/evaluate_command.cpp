@@ -293,6 +293,19 @@ nlohmann::json maps_json(const ScoredMaps& maps, const std::vector<ScoredRow>& s
   return out;
 }
 
+// Throws Error(failed) if the scored run is also a training run, unless the folders state which
+// records were used for training.
+void refuse_training_run(const Dataset& scored, const Dataset& trained_on,
+                         const std::vector<WrittenMaps>& folders) {
+  if (std::ranges::any_of(folders, [](const auto& maps) { return !maps.trained_on.empty(); }))
+    return;
+  const Source& run = scored.sources.front();
+  if (std::ranges::find(trained_on.sources, run.uuid, &Source::uuid) != trained_on.sources.end())
+    throw Error(ExitCode::failed, printable(run.path) +
+                                      ": is a training run (--train); score another run, or choose "
+                                      "the records with --rows");
+}
+
 // Evaluates folders of maps together with models. If a folder has no map for a record, the map of
 // the empty room is scored instead.
 ExitCode evaluate_maps(const Arguments& a, const Common& common) {
@@ -314,6 +327,7 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
                                                  : scoring_scene(data);
   std::vector<WrittenMaps> written;
   for (const std::string& folder : a.maps) written.push_back(read_written_maps(folder, data.map));
+  if (models.empty() && a.rows.empty() && !a.all) refuse_training_run(data, other, written);
   const std::vector<std::string> left_out = reasons_left_out(a, written, data, models, records);
   Rows rows;
   std::map<std::string, std::size_t> reasons{{"damaged", data.damaged.size()}};

@@ -154,9 +154,10 @@ def test_true_maps_have_iou_1_even_for_bodies_nearer_than_any_training_body(run,
     near = tmp_path / "near.sqlite"
     program("echofuse-sim", "dataset", "-q", "--out", near, "--people", 12, "--set", "target_z_min_m=1.2", "--set",
             "target_z_max_m=1.4")
-    for fresh in (near, run.path):
-        row = bench.measure(bench.python_method("truth", lambda: Truth(fresh)), run.path, fresh)
-        assert row["iou"] == 1 and row["depth_mae_m"] == 0
+    row = bench.measure(bench.python_method("truth", lambda: Truth(near)), run.path, near)
+    assert row["iou"] == 1 and row["depth_mae_m"] == 0
+    with pytest.raises(bench.BenchError, match="is a training run"):
+        bench.measure(bench.python_method("truth", lambda: Truth(run.path)), run.path, run.path)
 
 
 def test_bench_refuses_an_unknown_method_and_a_table_of_another_study(run, tmp_path):
@@ -225,13 +226,14 @@ def test_content_hash_of_a_run_depends_on_its_verdicts_offsets_axes_and_data(run
 def test_study_computed_in_two_parts_gives_the_same_rows_and_trains_each_model_once(run, tmp_path):
     """Each of the two parts writes its own table in the folder of the common table. Study cells that need the same run
     or model share it."""
-    made = []
+    made, learnt = [], tmp_path / "learnt.sqlite"
+    program("echofuse-sim", "dataset", "-q", "--out", learnt, "--records", 12, "--seed", 9)
 
     def cells():
         def source(name):
             def make(folder):
                 made.append(name)
-                return run.path
+                return learnt if name == "train" else run.path
             return bench.RunSource(name, make)
 
         fits = bench.Method("mine", "-", lambda train, folder, seed, fallback: made.append(f"fit {seed}") or (
