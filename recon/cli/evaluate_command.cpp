@@ -311,13 +311,12 @@ void refuse_training_run(const Dataset& scored, const Dataset& trained_on,
 ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   const auto title = [&](const char* text) { return common.quiet || a.json ? "" : text; };
   const std::string& run = a.files.back();
-  Dataset data = load_recorded({run});
+  Dataset data = load_recorded({run}), other;
   const std::vector<TrainedModel> models = models_for_room(a);
   std::vector<Records> records;
   for (const TrainedModel& model : models)
     records.push_back(prepare_records(model, data, a.range_offset_m));
   subtract_range_offset(data, a.range_offset_m);
-  Dataset other;
   if (!a.train.empty()) {
     other = load(a.train);
     require_map(other, data.map, run);
