@@ -66,7 +66,8 @@ TEST_CASE("golden radar frames are parsed") {
   const Parsed p = parse(join(golden()));
   REQUIRE(p.numbers() == Numbers{209, 210, 213});
   std::vector<float> profile;
-  for (const std::uint16_t code : {5000, 6000, 65535, 0, 1, 258, 772, 4097})
+  for (const std::uint16_t code :
+       std::initializer_list<std::uint16_t>{5000, 6000, 65535, 0, 1, 258, 772, 4097})
     profile.push_back(power_from_code(code, antennas));
   CHECK(profile[0] == Approx(std::exp2(5000 / 96.)));
   CHECK(profile[2] == std::exp2(127.f));

@@ -15,10 +15,13 @@ import sqlite3
 import sys
 from contextlib import closing
 from importlib import resources
+from typing import Any
 
 import numpy as np
 
-from .run_files import APPLICATION_ID, FORMAT_VERSION, SCHEMA, is_closed, printable
+from .run import SENSORS
+from .run_files import APPLICATION_ID, FORMAT_VERSION, SCHEMA, connect, is_closed, printable
+from .staged import staged
 
 __all__ = ["convert", "main"]
 
@@ -49,6 +52,20 @@ def linear(codes: bytes, antennas: int) -> bytes:
     return bytes(power.astype("<f4"))
 
 
+def row_of(table: str, values: dict[str, Any], axis: dict[str, Any] | None) -> dict[str, Any]:
+    """Converts one row. `axis` is the range axis of a radar with logarithmic codes."""
+    if table == "axis" and axis and values["name"] == axis["name"]:
+        return values | {"quantity": "power_with_noise", "scale": 1.0}
+    if table != "record":
+        return values
+    for sensor in SENSORS:
+        word, figures = word_and_figures(values[f"{sensor}_verdict"] or "missing")
+        values |= {f"{sensor}_verdict": word, f"{sensor}_figures": figures}
+    if axis and values["radar"] is not None:
+        values["radar"] = linear(values["radar"], int(axis["scale"]))
+    return values | {"clicks_per_pulse": values["clicks_a_pulse"], "spd_lost_blocks": 0}
+
+
 def convert(old: pathlib.Path, new: pathlib.Path) -> None:
     """Writes a copy of a run of format 3 in the current format. Raises ValueError if `old` is not a
     closed run of format 3, and FileExistsError if `new` exists."""
@@ -58,32 +75,22 @@ def convert(old: pathlib.Path, new: pathlib.Path) -> None:
                              for name in ("application_id", "user_version"))
         if (identity, version) != (APPLICATION_ID, 3) or not is_closed(old):
             raise ValueError(f"{old}: expected a closed run of format 3")
-        with new.open("xb"):
-            pass
         tables = {name for (name,) in source.execute("SELECT name FROM sqlite_schema")}
-        axis = source.execute("SELECT * FROM axis WHERE quantity = 'log2_q8'").fetchone()
-        with closing(sqlite3.connect(new)) as target, target:
-            for table, definition in SCHEMA.items():
-                if table not in tables:
-                    continue
-                target.execute(definition)
-                names = [row[1] for row in target.execute(f"PRAGMA table_info({table})")]
-                for row in source.execute(f"SELECT * FROM {table} ORDER BY rowid"):
-                    values = dict(row)
-                    if table == "axis" and axis and values["name"] == axis["name"]:
-                        values |= {"quantity": "power_with_noise", "scale": 1.0}
-                    if table == "record":
-                        values |= {"clicks_per_pulse": values["clicks_a_pulse"],
-                                   "spd_lost_blocks": 0}
-                        for sensor in ("spd", "radar", "depth"):
-                            values[f"{sensor}_verdict"], values[f"{sensor}_figures"] = \
-                                word_and_figures(values[f"{sensor}_verdict"])
-                        if axis and values["radar"] is not None:
-                            values["radar"] = linear(values["radar"], int(axis["scale"]))
-                    target.execute(f"INSERT INTO {table} VALUES ({', '.join('?' * len(names))})",
-                                   [values[name] for name in names])
-            target.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-            target.execute(f"PRAGMA user_version = {FORMAT_VERSION}")
+        codes = source.execute("SELECT * FROM axis WHERE quantity = 'log2_q8'").fetchone()
+        axis = dict(codes) if codes else None
+        with staged(new) as path:
+            with closing(sqlite3.connect(path)) as target, target:
+                for table in SCHEMA.keys() & tables:
+                    target.execute(SCHEMA[table])
+                    names = [row[1] for row in target.execute(f"PRAGMA table_info({table})")]
+                    rows = (row_of(table, dict(row), axis)
+                            for row in source.execute(f"SELECT * FROM {table} ORDER BY rowid"))
+                    target.executemany(
+                        f"INSERT INTO {table} VALUES ({', '.join('?' * len(names))})",
+                        ([row[name] for name in names] for row in rows))
+                target.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+                target.execute(f"PRAGMA user_version = {FORMAT_VERSION}")
+            connect(path).close()  # checks the tables as readers do
 
 
 def main() -> None:
@@ -94,7 +101,7 @@ def main() -> None:
     words = parser.parse_args()
     try:
         convert(words.old, words.new)
-    except (ValueError, OSError, sqlite3.Error) as error:
+    except (ValueError, OSError, KeyError, sqlite3.Error) as error:
         sys.exit(f"echofuse.runs.convert: {printable(str(error))}")
 
 
