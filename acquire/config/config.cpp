@@ -147,9 +147,9 @@ void bind(Settings& s, Config& c, Keys& k) {
   bind_radar(s, c, k);
   bind_depth(s, c, k);
   bind_limits(s, c.signal);
-  s.add("alert.no_data_s", c.alert.no_data_s, 0, 86'400,
-        "alert if a sensor has had no valid data for this time, s; 0: alert at the first record "
-        "without valid data");
+  s.add("alert.after_s", c.alert.after_s, 0, 86'400,
+        "time that a problem of a sensor must last before an alert, and the good state before its "
+        "end is reported, s; 0: two slots");
   s.add("alert.disk_free_gb", c.alert.disk_free_gb, 0, 1e6,
         "alert if the disk of the run has less free space than this, GB; 0 disables this alert");
   s.add("alert.on_doubt", c.on_doubt,

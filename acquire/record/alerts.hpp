@@ -11,14 +11,27 @@ namespace echofuse::record {
 
 // Limits of alerts (keys alert.*), in addition to the limits of the verdicts.
 struct AlertLimits {
-  double no_data_s = 0;     // time without data before an alert; 0: at the first missing record
+  double after_s = 0;       // time that a state must last before it is reported; 0: two slots
   double disk_free_gb = 1;  // free disk space below which an alert is sent; 0: no alert
+
+  double lasting_s(double window_s) const { return after_s > 0 ? after_s : 2 * window_s; }
 };
-// Returns the kind of problem for the alert. For a valid sensor, this is the kind of its verdict,
-// which is "ok" if the data are good. For a missing sensor, it is "no data" if `silent_s`, the time
-// since its last valid slot, has reached the limit; otherwise it is empty.
-std::string doubt_kind(bool valid, const Verdict& verdict, double silent_s,
-                       const AlertLimits& limits);
+// Returns the state of a sensor in a slot: "ok", the word of its doubtful verdict, or "no data".
+std::string state_of(bool valid, const Verdict& verdict);
+
+// State of one sensor. A new state counts once it has lasted for some time, so that a signal near a
+// limit causes one alert, and not one per record.
+class LastingState {
+ public:
+  // Takes the state in a slot, or at a moment (`from_s` == `to_s`). Returns true if the state
+  // counts from now on. A problem that turns into another one before it counts keeps its beginning.
+  bool take(const std::string& state, double from_s, double to_s, double lasting_s);
+  const std::string& state() const { return state_; }
+
+ private:
+  std::string state_ = "ok", next_;  // the state that counts; the state that may replace it
+  double since_s_ = 0;               // beginning of `next_`
+};
 bool is_disk_low(std::uint64_t free_bytes, const AlertLimits& limits);
 
 }  // namespace echofuse::record

@@ -130,7 +130,8 @@ class Daemon final : private SampleSink {
   Devices devices_;
   TagCheck tag_check_{config_.histogram, true,
                       [this](const std::string& text) { log(Severity::warning, "spd", text); }};
-  DoubtHook on_doubt_{options_.on_doubt, config_.alert,
+  DoubtHook on_doubt_{options_.on_doubt,
+                      {config_.alert.lasting_s(config_.window_s), config_.alert.disk_free_gb},
                       [this](const std::string& text) { log(Severity::warning, "run", text); }};
   SensorClocks clocks_;  // fitted to all samples, including those before the first slot
   std::optional<ActiveRun> recording_;

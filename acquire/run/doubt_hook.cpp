@@ -48,12 +48,13 @@ void DoubtHook::take(const record::FusedRecord& record, SensorSet configured,
                      const std::string& run) {
   for (const Sensor s : all_sensors) {
     if (!configured.contains(s)) continue;
-    const bool valid = record.has(s);
-    if (valid || !last_valid_[s]) last_valid_[s] = valid ? record.slot_end : record.slot_start;
     const record::Verdict& verdict = record.sync[s].verdict;
+    const std::string state = record::state_of(record.has(s), verdict);
+    if (!states_[s].take(state, seconds(record.slot_start), seconds(record.slot_end),
+                         limits_.after_s))
+      continue;
     put({.source = name_of(s),
-         .kind = record::doubt_kind(valid, verdict, seconds(record.slot_end - *last_valid_[s]),
-                                    limits_),
+         .kind = state,
          .text = verdict.text(),
          .run = run,
          .utc = iso8601(record.slot_utc),
@@ -79,7 +80,7 @@ void DoubtHook::take_run(const char* kind, const std::string& text, UtcTime now,
 }
 
 void DoubtHook::put(AlertChange change) {
-  if (words_.empty() || change.kind.empty()) return;
+  if (words_.empty()) return;
   std::string& before = kinds_.try_emplace(change.source, "ok").first->second;
   if (std::exchange(before, change.kind) == change.kind) return;
   if (waiting_.size() < most_waiting) return waiting_.push_back(std::move(change));

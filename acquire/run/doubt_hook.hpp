@@ -30,7 +30,8 @@ class DoubtHook {
   using Warn = std::function<void(const std::string&)>;
 
   // `words` contains the program and its arguments; if it is empty, this object does nothing.
-  // Throws Error(config) if words[0] cannot be executed.
+  // Throws Error(config) if words[0] cannot be executed. `limits.after_s` is used as it is; 0
+  // reports every change at once.
   DoubtHook(std::vector<std::string> words, const record::AlertLimits& limits, Warn warn);
   ~DoubtHook();  // kills a running program
   DoubtHook(const DoubtHook&) = delete;
@@ -63,7 +64,7 @@ class DoubtHook {
   const Warn warn_;
   // Last state of each source; a source that has no entry is ok.
   std::map<std::string, std::string> kinds_;
-  PerSensor<std::optional<HostTime>> last_valid_;
+  PerSensor<record::LastingState> states_;
   std::deque<AlertChange> waiting_;
   std::optional<pid_t> program_;
   HostTime started_{};

@@ -64,7 +64,7 @@ const RunMessages::RunSettings& RunMessages::settings() {
   const std::map<std::string, double*> wanted{
       {"tdc.laser_rate_hz", &settings_.laser_hz},
       {"signal.clicks_per_pulse", &settings_.most_clicks_per_pulse},
-      {"alert.no_data_s", &settings_.alert.no_data_s},
+      {"alert.after_s", &settings_.alert.after_s},
       {"alert.disk_free_gb", &settings_.alert.disk_free_gb}};
   for_each_setting(run_.info().config_resolved,
                    [&](const std::string& key, const std::string& value) {
@@ -145,15 +145,15 @@ Json RunMessages::alerts() {
   if (!run_.live()) return out;
   const record::AlertLimits& limits = settings().alert;
   const UtcTime now = clock_.utc();
-  const auto& outlines = run_.outlines();
-  const double since_start_s = outlines.empty() ? 0 : seconds(now - outlines.front().start);
+  const double window_s = run_.info().window_s;
   for (const Sensor s : all_sensors) {
     const SensorState& sensor = run_.sensors()[s];
     if (!sensor.configured) continue;
-    const bool stale = is_stale(sensor, run_.info().window_s, now);
-    const std::string kind = record::doubt_kind(sensor.valid && !stale, sensor.verdict,
-                                                age_s(sensor, now).value_or(since_start_s), limits);
-    if (!kind.empty() && kind != "ok") out.push_back({{"source", name_of(s)}, {"kind", kind}});
+    const std::string state =
+        record::state_of(sensor.valid && !is_stale(sensor, window_s, now), sensor.verdict);
+    states_[s].take(state, seconds(now), seconds(now), limits.lasting_s(window_s));
+    if (states_[s].state() != "ok")
+      out.push_back({{"source", name_of(s)}, {"kind", states_[s].state()}});
   }
   if (const auto free = run_.free_bytes(); free && record::is_disk_low(*free, limits))
     out.push_back({{"source", "disk"}, {"kind", "low"}});

@@ -65,6 +65,7 @@ class RunMessages {
   const LiveModel* model_;
   std::optional<std::int64_t> planned_;
   const Clock& clock_;
+  PerSensor<record::LastingState> states_;  // for alerts()
   Message last_, reference_;
   std::int64_t last_index_ = -1;
   struct Summed {

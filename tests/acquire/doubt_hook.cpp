@@ -79,7 +79,7 @@ TEST_CASE("the on_doubt alert program is called once per change of verdict, with
 TEST_CASE(
     "the on_doubt program is called after a set time without data, or if free disk space falls "
     "below a set limit") {
-  Calls calls({.no_data_s = 2.5, .disk_free_gb = 1});
+  Calls calls({.after_s = 2.5, .disk_free_gb = 1});
   for (std::int64_t i = 0; i < 5; ++i) {
     calls.hook.take(record_of(i, i == 0 ? "ok" : ""), both, "/runs/a");
     calls.hook.take_disk(i < 4 ? 1'000'000'000 : 999'000'000, {}, "/runs/a");
@@ -90,8 +90,22 @@ TEST_CASE(
                                  "disk low  999 MB free, limit 1.0 GB /runs/a two  words; $(id)"});
 }
 
+TEST_CASE(
+    "the on_doubt program is not called for a signal near a limit, and once if it gets worse") {
+  Calls calls({.after_s = 2});
+  for (std::int64_t i = 0; i < 20; ++i)
+    calls.hook.take(record_of(i, i % 2 ? "weak: 1" : "ok"), both, "/runs/a");
+  calls.finish();
+  CHECK(calls.lines().empty());
+  for (std::int64_t i = 20; i < 30; ++i)
+    calls.hook.take(record_of(i, i % 2 ? "weak: 1" : "lossy: 60 %"), both, "/runs/a");
+  calls.finish();
+  CHECK(calls.lines() ==
+        std::vector<std::string>{"radar lossy 20 lossy: 60 % /runs/a two  words; $(id)"});
+}
+
 TEST_CASE("the on_doubt program reports a sensor that never delivers data after the set time") {
-  Calls calls({.no_data_s = 2});
+  Calls calls({.after_s = 2});
   for (std::int64_t i = 0; i < 4; ++i) calls.hook.take(record_of(i, ""), both, "/runs/a");
   calls.finish();
   CHECK(calls.lines() ==

@@ -40,7 +40,7 @@ echo "$ECHOFUSE_TEXT" >>{calls}
         raw data does not start the alert program."""
         file = self.hook()
         config = self.dir / "lab/lab.toml"
-        config.write_text(config.read_text() + '\n[alert]\non_doubt = ["./alert", "lab  7; $(id)"]\n')
+        config.write_text(config.read_text() + '\n[alert]\non_doubt = ["./alert", "lab  7; $(id)"]\nafter_s = 0.001\n')
         prefix = () if not shutil.which("setpriv") else ("setpriv", "--no-new-privs", "--bounding-set=-all")
         daemon = self.start([*prefix, bin_dir / "echofuse-acquire", "run", "--json", "--config", config, "--out", self.run,
                              "--set", f"run.window_s={SLOT_S}", "--keep-raw", self.dir / "raw"],
