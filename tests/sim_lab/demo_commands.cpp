@@ -148,7 +148,7 @@ TEST_CASE("the table of radar commands and the simulated firmware refuse the sam
       why = error.what();
     }
     std::string said;
-    sim::RadarFirmware board([&](const std::string& text) { said += text; },
+    sim::RadarFirmware board([&](const std::string& reply) { said += reply; },
                              [](const std::string&) {});
     for (const auto& line : radar::command_lines(text)) {
       const std::string sent = line.text + '\n';
