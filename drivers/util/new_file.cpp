@@ -87,6 +87,8 @@ void move_side_files_away(const std::string& database) {
 
 // Returns the folder for temporary files: $TMPDIR, or the folder of `place` if TMPDIR is not set.
 fs::path scratch_folder(const std::string& place) {
+  if (!fs::is_directory(folder_of(place)))
+    throw Error(ExitCode::disk, printable(place) + ": its folder does not exist");
   const char* const given = std::getenv("TMPDIR");
   return given && *given ? fs::path(given) : folder_of(place);
 }

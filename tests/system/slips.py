@@ -89,7 +89,7 @@ sim dataset --out x --set radar_psf=kaiser | 3 | blackman
 sim dataset --out x --set target_z_min_m=4.5 | 3 | target_z_min_m
 sim dataset --out x --config none.toml | 3 | none.toml
 sim dataset --out three.toml --records 1 | 1 | exists already
-sim dataset --out no/such/x --records 1 | 6 | no/such/x
+sim dataset --out no/such/x --records 1 | 6 | no/such/x: its folder does not exist
 acquire info swapped.safetensors | 1 | swapped.safetensors: is a model; expected a run file
 recon evaluate seen.sqlite swapped.safetensors | 1 | seen.sqlite: is a run; expected a model file
 export swapped.safetensors --to x.h5 | 1 | swapped.safetensors: is a model; expected a run file
