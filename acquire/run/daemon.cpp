@@ -425,6 +425,7 @@ void Daemon::end() {
   r.windows.finish();
   put_late();
   put_counters();
+  on_doubt_.finish(loop_.now());  // before the file is closed: its warnings become events
   // All reports of the end follow, also if the file cannot be closed.
   std::exception_ptr failure;
   std::string reason = status_;

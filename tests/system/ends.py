@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """Tests that a run reports its end on every way out. Called as `tests/system/ends.py BIN_DIR [TEST]`."""
+import contextlib
 import json
 import os
 import pathlib
 import resource
 import signal
+import sqlite3
 import subprocess
 import time
 import unittest
@@ -15,11 +17,11 @@ from live import bin_dir, wait_for
 
 
 class Ends(live.Live):
-    def begin(self, *options, **how):
-        """Starts a run with a page, --json and an alert program."""
+    def begin(self, *options, alert="", **how):
+        """Starts a run with a page, --json and an alert program, which runs the command `alert` last."""
         self.calls, config = self.dir / "calls", self.dir / "lab/lab.toml"
         program = self.dir / "lab/alert"
-        program.write_text(f'#!/bin/sh\necho "$ECHOFUSE_SOURCE $ECHOFUSE_DOUBT $ECHOFUSE_TEXT" >>{self.calls}\n')
+        program.write_text(f'#!/bin/sh\necho "$ECHOFUSE_SOURCE $ECHOFUSE_DOUBT $ECHOFUSE_TEXT" >>{self.calls}\n{alert}\n')
         program.chmod(0o755)
         if "[alert]" not in config.read_text():
             config.write_text(config.read_text() + '\n[alert]\non_doubt = ["./alert"]\n')
@@ -58,6 +60,13 @@ class Ends(live.Live):
     def test_complete_run_reports_its_end(self):
         daemon = self.begin("--count", "3")
         self.ended(daemon, 0, "complete", 3)
+
+    def test_alert_program_killed_at_the_end_is_an_event(self):
+        daemon = self.begin("--count", "3", alert='[ "$ECHOFUSE_DOUBT" != started ] || exec sleep 60')
+        self.ended(daemon, 0, "complete", 3)
+        with contextlib.closing(sqlite3.connect(f"file:{self.run}?mode=ro", uri=True)) as run:
+            texts = [text for text, in run.execute("SELECT text FROM event")]
+        self.assertTrue(any("was killed because the run ended" in text for text in texts), texts)
 
     def test_run_on_a_full_disk_reports_its_end(self):
         def limit_file_size():
