@@ -32,7 +32,7 @@ bool is_loopback(std::string_view name) {
   in_addr address{};
   return same_name(name, "localhost") || name == "[::1]" ||
          (name.starts_with("127.") &&
-          ::inet_pton(AF_INET, std::string(name.substr(0, 16)).c_str(), &address) == 1);
+          ::inet_pton(AF_INET, std::string(name).c_str(), &address) == 1);
 }
 
 }  // namespace

@@ -21,7 +21,7 @@ TEST_CASE("on the loopback interface the server refuses Host names of DNS rebind
     CHECK(here.accepts_host(host));
   for (const char* host :
        {"", ":8410", "evil.example", "127.0.0.1.evil.example", "localhost.evil", "10.0.0.1", "lab7",
-        "127.0.0.1:", "127.0.0.1:port", "[::1", "127.1", "[]"})
+        "127.0.0.1:", "127.0.0.1:port", "[::1", "127.1", "[]", "127.100.100.100.evil"})
     CHECK_FALSE(here.accepts_host(host));
   Access all;
   all.loopback = false;  // reading needs the token
