@@ -243,7 +243,7 @@ void RunWriter::complete(const std::string& status) {
     put_end(db_, path_, status, clock_.utc());
     if (checkpoint()) completed_ = status;
   } catch (const Error&) {
-    if (sqlite3_errcode(db_) != SQLITE_BUSY) throw;
+    if (sqlite3_errcode(db_) != SQLITE_BUSY) wait_for_others(), throw;
   }
   wait_for_others();
 }
