@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Detects depth maps that are mirrored left to right, from the ranges of the radar.
 #pragma once
-#include <span>
 #include <string>
 
 #include "recon/data/dataset.hpp"
