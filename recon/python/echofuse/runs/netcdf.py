@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import pathlib
 from typing import Any
 
@@ -16,6 +17,7 @@ __all__ = ["LONG_NAMES", "SINCE_1970", "dataset", "engine", "write"]
 
 SINCE_1970 = "nanoseconds since 1970-01-01T00:00:00Z"  # unit of times in xarray and netCDF
 ONE = {"units": "1"}
+HEAD_BYTES = 200_000  # more than the size of a file with one record, 87 kB
 # names of attributes that the netCDF libraries use themselves
 RESERVED = {"CLASS", "DIMENSION_LIST", "NAME", "REFERENCE_LIST", "_NCProperties",
             "_Netcdf4Coordinates", "_Netcdf4Dimid", "_nc3_strict"}
@@ -138,6 +140,15 @@ def engine() -> str:
     return "netCDF4" if netcdf4 and not h5netcdf else "h5netcdf"
 
 
+def require_space(path: pathlib.Path, size: int) -> None:
+    """Creates an empty file. Raises OSError if the disk has no space for `size` bytes: HDF5 1.14
+    crashes if the disk becomes full while h5netcdf creates a variable."""
+    with path.open("wb") as file:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(file.fileno(), 0, size)
+            file.truncate(0)
+
+
 def write(run: Run, path: pathlib.Path, progress: Progress) -> int:
     """Writes the first block of records with xarray, and appends all further blocks with the same
     encoding. Returns the number of unreadable records."""
@@ -162,6 +173,7 @@ def write(run: Run, path: pathlib.Path, progress: Progress) -> int:
                 for name in SENSORS if name in data}
             encoding |= {name: {"_FillValue": None} for name, values in data.coords.items()
                          if values.dtype.kind == "f"}
+            require_space(path, data.nbytes + HEAD_BYTES)
             data.to_netcdf(path, engine=engine().lower(), unlimited_dims=["record"],
                            encoding=encoding)
             continue
