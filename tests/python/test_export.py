@@ -330,6 +330,15 @@ def test_export_holds_its_lock_even_if_the_lock_file_is_replaced(tmp_path, monke
     assert (tmp_path / "b.h5").read_text() == "theirs" and not place.exists()
 
 
+def test_export_does_not_write_through_a_planted_link(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "short"))
+    (tmp_path / "short").mkdir()
+    (tmp_path / "theirs").write_text("theirs")
+    with pytest.raises(FileExistsError), staging.staged(tmp_path / "a.h5") as path:
+        (tmp_path / path.name).symlink_to(tmp_path / "theirs")
+    assert sorted(os.listdir(tmp_path)) == ["short", "theirs"] and (tmp_path / "theirs").read_text() == "theirs"
+
+
 @pytest.mark.parametrize("create", [staging.staged, staging.replaced])
 def test_export_syncs_a_file_to_disk_before_it_gets_its_final_name(tmp_path, monkeypatch, create):
     place, synced = tmp_path / "a.h5", []

@@ -177,7 +177,7 @@ def write_h5(run: Run, path: pathlib.Path, progress: Progress) -> int:
     """Writes the run as HDF5 and returns the number of unreadable records."""
     import h5py
 
-    with h5py.File(path, "x") as file:
+    with h5py.File(path, "w") as file:
         tables = {name: run.table(name) for name in run.tables}
         # omits rows that were added after the run was opened
         record = {name: values[:len(run)] for name, values in tables["record"].items()}

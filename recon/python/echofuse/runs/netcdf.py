@@ -141,10 +141,10 @@ def engine() -> str:
 
 
 def require_space(path: pathlib.Path, size: int) -> None:
-    """Creates an empty file. Raises OSError if the disk has no space for `size` bytes: HDF5 1.14
-    crashes if the disk becomes full while h5netcdf creates a variable."""
-    with path.open("wb") as file:
-        if hasattr(os, "posix_fallocate"):
+    """Empties a file. Raises OSError if the disk has no space for `size` bytes: HDF5 1.14 crashes
+    if the disk becomes full while h5netcdf creates a variable."""
+    if hasattr(os, "posix_fallocate"):
+        with path.open("wb") as file:
             os.posix_fallocate(file.fileno(), 0, size)
             file.truncate(0)
 

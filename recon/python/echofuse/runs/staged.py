@@ -101,10 +101,11 @@ def replaced(place: pathlib.Path) -> Iterator[pathlib.Path]:
 
 @contextlib.contextmanager
 def staged(place: pathlib.Path) -> Iterator[pathlib.Path]:
-    """Yields the path of a temporary file (in $TMPDIR, or hidden next to `place`), which is moved
-    to `place` when the context exits. A lock excludes other processes. Files left by killed
-    processes are replaced. Raises FileExistsError if `place` exists, BlockingIOError if another
-    process is creating it, and OSError for other errors."""
+    """Yields the path of a new temporary file (in $TMPDIR, or hidden next to `place`), which is
+    moved to `place` when the context exits. Does not follow links that others create. A lock
+    excludes other processes. Files left by killed processes are replaced. Raises FileExistsError
+    if `place` exists, BlockingIOError if another process is creating it, and OSError for other
+    errors."""
     refuse_existing(place)
     key = zlib.crc32(os.fsencode(place.absolute()))
     name = f".{place.name}.{socket.gethostname()}-{key:08x}.unfinished"
@@ -118,9 +119,11 @@ def staged(place: pathlib.Path) -> Iterator[pathlib.Path]:
     try:
         for path in (temporary, final):
             path.unlink(missing_ok=True)
+        temporary.open("xb").close()
         yield temporary
         if temporary.parent.resolve() != final.parent.resolve():
-            shutil.copyfile(temporary, final)
+            with temporary.open("rb") as source, final.open("xb") as copy:
+                shutil.copyfileobj(source, copy)
         publish(final, place)
     finally:
         for path in (temporary, final, lock):
