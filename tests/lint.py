@@ -142,6 +142,18 @@ written = [f"{path.relative_to(root)}:{number}" for path in tracked()
 if len(written) > 20:
     faults.append(f"{len(written)} lines of tests write a run without tests/fixtures, at most 20 may: {', '.join(written)}")
 
+# Tests name the tables of a record and of a data set only in tests/fixtures/record.hpp and dataset.hpp, so that a change of
+# these types changes only the fixtures. This counts members with these names; the remaining ones belong to other types.
+# The limit may be lowered but not raised.
+table = re.compile(r"(?<!\bsink)(?<!\bframe)(?<!\bf)(?<!\bp)(?<!\bconfig)(?<!\bresponse)(?<!\bfound)"
+                   r"\.(spd|zone_spd|radar|array|depth|depth_mm)\b(?!\()")
+direct = [f"{path.relative_to(root)}:{number}" for path in tracked()
+          if path.is_relative_to(root / "tests") and not path.is_relative_to(root / "tests/fixtures") and path.suffix in (".cpp", ".hpp")
+          for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+          if table.search(line.partition("//")[0]) and "#include" not in line]
+if len(direct) > 29:
+    faults.append(f"{len(direct)} lines of tests name a table without tests/fixtures, at most 29 may: {', '.join(direct)}")
+
 # Functions in product code (not in tests) have at most 60 lines.
 for name, code in product.items():
     start, lines = 0, code.splitlines()

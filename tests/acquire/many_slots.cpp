@@ -6,11 +6,13 @@
 #include <numeric>
 
 #include "../catch.hpp"
+#include "../fixtures/record.hpp"
 #include "acquire/run/window.hpp"
 #include "drivers/core/random.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;
+using namespace echofuse::test;
 using namespace std::chrono_literals;
 
 namespace {
@@ -192,7 +194,7 @@ TEST_CASE("a run of 100 000 slots has no drift, no missing record and no sample 
       valid[s] += r.has(s);
     }
     if (!r.has(Sensor::depth)) continue;
-    const auto shot = lab.shots.at(r.depth_mm[0] + 65536u * r.depth_mm[1]);
+    const auto shot = lab.shots.at(depth_mm(r)[0] + 65536u * depth_mm(r)[1]);
     if (!shot.settled) continue;
     ++depth;
     misplaced += shot.taken < r.slot_start - 5ms || shot.taken > r.slot_end + 5ms;
@@ -255,7 +257,7 @@ TEST_CASE("each tag is counted exactly once despite damaged time stamps and stal
       REQUIRE(r.index == closed++);
       REQUIRE(std::abs(r.sync[Sensor::spd].offset_s) <= 0.05);
       if (r.has(Sensor::spd))
-        REQUIRE(std::accumulate(r.spd.begin(), r.spd.end(), 0u) == r.spd_counts.in_range);
+        REQUIRE(std::accumulate(counts(r).begin(), counts(r).end(), 0u) == r.spd_counts.in_range);
     }
   }
   windows.finish();

@@ -11,6 +11,7 @@
 
 using namespace echofuse;
 using namespace echofuse::acquire;
+using namespace echofuse::test;
 using Catch::EndsWith;
 using Catch::StartsWith;
 
@@ -58,18 +59,18 @@ class Laboratory {
       const double off = (static_cast<double>(i) - 100) / 10;
       std::poisson_distribution<std::uint32_t> n(photons / 25.07 * std::exp(-off * off / 2) +
                                                  background / 336 + 1e-12);
-      r.spd.push_back(n(rng_));
+      counts(r).push_back(n(rng_));
     }
-    r.spd_counts.in_range = std::accumulate(r.spd.begin(), r.spd.end(), std::uint64_t{0});
+    r.spd_counts.in_range = std::accumulate(counts(r).begin(), counts(r).end(), std::uint64_t{0});
     std::normal_distribution<double> noise_db(0, 0.1);
     for (int i = 0; i < 64; ++i) {
       const double off = (i - 14) / 1.5;
-      const double power = 1 + std::pow(10, radar_snr_db / 10) * std::exp(-off * off);
-      r.radar.push_back(static_cast<float>(1e6 * power * std::pow(10, noise_db(rng_) / 10)));
+      const double linear = 1 + std::pow(10, radar_snr_db / 10) * std::exp(-off * off);
+      power(r).push_back(static_cast<float>(1e6 * linear * std::pow(10, noise_db(rng_) / 10)));
     }
     std::normal_distribution<double> depth(3500, 6);
     for (int i = 0; i < 1200; ++i)
-      r.depth_mm.push_back(i < 1200 * depth_share ? static_cast<std::uint16_t>(depth(rng_)) : 0);
+      depth_mm(r).push_back(i < 1200 * depth_share ? static_cast<std::uint16_t>(depth(rng_)) : 0);
     return r;
   }
 
@@ -152,7 +153,7 @@ TEST_CASE("neither background light alone nor radar noise alone is reported as a
   CHECK_THAT(verdicts(checked, far)[0],
              EndsWith("90 % of the clicks are outside the histogram (2.00 to 7.04 m)"));
   far.spd_counts = {.in_range = 1, .out_of_range = 99};
-  ++far.spd[0];
+  ++counts(far)[0];
   CHECK_THAT(verdicts(checked, far)[0],
              EndsWith("7.04 m): are the start and click channels swapped?"));
   lab.photons = 3e4, lab.radar_snr_db = 20, lab.background = 1e6;
@@ -166,21 +167,21 @@ TEST_CASE("more than one click in 20 pulses or a clipped radar lobe gives the ve
   constexpr float clipped = 3e7F;
   auto r = lab.record();
   r.signal.clicks_per_pulse = 0.06;
-  for (float& v : r.radar) v = std::min(v, clipped);
+  for (float& v : power(r)) v = std::min(v, clipped);
   auto v = verdicts(check, r);
   CHECK(v[1] == "ok");  // one repeated record does not prove that the radar is frozen
-  for (float& p : r.radar) p = p == clipped ? p : 1.01F * p;
-  ++r.spd[0];
+  for (float& p : power(r)) p = p == clipped ? p : 1.01F * p;
+  ++counts(r)[0];
   v = verdicts(check, r);
   CHECK(v[0] == "saturated: 0.06 clicks per laser pulse (limit 0.05)");
   CHECK(v[1] == "saturated: the lobe at 3.25 m is clipped");
   r.spd_counts = {
       .starts = 100, .in_range = 100, .out_of_range = 1900};  // 20 clicks per laser pulse
-  ++r.spd[0];
+  ++counts(r)[0];
   CHECK_THAT(verdicts(check, r)[0],
              EndsWith("(limit 0.05): are the start and click channels swapped?"));
   r.sync[Sensor::radar].used = 1;  // with a single frame, two bins may have equal powers
-  for (float& p : r.radar) p = p == clipped ? p : 0.98F * p;
+  for (float& p : power(r)) p = p == clipped ? p : 0.98F * p;
   CHECK(verdicts(check, r)[1] == "ok");
   SignalLimits off;
   off.clicks_per_pulse = 0;
@@ -194,7 +195,7 @@ TEST_CASE("sensor data that repeat bit for bit are reported as frozen (verdict: 
   auto r = lab.record();
   CHECK(verdicts(check, r) == all_ok);
   // Simulates the rounding error that results from averaging a different number of frames.
-  for (float& v : r.radar) v *= 1.000001F;
+  for (float& v : power(r)) v *= 1.000001F;
   for (const auto& v : verdicts(check, r)) CHECK_THAT(v, StartsWith("stands still: "));
   CHECK(verdicts(check, lab.record()) == all_ok);
   // Data that repeat after a missing record are reported as frozen. Sensors without a signal are
@@ -274,7 +275,7 @@ TEST_CASE("missing start pulses are not reported if the tagger uses a conditiona
   CHECK(verdicts(check, r)[0] == "ok");
   // All clicks are dark counts. The tagger's filter passed one start per click, so 10 000 starts
   // remain of 1e6 laser pulses.
-  r.spd[0] += 1, r.radar[0] += 1e5F, r.depth_mm[0] += 1;
+  counts(r)[0] += 1, power(r)[0] += 1e5F, depth_mm(r)[0] += 1;
   r.signal.clicks_per_pulse = 1;
   SignalLimits bright;
   bright.clicks_per_pulse = 0;
@@ -298,7 +299,7 @@ TEST_CASE("a sensor is lossy if 60 % of its samples are lost, also behind a cond
       r.sync[sensor].arrived = r.sync[sensor].used = received, r.sync[sensor].lost = lost;
       const auto expected = "lossy: 40 % of the " + std::to_string(received + lost) + " " + unit;
       CHECK(verdicts(check, r)[static_cast<std::size_t>(sensor)] == expected + " received");
-      r.spd[0] += 1, r.radar[0] += 1e5F, r.depth_mm[0] += 1;
+      counts(r)[0] += 1, power(r)[0] += 1e5F, depth_mm(r)[0] += 1;
       r.sync[sensor].lost = received / 4;
       CHECK(verdicts(check, r) == all_ok);
     }
@@ -313,7 +314,7 @@ TEST_CASE("losses take precedence over a missing peak, which is named, too") {
   Laboratory lab;
   SignalCheck check({}, 1);
   auto r = lab.record();
-  std::ranges::fill(r.spd, 100U);
+  std::ranges::fill(counts(r), 100U);
   r.spd_counts = {.tags = 4000};
   r.sync[Sensor::spd].arrived = 4000, r.sync[Sensor::spd].lost = 6000;
   CHECK(verdicts(check, r)[0] ==
@@ -327,7 +328,7 @@ TEST_CASE("a radar with too few range cells is not assessed, and the record is n
   auto all = axes();
   for (Axis& axis : all)
     if (axis.name == "radar") axis.count = 3;
-  r.radar.resize(3);
+  power(r).resize(3);
   check.assess(r, all);
   CHECK(r.sync[Sensor::radar].verdict.kind == record::VerdictKind::not_assessed);
   CHECK_FALSE(r.sync[Sensor::radar].verdict.row().doubtful);
@@ -337,7 +338,7 @@ TEST_CASE("depths beyond the range of the depth map do not count as returns") {
   Laboratory lab;
   SignalCheck check({}, 3, {}, 6);
   auto r = lab.record();
-  for (auto& z : r.depth_mm) z = z == 0 ? 40'000 : z;
+  for (auto& z : depth_mm(r)) z = z == 0 ? 40'000 : z;
   check.assess(r, axes());
   CHECK(*r.signal.depth_share == Approx(0.05));
 }
@@ -354,7 +355,7 @@ TEST_CASE("radar leakage at up to 0.5 m does not count as an echo") {
   record::FusedRecord r;
   r.valid = {Sensor::radar};
   r.sync[Sensor::radar].verdict = test::verdict_of("ok");
-  for (int i = 0; i < 128; ++i) r.radar.push_back(i < 10 ? 1e6F : i % 3 == 0 ? 1.1F : 1);
+  for (int i = 0; i < 128; ++i) power(r).push_back(i < 10 ? 1e6F : i % 3 == 0 ? 1.1F : 1);
   check.assess(r, fine);
   CHECK_THAT(r.sync[Sensor::radar].verdict.text(), StartsWith("no peak"));
 }
@@ -364,21 +365,21 @@ TEST_CASE("the signal of each detector zone is checked separately") {
   const std::vector<Axis> spd{{"spd", "counts", "ps", 40, 0, 100, 1}};
   record::FusedRecord r;
   r.valid = {Sensor::spd};
-  r.spd.assign(80, 0);
-  std::fill_n(r.spd.begin(), 40, 1000);  // only the first zone has a background
-  r.spd[40 + 12] = 5000;
+  counts(r).assign(80, 0);
+  std::fill_n(counts(r).begin(), 40, 1000);  // only the first zone has a background
+  counts(r)[40 + 12] = 5000;
   r.signal.clicks_per_pulse = 0.04;
   r.sync[Sensor::spd].verdict = test::verdict_of("ok");
   check.assess(r, spd);
   CHECK(r.sync[Sensor::spd].verdict.text() == "ok");
   CHECK(*r.signal.spd_clicks == 5000);
   // The first zone is the brighter one, with 40/70 of all clicks.
-  r.spd[40 + 12] = 30'000;
+  counts(r)[40 + 12] = 30'000;
   r.signal.clicks_per_pulse = 0.1;
   check.assess(r, spd);
   CHECK(r.sync[Sensor::spd].verdict.text() ==
         "saturated: 0.0571 clicks per laser pulse in the brightest zone (limit 0.05)");
-  std::fill(r.spd.begin(), r.spd.end(), 3);
+  std::fill(counts(r).begin(), counts(r).end(), 3);
   r.signal.clicks_per_pulse = 0.01;
   check.assess(r, spd);
   CHECK(r.sync[Sensor::spd].verdict.text() == "no peak: no bins clearly exceed the mean");

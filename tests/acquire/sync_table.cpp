@@ -6,10 +6,12 @@
 #include <sstream>
 
 #include "../catch.hpp"
+#include "../fixtures/record.hpp"
 #include "acquire/run/window.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;
+using namespace echofuse::test;
 using namespace std::chrono_literals;
 
 namespace {
@@ -204,7 +206,7 @@ TEST_CASE("samples and losses of all devices are assigned to the expected record
     CHECK(r.missing.bits() == v.missing);
     CHECK(r.spd_counts.tags == bench.expected[std::to_string(v.record)][0]);
     CHECK(r.sync[Sensor::radar].used == bench.expected[std::to_string(v.record)][1]);
-    CHECK((r.depth_mm.empty() ? 0 : r.depth_mm[0]) == v.depth_mm);
+    CHECK((depth_mm(r).empty() ? 0 : depth_mm(r)[0]) == v.depth_mm);
   }
   const UnassignedSamples& unassigned = bench.windows.unassigned();
   CHECK(unassigned.early == bench.expected["early"]);

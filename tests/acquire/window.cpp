@@ -5,9 +5,11 @@
 #include <functional>
 
 #include "../catch.hpp"
+#include "../fixtures/record.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;
+using namespace echofuse::test;
 using namespace std::chrono_literals;
 
 namespace {
@@ -92,16 +94,16 @@ TEST_CASE("a record with data from all three sensors is complete") {
   expected[1] =
       2;  // two clicks, 150 ps and 199 ps after a start, fall into the bin from 100 to 200 ps
   expected[2] = 1;
-  CHECK(r.spd == expected);
+  CHECK(counts(r) == expected);
   CHECK(r.spd_counts.tags == 6);
   CHECK(r.spd_counts.out_of_range == 1);
   CHECK(sync(r, Sensor::spd).used == 3);
   CHECK(sync(r, Sensor::spd).span_s == 0.9);
   CHECK(sync(r, Sensor::spd).offset_s == Approx(-0.05));
-  CHECK(r.radar == std::vector<float>{0, 256, 512, 1000});  // a single frame is copied exactly
+  CHECK(power(r) == std::vector<float>{0, 256, 512, 1000});  // a single frame is copied exactly
   CHECK(sync(r, Sensor::radar).offset_s == Approx(-0.1));
   // The record contains the frame nearest to 10.5 s, the centre of the slot.
-  CHECK(r.depth_mm == std::vector<std::uint16_t>{3, 4});
+  CHECK(depth_mm(r) == std::vector<std::uint16_t>{3, 4});
   CHECK(sync(r, Sensor::depth).offset_s == Approx(0.05));
   for (const auto& s : r.sync) CHECK(s.verdict.text() == "ok");
 }
@@ -117,8 +119,8 @@ TEST_CASE("the counts of a record account for click delay, dead time and damaged
   feed(windows, 10s, {click_at(650), start_at(1'000), click_at(1'020), click_at(1'119), unknown});
   feed(windows, 10s + 900ms, {start_at(5'000), start_at(4'000), click_at(5'100)});
   const auto r = windows.close({0, false});
-  CHECK(r.spd.at(1) == 1);           // 650 ps + 500 ps delay - 1000 ps start = 150 ps
-  CHECK(r.spd.at(5) == 1);           // 1020 ps + 500 ps delay - 1000 ps start = 520 ps
+  CHECK(counts(r).at(1) == 1);       // 650 ps + 500 ps delay - 1000 ps start = 150 ps
+  CHECK(counts(r).at(5) == 1);       // 1020 ps + 500 ps delay - 1000 ps start = 520 ps
   CHECK(r.spd_counts.removed == 1);  // the click at 1119 ps is removed because it follows the click
                                      // at 1020 ps by less than 100 ps
   CHECK(r.spd_counts.bad_tags == 1);
@@ -137,7 +139,7 @@ TEST_CASE("slot boundaries are exact, and a start pulse remains valid across a b
   CHECK(windows.close({0, false}).spd_counts.tags == 2);
   const auto second = windows.close({1, false});
   CHECK(second.spd_counts.in_range == 1);
-  CHECK(second.spd.at(0) == 1);
+  CHECK(counts(second).at(0) == 1);
 }
 
 TEST_CASE("a click after a gap in the tags is not paired with a start before the gap") {
@@ -190,7 +192,7 @@ TEST_CASE("the range profile of a record is the mean over its frames, also for a
   for (std::uint32_t i = 0; i < 3; ++i) windows.add(radar_frame(10s + i * 100ms, 7 + i, frames[i]));
   const auto r = windows.close({0, false});
   REQUIRE(r.valid == SensorSet::from_bits(2));
-  CHECK(r.radar == std::vector<float>{30, 100, 500, 1000});
+  CHECK(power(r) == std::vector<float>{30, 100, 500, 1000});
   CHECK(sync(r, Sensor::radar).used == 3);
   CHECK(sync(r, Sensor::radar).span_s == 0.2);
 }
@@ -212,7 +214,7 @@ TEST_CASE("the range profile of a record is the mean power over frames and subfr
   REQUIRE(r.has(Sensor::radar));
   CHECK(sync(r, Sensor::radar).used == 20);
   CHECK(sync(r, Sensor::radar).lost == 0);
-  CHECK(r.radar[0] == Approx(sum / count).epsilon(1e-6));
+  CHECK(power(r)[0] == Approx(sum / count).epsilon(1e-6));
 }
 
 TEST_CASE("a record contains the statistics and temperature of the last radar frame in its slot") {
@@ -267,9 +269,9 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
   }
   const auto r = windows.close({0, false});
   CHECK(r.valid == SensorSet::from_bits(0));
-  CHECK(r.spd.empty());
-  CHECK(r.radar.empty());
-  CHECK(r.depth_mm.empty());
+  CHECK(counts(r).empty());
+  CHECK(power(r).empty());
+  CHECK(depth_mm(r).empty());
   CHECK(sync(r, Sensor::spd).verdict.text() == spd);
   CHECK(sync(r, Sensor::radar).verdict.text() == radar);
   CHECK(sync(r, Sensor::depth).verdict.text() == depth);
@@ -351,7 +353,7 @@ TEST_CASE(
       histogram(11s + 150ms, {7, 7, 7}));  // the middle of the exposure is at 11.05 s, in slot 1
   const auto r = windows.close({0, false});
   CHECK(r.has(Sensor::spd));
-  CHECK(r.spd == std::vector<std::uint32_t>{16, 27, UINT32_MAX});
+  CHECK(counts(r) == std::vector<std::uint32_t>{16, 27, UINT32_MAX});
   CHECK(r.spd_counts.starts == 3000);
   CHECK(r.spd_counts.in_range == 8'000'000'046);
   CHECK(parts(r.spd_counts) == r.spd_counts.tags);
@@ -380,7 +382,7 @@ TEST_CASE("histograms are not used after a detector reconnects with different zo
   REQUIRE(windows.announce(info));
   CHECK(windows.zones() == info.zones);
   for (const auto end : {10s + 300ms, 10s + 900ms}) windows.add(histogram(end, {1, 2, 3, 4, 5, 6}));
-  CHECK(windows.close({0, false}).spd == std::vector<std::uint32_t>{2, 4, 6, 8, 10, 12});
+  CHECK(counts(windows.close({0, false})) == std::vector<std::uint32_t>{2, 4, 6, 8, 10, 12});
   CHECK_FALSE(windows.announce(board_info()));
   CHECK(windows.announce(info));
 }

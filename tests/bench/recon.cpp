@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "../fixtures/dataset.hpp"
 #include "limits.hpp"
 #include "recon/numbers/blas.hpp"
 #include "recon/numbers/parallel.hpp"
@@ -14,6 +15,7 @@
 using namespace echofuse;
 using namespace echofuse::bench;
 using namespace echofuse::recon;
+using namespace echofuse::test;
 
 namespace {
 
@@ -22,7 +24,7 @@ Estimator fitted(const Dataset& data, const std::string& model, std::size_t epoc
   fit.quiet = true, fit.epochs = epochs, fit.patience = epochs;
   const Split split = make_split(data.usable(Inputs::fused), {});
   const Preprocessing preprocessing(data, split.train, Inputs::fused,
-                                    learn_scene(data.depth, split.train, data.map),
+                                    learn_scene(depth_maps(data), split.train, data.map),
                                     wants_alignment(candidate_of(model, fit).model));
   return fit_model(data, split, preprocessing, model, Inputs::fused, "record", fit);
 }

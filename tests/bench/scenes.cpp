@@ -5,6 +5,7 @@
 #include <functional>
 #include <string>
 
+#include "../fixtures/record.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "limits.hpp"
 #include "sim/dataset/generator.hpp"
@@ -13,6 +14,7 @@
 
 using namespace echofuse;
 using namespace echofuse::sim;
+using namespace echofuse::test;
 
 namespace {
 
@@ -39,7 +41,7 @@ void measure_antennas(const char* background) {
     c.radar_bins = static_cast<std::int64_t>(7.25 / c.radar_step_m);
     const Generator generator(plan);
     double sum = 0;
-    const double us = best_us([&](std::int64_t i) { sum += generator.make(i).array[14]; });
+    const double us = best_us([&](std::int64_t i) { sum += antenna_data(generator.make(i))[14]; });
     char name[64];
     std::snprintf(name, sizeof name, "whole record, 8 antennas, %g cm", 100 * cell_m);
     std::printf("%-6s %-34s %8.0f us %8.0f /s\n", background, name, us, 1e6 / us);
@@ -83,7 +85,7 @@ void measure(const char* background) {
     bench::print_row("simulated depth map", "us", map_us, 0, "");
   }
   const double whole_us =
-      row("whole record", [&](std::int64_t i) { sum += generator.make(i).radar[14]; });
+      row("whole record", [&](std::int64_t i) { sum += power(generator.make(i))[14]; });
   bench::print_row(plan.conditions.background == "none" ? "simulated record, open room"
                                                         : "simulated record, furnished room",
                    "records/s", 1e6 / whole_us, 0, "");

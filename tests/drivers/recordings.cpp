@@ -11,11 +11,13 @@
 #include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/paths.hpp"
+#include "../fixtures/record.hpp"
 #include "acquire/import/import.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/radar/frame_parser.hpp"
 
 using namespace echofuse;
+using namespace echofuse::test;
 
 namespace {
 
@@ -87,7 +89,7 @@ TEST_CASE(
   std::uint64_t frames = 0;
   run.for_each([&](const record::FusedRecord& r) {
     CHECK(r.has(Sensor::radar));
-    CHECK(r.radar.size() == 256);
+    CHECK(power(r).size() == 256);
     CHECK(r.sync[Sensor::radar].span_s ==
           Approx(r.sync[Sensor::radar].used == 11 ? 1.0 : 0.9).margin(0.01));
     CHECK(r.sync[Sensor::radar].lost == 0);

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "../fixtures/dataset.hpp"
 #include "../recon/crafted.hpp"
 #include "fuzz.hpp"
 #include "recon/data/files.hpp"
@@ -16,6 +17,7 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
+using namespace echofuse::test;
 using fuzz::require;
 
 namespace {
@@ -28,8 +30,8 @@ Dataset plates(std::size_t count) {
   Dataset d;
   d.spd_axis = {"spd", "counts", "ps", spd_bins, 16000, 400, 1};
   d.radar_axis = {"radar", "power", "m", radar_bins_, 0, 0.25, 1};
-  d.spd = Matrix(count, spd_bins), d.radar = Matrix(count, radar_bins_);
-  d.depth = Matrix(count, pixels);
+  photons(d) = Matrix(count, spd_bins), profiles(d) = Matrix(count, radar_bins_);
+  depth_maps(d) = Matrix(count, pixels);
   const auto bump = [](double at, double centre, double width) {
     return static_cast<float>(std::exp(-std::pow((at - centre) / width, 2)));
   };
@@ -37,17 +39,17 @@ Dataset plates(std::size_t count) {
     const double turn = static_cast<double>(i) * 0.618034;
     const double x = 2 * (turn - std::floor(turn)) - 1, z = 3 + static_cast<double>(i % 7) / 7;
     for (std::size_t b = 0; b < spd_bins; ++b)
-      d.spd.row(i)[b] =
+      photons(d).row(i)[b] =
           std::round(2 + 2e4f * bump(d.spd_axis.at(static_cast<double>(b) + 0.5) / ps_per_m,
                                      std::hypot(x, z), 0.2));
     for (std::size_t b = 0; b < radar_bins_; ++b)
-      d.radar.row(i)[b] =
+      profiles(d).row(i)[b] =
           bump(d.radar_axis.at(static_cast<double>(b)), std::hypot(x + 0.5, z), 0.4) +
           0.002f * static_cast<float>((i * 7 + b * 5) % 11);
     const auto centre = static_cast<std::size_t>(32 + 20 * x / z * 3);
     for (std::size_t r = 20; r < 44; ++r)
       for (std::size_t c = centre - 4; c < centre + 4; ++c)
-        d.depth.row(i)[r * 64 + c] = static_cast<float>(z);
+        depth_maps(d).row(i)[r * 64 + c] = static_cast<float>(z);
     d.valid.push_back(7);
     d.index.push_back(static_cast<std::int64_t>(i));
     d.label.push_back("plate");
@@ -225,7 +227,7 @@ void check_answers(const TrainedModel& model) {
   static const Dataset few = plates(3);
   Dataset data = few;
   // The record without a radar echo makes the model use its fallback.
-  std::fill_n(data.radar.row(2).begin(), radar_bins_, 0.f);
+  std::fill_n(profiles(data).row(2).begin(), radar_bins_, 0.f);
   model.match(data);
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)

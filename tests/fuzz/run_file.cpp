@@ -7,11 +7,13 @@
 #include <cmath>
 #include <limits>
 
+#include "../fixtures/record.hpp"
 #include "files.hpp"
 #include "recon/data/dataset.hpp"
 
 using namespace echofuse;
 using namespace echofuse::record;
+using namespace echofuse::test;
 using fuzz::require;
 
 namespace {
@@ -41,13 +43,13 @@ void check_record(const FusedRecord& r, const std::vector<Axis>& axes, std::size
       if (a.name == names[i]) points[i] = a.count;
   }
   require(r.index <= max_index && r.valid.bits() < 8, "index and mask are valid");
-  require(r.spd.size() == (r.has(Sensor::spd) ? zones * points[0] : 0),
+  require(counts(r).size() == (r.has(Sensor::spd) ? zones * points[0] : 0),
           "spd has the length of its axis in each zone");
-  require(r.radar.size() == (r.has(Sensor::radar) ? points[1] : 0),
+  require(power(r).size() == (r.has(Sensor::radar) ? points[1] : 0),
           "radar has the length of its axis");
-  require(r.depth_mm.size() == (r.has(Sensor::depth) ? points[2] * points[3] : 0),
+  require(depth_mm(r).size() == (r.has(Sensor::depth) ? points[2] * points[3] : 0),
           "depth has the size of its axes");
-  for (const float v : r.radar) require(std::isfinite(v), "radar values are finite");
+  for (const float v : power(r)) require(std::isfinite(v), "radar values are finite");
 }
 
 void read_records(const RunReader& run) {

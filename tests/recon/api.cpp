@@ -41,10 +41,10 @@ TEST_CASE("records read through the API contain the values of the run file") {
   CHECK_FALSE(run.axis("nonsense"));
   const record::FusedRecord stored = reader.read(2);
   const Record record = run.read(2);
-  CHECK(std::ranges::equal(record.counts(), stored.spd));
-  CHECK(std::ranges::equal(record.power(), stored.radar));
+  CHECK(std::ranges::equal(record.counts(), counts(stored)));
+  CHECK(std::ranges::equal(record.power(), power(stored)));
   CHECK(record.depth_m().size() == run.grid().pixels());
-  CHECK(record.depth_m()[32 * 64] == float(stored.depth_mm[32 * 64]) / 1000);
+  CHECK(record.depth_m()[32 * 64] == float(depth_mm(stored)[32 * 64]) / 1000);
   CHECK(record.label() == stored.label);
   CHECK(record.camera().valid);
   const Axis x = record::MapGrid{}.x(), y = record::MapGrid{}.y();

@@ -117,7 +117,7 @@ TEST_CASE("loading converts antenna samples to spatial lags and reports records 
   });
   const Dataset data = load({dir / "run"});
   CHECK(data.array_axis.quantity == "lags");
-  CHECK(data.array.cols == data.array_axis.count * lag_values(7));
+  CHECK(antenna_lags(data).cols == data.array_axis.count * lag_values(7));
   CHECK(data.fault_of(0, Inputs::fused).empty());
   CHECK_THAT(data.fault_of(2, Inputs::fused), Catch::Contains("lacks the samples"));
   CHECK(data.fault_of(2, Inputs::fused_profile).empty());
@@ -126,13 +126,14 @@ TEST_CASE("loading converts antenna samples to spatial lags and reports records 
   // The offset of 0.25 m shifts the data by one range bin.
   subtract_range_offset(moved, 0.25);
   for (std::size_t c = 60; c < 90; ++c)
-    CHECK(moved.array.row(0)[c] == Approx(data.array.row(0)[c + lag_values(7)]).margin(1e-5));
+    CHECK(antenna_lags(moved).row(0)[c] ==
+          Approx(antenna_lags(data).row(0)[c + lag_values(7)]).margin(1e-5));
   Dataset other = data;
   Axis shorter = data.array_axis;
   shorter.count = 5;
   match_array(other, shorter);
-  CHECK(other.array.cols == 5 * lag_values(7));
-  CHECK(part_of(other, {1}).array.values.size() == 5 * lag_values(7));
+  CHECK(antenna_lags(other).cols == 5 * lag_values(7));
+  CHECK(antenna_lags(part_of(other, {1})).values.size() == 5 * lag_values(7));
   match_array(other, {});
   CHECK(other.array_axis.count == 0);
   CHECK_THAT(error_of([&] { match_array(other, shorter); }),

@@ -28,19 +28,19 @@ TEST_CASE("two runs are loaded as one data set, but a run and its copy are refus
   a_run(2, 2).write(dir / "b");
   const Dataset data = load({dir / "a", dir / "b"});
   REQUIRE(data.size() == 5);
-  CHECK(data.spd.rows == 5);
-  CHECK(data.spd.cols == 30);
-  CHECK(data.radar.cols == 24);
-  CHECK(data.depth.cols == 4096);
+  CHECK(photons(data).rows == 5);
+  CHECK(photons(data).cols == 30);
+  CHECK(profiles(data).cols == 24);
+  CHECK(depth_maps(data).cols == 4096);
   CHECK(data.index == std::vector<std::int64_t>{0, 1, 2, 0, 1});
   CHECK(data.label[0] == "person");
   REQUIRE(data.sources.size() == 2);
   CHECK(data.sources[1].first == 3);
   CHECK(data.sources[0].uuid != data.sources[1].uuid);
   const record::FusedRecord r = record::RunReader(dir / "b").read(1);
-  CHECK(data.spd.row(4)[10] == static_cast<float>(counts(r)[10]));
-  CHECK(data.radar.row(4)[10] == power(r)[10]);
-  CHECK(data.depth.row(4)[30 * 64 + 32] == Approx(depth_mm(r)[30 * 64 + 32] * 1e-3));
+  CHECK(photons(data).row(4)[10] == static_cast<float>(counts(r)[10]));
+  CHECK(profiles(data).row(4)[10] == power(r)[10]);
+  CHECK(depth_maps(data).row(4)[30 * 64 + 32] == Approx(depth_mm(r)[30 * 64 + 32] * 1e-3));
   CHECK(load({dir / "a"}).hash == load({dir / "a"}).hash);
   CHECK(load({dir / "a"}).hash != load({dir / "b"}).hash);
   std::filesystem::copy_file(dir / "a", dir / "copy");
@@ -56,12 +56,14 @@ TEST_CASE("loading a calibrated run subtracts the calibration offsets from the r
   a_run(2).offset(Sensor::spd, spd_m).offset(Sensor::radar, -raw.radar_axis.step).write(dir / "b");
   const Dataset moved = load({dir / "b"});
   CHECK(same_axis(moved.spd_axis, raw.spd_axis));
-  for (std::size_t i = 0; i + 2 < raw.spd.cols; ++i)
-    CHECK(moved.spd.row(1)[i] == Approx(raw.spd.row(1)[i + 2]).epsilon(1e-3).margin(1e-3));
-  CHECK(moved.spd.row(1)[raw.spd.cols - 1] == Approx(0).margin(1e-3));
-  CHECK(moved.radar.row(1)[0] == Approx(0).margin(1e-3));
-  for (std::size_t i = 1; i < raw.radar.cols; ++i)
-    CHECK(moved.radar.row(1)[i] == Approx(raw.radar.row(1)[i - 1]).epsilon(1e-3).margin(1e-3));
+  for (std::size_t i = 0; i + 2 < photons(raw).cols; ++i)
+    CHECK(photons(moved).row(1)[i] ==
+          Approx(photons(raw).row(1)[i + 2]).epsilon(1e-3).margin(1e-3));
+  CHECK(photons(moved).row(1)[photons(raw).cols - 1] == Approx(0).margin(1e-3));
+  CHECK(profiles(moved).row(1)[0] == Approx(0).margin(1e-3));
+  for (std::size_t i = 1; i < profiles(raw).cols; ++i)
+    CHECK(profiles(moved).row(1)[i] ==
+          Approx(profiles(raw).row(1)[i - 1]).epsilon(1e-3).margin(1e-3));
 }
 
 TEST_CASE("clicks per laser pulse are read from a record or derived from its counts") {
@@ -113,7 +115,7 @@ TEST_CASE("a run is interpolated to the axes of another run if they differ by le
   a_run(2).write(dir / "a"), a_run(2).radar(near).write(dir / "b");
   const Dataset data = load({dir / "a", dir / "b"});
   CHECK(same_axis(data.radar_axis, radar_axis()));
-  const auto first = data.radar.row(0), moved = data.radar.row(2);
+  const auto first = profiles(data).row(0), moved = profiles(data).row(2);
   CHECK(moved[10] == Approx(0.4 * first[9] + 0.6 * first[10]));
 }
 
@@ -140,7 +142,7 @@ TEST_CASE(
   const Dataset farther =
       load({a_run(40, 1, scaled(3, 2)).map({64, 0.55, 14}).write(dir / "farther")});
   CHECK(farther.map.far_m == 14);
-  CHECK(std::ranges::max(farther.depth.row(0)) > 6);
+  CHECK(std::ranges::max(depth_maps(farther).row(0)) > 6);
   const Outcome millimetres = said("mm", scaled(1e-3, 1));
   CHECK(millimetres.code == 1);
   CHECK_THAT(millimetres.text,
@@ -165,8 +167,8 @@ TEST_CASE("the median is subtracted from range profiles that include the receive
   const Dataset data = load_part(record::RunReader(dir / "a"), 0, 2, sensors_of(Inputs::radar),
                                  [](std::int64_t, const std::string&) {});
   CHECK(data.radar_axis.quantity == "power");
-  CHECK(data.radar.row(0)[7] == Approx(15));
-  CHECK(data.radar.row(0)[8] == 0);
+  CHECK(profiles(data).row(0)[7] == Approx(15));
+  CHECK(profiles(data).row(0)[8] == 0);
 }
 
 TEST_CASE("a radar axis longer than the model axis is cropped, and other differences are refused") {
@@ -175,8 +177,8 @@ TEST_CASE("a radar axis longer than the model axis is cropped, and other differe
   Dataset data = load({dir / "long"});
   const Dataset before = data;
   match_axes(data, data.spd_axis, radar_axis(24), Inputs::fused);
-  CHECK(data.radar.cols == 24);
-  CHECK(data.radar.row(1)[23] == before.radar.row(1)[23]);
+  CHECK(profiles(data).cols == 24);
+  CHECK(profiles(data).row(1)[23] == profiles(before).row(1)[23]);
   const auto refused = [&](const Axis& spd, const Axis& radar, Inputs inputs) {
     Dataset copy = before;
     return error_of([&] { match_axes(copy, spd, radar, inputs); });
@@ -203,16 +205,16 @@ TEST_CASE("records are interpolated to the model axis if the two axes differ by 
   Dataset data;
   data.spd_axis = {"spd", "counts", "ps", 5, 100, 10, 1};
   data.radar_axis = {"radar", "power", "m", 4, 0, 0.5, 1};
-  data.spd = Matrix(0, 5), data.radar = Matrix(0, 4);
-  data.spd.add_row(std::vector<float>{0, 10, 20, 40, 0});
-  data.radar.add_row(std::vector<float>{1, 2, 4, 8});
+  photons(data) = Matrix(0, 5), profiles(data) = Matrix(0, 4);
+  photons(data).add_row(std::vector<float>{0, 10, 20, 40, 0});
+  profiles(data).add_row(std::vector<float>{1, 2, 4, 8});
   data.valid = {7};
   const Axis spd{"spd", "counts", "ps", 5, 104, 10, 1},
       radar{"radar", "power", "m", 4, -0.25, 0.5, 1};
   Dataset moved = data;
   match_axes(moved, spd, radar, Inputs::fused_profile);
-  CHECK(moved.spd.values == std::vector<float>{4, 14, 28, 24, 0});
-  CHECK(moved.radar.values == std::vector<float>{1, 1.5, 3, 6});
+  CHECK(photons(moved).values == std::vector<float>{4, 14, 28, 24, 0});
+  CHECK(profiles(moved).values == std::vector<float>{1, 1.5, 3, 6});
   CHECK(same_axis(moved.spd_axis, spd));
   CHECK(same_axis(moved.radar_axis, radar));
   CHECK_THAT(error_of([&] {
@@ -230,8 +232,8 @@ TEST_CASE("summing radar power into wider bins preserves the total power") {
     Dataset data;
     data.radar_axis = axis;
     data.valid = {2};
-    data.radar.cols = axis.count;
-    data.radar.add_row(power);
+    profiles(data).cols = axis.count;
+    profiles(data).add_row(power);
     return data;
   };
   SECTION("the power in wider bins is exact if the bin widths have an integer ratio") {
@@ -244,14 +246,14 @@ TEST_CASE("summing radar power into wider bins preserves the total power") {
     // counts.
     double sum = 0, expected = power[112] / 2.0;
     for (std::size_t i = 0; i < 112; ++i) expected += power[i];
-    for (const float v : data.radar.row(0)) sum += v;
+    for (const float v : profiles(data).row(0)) sum += v;
     CHECK(sum == expected);
     float first = power[8] / 2;
     for (std::size_t i = 0; i < 8; ++i) first += power[i];
-    CHECK(data.radar.row(0)[0] == first);
+    CHECK(profiles(data).row(0)[0] == first);
     float fourth = power[24] / 2 + power[32] / 2;
     for (std::size_t i = 25; i < 32; ++i) fourth += power[i];
-    CHECK(data.radar.row(0)[3] == fourth);
+    CHECK(profiles(data).row(0)[3] == fourth);
   }
   SECTION("the power in wider bins is exact to float precision for the bin widths of real chirps") {
     for (const double step : {0.0440950, 0.2502210, 0.25, 0.5}) {
@@ -262,8 +264,8 @@ TEST_CASE("summing radar power into wider bins preserves the total power") {
         rebin_radar(data, paper);
         double sum = 0, place = 0;
         for (std::uint32_t j = 0; j < 14; ++j) {
-          sum += data.radar.row(0)[j];
-          place += data.radar.row(0)[j] * paper.at(j) / 3e7;
+          sum += profiles(data).row(0)[j];
+          place += profiles(data).row(0)[j] * paper.at(j) / 3e7;
         }
         REQUIRE(sum == Approx(3e7).epsilon(1e-7));
         REQUIRE(std::abs(place - at * step) <= 0.25 + 1e-6);
@@ -283,7 +285,7 @@ TEST_CASE("a model trained on binned radar power accepts runs with unbinned powe
   a_run(60).radar(radar_axis(40)).write(dir / "run");
   Dataset data = load({dir / "run"});
   match_axes(data, data.spd_axis, radar_bins(0.5), Inputs::fused);
-  CHECK(data.radar.cols == 14);
+  CHECK(profiles(data).cols == 14);
   CHECK(data.radar_axis.quantity == "binned_power");
   const std::string model = dir / "m";
   const auto done = [&](const std::string& arguments) {
@@ -307,8 +309,8 @@ TEST_CASE("inputs scaled per record do not depend on sensor gains or a flat back
   const Rows rows = data.usable(Inputs::fused);
   const Features f = fit_features(data, rows, Inputs::fused, "record");
   Dataset changed = data;
-  for (float& v : changed.spd.values) v = 4 * v + 50;
-  for (float& v : changed.radar.values) v *= 0.25f;
+  for (float& v : photons(changed).values) v = 4 * v + 50;
+  for (float& v : profiles(changed).values) v *= 0.25f;
   const Matrix a = f.apply(data, rows), b = f.apply(changed, rows);
   for (std::size_t i = 0; i < a.values.size(); ++i)
     REQUIRE(b.values[i] == Approx(a.values[i]).margin(1e-3));
@@ -400,9 +402,9 @@ TEST_CASE("loading part of a run reads only the requested sensors") {
   CHECK_FALSE(data.has(0, Sensor::radar));
   CHECK_FALSE(data.has(0, Sensor::depth));
   CHECK(data.radar_axis.count == 0);
-  CHECK(data.radar.values.empty());
-  CHECK(data.depth.values.empty());
-  CHECK(data.spd.values.size() == 2 * spd_axis().count);
+  CHECK(profiles(data).values.empty());
+  CHECK(depth_maps(data).values.empty());
+  CHECK(photons(data).values.size() == 2 * spd_axis().count);
 }
 
 TEST_CASE("blocked splits and folds leave gaps between training and test records") {

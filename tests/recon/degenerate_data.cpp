@@ -29,15 +29,15 @@ const std::vector<Peculiar> peculiar_sets = {
     {"one record, repeated", 12,
      [](FusedRecord& r) {
        const auto same = plate(1, 0.5, 3.5);
-       counts(r) = same.spd, power(r) = same.radar, depth_mm(r) = same.depth_mm;
+       counts(r) = counts(same), power(r) = power(same), depth_mm(r) = depth_mm(same);
      }},
     {"equal inputs, different maps", 12,
      [](FusedRecord& r) {
        const auto same = plate(1, 0.5, 3.5);
-       counts(r) = same.spd, power(r) = same.radar;
+       counts(r) = counts(same), power(r) = power(same);
      }},
     {"equal maps, different inputs", 12,
-     [](FusedRecord& r) { depth_mm(r) = plate(1, 0.5, 3.5).depth_mm; }},
+     [](FusedRecord& r) { depth_mm(r) = depth_mm(plate(1, 0.5, 3.5)); }},
     {"empty maps", 12,
      [](FusedRecord& r) { std::fill(depth_mm(r).begin(), depth_mm(r).end(), 0); }},
     {"maps of one depth", 12,

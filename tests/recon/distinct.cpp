@@ -72,22 +72,23 @@ TEST_CASE("the sensors of two loaded files show each body at the same place") {
   std::vector<double> places;
   for (std::size_t row = 0; row < data.size(); ++row) {
     CAPTURE(row);
-    const Seen body = seen_in(data.depth.row(row), data.map);
+    const Seen body = seen_in(depth_maps(data).row(row), data.map);
     const double spd_m = std::hypot(body.x(), body.z), radar_m = std::hypot(body.x() + 0.5, body.z);
     places.push_back(body.x());
     CHECK(body.low == Approx(-0.3).margin(2 * pixel));
     CHECK(body.high == Approx(0.15).margin(2 * pixel));
     const double zones = static_cast<double>(histograms_of(data.zones));
-    CHECK(centroid(data.spd.row(row), data.spd_axis, static_cast<float>(3 * zones), 0.5) /
+    CHECK(centroid(photons(data).row(row), data.spd_axis, static_cast<float>(3 * zones), 0.5) /
               ps_per_m ==
           Approx(spd_m).margin(0.06));
-    CHECK(centroid(data.radar.row(row), data.radar_axis, 0.02f, 0) == Approx(radar_m).margin(0.06));
+    CHECK(centroid(profiles(data).row(row), data.radar_axis, 0.02f, 0) ==
+          Approx(radar_m).margin(0.06));
     if (data.zones.empty()) continue;
     std::vector<double> light;
     for (std::size_t zone = 0; zone < data.zones.size(); ++zone) {
       CAPTURE(zone);
       const auto counts_of_zone =
-          data.zone_spd.row(row).subspan(zone * data.spd.cols, data.spd.cols);
+          zone_photons(data).row(row).subspan(zone * photons(data).cols, photons(data).cols);
       light.push_back(std::accumulate(counts_of_zone.begin(), counts_of_zone.end(), 0.0));
       if (light.back() > 2000)
         CHECK(centroid(counts_of_zone, data.spd_axis, 8, 0.5) / ps_per_m ==

@@ -179,7 +179,8 @@ TEST_CASE("the domain-shift test derives standard errors from the variance betwe
   });
   const Rows rows = all_rows(all.size()), before(rows.begin(), rows.begin() + known),
              now(rows.begin() + known, rows.end());
-  const Preprocessing p(all, before, Inputs::fused, learn_scene(all.depth, before, all.map), true);
+  const Preprocessing p(all, before, Inputs::fused, learn_scene(depth_maps(all), before, all.map),
+                        true);
   const Matrix views = take_rows(p.views, now);
   const Dataset run = part_of(all, now);
   const DomainReference reference(p.alignment, all, p.views, before, Inputs::fused);
@@ -243,7 +244,7 @@ TEST_CASE("the domain-shift test raises few false alarms for small and large ref
   for (const std::size_t known : {60, 1500}) {
     CAPTURE(known);
     const Preprocessing p(all, Rows(rows.begin(), rows.begin() + 1500), Inputs::fused,
-                          learn_scene(all.depth, rows, all.map), true);
+                          learn_scene(depth_maps(all), rows, all.map), true);
     const DomainReference reference(p.alignment, all, p.views,
                                     Rows(rows.begin(), rows.begin() + std::ptrdiff_t(known)),
                                     Inputs::fused);

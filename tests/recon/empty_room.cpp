@@ -115,14 +115,14 @@ TEST_CASE(
   const Folder dir;
   write_room(dir / "here", here, 60, 1);
   Dataset data = load({dir / "here"});
-  std::ranges::fill(data.radar.row(3), 0.f);
-  const std::vector<float> before(data.radar.row(4).begin(), data.radar.row(4).end());
-  std::vector<float> wall(data.radar.cols, 0.5f);
+  std::ranges::fill(profiles(data).row(3), 0.f);
+  const std::vector<float> before(profiles(data).row(4).begin(), profiles(data).row(4).end());
+  std::vector<float> wall(profiles(data).cols, 0.5f);
   wall[20] = 2;
   exchange_room({{}, wall, {}}, data);
   CHECK(data.fault_of(3, Inputs::fused) == "radar is the same in every bin");
-  CHECK(data.radar.row(4)[0] == before[0] + 0.5f);
-  CHECK(data.radar.row(4)[20] == before[20] + 2);
+  CHECK(profiles(data).row(4)[0] == before[0] + 0.5f);
+  CHECK(profiles(data).row(4)[20] == before[20] + 2);
   write_room(dir / "four", here, 4, 2, false);
   CHECK(error_of([&] { state_empty_room(data, dir / "four"); }) ==
         (dir / "four") + ": 4 records have data of all sensors; expected at least 5");
@@ -137,13 +137,13 @@ TEST_CASE("dead and doubtful records of an empty-room run are excluded and count
       damage(dir / "bad", "histograms without counts in the records from ?1 to ?2", {first, last});
     Dataset data = load({dir / "here"});
     const std::string text = state_empty_room(data, dir / "bad");
-    return std::pair(text, data.empty_room.spd);
+    return std::pair(text, photons(data.empty_room));
   };
   Dataset sound = load({dir / "empty"});
   Rows rows;
   for (std::size_t row = 0; row < 20; ++row)
     if (row < 3 || row >= 15) rows.push_back(row);
-  const std::vector<float> mean = empty_room_of(part_of(sound, rows), "sound").spd;
+  const std::vector<float> mean = photons(empty_room_of(part_of(sound, rows), "sound"));
   CHECK(spoil(3, 14, true) ==
         std::pair((dir / "bad") + ": 12 of 20 records left out: SPD weak 12", mean));
   CHECK(spoil(3, 14, false).second == mean);
@@ -157,8 +157,8 @@ TEST_CASE("an empty-room run is accepted if its brightness drifts by 3 % and ref
   Dataset empty = load({dir / "empty"});
   const auto scaled = [&](float drift) {
     for (std::size_t row = 0; row < empty.size(); ++row)
-      for (std::size_t bin = 0; bin < empty.spd.cols; ++bin)
-        empty.spd.row(row)[bin] = 1e5f * (1 + ((row + bin) % 2 ? drift : -drift));
+      for (std::size_t bin = 0; bin < photons(empty).cols; ++bin)
+        photons(empty).row(row)[bin] = 1e5f * (1 + ((row + bin) % 2 ? drift : -drift));
     return error_of([&] { empty_room_of(empty, "empty"); });
   };
   CHECK(scaled(0.03f) == "no error");

@@ -115,7 +115,7 @@ TEST_CASE("no body is detected in the histograms of an empty room") {
 }
 
 TEST_CASE("a body that is extracted from a depth map is redrawn at the same position") {
-  const Matrix& maps = plates().depth;
+  const Matrix& maps = depth_maps(plates());
   const std::vector<float> background(maps.cols, 0);
   const Rows rows = all_rows(50);
   std::vector<Place> places;
@@ -144,22 +144,22 @@ TEST_CASE("the factorised model places bodies on the correct side for any sensor
     std::vector<MapScores> out;
     const Matrix maps = trained().predict(data, rows);
     for (std::size_t i = 0; i < rows.size(); ++i)
-      out.push_back(score(maps.row(i), data.depth.row(rows[i]), trained()->scene));
+      out.push_back(score(maps.row(i), depth_maps(data).row(rows[i]), trained()->scene));
     return summarise(out);
   };
   const Summaries plain = scores(plates());
   CHECK(plain[metric_iou].mean > 0.7);
   CHECK(plain[metric_left_right].mean > 0.95);
   Dataset louder = plates();
-  for (float& v : louder.radar.values) v *= 4;
-  for (float& v : louder.spd.values) v *= 0.5f;
+  for (float& v : profiles(louder).values) v *= 4;
+  for (float& v : photons(louder).values) v *= 0.5f;
   CHECK(scores(louder)[metric_iou].mean > 0.98 * plain[metric_iou].mean);
 }
 
 TEST_CASE("clicks in a bin that only one training record uses do not shift the predicted body") {
   Dataset data = load_plates(200);
   const auto around = [&](std::size_t row) {
-    const auto clicks = data.spd.row(row);
+    const auto clicks = photons(data).row(row);
     return std::max_element(clicks.begin(), clicks.end());
   };
   for (std::size_t row = 0; row < data.size(); ++row)
@@ -191,7 +191,7 @@ TEST_CASE(
   for (std::size_t p = 0; p < one.cols; ++p)
     REQUIRE(one.row(0)[p] == Approx(many.row(1)[p]).margin(1e-3));
   Dataset dark = plates();
-  for (float& v : dark.spd.values) v = 1;
+  for (float& v : photons(dark).values) v = 1;
   CHECK(std::ranges::equal(trained().predict(dark, {5}).values, trained()->scene.background));
 }
 
@@ -219,7 +219,7 @@ TEST_CASE("training a factorised model requires both sensors and records with bo
   options.inputs = "spd";
   CHECK_THROWS_WITH(train(plates(), options), Catch::Contains("need both sensors"));
   Dataset empty = plates();
-  std::fill(empty.depth.values.begin(), empty.depth.values.end(), 0.f);
+  std::fill(depth_maps(empty).values.begin(), depth_maps(empty).values.end(), 0.f);
   options.inputs = "fused";
   CHECK_THROWS_WITH(train(empty, options), Catch::Contains("fewer than two training records"));
 }

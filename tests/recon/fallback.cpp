@@ -41,8 +41,8 @@ TEST_CASE("a fused model uses the SPD alone for records without radar data") {
   // The radar data of record 1 are missing.
   lost.valid[1] &= ~2u;
   // The radar fails in record 3, where all bins are equal.
-  for (float& v : lost.radar.row(3)) v = 0.5f;
-  for (float& v : lost.radar.row(1)) v = 0;
+  for (float& v : profiles(lost).row(3)) v = 0.5f;
+  for (float& v : profiles(lost).row(1)) v = 0;
   REQUIRE(model.estimators.size() == 2);
   CHECK(model.estimator_for(lost, 1) == &model.estimators[1]);
   CHECK(model.estimator_for(lost, 2) == &model.first());
@@ -68,7 +68,7 @@ TEST_CASE("the fallback for missing radar data is optional and is stored in the 
   const TrainedModel again = load_model(dir / "with");
   REQUIRE(again.estimators.size() == 2);
   Dataset lost = plates();
-  for (float& v : lost.radar.values) v = 0;
+  for (float& v : profiles(lost).values) v = 0;
   const Rows rows = {5, 6};
   CHECK(again.predict(lost, rows).values == model.predict(lost, rows).values);
   CHECK(again.estimators[1].name == "pca-mlp");

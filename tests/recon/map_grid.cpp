@@ -24,13 +24,13 @@ TEST_CASE("depth images are resampled to the map grid of the run") {
   write_mapped(dir / "run", 3, {32, 0.275});
   const Dataset data = load({dir / "run"});
   CHECK(data.map == record::MapGrid{32, 0.275});
-  REQUIRE(data.depth.cols == 32 * 32);
+  REQUIRE(depth_maps(data).cols == 32 * 32);
   // The map covers the central half of the camera's field of view, which is 32 x 32 of the 64 x 64
   // camera pixels.
   const auto r = record::RunReader(dir / "run").read(1);
   for (std::size_t row = 0; row < 32; ++row)
     for (std::size_t c = 0; c < 32; ++c)
-      REQUIRE(data.depth.row(1)[row * 32 + c] ==
+      REQUIRE(depth_maps(data).row(1)[row * 32 + c] ==
               Approx(depth_mm(r)[(row + 16) * 64 + c + 16] * 1e-3));
 }
 

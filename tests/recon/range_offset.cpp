@@ -33,20 +33,20 @@ TEST_CASE("the calibration offset and --range-offset are applied in one interpol
   a_run(3).write(dir / "plain");
   const Dataset plain = load({dir / "plain"});
   const auto moved = [&](double metres, std::size_t row) {
-    const auto profile = plain.radar.row(row);
+    const auto profile = profiles(plain).row(row);
     return Shift(metres / plain.radar_axis.step).apply({profile.begin(), profile.end()});
   };
   const Dataset calibrated = load({dir / "run"});
   Dataset recorded = load_recorded({dir / "run"});
-  CHECK(recorded.radar.values == plain.radar.values);
+  CHECK(profiles(recorded).values == profiles(plain).values);
   subtract_range_offset(recorded, 0.05);
   for (std::size_t row = 0; row < 3; ++row) {
-    CHECK(std::ranges::equal(calibrated.radar.row(row), moved(0.06, row)));
-    CHECK(std::ranges::equal(recorded.radar.row(row), moved(0.06 + 0.05, row)));
+    CHECK(std::ranges::equal(profiles(calibrated).row(row), moved(0.06, row)));
+    CHECK(std::ranges::equal(profiles(recorded).row(row), moved(0.06 + 0.05, row)));
   }
   // Subtracting an offset of 0 must not change the profile.
   subtract_range_offset(recorded, 0);
-  CHECK(std::ranges::equal(recorded.radar.row(1), moved(0.06 + 0.05, 1)));
+  CHECK(std::ranges::equal(profiles(recorded).row(1), moved(0.06 + 0.05, 1)));
 }
 
 TEST_CASE("a dead radar is detected after range calibration, offset correction and binning") {

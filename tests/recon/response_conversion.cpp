@@ -5,9 +5,11 @@
 #include <numbers>
 
 #include "../catch.hpp"
+#include "../fixtures/dataset.hpp"
 
 using namespace echofuse;
 using namespace echofuse::recon;
+using namespace echofuse::test;
 
 namespace {
 
@@ -39,8 +41,8 @@ std::vector<float> profile(const record::RadarResponse& response) {
 Dataset run_of(const record::RadarResponse& response, const std::vector<float>& row) {
   Dataset data;
   data.radar_axis = {"radar", "power", "m", 29, 0, 0.25};
-  data.radar = Matrix(0, row.size());
-  data.radar.add_row(row), data.radar.add_row(std::vector<float>(row.size()));
+  profiles(data) = Matrix(0, row.size());
+  profiles(data).add_row(row), profiles(data).add_row(std::vector<float>(row.size()));
   data.valid = {7, 7};
   data.sources = {{"run", "", 0, 2, 0, response}};
   return data;
@@ -59,13 +61,13 @@ TEST_CASE("a range profile is converted from a narrow to a wide radar response")
   for (const auto& [own, wanted] : {std::pair{sinc, hann}, {sinc, blackman}, {hann, blackman}}) {
     Dataset data = run_of(own, profile(own));
     bring_to_response(data, wanted);
-    CHECK(greatest_difference(data.radar.row(0), profile(wanted)) < 0.02);
+    CHECK(greatest_difference(profiles(data).row(0), profile(wanted)) < 0.02);
     // The profile of a sensor that receives nothing must remain zero.
-    CHECK(greatest_difference(data.radar.row(1), std::vector<float>(29)) == 0);
+    CHECK(greatest_difference(profiles(data).row(1), std::vector<float>(29)) == 0);
     CHECK(data.sources[0].radar_response == wanted);
     Dataset again = data;
     bring_to_response(again, wanted);
-    CHECK(again.radar.values == data.radar.values);
+    CHECK(profiles(again).values == profiles(data).values);
   }
 }
 
@@ -81,10 +83,11 @@ TEST_CASE("antenna lags are converted to another radar response like the range p
   };
   Dataset data = run_of(sinc, profile(sinc));
   data.array_axis = {"array", "lags", "m", 29, 0, 0.25, 2};
-  data.array = Matrix(0, lags(sinc).size());
-  data.array.add_row(lags(sinc)), data.array.add_row(std::vector<float>(data.array.cols));
+  antenna_lags(data) = Matrix(0, lags(sinc).size());
+  antenna_lags(data).add_row(lags(sinc)),
+      antenna_lags(data).add_row(std::vector<float>(antenna_lags(data).cols));
   bring_to_response(data, blackman);
-  CHECK(greatest_difference(data.array.row(0), lags(blackman)) < 0.02);
+  CHECK(greatest_difference(antenna_lags(data).row(0), lags(blackman)) < 0.02);
 }
 
 TEST_CASE("conversion to a narrower radar response limits the amplification of noise") {
@@ -108,7 +111,7 @@ TEST_CASE(
     Dataset data = run_of(own, profile(own));
     bring_to_response(data, blackman, true);
     CHECK((data.sources[0].radar_response == own) == stays);
-    CHECK((greatest_difference(data.radar.row(0), profile(own)) == 0) == stays);
+    CHECK((greatest_difference(profiles(data).row(0), profile(own)) == 0) == stays);
   }
 }
 
@@ -117,7 +120,7 @@ TEST_CASE("runs with binned power or an unknown radar response are not converted
   binned.radar_axis.quantity = "binned_power";
   for (Dataset* data : {&unstated, &binned}) {
     bring_to_response(*data, blackman);
-    CHECK(greatest_difference(data->radar.row(0), profile(sinc)) == 0);
+    CHECK(greatest_difference(profiles(*data).row(0), profile(sinc)) == 0);
   }
   CHECK_FALSE(widest_response(unstated).known());
   binned.sources.push_back({"other", "", 2, 0, 0, hann});
@@ -145,11 +148,11 @@ TEST_CASE(
   std::normal_distribution<float> normal;
   const auto noisy = [&](const record::RadarResponse& response) {
     Dataset data = run_of(response, profile(response));
-    data.radar = Matrix(0, 29), data.valid.assign(records, 7);
+    profiles(data) = Matrix(0, 29), data.valid.assign(records, 7);
     for (std::size_t i = 0; i < records; ++i) {
       std::vector<float> row = profile(response);
       for (float& v : row) v += deviation * normal(rng);
-      data.radar.add_row(row);
+      profiles(data).add_row(row);
     }
     data.sources[0].count = records;
     return data;

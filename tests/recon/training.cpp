@@ -60,7 +60,7 @@ TEST_CASE("training gives the records of all runs the same weight") {
   CHECK(held.back() >= 60);
   double sum = 0;
   const Rows trained = model.rows_of(both, Subset::train);
-  for (const std::size_t row : trained) sum += double{both.depth.row(row)[0]};
+  for (const std::size_t row : trained) sum += double{depth_maps(both).row(row)[0]};
   CHECK(model.predict(both, {0}).values[0] ==
         Approx(sum / static_cast<double>(trained.size())).epsilon(1e-4));
   for (const char* gone : {"weights=1,1", "validate_on=1", "histogram_m=0.9"}) {

@@ -42,7 +42,7 @@ TEST_CASE("train and evaluate report depth maps delayed by one record") {
              Catch::StartsWith(said) && Catch::Contains("one record late; shift them by one"));
   Dataset early = load({dir / "good"});
   for (std::size_t row = 0; row + 1 < early.size(); ++row)
-    std::ranges::copy(early.depth.row(row + 1), early.depth.row(row).begin());
+    std::ranges::copy(depth_maps(early).row(row + 1), depth_maps(early).row(row).begin());
   CHECK_THAT(late_truth(early), Catch::Contains("one record early"));
   // If there are several runs, each run is tested separately.
   a_run(400, 3).write(dir / "more");

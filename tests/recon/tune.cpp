@@ -231,7 +231,7 @@ TEST_CASE("tuning that trains only on new records adopts their axes and their ra
   for (Source& source : own.sources) source.radar_response = narrow;
   Dataset matched = own;
   match_for_tuning(old, "m", matched);
-  REQUIRE(matched.radar.values != own.radar.values);
+  REQUIRE(profiles(matched).values != profiles(own).values);
   for (const char* only : {"unchanged", "these records alone"}) {
     TuneOptions how = all_records();
     how.only = only;
@@ -244,7 +244,7 @@ TEST_CASE("tuning that trains only on new records adopts their axes and their ra
     // data.
     Dataset used = own;
     model.match(used);
-    CHECK((used.radar.values == own.radar.values) == by_alone);
+    CHECK((profiles(used).values == profiles(own).values) == by_alone);
     REQUIRE(model.estimators.size() == old.estimators.size());
     CHECK((model.estimators.back().features.spd_axis.count > 0));
     CHECK(iou(model, used) > 0);

@@ -23,7 +23,7 @@ Axis long_axis() {
 }
 record::FusedRecord record_of(std::int64_t index, const Plate& p, Rng& rng) {
   record::FusedRecord out = plate_record(index, p.x, p.z, rng);
-  out.spd.resize(long_axis().count);
+  counts(out).resize(long_axis().count);
   return out;
 }
 
@@ -32,11 +32,11 @@ constexpr Plate near_left{-0.6, 3.05}, far_right{0.5, 3.85};
 // Adds the data of a second object to a record. The objects do not hide each other in the sensor
 // data. The depth map shows the nearer object.
 void add(record::FusedRecord& to, const record::FusedRecord& other) {
-  for (std::size_t i = 0; i < to.spd.size(); ++i) to.spd[i] += other.spd[i];
-  for (std::size_t i = 0; i < to.radar.size(); ++i) to.radar[i] += other.radar[i];
-  for (std::size_t p = 0; p < to.depth_mm.size(); ++p)
-    if (to.depth_mm[p] == 0 || (other.depth_mm[p] > 0 && other.depth_mm[p] < to.depth_mm[p]))
-      to.depth_mm[p] = other.depth_mm[p];
+  for (std::size_t i = 0; i < counts(to).size(); ++i) counts(to)[i] += counts(other)[i];
+  for (std::size_t i = 0; i < power(to).size(); ++i) power(to)[i] += power(other)[i];
+  for (std::size_t p = 0; p < depth_mm(to).size(); ++p)
+    if (depth_mm(to)[p] == 0 || (depth_mm(other)[p] > 0 && depth_mm(other)[p] < depth_mm(to)[p]))
+      depth_mm(to)[p] = depth_mm(other)[p];
   to.label = two_people_label;
 }
 
@@ -123,7 +123,8 @@ TEST_CASE("the two-body test is disabled only if all training records show two p
   Dataset data = load_plates(count);
   const Dataset bare = data;
   const auto add_other = [&](Dataset& to, std::size_t i) {
-    for (const auto& [table, from] : {std::pair(&to.spd, &bare.spd), {&to.radar, &bare.radar}})
+    for (const auto& [table, from] :
+         {std::pair(&photons(to), &photons(bare)), {&profiles(to), &profiles(bare)}})
       for (std::size_t c = 0; c < table->cols; ++c)
         table->row(i)[c] += from->row((i + 7) % count)[c];
   };
@@ -131,7 +132,7 @@ TEST_CASE("the two-body test is disabled only if all training records show two p
   const Rows rows = all_rows(count);
   const auto scores_of = [&](const Dataset& training, const Dataset& of) {
     const Preprocessing p(training, rows, Inputs::fused,
-                          learn_scene(training.depth, rows, training.map), true);
+                          learn_scene(depth_maps(training), rows, training.map), true);
     const OutOfDistributionDetector detector(p.alignment, training, p.views, rows, Inputs::fused,
                                              p.scene, 1);
     const Features sensors = fit_features(training, rows, Inputs::fused, raw_scaling);
@@ -157,19 +158,21 @@ TEST_CASE("records of two people in front of a wall are flagged") {
   std::poisson_distribution<int> wall(3e4);
   const auto before_wall = [&](Dataset data) {
     for (std::size_t i = 0; i < count; ++i)
-      for (std::size_t c = 60; c < 64; ++c) data.spd.row(i)[c] += static_cast<float>(wall(rng));
+      for (std::size_t c = 60; c < 64; ++c)
+        photons(data).row(i)[c] += static_cast<float>(wall(rng));
     return data;
   };
   Dataset two = bare;
   for (std::size_t i = 0; i < count; ++i)
-    for (const auto& [table, from] : {std::pair(&two.spd, &bare.spd), {&two.radar, &bare.radar}})
+    for (const auto& [table, from] :
+         {std::pair(&photons(two), &photons(bare)), {&profiles(two), &profiles(bare)}})
       for (std::size_t c = 0; c < table->cols; ++c)
         table->row(i)[c] += from->row((i + 7) % count)[c];
   const Dataset training = before_wall(bare);
   two = before_wall(std::move(two));
   const Rows rows = all_rows(count);
   const Preprocessing p(training, rows, Inputs::fused,
-                        learn_scene(training.depth, rows, training.map), true);
+                        learn_scene(depth_maps(training), rows, training.map), true);
   const Features sensors = fit_features(training, rows, Inputs::fused, raw_scaling);
   const OutOfDistributionDetector detector(p.alignment, training, p.views, rows, Inputs::fused,
                                            p.scene, 1);

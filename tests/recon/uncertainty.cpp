@@ -48,7 +48,7 @@ UncertaintyCalibration calibration_of(const TrainedModel& model, const Dataset& 
 
 float nearest_m(const Dataset& data, std::size_t row) {
   float out = 1e9f;
-  for (const float z : data.depth.row(row))
+  for (const float z : depth_maps(data).row(row))
     if (z > 0) out = std::min(out, z);
   return out;
 }
@@ -91,7 +91,7 @@ TEST_CASE(
   Dataset noisy = clean;
   Rng rng = make_rng(4, 4);
   std::normal_distribution<float> noise(0, 0.02f);
-  for (float& v : noisy.radar.values) v += noise(rng);
+  for (float& v : profiles(noisy).values) v += noise(rng);
   const UncertaintyCalibration n = calibration_of(trained(), noisy);
   CHECK(n.lateral_interval_90_m > 1.1 * c.lateral_interval_90_m);
   CHECK(n.within_90 > 0.75);
@@ -104,15 +104,16 @@ TEST_CASE(
 
   Dataset two = clean;
   for (std::size_t i = 0; i < two.size(); ++i)
-    for (Matrix* table : {&two.spd, &two.radar})
+    for (Matrix* table : {&photons(two), &profiles(two)})
       for (std::size_t c = 0; c < table->cols; ++c)
-        table->row(i)[c] += (table == &two.spd ? clean.spd : clean.radar).row((i + 7) % 400)[c];
+        table->row(i)[c] +=
+            (table == &photons(two) ? photons(clean) : profiles(clean)).row((i + 7) % 400)[c];
   CHECK(share_flagged(uncertainties_of(two)) > 0.5);
 
   Rng rng = make_rng(5, 5);
   std::poisson_distribution<int> dark(50);
   Dataset empty = clean;
-  for (float& v : empty.spd.values) v = static_cast<float>(dark(rng));
+  for (float& v : photons(empty).values) v = static_cast<float>(dark(rng));
   CHECK(share_flagged(uncertainties_of(empty), "empty") > 0.98);
 
   Dataset bright = clean;
@@ -121,7 +122,7 @@ TEST_CASE(
 
   Dataset noise = clean;
   std::normal_distribution<float> normal;
-  for (float& v : noise.radar.values) v = normal(rng);
+  for (float& v : profiles(noise).values) v = normal(rng);
   CHECK(share_flagged(uncertainties_of(noise)) > 0.98);
 
   const Dataset far = fresh_plates(50, [](FusedRecord& r) {
@@ -132,8 +133,8 @@ TEST_CASE(
   CHECK(share_flagged(uncertainties_of(far), "outside the training records' distances") > 0.3);
 
   Dataset louder = clean;
-  for (float& v : louder.radar.values) v *= 4;
-  for (float& v : louder.spd.values) v *= 0.5f;
+  for (float& v : profiles(louder).values) v *= 4;
+  for (float& v : photons(louder).values) v *= 0.5f;
   CHECK(share_flagged(uncertainties_of(louder)) < 0.03);
 }
 
@@ -143,7 +144,7 @@ TEST_CASE("outlier detection does not depend on the order of training records") 
   std::sort(rows.begin(), rows.end(),
             [&](std::size_t a, std::size_t b) { return nearest_m(data, a) < nearest_m(data, b); });
   const Preprocessing preprocessing(data, rows, Inputs::fused,
-                                    learn_scene(data.depth, rows, data.map), true);
+                                    learn_scene(depth_maps(data), rows, data.map), true);
   const OutOfDistributionDetector detector(preprocessing.alignment, data, preprocessing.views, rows,
                                            Inputs::fused, preprocessing.scene, 1);
   const auto scores_of = [&](const Dataset& of) {
@@ -156,9 +157,10 @@ TEST_CASE("outlier detection does not depend on the order of training records") 
   CHECK(flagged / 300 < 0.03);
   Dataset two = fresh;
   for (std::size_t i = 0; i < two.size(); ++i)
-    for (Matrix* table : {&two.spd, &two.radar})
+    for (Matrix* table : {&photons(two), &profiles(two)})
       for (std::size_t c = 0; c < table->cols; ++c)
-        table->row(i)[c] += (table == &two.spd ? fresh.spd : fresh.radar).row((i + 7) % 300)[c];
+        table->row(i)[c] +=
+            (table == &photons(two) ? photons(fresh) : profiles(fresh)).row((i + 7) % 300)[c];
   flagged = 0;
   for (const auto& s : scores_of(two)) flagged += !s.reason.empty();
   CHECK(flagged / 300 > 0.5);
@@ -172,7 +174,7 @@ TEST_CASE("outlier detection is fitted to the training records only") {
   const Dataset alone = part_of(data, rows);
   const auto score = [&](const Dataset& from, const Rows& training) {
     const Preprocessing p(from, training, Inputs::fused,
-                          learn_scene(from.depth, training, from.map), true);
+                          learn_scene(depth_maps(from), training, from.map), true);
     const OutOfDistributionDetector detector(p.alignment, from, p.views, training, Inputs::fused,
                                              p.scene, 1);
     std::vector<double> out;
@@ -186,35 +188,35 @@ TEST_CASE("outlier detection is fitted to the training records only") {
 TEST_CASE("photon thinning keeps the expected fraction of non-integer counts") {
   Dataset data = fresh_plates(100);
   // In a calibrated run, the range correction makes the counts fractional.
-  std::fill(data.spd.values.begin(), data.spd.values.end(), 0.75f);
+  std::fill(photons(data).values.begin(), photons(data).values.end(), 0.75f);
   Rng rng = make_rng(3, 3);
   degrade(data, rng);
   double left = 0;
-  for (const float v : data.spd.values) left += double{v};
+  for (const float v : photons(data).values) left += double{v};
   // Counts of 0.75 are rounded to one photon. The expected value is the mean of 10^u, where u is
   // uniformly distributed between -2.5 and 0.
-  CHECK(left / static_cast<double>(data.spd.values.size()) == Approx(0.173).epsilon(0.3));
+  CHECK(left / static_cast<double>(photons(data).values.size()) == Approx(0.173).epsilon(0.3));
 }
 
 TEST_CASE("degrading a record adds noise of the same relative strength to all antenna lags") {
   constexpr std::size_t records = 400, bins = 40, values = 5;
   Dataset data = fresh_plates(records);
   data.array_axis = {"array", "lags", "m", bins, 0, 0.25, 2};
-  data.array = Matrix(records, bins * values);
-  for (std::size_t i = 0; i < records; ++i) data.array.row(i)[0] = 7;
-  const Matrix power = data.radar;
+  antenna_lags(data) = Matrix(records, bins * values);
+  for (std::size_t i = 0; i < records; ++i) antenna_lags(data).row(i)[0] = 7;
+  const Matrix power = profiles(data);
   Rng rng = make_rng(3, 3);
   degrade(data, rng);
   double lag_0 = 0, lag_2 = 0, of_power = 0;
   for (std::size_t i = 0; i < records; ++i) {
-    const auto row = data.array.row(i);
+    const auto row = antenna_lags(data).row(i);
     for (std::size_t b = 1; b < bins; ++b) {
       const auto at = [&](std::size_t k) { return double{row[b * values + k]} / 7; };
       lag_0 += at(0) * at(0) / (bins - 1), lag_2 += (at(3) * at(3) + at(4) * at(4)) / (bins - 1);
     }
     const double top = std::ranges::max(power.row(i));
     for (std::size_t b = 0; b < power.cols; ++b)
-      of_power += std::pow((data.radar.row(i)[b] - power.row(i)[b]) / top, 2) /
+      of_power += std::pow((profiles(data).row(i)[b] - power.row(i)[b]) / top, 2) /
                   static_cast<double>(power.cols);
   }
   CHECK(lag_0 == Approx(of_power).epsilon(0.1));
@@ -337,7 +339,7 @@ TEST_CASE("single-sensor models flag outliers") {
     CHECK(share_flagged(predict(model, data, rows).uncertainties) < 0.04);
     Rng rng = make_rng(6, 6);
     std::poisson_distribution<int> dark(50);
-    for (Matrix* table : {&data.spd, &data.radar})
+    for (Matrix* table : {&photons(data), &profiles(data)})
       for (float& v : table->values) v = static_cast<float>(dark(rng));
     CHECK(share_flagged(predict(model, data, rows).uncertainties) > 0.95);
   }
@@ -374,8 +376,8 @@ TEST_CASE("the expected depth in an empty room is the depth of the wall") {
   options.model = "factorised-4", options.split.validation_share = 0.3, options.fit.quiet = true;
   const TrainedModel model = train(load({dir / "walled"}), options);
   Dataset empty = fresh_plates(3);
-  for (std::size_t i = 0; i < empty.spd.values.size(); ++i)
-    empty.spd.values[i] = static_cast<float>(3 + i % 2);
+  for (std::size_t i = 0; i < photons(empty).values.size(); ++i)
+    photons(empty).values[i] = static_cast<float>(3 + i % 2);
   const Prediction a = predict(model, empty, all_rows(3), PredictionDetail::pixels);
   for (const float z : a.mean.values) REQUIRE(z == Approx(5.0f).margin(1e-3));
 }

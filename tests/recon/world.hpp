@@ -18,6 +18,7 @@
 
 #include "../catch.hpp"
 #include "../fixtures/damage.hpp"
+#include "../fixtures/dataset.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/made.hpp"
 #include "../fixtures/run.hpp"
@@ -25,7 +26,6 @@
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/random.hpp"
-#include "recon/data/dataset.hpp"
 
 namespace echofuse::test {
 

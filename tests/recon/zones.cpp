@@ -42,12 +42,12 @@ TEST_CASE(
   write_zones(folder / "a", two, 12, 500 / ps_per_m);
   const Dataset data = load({folder / "a"});
   CHECK(data.zones == two);
-  REQUIRE(data.zone_spd.cols == 2 * bins);
-  CHECK(data.zone_spd.row(0)[5] == Approx(100));
-  CHECK(data.zone_spd.row(0)[bins + 5] == Approx(100));
-  CHECK(data.spd.cols == bins);
-  CHECK(data.spd.row(0)[5] == Approx(200));
-  CHECK(part_of(data, {0}).zone_spd.values == data.zone_spd.values);
+  REQUIRE(zone_photons(data).cols == 2 * bins);
+  CHECK(zone_photons(data).row(0)[5] == Approx(100));
+  CHECK(zone_photons(data).row(0)[bins + 5] == Approx(100));
+  CHECK(photons(data).cols == bins);
+  CHECK(photons(data).row(0)[5] == Approx(200));
+  CHECK(zone_photons(part_of(data, {0})).values == zone_photons(data).values);
 }
 
 TEST_CASE("a data set recorded with a single-pixel detector has no zones") {
@@ -55,8 +55,8 @@ TEST_CASE("a data set recorded with a single-pixel detector has no zones") {
   write_zones(folder / "a", {}, 12);
   const Dataset data = load({folder / "a"});
   CHECK(data.zones.empty());
-  CHECK(data.zone_spd.cols == 0);
-  CHECK(data.spd.row(0)[12] == 100);
+  CHECK(zone_photons(data).cols == 0);
+  CHECK(photons(data).row(0)[12] == 100);
 }
 
 TEST_CASE("each zone histogram is interpolated to the time axis of the model") {
@@ -66,9 +66,9 @@ TEST_CASE("each zone histogram is interpolated to the time axis of the model") {
   Axis wanted = data.spd_axis;
   wanted.start = 50;
   match_axes(data, wanted, data.radar_axis, Inputs::spd);
-  CHECK(data.zone_spd.row(0)[10] == Approx(50));
-  CHECK(data.zone_spd.row(0)[bins + 10] == Approx(50));
-  CHECK(data.zone_spd.row(0)[bins + 11] == Approx(50));
+  CHECK(zone_photons(data).row(0)[10] == Approx(50));
+  CHECK(zone_photons(data).row(0)[bins + 10] == Approx(50));
+  CHECK(zone_photons(data).row(0)[bins + 11] == Approx(50));
 }
 
 TEST_CASE("loading refuses two runs with different detector zones") {
@@ -90,9 +90,9 @@ TEST_CASE("raw model inputs are all zone histograms, and observations also conta
   const Dataset data = load({folder / "a"});
   const Features all = fit_features(data, {}, Inputs::spd, "plain"),
                  raw = fit_features(data, {}, Inputs::spd, raw_scaling);
-  CHECK(all.raw_inputs(data, {0}).values == data.zone_spd.values);
-  std::vector<float> both = data.spd.values;
-  both.insert(both.end(), data.zone_spd.values.begin(), data.zone_spd.values.end());
+  CHECK(all.raw_inputs(data, {0}).values == zone_photons(data).values);
+  std::vector<float> both = photons(data).values;
+  both.insert(both.end(), zone_photons(data).values.begin(), zone_photons(data).values.end());
   for (const Features& any : {all, raw}) CHECK(observe(data, {0}, any).values == both);
   CHECK_THROWS_WITH(all.raw_inputs(load({folder / "b"}), {0}),
                     Contains("has 3 zones; the model expects 2"));
@@ -106,14 +106,15 @@ namespace {
 Dataset plates_in_zones(std::size_t records, bool by_side) {
   Dataset data = load_plates(records);
   const Rows rows = all_rows(data.size());
-  const SceneModel scene = learn_scene(data.depth, rows, data.map);
-  data.zones = Zones(2), data.zone_spd = Matrix(rows.size(), 2 * data.spd.cols);
+  const SceneModel scene = learn_scene(depth_maps(data), rows, data.map);
+  data.zones = Zones(2), zone_photons(data) = Matrix(rows.size(), 2 * photons(data).cols);
   for (const std::size_t row : rows) {
     const float tangent =
-        by_side ? place_of(data.depth.row(row), scene.background, scene.grid)->tangent : 0;
-    for (std::size_t c = 0; c < data.spd.cols; ++c) {
-      data.zone_spd.row(row)[c] = (0.5f - tangent) * data.spd.row(row)[c];
-      data.zone_spd.row(row)[data.spd.cols + c] = (0.5f + tangent) * data.spd.row(row)[c];
+        by_side ? place_of(depth_maps(data).row(row), scene.background, scene.grid)->tangent : 0;
+    for (std::size_t c = 0; c < photons(data).cols; ++c) {
+      zone_photons(data).row(row)[c] = (0.5f - tangent) * photons(data).row(row)[c];
+      zone_photons(data).row(row)[photons(data).cols + c] =
+          (0.5f + tangent) * photons(data).row(row)[c];
     }
   }
   return data;
@@ -179,11 +180,12 @@ TEST_CASE("degrading a record thins its zones and their sum together") {
   degrade(data, rng);
   double kept = 0, all = 0;
   for (std::size_t i = 0; i < data.size(); ++i)
-    for (std::size_t c = 0; c < data.spd.cols; ++c) {
-      const float left = data.zone_spd.row(i)[c], right = data.zone_spd.row(i)[data.spd.cols + c];
-      REQUIRE(data.spd.row(i)[c] == left + right);
-      REQUIRE(left <= std::round(before.zone_spd.row(i)[c]));
-      kept += double{left + right}, all += double{before.spd.row(i)[c]};
+    for (std::size_t c = 0; c < photons(data).cols; ++c) {
+      const float left = zone_photons(data).row(i)[c],
+                  right = zone_photons(data).row(i)[photons(data).cols + c];
+      REQUIRE(photons(data).row(i)[c] == left + right);
+      REQUIRE(left <= std::round(zone_photons(before).row(i)[c]));
+      kept += double{left + right}, all += double{photons(before).row(i)[c]};
     }
   CHECK(kept < 0.6 * all);
 }

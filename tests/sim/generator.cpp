@@ -13,12 +13,14 @@
 
 #include "../catch.hpp"
 #include "../fixtures/folder.hpp"
+#include "../fixtures/record.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "sim/sensors/radar_echo.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;
+using namespace echofuse::test;
 
 namespace {
 
@@ -39,9 +41,7 @@ void check_equal(const record::FusedRecord& a, const record::FusedRecord& b) {
   CHECK(a.label == b.label);
   CHECK(a.valid == b.valid);
   CHECK(a.slot_start == b.slot_start);
-  CHECK(a.spd == b.spd);
-  CHECK(a.radar == b.radar);
-  CHECK(a.depth_mm == b.depth_mm);
+  CHECK(difference(a, b) == "");
   CHECK(a.spd_counts.in_range == b.spd_counts.in_range);
 }
 
@@ -91,9 +91,9 @@ TEST_CASE("a simulated data set with antennas does not depend on the number of t
     for (const auto& r : read_all(path)) {
       CHECK(r.array_frames == 60);
       std::vector<float> stored;
-      const auto packed = record::pack_array(generator.make(r.index).array, 8);
+      const auto packed = record::pack_array(antenna_data(generator.make(r.index)), 8);
       CHECK(record::unpack_array(packed, 29, 8, stored).empty());
-      CHECK(r.array == stored);
+      CHECK(antenna_data(r) == stored);
     }
   }
   plan.conditions.radar_sum = "coherent";
@@ -101,10 +101,10 @@ TEST_CASE("a simulated data set with antennas does not depend on the number of t
   // The mean noise power is subtracted from range profiles, but not from antenna samples.
   const double noise = radar_noise_power(
       plan.conditions, mean_peak_power(radar_response(plan.conditions), plan.conditions));
-  for (std::size_t i = 0; i < speckle.radar.size(); ++i)
-    CHECK(record::bin_of(speckle.array, 8, i).power() / 8 - double{speckle.radar[i]} ==
+  for (std::size_t i = 0; i < power(speckle).size(); ++i)
+    CHECK(record::bin_of(antenna_data(speckle), 8, i).power() / 8 - double{power(speckle)[i]} ==
           Approx(noise).margin(1e-4));
-  CHECK(speckle.depth_mm == plain.depth_mm);
+  CHECK(depth_mm(speckle) == depth_mm(plain));
 }
 
 TEST_CASE("a simulated data set stores its settings and has the requested number of scenes") {
@@ -141,7 +141,7 @@ TEST_CASE("a simulated data set stores its settings and has the requested number
     empty += r.label == "empty";
     CHECK(r.valid == SensorSet::from_bits(7));
     std::uint64_t clicks = 0;
-    for (const auto n : r.spd) clicks += n;
+    for (const auto n : counts(r)) clicks += n;
     CHECK(r.spd_counts.in_range == clicks);
   }
   CHECK(people == plan.people);
@@ -156,8 +156,8 @@ TEST_CASE("a simulated data set has depth maps of the requested size and field o
   const auto plain = Generator(plan).make(0);
   plan.conditions.map_size = 128, plan.conditions.map_half_tangent = 0.275;
   const auto other = Generator(plan).make(0);
-  CHECK(plain.spd == other.spd);
-  REQUIRE(other.depth_mm.size() == 128 * 128);
+  CHECK(counts(plain) == counts(other));
+  REQUIRE(depth_mm(other).size() == 128 * 128);
   CHECK(map_grid(plan.conditions) == record::MapGrid{128, 0.275});
   plan.conditions.map_half_tangent = 0.01;
   CHECK_THROWS_AS(validate(plan.conditions), Error);

@@ -5,12 +5,14 @@
 #include <fstream>
 
 #include "../catch.hpp"
+#include "../fixtures/record.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "sim/dataset/generator.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;
+using namespace echofuse::test;
 
 namespace {
 
@@ -109,9 +111,7 @@ TEST_CASE("record k of a scene list does not depend on the generation order or t
     record::RunReader(run).for_each([&](const record::FusedRecord& stored) {
       if (stored.index != k) return true;
       CHECK(stored.label == r.label);
-      CHECK(stored.spd == r.spd);
-      CHECK(stored.radar == r.radar);
-      CHECK(stored.depth_mm == r.depth_mm);
+      CHECK(difference(stored, r) == "");
       return false;
     });
   }

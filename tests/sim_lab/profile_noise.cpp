@@ -4,12 +4,14 @@
 #include <cmath>
 
 #include "../catch.hpp"
+#include "../fixtures/record.hpp"
 #include "drivers/radar/log2_codes.hpp"
 #include "sim/dataset/generator.hpp"
 #include "sim/devices/radar_chirp.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;
+using namespace echofuse::test;
 
 namespace {
 
@@ -56,7 +58,7 @@ TEST_CASE(
   std::vector<double> of_dataset, of_lab;
   Rng rng(1);
   for (std::int64_t i = 0; i < generator.records(); ++i) {
-    const auto record = generator.make(i).radar;
+    const auto record = power(generator.make(i));
     of_dataset.push_back(peak_over_scatter({record.begin(), record.end()}));
     // The frames of a slot are averaged in the same way as by the daemon (acquire/run/window.hpp).
     const auto echoes = radar_power(radar_returns(generator.scene(i), c), axis);

@@ -6,10 +6,12 @@
 #include <random>
 
 #include "../catch.hpp"
+#include "../fixtures/record.hpp"
 #include "recon/live/tally.hpp"
 
 using namespace echofuse;
 using namespace echofuse::view;
+using namespace echofuse::test;
 
 namespace {
 
@@ -82,7 +84,7 @@ TEST_CASE("the dark count rate is estimated from the clicks before the first ret
       {.name = "spd", .quantity = "counts", .unit = "ps", .count = bins, .start = 0, .step = 100}};
   double all = 0;
   for (const double n : counts_of({{4, 0.06, 20'000}}, 25, 3)) {
-    r.spd.push_back(static_cast<std::uint32_t>(n));
+    counts(r).push_back(static_cast<std::uint32_t>(n));
     all += n;
   }
   r.spd_counts.starts = 1'000'000;
@@ -100,7 +102,7 @@ TEST_CASE("the dark count rate is estimated from the clicks before the first ret
 
   // After a record is removed from the tally, the sum of the other records must remain.
   record::FusedRecord other = r;
-  other.spd.assign(bins, 7);
+  counts(other).assign(bins, 7);
   tally.add(other, axes);
   tally.add(r, axes, -1);
   CHECK(tally.clicks() == std::vector<double>(bins, 7));

@@ -13,6 +13,7 @@
 #include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/laboratory.hpp"
+#include "../fixtures/record.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/util/exit_code.hpp"
 
@@ -63,7 +64,7 @@ struct Bench {
       CHECK(all[k].index == static_cast<std::int64_t>(k));
       CHECK(all[k].slot_start == all[0].slot_start + static_cast<std::int64_t>(k) * window);
       CHECK(all[k].slot_end == all[k].slot_start + window);
-      CHECK(std::accumulate(all[k].spd.begin(), all[k].spd.end(), 0u) ==
+      CHECK(std::accumulate(counts(all[k]).begin(), counts(all[k]).end(), 0u) ==
             (all[k].has(Sensor::spd) ? all[k].spd_counts.in_range : 0));
     }
   }
