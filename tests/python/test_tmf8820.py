@@ -104,8 +104,9 @@ def test_first_return_method_ignores_the_echo_of_the_table():
     range_m = np.arange(60) * 0.01
     bump = lambda at: np.exp(-(((np.arange(60) - at) / 1.5) ** 2))  # noqa: E731
     both, table, nothing = 1000 * bump(20) + 200 * bump(40), 500 * bump(40), np.zeros(60)
-    found = photon_baselines.FirstReturn.depths(np.array([both, table, nothing], np.float32), range_m)
-    assert found[0] == pytest.approx(0.2, abs=0.003) and np.isnan(found[1:]).all()
+    ranges, shares = photon_baselines.FirstReturn.objects(np.array([both, table, nothing], np.float32), range_m)
+    assert ranges[0] == pytest.approx(0.2, abs=0.003) and np.isnan(ranges[1:]).all()
+    assert shares.tolist() == [pytest.approx(1000 / 1800, abs=0.01), 0, 0]  # light is proportional to counts x range^2
 
 
 def test_bench_compares_photon_methods_on_rendered_captures_according_to_a_recipe(data, tmp_path, capfd):
@@ -118,7 +119,7 @@ name = "photons"
 title = "rendered captures"
 fit = {shape = "block_random", poses = [0, 2, 4, 6, 8, 10, 12, 14, 16, 18]}
 train = {records = 120, seed = 1}
-zones = ["echofuse.models.photon_baselines:FirstReturn", "echofuse.models.photon_baselines:OwnMeanMap", "mlp-mask-32:spd",
+zones = ["echofuse.models.photon_baselines:FirstReturn", "echofuse.models.photon_baselines:AllForeground", "echofuse.models.photon_baselines:OwnMeanMap", "mlp-mask-32:spd",
          "not_installed:Network"]
 sum = ["nearest:spd"]
 """)
@@ -128,7 +129,7 @@ sum = ["nearest:spd"]
     assert capfd.readouterr().err.count(said) == 1
     lines = (tmp_path / "photons.csv").read_text().splitlines()
     rows = {(row["axis"], row["value"], row["model"]): row for row in csv.DictReader(lines[1:])}
-    assert len(rows) == 8
+    assert len(rows) == 10
     for axis in ("photons block", "photons block_random"):
         for row in (value for key, value in rows.items() if key[0] == axis):
             assert 0.1 < float(row["iou"]) < 1 and float(row["depth_mae_m"]) < 0.1, row

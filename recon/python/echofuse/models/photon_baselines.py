@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Bench methods for a detector with zones. They use no network, and predict the mean training map,
-the mean test map (oracle), or the first return of each zone."""
+the mean test map (oracle), an object in all pixels, or the first return of each zone."""
 from __future__ import annotations
 
 import warnings
@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from .. import runs
 from ..runs import PS_PER_M, zones
 
-__all__ = ["FirstReturn", "MeanMap", "OwnMeanMap"]
+__all__ = ["AllForeground", "FirstReturn", "MeanMap", "OwnMeanMap", "interpolation", "peaks"]
 
 Maps = NDArray[np.float32]
+Ranges = NDArray[np.float64]
 MIN_PEAK = 0.08  # minimum height of a peak, relative to the highest bin of the zone
 TABLE_M = 0.035  # minimum distance between an object and the farthest return (the table), m
 
@@ -49,10 +50,21 @@ class OwnMeanMap:
         return np.repeat(mean_map(run.maps())[None], len(run), 0)
 
 
+class AllForeground:
+    """Predicts the median depth of the objects in the training maps, in all pixels."""
+
+    def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None:
+        maps = run.maps()[rows]
+        self.map = np.full(maps.shape[1:], np.nanmedian(maps), np.float32)
+
+    def predict(self, run: runs.Run) -> Maps:
+        return np.repeat(self.map[None], len(run), 0)
+
+
 class FirstReturn:
-    """Assigns each pixel to the zone with the nearest centre, without training. The pixel gets the
-    depth of the first return of this zone if most of the light in the zone comes from objects in
-    front of the table."""
+    """Interpolates the depth of the first return and the share of the light that comes from objects
+    in front of the table between the centres of the zones, without training. A pixel shows an
+    object if this share is above one half."""
 
     def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None:
         self.size = run.maps().shape[1]
@@ -62,23 +74,45 @@ class FirstReturn:
         range_m = (axis.start + axis.step * (np.arange(axis.count) + 0.5)) / PS_PER_M
         at = half * ((2 * np.arange(self.size) + 1) / self.size - 1)
         x, y = np.meshgrid(at, -at)
-        centres = zones.directions(run)
-        nearest = np.argmin([(x - cx) ** 2 + (y - cy) ** 2 for cx, cy, _ in centres], 0)
-        depth = np.array([self.depths(record, range_m) for record in run.photons()])
-        return np.asarray(depth[:, nearest] / np.sqrt(1 + x**2 + y**2), np.float32)
+        weights = interpolation(zones.directions(run)[:, :2], x, y)
+        return np.array([self.map_of(*self.objects(record, range_m), weights)
+                         / np.sqrt(1 + x**2 + y**2) for record in run.photons()], np.float32)
 
     @staticmethod
-    def depths(record: NDArray[np.float32], range_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns the range of the object in each zone [zones], m, from counts [zones, bins]; NaN
-        if the zone contains no object."""
+    def map_of(ranges: Ranges, shares: Ranges, weights: Ranges) -> Ranges:
+        """Returns the ranges in all pixels, m; NaN without an object."""
+        seen = np.where(np.isfinite(ranges), weights * shares, 0)
+        total = seen.sum(-1)
+        depth = (seen * np.nan_to_num(ranges)).sum(-1) / np.where(total > 0, total, 1)
+        return np.where((weights * shares).sum(-1) > 0.5, depth, np.nan)
+
+    @staticmethod
+    def objects(record: NDArray[np.float32], range_m: Ranges) -> tuple[Ranges, Ranges]:
+        """Returns the range of the object in each zone [zones], m, and its share of the light, from
+        counts [zones, bins]. A zone without an object has NaN and 0."""
         found = [peaks(zone, range_m) for zone in record]
         table_m = max((returns[-1][0] for returns in found if returns), default=0.0)
-        out = np.full(len(found), np.nan)
+        ranges, shares = np.full(len(found), np.nan), np.zeros(len(found))
         for k, returns in enumerate(found):
             near = [(r, light) for r, light in returns if r < table_m - TABLE_M]
-            if near and sum(light for _, light in near) > 0.5 * sum(light for _, light in returns):
-                out[k] = near[0][0]
-        return out
+            if near:
+                ranges[k] = near[0][0]
+                shares[k] = sum(light for _, light in near) / sum(light for _, light in returns)
+        return ranges, shares
+
+
+def interpolation(centres: Ranges, x: Ranges, y: Ranges) -> Ranges:
+    """Returns the weight of each zone in each pixel [..., zones], for bilinear interpolation
+    between the centres [zones, 2] of a square of zones. Outside of the centres, the nearest ones
+    count."""
+    side = max(round(len(centres) ** 0.5), 2)
+    out, away = np.ones((*x.shape, len(centres))), np.zeros((*x.shape, len(centres)))
+    for at, place in zip(centres.T, (x, y)):
+        step = np.abs(np.clip(place, at.min(), at.max())[..., None] - at)
+        out *= np.maximum(1 - step / max(float(np.ptp(at)) / (side - 1), 1e-9), 0)
+        away += step**2
+    out += 1e-9 / (away + 1e-9)  # a pixel between displaced centres gets the nearest zone
+    return np.asarray(out / out.sum(-1, keepdims=True))
 
 
 def peaks(counts: NDArray[np.float32], range_m: NDArray[np.float64]) -> list[tuple[float, float]]:
