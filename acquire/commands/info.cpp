@@ -43,14 +43,16 @@ Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
 // Returns the direction and the total number of clicks of each detector zone; an empty array for a
 // single-pixel detector.
 Json zones_of(const record::RunReader& run) {
-  const Zones zones = run.zones();
+  const auto axis = run.axis("spd");
+  if (!axis || axis->zones == single_pixel()) return Json::array();
+  const Zones& zones = axis->zones;
   std::vector<double> clicks(zones.size());
   const auto add = [&](const record::FusedRecord& r) {
     for (std::size_t i = 0; i < r.spd.size(); ++i)
       clicks[i * zones.size() / r.spd.size()] += r.spd[i];
     return true;
   };
-  if (!zones.empty()) run.for_each(add, 0, [](std::int64_t, const std::string&) {}, {Sensor::spd});
+  run.for_each(add, 0, [](std::int64_t, const std::string&) {}, {Sensor::spd});
   Json out = Json::array();
   for (std::size_t z = 0; z < zones.size(); ++z) {
     Json zone{{"clicks", clicks[z]}, {"zero_ps", zones[z].zero_ps}};

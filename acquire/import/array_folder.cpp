@@ -182,7 +182,7 @@ Zones ArrayFolder::stated_zones() const {
   Zones out;
   for (const std::string& text : settings_.zones)
     out.push_back(zone_of(text, folder_ + "/run.toml"));
-  if (out.empty()) return Zones(histograms > 1 ? histograms : 0);
+  if (out.empty()) return Zones(histograms);
   if (!spd_ || out.size() != histograms)
     throw Error(ExitCode::config,
                 printable(folder_) + "/run.toml: spd.zones has " + std::to_string(out.size()) +
@@ -205,7 +205,7 @@ std::vector<Axis> ArrayFolder::axes() const {
   const ArraySettings& s = settings_;
   if (spd_)
     out.push_back({"spd", "counts", "ps", count(*spd_, spd_->shape().size() - 1), s.first_bin_ps,
-                   s.bin_width_ps, 1});
+                   s.bin_width_ps, 1, zones_});
   if (depth_) {
     const auto height = count(*depth_, 1), width = count(*depth_, 2);
     const double up = s.half_tangent * height / width;
@@ -226,14 +226,13 @@ std::vector<Axis> ArrayFolder::axes() const {
   return out;
 }
 
-void ArrayFolder::require_shapes(const std::vector<Axis>& axes, const Zones& zones) const {
-  if (spd_ && histograms_of(zones_) != histograms_of(zones))
-    refuse(*spd_, "its shape is " + spd_->shape_text() + "; the source run has " +
-                      std::to_string(histograms_of(zones)) + " zones");
+void ArrayFolder::require_shapes(const std::vector<Axis>& axes) const {
   for (const auto& [file, name] : {std::pair{spd_.get(), "spd"}, {radar_.get(), "radar"}}) {
     const auto axis = std::ranges::find(axes, name, &Axis::name);
-    const std::size_t wanted = axis == axes.end() ? 0 : axis->count;
-    const std::size_t values = wanted * (file == spd_.get() ? histograms_of(zones) : 1);
+    const std::size_t values = axis == axes.end() ? 0 : axis->values();
+    if (file == spd_.get() && file && axis != axes.end() && axis->zones.size() != zones_.size())
+      refuse(*file, "its shape is " + file->shape_text() + "; the source run has " +
+                        std::to_string(axis->zones.size()) + " zones");
     if (file && file->row_size() != values)
       refuse(*file, "has " + std::to_string(file->row_size()) +
                         " values per record; in the source run, " + name + " has " +

@@ -18,7 +18,6 @@
 #include "acquire/config/config.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/fused_record.hpp"
-#include "drivers/core/zone.hpp"
 #include "drivers/util/npy.hpp"
 #include "drivers/util/settings.hpp"
 
@@ -45,10 +44,9 @@ class ArrayFolder {
   std::size_t rows() const { return rows_; }
   const std::string& newest() const { return newest_; }  // most recently modified array
   const record::Antennas& antennas() const { return antennas_; }
-  const Zones& zones() const { return zones_; }
   std::vector<Axis> axes() const;
-  // Throws Error(failed) if the arrays do not match `axes` and `zones`.
-  void require_shapes(const std::vector<Axis>& axes, const Zones& zones) const;
+  // Throws Error(failed) if the arrays do not match `axes`.
+  void require_shapes(const std::vector<Axis>& axes) const;
   // Returns the record number of the next row, which is read from index.npy if that file exists.
   std::int64_t next_index();
   // Copies the values of the next row into the record. Throws Error(failed) if a count is not a
@@ -73,7 +71,7 @@ class ArrayFolder {
   std::string folder_;
   ArraySettings settings_;
   record::Antennas antennas_;
-  Zones zones_;
+  Zones zones_ = single_pixel();
   std::optional<std::string> first_;  // path of the first array
   std::string newest_;
   std::size_t rows_ = 0, row_ = 0;

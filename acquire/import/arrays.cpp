@@ -110,8 +110,7 @@ std::string import_arrays(const std::string& folder, const std::string& out,
   if (!s.run.empty()) base.emplace((fs::path(folder) / s.run).string());
   const record::RunInfo info = base ? info_of(*base) : info_of(s, settings, text);
   const std::vector<Axis> axes = base ? base->axes() : arrays.axes();
-  const Zones zones = base ? base->zones() : arrays.zones();
-  arrays.require_shapes(axes, zones);
+  arrays.require_shapes(axes);
 
   ImportedRun import(
       out, beginning_of(began, base ? &*base : nullptr, arrays),
@@ -119,7 +118,6 @@ std::string import_arrays(const std::string& folder, const std::string& out,
         return std::make_unique<record::RunWriter>(file, info, clock, [&](record::RunWriter& run) {
           const auto antennas = base ? base->antennas() : arrays.antennas();
           if (!antennas.empty()) run.put_antennas(antennas);
-          run.put_zones(zones);
           put_calibrations(
               run, base ? base->calibrations() : std::vector<record::CalibrationEntry>{}, s);
           if (base)

@@ -17,7 +17,6 @@
 
 #include "acquire/measurement/radar_array.hpp"
 #include "acquire/record/fused_record.hpp"
-#include "drivers/core/zone.hpp"
 
 struct sqlite3;
 
@@ -69,7 +68,6 @@ class RunWriter {
   void put_axis(const Axis& axis);
   void put_device(const DeviceInfo& device);    // adds a row; called each time a device answers
   void put_antennas(const Antennas& antennas);  // replaces the previously stored antennas
-  void put_zones(const Zones& zones);           // must be called once, before the first record
   void put_calibration(const CalibrationEntry& entry);
   void put_policy(Sensor sensor, const std::string& policy);  // policy is "required" or "optional"
   void put_anchor(HostTime mono, UtcTime utc);
@@ -141,7 +139,6 @@ class RunWriter {
   std::int64_t waits_since_ns_ = 0;
   std::optional<std::string> left_label_;  // last label before the run was closed
   std::vector<Axis> axes_;
-  std::size_t histograms_ = 1;  // number of histograms per record; one per zone
   std::int64_t records_ = 0, last_event_ = 0;
 };
 
@@ -215,7 +212,6 @@ class RunReader {
   std::vector<Anchor> anchors() const;
   std::vector<CalibrationEntry> calibrations() const;
   Antennas antennas() const;  // empty if the radar sent no antenna samples
-  Zones zones() const;        // empty for a single-pixel detector
   std::vector<Event> events() const;
   std::vector<Event> last_events(std::size_t most) const;  // the last `most` events, oldest first
   std::vector<CounterRow> counters() const;
@@ -241,8 +237,8 @@ class RunReader {
   FusedRecord read(std::int64_t index) const;
   // Reads everything except the values of the samples. Throws Error(failed) at the first fault.
   void read_all() const {
-    info(), devices(), policies(), anchors(), calibrations(), antennas(), zones(), events();
-    counters(), axes(), summary();
+    info(), devices(), policies(), anchors(), calibrations(), antennas(), events(), counters();
+    axes(), summary();
     for_each([](const FusedRecord&) { return true; }, 0, {}, {});
   }
   // Runs SQLite's integrity check. Returns its errors; empty if the file is undamaged.
@@ -251,6 +247,7 @@ class RunReader {
  private:
   void open(const std::string& network);
   void check_axis(const Axis& axis) const;
+  Zones zones() const;
   // Prepares a statement and resets its budget of instructions and bytes.
   Statement ask(const std::string& sql) const;
   std::vector<FusedRecord> records(const std::string& which) const;

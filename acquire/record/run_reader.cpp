@@ -55,9 +55,9 @@ std::string fault_of_slot(const FusedRecord& r) {
 
 // Data sizes of a record, computed once from the run's axes.
 struct DataSizes {
-  DataSizes(const std::vector<Axis>& axes, std::size_t histograms) {
+  explicit DataSizes(const std::vector<Axis>& axes) {
     for (const auto& a : axes) {
-      if (a.name == "spd") spd = histograms * a.count;
+      if (a.name == "spd") spd = a.values();
       if (a.name == "radar") radar = a.count;
       if (a.name == "depth_x") width = a.count;
       if (a.name == "depth_y") height = a.count;
@@ -274,12 +274,14 @@ Antennas RunReader::antennas() const {
   return out;
 }
 
-// Checks the table definition, because a live run may create the table after check_tables().
+// A run of a single pixel has no table of zones. Checks the table definition, because a live run
+// may create the table after check_tables().
 Zones RunReader::zones() const {
   const Row& table = table_of<Zone>();
   Statement stored = ask("SELECT sql FROM sqlite_schema WHERE name = '" + table.name() + "'");
-  if (!stored.step() || stored.text() != table.create()) return {};
+  if (!stored.step() || stored.text() != table.create()) return single_pixel();
   Zones out = rows<Zone>(" ORDER BY rowid LIMIT " + std::to_string(most_zones + 1));
+  if (out.empty()) return single_pixel();
   if (out.size() > most_zones || !std::ranges::all_of(out, &Zone::plausible))
     throw Error(ExitCode::failed, shown_ + ": damaged: table zone: expected at most " +
                                       std::to_string(most_zones) +
@@ -302,7 +304,10 @@ std::vector<Axis> RunReader::axes() const {
   std::vector<Axis> out = rows<Axis>(" LIMIT " + std::to_string(most_axes + 1));
   if (out.size() > most_axes)
     throw Error(ExitCode::failed, shown_ + ": contains more than 16 axes; expected six");
-  for (const Axis& axis : out) check_axis(axis);
+  for (Axis& axis : out) {
+    if (axis.name == "spd") axis.zones = zones();
+    check_axis(axis);
+  }
   return out;
 }
 
@@ -323,8 +328,7 @@ void RunReader::check_axis(const Axis& axis) const {
            "; expected finite numbers, |step| of at least 1e-15, scale above 0");
   const double most = std::max(1e9, 256 * static_cast<double>(bytes_));
   // The size of axis `map_x` is both the width and the height of the map.
-  double values = std::pow(static_cast<double>(points), axis.name == "map_x" ? 2 : 1);
-  if (axis.name == "spd") values *= static_cast<double>(histograms_of(zones()));
+  double values = std::pow(static_cast<double>(axis.values()), axis.name == "map_x" ? 2 : 1);
   const std::size_t antennas = axis.name == "array" ? antennas_of(axis) : 1;
   if (antennas == 0) refuse("has " + short_text(axis.scale) + " antennas; expected 1 to 12");
   if (axis.name == "array") values *= static_cast<double>(values_of_bin(antennas)) / 2;
@@ -388,7 +392,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
   while (step()) {
     // Reads the axes after the first row, because the writer of a live run may add axes together
     // with the first record.
-    if (!known) known.emplace(axes(), histograms_of(zones()));
+    if (!known) known.emplace(axes());
     RecordDecoder one;
     one.read(row, *known, sensors);
     const std::int64_t index = one.record.index;

@@ -69,11 +69,11 @@ std::int64_t now_ns() {
 
 // Inserts a record. Throws Error(failed) if the data of a valid sensor do not match its axis.
 void append_row(Statement& row, const std::string& path, const std::vector<Axis>& axes,
-                std::size_t histograms, const FusedRecord& r) {
+                const FusedRecord& r) {
   const std::string place = path + ": record " + std::to_string(r.index) + ": ";
   const auto count_of = [&](const char* name) -> std::size_t {
     const auto axis = std::ranges::find(axes, name, &Axis::name);
-    return axis == axes.end() ? 0 : axis->count;
+    return axis == axes.end() ? 0 : axis->values();
   };
   const auto expect = [&](const char* what, std::size_t got, std::size_t wanted) {
     if (got != wanted)
@@ -83,7 +83,7 @@ void append_row(Statement& row, const std::string& path, const std::vector<Axis>
   Blobs blobs;
   Bytes array, depth;
   if (r.has(Sensor::spd)) {
-    expect("spd", r.spd.size(), histograms * count_of("spd"));
+    expect("spd", r.spd.size(), count_of("spd"));
     blobs.spd = as_bytes(r.spd);
   }
   if (r.has(Sensor::radar)) {
@@ -106,7 +106,7 @@ void append_row(Statement& row, const std::string& path, const std::vector<Axis>
       without.valid.erase(Sensor::depth);
       without.sync[Sensor::depth].verdict = {VerdictKind::not_stored,
                                              "the image cannot be compressed"};
-      return append_row(row, path, axes, histograms, without);
+      return append_row(row, path, axes, without);
     }
     blobs.depth = depth;
   }
@@ -275,7 +275,7 @@ void RunWriter::append(const FusedRecord& record) { append(std::span(&record, 1)
 void RunWriter::append(std::span<const FusedRecord> batch) {
   in_transaction([&] {
     Statement row(db_, path_, table_of<StoredRecord>().insert().c_str());
-    for (const auto& r : batch) append_row(row, path_, axes_, histograms_, r);
+    for (const auto& r : batch) append_row(row, path_, axes_, r);
   });
   records_ += static_cast<std::int64_t>(batch.size());
 }
@@ -420,7 +420,12 @@ void RunWriter::leave(const std::string& status) {
 void RunWriter::reserve() const { lock_->reserve(128 << 10); }
 
 void RunWriter::put_axis(const Axis& axis) {
-  in_transaction([&] { insert(db_, path_, axis); });
+  in_transaction([&] {
+    insert(db_, path_, axis);
+    if (axis.zones == single_pixel()) return;
+    execute(db_, path_, table_of<Zone>().create().c_str(), "cannot store the zones");
+    for (const Zone& zone : axis.zones) insert(db_, path_, zone);
+  });
   axes_.push_back(axis);
 }
 
@@ -454,15 +459,6 @@ void RunWriter::put_antennas(const Antennas& antennas) {
     execute(db_, path_, "DELETE FROM antenna", "cannot store the antennas");
     for (const Antenna& antenna : antennas) insert(db_, path_, antenna);
   });
-}
-
-void RunWriter::put_zones(const Zones& zones) {
-  if (zones.empty()) return;
-  in_transaction([&] {
-    execute(db_, path_, table_of<Zone>().create().c_str(), "cannot store the zones");
-    for (const Zone& zone : zones) insert(db_, path_, zone);
-  });
-  histograms_ = zones.size();
 }
 
 void RunWriter::put_calibration(const CalibrationEntry& entry) {

@@ -229,7 +229,7 @@ void Daemon::begin() {
 // Writes the configuration, the devices and the axes to the new run file.
 void Daemon::describe_run() {
   recording_->journal.put_config(config_);
-  recording_->journal.put_axes(recording_->windows.axes(), recording_->windows.zones());
+  recording_->journal.put_axes(recording_->windows.axes());
   for (const Sensor s : all_sensors)
     if (devices_[s].state == DeviceState::streaming)
       announce(s);
@@ -255,11 +255,10 @@ void Daemon::report_file() {
 }
 
 void Daemon::warn_of_full_disk() {
-  const PlannedRun plan{
-      .folder = std::filesystem::path(options_.out).parent_path(),
-      .record_bytes = record_bytes(recording_->windows.axes(), recording_->windows.zones()),
-      .window_s = config_.window_s,
-      .count = options_.count};
+  const PlannedRun plan{.folder = std::filesystem::path(options_.out).parent_path(),
+                        .record_bytes = record_bytes(recording_->windows.axes()),
+                        .window_s = config_.window_s,
+                        .count = options_.count};
   constexpr double day_s = 86'400;
   const auto free = static_cast<double>(free_bytes(plan.folder).value_or(1ull << 62));
   const Finding space = space_finding(free, plan, day_s);
@@ -272,8 +271,8 @@ void Daemon::announce(Sensor sensor) {
   recording_->journal.put_device(info);
   if (!recording_->windows.announce(info))
     log(Severity::error, name_of(sensor),
-        "reconnected with different axes or zones; its samples are ignored");
-  recording_->journal.put_axes(recording_->windows.axes(), recording_->windows.zones());
+        "reconnected with different axes; its samples are ignored");
+  recording_->journal.put_axes(recording_->windows.axes());
 }
 
 void Daemon::take_tags(const TagBlock& block) {

@@ -76,12 +76,12 @@ DiskEstimate estimate_disk(const PlannedRun& plan, double free_bytes) {
   return out;
 }
 
-double record_bytes(const std::vector<Axis>& axes, const Zones& zones) {
+double record_bytes(const std::vector<Axis>& axes) {
   double bytes = 0, pixels = 0;
   for (const Axis& axis : axes) {
     if (axis.name == "array") bytes += record::array_bytes(axis);
-    if (axis.name == "spd") bytes += 4.0 * static_cast<double>(histograms_of(zones)) * axis.count;
-    if (axis.name == "radar") bytes += 4.0 * axis.count;
+    if (axis.name == "spd" || axis.name == "radar")
+      bytes += 4.0 * static_cast<double>(axis.values());
     if (axis.name == "depth_x" || axis.name == "depth_y")
       pixels = (pixels > 0 ? pixels : 1) * axis.count;
   }

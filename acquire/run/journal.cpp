@@ -195,13 +195,9 @@ void Journal::put_device(const DeviceInfo& device) {
     put([device](record::RunWriter& run) { run.put_device(device); });
 }
 
-void Journal::put_axes(const std::vector<Axis>& axes, const Zones& zones) {
+void Journal::put_axes(const std::vector<Axis>& axes) {
   for (const Axis& axis : axes)
-    if (axes_.insert(axis.name).second)
-      put([axis, zones = axis.name == "spd" ? zones : Zones{}](record::RunWriter& run) {
-        run.put_axis(axis);
-        run.put_zones(zones);
-      });
+    if (axes_.insert(axis.name).second) put([axis](record::RunWriter& run) { run.put_axis(axis); });
 }
 
 void Journal::put_late(record::LateCounts late) {

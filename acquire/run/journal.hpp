@@ -60,7 +60,7 @@ class Journal {
   void put_device(const DeviceInfo& device);  // writes a row if the sensor's device has changed
   // Writes the axes that the file does not contain yet. The zones are written together with the
   // axis "spd".
-  void put_axes(const std::vector<Axis>& axes, const Zones& zones = {});
+  void put_axes(const std::vector<Axis>& axes);
   // Writes the number of late samples of each record.
   void put_late(record::LateCounts late);
   // Writes how much each driver counter has increased since the last call, and the counts of

@@ -69,10 +69,7 @@ bool Windows::announce(const DeviceInfo& info) {
   if (info.sensor == Sensor::spd) sends_histograms_ = !tagger;
   for (const auto& sent : tagger ? std::vector{histogram_->axis()} : info.axes) {
     const Axis axis = kept_axis(sent);
-    const auto [known, is_new] = axes_.try_emplace(axis.name, axis);
-    if (is_new && axis.name == "spd") zones_ = info.zones;
-    fits = fits && (is_new || same_axis(known->second, axis));
-    fits = fits && (axis.name != "spd" || zones_ == info.zones);
+    fits = same_axis(axes_.try_emplace(axis.name, axis).first->second, axis) && fits;
   }
   refused_[info.sensor] = !fits;
   return fits;

@@ -65,7 +65,6 @@ class Windows {
   bool announce(const DeviceInfo& info);
   // Returns the axes that have been announced.
   std::vector<Axis> axes() const;
-  const Zones& zones() const { return zones_; }
   void add(const TagBlock& block);
   void add(const HistogramFrame& frame);
   void add(const RadarFrame& frame);
@@ -149,7 +148,6 @@ class Windows {
   // Start of the current overflow; no value outside an overflow.
   std::optional<HostTime> overflow_from_;
   std::map<std::string, Axis> axes_;  // axes by name: array, depth_x, depth_y, radar, spd
-  Zones zones_;                       // announced together with the axis "spd"
   bool sends_histograms_ = false;
   std::uint64_t blocks_ = 0, block_tags_ = 0;  // received tag blocks, and their tags
   PerSensor<bool> refused_{};

@@ -55,7 +55,7 @@ void BridgeDriver::start(SampleSink& sink) {
 
 void BridgeDriver::on_state(DeviceState state, const Hello& hello) {
   histograms_ = hello.sends == "histograms";
-  stated_zones_ = hello.zones;
+  hello_ = hello;
   if (state == DeviceState::streaming) {
     info_.model = hello.model;
     info_.serial = hello.serial;
@@ -66,11 +66,9 @@ void BridgeDriver::on_state(DeviceState state, const Hello& hello) {
   sink_->on_state(info_.sensor, state, info_);
 }
 
-void BridgeDriver::announce(std::vector<Axis> axes, const Zones& zones) {
-  if (std::equal(axes.begin(), axes.end(), info_.axes.begin(), info_.axes.end(), same_axis) &&
-      zones == info_.zones)
-    return;
-  info_.axes = std::move(axes), info_.zones = zones;
+void BridgeDriver::announce(std::vector<Axis> axes) {
+  if (std::ranges::equal(axes, info_.axes, same_axis)) return;
+  info_.axes = std::move(axes);
   sink_->on_state(info_.sensor, DeviceState::streaming, info_);
 }
 

@@ -20,7 +20,7 @@ class BridgeDriver : public Driver {
  protected:
   BridgeDriver(Sensor sensor, port::Loop& loop, std::string address, port::ByteOpener opener);
   virtual void on_block(const Block& block, HostTime received) = 0;
-  void announce(std::vector<Axis> axes, const Zones& zones = {});
+  void announce(std::vector<Axis> axes);
   // Returns the number of frames missing before this one, computed from the device's frame numbers,
   // including frames lost before they reached the bridge and frames lost between connections.
   // If the frame numbers are implausible, returns the losses counted by the bridge and the
@@ -30,7 +30,7 @@ class BridgeDriver : public Driver {
   BridgeClient client_;
   SampleSink* sink_ = nullptr;
   bool histograms_ = false;  // true if the hello announces histograms instead of tags
-  Zones stated_zones_;       // zones listed in the hello
+  Hello hello_;              // hello block of the current connection
   std::uint64_t items_ = 0, lost_ = 0;
 
  private:

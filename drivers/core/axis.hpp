@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <string>
 
+#include "drivers/core/zone.hpp"
+
 namespace echofuse {
 
 inline constexpr double speed_of_light_m_s = 299'792'458.0;
@@ -33,15 +35,18 @@ struct Axis {
   double start = 0;
   double step = 0;
   double scale = 1;
+  // Zones of the detector, for the axis "spd". Each zone has its own values along the axis.
+  Zones zones = single_pixel();
 
   double at(double i) const { return start + i * step; }
+  std::size_t values() const { return zones.size() * count; }  // in one record, for all zones
 };
 
 // Returns true if all fields are equal, except that start and end may differ by up to 0.001 steps.
 inline bool same_axis(const Axis& a, const Axis& b) {
   const double tolerance = 1e-3 * std::abs(a.step);
   return a.name == b.name && a.quantity == b.quantity && a.unit == b.unit && a.count == b.count &&
-         a.scale == b.scale && std::abs(a.start - b.start) <= tolerance &&
+         a.scale == b.scale && a.zones == b.zones && std::abs(a.start - b.start) <= tolerance &&
          std::abs(a.at(a.count) - b.at(b.count)) <= tolerance;
 }
 

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "drivers/core/sample.hpp"
-#include "drivers/core/zone.hpp"
 
 namespace echofuse {
 
@@ -24,7 +23,6 @@ struct DeviceInfo {
   Sensor sensor{};
   std::string address, model, serial, firmware;
   std::vector<Axis> axes;  // axes of the device's samples
-  Zones zones = {};        // zones in the field of view; empty for a single-pixel device
 };
 
 enum class Severity : std::uint8_t { info, warning, error };

@@ -11,7 +11,7 @@ namespace echofuse {
 inline constexpr std::size_t most_zones = 64;
 
 // A record contains the counts of all bins of the first zone, then those of the second zone, and so
-// on. A detector that lists no zones in its hello block is treated as a single pixel.
+// on. A single pixel is a detector with one zone.
 struct Zone {
   // Tangents of the zone's centre (x to the right, y up) and of its full width; NaN if unknown.
   double x = std::numeric_limits<double>::quiet_NaN(), y = x, width = x;
@@ -44,6 +44,8 @@ inline bool same_direction(const Zone& a, const Zone& b) {
 }
 
 using Zones = std::vector<Zone>;
+// Returns the zone of a single-pixel detector. Its direction is unknown.
+inline Zones single_pixel() { return Zones(1); }
 inline std::size_t histograms_of(const Zones& zones) { return zones.empty() ? 1 : zones.size(); }
 
 // Returns the counts in each bin, summed over all zones. Does not align the zones by zero_ps.

@@ -26,12 +26,15 @@ void BridgeTdc::on_histogram(const bridge::Block& block, HostTime received) {
   if (block.kind != bridge::BlockKind::histogram || !read)
     return client_.reject(block, "histograms", read ? "" : read.failure().what);
   HistogramFrame& frame = read->frame;
-  if (!stated_zones_.empty() && stated_zones_.size() != frame.zones)
+  if (const Zones& stated = hello_.zones; stated.empty())
+    read->axis.zones.resize(frame.zones);
+  else if (stated.size() == frame.zones)
+    read->axis.zones = stated;
+  else
     return client_.reject(block, "histograms",
                           std::to_string(frame.zones) + " zones, but the hello block lists " +
-                              std::to_string(stated_zones_.size()));
-  const bool unknown = stated_zones_.empty() && frame.zones > 1;
-  announce({read->axis}, unknown ? Zones(frame.zones) : stated_zones_);
+                              std::to_string(stated.size()));
+  announce({read->axis});
   frame.received = received;
   frame.lost_before = block.lost_blocks + block.dropped_items;
   ++items_;

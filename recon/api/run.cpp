@@ -76,7 +76,7 @@ std::optional<RunAxis> Run::axis(const std::string& name) const {
   return found ? std::optional(public_axis(*found)) : std::nullopt;
 }
 
-std::size_t Run::zones() const { return histograms_of(file_->reader->zones()); }
+std::size_t Run::zones() const { return file_->reader->axis("spd").value_or(Axis{}).zones.size(); }
 
 MapGrid Run::grid() const { return public_grid(record::map_grid_of(file_->reader->axes())); }
 

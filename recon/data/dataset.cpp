@@ -56,7 +56,8 @@ class Appender {
   Appender(Dataset& data, const record::RunReader& run, SensorSet sensors, DepthCheck* depths)
       : data_(data), path_(run.path()), sensors_(sensors), depths_(depths) {
     for (const Axis& axis : run.axes()) {
-      if (axis.name == "spd" && sensors_.contains(Sensor::spd)) spd_ = axis;
+      if (axis.name == "spd" && sensors_.contains(Sensor::spd))
+        spd_ = axis, zones_ = std::exchange(spd_.zones, single_pixel());
       if (axis.name == "radar" && sensors_.contains(Sensor::radar)) raw_radar_ = axis;
       if (axis.name == "array" && sensors_.contains(Sensor::radar)) array_ = axis;
       if (axis.name == "depth_x") x_ = axis;
@@ -66,7 +67,7 @@ class Appender {
     if (radar_.quantity == "power_with_noise") radar_.quantity = "power";
     adopt(data.spd_axis, spd_, "spd");
     pile_up_ = PileUp(run, spd_);
-    if (spd_.count > 0) zones_ = run.zones();
+    if (zones_ == single_pixel()) zones_.clear();
     adopt_zones();
     adopt(data.radar_axis, radar_, "radar");
     if (array_.count > 0) lags_ = SpatialLags(run.antennas());

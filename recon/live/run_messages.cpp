@@ -39,8 +39,8 @@ Json axis_json(const Axis& a) {
 // direction of each zone.
 void add_clicks(MessageWriter& out, Json& head, const record::FusedRecord& r,
                 const record::RunReader& run) {
-  const Zones zones = run.zones();
-  const std::size_t bins = r.spd.size() / histograms_of(zones);
+  const Zones zones = run.axis("spd").value_or(Axis{}).zones;
+  const std::size_t bins = r.spd.size() / zones.size();
   out.add("spd", sum_of_zones(r.spd, bins));
   if (zones.size() < 2) return;
   out.add<std::uint32_t>("zones", r.spd, {zones.size(), bins});

@@ -351,8 +351,9 @@ std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
                                               "choose another name"));
   NewFile staged(options.out, NewFile::Staged{});
   record::RunWriter writer(staged.path(), info);
-  writer.put_axis(spd_axis(plan.conditions));
-  writer.put_zones(zones_of(plan.conditions));
+  Axis spd = spd_axis(plan.conditions);
+  spd.zones = zones_of(plan.conditions);
+  writer.put_axis(spd);
   writer.put_axis(radar_axis(plan.conditions));
   for (const Axis& axis : map_grid(plan.conditions).run_axes()) writer.put_axis(axis);
   if (const auto antennas = generator.stated_antennas(); !antennas.empty()) {

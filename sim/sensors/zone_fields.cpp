@@ -40,8 +40,9 @@ std::vector<double> shares(const std::vector<float>& tangents, double middle, co
 
 Zones zones_of(const Conditions& c) {
   const double fwhm = 2 * std::sqrt(2 * std::numbers::ln2) * zone_deviation * pitch(c);
+  if (c.spd_zones == 1) return single_pixel();
   Zones out;
-  for (std::size_t row = 0; c.spd_zones > 1 && row < zones_a_side(c); ++row)
+  for (std::size_t row = 0; row < zones_a_side(c); ++row)
     for (std::size_t column = 0; column < zones_a_side(c); ++column)
       out.push_back({centre(c, column), -centre(c, row), fwhm, 0});
   return out;

@@ -15,8 +15,8 @@ namespace echofuse::sim {
 // Standard deviation of the Gaussian sensitivity of a zone, relative to the spacing of the zones.
 inline constexpr double zone_deviation = 0.75;
 
-// Returns the zones to be stored in the run file, row by row from the top left; empty for a single
-// pixel. They do not include `spd_yaw_deg`, because it is unknown in a real laboratory.
+// Returns the zones to be stored in the run file, row by row from the top left. They do not include
+// `spd_yaw_deg`, because it is unknown in a real laboratory.
 Zones zones_of(const Conditions& conditions);
 
 // Returns the expected number of detections in one window (spd_rate) for each zone and bin:

@@ -378,9 +378,9 @@ TEST_CASE("histograms are not used after a counting board reconnects with differ
 TEST_CASE("histograms are not used after a detector reconnects with different zones") {
   Windows windows = make_windows();
   DeviceInfo info = board_info();
-  info.zones = {{0, 0, 0.2, 0}, {0.2, 0, 0.2, 0}};
+  info.axes[0].zones = {{0, 0, 0.2, 0}, {0.2, 0, 0.2, 0}};
   REQUIRE(windows.announce(info));
-  CHECK(windows.zones() == info.zones);
+  CHECK(windows.axes()[0].zones == info.axes[0].zones);
   for (const auto end : {10s + 300ms, 10s + 900ms}) windows.add(histogram(end, {1, 2, 3, 4, 5, 6}));
   CHECK(counts(windows.close({0, false})) == std::vector<std::uint32_t>{2, 4, 6, 8, 10, 12});
   CHECK_FALSE(windows.announce(board_info()));

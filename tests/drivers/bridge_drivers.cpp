@@ -281,7 +281,7 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
   SECTION("zones without directions in the hello block have unknown directions") {
     server.send(test::make_block(bridge::BlockKind::histogram, 1, zones));
     REQUIRE(run_until(b.loop, [&] { return b.sink.histograms.size() == 1; }));
-    CHECK(b.sink.info.zones == Zones(5));
+    CHECK(b.sink.info.axes.at(0).zones == Zones(5));
     CHECK(b.sink.info.axes[0].count == 1);
     CHECK(b.sink.histograms[0].counts.size() == 5);
   }
@@ -300,7 +300,7 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
     CHECK(b.sink.histograms.empty());
     server.send(test::make_block(bridge::BlockKind::histogram, 3, counts));
     REQUIRE(run_until(b.loop, [&] { return b.sink.histograms.size() == 1; }));
-    CHECK(b.sink.info.zones == Zones{{-0.1, 0, 0.2, 7.5}});
+    CHECK(b.sink.info.axes.at(0).zones == Zones{{-0.1, 0, 0.2, 7.5}});
   }
 }
 

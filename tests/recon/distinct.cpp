@@ -67,7 +67,8 @@ TEST_CASE("the sensors of two loaded files show each body at the same place") {
   const Dataset data = load({kind(5).seed(1).write(dir / "a"), kind(3).seed(2).write(dir / "b")});
   REQUIRE(data.size() == 8);
   CHECK(data.index == std::vector<std::int64_t>{0, 1, 2, 3, 4, 0, 1, 2});
-  CHECK(data.zones == kind(1).zones());
+  const Zones zones = kind(1).zones();
+  CHECK(data.zones == (zones == single_pixel() ? Zones{} : zones));
   const double pixel = data.map.step();
   std::vector<double> places;
   for (std::size_t row = 0; row < data.size(); ++row) {
@@ -77,8 +78,8 @@ TEST_CASE("the sensors of two loaded files show each body at the same place") {
     places.push_back(body.x());
     CHECK(body.low == Approx(-0.3).margin(2 * pixel));
     CHECK(body.high == Approx(0.15).margin(2 * pixel));
-    const double zones = static_cast<double>(histograms_of(data.zones));
-    CHECK(centroid(photons(data).row(row), data.spd_axis, static_cast<float>(3 * zones), 0.5) /
+    const auto histograms = static_cast<double>(zones.size());
+    CHECK(centroid(photons(data).row(row), data.spd_axis, static_cast<float>(3 * histograms), 0.5) /
               ps_per_m ==
           Approx(spd_m).margin(0.06));
     CHECK(centroid(profiles(data).row(row), data.radar_axis, 0.02f, 0) ==

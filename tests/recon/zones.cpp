@@ -26,8 +26,8 @@ void write_zones(const std::string& path, const Zones& zones, std::uint32_t firs
   if (offset_m != 0) run.offset(Sensor::spd, offset_m);
   run.only_axes({spd}).zones(zones).each([&](FusedRecord& r) {
     lose(r, Sensor::radar), lose(r, Sensor::depth);
-    counts(r).assign(histograms_of(zones) * bins, 0);
-    for (std::uint32_t z = 0; z < histograms_of(zones); ++z) counts(r)[z * bins + first + z] = 100;
+    counts(r).assign(zones.size() * bins, 0);
+    for (std::uint32_t z = 0; z < zones.size(); ++z) counts(r)[z * bins + first + z] = 100;
   });
   run.write(path);
 }
@@ -52,7 +52,7 @@ TEST_CASE(
 
 TEST_CASE("a data set recorded with a single-pixel detector has no zones") {
   const Folder folder;
-  write_zones(folder / "a", {}, 12);
+  write_zones(folder / "a", single_pixel(), 12);
   const Dataset data = load({folder / "a"});
   CHECK(data.zones.empty());
   CHECK(zone_photons(data).cols == 0);
