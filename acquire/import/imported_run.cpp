@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "acquire/record/columns.hpp"
 #include "acquire/record/written_run.hpp"
 #include "acquire/run/new_run.hpp"
 #include "drivers/util/exit_code.hpp"
@@ -44,8 +45,9 @@ void ImportedRun::put(record::FusedRecord record, const SignalCheck::RecordingEn
     if (!record.has(s)) verdict_[s] = record.sync[s].verdict;
   }
   tags_ += record.spd_counts;
-  batch_bytes_ += 4 * (record.spd.size() + record.radar.size() + record.array.size()) +
-                  2 * record.depth_mm.size();
+  record::for_each_column([&](const auto& column, std::size_t) {
+    batch_bytes_ += as_bytes(record.*column.values).size();
+  });
   batch_.push_back(std::move(record));
   if (constexpr std::size_t most = 256, most_bytes = 4 << 20;
       batch_.size() == most || batch_bytes_ > most_bytes)

@@ -192,14 +192,14 @@ std::string unpack_array(ByteView bytes, std::size_t bins, std::size_t antennas,
   const std::size_t size = values_of_bin(antennas);
   const std::size_t wanted = bins * (sizeof(float) + 2 * size);
   if (bytes.size() != wanted)
-    return "array has " + std::to_string(bytes.size()) + " bytes, but its axis requires " +
+    return "has " + std::to_string(bytes.size()) + " bytes, but its axis requires " +
            std::to_string(wanted);
   array.resize(bins * size);
   ByteReader in(bytes);
   for (std::size_t b = 0; b < bins; ++b) {
     const auto power = in.get<float>();
     if (!std::isfinite(power) || power < 0)
-      return "array bin " + std::to_string(b) + ": the power is negative or not finite";
+      return "bin " + std::to_string(b) + ": the power is negative or not finite";
     const float amplitude = std::sqrt(power);
     for (std::size_t i = 0; i < size; ++i)
       array[b * size + i] = static_cast<float>(in.get<std::int16_t>()) / full_scale *

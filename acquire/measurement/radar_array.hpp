@@ -93,7 +93,8 @@ class ArrayStatistics {
 // i16 LE round(32767 v / s) for each value v. For mean samples the divisor is sqrt(s). The rounding
 // error is 2^-16 s.
 Bytes pack_array(std::span<const float> array, std::size_t antennas);
-// Unpacks the statistics. Returns an error message, or an empty string if the bytes are valid.
+// Unpacks the statistics. Returns an error message (e.g. "has 4 bytes, but ..."), or an empty
+// string if the bytes are valid.
 std::string unpack_array(ByteView bytes, std::size_t bins, std::size_t antennas,
                          std::vector<float>& array);
 

@@ -245,10 +245,11 @@ void columns(Row& row, FusedRecord& r) {
 }
 
 void columns(Row& row, Blobs& blobs) {
-  row("spd", blobs.spd);
-  row("radar", blobs.radar);
-  row("array", blobs.array);
-  row("depth", blobs.depth);
+  for_each_column([&](const auto& column, std::size_t i) {
+    ByteView bytes = blobs[i];
+    row(column.name, bytes);
+    if (row.reading()) blobs[i].assign(bytes.begin(), bytes.end());
+  });
 }
 
 void columns(Row& row, StoredRecord& stored) {

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "acquire/record/columns.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/sqlite.hpp"
 
@@ -106,15 +107,11 @@ struct LateRow {  // samples received after the slot was closed; no record conta
   std::int64_t index = 0;
   PerSensor<std::uint64_t> samples{};
 };
-// Data columns of a record. They are the last columns, so that the other columns can be read
-// without them.
-struct Blobs {
-  ByteView spd, radar;    // spd: u32 LE counts, zone by zone; radar: f32 LE
-  ByteView array, depth;  // array: pack_array(); depth: deflated u16 LE, mm
-};
+// The data columns are the last ones, so that the other columns can be read without them.
 struct StoredRecord {
   FusedRecord record;
   Blobs blobs;
+  std::string fault{};  // why the record cannot be read; not stored
 };
 
 void columns(Row& row, RunInfo& info);

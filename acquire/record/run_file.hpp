@@ -2,8 +2,7 @@
 // Run file: an SQLite database (WAL, synchronous=FULL) with one transaction per append. Committed
 // records survive kill -9, power loss and a full disk. The file can be read while it is written.
 //   PRAGMA application_id = 0x4543464d ("ECFM"), user_version = 4
-//   tables: see rows.hpp; data of table record: spd u32 LE counts [zones, bins], radar f32 LE,
-//   array as written by pack_array(), depth u16 LE millimetres, deflated
+//   tables: see rows.hpp; data columns of the table record: see columns.hpp
 #pragma once
 #include <atomic>
 #include <functional>
@@ -227,8 +226,8 @@ class RunReader {
   // with data of a wrong size or non-finite values is skipped after a call of `on_bad`. If `on_bad`
   // is empty, Error is thrown with the index of the record. Only the data of the sensors in
   // `sensors` are decoded; all other sensors are marked as not valid. in_parallel(n, work) must
-  // call work(0) ... work(n - 1) in any order, possibly on several threads; work(i) decodes a depth
-  // image. `visit` and `on_bad` are still called in order on this thread.
+  // call work(0) ... work(n - 1) in any order, possibly on several threads; work(i) decodes a
+  // record. `visit` and `on_bad` are still called in order on this thread.
   using InParallel = std::function<void(std::size_t, const std::function<void(std::size_t)>&)>;
   void for_each(const std::function<bool(const FusedRecord&)>& visit, std::int64_t first = 0,
                 const std::function<void(std::int64_t, const std::string&)>& on_bad = {},

@@ -9,8 +9,6 @@
 #include <cstring>
 #include <utility>
 
-#include "acquire/measurement/depth_map.hpp"
-#include "acquire/record/deflate.hpp"
 #include "acquire/record/network_file_system.hpp"
 #include "acquire/record/rows.hpp"
 #include "acquire/record/run_file.hpp"
@@ -53,77 +51,25 @@ std::string fault_of_slot(const FusedRecord& r) {
          " ns UTC; expected an end after the start, and years from 1970 to 2261";
 }
 
-// Data sizes of a record, computed once from the run's axes.
-struct DataSizes {
-  explicit DataSizes(const std::vector<Axis>& axes) {
-    for (const auto& a : axes) {
-      if (a.name == "spd") spd = a.values();
-      if (a.name == "radar") radar = a.count;
-      if (a.name == "depth_x") width = a.count;
-      if (a.name == "depth_y") height = a.count;
-      if (a.name == "array") array = a.count, antennas = antennas_of(a);
-    }
-  }
-  std::uint64_t pixels() const { return std::uint64_t{width} * height; }
-  // Returns how many records to decode together: at most 64, and at most 16 M pixels.
-  std::size_t records_at_once() const {
-    constexpr std::uint64_t most = 64, most_pixels = std::uint64_t{1} << 24;
-    return static_cast<std::size_t>(
-        std::clamp<std::uint64_t>(most_pixels / std::max<std::uint64_t>(pixels(), 1), 1, most));
-  }
+// Returns how many records to unpack together: at most 64, and at most 16 M values.
+std::size_t records_at_once(const Shapes& shapes) {
+  constexpr std::size_t most = 64, most_values = std::size_t{1} << 24;
+  std::size_t values = 1;
+  for (const Shape& shape : shapes) values += shape.values;
+  return std::clamp<std::size_t>(most_values / values, 1, most);
+}
 
-  std::size_t spd = 0, radar = 0;
-  std::uint32_t width = 0, height = 0;
-  std::size_t array = 0, antennas = 0;
-};
-
-// Reads a record in two steps: first all columns, then the depth image. Decoding the image takes
-// most of the time and may run on another thread.
-struct RecordDecoder {
-  FusedRecord record;
-  std::string fault;  // empty if the record is valid
-  Bytes depth;
-
-  void read(Statement& row, const DataSizes& shapes, SensorSet sensors) {
-    StoredRecord stored;
-    fault = take(row, stored);
-    record = std::move(stored.record);
-    record.valid = SensorSet::from_bits(record.valid.bits() & sensors.bits());
-    if (fault.empty()) fault = fault_of_slot(record);
-    if (fault.empty()) fault = decode(stored.blobs, shapes);
-  }
-  std::string decode(const Blobs& blobs, const DataSizes& shapes);
-  void decode_depth(const DataSizes& shapes) {  // does nothing if `fault` is set
-    if (!fault.empty() || !record.has(Sensor::depth)) return;
-    if (shapes.pixels() <= max_depth_pixels)
-      record.depth_mm = inflated<std::uint16_t>(depth, shapes.pixels());
-    if (record.depth_mm.empty())
-      fault = "depth is not a deflated image of " + std::to_string(shapes.width) + " x " +
-              std::to_string(shapes.height);
-  }
-};
-
-std::string RecordDecoder::decode(const Blobs& blobs, const DataSizes& shapes) {
-  FusedRecord& r = record;
-  const auto sizes = [](const char* what, std::size_t got, std::size_t wanted) {
-    return std::string(what) + " has " + std::to_string(got) + " bytes, but its axis requires " +
-           std::to_string(wanted);
-  };
-  if (r.has(Sensor::spd) && blobs.spd.size() != shapes.spd * 4)
-    return sizes("spd", blobs.spd.size(), shapes.spd * 4);
-  if (r.has(Sensor::radar) && blobs.radar.size() != shapes.radar * 4)
-    return sizes("radar", blobs.radar.size(), shapes.radar * 4);
-  if (r.has(Sensor::spd)) r.spd = to_values<std::uint32_t>(blobs.spd);
-  if (r.has(Sensor::radar)) r.radar = to_values<float>(blobs.radar);
-  const auto bad = std::ranges::find_if_not(r.radar, [](float v) { return std::isfinite(v); });
-  if (bad != r.radar.end())
-    return "radar bin " + std::to_string(bad - r.radar.begin()) + " is not a finite number";
-  if (r.has(Sensor::depth)) depth.assign(blobs.depth.begin(), blobs.depth.end());
-  const std::optional<double>& clicks = r.signal.clicks_per_pulse;
-  if (clicks && !(*clicks >= 0 && *clicks < 1e9))
-    return "its number of clicks per laser pulse is not from 0 to 1e9";
-  if (blobs.array.empty() || shapes.array == 0 || !r.has(Sensor::radar)) return {};
-  return unpack_array(blobs.array, shapes.array, shapes.antennas, r.array);
+// Reads the current row. The values of the record are not unpacked yet.
+StoredRecord stored_record(Statement& row, SensorSet sensors) {
+  StoredRecord out;
+  out.fault = take(row, out);
+  FusedRecord& r = out.record;
+  r.valid = SensorSet::from_bits(r.valid.bits() & sensors.bits());
+  if (out.fault.empty()) out.fault = fault_of_slot(r);
+  if (const auto clicks = r.signal.clicks_per_pulse.value_or(0);
+      out.fault.empty() && !(clicks >= 0 && clicks < 1e9))
+    out.fault = "its number of clicks per laser pulse is not from 0 to 1e9";
+  return out;
 }
 
 }  // namespace
@@ -359,18 +305,20 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
                          SensorSet sensors, const InParallel& in_parallel) const {
   Statement row = ask(table_of<StoredRecord>().select() + " WHERE idx >= ? ORDER BY idx");
   row.bind(first);
-  std::optional<DataSizes> known;
+  std::optional<Shapes> known;
   std::optional<std::int64_t> before;
-  std::vector<RecordDecoder> some;
-  // Decodes the collected records and passes them to `visit`. Returns false if `visit` returned
+  std::vector<StoredRecord> some;
+  // Unpacks the collected records and passes them to `visit`. Returns false if `visit` returned
   // false.
   const auto hand_over = [&] {
-    const auto decode_one = [&](std::size_t i) { some[i].decode_depth(*known); };
+    const auto unpack_one = [&](std::size_t i) {
+      if (some[i].fault.empty()) some[i].fault = unpack(some[i].blobs, *known, some[i].record);
+    };
     if (in_parallel && some.size() > 1)
-      in_parallel(some.size(), decode_one);
+      in_parallel(some.size(), unpack_one);
     else
-      for (std::size_t i = 0; i < some.size(); ++i) decode_one(i);
-    for (const RecordDecoder& one : std::exchange(some, {})) {
+      for (std::size_t i = 0; i < some.size(); ++i) unpack_one(i);
+    for (const StoredRecord& one : std::exchange(some, {})) {
       const std::int64_t index = one.record.index;
       if (!one.fault.empty() && !on_bad)
         throw Error(ExitCode::failed,
@@ -392,9 +340,8 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
   while (step()) {
     // Reads the axes after the first row, because the writer of a live run may add axes together
     // with the first record.
-    if (!known) known.emplace(axes());
-    RecordDecoder one;
-    one.read(row, *known, sensors);
+    if (!known) known = shapes_of(axes());
+    StoredRecord one = stored_record(row, sensors);
     const std::int64_t index = one.record.index;
     if (index < first || index > max_index || (before && index <= *before)) {
       if (!hand_over()) return;
@@ -405,7 +352,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
     }
     before = index;
     some.push_back(std::move(one));
-    if (some.size() >= (in_parallel ? known->records_at_once() : 1) && !hand_over()) return;
+    if (some.size() >= (in_parallel ? records_at_once(*known) : 1) && !hand_over()) return;
   }
   hand_over();
 }

@@ -7,8 +7,6 @@
 #include <thread>
 #include <utility>
 
-#include "acquire/measurement/depth_map.hpp"
-#include "acquire/record/deflate.hpp"
 #include "acquire/record/file_watch.hpp"
 #include "acquire/record/network_file_system.hpp"
 #include "acquire/record/rescue.hpp"
@@ -68,49 +66,16 @@ std::int64_t now_ns() {
 }
 
 // Inserts a record. Throws Error(failed) if the data of a valid sensor do not match its axis.
-void append_row(Statement& row, const std::string& path, const std::vector<Axis>& axes,
+void append_row(Statement& row, const std::string& path, const Shapes& shapes,
                 const FusedRecord& r) {
-  const std::string place = path + ": record " + std::to_string(r.index) + ": ";
-  const auto count_of = [&](const char* name) -> std::size_t {
-    const auto axis = std::ranges::find(axes, name, &Axis::name);
-    return axis == axes.end() ? 0 : axis->values();
-  };
-  const auto expect = [&](const char* what, std::size_t got, std::size_t wanted) {
-    if (got != wanted)
-      throw Error(ExitCode::failed, place + what + " has " + std::to_string(got) +
-                                        " values, but its axis has " + std::to_string(wanted));
-  };
   Blobs blobs;
-  Bytes array, depth;
-  if (r.has(Sensor::spd)) {
-    expect("spd", r.spd.size(), count_of("spd"));
-    blobs.spd = as_bytes(r.spd);
-  }
-  if (r.has(Sensor::radar)) {
-    expect("radar", r.radar.size(), count_of("radar"));
-    blobs.radar = as_bytes(r.radar);
-  }
-  if (r.has(Sensor::radar) && !r.array.empty()) {
-    const auto axis = std::ranges::find(axes, "array", &Axis::name);
-    const std::size_t antennas = axis == axes.end() ? 0 : antennas_of(*axis);
-    expect("array", r.array.size(), antennas > 0 ? axis->count * values_of_bin(antennas) : 0);
-    array = pack_array(r.array, antennas);
-    blobs.array = array;
-  }
-  if (r.has(Sensor::depth)) {
-    expect("depth", r.depth_mm.size(), count_of("depth_x") * count_of("depth_y"));
-    if (!r.depth_mm.empty() && r.depth_mm.size() <= max_depth_pixels)
-      depth = deflated(as_bytes(r.depth_mm), depth_level);
-    if (depth.empty()) {  // a bad depth image does not end the run
-      FusedRecord without = r;
-      without.valid.erase(Sensor::depth);
-      without.sync[Sensor::depth].verdict = {VerdictKind::not_stored,
-                                             "the image cannot be compressed"};
-      return append_row(row, path, axes, without);
-    }
-    blobs.depth = depth;
-  }
-  insert(row, r, blobs);
+  SensorSet lost;
+  if (const std::string fault = pack(r, shapes, blobs, lost); !fault.empty())
+    throw Error(ExitCode::failed, path + ": record " + std::to_string(r.index) + ": " + fault);
+  if (lost.empty()) return insert(row, r, blobs);
+  FusedRecord without = r;  // a bad depth image does not end the run
+  give_up(without, lost, "the image cannot be compressed");
+  append_row(row, path, shapes, without);
 }
 
 }  // namespace
@@ -275,7 +240,8 @@ void RunWriter::append(const FusedRecord& record) { append(std::span(&record, 1)
 void RunWriter::append(std::span<const FusedRecord> batch) {
   in_transaction([&] {
     Statement row(db_, path_, table_of<StoredRecord>().insert().c_str());
-    for (const auto& r : batch) append_row(row, path_, axes_, r);
+    const Shapes shapes = shapes_of(axes_);
+    for (const auto& r : batch) append_row(row, path_, shapes, r);
   });
   records_ += static_cast<std::int64_t>(batch.size());
 }

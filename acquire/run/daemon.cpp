@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "acquire/devices/devices.hpp"
+#include "acquire/record/columns.hpp"
 #include "acquire/run/disk.hpp"
 #include "acquire/run/doubt_hook.hpp"
 #include "acquire/run/journal.hpp"
@@ -256,7 +257,7 @@ void Daemon::report_file() {
 
 void Daemon::warn_of_full_disk() {
   const PlannedRun plan{.folder = std::filesystem::path(options_.out).parent_path(),
-                        .record_bytes = record_bytes(recording_->windows.axes()),
+                        .record_bytes = record::record_bytes(recording_->windows.axes()),
                         .window_s = config_.window_s,
                         .count = options_.count};
   constexpr double day_s = 86'400;

@@ -13,7 +13,6 @@
 #include <cstring>
 #include <iterator>
 
-#include "acquire/measurement/radar_array.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/util/console.hpp"
 
@@ -74,18 +73,6 @@ DiskEstimate estimate_disk(const PlannedRun& plan, double free_bytes) {
     out.needed_bytes = static_cast<double>(*plan.count) * out.record_bytes + fixed_bytes;
   out.lasts_s = std::max(0.0, (free_bytes - fixed_bytes) / out.record_bytes) * plan.window_s;
   return out;
-}
-
-double record_bytes(const std::vector<Axis>& axes) {
-  double bytes = 0, pixels = 0;
-  for (const Axis& axis : axes) {
-    if (axis.name == "array") bytes += record::array_bytes(axis);
-    if (axis.name == "spd" || axis.name == "radar")
-      bytes += 4.0 * static_cast<double>(axis.values());
-    if (axis.name == "depth_x" || axis.name == "depth_y")
-      pixels = (pixels > 0 ? pixels : 1) * axis.count;
-  }
-  return bytes + 2 * pixels;
 }
 
 std::optional<std::uint64_t> free_bytes(const std::string& folder) {

@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "drivers/core/axis.hpp"
 #include "drivers/util/exit_code.hpp"
 
 namespace echofuse::acquire {
@@ -41,10 +40,6 @@ struct DiskEstimate {
 };
 // Requires `plan.record_bytes` > 0.
 DiskEstimate estimate_disk(const PlannedRun& plan, double free_bytes);
-
-// Returns the size in bytes of the sensor data in one record with these axes. This is an
-// overestimate, because depth maps are counted without compression.
-double record_bytes(const std::vector<Axis>& axes);
 
 // Returns the free space of the folder's file system in bytes; no value if unknown.
 std::optional<std::uint64_t> free_bytes(const std::string& folder);

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "acquire/record/columns.hpp"
 #include "acquire/run/disk.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "drivers/util/printable.hpp"
@@ -22,17 +23,6 @@ constexpr auto least_step = std::chrono::milliseconds(500);
 constexpr std::size_t hard_limit = 10;
 // Maximum wait for another program's write transaction when the run ends.
 constexpr std::chrono::seconds last_wait{2};
-
-void give_up_data(record::FusedRecord& record, const std::string& why) {
-  for (const Sensor s : all_sensors)
-    if (record.has(s)) record.sync[s].verdict = {record::VerdictKind::not_stored, why};
-  record.valid = {};
-  record.spd = {};
-  record.radar = {};
-  record.array = {};
-  record.array_frames = 0;
-  record.depth_mm = {};
-}
 
 constexpr unsigned most_lines = 100;
 constexpr std::chrono::seconds stretch{10};
@@ -59,7 +49,7 @@ Journal::~Journal() { stop(); }
 
 bool Journal::put(record::FusedRecord record) {
   const bool room = waiting_ < capacity_;
-  if (!room) give_up_data(record, why_late());
+  if (!room) record::give_up(record, record.valid, why_late());
   ++put_;
   put([this, r = std::move(record)](record::RunWriter& run) mutable { write(run, r); });
   return room;

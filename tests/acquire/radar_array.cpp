@@ -125,10 +125,10 @@ TEST_CASE("a packed antenna array is accurate to 4e-5 of the power in its bin") 
         CHECK(std::abs(is.covariance(m, n) - was.covariance(m, n)) < 4e-5 * was.power());
     }
   }
-  CHECK(unpack_array(packed, 2, 8, back) == "array has 504 bytes, but its axis requires 336");
+  CHECK(unpack_array(packed, 2, 8, back) == "has 504 bytes, but its axis requires 336");
   Bytes bad = packed;
   bad[3] = 0xff, bad[2] = 0xc0;
-  CHECK(unpack_array(bad, 3, 8, back) == "array bin 0: the power is negative or not finite");
+  CHECK(unpack_array(bad, 3, 8, back) == "bin 0: the power is negative or not finite");
 }
 
 TEST_CASE("a run file stores the antenna positions and, for each record, the antenna array") {

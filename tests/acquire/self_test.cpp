@@ -2,6 +2,7 @@
 // Tests the ratings of devices and disks by doctor, with artificial samples and figures.
 #include "../fixtures/paths.hpp"
 #include "acquire/doctor/doctor.hpp"
+#include "acquire/record/columns.hpp"
 #include "acquire/run/disk.hpp"
 #include "testing.hpp"
 
@@ -214,8 +215,10 @@ TEST_CASE("the doctor command rates the free disk space as ok, warning or proble
   CHECK(has(space_finding(3.9e9, plan).found, "enough for 3 h"));
   CHECK(space_finding(0.5e9, plan).grade == Grade::warning);
   CHECK(space_finding(3.9e9, plan, 86'400).grade == Grade::warning);
-  CHECK(record_bytes(small_axes(), {}) == 4 * 8 + 4 * 4 + 2 * 3 * 2);
-  CHECK(record_bytes(small_axes(), Zones(9)) == 9 * 4 * 8 + 4 * 4 + 2 * 3 * 2);
+  auto axes = small_axes();
+  CHECK(record::record_bytes(axes) == 4 * 8 + 4 * 4 + 2 * 3 * 2);
+  axes[0].zones.resize(9);
+  CHECK(record::record_bytes(axes) == 9 * 4 * 8 + 4 * 4 + 2 * 3 * 2);
   // A record needs 100 kB, including 2048 bytes for its row. A run of 1000 records needs 117 MB,
   // including 17 MB for the WAL.
   plan = {.record_bytes = 97'952, .window_s = 3, .count = 1000};

@@ -5,7 +5,7 @@
 
 #include "acquire/commands/commands.hpp"
 #include "acquire/doctor/doctor.hpp"
-#include "acquire/run/disk.hpp"
+#include "acquire/record/columns.hpp"
 #include "acquire/run/window.hpp"
 #include "drivers/util/settings.hpp"
 #include "testing.hpp"
@@ -138,7 +138,7 @@ TEST_CASE("the info command describes the antenna array") {
   a_small_run().only_axes(windows.axes()).antennas(places).holding(records).write(path);
   const double bytes = record::array_bytes(windows.axes().front());
   CHECK(bytes == kept_bins * (4 + 2 * 82));
-  CHECK(record_bytes(windows.axes()) == bytes + 4 * sent_bins);
+  CHECK(record::record_bytes(windows.axes()) == bytes + 4 * sent_bins);
   CHECK(has(describe_run(path, false),
             "array     8 antennas, 32 bins to 7.75 m, in 2 records of 2 frames and 5376 bytes"));
   CHECK(has(describe_run(path, true), "\"phase_rad\": -0.25"));
