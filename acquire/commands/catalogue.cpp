@@ -70,7 +70,7 @@ TableRow row_of(const ListedRun& e) {
           short_text(labels),
           short_text(e.run.info.operator_name),
           short_text(notes),
-          printable(record::doubts_of(e.run.sum), 2 * longest)};
+          printable(e.run.sum.verdicts.doubts(), 2 * longest)};
 }
 
 std::string table_of(const std::vector<TableRow>& rows) {

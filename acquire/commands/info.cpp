@@ -131,7 +131,7 @@ Json to_json(const record::RunReader& run) {
   for (const record::CounterRow& c : run.counters()) counters[c.source][c.name] = c.value;
   for (const Sensor s : all_sensors) {
     Json& of_sensor = verdicts[name_of(s)] = Json::object();
-    for (const auto& [kind, records] : sum.verdicts[s])
+    for (const auto& [kind, records] : sum.verdicts.by_sensor[s])
       of_sensor[record::row_of(kind).word] = records;
   }
   for (const auto& [key, value] : info.meta) meta[key] = value;
@@ -143,8 +143,8 @@ Json to_json(const record::RunReader& run) {
           {"records", sum.records},
           {"all_valid", sum.all_valid},
           {"incomplete", sum.incomplete},
-          {"doubtful", sum.doubtful},
-          {"doubts", record::doubts_of(sum)},
+          {"doubtful", sum.verdicts.doubtful},
+          {"doubts", sum.verdicts.doubts()},
           {"policy", sum.policies},
           {"clocks", clocks_of(sum)},
           {"valid", by_sensor(sum.valid)},

@@ -19,8 +19,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Reads the device's verdict and sample counts from the last record of the run, and adds them to
-// `out`.
+// Reads the state and the sample counts of the device from the last record of the run, and adds
+// them to `out`.
 void take_last_record(const std::string& file, const Clock& clock, Answer& out) {
   const record::RunReader run(file);
   const std::int64_t last = run.summary().last_index;
@@ -34,10 +34,9 @@ void take_last_record(const std::string& file, const Clock& clock, Answer& out) 
     const double age_s = seconds(clock.utc() - r.slot_utc) - seconds(r.slot_end - r.slot_start);
     out.delivers = r.has(out.sensor);
     out.text += "; record " + std::to_string(r.index) + ", " +
-                human_duration(std::max(age_s, 0.0)) + " ago: " + printable(sync.verdict.text()) +
-                ", " + std::to_string(sync.used) +
-                (out.sensor == Sensor::spd ? " clicks" : " frames") + " used, " +
-                std::to_string(sync.lost) + " lost";
+                human_duration(std::max(age_s, 0.0)) + " ago: " + printable(sync.text()) + ", " +
+                std::to_string(sync.used) + (out.sensor == Sensor::spd ? " clicks" : " frames") +
+                " used, " + std::to_string(sync.lost) + " lost";
   }
 }
 

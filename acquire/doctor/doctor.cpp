@@ -149,9 +149,9 @@ std::vector<Finding> findings_of(const Answer& answer, const Capture& capture, c
   constexpr PerSensor<decltype(&spd_finding)> finders{spd_finding, radar_finding, depth_finding};
   std::vector<Finding> out{finders[answer.sensor](capture, config, time_s)};
   if (record && record->has(answer.sensor) && out[0].grade == Grade::ok)
-    if (const auto& verdict = record->sync[answer.sensor].verdict; verdict.row().doubtful) {
+    if (const auto& sync = record->sync[answer.sensor]; sync.doubtful()) {
       out[0].grade = Grade::warning;
-      out[0].advice = verdict.text();
+      out[0].advice = sync.text();
     }
   for (const auto& complaint : capture.complaints[answer.sensor])
     out.push_back({check, Grade::warning, complaint});

@@ -115,11 +115,10 @@ std::string conclude(ImportedRun& import, const std::vector<std::unique_ptr<Reco
     const bool events = import.tags().in_range + import.tags().out_of_range > 0;
     if (import.valid(device.sensor) > 0 && (device.sensor != Sensor::spd || events)) continue;
     ++empty;
-    const record::Verdict& last = import.verdict(device.sensor);
-    const std::string verdict = last.kind == record::VerdictKind::missing ? "" : last.text();
+    const std::string& cause = import.cause(device.sensor);
     if (!nothing.empty()) nothing += '\n';
     nothing += printable(device.address) + ": nothing to import: " +
-               printable(causes + (causes.empty() || verdict.empty() ? "" : "; ") + verdict);
+               printable(causes + (causes.empty() || cause.empty() ? "" : "; ") + cause);
   }
   if (empty == recordings.size()) throw Error(ExitCode::failed, nothing);
   if (recordings.size() > 1) import.doubt("the recordings are assumed to begin at the same time");
@@ -273,7 +272,7 @@ std::string import_recordings(Config config, const ImportOptions& options) {
     if (options.began.empty() && began.doubt.empty() && utc) began = {*utc, doubt};
   };
   constexpr const char* local_time =
-      "start time: taken from the PicoQuant file as local time in this machine's time zone; set it "
+      "start time: taken from the PicoQuant file as local time of this machine; set it "
       "with --began UTC";
   constexpr const char* local_time_twice =
       "start time: taken from the PicoQuant file as local time, which occurred twice at the end of "

@@ -42,7 +42,7 @@ void ImportedRun::put(record::FusedRecord record, const SignalCheck::RecordingEn
   clock_.utc_at = std::max(clock_.utc_at, record.slot_utc + (record.slot_end - record.slot_start));
   for (const Sensor s : all_sensors) {
     valid_[s] += record.has(s);
-    if (!record.has(s)) verdict_[s] = record.sync[s].verdict;
+    if (!record.has(s)) causes_[s] = record.sync[s].cause();
   }
   tags_ += record.spd_counts;
   record::for_each_column([&](const auto& column, std::size_t) {
@@ -76,9 +76,8 @@ std::string ImportedRun::finish() {
   for (const Sensor s : all_sensors) {
     if (valid_[s] > 0)
       counts.append(", ").append(name_of(s)).append(" in ").append(std::to_string(valid_[s]));
-    else if (verdict_[s].kind != record::VerdictKind::not_configured &&
-             verdict_[s].kind != record::VerdictKind::missing)
-      causes.append("; ").append(name_of(s)).append(": ").append(verdict_[s].text());
+    else if (!causes_[s].empty())
+      causes.append("; ").append(name_of(s)).append(": ").append(causes_[s]);
   }
   const std::string text = std::to_string(run_->records()) + " records" + counts;
   if (counts.empty())

@@ -40,8 +40,8 @@ class ImportedRun {
   void put_counters(Sensor sensor, const std::vector<Counter>& counters);
   const TagCounts& tags() const { return tags_; }
   std::int64_t valid(Sensor s) const { return valid_[s]; }
-  // Returns the sensor's verdict in the last record in which the sensor was not valid.
-  const record::Verdict& verdict(Sensor s) const { return verdict_[s]; }
+  // Returns why the sensor was not valid in the last such record; empty if unknown.
+  const std::string& cause(Sensor s) const { return causes_[s]; }
   UtcTime utc_of(HostTime t) const { return clock_.began + t; }
   // Publishes the run file. Returns a line about its contents, then the warnings, one per line. If
   // no record has a valid sensor, publishes nothing and throws Error(failed).
@@ -65,7 +65,7 @@ class ImportedRun {
   std::vector<record::CounterRow> counted_;
   PerSensor<std::int64_t> valid_{};
   TagCounts tags_;
-  PerSensor<record::Verdict> verdict_{};
+  PerSensor<std::string> causes_{};
   std::vector<record::FusedRecord> batch_;  // records not yet written
   std::size_t batch_bytes_ = 0;
   std::string lines_;

@@ -2,6 +2,8 @@
 #include "acquire/measurement/verdict.hpp"
 
 #include <algorithm>
+#include <utility>
+#include <vector>
 
 namespace echofuse::record {
 namespace {
@@ -87,8 +89,33 @@ VerdictKind kind_of(std::string_view word) {
   return row == std::end(table) ? other : row->kind;
 }
 
-bool is_doubtful(const PerSensor<Verdict>& verdicts) {
-  return std::ranges::any_of(verdicts, [](const Verdict& v) { return v.row().doubtful; });
+std::string state_of(bool valid, const Verdict& verdict) {
+  return !valid ? "no data" : verdict.row().doubtful ? verdict.word() : "ok";
+}
+
+void VerdictCounts::add(const PerSensor<Verdict>& of_record) {
+  for (const Sensor s : all_sensors) ++by_sensor[s][of_record[s].kind];
+  ++records;
+  doubtful += std::ranges::any_of(of_record, [](const Verdict& v) { return v.row().doubtful; });
+}
+
+std::string VerdictCounts::doubts() const {
+  constexpr PerSensor<const char*> names{"SPD", "radar", "camera"};
+  std::string out;
+  for (const Sensor s : all_sensors) {
+    std::vector<std::pair<std::int64_t, std::string>> most;
+    for (const auto& [kind, count] : by_sensor[s])
+      if (const VerdictRow& row = row_of(kind); row.doubtful) most.emplace_back(-count, row.word);
+    std::sort(most.begin(), most.end());
+    for (const auto& [count, word] : most)
+      out += (&word != &most.front().second ? ", "
+              : out.empty()                 ? std::string(names[s]) + " "
+                                            : "; " + std::string(names[s]) + " ") +
+             word + " " + std::to_string(-count);
+  }
+  return out.empty()
+             ? out
+             : std::to_string(doubtful) + " of " + std::to_string(records) + " doubtful: " + out;
 }
 
 }  // namespace echofuse::record

@@ -3,6 +3,7 @@
 // data may be used and how it is shown; every program asks this table.
 #pragma once
 #include <cstdint>
+#include <map>
 #include <span>
 #include <string>
 #include <string_view>
@@ -85,7 +86,18 @@ inline const Verdict ok_verdict{VerdictKind::ok, {}};
 // Returns the kind with this word; `other` for an unknown word, e.g. from a later version.
 VerdictKind kind_of(std::string_view word);
 
-// Returns true if the verdict on any sensor makes the record doubtful.
-bool is_doubtful(const PerSensor<Verdict>& verdicts);
+// Returns the state of a sensor in a slot: "ok", the word of its doubtful verdict, or "no data".
+std::string state_of(bool valid, const Verdict& verdict);
+
+// Verdicts on several records.
+struct VerdictCounts {
+  PerSensor<std::map<VerdictKind, std::int64_t>> by_sensor;  // number of records by verdict
+  std::int64_t records = 0, doubtful = 0;
+
+  void add(const PerSensor<Verdict>& of_record);
+  // Returns e.g. "28 of 75 doubtful: radar no frames 11, weak 10; camera stands still 7"; empty if
+  // no verdict is doubtful.
+  std::string doubts() const;
+};
 
 }  // namespace echofuse::record

@@ -3,10 +3,6 @@
 
 namespace echofuse::record {
 
-std::string state_of(bool valid, const Verdict& verdict) {
-  return !valid ? "no data" : verdict.row().doubtful ? verdict.word() : "ok";
-}
-
 bool LastingState::take(const std::string& state, double from_s, double to_s, double lasting_s) {
   constexpr double rounding_s = 1e-6;
   if (state == state_) return next_.clear(), false;

@@ -5,8 +5,6 @@
 #include <cstdint>
 #include <string>
 
-#include "acquire/measurement/verdict.hpp"
-
 namespace echofuse::record {
 
 // Limits of alerts (keys alert.*), in addition to the limits of the verdicts.
@@ -16,8 +14,6 @@ struct AlertLimits {
 
   double lasting_s(double window_s) const { return after_s > 0 ? after_s : 2 * window_s; }
 };
-// Returns the state of a sensor in a slot: "ok", the word of its doubtful verdict, or "no data".
-std::string state_of(bool valid, const Verdict& verdict);
 
 // State of one sensor. A new state counts once it has lasted for some time, so that a signal near a
 // limit causes one alert, and not one per record.

@@ -28,6 +28,16 @@ struct SensorSync {
   Verdict verdict;
   // Number of samples in the slot, in the unit of `lost`; not stored.
   std::uint64_t arrived = 0;
+
+  bool doubtful() const { return verdict.row().doubtful; }
+  std::string word() const { return verdict.word(); }
+  std::string text() const { return verdict.text(); }
+  // Returns the reason why a configured device delivered nothing usable; empty if unknown.
+  std::string cause() const {
+    const bool known =
+        verdict.kind != VerdictKind::missing && verdict.kind != VerdictKind::not_configured;
+    return known ? verdict.text() : "";
+  }
 };
 
 // Fit of the device clock to the host clock, based on the arrival times of the samples.
@@ -93,6 +103,9 @@ struct FusedRecord {
   std::optional<RadarTemperature> radar_temperature;
 
   bool has(Sensor s) const { return valid.contains(s); }
+  // Returns "ok", the word of a doubtful verdict, or "no data".
+  std::string state(Sensor s) const { return state_of(has(s), sync[s].verdict); }
+  void accept(Sensor s) { valid.insert(s), sync[s].verdict = ok_verdict; }
 };
 
 // Numbers of tags, radar frames and depth frames that arrived after their slot was closed, by slot

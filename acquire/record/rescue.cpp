@@ -64,8 +64,8 @@ std::string damage(sqlite3* db, const std::string& path) {
   try {
     sqlite3_db_release_memory(db);  // cached pages would hide damage in the file
     Statement check(db, path, "PRAGMA quick_check(1)");
-    const std::string verdict = check.step() ? check.text() : "no answer";
-    return verdict == "ok" ? "" : verdict.substr(verdict.rfind('\n') + 1);
+    const std::string answer = check.step() ? check.text() : "no answer";
+    return answer == "ok" ? "" : answer.substr(answer.rfind('\n') + 1);
   } catch (const Error&) {
     return sqlite3_errmsg(db);
   }

@@ -156,7 +156,6 @@ struct RunSummary {
   // all_valid: number of records with valid data of all three sensors.
   std::int64_t records = 0, all_valid = 0;
   std::int64_t incomplete = 0;      // number of records in which a required sensor is missing
-  std::int64_t doubtful = 0;        // number of doubtful records (is_doubtful)
   PerSensor<std::int64_t> valid{};  // number of records with valid data of the sensor
   PerSensor<std::int64_t> lost{};   // number of lost tags, radar frames and depth frames
   std::int64_t tags = 0;
@@ -167,15 +166,9 @@ struct RunSummary {
   // Number of records by label; number of events by level.
   std::map<std::string, std::int64_t> labels, events;
   std::map<std::string, std::string> policies;  // "required" or "optional" for each sensor
-  PerSensor<std::map<VerdictKind, std::int64_t>> verdicts;  // number of records by verdict
+  VerdictCounts verdicts;
   PerSensor<std::optional<ClockState>> clocks;  // clock fits of the last record that contains any
 };
-
-// Returns e.g. "28 of 75 doubtful: radar no frames 11, weak 10; camera stands still 7"; empty if
-// no verdict is doubtful.
-std::string doubts_of(const RunSummary& sum);
-// Adds the verdicts of one record to `sum.verdicts` and `sum.doubtful`.
-void count_verdicts(RunSummary& sum, const PerSensor<Verdict>& verdicts);
 
 // Status of an unclosed run that lacks the -wal with its last records. Usually the file is an
 // incomplete copy. The status is the same if the recording process was killed while it was starting

@@ -407,7 +407,7 @@ RunSummary RunReader::summary() const {
   while (verdicts.step()) {
     PerSensor<Verdict> of_record;
     for (Verdict& verdict : of_record) verdict.kind = kind_of(verdicts.text());
-    count_verdicts(sum, of_record);
+    sum.verdicts.add(of_record);
   }
   sum.policies = policies();
   for (const Sensor s : all_sensors) {
@@ -444,8 +444,8 @@ PerSensor<std::int64_t> RunReader::late() const {
 
 std::string RunReader::check() const {
   Statement s = ask("PRAGMA integrity_check");
-  const std::string verdict = s.step() ? s.text() : "no answer";
-  return verdict == "ok" ? "" : verdict;
+  const std::string answer = s.step() ? s.text() : "no answer";
+  return answer == "ok" ? "" : answer;
 }
 
 }  // namespace echofuse::record

@@ -374,7 +374,7 @@ void Daemon::close_slot(const DueSlot& due, HostTime now) {
   record.label = label_;
   totals_.take(record, config_.configured(), [&](Sensor sensor, Severity severity) {
     log(severity, name_of(sensor),
-        "record " + std::to_string(record.index) + ": " + record.sync[sensor].verdict.text(), true);
+        "record " + std::to_string(record.index) + ": " + record.sync[sensor].text(), true);
   });
   on_doubt_.take(record, config_.configured(), recording_->journal.path());
   spdlog::debug("record {}: valid {}, {} clicks, {} radar frames, {} depth frames", record.index,

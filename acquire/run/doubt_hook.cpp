@@ -48,14 +48,13 @@ void DoubtHook::take(const record::FusedRecord& record, SensorSet configured,
                      const std::string& run) {
   for (const Sensor s : all_sensors) {
     if (!configured.contains(s)) continue;
-    const record::Verdict& verdict = record.sync[s].verdict;
-    const std::string state = record::state_of(record.has(s), verdict);
+    const std::string state = record.state(s);
     if (!states_[s].take(state, seconds(record.slot_start), seconds(record.slot_end),
                          limits_.after_s))
       continue;
     put({.source = name_of(s),
          .kind = state,
-         .text = verdict.text(),
+         .text = record.sync[s].text(),
          .run = run,
          .utc = iso8601(record.slot_utc),
          .record = record.index});

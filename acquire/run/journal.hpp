@@ -58,8 +58,7 @@ class Journal {
   void begin_next(MakeRun make);
   void put_config(const Config& config);
   void put_device(const DeviceInfo& device);  // writes a row if the sensor's device has changed
-  // Writes the axes that the file does not contain yet. The zones are written together with the
-  // axis "spd".
+  // Writes the axes that the file does not contain yet.
   void put_axes(const std::vector<Axis>& axes);
   // Writes the number of late samples of each record.
   void put_late(record::LateCounts late);

@@ -106,14 +106,14 @@ void RunTotals::take(const record::FusedRecord& record, SensorSet configured,
   for (const Sensor s : all_sensors) {
     lost[s] += record.sync[s].lost;
     if (!configured.contains(s)) continue;
-    const record::Verdict& verdict = record.sync[s].verdict;
-    const std::string kind = verdict.word();
-    if (verdict.row().doubtful) {
+    const record::SensorSync& sync = record.sync[s];
+    const std::string word = sync.word();
+    if (sync.doubtful()) {
       doubtful.insert(s);
-      if (trouble.empty()) trouble = name_of(s) + (" " + kind);
+      if (trouble.empty()) trouble = name_of(s) + (" " + word);
     }
-    if (std::exchange(kinds[s], kind) != kind)
-      changed(s, verdict.row().doubtful ? Severity::warning : Severity::info);
+    if (std::exchange(words[s], word) != word)
+      changed(s, sync.doubtful() ? Severity::warning : Severity::info);
   }
   not_ok += !doubtful.empty();
   incomplete += !record.missing.empty();

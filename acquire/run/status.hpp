@@ -28,7 +28,7 @@ struct RunTotals {
   std::string label;
   record::Signal signal;
   std::optional<std::uint64_t> free_bytes;         // free space on the disk of the run, bytes
-  PerSensor<std::string> kinds{"ok", "ok", "ok"};  // kind of each sensor's last verdict
+  PerSensor<std::string> words{"ok", "ok", "ok"};  // state of each sensor in the last record
 
   // Adds a record. Calls `changed` once for each configured sensor that becomes missing, becomes
   // doubtful or recovers.

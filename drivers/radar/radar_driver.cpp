@@ -287,7 +287,7 @@ void RadarDriver::ask_why() {
   advance_silence();
   watch_timer_.after(Silence::time, [this] {
     const std::string& remark = dialogue_->remark();
-    fail(said_ = "no frames on the data port: " + silence_->verdict() +
+    fail(said_ = "no frames on the data port: " + silence_->cause() +
                  (remark.empty() ? "" : "; message from the board on start: " + remark));
   });
 }
@@ -357,7 +357,7 @@ void Silence::receive_data(ByteView bytes) {
 
 std::string Silence::take_output() { return std::exchange(output_, {}); }
 
-std::string Silence::verdict() const {
+std::string Silence::cause() const {
   constexpr std::size_t most_of_16 = 12;
   if (answered_ == 0)
     return "the firmware does not answer: its processor has stopped; reset the board, and disable "

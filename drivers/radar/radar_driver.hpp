@@ -35,7 +35,7 @@ class Silence {
   void receive_data(ByteView bytes);
   std::string take_output();
   // Returns the cause and the remedy as one line of text.
-  std::string verdict() const;
+  std::string cause() const;
 
  private:
   std::uint32_t data_baud_;

@@ -153,8 +153,7 @@ void FollowedRun::take(const record::FusedRecord& o) {
   if (o.radar_temperature) out.radar_c = std::ranges::max(o.radar_temperature->celsius);
   if (o.radar_stats)
     out.margin_ms = static_cast<float>(o.radar_stats->inter_frame_margin_us) * 1e-3F;
-  ++verdicts_.records;
-  record::count_verdicts(verdicts_, verdicts);
+  verdicts_.add(verdicts);
 }
 
 std::optional<std::int64_t> FollowedRun::last() const {

@@ -73,7 +73,7 @@ class FollowedRun {
   const PerSensor<SensorState>& sensors() const { return sensors_; }
   // Returns totals over all records: the number of records, the number of doubtful records and, for
   // each sensor, the number of records with each verdict.
-  const record::RunSummary& verdicts() const { return verdicts_; }
+  const record::VerdictCounts& verdicts() const { return verdicts_; }
   std::optional<std::int64_t> last() const;  // returns the index of the newest record
   bool live() const { return info_.status == "open"; }
   std::uint64_t bytes() const { return stamp_.bytes; }  // size with the WAL
@@ -105,7 +105,7 @@ class FollowedRun {
   std::vector<record::Event> events_;
   std::vector<Outline> outlines_;
   PerSensor<SensorState> sensors_;
-  record::RunSummary verdicts_;
+  record::VerdictCounts verdicts_;
 };
 
 // Returns the time in seconds since the end of the sensor's last valid slot; empty if no slot was

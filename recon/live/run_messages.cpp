@@ -183,7 +183,7 @@ Message RunMessages::state() {
            {"last_index", nullptr},
            {"elapsed_s", 0},
            {"doubt", nullptr},
-           {"doubts", record::doubts_of(run_.verdicts())},
+           {"doubts", run_.verdicts().doubts()},
            {"remaining_s", nullptr}};
   check_maps();
   if (!doubt_.empty()) out["doubt"] = doubt_;

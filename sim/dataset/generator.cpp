@@ -56,10 +56,8 @@ record::FusedRecord blank_record(std::int64_t index, std::string label, double w
   r.slot_utc = r.slot_start;
   r.label = std::move(label);
   for (const auto sensor : all_sensors) {
-    r.valid.insert(sensor);
-    auto& sync = r.sync[sensor];
-    sync.used = 1;
-    sync.verdict.kind = record::VerdictKind::ok;
+    r.accept(sensor);
+    r.sync[sensor].used = 1;
   }
   return r;
 }

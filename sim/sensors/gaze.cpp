@@ -50,7 +50,7 @@ Gaze spd_gaze(const Conditions& c) {
   gaze.middle_x = tangent_of(c.spd_yaw_deg);
   gaze.lobe = gaze.plate_lobe = c.optical_lobe;
   gaze.sway_m = c.slot_sway_m;
-  gaze.zones = c.spd_zones > 1;
+  gaze.tangents = c.spd_zones > 1;
   return gaze;
 }
 

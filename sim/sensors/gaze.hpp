@@ -25,7 +25,7 @@ struct Gaze {
   double room = 1;  // factor by which the weights of the room are multiplied
   // Height of the sensor above the floor, m. If it is set, Returns::place is filled.
   std::optional<double> height_m{};
-  bool zones = false;  // if true, the tangents of the patches are stored
+  bool tangents = false;  // if true, the tangents of the patches are stored
 
   // Multiplies the weights of Lambertian surfaces by the falloff and, for the room, by `room`, and
   // replaces the cosine: cos -> (n + 2)/3 cos^n. The factor (n + 2)/3 preserves the integral over

@@ -54,7 +54,7 @@ class PatchCollector {
               static_cast<std::int32_t>(scene_.capsules.size()), weight, count);
     for (std::size_t i = 0; gaze_.height_m && i < count; ++i)
       returns_.place.push_back(place_of(scene_, row, first + i, range[i], *gaze_.height_m));
-    if (gaze_.zones) {
+    if (gaze_.tangents) {
       returns_.tangent_x.insert(returns_.tangent_x.end(), row.x + first, row.x + last);
       returns_.tangent_y.insert(returns_.tangent_y.end(), row.y + first, row.y + last);
     }

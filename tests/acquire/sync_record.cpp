@@ -89,7 +89,7 @@ TEST_CASE("the signal values of records are stored, and the verdicts are counted
   write(path);
   CHECK(RunReader(path).read(0).signal == Signal{});
   CHECK(RunReader(path).read(1).signal == Signal{0.02, 1234, {}, 20.5, 3.25, 0});
-  const auto verdicts = RunReader(path).summary().verdicts;
+  const auto verdicts = RunReader(path).summary().verdicts.by_sensor;
   CHECK(verdicts[Sensor::spd] ==
         std::map<VerdictKind, std::int64_t>{{VerdictKind::ok, 2}, {VerdictKind::weak, 1}});
   CHECK(verdicts[Sensor::radar] == std::map<VerdictKind, std::int64_t>{{VerdictKind::ok, 3}});

@@ -182,12 +182,11 @@ TEST_CASE("the viewer state contains the time until the disk is full") {
 
 TEST_CASE("the run summary lists doubtful verdicts by sensor, with the most frequent first") {
   using enum record::VerdictKind;
-  record::RunSummary sum;
-  CHECK(record::doubts_of(sum).empty());
-  sum.records = 75, sum.doubtful = 28;
-  sum.verdicts[Sensor::spd] = {{ok, 75}};
-  sum.verdicts[Sensor::radar] = {{missing, 10}, {ok, 54}, {weak, 11}, {not_assessed, 3}};
-  sum.verdicts[Sensor::depth] = {{stands_still, 7}, {not_configured, 68}};
-  CHECK(record::doubts_of(sum) ==
-        "28 of 75 doubtful: radar weak 11, missing 10; camera stands still 7");
+  record::VerdictCounts all;
+  CHECK(all.doubts().empty());
+  all.records = 75, all.doubtful = 28;
+  all.by_sensor[Sensor::spd] = {{ok, 75}};
+  all.by_sensor[Sensor::radar] = {{missing, 10}, {ok, 54}, {weak, 11}, {not_assessed, 3}};
+  all.by_sensor[Sensor::depth] = {{stands_still, 7}, {not_configured, 68}};
+  CHECK(all.doubts() == "28 of 75 doubtful: radar weak 11, missing 10; camera stands still 7");
 }

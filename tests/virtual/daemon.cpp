@@ -281,7 +281,7 @@ TEST_CASE("records that lost most of their frames are lossy but valid, and repor
           }) <= 2);
   }
   for (const auto& r : b.records()) CHECK(r.valid == SensorSet::from_bits(7));
-  CHECK_THAT(record::doubts_of(b.reader().summary()), Catch::Contains("radar lossy "));
+  CHECK_THAT(b.reader().summary().verdicts.doubts(), Catch::Contains("radar lossy "));
 }
 
 TEST_CASE("simulated scenes change at slot boundaries") {
