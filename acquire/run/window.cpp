@@ -15,7 +15,6 @@ using record::VerdictKind;
 namespace {
 
 constexpr std::size_t most_late_slots = 256;
-const record::Verdict no_frames{VerdictKind::no_frames, {}};
 const record::Verdict axis_changed{VerdictKind::other_axis,
                                    "differs from the one at the start of the run"};
 
@@ -87,19 +86,29 @@ Windows::Slot* Windows::find(Sensor sensor, HostTime taken, std::uint64_t amount
   const std::int64_t k = grid_.slot_of(taken);
   if (k >= next_) return &open_[k];
   (k < 0 ? unassigned_.early : unassigned_.late)[sensor] += amount;
+  if (k >= 0) open_[next_].arrived[sensor].late += amount;
   if (k >= 0 && (late_.size() < most_late_slots || late_.contains(k))) late_[k][sensor] += amount;
   return nullptr;
 }
 
-void Windows::add_lost(std::uint64_t Slot::*lost, HostTime taken, std::uint64_t amount) {
+void Windows::add_lost(Sensor sensor, HostTime taken, std::uint64_t amount, std::uint64_t blocks) {
   const std::int64_t k = grid_.slot_of(taken);
-  if (amount > 0 && k >= 0) open_[std::max(k, next_)].*lost += amount;
+  if (amount == 0 || k < 0) return;
+  Slot& slot = open_[std::max(k, next_)];
+  slot.arrived[sensor].lost += amount, slot.lost_blocks += blocks;
 }
 
-bool Windows::repeated(Sensor sensor, FrameNumbers::Order order) {
+// Counts a frame. Returns its slot; nullptr if the frame is repeated or its slot is not open.
+Windows::Slot* Windows::add_frame(Sensor sensor, HostTime taken, std::uint32_t lost,
+                                  std::uint32_t number, std::uint64_t device_time) {
+  add_lost(sensor, taken, lost);
+  const auto order = numbers_[sensor].put(number, device_time);
   unassigned_.duplicate[sensor] += order == FrameNumbers::Order::repeated;
   unassigned_.out_of_order[sensor] += order == FrameNumbers::Order::back;
-  return order == FrameNumbers::Order::repeated;
+  if (order == FrameNumbers::Order::repeated) return nullptr;
+  Slot* slot = find(sensor, taken, 1);
+  if (slot) ++slot->arrived[sensor].frames, slot->arrived[sensor].last = number;
+  return slot;
 }
 
 void Windows::add(const TagBlock& block) {
@@ -119,8 +128,8 @@ void Windows::add(const TagBlock& block) {
   const auto lost =
       std::llround(static_cast<double>(block.lost_blocks) * std::max(1.0, block_size));
   const HostTime reported = block.tags.empty() ? block.received : taken(block.tags.front());
-  add_lost(&Slot::lost_blocks, reported, block.lost_blocks);
-  add_lost(&Slot::spd_lost, reported, static_cast<std::uint64_t>(lost) + block.lost_items);
+  add_lost(Sensor::spd, reported, static_cast<std::uint64_t>(lost) + block.lost_items,
+           block.lost_blocks);
   for (auto rest = block.tags; !rest.empty();) {
     const HostTime from = taken(rest.front());
     const std::int64_t k = grid_.slot_of(from);
@@ -144,15 +153,15 @@ void Windows::add_part(std::span<const Tag> tags, HostTime from, HostTime to) {
     overflow_from_.reset();
   else if (!overflow_from_)
     overflow_from_ = to;
-  slot->spd_times.add(from, to, grid_.centre(grid_.slot_of(from)),
-                      static_cast<double>(tags.size()));
+  slot->arrived[Sensor::spd].times.add(from, to, grid_.centre(grid_.slot_of(from)),
+                                       static_cast<double>(tags.size()));
 }
 
 void Windows::add(const HistogramFrame& frame) {
   const HostTime end = clocks_[Sensor::spd].taken(device_clock_of(frame), frame.received);
   const HostTime begin = end - std::chrono::microseconds(frame.exposure_us);
   const HostTime middle = begin + (end - begin) / 2;
-  add_lost(&Slot::spd_lost, middle, frame.lost_before);
+  add_lost(Sensor::spd, middle, frame.lost_before);
   const std::uint64_t clicks = frame.clicks();
   Slot* slot = find(Sensor::spd, middle, frame.pulses + clicks);
   if (!slot || refused_[Sensor::spd]) return;
@@ -160,18 +169,14 @@ void Windows::add(const HistogramFrame& frame) {
   for (std::size_t i = 0; i < frame.counts.size(); ++i)
     slot->summed[i] += std::min(frame.counts[i], UINT32_MAX - slot->summed[i]);
   slot->summed_tags += {.tags = frame.pulses + clicks, .starts = frame.pulses, .in_range = clicks};
-  slot->spd_times.add(begin, end, grid_.centre(grid_.slot_of(middle)));
+  slot->arrived[Sensor::spd].times.add(begin, end, grid_.centre(grid_.slot_of(middle)));
 }
 
 void Windows::add(const RadarFrame& frame) {
   const HostTime taken = clocks_[Sensor::radar].taken(frame.time_cpu_cycles, frame.received);
-  add_lost(&Slot::radar_lost, taken, frame.lost_before);
-  if (repeated(Sensor::radar, radar_numbers_.put(frame.frame_number, frame.time_cpu_cycles)))
-    return;
-  Slot* slot = find(Sensor::radar, taken, 1);
+  Slot* slot =
+      add_frame(Sensor::radar, taken, frame.lost_before, frame.frame_number, frame.time_cpu_cycles);
   if (!slot) return;
-  ++slot->radar_frames;
-  slot->radar_last = frame.frame_number;
   if (frame.stats) slot->stats = frame.stats;
   if (frame.temperature) slot->temperature = frame.temperature;
   take_profile(*slot, frame, taken);
@@ -180,17 +185,18 @@ void Windows::add(const RadarFrame& frame) {
 void Windows::take_profile(Slot& slot, const RadarFrame& frame, HostTime taken) {
   const auto axis = axes_.find("radar");
   const std::size_t bins = frame.power.size();
+  Arrived& radar = slot.arrived[Sensor::radar];
   if (bins == 0) {
-    slot.radar_fault = {VerdictKind::no_profile, {}};
+    radar.fault = {VerdictKind::no_profile, {}};
   } else if (refused_[Sensor::radar]) {
-    slot.radar_fault = axis_changed;
+    radar.fault = axis_changed;
   } else if (axis == axes_.end() || axis->second.count != bins) {
-    slot.radar_fault = {VerdictKind::other_axis, "frames of " + std::to_string(bins) + " bins"};
+    radar.fault = {VerdictKind::other_axis, "frames of " + std::to_string(bins) + " bins"};
   } else {
     slot.power.resize(bins);
     for (std::size_t i = 0; i < bins; ++i) slot.power[i] += double{frame.power[i]};
     take_array(slot, frame);
-    slot.radar_times.add(taken, taken, grid_.centre(grid_.slot_of(taken)));
+    radar.times.add(taken, taken, grid_.centre(grid_.slot_of(taken)));
   }
 }
 
@@ -211,35 +217,33 @@ void Windows::take_array(Slot& slot, const RadarFrame& frame) const {
 
 void Windows::add(DepthFrame frame) {
   const HostTime taken = clocks_[Sensor::depth].taken(frame.device_time_us, frame.received);
-  add_lost(&Slot::depth_lost, taken, frame.lost_before);
-  if (repeated(Sensor::depth, depth_numbers_.put(frame.frame_number, frame.device_time_us))) return;
-  Slot* slot = find(Sensor::depth, taken, 1);
+  Slot* slot =
+      add_frame(Sensor::depth, taken, frame.lost_before, frame.frame_number, frame.device_time_us);
   if (!slot) return;
-  ++slot->depth_frames;
-  slot->depth_last = frame.frame_number;
+  Arrived& depth = slot->arrived[Sensor::depth];
   const auto x = axes_.find("depth_x"), y = axes_.find("depth_y");
   if (refused_[Sensor::depth]) {
-    slot->depth_fault = axis_changed;
+    depth.fault = axis_changed;
   } else if (x == axes_.end() || y == axes_.end() || x->second.count != frame.width ||
              y->second.count != frame.height ||
              frame.depth_mm.size() != std::size_t{frame.width} * frame.height) {
-    slot->depth_fault = {VerdictKind::other_axis,
-                         "frames of " + size_of(frame.width, frame.height)};
+    depth.fault = {VerdictKind::other_axis, "frames of " + size_of(frame.width, frame.height)};
   } else {
     const HostTime centre = grid_.centre(grid_.slot_of(taken));
-    if (slot->depth && abs(slot->depth_taken - centre) <= abs(taken - centre)) return;
+    if (slot->depth && abs(depth.times.first - centre) <= abs(taken - centre)) return;
     slot->depth = std::move(frame);
-    slot->depth_taken = taken;
+    depth.times = {};
+    depth.times.add(taken, taken, centre);
   }
 }
 
 record::Verdict Windows::spd_fault(const Slot& slot, HostTime end) const {
   const TagCounts tags = slot.tags();
+  const Arrived& spd = slot.arrived[Sensor::spd];
   if (refused_[Sensor::spd]) return axis_changed;
   if (sends_histograms_ && slot.summed.empty())
-    return {VerdictKind::no_histograms, unassigned_.late[Sensor::spd] > 0
-                                            ? "histograms arrived after their slot was closed"
-                                            : ""};
+    return {VerdictKind::no_histograms,
+            spd.late > 0 ? "histograms arrived after their slot was closed" : ""};
   if (!sends_histograms_ && tags.tags == 0) return {VerdictKind::no_tags, {}};
   if (!sends_histograms_ && tags.starts == 0)
     return {VerdictKind::no_starts,
@@ -248,7 +252,7 @@ record::Verdict Windows::spd_fault(const Slot& slot, HostTime end) const {
     return {VerdictKind::in_overflow,
             "for " + std::to_string(std::llround(seconds(end - *overflow_from_))) +
                 " s; clicks are not counted until the tagger reports the end of the overflow"};
-  const auto span = slot.spd_times.last - slot.spd_times.first;
+  const auto span = spd.times.last - spd.times.first;
   if (span < grid_.length / 2)
     return {VerdictKind::covers_part,
             (sends_histograms_ ? "histograms" : "tags") + std::string(" for ") +
@@ -256,14 +260,11 @@ record::Verdict Windows::spd_fault(const Slot& slot, HostTime end) const {
   return ok_verdict;
 }
 
-record::Verdict Windows::radar_fault(const Slot& slot) const {
-  if (slot.radar_times.count > 0) return ok_verdict;
-  return slot.radar_frames > 0 ? slot.radar_fault : no_frames;
-}
-
-record::Verdict Windows::depth_fault(const Slot& slot) const {
-  if (slot.depth) return ok_verdict;
-  return slot.depth_frames > 0 ? slot.depth_fault : no_frames;
+record::Verdict Windows::fault_of(const Slot& slot, Sensor sensor, HostTime end) const {
+  const Arrived& arrived = slot.arrived[sensor];
+  if (sensor == Sensor::spd) return spd_fault(slot, end);
+  if (arrived.times.count > 0) return ok_verdict;
+  return arrived.frames > 0 ? arrived.fault : record::Verdict{VerdictKind::no_frames, {}};
 }
 
 void Windows::fill_spd(const Slot& slot, record::FusedRecord& record) const {
@@ -271,10 +272,9 @@ void Windows::fill_spd(const Slot& slot, record::FusedRecord& record) const {
   c = slot.tags();
   c.lost_blocks = slot.lost_blocks;
   record::SensorSync& sync = record.sync[Sensor::spd];
-  slot.spd_times.describe(sync);
+  sync.arrived = sends_histograms_ ? sync.used : c.tags;
   sync.used = c.in_range;
-  sync.arrived = sends_histograms_ ? static_cast<std::uint64_t>(slot.spd_times.count) : c.tags;
-  sync.lost = std::max(c.missed, c.overflows + c.errors) + slot.spd_lost;
+  sync.lost += std::max(c.missed, c.overflows + c.errors);
   if (slot.histogram)
     record.signal.clicks_per_pulse =
         slot.histogram->gaps().clicks_per_pulse(c.in_range + c.out_of_range, c.starts);
@@ -284,13 +284,8 @@ void Windows::fill_spd(const Slot& slot, record::FusedRecord& record) const {
   if (record.has(Sensor::spd)) record.spd = slot.histogram ? slot.histogram->counts() : slot.summed;
 }
 
-void Windows::fill_radar(Slot& slot, record::FusedRecord& record) const {
-  const auto frames = slot.radar_times.count;
-  record::SensorSync& sync = record.sync[Sensor::radar];
-  slot.radar_times.describe(sync);
-  sync.used = static_cast<std::uint64_t>(frames);
-  sync.lost = slot.radar_lost;
-  sync.arrived = slot.radar_frames;
+void Windows::fill_radar(Slot& slot, record::FusedRecord& record) {
+  const std::uint64_t frames = record.sync[Sensor::radar].used;
   record.radar_stats = slot.stats;
   record.radar_temperature = slot.temperature;
   if (!record.has(Sensor::radar)) return;
@@ -300,16 +295,6 @@ void Windows::fill_radar(Slot& slot, record::FusedRecord& record) const {
   }
   for (const double sum : slot.power)
     record.radar.push_back(static_cast<float>(sum / static_cast<double>(frames)));
-}
-
-void Windows::fill_depth(Slot& slot, record::FusedRecord& record) const {
-  record::SensorSync& sync = record.sync[Sensor::depth];
-  sync.lost = slot.depth_lost;
-  sync.arrived = slot.depth_frames;
-  if (!slot.depth) return;
-  sync.used = 1;
-  sync.offset_s = seconds(slot.depth_taken - grid_.centre(record.index));
-  if (record.has(Sensor::depth)) record.depth_mm = std::move(slot.depth->depth_mm);
 }
 
 record::FusedRecord Windows::close(const DueSlot& due) {
@@ -322,34 +307,38 @@ record::FusedRecord Windows::close(const DueSlot& due) {
   record.index = due.index;
   record.slot_start = grid_.start(due.index);
   record.slot_end = grid_.end(due.index);
-  record.statistics = {.radar_frames = slot.radar_frames,
-                       .depth_frames = slot.depth_frames,
-                       .radar_last = slot.radar_last,
-                       .depth_last = slot.depth_last};
-  const auto span = slot.spd_times.last - slot.spd_times.first;
-  const PerSensor<record::Verdict> faults{spd_fault(slot, record.slot_end), radar_fault(slot),
-                                          depth_fault(slot)};
+  const Arrived &radar = slot.arrived[Sensor::radar], &depth = slot.arrived[Sensor::depth];
+  record.statistics = {.radar_frames = radar.frames,
+                       .depth_frames = depth.frames,
+                       .radar_last = radar.last,
+                       .depth_last = depth.last};
   for (const Sensor s : all_sensors) {
-    record::Verdict& verdict = record.sync[s].verdict;
+    const Arrived& arrived = slot.arrived[s];
+    const auto span = arrived.times.last - arrived.times.first;
+    record::SensorSync& sync = record.sync[s];
+    sync.used = static_cast<std::uint64_t>(arrived.times.count);
+    sync.lost = arrived.lost, sync.arrived = arrived.frames;
+    arrived.times.describe(sync);
+    record.clocks[s] = clocks_[s].state(grid_.centre(due.index));
+    record::Verdict& verdict = sync.verdict;
+    const record::Verdict fault = fault_of(slot, s, record.slot_end);
     // A stalled slot is treated as incomplete if its tags span less than 90 % of the slot, because
     // only a later sample would report lost tags.
     const bool cut = s == Sensor::spd && span < grid_.length * 9 / 10;
     if (!configured_.contains(s)) {
       verdict.kind = VerdictKind::not_configured;
-    } else if (due.stalled && (!faults[s].ok() || !clocks_[s].sound() || cut)) {
+    } else if (due.stalled && (!fault.ok() || !clocks_[s].sound() || cut)) {
       verdict.kind = VerdictKind::stood_still;
-    } else if (!faults[s].ok()) {
-      verdict = faults[s];
+    } else if (!fault.ok()) {
+      verdict = fault;
     } else {
-      verdict = ok_verdict;
-      record.valid.insert(s);
+      record.accept(s);
     }
   }
   record.missing = required_ - record.valid;
-  for (const Sensor s : all_sensors) record.clocks[s] = clocks_[s].state(grid_.centre(due.index));
   fill_spd(slot, record);
   fill_radar(slot, record);
-  fill_depth(slot, record);
+  if (record.has(Sensor::depth)) record.depth_mm = std::move(slot.depth->depth_mm);
   return record;
 }
 
@@ -357,8 +346,8 @@ void Windows::finish() {
   histogram_->flush();
   for (const auto& [k, slot] : open_) {
     unassigned_.outside[Sensor::spd] += slot.tags().tags;
-    unassigned_.outside[Sensor::radar] += slot.radar_frames;
-    unassigned_.outside[Sensor::depth] += slot.depth_frames;
+    for (const Sensor s : {Sensor::radar, Sensor::depth})
+      unassigned_.outside[s] += slot.arrived[s].frames;
   }
   open_.clear();
 }

@@ -59,9 +59,9 @@ class Windows {
   Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc, const SensorClocks& clocks,
           SensorSet configured, SensorSet required = {});
 
-  // Sets the axes and zones of a device. The axes and zones that are announced first apply to the
-  // whole run. Returns false if a device has other axes or zones. Its samples are then ignored
-  // until a device with the first axes and zones is announced.
+  // Sets the axes of a device. The axes that are announced first apply to the whole run. Returns
+  // false if a device has other axes. Its samples are then ignored until a device with the first
+  // axes is announced.
   bool announce(const DeviceInfo& info);
   // Returns the axes that have been announced.
   std::vector<Axis> axes() const;
@@ -91,29 +91,30 @@ class Windows {
     void add(HostTime from, HostTime to, HostTime centre, double tags = 1);
     void describe(record::SensorSync& sync) const;
   };
+  // Samples of one sensor in a slot.
+  struct Arrived {
+    std::uint64_t frames = 0, lost = 0;  // in the unit of SensorSync::lost
+    SampleTimes times;                   // times of the samples in the record
+    std::optional<std::uint32_t> last;   // number of the last frame
+    record::Verdict fault;               // reason why a frame cannot be used
+    // Number of samples of earlier slots that arrived while this slot was the first open one.
+    std::uint64_t late = 0;
+  };
   struct Slot {
+    PerSensor<Arrived> arrived;
     std::shared_ptr<tdc::Histogram> histogram;  // created when the first tags arrive
     std::vector<std::uint32_t> summed;          // summed counts of a detector that sends histograms
     TagCounts summed_tags;
-    std::uint64_t spd_lost = 0;  // tags or exposures
     std::uint64_t lost_blocks = 0;
-    SampleTimes spd_times;
     TagCounts tags() const { return histogram ? histogram->tag_counts() : summed_tags; }
 
     std::vector<double> power;
-    std::uint64_t radar_frames = 0, radar_lost = 0;
-    SampleTimes radar_times;
     std::optional<record::ArrayStatistics> array;
     std::uint32_t array_last = 0;  // number of the last frame in `array`
-    record::Verdict radar_fault;
     std::optional<RadarStats> stats;
     std::optional<RadarTemperature> temperature;
 
     std::optional<DepthFrame> depth;
-    HostTime depth_taken{};
-    std::uint64_t depth_frames = 0, depth_lost = 0;
-    std::optional<std::uint32_t> radar_last, depth_last;
-    record::Verdict depth_fault;
   };
 
   // Numbers and device times of the last eight frames. Detects repeated frames and frames that are
@@ -129,17 +130,16 @@ class Windows {
   };
 
   Slot* find(Sensor sensor, HostTime taken, std::uint64_t amount);
-  void add_lost(std::uint64_t Slot::*lost, HostTime taken, std::uint64_t amount);
-  bool repeated(Sensor sensor, FrameNumbers::Order order);
+  void add_lost(Sensor sensor, HostTime taken, std::uint64_t amount, std::uint64_t blocks = 0);
+  Slot* add_frame(Sensor sensor, HostTime taken, std::uint32_t lost, std::uint32_t number,
+                  std::uint64_t device_time);
   void add_part(std::span<const Tag> tags, HostTime from, HostTime to);
   void take_profile(Slot& slot, const RadarFrame& frame, HostTime taken);
   void take_array(Slot& slot, const RadarFrame& frame) const;
   record::Verdict spd_fault(const Slot& slot, HostTime end) const;
-  record::Verdict radar_fault(const Slot& slot) const;
-  record::Verdict depth_fault(const Slot& slot) const;
+  record::Verdict fault_of(const Slot& slot, Sensor sensor, HostTime end) const;
   void fill_spd(const Slot& slot, record::FusedRecord& record) const;
-  void fill_radar(Slot& slot, record::FusedRecord& record) const;
-  void fill_depth(Slot& slot, record::FusedRecord& record) const;
+  static void fill_radar(Slot& slot, record::FusedRecord& record);
 
   SlotGrid grid_;
   const SensorClocks& clocks_;
@@ -152,8 +152,8 @@ class Windows {
   std::uint64_t blocks_ = 0, block_tags_ = 0;  // received tag blocks, and their tags
   PerSensor<bool> refused_{};
   std::map<std::int64_t, Slot> open_;
-  std::int64_t next_ = 0;  // number of the first open slot
-  FrameNumbers radar_numbers_, depth_numbers_;
+  std::int64_t next_ = 0;            // number of the first open slot
+  PerSensor<FrameNumbers> numbers_;  // radar and depth
   UnassignedSamples unassigned_;
   record::LateCounts late_;
 };

@@ -366,6 +366,19 @@ TEST_CASE(
   CHECK(sync(windows.close({2, false}), Sensor::spd).verdict.text() == "no histograms");
 }
 
+TEST_CASE("histograms are reported as late only in the slot in which they arrived late") {
+  Windows windows = make_windows();
+  REQUIRE(windows.announce(board_info()));
+  const auto spd = [&](std::int64_t slot) {
+    return sync(windows.close({slot, false}), Sensor::spd).verdict.text();
+  };
+  CHECK(spd(0) == "no histograms");
+  windows.add(histogram(10s + 700ms, {1, 2, 3}));
+  CHECK(spd(1) == "no histograms: histograms arrived after their slot was closed");
+  CHECK(spd(2) == "no histograms");
+  CHECK(windows.unassigned().late[Sensor::spd] == 1006);
+}
+
 TEST_CASE("histograms are not used after a counting board reconnects with different bins") {
   Windows windows = make_windows();
   REQUIRE(windows.announce(board_info()));
