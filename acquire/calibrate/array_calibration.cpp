@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <cstdio>
 #include <numbers>
 
 #include "acquire/calibrate/peak.hpp"
 #include "drivers/core/median.hpp"
+#include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -22,13 +22,6 @@ constexpr double least_share = 0.9;  // minimum fraction of the total power in t
 constexpr double weakest_gain = 0.03;
 // Mean square of the rounding error of the real or imaginary part of a sample.
 constexpr double rounding_power = 1.0 / 12;
-
-template <class... Values>
-std::string format(const char* pattern, Values... values) {
-  char text[200];
-  std::snprintf(text, sizeof text, pattern, values...);
-  return text;
-}
 
 std::complex<double> sample(const std::vector<std::int16_t>& frame, std::size_t i) {
   return {static_cast<double>(frame[2 * i + 1]), static_cast<double>(frame[2 * i])};

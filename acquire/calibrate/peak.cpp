@@ -4,13 +4,13 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 #include <numeric>
 
 #include "acquire/calibrate/echo_model.hpp"
 #include "drivers/core/axis.hpp"
 #include "drivers/core/median.hpp"
+#include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -23,12 +23,6 @@ constexpr std::size_t least_bins = 8;
 // bin per resolution cell and the lobe is at most as wide as that of a Hann window.
 constexpr double parabola_error = 0.02;
 
-std::string at(const char* text, double range_m) {
-  char line[160];
-  std::snprintf(line, sizeof line, text, range_m);
-  return line;
-}
-
 bool inside(const Search& search, double range_m) {
   return std::abs(range_m - search.distance_m) <= search.window_m / 2;
 }
@@ -39,13 +33,13 @@ void refuse_outside(Peak& peak, double range_m, const std::string& advice) {
   peak.range_m = range_m;
   peak.outside = true;
   peak.refusal =
-      at("no peak in the search window; the strongest peak is at %.3f m: ", range_m) + advice;
+      format("no peak in the search window; the strongest peak is at %.3f m: ", range_m) + advice;
 }
 
 constexpr char place_advice[] = "check --distance, and that the reflector faces the radar";
 
 std::string delay_advice(const Search& search, double range_m) {
-  return at(
+  return format(
       "check --distance; if a cable or fibre delays the clicks, add %.0f ps to tdc.click_delay_ps",
       (search.distance_m - range_m) * ps_per_m);
 }
@@ -275,8 +269,8 @@ std::string unlike_one_echo(const Profile& profile, const EchoPlace& fit, std::s
     const double chance = 4 * profile.deviation[top - 2 + i] / std::sqrt(frames);
     if (fit.power[k] > std::max(weakest * fit.power.maxCoeff(), least_over_noise) &&
         std::abs(off) > allowed + chance)
-      return at("two peaks: the echo differs by %.1f dB from that of a single reflector",
-                10 * std::log10(2.0) * std::abs(off));
+      return format("two peaks: the echo differs by %.1f dB from that of a single reflector",
+                    10 * std::log10(2.0) * std::abs(off));
   }
   return {};
 }
@@ -349,14 +343,14 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
     const PhotonPeakFit strongest = fit_around(counts, wide, all);
     const double range_m = range_of(strongest.peak.centre);
     if (strongest.snr < least_photon_snr)
-      peak.refusal = at("SNR too low: the strongest peak is at %.3f m", range_m);
+      peak.refusal = format("SNR too low: the strongest peak is at %.3f m", range_m);
     else
       refuse_outside(peak, range_m, delay_advice(search, range_m));
   } else if (!inside(search, peak.range_m)) {
     refuse_outside(peak, peak.range_m, delay_advice(search, peak.range_m));
   } else if (bump.photons > 0.2 * fit.peak.photons &&
              bump.photons > 5 * std::sqrt(fit.peak.photons)) {
-    peak.refusal = at("two peaks: the second peak is at %.3f m", range_of(bump.bin));
+    peak.refusal = format("two peaks: the second peak is at %.3f m", range_of(bump.bin));
   }
   return peak;
 }
@@ -419,7 +413,8 @@ Peak fit_echo(const Profiles& frames, const EchoAxis& axis, const Search& search
   if (peak.snr_db < least_echo_db) {
     const std::size_t strongest = highest(mean, 2, last);
     if (db_over_floor(strongest) < least_echo_db)
-      peak.refusal = at("SNR too low: peak/median %.1f dB (at least 10 dB needed)", peak.snr_db);
+      peak.refusal =
+          format("SNR too low: peak/median %.1f dB (at least 10 dB needed)", peak.snr_db);
     else
       refuse_outside(peak, axis.range_m(static_cast<double>(strongest)), place_advice);
     return peak;
@@ -437,7 +432,7 @@ Peak fit_echo(const Profiles& frames, const EchoAxis& axis, const Search& search
   if (known) peak.refusal = unlike_one_echo(profile, fit, top, frames.size());
   if (const std::size_t other = other_top(mean, low, high, top, cells_per_bin))
     peak.refusal =
-        at("two peaks: the second peak is at %.3f m", axis.range_m(static_cast<double>(other)));
+        format("two peaks: the second peak is at %.3f m", axis.range_m(static_cast<double>(other)));
   if (!inside(search, peak.range_m)) refuse_outside(peak, peak.range_m, place_advice);
   return peak;
 }

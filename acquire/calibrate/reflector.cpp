@@ -2,8 +2,9 @@
 #include "acquire/calibrate/reflector.hpp"
 
 #include <cmath>
-#include <cstdio>
 #include <numbers>
+
+#include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -63,16 +64,13 @@ std::string other_mounting(const Reflector& reflector, double measured_m, double
       std::abs(offset_m - other_m) < 3 * reflector.error_m(Sensor::radar) ||
       implausibility(offset_m) <= implausibility(other_m))
     return {};
-  char text[300];
-  std::snprintf(
-      text, sizeof text,
+  return format(
       "the peak at %.3f m fits --reflector %s (true range %.3f m, offset %+.1f mm) better "
       "than --reflector %s (true range %.3f m, offset %+.1f mm); check whether the reflector is in "
       "front of the %s",
       measured_m, name_of(other.mounting), other.range_m(Sensor::radar), 1e3 * other_m,
       name_of(reflector.mounting), reflector.range_m(Sensor::radar), 1e3 * offset_m,
       other.mounting == Mounting::detector ? "detector" : "radar");
-  return text;
 }
 
 std::vector<double> steering_phases(std::span<const radar::AntennaPair> antennas,

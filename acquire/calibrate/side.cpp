@@ -3,8 +3,9 @@
 
 #include <cmath>
 #include <complex>
-#include <cstdio>
 #include <numbers>
+
+#include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -45,26 +46,21 @@ SideFinding find_side(Side side, const Reflector& reflector, const AntennaGains&
   constexpr double near = 0.12;  // tolerated difference between the sines
   const double off = apart(out.sine, out.expected), off_swapped = apart(out.sine, out.if_swapped);
   out.swapped = off_swapped < off;
-  if (std::min(off, off_swapped) > near) {
-    char text[160];
-    std::snprintf(text, sizeof text,
-                  "echo at %+.0f degrees (expected %+.0f, or %+.0f if the antenna order is "
-                  "reversed): check the reflector's "
-                  "position",
-                  degrees(out.sine), degrees(out.expected), degrees(out.if_swapped));
-    out.refusal = text;
-  }
+  if (std::min(off, off_swapped) > near)
+    out.refusal = format(
+        "echo at %+.0f degrees (expected %+.0f, or %+.0f if the antenna order is "
+        "reversed): check the reflector's position",
+        degrees(out.sine), degrees(out.expected), degrees(out.if_swapped));
   return out;
 }
 
 std::string to_text(Side side, const SideFinding& f) {
   if (!f.refusal.empty()) return "array  rejected: " + f.refusal + "\n";
-  char text[240];
-  std::snprintf(text, sizeof text, "array  echo on the %s at %+.0f degrees (expected %+.0f): ",
-                side == Side::right ? "right" : "left", degrees(f.sine), degrees(f.expected));
-  return text + std::string(f.swapped ? "the antenna order is reversed; turn the board upside down "
-                                        "or correct radar.board, then calibrate again\n"
-                                      : "the antenna order is correct\n");
+  return format("array  echo on the %s at %+.0f degrees (expected %+.0f): ",
+                side == Side::right ? "right" : "left", degrees(f.sine), degrees(f.expected)) +
+         (f.swapped ? "the antenna order is reversed; turn the board upside down "
+                      "or correct radar.board, then calibrate again\n"
+                    : "the antenna order is correct\n");
 }
 
 }  // namespace echofuse::acquire

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "acquire/commands/commands.hpp"
 #include "acquire/record/run_file.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
@@ -174,10 +174,8 @@ Json to_json(const record::RunReader& run) {
 
 std::string word(const Json& value) {
   if (value.is_string()) return value.get<std::string>();
-  if (!value.is_number_float()) return value.dump(-1, ' ', true, Json::error_handler_t::replace);
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", value.get<double>());
-  return text;
+  return value.is_number_float() ? format("%.6g", value.get<double>())
+                                 : value.dump(-1, ' ', true, Json::error_handler_t::replace);
 }
 
 // {"a": 1, "b": 2} -> "a 1, b 2"
@@ -198,16 +196,11 @@ std::string measure(const Json& value, const std::string& unit) {
   if (number != 0 && std::abs(number) < 0.1 && unit.size() == 1 && unit != "1")
     for (const auto& [smaller, name] : {std::pair{1e3, "m"}, {1e6, "µ"}, {1e9, "n"}})
       if (std::abs(number) * factor < 1) factor = smaller, prefix = name;
-  char text[40];
-  std::snprintf(text, sizeof text, "%.*g", std::abs(number) < 1e4 ? 4 : 7, number * factor);
-  return text + (unit == "1" ? "" : std::string(" ") + prefix + unit);
+  return format("%.*g", std::abs(number) < 1e4 ? 4 : 7, number * factor) +
+         (unit == "1" ? "" : std::string(" ") + prefix + unit);
 }
 
-std::string millimetres(const Json& metres) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.2f", 1e3 * metres.get<double>());
-  return text;
-}
+std::string millimetres(const Json& metres) { return format("%.2f", 1e3 * metres.get<double>()); }
 
 // Omits counters that are 0, and converts large byte counts to MB.
 Json counts(const Json& object) {

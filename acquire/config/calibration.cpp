@@ -3,13 +3,13 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdio>
 #include <sstream>
 
 #include "acquire/config/config.hpp"
 #include "acquire/measurement/radar_array.hpp"
 #include "drivers/radar/sdk.hpp"
 #include "drivers/util/exit_code.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/new_file.hpp"
 #include "drivers/util/settings.hpp"
 
@@ -72,11 +72,7 @@ void bind(Settings& s, CalibratedAxes& a, bool spd, bool radar) {
 
 std::string text_of(const std::vector<double>& values) {
   std::string out;
-  char text[32];
-  for (const double v : values) {
-    std::snprintf(text, sizeof text, "%s%.6g", out.empty() ? "" : " ", v);
-    out += text;
-  }
+  for (const double v : values) out += format("%s%.6g", out.empty() ? "" : " ", v);
   return out;
 }
 

@@ -10,6 +10,7 @@
 #include "drivers/depth/openni_camera.hpp"
 #include "drivers/inventory/inventory.hpp"
 #include "drivers/util/console.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "drivers/util/program.hpp"
 #include "drivers/util/settings.hpp"
@@ -80,10 +81,8 @@ Json find_attached(std::string& camera_fault) {
                        {"key", node.key},
                        {"address", node.address},
                        {"missing", node.missing}});
-    char id[16];
-    std::snprintf(id, sizeof id, "%04x:%04x", unsigned{device.vendor}, unsigned{device.product});
     usb.push_back({{"kind", device.kind},
-                   {"id", id},
+                   {"id", format("%04x:%04x", unsigned{device.vendor}, unsigned{device.product})},
                    {"model", device.model},
                    {"serial", device.serial},
                    {"firmware", device.firmware},

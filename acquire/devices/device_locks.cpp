@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <chrono>
-#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <thread>
@@ -16,6 +15,7 @@
 #include "drivers/depth/openni_camera.hpp"
 #include "drivers/port/address.hpp"
 #include "drivers/util/exit_code.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
@@ -87,10 +87,7 @@ std::string lock_name(const std::string& address) {
   const std::string kind = address.substr(0, address.find(':')), text = known_as(address);
   if (text.empty()) return {};
   const auto* bytes = reinterpret_cast<const std::uint8_t*>(text.data());
-  char name[80];
-  std::snprintf(name, sizeof name, "echofuse-%s-%08x.lock", kind.c_str(),
-                unsigned{crc32c({bytes, text.size()})});
-  return name;
+  return format("echofuse-%s-%08x.lock", kind.c_str(), unsigned{crc32c({bytes, text.size()})});
 }
 
 DeviceLocks::DeviceLocks(const Config& config, const std::string& command, const std::string& run) {

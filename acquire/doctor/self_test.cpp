@@ -2,24 +2,17 @@
 #include <algorithm>
 #include <cinttypes>
 #include <cmath>
-#include <cstdio>
 #include <utility>
 
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/record/deflate.hpp"
 #include "acquire/run/signal_check.hpp"
+#include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
 namespace {
 
 constexpr double slow = 0.9;  // lowest accepted fraction of the nominal rate
-
-template <class... Values>
-std::string format(const char* pattern, Values... values) {
-  char text[240];
-  std::snprintf(text, sizeof text, pattern, values...);
-  return text;
-}
 
 double rate(std::uint64_t count, double time_s) { return static_cast<double>(count) / time_s; }
 

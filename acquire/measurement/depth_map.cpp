@@ -3,9 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "drivers/util/exit_code.hpp"
+#include "drivers/util/format.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -63,10 +63,8 @@ std::array<Axis, 5> MapGrid::run_axes() const {
 }
 
 std::string MapGrid::text() const {
-  char out[100];
-  std::snprintf(out, sizeof out, "%u x %u pixels, |x/z| up to %.4g, depth up to %.4g m", size, size,
-                half_tangent, far_m);
-  return out;
+  return format("%u x %u pixels, |x/z| up to %.4g, depth up to %.4g m", size, size, half_tangent,
+                far_m);
 }
 
 bool MapGrid::operator==(const MapGrid& other) const {

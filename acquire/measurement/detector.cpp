@@ -3,8 +3,9 @@
 
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <limits>
+
+#include "drivers/util/format.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -17,9 +18,7 @@ constexpr double longest_ps = 1e12;
 
 std::pair<std::string, std::string> Detector::meta() const {
   if (std::isinf(dead_time_ps)) return {key, until_next_pulse};
-  char text[32];
-  std::snprintf(text, sizeof text, "%.15g", dead_time_ps);
-  return {key, text};
+  return {key, format("%.15g", dead_time_ps)};
 }
 
 std::optional<Detector> detector_of(const Meta& meta) {

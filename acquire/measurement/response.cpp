@@ -3,9 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <locale>
 #include <sstream>
+
+#include "drivers/util/format.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -43,11 +44,7 @@ void take(const std::string& text, const ValidRange& range, Measured& out) {
   if (const auto found = numbers_of(text, range, error); found.size() == 1) out = {found[0], error};
 }
 
-std::string number_text(double v) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", v);
-  return text;
-}
+std::string number_text(double v) { return format("%.6g", v); }
 
 }  // namespace
 

@@ -2,13 +2,13 @@
 #include "acquire/record/run_names.hpp"
 
 #include <algorithm>
-#include <cstdio>
 #include <cstdlib>
 #include <ctime>
 #include <filesystem>
 #include <string_view>
 
 #include "drivers/util/exit_code.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 
 namespace echofuse::record {
@@ -49,9 +49,7 @@ std::string numbered(const fs::path& folder, const std::string& stem) {
     const std::string name = it->path().filename().string();
     if (name.starts_with(begin)) last = std::max(last, std::atoi(name.c_str() + begin.size()));
   }
-  char number[16];
-  std::snprintf(number, sizeof number, "%03d", last + 1);
-  return (folder / (begin + number + extension)).string();
+  return (folder / (begin + format("%03d", last + 1) + extension)).string();
 }
 
 }  // namespace

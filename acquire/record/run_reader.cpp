@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <utility>
 
@@ -16,17 +15,12 @@
 #include "acquire/record/side_files.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/writer_lock.hpp"
+#include "drivers/util/format.hpp"
 
 namespace echofuse::record {
 namespace {
 
 constexpr std::int64_t most_points = 1 << 24;
-
-std::string short_text(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%g", value);
-  return text;
-}
 
 std::uint64_t bytes_of(const std::string& path) {
   struct stat file {};
@@ -269,14 +263,14 @@ void RunReader::check_axis(const Axis& axis) const {
   const auto is_length = [](double v) { return std::abs(v) < 1e15; };
   if (!is_length(axis.start) || !is_length(axis.step) || std::abs(axis.step) < 1e-15 ||
       !is_length(axis.scale) || !(axis.scale > 0))
-    refuse("its start, step and scale are " + short_text(axis.start) + ", " +
-           short_text(axis.step) + " and " + short_text(axis.scale) +
-           "; expected finite numbers, |step| of at least 1e-15, scale above 0");
+    refuse(
+        format("its start, step and scale are %g, %g and %g", axis.start, axis.step, axis.scale) +
+        "; expected finite numbers, |step| of at least 1e-15, scale above 0");
   const double most = std::max(1e9, 256 * static_cast<double>(bytes_));
   // The size of axis `map_x` is both the width and the height of the map.
   double values = std::pow(static_cast<double>(axis.values()), axis.name == "map_x" ? 2 : 1);
   const std::size_t antennas = axis.name == "array" ? antennas_of(axis) : 1;
-  if (antennas == 0) refuse("has " + short_text(axis.scale) + " antennas; expected 1 to 12");
+  if (antennas == 0) refuse(format("has %g antennas; expected 1 to 12", axis.scale));
   if (axis.name == "array") values *= static_cast<double>(values_of_bin(antennas)) / 2;
   const auto too_many = [&](double records) { return 4 * values * records > most; };
   // Checks the range of indices first, because counting the records takes more time.

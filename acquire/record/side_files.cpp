@@ -4,13 +4,13 @@
 #include <unistd.h>
 
 #include <array>
-#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <string_view>
 
 #include "acquire/record/run_guard.hpp"
 #include "acquire/record/sqlite.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/regular_file.hpp"
 
 namespace echofuse::record {
@@ -39,9 +39,7 @@ FileHead wal_header(const std::string& path) {
 }
 
 std::string text_of(std::optional<std::uint32_t> key) {
-  char text[16] = "none";
-  if (key) std::snprintf(text, sizeof text, "%08x", *key);
-  return text;
+  return key ? format("%08x", *key) : "none";
 }
 
 // Compares the key of a -wal with the stored key. Accepts any -wal if the run has no stored key.

@@ -8,13 +8,13 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <iterator>
 
 #include "drivers/core/random.hpp"
 #include "drivers/util/console.hpp"
+#include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -85,9 +85,7 @@ std::string size_text(double bytes) {
   constexpr const char* units[] = {"B", "kB", "MB", "GB", "TB"};
   std::size_t unit = 0;
   for (; bytes >= 1000 && unit + 1 < std::size(units); ++unit) bytes /= 1000;
-  char text[32];
-  std::snprintf(text, sizeof text, bytes < 10 ? "%.1f %s" : "%.0f %s", bytes, units[unit]);
-  return text;
+  return format(bytes < 10 ? "%.1f %s" : "%.0f %s", bytes, units[unit]);
 }
 
 DiskSpeed measure_disk(const std::string& folder, std::size_t commit_bytes) {
@@ -123,10 +121,9 @@ Finding speed_finding(const DiskSpeed& speed, const PlannedRun& plan) {
     grade = Grade::warning;
   if (known && (speed.bytes_per_s < needed || speed.commit_median_s > plan.window_s))
     grade = Grade::problem;
-  char commits[120];
-  std::snprintf(commits, sizeof commits, "/s in commits of %s (median %.3g ms, longest %.3g ms)",
-                size_text(static_cast<double>(speed.commit_bytes)).c_str(),
-                1e3 * speed.commit_median_s, 1e3 * speed.commit_longest_s);
+  const std::string commits = format("/s in commits of %s (median %.3g ms, longest %.3g ms)",
+                                     size_text(static_cast<double>(speed.commit_bytes)).c_str(),
+                                     1e3 * speed.commit_median_s, 1e3 * speed.commit_longest_s);
   return {"disk rate",
           grade,
           plan.folder + ": " + size_text(speed.bytes_per_s) + commits +

@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numeric>
 #include <utility>
 
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/median.hpp"
+#include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
 
@@ -22,13 +22,6 @@ constexpr double reference_s = 60;
 constexpr std::size_t least_records = 5;
 // Distance up to which the direct path from the transmitter to the receivers hides echoes.
 constexpr double leakage_m = 0.5;
-
-template <class... Values>
-std::string format(const char* pattern, Values... values) {
-  char text[160];
-  std::snprintf(text, sizeof text, pattern, values...);
-  return text;
-}
 
 // Returns true if the counts have no peak. The limit for the sum of 5 adjacent bins is its mean
 // plus five standard deviations plus five clicks. The five clicks allow for the long tail of the

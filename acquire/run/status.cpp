@@ -14,6 +14,7 @@
 
 #include "acquire/run/signal_check.hpp"
 #include "drivers/util/console.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
@@ -23,13 +24,6 @@ constexpr std::chrono::nanoseconds terminal_pause = std::chrono::seconds(1);
 constexpr std::chrono::nanoseconds log_pause = std::chrono::seconds(10);
 constexpr const char* gap = "  ";
 constexpr PerSensor<char> letter_of{'S', 'R', 'D'};
-
-template <class... Values>
-std::string format(const char* pattern, Values... values) {
-  char text[120];
-  std::snprintf(text, sizeof text, pattern, values...);
-  return text;
-}
 
 std::string rate_text(double tags_per_s) {
   return tags_per_s >= 1e6 ? format("%.2f Mtag/s", tags_per_s / 1e6)

@@ -3,13 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 #include <iterator>
 #include <limits>
 #include <utility>
 
 #include "drivers/core/median.hpp"
+#include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -21,11 +21,7 @@ constexpr double enough_s = 1, overlap = 1.5;
 constexpr std::size_t enough_profiles = 20, enough_maps = 10;
 constexpr double farthest_m = 300, least_median_mm = 20;
 
-std::string digits(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", value);
-  return text;
-}
+std::string digits(double value) { return format("%.4g", value); }
 
 }  // namespace
 

@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numeric>
 #include <utility>
 
 #include "drivers/core/median.hpp"
+#include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -21,13 +21,6 @@ constexpr std::size_t most_events = 20'000;
 constexpr auto clock_time = 2s, overflow_time = 3s;
 constexpr double clock_share = 0.1, like_before = 0.05;
 constexpr std::uint64_t enough = 20;
-
-template <class... Values>
-std::string format(const char* pattern, Values... values) {
-  char text[240];
-  std::snprintf(text, sizeof text, pattern, values...);
-  return text;
-}
 
 std::string time_text(double ps) {
   if (ps >= 1e12) return format("%.4g s", ps / 1e12);

@@ -6,11 +6,11 @@
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 
+#include "drivers/util/format.hpp"
 #include "drivers/util/program.hpp"
 
 namespace echofuse::inventory {
@@ -179,17 +179,9 @@ const KnownDevice* kind_of(const UsbDevice& d) {
   return nullptr;
 }
 
-std::string hex4(unsigned value) {
-  char text[8];
-  std::snprintf(text, sizeof text, "%04x", value);
-  return text;
-}
+std::string hex4(unsigned value) { return format("%04x", value); }
 
-std::string firmware_of(unsigned bcd) {
-  char text[16];
-  std::snprintf(text, sizeof text, "%x.%02x", bcd >> 8, bcd & 0xffu);
-  return text;
-}
+std::string firmware_of(unsigned bcd) { return format("%x.%02x", bcd >> 8, bcd & 0xffu); }
 
 // Returns a path that remains valid after replugging, or the node itself if udev has not created
 // such a path. Uses by-path names for devices that share a serial number, because their by-id names
@@ -249,9 +241,7 @@ std::vector<Node> hid_nodes(const UsbDevice& d, const Roots& roots) {
 }
 
 std::string usb_path(const UsbDevice& d, const Roots& roots) {
-  char place[32];
-  std::snprintf(place, sizeof place, "bus/usb/%03u/%03u", d.bus, d.number);
-  return (fs::path(roots.dev) / place).string();
+  return (fs::path(roots.dev) / format("bus/usb/%03u/%03u", d.bus, d.number)).string();
 }
 
 std::vector<Node> usb_nodes(const UsbDevice& d, const Roots& roots) {

@@ -2,10 +2,10 @@
 #include "drivers/radar/sdk.hpp"
 
 #include <algorithm>
-#include <cstdio>
 #include <sstream>
 
 #include "drivers/radar/ramp.hpp"
+#include "drivers/util/format.hpp"
 
 namespace echofuse::radar {
 namespace {
@@ -127,14 +127,9 @@ std::optional<FirmwareBias> parse_firmware_bias(const std::string& line) {
 }
 
 std::string to_line(const FirmwareBias& bias) {
-  char text[32];
-  std::snprintf(text, sizeof text, " %.7f", bias.range_bias_m);
-  std::string line = std::string(bias_command) + text;
+  std::string line = std::string(bias_command) + format(" %.7f", bias.range_bias_m);
   // more decimal places would overflow the firmware's line buffer
-  for (const double v : bias.re_im) {
-    std::snprintf(text, sizeof text, " %.5f", v);
-    line += text;
-  }
+  for (const double v : bias.re_im) line += format(" %.5f", v);
   return line;
 }
 

@@ -16,6 +16,7 @@
 #include <sstream>
 #include <utility>
 
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "drivers/util/program.hpp"
 
@@ -187,20 +188,11 @@ void Progress::update(std::size_t done, const std::string& note) {
 }
 
 std::string human_duration(double seconds) {
-  char text[32];
-  if (seconds < 10) {
-    std::snprintf(text, sizeof text, "%.1f s", seconds);
-    return text;
-  }
+  if (seconds < 10) return format("%.1f s", seconds);
   const long whole = static_cast<long>(seconds + 0.5);
-  if (whole < 60) {
-    std::snprintf(text, sizeof text, "%ld s", whole);
-  } else if (whole < 3600) {
-    std::snprintf(text, sizeof text, "%ld min %ld s", whole / 60, whole % 60);
-  } else {
-    std::snprintf(text, sizeof text, "%ld h %ld min", whole / 3600, whole / 60 % 60);
-  }
-  return text;
+  if (whole < 60) return format("%ld s", whole);
+  if (whole < 3600) return format("%ld min %ld s", whole / 60, whole % 60);
+  return format("%ld h %ld min", whole / 3600, whole / 60 % 60);
 }
 
 const char* version() { return ECHOFUSE_VERSION; }

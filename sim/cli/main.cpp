@@ -5,7 +5,6 @@
 
 #include <CLI/CLI.hpp>
 #include <chrono>
-#include <cstdio>
 #include <functional>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -14,6 +13,7 @@
 #include "acquire/measurement/response.hpp"
 #include "drivers/util/command_line.hpp"
 #include "drivers/util/console.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "drivers/util/program.hpp"
 #include "sim/dataset/generator.hpp"
@@ -46,9 +46,7 @@ std::vector<std::string> settings_like(const std::string& path) try {
                                       ": contains no instrument response; expected a file written "
                                       "by `echofuse-acquire calibrate`");
   const auto add = [&](std::string_view key, double value) {
-    char number[40];
-    std::snprintf(number, sizeof number, "=%.17g", value);
-    out.push_back(std::string(key) + number);
+    out.push_back(std::string(key) + format("=%.17g", value));
   };
   if (const auto baseline_m = file["radar"]["baseline_m"].value<double>())
     add("baseline_m", *baseline_m);

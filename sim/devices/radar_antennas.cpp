@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <cstdio>
 
+#include "drivers/util/format.hpp"
 #include "sim/sensors/gaussian.hpp"
 
 namespace echofuse::sim {
@@ -138,11 +138,8 @@ std::string RadarAntennas::coefficients() const {
                        [](const auto& a, const auto& b) { return a.gain < b.gain; });
   std::string line;
   for (const auto& channel : channels_)
-    for (const double part : {std::cos(channel.phase_rad), -std::sin(channel.phase_rad)}) {
-      std::array<char, 32> text{};
-      std::snprintf(text.data(), text.size(), " %.5f", weakest->gain / channel.gain * part);
-      line += text.data();
-    }
+    for (const double part : {std::cos(channel.phase_rad), -std::sin(channel.phase_rad)})
+      line += format(" %.5f", weakest->gain / channel.gain * part);
   return line;
 }
 

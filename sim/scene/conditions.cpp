@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <locale>
 #include <sstream>
 
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "sim/scene/mesh.hpp"
 #include "sim/scene/room.hpp"
@@ -323,21 +323,20 @@ std::string object_text(const Conditions& c) {
   constexpr std::size_t most_triangles = 50'000;
   const Mesh& mesh = mesh_of(c.object);
   const Vec3 size = c.object_scale * size_of(mesh);
-  std::array<char, 160> text{};
-  std::snprintf(text.data(), text.size(), ": %.3g x %.3g x %.3g m, %zu triangles", size.x, size.y,
-                size.z, mesh.triangles.size());
-  const std::string found = printable(c.object) + text.data();
+  const std::string found =
+      printable(c.object) + format(": %.3g x %.3g x %.3g m, %zu triangles", size.x, size.y, size.z,
+                                   mesh.triangles.size());
   const double longest_m = std::max({size.x, size.y, size.z}),
                pixel_m = 2 * c.half_tangent * c.target_z_min_m / static_cast<double>(c.map_size);
   if (mesh.triangles.size() > most_triangles)
     throw Error(ExitCode::config, found + "; expected at most " + std::to_string(most_triangles) +
                                       "; more triangles take minutes");
-  std::snprintf(text.data(), text.size(),
-                "; expected a longest side from %.2g m (a pixel) to %.3g m (map_z_max_m); set "
-                "object_scale, e.g. to 0.001 if the unit is mm",
-                pixel_m, c.map_z_max_m);
   if (!(longest_m <= c.map_z_max_m && longest_m >= pixel_m))
-    throw Error(ExitCode::config, found + text.data());
+    throw Error(
+        ExitCode::config,
+        found + format("; expected a longest side from %.2g m (a pixel) to %.3g m (map_z_max_m); "
+                       "set object_scale, e.g. to 0.001 if the unit is mm",
+                       pixel_m, c.map_z_max_m));
   return found;
 }
 

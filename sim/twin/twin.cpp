@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <optional>
 #include <string_view>
 
 #include "drivers/core/random.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/program.hpp"
 #include "sim/scene/draw.hpp"
 #include "sim/scene/toml_tables.hpp"
@@ -22,9 +22,7 @@ constexpr std::array stated{"bin_width_ps",     "first_bin_ps", "radar_step_m",
                             "map_half_tangent", "map_z_max_m"};
 
 std::string number_text(double value) {
-  char out[40];
-  std::snprintf(out, sizeof out, "%.17g", value);
-  const std::string text = out;
+  const std::string text = format("%.17g", value);
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }
 
