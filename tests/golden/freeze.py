@@ -19,7 +19,7 @@ import numpy as np
 
 VOLATILE = re.compile(
     r"[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}|20[2-9]\d-\d\d-\d\d[T ][\d:.]+Z?|\"host\": \"[^\"]*\"")
-COSTS = {"infer_us_median", "infer_us_p99", "train_s"}
+COSTS = {"infer_us_batch", "infer_us_median", "infer_us_p99", "train_s"}
 WORLDS = {
     "base": [],
     "antennas": ["radar_antennas=8", "radar_sum=coherent", "radar_frames=20"],
