@@ -307,7 +307,8 @@ void ArrayFolder::mark(record::FusedRecord& r, Sensor sensor, std::uint64_t used
 }
 
 void ArrayFolder::put_counts(record::FusedRecord& r) {
-  const std::vector<double> values = read(*spd_, 0, "counts of 0 or more");
+  const std::vector<double> values = read(
+      *spd_, 0, "counts of 0 or more (if the background was subtracted, add it to all bins again)");
   if (values.empty()) return;
   const std::string row = "row " + std::to_string(row_);
   if (std::ranges::max(values) > std::numeric_limits<std::uint32_t>::max())

@@ -107,7 +107,7 @@ def test_images_that_are_resampled_to_maps_of_64_pixels_are_named(tmp_path, size
     ("depth_m: row 0: a depth of 2900", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 2900.0)}),
     ("radar: has 4 rows, but spd has 3", {"spd": np.ones((3, 5)), "radar": np.ones((4, 4))}),
     ("spd: its shape is [15]; expected 2 dimensions", {"spd": np.ones(15)}),
-    ("expected counts of 0 or more", {"spd": -np.ones((3, 5))}),
+    ("expected counts of 0 or more (if the background was subtracted, add it to all bins again)", {"spd": -np.ones((3, 5))}),
     ("multiply by 16 if each row is the mean over that number", {"spd": np.arange(15).reshape(3, 5) / 16}),
     ("multiply a normalised histogram by its photon number", {"spd": np.random.default_rng(1).random((3, 5))}),
     ("spd: has no rows", {"spd": np.ones((0, 5))}),
