@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from echofuse.bench import spad_camera, zone_fit
-from echofuse.models.photon_baselines import FirstReturn, interpolation
+from echofuse.models.photon_baselines import FirstReturn, OpenFirstReturn, interpolation
 
 data = pathlib.Path(os.environ.get("ECHOFUSE_DATA", pathlib.Path(__file__).resolve().parents[3] / "shared/data"))
 NEAR = spad_camera.BIN_M * 20
@@ -50,6 +50,15 @@ def test_interpolation_between_zones_is_bilinear():
     shares = np.array([1.0, 0, 0, 0])
     ranges = np.array([2.0, np.nan, np.nan, np.nan])
     assert np.isfinite(FirstReturn.map_of(ranges, shares, weights)).tolist() == [False, True, False, False]
+
+
+def test_open_first_return_ignores_even_background_and_the_table_rule():
+    range_m = 0.1 * np.arange(40)
+    counts = np.full((3, 40), 5.0)
+    counts[0, 9:12] += (300, 600, 300)
+    counts[1, 24:27] += (40, 80, 40)
+    ranges, heights = OpenFirstReturn.objects(counts, range_m)
+    assert ranges[:2] == pytest.approx([1.0, 2.5]) and heights[0] > 0.5 > heights[1] > heights[2] == 0
 
 
 def test_spad_camera_reports_a_missing_file(tmp_path):

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..models.photon_baselines import FirstReturn, interpolation
+from ..models.photon_baselines import OpenFirstReturn, interpolation, refined, smooth
 
 __all__ = ["SCENES", "ZONES", "pooled", "read", "score", "truth_of"]
 
@@ -31,7 +31,7 @@ BIN_M = 0.06 / 7.575  # measured on the steps, which are 6 cm high
 # file of each scene; whether its bins are in reverse order
 SCENES = {"letters": ("letters_board_0-6-12", False), "basketball": ("basketball", True)}
 STEPS = ("steps_0-6-12", False)  # shows which pixels are dead, hot or late
-BRIGHT = 0.3  # minimum height of the object, relative to the 95th percentile of the record
+RANGE_M = BIN_M * np.arange(BINS)
 
 
 def read(folder: pathlib.Path, name: str, is_reversed: bool) -> Array:
@@ -45,19 +45,6 @@ def read(folder: pathlib.Path, name: str, is_reversed: bool) -> Array:
         raise ValueError(f"{path}: SPAD_5mm has shape {counts.shape} (expected [32, 32, bins] with "
                          f"at least {FIRST + BINS} bins)")
     return counts[:, :, ::-1 if is_reversed else 1][..., FIRST:FIRST + BINS]
-
-
-def smooth(counts: Array) -> Array:
-    out = counts.copy()
-    out[..., 1:-1] = (counts[..., :-2] + 2 * counts[..., 1:-1] + counts[..., 2:]) / 4
-    return out
-
-
-def refined(h: Array, at: NDArray[np.integer[Any]]) -> Array:
-    """Returns the vertex, in bins, of the parabola through the bin `at` and its neighbours."""
-    low, top, high = (np.take_along_axis(h, at[..., None] + k, -1)[..., 0] for k in (-1, 0, 1))
-    bend = low - 2 * top + high
-    return np.asarray(at + np.where(bend < 0, 0.5 * (low - high) / np.where(bend < 0, bend, 1), 0))
 
 
 def highest(counts: Array) -> tuple[Array, Array]:
@@ -106,18 +93,6 @@ def pooled(window: Array, side: int) -> Array:
     return window.reshape(side, n, side, n, -1).sum((1, 3)).reshape(side * side, -1)
 
 
-def first_returns(zones: Array) -> tuple[Array, Array]:
-    """Returns the range of the first return of each zone, m, and its height. In predictions, a
-    height of 0.5 separates objects from the background, which gives no return."""
-    h = smooth(zones)
-    top = h.max(-1)
-    is_peak = np.zeros(h.shape, bool)
-    is_peak[:, 1:-1] = ((h[:, 1:-1] >= h[:, :-2]) & (h[:, 1:-1] > h[:, 2:])
-                        & (h[:, 1:-1] > BRIGHT * top[:, None]))
-    at = np.where(is_peak.any(-1), is_peak.argmax(-1), np.clip(h.argmax(-1), 1, BINS - 2))
-    return BIN_M * refined(h, at), top * 0.5 / (BRIGHT * np.percentile(top, 95))
-
-
 def score(counts: Array, truth: Array, side: int) -> tuple[float, float]:
     """Returns the IoU and the depth error, m, of the first returns, as means over the windows of a
     scene."""
@@ -129,7 +104,8 @@ def score(counts: Array, truth: Array, side: int) -> tuple[float, float]:
     for row in STARTS:
         for column in STARTS:
             window = np.s_[row:row + SIDE, column:column + SIDE]
-            found = FirstReturn.map_of(*first_returns(pooled(counts[window], side)), weights)
+            objects = OpenFirstReturn.objects(pooled(counts[window], side), RANGE_M)
+            found = OpenFirstReturn.map_of(*objects, weights)
             both = np.isfinite(found) & np.isfinite(truth[window])
             either = np.isfinite(found) | np.isfinite(truth[window])
             scores.append((both.sum() / either.sum(),

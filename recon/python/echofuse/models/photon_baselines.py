@@ -4,6 +4,7 @@ the mean test map (oracle), an object in all pixels, or the first return of each
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +12,14 @@ from numpy.typing import NDArray
 from .. import runs
 from ..runs import PS_PER_M, zones
 
-__all__ = ["AllForeground", "FirstReturn", "MeanMap", "OwnMeanMap", "interpolation", "peaks"]
+__all__ = ["AllForeground", "FirstReturn", "MeanMap", "OpenFirstReturn", "OwnMeanMap",
+           "interpolation", "peaks", "refined", "smooth"]
 
 Maps = NDArray[np.float32]
 Ranges = NDArray[np.float64]
 MIN_PEAK = 0.08  # minimum height of a peak, relative to the highest bin of the zone
+FIRST_PEAK = 0.3  # minimum height of the first return, relative to the highest bin of the zone
+BRIGHT = 0.3  # minimum height of an object, relative to the 95th percentile of the record
 TABLE_M = 0.035  # minimum distance between an object and the farthest return (the table), m
 
 
@@ -99,6 +103,37 @@ class FirstReturn:
                 ranges[k] = near[0][0]
                 shares[k] = sum(light for _, light in near) / sum(light for _, light in returns)
         return ranges, shares
+
+
+class OpenFirstReturn(FirstReturn):
+    """Interpolates the first return in scenes without a table or a wall. A pixel shows an object if
+    the interpolated height of the highest peak is above BRIGHT, relative to the 95th percentile of
+    the zones."""
+
+    @staticmethod
+    def objects(record: NDArray[Any], range_m: Ranges) -> tuple[Ranges, Ranges]:
+        h = smooth(np.asarray(record, float))
+        h -= np.median(h, -1, keepdims=True)
+        top = h.max(-1)
+        is_peak = np.zeros(h.shape, bool)
+        is_peak[:, 1:-1] = ((h[:, 1:-1] >= h[:, :-2]) & (h[:, 1:-1] > h[:, 2:])
+                            & (h[:, 1:-1] > FIRST_PEAK * top[:, None]))
+        at = np.where(is_peak.any(-1), is_peak.argmax(-1), np.clip(h.argmax(-1), 1, h.shape[1] - 2))
+        ranges = range_m[0] + (range_m[1] - range_m[0]) * refined(h, at)
+        return ranges, 0.5 * top / max(BRIGHT * float(np.percentile(top, 95)), 1e-9)
+
+
+def smooth(counts: Ranges) -> Ranges:
+    out = counts.copy()
+    out[..., 1:-1] = (counts[..., :-2] + 2 * counts[..., 1:-1] + counts[..., 2:]) / 4
+    return out
+
+
+def refined(h: Ranges, at: NDRanges[np.integer[Any]]) -> Ranges:
+    """Returns the vertex, in bins, of the parabola through the bin `at` and its neighbours."""
+    low, top, high = (np.take_along_axis(h, at[..., None] + k, -1)[..., 0] for k in (-1, 0, 1))
+    bend = low - 2 * top + high
+    return np.asarray(at + np.where(bend < 0, 0.5 * (low - high) / np.where(bend < 0, bend, 1), 0))
 
 
 def interpolation(centres: Ranges, x: Ranges, y: Ranges) -> Ranges:
