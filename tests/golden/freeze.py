@@ -24,6 +24,7 @@ WORLDS = {
     "base": [],
     "antennas": ["radar_antennas=8", "radar_sum=coherent", "radar_frames=20"],
     "room": ["background=room"],
+    "zones": ["spd_zones=3"],
 }
 TABLES = ["all_ok", "run"]
 
